@@ -1,0 +1,75 @@
+"""Between the sheet and the image: projection, its inverse on the sheet's plane, distortion.
+
+All functions take (n, 2) pixels or (n, 3) millimetres and work on whole arrays. Model: OpenCV's
+pinhole (Brown-Conrady; D. C. Brown, "Close-range camera calibration", 1971) and fisheye
+(Kannala and Brandt, doi:10.1109/TPAMI.2006.153).
+"""
+
+import cv2
+import numpy as np
+
+from manytouch.values import Camera
+from manytouch.values.arrays import Points2, Points3
+
+
+def camera_matrix(camera: Camera) -> np.ndarray:
+    """(3, 3) matrix of the intrinsics (equation 9 of the paper)."""
+    return np.array([[camera.fx_px, 0.0, camera.cx_px], [0.0, camera.fy_px, camera.cy_px], [0.0, 0.0, 1.0]])
+
+
+def cam_from_sheet(camera: Camera) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and translation (3,): x_cam = R x_sheet + t.
+
+    The nominal pose is rotation 0 and t = (0, 0, d): the sheet's z points away from the camera, so a
+    pressed point (z < 0) comes nearer to it.
+    """
+    rotation, _ = cv2.Rodrigues(camera.rotation_vector)
+    return np.asarray(rotation, dtype=np.float64), camera.translation_mm
+
+
+def project(camera: Camera, point_mm: Points3) -> Points2:
+    """Pixels of points in the sheet frame."""
+    if len(point_mm) == 0:
+        return np.zeros((0, 2))
+    function = cv2.fisheye.projectPoints if camera.model == "fisheye" else cv2.projectPoints
+    pixels, _ = function(
+        np.ascontiguousarray(point_mm, dtype=np.float64).reshape(-1, 1, 3),
+        camera.rotation_vector.reshape(3, 1),
+        camera.translation_mm.reshape(3, 1),
+        camera_matrix(camera),
+        camera.distortion,
+    )
+    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+
+
+def ray(camera: Camera, pixel: Points2) -> Points2:
+    """Undistorted normalised image coordinates x/z, y/z in the camera frame; NaN stays NaN."""
+    if len(pixel) == 0:
+        return np.zeros((0, 2))
+    points = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 1, 2)
+    if camera.model == "pinhole" and not camera.distortion.any():
+        centre = np.array([camera.cx_px, camera.cy_px])
+        return (points.reshape(-1, 2) - centre) / np.array([camera.fx_px, camera.fy_px])
+    function = cv2.fisheye.undistortPoints if camera.model == "fisheye" else cv2.undistortPoints
+    return np.asarray(function(points, camera_matrix(camera), camera.distortion)).reshape(-1, 2)
+
+
+def onto_plane(camera: Camera, pixel: Points2, z_mm: float = 0.0) -> Points3:
+    """Where the rays of pixels meet the plane z = z_mm of the sheet frame."""
+    rotation, translation = cam_from_sheet(camera)
+    direction = np.column_stack([ray(camera, pixel), np.ones(len(pixel))]) @ rotation
+    origin = -translation @ rotation
+    distance = (z_mm - origin[2]) / direction[:, 2]
+    return origin + distance[:, None] * direction
+
+
+def undistorted(camera: Camera, pixel: Points2) -> Points2:
+    """Pixels as a camera without distortion, but with the same matrix, would see them."""
+    focal_px = np.array([camera.fx_px, camera.fy_px])
+    return ray(camera, pixel) * focal_px + np.array([camera.cx_px, camera.cy_px])
+
+
+def mm_per_px(camera: Camera) -> float:
+    """Size of a pixel at the sheet's origin, geometric mean of x and y."""
+    distance_mm = float(camera.translation_mm[2])
+    return distance_mm / float(np.sqrt(camera.fx_px * camera.fy_px))

@@ -1,0 +1,97 @@
+"""From frames to readings: detection, tracking, estimation, one after the other.
+
+Each stage is a frozen dataclass of its parameters. `start(sensor)` gives what it must keep between
+frames, `step` takes that and the frame's value and hands both on, so any frame of any recording can
+be computed again with the same bits.
+"""
+
+import time
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+from manytouch.values import Contacts, Detections, Frame, Reading, Sensor, Surface, TrackedGrid
+from manytouch.values.arrays import Points2
+
+
+@runtime_checkable
+class Source(Protocol):
+    """Where frames come from; all sources look alike."""
+
+    def __iter__(self) -> Iterator[Frame]: ...
+
+
+@runtime_checkable
+class Sink(Protocol):
+    """Where readings go."""
+
+    def write(self, reading: Reading) -> None: ...
+
+    def close(self) -> None: ...
+
+
+@runtime_checkable
+class Detect(Protocol):
+    """Finds dots. Its state is scratch memory that is kept from frame to frame, not knowledge."""
+
+    def start(self, sensor: Sensor) -> Any: ...
+
+    def step(self, state: Any, frame: Frame, expected_px: Points2 | None) -> tuple[Any, Detections]:
+        """Dots of a frame; `expected_px` (m, 2) limits the search, None looks everywhere."""
+
+
+@runtime_checkable
+class Track(Protocol):
+    """Tells which dot is which marker."""
+
+    def start(self, sensor: Sensor) -> Any: ...
+
+    def step(self, state: Any, detections: Detections) -> tuple[Any, TrackedGrid]: ...
+
+    def expected_px(self, state: Any) -> Points2 | None:
+        """Where the markers should be in the next frame; None asks for a search of the whole image."""
+
+    def is_lost(self, state: Any) -> bool:
+        """Should the frame that gave this state be searched again, everywhere?"""
+
+
+@runtime_checkable
+class Estimate(Protocol):
+    """Tells the sheet's shape and what touches it."""
+
+    def start(self, sensor: Sensor) -> Any: ...
+
+    def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Pipeline:
+    """The three stages in a row."""
+
+    detect: Detect
+    track: Track
+    estimate: Estimate
+
+    def run(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Reading]:
+        """One reading per frame, in order."""
+        detecting = self.detect.start(sensor)
+        tracking = self.track.start(sensor)
+        estimating = self.estimate.start(sensor)
+        for frame in frames:
+            begun_s = time.perf_counter()
+            before = tracking
+            expected_px = self.track.expected_px(before)
+            detecting, detections = self.detect.step(detecting, frame, expected_px)
+            tracking, grid = self.track.step(before, detections)
+            if expected_px is not None and self.track.is_lost(tracking):
+                detecting, detections = self.detect.step(detecting, frame, None)
+                tracking, grid = self.track.step(before, detections)
+            estimating, surface, contacts = self.estimate.step(estimating, grid)
+            yield Reading(
+                frame=frame,
+                detections=detections,
+                grid=grid,
+                surface=surface,
+                contacts=contacts,
+                milliseconds=1e3 * (time.perf_counter() - begun_s),
+            )

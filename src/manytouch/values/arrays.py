@@ -1,0 +1,25 @@
+"""Array types of the values, and how they are made read-only."""
+
+from typing import TypeVar
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64, UInt8, UInt16
+
+Points2 = Float64[np.ndarray, "n 2"]
+Covariances2 = Float64[np.ndarray, "n 2 2"]
+Points3 = Float64[np.ndarray, "n 3"]
+Covariances3 = Float64[np.ndarray, "n 3 3"]
+Scalars = Float64[np.ndarray, " n"]
+Mask = Bool[np.ndarray, " n"]
+Counts = Int64[np.ndarray, " n"]
+GreyImage = UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"]
+ColourImage = UInt8[np.ndarray, "h w 3"] | UInt16[np.ndarray, "h w 3"]
+Image = GreyImage | ColourImage
+
+Array = TypeVar("Array", bound=np.ndarray)
+
+
+def read_only(array: Array) -> Array:
+    """The same array, no longer writable through this reference (no copy)."""
+    array.flags.writeable = False
+    return array

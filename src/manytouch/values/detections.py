@@ -1,0 +1,24 @@
+"""The dots that one frame shows."""
+
+from dataclasses import dataclass
+
+from manytouch.values.arrays import Covariances2, Points2, Scalars
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Detections:
+    """Dots found in one frame, in no particular order.
+
+    Attributes:
+        centre_px: (n, 2) x, y in the image as the camera gave it, whole-image coordinates.
+        covariance_px2: (n, 2, 2) of the centres.
+        area_px2: (n,) area of the dot in the image.
+        contrast: (n,) dot against its ground in grey levels of 255, positive for the sensor's polarity.
+        status: "ok", or what is wrong with the whole picture: decode_error, dark, saturated, blurred.
+    """
+
+    centre_px: Points2
+    covariance_px2: Covariances2
+    area_px2: Scalars
+    contrast: Scalars
+    status: str = "ok"
