@@ -32,7 +32,30 @@ _HOMES = {
     "sensor_from_rest": "manytouch.calibration.rest",
 }
 
-__all__ = ["__version__", *sorted(_HOMES)]  # noqa: PLE0604
+__all__ = [
+    "Camera",
+    "Contact",
+    "Contacts",
+    "Detections",
+    "Frame",
+    "Layout",
+    "ManytouchError",
+    "Phase",
+    "Pipeline",
+    "Reading",
+    "Sensor",
+    "Sheet",
+    "Surface",
+    "TrackedGrid",
+    "Truth",
+    "__version__",
+    "load_sensor",
+    "open_source",
+    "pipeline_for",
+    "process",
+    "save_sensor",
+    "sensor_from_rest",
+]
 
 if TYPE_CHECKING:
     from manytouch.calibration.rest import sensor_from_rest
