@@ -39,7 +39,8 @@ def project(camera: Camera, point_mm: Points3) -> Points2:
         camera_matrix(camera),
         camera.distortion,
     )
-    return np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+    projected: Points2 = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
+    return projected
 
 
 def ray(camera: Camera, pixel: Points2) -> Points2:
@@ -49,9 +50,11 @@ def ray(camera: Camera, pixel: Points2) -> Points2:
     points = np.ascontiguousarray(pixel, dtype=np.float64).reshape(-1, 1, 2)
     if camera.model == "pinhole" and not camera.distortion.any():
         centre = np.array([camera.cx_px, camera.cy_px])
-        return (points.reshape(-1, 2) - centre) / np.array([camera.fx_px, camera.fy_px])
+        plain: Points2 = (points.reshape(-1, 2) - centre) / np.array([camera.fx_px, camera.fy_px])
+        return plain
     function = cv2.fisheye.undistortPoints if camera.model == "fisheye" else cv2.undistortPoints
-    return np.asarray(function(points, camera_matrix(camera), camera.distortion)).reshape(-1, 2)
+    bent: Points2 = np.asarray(function(points, camera_matrix(camera), camera.distortion)).reshape(-1, 2)
+    return bent
 
 
 def onto_plane(camera: Camera, pixel: Points2, z_mm: float = 0.0) -> Points3:
@@ -60,13 +63,15 @@ def onto_plane(camera: Camera, pixel: Points2, z_mm: float = 0.0) -> Points3:
     direction = np.column_stack([ray(camera, pixel), np.ones(len(pixel))]) @ rotation
     origin = -translation @ rotation
     distance = (z_mm - origin[2]) / direction[:, 2]
-    return origin + distance[:, None] * direction
+    point_mm: Points3 = origin + distance[:, None] * direction
+    return point_mm
 
 
 def undistorted(camera: Camera, pixel: Points2) -> Points2:
     """Pixels as a camera without distortion, but with the same matrix, would see them."""
     focal_px = np.array([camera.fx_px, camera.fy_px])
-    return ray(camera, pixel) * focal_px + np.array([camera.cx_px, camera.cy_px])
+    straight: Points2 = ray(camera, pixel) * focal_px + np.array([camera.cx_px, camera.cy_px])
+    return straight
 
 
 def mm_per_px(camera: Camera) -> float:

@@ -46,7 +46,8 @@ class Layout:
         pitch_mm: (2,) spacing along x and y (median neighbour distance when there are no rows).
         radius_mm: (m,) of each marker.
         height_mm: how far the tips stand off the camera-side face.
-        polarity: are the markers lighter or darker than their ground?
+        polarity: are the markers lighter or darker than their ground? "auto": not known before the
+            first frames are seen.
         colour_weights: (3,) weights of B, G, R that make markers stand out, or None for plain grey.
         is_missing: (m,) known to be absent; such a marker is never seen.
         rest_px: (m, 2) centres measured at rest (the reference for displacements), or None:
@@ -58,7 +59,7 @@ class Layout:
     pitch_mm: Float64[np.ndarray, "2"]
     radius_mm: Float64[np.ndarray, " m"]
     height_mm: float = 0.0
-    polarity: Polarity
+    polarity: Polarity | Literal["auto"]
     colour_weights: Float64[np.ndarray, "3"] | None = None
     is_missing: Bool[np.ndarray, " m"]
     rest_px: Float64[np.ndarray, "m 2"] | None = None

@@ -1,0 +1,150 @@
+"""The sensor file: what is read is what was written, and every mistake is named."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from manytouch.errors import OutputError, SensorError
+from manytouch.values.sensor_file import load_sensor, save_sensor
+
+TEXT = """
+schema = 1
+name = "demo sheet"
+[camera]
+model = "pinhole"
+width_px = 2560
+height_px = 1440
+fx_px = 2061.0
+fy_px = 2050.0
+cx_px = 1279.5
+cy_px = 719.5
+distortion = [-0.1, 0.0, 0.0, 0.0, 0.0]
+[camera.pose]
+rotation_vector = [0.0, 0.0, 0.01]
+translation_mm = [0.0, 1.0, 116.3]
+[sheet]
+size_mm = [120.0, 80.0]
+thickness_mm = 3.0
+[markers]
+rows = 20
+columns = 30
+pitch_mm = [4.0, 3.0]
+offset_mm = [1.0, 0.0]
+radius_mm = 1.0
+polarity = "light"
+missing = [[3, 29]]
+[noise]
+centre_px = 0.03
+[provenance]
+made_by = "hand"
+"""
+
+
+@pytest.fixture
+def written(tmp_path: Path) -> Path:
+    path = tmp_path / "sensor.toml"
+    path.write_text(TEXT)
+    return path
+
+
+def test_markers_lie_where_the_contract_says(written: Path) -> None:
+    layout = load_sensor(written).layout
+    assert layout is not None
+    assert layout.shape == (20, 30)
+    marker = 3 * 30 + 29
+    np.testing.assert_array_equal(layout.row_column[marker], [3, 29])
+    np.testing.assert_allclose(layout.rest_mm[marker], [(29 - 14.5) * 4 + 1, (3 - 9.5) * 3, 0])
+    assert layout.is_missing.sum() == 1
+    assert layout.is_missing[marker]
+
+
+def test_what_the_file_does_not_say_is_not_known(written: Path) -> None:
+    sheet = load_sensor(written).sheet
+    assert sheet is not None
+    assert sheet.young_MPa is None
+    assert sheet.pretension_N_per_mm is None
+
+
+def test_saved_sensor_reads_back_the_same(written: Path, tmp_path: Path) -> None:
+    sensor = load_sensor(written)
+    again_path = tmp_path / "again.toml"
+    save_sensor(sensor, again_path)
+    again = load_sensor(again_path)
+    assert again.name == sensor.name
+    assert again.provenance == sensor.provenance
+    assert again.centre_noise_px == sensor.centre_noise_px
+    np.testing.assert_array_equal(again.layout.rest_mm, sensor.layout.rest_mm)
+    np.testing.assert_array_equal(again.layout.is_missing, sensor.layout.is_missing)
+    np.testing.assert_array_equal(again.camera.distortion, sensor.camera.distortion)
+    np.testing.assert_array_equal(again.camera.translation_mm, sensor.camera.translation_mm)
+    assert again.sheet.young_MPa is None
+    assert list(tmp_path.glob(".*")) == []
+
+
+def test_a_layout_that_is_no_rectangle_is_a_table(written: Path, tmp_path: Path) -> None:
+    text = TEXT.replace("rows = 20\ncolumns = 30\npitch_mm = [4.0, 3.0]\noffset_mm = [1.0, 0.0]\n", "")
+    text = text.replace("missing = [[3, 29]]", "rest_mm = [[0, 0], [5, 0], [0, 5.5], [7, 7], [20.0, 1]]")
+    written.write_text(text)
+    sensor = load_sensor(written)
+    assert sensor.layout.row_column is None
+    np.testing.assert_allclose(sensor.layout.rest_mm[3], [7, 7, 0])
+    save_sensor(sensor, tmp_path / "again.toml")
+    np.testing.assert_array_equal(load_sensor(tmp_path / "again.toml").layout.rest_mm, sensor.layout.rest_mm)
+
+
+def test_measured_positions_keep_rows_and_columns(written: Path, tmp_path: Path) -> None:
+    text = TEXT.replace("rows = 20\ncolumns = 30", "rows = 2\ncolumns = 3").replace("[[3, 29]]", "[]")
+    text = text.replace(
+        "radius_mm", "rest_mm = [[-4, -2], [0, -2], [4, -2], [-4, 1], [0.1, 1], [4, 1]]\nradius_mm"
+    )
+    written.write_text(text)
+    sensor = load_sensor(written)
+    save_sensor(sensor, tmp_path / "again.toml")
+    again = load_sensor(tmp_path / "again.toml")
+    assert again.layout.shape == (2, 3)
+    np.testing.assert_array_equal(again.layout.rest_mm[4], [0.1, 1, 0])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("columns = 30", "colums = 30", "unknown key markers.colums"),
+        ("fx_px = 2061.0", 'fx_px = "a"', "camera.fx_px = 'a'"),
+        ("thickness_mm = 3.0", "thickness_mm = -3.0", "sheet.thickness_mm = -3.0"),
+        ("width_px = 2560\n", "", "camera.width_px is missing"),
+        ("[[3, 29]]", "[[3, 30]]", "missing [3, 30] lies outside 20 x 30"),
+        ("schema = 1", "schema = 2", "schema = 2"),
+        ("distortion = [-0.1, 0.0, 0.0, 0.0, 0.0]", "distortion = [0.1]", "has 5 numbers, found 1"),
+        ('polarity = "light"', 'polarity = "grey"', "markers.polarity = 'grey'"),
+        ("rows = 20\n", "", "rows and columns belong together"),
+        ("[camera.pose]\nrotation_vector = [0.0, 0.0, 0.01]\ntranslation_mm = [0.0, 1.0, 116.3]", "", "pose"),
+        ("schema = 1", "schema = ", "not valid TOML"),
+    ],
+)
+def test_a_mistake_is_named(written: Path, old: str, new: str, said: str) -> None:
+    assert old in TEXT
+    written.write_text(TEXT.replace(old, new))
+    with pytest.raises(SensorError) as refusal:
+        load_sensor(written)
+    assert said in str(refusal.value)
+    assert written.name in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_all_mistakes_are_named_at_once(written: Path) -> None:
+    written.write_text(
+        TEXT.replace("columns", "colums").replace("[noise]", "[nois]").replace("3.0]", "-3.0]")
+    )
+    with pytest.raises(SensorError, match=r"(?=.*colums)(?=.*nois)(?=.*pitch_mm)"):
+        load_sensor(written)
+
+
+def test_a_missing_file_is_said(tmp_path: Path) -> None:
+    with pytest.raises(SensorError, match="there is no sensor file"):
+        load_sensor(tmp_path / "nowhere.toml")
+
+
+def test_an_unwritable_place_is_said(written: Path, tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match="cannot write the sensor file"):
+        save_sensor(load_sensor(written), tmp_path / "no" / "such" / "folder.toml")
