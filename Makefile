@@ -1,0 +1,48 @@
+# Everything happens in .venv, at the versions of requirements.lock, checked by hash.
+PYTHON ?= $(shell for p in python3.14 python3.13 python3.12 python3.11 python3; do \
+	$$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo $$p; break; }; done)
+BIN := .venv/bin
+CHECKED := --jaxtyping-packages=manytouch,beartype.beartype
+
+.DEFAULT_GOAL := help
+.PHONY: help setup demo test slow check lock clean
+
+help:
+	@echo "make setup    make .venv with everything the tests use"
+	@echo "make demo     watch the simulated sensor being pressed    ARGS=\"--seconds 5 --no-view\""
+	@echo "make test     run the tests                               ARGS=\"-k lattice\""
+	@echo "make slow     run the long accuracy suites too"
+	@echo "make check    ruff, mypy and the import rules"
+	@echo "make lock     renew requirements.lock (needs uv)"
+
+setup: .venv/ready
+
+.venv/ready: requirements.lock pyproject.toml
+	@test -n "$(PYTHON)" || { echo "manytouch needs Python 3.11 or newer with venv; none was found. Install it, or say which: make PYTHON=/path/to/python3"; exit 1; }
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv || { echo "$(PYTHON) cannot make a virtual environment: install its venv package (on Debian: apt install python3-venv)"; exit 1; }
+	@echo "setting up .venv at the versions of requirements.lock"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
+	@touch .venv/ready
+
+demo: setup
+	@$(BIN)/manytouch demo $(ARGS)
+
+test: setup
+	@$(BIN)/python -m pytest -m "not slow" $(CHECKED) $(ARGS)
+
+slow: setup
+	@$(BIN)/python -m pytest $(CHECKED) $(ARGS)
+
+check: setup
+	$(BIN)/ruff check
+	$(BIN)/ruff format --check
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+lock:
+	uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-header --quiet --output-file requirements.lock
+
+clean:
+	rm -rf .venv out dist
