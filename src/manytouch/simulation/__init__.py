@@ -1,1 +1,1 @@
-"""simulation."""
+"""What truth is made of: the pressed sheet, the renderer, the simulated sensor."""
