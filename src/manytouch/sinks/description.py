@@ -1,0 +1,112 @@
+"""A sensor in words and in numbers, for people and for summary.json."""
+
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.errors import SensorError
+from manytouch.geometry.camera import project
+from manytouch.values import Layout, Sensor
+from manytouch.values.arrays import Points2
+
+
+def layout_of(sensor: Sensor) -> Layout:
+    """The sensor's markers.
+
+    Raises:
+        SensorError: the sensor is a camera only.
+    """
+    if sensor.layout is None:
+        raise SensorError(
+            f"the sensor '{sensor.name}' describes a camera without markers; "
+            "add [markers] to its file, or leave the file away to find them in the recording"
+        )
+    return sensor.layout
+
+
+def rest_px(sensor: Sensor) -> Points2:
+    """Where each marker shows when nothing touches, (m, 2)."""
+    layout = layout_of(sensor)
+    return layout.rest_px if layout.rest_px is not None else project(sensor.camera, layout.rest_mm)
+
+
+def pitch_px(sensor: Sensor) -> Float64[np.ndarray, "2"]:
+    """Median distance in the image of neighbours along x and along y; NaN where there are none.
+
+    A layout without rows and columns has one pitch: the median distance to the nearest neighbour.
+    """
+    layout = layout_of(sensor)
+    position = rest_px(sensor)
+    if layout.row_column is None or layout.shape is None:
+        away = np.linalg.norm(position[:, None] - position[None], axis=2)
+        np.fill_diagonal(away, np.inf)
+        nearest = float(np.median(away.min(axis=1))) if len(position) > 1 else np.nan
+        return np.full(2, nearest)
+    grid = np.full((*layout.shape, 2), np.nan)
+    grid[layout.row_column[:, 0], layout.row_column[:, 1]] = position
+    steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (1, 0)]
+    return np.array([np.nanmedian(step) if np.isfinite(step).any() else np.nan for step in steps])
+
+
+def in_words(sensor: Sensor) -> str:
+    """One line, such as "8 x 10 markers, dark, pitch 62 x 77 px, 2 missing"."""
+    layout = layout_of(sensor)
+    x_px, y_px = pitch_px(sensor)
+    missing = int(layout.is_missing.sum())
+    if layout.shape is not None:
+        count = f"{layout.shape[0]} x {layout.shape[1]} markers"
+        spacing = f"pitch {x_px:.0f} x {y_px:.0f} px"
+    else:
+        count = f"{len(layout.rest_mm)} markers in no rectangle"
+        spacing = f"about {x_px:.0f} px apart"
+    words = [count, layout.polarity, spacing]
+    if missing:
+        words.append(f"{missing} missing")
+    return ", ".join(words)
+
+
+def in_numbers(sensor: Sensor) -> dict[str, Any]:
+    """The sensor as plain numbers and lists; null where not known."""
+    layout, camera, sheet = layout_of(sensor), sensor.camera, sensor.sheet
+    rows, columns = layout.shape if layout.shape is not None else (None, None)
+    unit = sensor.length_unit
+    missing = np.flatnonzero(layout.is_missing)
+    return {
+        "name": sensor.name,
+        "unit": unit,
+        "rows": rows,
+        "columns": columns,
+        "markers": int(len(layout.rest_mm) - len(missing)),
+        "missing": missing.tolist(),
+        "polarity": layout.polarity,
+        "pitch_px": np.round(pitch_px(sensor), 3).tolist(),
+        f"pitch_{unit}": np.round(layout.pitch_mm, 6).tolist(),
+        f"radius_{unit}": round(float(np.median(layout.radius_mm)), 6),
+        "colour_weights": None if layout.colour_weights is None else layout.colour_weights.tolist(),
+        "centre_noise_px": sensor.centre_noise_px,
+        "camera": {
+            "model": camera.model,
+            "width_px": camera.width_px,
+            "height_px": camera.height_px,
+            "fx_px": camera.fx_px,
+            "fy_px": camera.fy_px,
+            "cx_px": camera.cx_px,
+            "cy_px": camera.cy_px,
+            "distortion": camera.distortion.tolist(),
+            "rotation_vector": camera.rotation_vector.tolist(),
+            f"translation_{unit}": camera.translation_mm.tolist(),
+        },
+        "sheet": None
+        if sheet is None
+        else {
+            f"size_{unit}": sheet.size_mm.tolist(),
+            f"thickness_{unit}": sheet.thickness_mm,
+            "young_MPa": sheet.young_MPa,
+            "poisson": sheet.poisson,
+            "boundary": sheet.boundary,
+            "pretension_N_per_mm": sheet.pretension_N_per_mm,
+            "bending_factor": sheet.bending_factor,
+        },
+        "provenance": {key: str(value) for key, value in sensor.provenance.items()},
+    }
