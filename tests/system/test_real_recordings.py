@@ -1,0 +1,111 @@
+"""The main job on recordings of other people's sensors, without a single setting."""
+
+import json
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import manytouch
+from results import Tracks, rows_of
+
+PITCH_PX = {"worachit": np.sqrt(62 * 77), "gsrobotics": 31.5, "vts4": 17.0}
+
+
+@pytest.fixture(scope="session")
+def folders(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    out = tmp_path_factory.mktemp("results")
+    made = {
+        name: manytouch.process(str(recordings / name), out=out)
+        for name in (
+            "worachit/marker_stable_2mm_2.mp4",
+            "worachit/marker_stable_2mm_unmoved.mp4",
+            "gsrobotics/mini_example.avi",
+        )
+    }
+    for side, roi_px in (("left", (58, 102, 238, 216)), ("right", (308, 96, 232, 212))):
+        made[f"vts4_{side}"] = manytouch.process(
+            str(recordings / "vts4" / "0507"), out=out / side, roi_px=roi_px
+        )
+    return made
+
+
+def touching(folder: Path) -> Counter[int]:
+    """Number of contacts (without those that just ended) per frame."""
+    return Counter(int(row["frame"]) for row in rows_of(folder / "contacts.csv") if row["phase"] != "end")
+
+
+def scored_frames(spans: Path, quality: str = "sure") -> list[tuple[int, int]]:
+    """(frame, contacts) of the labelled spans, their uncertain ends left out."""
+    return [
+        (frame, int(span["n_contacts"]))
+        for span in rows_of(spans)
+        if span["quality"] == quality
+        for frame in range(int(span["start"]) + 2, int(span["end"]) - 1)
+    ]
+
+
+def test_fingers_on_a_white_sheet_markers(folders: dict[str, Path]) -> None:
+    tracks = Tracks.read(folders["worachit/marker_stable_2mm_2.mp4"])
+    assert (tracks.row.max() + 1, tracks.column.max() + 1) == (8, 10)
+    assert 74 <= tracks.is_seen[0].sum() <= 100
+    assert tracks.swapped(slice(12, 19), slice(520, 588), PITCH_PX["worachit"]) == 0
+    home = tracks.is_seen[520:588].mean(axis=0) > 0.5
+    assert home.sum() >= 74
+
+
+def test_fingers_on_a_white_sheet_contacts(recordings: Path, folders: dict[str, Path]) -> None:
+    counted = touching(folders["worachit/marker_stable_2mm_2.mp4"])
+    frames = scored_frames(recordings / "worachit" / "hand_contact_spans.csv")
+    right = sum(counted[frame] == expected for frame, expected in frames)
+    assert right >= 0.85 * len(frames), f"{right} of {len(frames)}"
+
+
+def test_fingers_on_a_white_sheet_positions(recordings: Path, folders: dict[str, Path]) -> None:
+    found: dict[int, list[tuple[float, float]]] = {}
+    for row in rows_of(folders["worachit/marker_stable_2mm_2.mp4"] / "contacts.csv"):
+        if row["phase"] != "end":
+            found.setdefault(int(row["frame"]), []).append((float(row["x_px"]), float(row["y_px"])))
+    distances = []
+    for row in rows_of(recordings / "worachit" / "hand_contacts.csv"):
+        fingers = [(float(row["x1_px"]), float(row["y1_px"]))]
+        if row["x2_px"]:
+            fingers.append((float(row["x2_px"]), float(row["y2_px"])))
+        centres = np.array(found.get(int(row["frame"]), [(np.inf, np.inf)]))
+        if row["cut"] == "0":
+            distances += [np.linalg.norm(centres - finger, axis=1).min() for finger in fingers]
+    assert np.median(distances) <= PITCH_PX["worachit"]
+
+
+def test_nobody_touches(folders: dict[str, Path]) -> None:
+    folder = folders["worachit/marker_stable_2mm_unmoved.mp4"]
+    assert touching(folder) == Counter()
+    summary = json.loads((folder / "summary.json").read_text())
+    assert 0 < summary["noise_px"]["median"] < 0.3
+
+
+def test_a_gel_pad(recordings: Path, folders: dict[str, Path]) -> None:
+    folder = folders["gsrobotics/mini_example.avi"]
+    tracks = Tracks.read(folder)
+    assert (tracks.row.max() + 1, tracks.column.max() + 1) == (7, 10)
+    assert 66 <= tracks.is_seen[0].sum() <= 82
+    assert tracks.swapped(slice(0, 55), slice(212, 219), PITCH_PX["gsrobotics"]) == 0
+    counted = touching(folder)
+    frames = scored_frames(recordings / "gsrobotics" / "hand_contact_spans.csv")
+    right = sum((counted[frame] > 0) == (expected > 0) for frame, expected in frames)
+    assert right >= 0.85 * len(frames), f"{right} of {len(frames)}"
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_dots_seen_in_a_mirror(folders: dict[str, Path], side: str) -> None:
+    tracks = Tracks.read(folders[f"vts4_{side}"])
+    assert 56 <= tracks.is_seen[0].sum() <= 64
+    assert tracks.swapped(slice(0, 6), slice(122, 128), PITCH_PX["vts4"]) == 0
+
+
+def test_single_pictures(recordings: Path, tmp_path: Path) -> None:
+    for row in rows_of(recordings / "single" / "counts.csv"):
+        folder = manytouch.process(str(recordings / "single" / row["file"]), out=tmp_path)
+        count = int(Tracks.read(folder).is_seen[0].sum())
+        assert int(row["min"]) <= count <= int(row["max"]), f"{row['file']}: {count}"

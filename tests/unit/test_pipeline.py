@@ -1,0 +1,118 @@
+"""The pipeline: order, memory, and the second look when tracking is lost."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from manytouch.pipeline import Detect, Estimate, Pipeline, Sink, Source, Track
+from manytouch.values import Camera, Contacts, Detections, Frame, Sensor, Surface, TrackedGrid
+
+NOWHERE = np.zeros((2, 2))
+SENSOR = Sensor(
+    name="two markers",
+    camera=Camera(
+        width_px=8,
+        height_px=6,
+        fx_px=10.0,
+        fy_px=10.0,
+        cx_px=3.5,
+        cy_px=2.5,
+        distortion=np.zeros(5),
+        rotation_vector=np.zeros(3),
+        translation_mm=np.array([0.0, 0.0, 10.0]),
+    ),
+)
+
+
+def frame(index: int) -> Frame:
+    return Frame(index=index, timestamp_ns=index, camera="test", image=np.zeros((6, 8), np.uint8))
+
+
+@dataclass
+class Looks:
+    """A detector that writes down how it was asked, and finds as many dots as its calls so far."""
+
+    asked: list[tuple[int, bool]] = field(default_factory=list)
+
+    def start(self, sensor: Sensor) -> int:
+        return 0
+
+    def step(self, state: int, frame: Frame, expected_px: object) -> tuple[int, Detections]:
+        self.asked.append((frame.index, expected_px is not None))
+        return state + 1, Detections(
+            centre_px=np.full((1, 2), float(expected_px is None)),
+            covariance_px2=np.zeros((1, 2, 2)),
+            area_px2=np.ones(1),
+            contrast=np.ones(1),
+            status="dark" if frame.index == 2 else "ok",
+        )
+
+
+@dataclass
+class Follows:
+    """A tracker that is lost on frame 1 unless the whole picture was searched."""
+
+    def start(self, sensor: Sensor) -> tuple[int, bool]:
+        return 0, False
+
+    def step(self, state: tuple[int, bool], detections: Detections) -> tuple[tuple[int, bool], TrackedGrid]:
+        lost = state[0] == 1 and detections.centre_px[0, 0] == 0
+        grid = TrackedGrid(
+            position_px=NOWHERE,
+            covariance_px2=np.zeros((2, 2, 2)),
+            is_seen=np.zeros(2, bool),
+            frames_unseen=np.full(2, state[0]),
+            status="few_markers" if state[0] == 3 else "ok",
+        )
+        return (state[0] + 1, lost), grid
+
+    def expected_px(self, state: tuple[int, bool]) -> np.ndarray | None:
+        return None if state[0] == 0 else NOWHERE
+
+    def is_lost(self, state: tuple[int, bool]) -> bool:
+        return state[1]
+
+
+@dataclass
+class Flat:
+    def start(self, sensor: Sensor) -> int:
+        return 0
+
+    def step(self, state: int, grid: TrackedGrid) -> tuple[int, Surface, Contacts]:
+        nothing = np.zeros((2, 3))
+        surface = Surface(
+            position_mm=nothing, displacement_mm=nothing, covariance_mm2=np.zeros((2, 3, 3)), status="odd"
+        )
+        return state + 1, surface, Contacts()
+
+
+def readings() -> tuple[Looks, list]:
+    looks = Looks()
+    pipeline = Pipeline(detect=looks, track=Follows(), estimate=Flat())
+    return looks, list(pipeline.run([frame(index) for index in range(4)], SENSOR))
+
+
+def test_every_frame_gives_one_reading_in_order() -> None:
+    _, made = readings()
+    assert [reading.frame.index for reading in made] == [0, 1, 2, 3]
+    assert all(reading.milliseconds > 0 for reading in made)
+
+
+def test_a_lost_frame_is_searched_again_from_the_memory_before_it() -> None:
+    looks, made = readings()
+    assert looks.asked == [(0, False), (1, True), (1, False), (2, True), (3, True)]
+    assert [int(reading.grid.frames_unseen[0]) for reading in made] == [0, 1, 2, 3]
+
+
+def test_the_first_stage_that_complains_is_heard() -> None:
+    _, made = readings()
+    assert [reading.status for reading in made] == ["odd", "odd", "dark", "few_markers"]
+
+
+def test_the_protocols_tell_stages_apart() -> None:
+    assert isinstance(Looks(), Detect)
+    assert isinstance(Follows(), Track)
+    assert isinstance(Flat(), Estimate)
+    assert isinstance([], Source)
+    assert not isinstance(Flat(), Track)
+    assert not isinstance(Flat(), Sink)
