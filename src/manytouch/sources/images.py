@@ -1,0 +1,113 @@
+"""One image, or a folder of images in natural order."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from manytouch.errors import SourceError
+from manytouch.sources.quiet_opencv import cv2
+from manytouch.sources.source import evenly_timed_ns
+from manytouch.values import Frame
+from manytouch.values.arrays import Image, read_only
+
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ImagesSource:
+    """Images of one size, one frame each.
+
+    An image that cannot be decoded, or that differs from the first in size or bit depth, is a frame
+    without a picture. A grey image among colour ones is given as colour, and the other way round.
+
+    Attributes:
+        name: stem for the folder of its results.
+        paths: the files, in order.
+        fps: rate that the timestamps follow; None counts as 30 frames per second.
+        first: the first image that can be decoded.
+    """
+
+    name: str
+    paths: tuple[Path, ...]
+    fps: float | None
+    first: Image
+
+    @property
+    def frame_count(self) -> int:
+        return len(self.paths)
+
+    @property
+    def width_px(self) -> int:
+        return int(self.first.shape[1])
+
+    @property
+    def height_px(self) -> int:
+        return int(self.first.shape[0])
+
+    @property
+    def is_live(self) -> bool:
+        return False
+
+    def __iter__(self) -> Iterator[Frame]:
+        colour = cv2.IMREAD_COLOR if self.first.ndim == 3 else cv2.IMREAD_GRAYSCALE
+        for index, path in enumerate(self.paths):
+            image = read_image(path, colour)
+            is_alike = (
+                image is not None and image.shape == self.first.shape and image.dtype == self.first.dtype
+            )
+            yield Frame(
+                index=index,
+                timestamp_ns=evenly_timed_ns(index, self.fps),
+                camera=self.name,
+                image=image if is_alike else None,
+            )
+
+
+def image_source(path: Path, fps: float | None) -> ImagesSource:
+    """A single image as a source of one frame."""
+    first = read_image(path)
+    if first is None:
+        raise SourceError(
+            f"{str(path)!r} cannot be decoded as an image of 8 or 16 bits per channel: "
+            f"check that it is complete, or save it again as PNG."
+        )
+    return ImagesSource(name=path.stem, paths=(path,), fps=fps, first=first)
+
+
+def folder_source(folder: Path, fps: float | None) -> ImagesSource:
+    """All images of a folder (not of folders in it), 2.png before 10.png."""
+    paths = tuple(sorted((path for path in folder.iterdir() if _is_image_name(path)), key=natural_key))
+    if not paths:
+        wanted = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
+        raise SourceError(f"The folder {str(folder)!r} holds no images ({wanted} were looked for).")
+    first = next((image for path in paths if (image := read_image(path)) is not None), None)
+    if first is None:
+        raise SourceError(
+            f"None of the {len(paths)} images in {str(folder)!r} can be decoded: check that they are whole."
+        )
+    return ImagesSource(name=folder.resolve().name or "images", paths=paths, fps=fps, first=first)
+
+
+def read_image(path: Path, colour: int = cv2.IMREAD_ANYCOLOR) -> Image | None:
+    """Grey or BGR image of 8 or 16 bits; None when the file is not one. `colour` is OpenCV's read flag."""
+    try:
+        encoded = np.fromfile(path, dtype=np.uint8)  # OpenCV itself cannot open every name on every system
+        image = cv2.imdecode(encoded, colour | cv2.IMREAD_ANYDEPTH)
+    except (OSError, cv2.error):
+        return None
+    if image is None or image.dtype not in (np.uint8, np.uint16):
+        return None
+    return read_only(image)
+
+
+def natural_key(path: Path) -> tuple[list[str | int], str]:
+    """Sorts numbers in names by their value, whatever their number of digits."""
+    parts = re.split(r"(\d+)", path.name.casefold())
+    return [int(part) if place % 2 else part for place, part in enumerate(parts)], path.name
+
+
+def _is_image_name(path: Path) -> bool:
+    return path.suffix.lower() in IMAGE_SUFFIXES and not path.name.startswith(".") and path.is_file()

@@ -1,0 +1,86 @@
+"""From what a person names to a source of frames."""
+
+import difflib
+import math
+import os
+from pathlib import Path
+
+from manytouch.errors import SourceError
+from manytouch.sources.images import IMAGE_SUFFIXES, folder_source, image_source
+from manytouch.sources.quiet_opencv import cv2
+from manytouch.sources.source import Source
+from manytouch.sources.video import VIDEO_SUFFIXES, video_source
+
+SUPPORTED = "a video file, an image, a folder of images, or sim: for the simulated sensor"
+
+
+def open_source(text: str | os.PathLike[str], *, fps: float | None = None) -> Source:
+    """The source of frames that a text names; nothing is read yet but the first picture.
+
+    Args:
+        text: path of a video, an image or a folder of images; `sim:` or `sim:SCENE`.
+        fps: rate in frames per second that the timestamps follow instead of the source's own.
+
+    Raises:
+        SourceError: there is no such thing, or it cannot be decoded.
+    """
+    if fps is not None and not (math.isfinite(fps) and fps > 0):
+        raise SourceError(f"The frame rate must be a positive number of frames per second, not {fps:g}.")
+    text = os.fspath(text)
+    if text.startswith("sim:"):
+        from manytouch.sources.simulated import simulated_source
+
+        return simulated_source(text.removeprefix("sim:"), fps=fps)
+    path = Path(text).expanduser()
+    try:
+        return _file_source(text, path, fps)
+    except OSError as error:
+        raise SourceError(f"{text!r} cannot be read: {error.strerror or error}.") from error
+
+
+def _file_source(text: str, path: Path, fps: float | None) -> Source:
+    if path.is_dir():
+        return _folder_source(path, fps)
+    if not path.is_file() or path.suffix.lower() == ".mcap":
+        raise SourceError(_why_not(text, path))
+    if path.stat().st_size == 0:
+        raise SourceError(f"{text!r} is empty: copy or record it again.")
+    if path.suffix.lower() in IMAGE_SUFFIXES or (
+        path.suffix.lower() != ".gif" and cv2.haveImageReader(str(path))
+    ):
+        return image_source(path, fps)
+    return video_source(path, fps)
+
+
+def _folder_source(path: Path, fps: float | None) -> Source:
+    try:
+        return folder_source(path, fps)
+    except SourceError as error:
+        videos = sorted(child.name for child in path.iterdir() if child.suffix.lower() in VIDEO_SUFFIXES)
+        if not videos:
+            raise
+        raise SourceError(
+            f"{error} It holds videos: name one of them, such as {str(path / videos[0])!r}."
+        ) from error
+
+
+def _why_not(text: str, path: Path) -> str:
+    """The sentence for something that is neither a file nor a folder that can be opened."""
+    later = f"is not supported in this version: give {SUPPORTED}."
+    if not text.strip():
+        return f"The source is empty: give {SUPPORTED}."
+    if text.isdigit() or path.is_char_device():
+        return f"The camera {text!r} {later}"
+    if "://" in text:
+        return f"The stream {text!r} {later}"
+    if path.suffix.lower() == ".mcap":
+        return f"The recording {text!r} {later}"
+    parent = next(parent for parent in path.absolute().parents if parent.is_dir())
+    if parent != path.absolute().parent:
+        return f"There is no {text!r}: the path is good up to the folder {str(parent)!r}."
+    names = {child.name.casefold(): child.name for child in parent.iterdir()}
+    close = difflib.get_close_matches(path.name.casefold(), names, n=3, cutoff=0.6)
+    alike = " or ".join(repr(names[name]) for name in close)
+    return f"There is no {text!r} in the folder {str(parent)!r}" + (
+        f"; did you mean {alike}?" if alike else "."
+    )
