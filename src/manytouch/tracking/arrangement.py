@@ -1,0 +1,231 @@
+"""From dots on a lattice to numbered markers: a rectangle of rows and columns, or a table in a stable order.
+
+The rule of numbers: row 0 is the top of the image, column 0 its left, marker = row * columns + column.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.interpolate import RBFInterpolator
+from scipy.ndimage import label
+
+from manytouch.tracking.lattice import Lattice, find_lattice, local_spacing
+from manytouch.values.arrays import Mask, Points2, read_only
+
+_LEAST_FILL = 2 / 3
+_LEAST_BORDER = 1 / 3
+_MOST_TRIMMED = 0.06
+_MOST_OUTSIDE = 0.1
+_UNIMODULAR = (((1, 0), (0, 1)), ((1, 0), (1, 1)), ((1, 0), (-1, 1)), ((1, 1), (0, 1)), ((1, -1), (0, 1)))
+# Directions between these angles count as "x", others as "y"; 45 degrees, as sheets do lie, is well inside.
+_X_FROM_RAD, _X_TO_RAD = np.deg2rad(-38.0), np.deg2rad(52.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Arrangement:
+    """Dots in the order of their markers.
+
+    Attributes:
+        dot: (m,) index of the dot of each marker, -1 where the dot is missing.
+        row_column: (m, 2), or None when the layout is no rectangle.
+        centre_px: (m, 2) the dots' centres; where one is missing, where its neighbours say it should be.
+        pitch_px: (2,) median spacing along x (columns) and y (rows); twice the median neighbour distance
+            when there are no rows.
+    """
+
+    dot: Int64[np.ndarray, " m"]
+    row_column: Int64[np.ndarray, "m 2"] | None
+    centre_px: Float64[np.ndarray, "m 2"]
+    pitch_px: Float64[np.ndarray, "2"]
+
+
+def arrange(centre_px: Points2, is_cut: Mask) -> Arrangement:
+    """Numbers dots that lie in the image in any order.
+
+    A border line of the lattice whose places hold whole dots in less than a third is not part of the
+    rectangle. A lattice that fills less than two thirds of its rectangle, or leaves a tenth of it empty
+    beyond its own outline (cut corners), and dots on no lattice become a table.
+
+    Args:
+        centre_px: (n, 2) at least one dot.
+        is_cut: (n,) dots that the image's border cuts.
+    """
+    lattice = find_lattice(centre_px)
+    if lattice is None or lattice.winds or lattice.is_member.sum() < 0.6 * len(centre_px):
+        return _table(
+            centre_px, None, np.flatnonzero(~is_cut) if (~is_cut).sum() >= 3 else np.arange(len(centre_px))
+        )
+    whole_grid = _best_grid(lattice, centre_px, is_cut)
+    grid = trimmed(whole_grid, is_cut)
+    fill = (grid >= 0).mean()
+    if fill < _LEAST_FILL or min(grid.shape) < 2 or _outside(grid) > _MOST_OUTSIDE * grid.size:
+        return _table(centre_px, whole_grid, np.flatnonzero(lattice.is_member & ~is_cut))
+    rows, columns = np.indices(grid.shape)
+    position = filled(grid, centre_px)
+    return Arrangement(
+        dot=read_only(grid.ravel().astype(np.int64)),
+        row_column=read_only(np.column_stack([rows.ravel(), columns.ravel()]).astype(np.int64)),
+        centre_px=read_only(position.reshape(-1, 2)),
+        pitch_px=read_only(np.array([_median_step(position, 1), _median_step(position, 0)])),
+    )
+
+
+def _best_grid(lattice: Lattice, centre_px: Points2, is_cut: Mask) -> np.ndarray:
+    """The grid over those two lattice axes whose trimmed rectangle is fullest; the shortest axes if equal."""
+    dots = np.flatnonzero(lattice.is_member)
+    best = None
+    for change in _UNIMODULAR:
+        place = lattice.place[dots] @ np.array(change)
+        grid = _canonical(place, dots, centre_px)
+        fill = round(float((trimmed(grid, is_cut) >= 0).mean()), 3)
+        position = _position(grid, centre_px)
+        size = round(float(np.hypot(_median_step(position, 0), _median_step(position, 1))), 2)
+        size = size if np.isfinite(size) else np.inf
+        if best is None or (fill, -size) > best[0]:
+            best = ((fill, -size), grid)
+    assert best is not None
+    return best[1]
+
+
+def _canonical(place: np.ndarray, dots: np.ndarray, centre_px: Points2) -> np.ndarray:
+    """Grid of dots (rows, columns) turned so that columns run right and rows run down the image."""
+    design = np.column_stack([place - place.mean(axis=0), np.ones(len(place))])
+    axes = np.linalg.lstsq(design, centre_px[dots], rcond=None)[0][:2]
+    angle = np.arctan2(axes[:, 1], axes[:, 0])
+    folded = (angle - _X_FROM_RAD) % np.pi
+    is_x = folded <= _X_TO_RAD - _X_FROM_RAD
+    across = int(np.argmax(is_x)) if is_x[0] != is_x[1] else int(np.argmax(np.abs(np.cos(angle))))
+    sign = 1 if np.cos(angle[across] - 0.5 * (_X_FROM_RAD + _X_TO_RAD)) > 0 else -1
+    column = sign * place[:, across]
+    x_axis, y_axis = sign * axes[across], axes[1 - across]
+    row = place[:, 1 - across] * (1 if x_axis[0] * y_axis[1] - x_axis[1] * y_axis[0] > 0 else -1)
+    row, column = row - row.min(), column - column.min()
+    grid = np.full((row.max() + 1, column.max() + 1), -1)
+    grid[row, column] = dots
+    return grid
+
+
+def trimmed(grid: np.ndarray, is_cut: Mask) -> np.ndarray:
+    """The grid without border lines that hold few whole dots, unless that would cost many dots."""
+    whole = (grid >= 0) & ~is_cut[np.maximum(grid, 0)]
+    top, bottom, left, right = 0, grid.shape[0], 0, grid.shape[1]
+    while bottom - top > 1 and right - left > 1:
+        part = whole[top:bottom, left:right]
+        share = [part[0].mean(), part[-1].mean(), part[:, 0].mean(), part[:, -1].mean()]
+        weakest = int(np.argmin(share))
+        if share[weakest] >= _LEAST_BORDER:
+            break
+        top, bottom = top + (weakest == 0), bottom - (weakest == 1)
+        left, right = left + (weakest == 2), right - (weakest == 3)
+    lost = whole.sum() - whole[top:bottom, left:right].sum()
+    if lost > max(2, _MOST_TRIMMED * whole.sum()):
+        return _without_cut_borders(grid, whole)
+    return grid[top:bottom, left:right]
+
+
+def _without_cut_borders(grid: np.ndarray, whole: np.ndarray) -> np.ndarray:
+    rows, columns = np.flatnonzero(whole.any(axis=1)), np.flatnonzero(whole.any(axis=0))
+    return grid[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+
+
+def _outside(grid: np.ndarray) -> int:
+    """Number of empty places beyond the dots' outline: three or more in one piece that meets the border."""
+    parts, _ = label(grid < 0)
+    border = np.unique(np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]]))
+    sizes = np.bincount(parts.ravel())[border[border > 0]]
+    return int(sizes[sizes >= 3].sum())
+
+
+def _position(grid: np.ndarray, centre_px: Points2) -> np.ndarray:
+    position = centre_px[np.maximum(grid, 0)]
+    position[grid < 0] = np.nan
+    return np.asarray(position)
+
+
+def _median_step(position: np.ndarray, axis: int) -> float:
+    step = np.linalg.norm(np.diff(position, axis=axis), axis=-1)
+    known = step[np.isfinite(step)]
+    return float(np.median(known)) if len(known) else float("nan")
+
+
+def filled(grid: np.ndarray, centre_px: Points2) -> np.ndarray:
+    """(rows, columns, 2) px of a grid; a thin-plate spline through the others gives the empty places."""
+    position = _position(grid, centre_px)
+    empty = grid < 0
+    if empty.any():
+        place = np.argwhere(~empty).astype(np.float64)
+        near = min(30, len(place))
+        spline = RBFInterpolator(
+            place, position[~empty], neighbors=near, kernel="thin_plate_spline", degree=1
+        )
+        position[empty] = spline(np.argwhere(empty).astype(np.float64))
+    return position
+
+
+def _table(centre_px: Points2, grid: np.ndarray | None, dots: np.ndarray) -> Arrangement:
+    """Dots that form no rectangle, in an order that noise does not change."""
+    if grid is not None:
+        numbered = grid[grid >= 0]
+        order = numbered[np.isin(numbered, dots)]
+    else:
+        order = dots[_order_without_lattice(centre_px[dots])]
+    points = centre_px[order]
+    spacing = float(np.median(local_spacing(points))) if len(points) > 1 else 1.0
+    return Arrangement(
+        dot=read_only(order.astype(np.int64)),
+        row_column=None,
+        centre_px=read_only(points.copy()),
+        pitch_px=read_only(np.array([spacing, spacing])),
+    )
+
+
+def _bands(value: np.ndarray, gap: float) -> np.ndarray:
+    """Number of the band of each value; bands are parted by gaps wider than `gap`."""
+    order = np.argsort(value, kind="stable")
+    band = np.concatenate([[0], np.cumsum(np.diff(value[order]) > gap)])
+    result = np.empty(len(value), dtype=np.int64)
+    result[order] = band
+    return result
+
+
+def _order_without_lattice(points: Points2) -> np.ndarray:
+    """By lines across the image where gaps part them, else by rings and angle, else roughly as one reads."""
+    if len(points) < 2:
+        return np.arange(len(points))
+    spacing = float(np.median(local_spacing(points)))
+    lines = _bands(points[:, 1], 0.25 * spacing)
+    if lines.max() >= 1 and np.bincount(lines).max() <= 2 * np.sqrt(len(points)):
+        return np.lexsort((points[:, 0], lines))
+    centre = _circle_centre(points)
+    away = points - centre
+    radius = np.linalg.norm(away, axis=1)
+    rings = _bands(radius, 0.25 * spacing)
+    if rings.max() >= 1 or np.ptp(radius) < spacing:
+        angle = np.arctan2(away[:, 1], away[:, 0])
+        return np.lexsort((_from_widest_gap(angle), rings))
+    return np.lexsort((points[:, 0], np.round(points[:, 1] / spacing)))
+
+
+def _circle_centre(points: Points2) -> np.ndarray:
+    """Centre of the circle through the outermost dots (I. Kasa, doi:10.1109/TIM.1976.6312298)."""
+    middle = points.mean(axis=0)
+    away = points - middle
+    reach = np.linalg.norm(away, axis=1)
+    outer = away[reach > 0.9 * reach.max()]
+    if len(outer) < 3:
+        return np.asarray(middle)
+    design = np.column_stack([outer, np.ones(len(outer))])
+    solution, _, rank, _ = np.linalg.lstsq(design, (outer**2).sum(axis=1), rcond=None)
+    return np.asarray(middle + 0.5 * solution[:2] if rank == 3 else middle)
+
+
+def _from_widest_gap(angle: np.ndarray) -> np.ndarray:
+    """Angles counted from the middle of the widest gap nearest to the left of the image."""
+    sorted_angle = np.sort(angle)
+    gap = np.diff(np.concatenate([sorted_angle, [sorted_angle[0] + 2 * np.pi]]))
+    wide = gap > 0.5 * gap.max()
+    middle = sorted_angle + 0.5 * gap
+    toward_left = np.where(wide, np.abs(np.angle(np.exp(1j * (middle - np.pi)))), np.inf)
+    start = middle[np.argmin(toward_left)]
+    return np.asarray((angle - start) % (2 * np.pi))

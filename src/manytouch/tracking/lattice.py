@@ -1,0 +1,259 @@
+"""Finds the lattice among unordered dots: which dot lies at which integer place.
+
+Growth from a seed by local prediction. Nothing global is assumed of the lattice, so rotation,
+perspective, lens distortion, oblique axes and uneven rows are all the same to it; missing dots are
+walked around, false ones fit no prediction. Chessboard finders work alike (A. Geiger et al.,
+"Automatic camera and range sensor calibration using a single shot", doi:10.1109/ICRA.2012.6224570).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.ndimage import label
+from scipy.spatial import cKDTree
+
+from manytouch.values.arrays import Mask, Points2, read_only
+
+LEAST_DOTS = 4
+_NEIGHBOURS = 12
+_SEEDS = 12
+_GATE = 0.38
+_MARGIN = 3
+_WINDING_COSINE = 0.35
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Lattice:
+    """Integer places of dots.
+
+    Attributes:
+        place: (n, 2) row and column of each dot, counted from an arbitrary dot; 0 where not a member.
+        is_member: (n,) dots that lie on the lattice.
+        winds: the lattice closes upon itself or turns round, as spokes and rings do, so its places are
+            no rows and columns of a plane.
+    """
+
+    place: np.ndarray
+    is_member: Mask
+    winds: bool
+
+
+def find_lattice(centre_px: Points2) -> Lattice | None:
+    """The largest consistent lattice among dots, or None when there is none.
+
+    Args:
+        centre_px: (n, 2) centres in any order; the result does not depend on the order.
+    """
+    if len(centre_px) < LEAST_DOTS:
+        return None
+    order = np.lexsort((centre_px[:, 1], centre_px[:, 0]))
+    points = centre_px[order]
+    tree = cKDTree(points)
+    spacing = local_spacing(points, tree)
+    best: Lattice | None = None
+    most = LEAST_DOTS - 1
+    for seed, basis in _seeds(points, tree, spacing):
+        grid = _cleaned(_grown(points, tree, spacing, seed, basis), points, spacing)
+        members = int((grid >= 0).sum())
+        if members > most:
+            most = members
+            best = _lattice(grid, points, tree, spacing, order)
+        if most > 0.85 * len(points):
+            break
+    return best
+
+
+def local_spacing(points: Points2, tree: cKDTree | None = None) -> np.ndarray:
+    """(n,) usual distance to the nearest dot around each dot, px."""
+    tree = cKDTree(points) if tree is None else tree
+    near = min(9, len(points))
+    distance, index = tree.query(points, k=near)
+    nearest = np.asarray(distance[:, 1])
+    return np.asarray(np.median(nearest[index], axis=1))
+
+
+def _seeds(points: Points2, tree: cKDTree, spacing: np.ndarray) -> list[tuple[int, np.ndarray]]:
+    """Dots with two nearly symmetric pairs of neighbours, the most symmetric first, with the (2, 2) basis."""
+    near = min(_NEIGHBOURS + 1, len(points))
+    distance, index = tree.query(points, k=near)
+    vector = points[index[:, 1:]] - points[:, None]
+    length = distance[:, 1:]
+    asymmetry = np.linalg.norm(vector[:, :, None] + vector[:, None, :], axis=-1)
+    mean = 0.5 * (length[:, :, None] + length[:, None, :])
+    found = []
+    for dot in range(len(points)):
+        first, second = np.nonzero(np.triu(asymmetry[dot] < 0.4 * mean[dot], 1))
+        half = 0.5 * (vector[dot, first] - vector[dot, second])
+        size = np.linalg.norm(half, axis=1)
+        skew = asymmetry[dot, first, second] / np.maximum(size, 1e-9)
+        chosen = _basis(half, size, skew)
+        if chosen is not None:
+            found.append((chosen[0], dot, chosen[1]))
+    found.sort(key=lambda item: (round(item[0], 6), item[1]))
+    centre = np.median(points, axis=0)
+    reach = np.linalg.norm(points - centre, axis=1)
+    head = found[: max(_SEEDS, len(found) // 3)]
+    head.sort(key=lambda item: (reach[item[1]], item[1]))
+    middle = [(dot, basis) for _, dot, basis in head[: _SEEDS // 2]]
+    rest = [(dot, basis) for _, dot, basis in found[: _SEEDS - len(middle)]]
+    return middle + rest or _corner_seeds(vector, spacing)
+
+
+def _basis(half: np.ndarray, size: np.ndarray, skew: np.ndarray) -> tuple[float, np.ndarray] | None:
+    """The two shortest directions that are not along each other, and how far from symmetric they are."""
+    if len(half) < 2:
+        return None
+    order = np.argsort(size, kind="stable")
+    first = order[0]
+    cross = half[first, 0] * half[order, 1] - half[first, 1] * half[order, 0]
+    apart = np.abs(cross) > 0.4 * size[first] * size[order]
+    if not apart.any():
+        return None
+    second = order[np.argmax(apart)]
+    return float(skew[first] + skew[second]), half[[first, second]]
+
+
+def _corner_seeds(vector: np.ndarray, spacing: np.ndarray) -> list[tuple[int, np.ndarray]]:
+    """Seeds of a pattern too small to have a dot between others: its corners (2 x n dots)."""
+    found = []
+    for dot in range(len(vector)):
+        size = np.linalg.norm(vector[dot], axis=1)
+        chosen = _basis(vector[dot], size, np.zeros(len(size)))
+        if chosen is not None and size.min() < 1.5 * spacing[dot]:
+            found.append((dot, chosen[1]))
+    return found[:_SEEDS]
+
+
+def _grown(points: Points2, tree: cKDTree, spacing: np.ndarray, seed: int, basis: np.ndarray) -> np.ndarray:
+    """(rows, columns) index of the dot at each place, -1 where there is none, grown from one dot."""
+    grid = np.full((2 * _MARGIN + 3,) * 2, -1)
+    middle = _MARGIN + 1
+    grid[middle, middle] = seed
+    for row, column in ((0, 1), (0, -1), (1, 0), (-1, 0)):
+        step = column * basis[0] + row * basis[1]
+        distance, index = tree.query(points[seed] + step)
+        if distance < _GATE * np.linalg.norm(step) and index != seed:
+            grid[middle + row, middle + column] = index
+    support = 2
+    for _ in range(4 * len(points)):
+        added = _grow_once(grid, points, tree, spacing, support)
+        if added:
+            support = 2
+            grid = _padded(grid)
+        elif support > 1:
+            support -= 1
+        else:
+            break
+    return grid
+
+
+def _padded(grid: np.ndarray) -> np.ndarray:
+    """The same grid with a margin of empty places on every side."""
+    filled = grid >= 0
+    rows, columns = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
+    core = grid[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
+    return np.pad(core, _MARGIN, constant_values=-1)
+
+
+def predicted(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Where each place of a grid should lie, told by its neighbours, and by how many of them.
+
+    Args:
+        position: (rows, columns, 2) px, NaN where empty.
+
+    Returns:
+        (rows, columns, 2) median of the straight continuations along rows and columns and of the
+        parallelograms with the neighbours; (rows, columns) number of these.
+    """
+    padded = np.pad(position, ((2, 2), (2, 2), (0, 0)), constant_values=np.nan)
+    rows, columns = position.shape[:2]
+
+    def at(row: int, column: int) -> np.ndarray:
+        return padded[2 + row : 2 + row + rows, 2 + column : 2 + column + columns]
+
+    told = [2 * at(r, c) - at(2 * r, 2 * c) for r, c in ((0, 1), (0, -1), (1, 0), (-1, 0))]
+    told += [at(r, 0) + at(0, c) - at(r, c) for r in (-1, 1) for c in (-1, 1)]
+    stack = np.stack(told)
+    support = np.isfinite(stack[..., 0]).sum(axis=0)
+    result = np.full(position.shape, np.nan)
+    known = support > 0
+    result[known] = np.nanmedian(stack[:, known], axis=0)
+    return result, support
+
+
+def _positions(grid: np.ndarray, points: Points2) -> np.ndarray:
+    """(rows, columns, 2) px of the dots of a grid, NaN where empty."""
+    position = points[np.maximum(grid, 0)]
+    position[grid < 0] = np.nan
+    return np.asarray(position)
+
+
+def _grow_once(grid: np.ndarray, points: Points2, tree: cKDTree, spacing: np.ndarray, support: int) -> bool:
+    """Fills, in place, the empty places whose prediction has a dot of its own; were there any?"""
+    guess, votes = predicted(_positions(grid, points))
+    rows, columns = np.nonzero((grid < 0) & (votes >= support))
+    if len(rows) == 0:
+        return False
+    distance, index = tree.query(guess[rows, columns], k=2)
+    nearest = index[:, 0]
+    is_taken = np.zeros(len(points), dtype=bool)
+    is_taken[grid[grid >= 0]] = True
+    good = (
+        (distance[:, 0] < _GATE * spacing[nearest])
+        & (distance[:, 0] < 0.6 * distance[:, 1])
+        & ~is_taken[nearest]
+    )
+    rows, columns, nearest, distance = rows[good], columns[good], nearest[good], distance[good, 0]
+    order = np.lexsort((columns, rows, distance))
+    _, first = np.unique(nearest[order], return_index=True)
+    chosen = order[first]
+    grid[rows[chosen], columns[chosen]] = nearest[chosen]
+    return len(chosen) > 0
+
+
+def _cleaned(grid: np.ndarray, points: Points2, spacing: np.ndarray) -> np.ndarray:
+    """The grid without dots that their neighbours contradict, largest connected part only."""
+    guess, votes = predicted(_positions(grid, points))
+    error = np.linalg.norm(_positions(grid, points) - guess, axis=-1)
+    wrong = (grid >= 0) & (votes >= 3) & (error > 0.45 * spacing[np.maximum(grid, 0)])
+    grid = np.where(wrong, -1, grid)
+    parts, number = label(grid >= 0)
+    if number == 0:
+        return grid
+    sizes = np.bincount(parts.ravel())[1:]
+    return np.where(parts == 1 + np.argmax(sizes), grid, -1)
+
+
+def _lattice(
+    grid: np.ndarray, points: Points2, tree: cKDTree, spacing: np.ndarray, order: np.ndarray
+) -> Lattice:
+    rows, columns = np.nonzero(grid >= 0)
+    dots = order[grid[rows, columns]]
+    place = np.zeros((len(points), 2), dtype=np.int64)
+    place[dots] = np.column_stack([rows, columns])
+    is_member = np.zeros(len(points), dtype=bool)
+    is_member[dots] = True
+    return Lattice(
+        place=read_only(place), is_member=read_only(is_member), winds=_winds(grid, points, tree, spacing)
+    )
+
+
+def _winds(grid: np.ndarray, points: Points2, tree: cKDTree, spacing: np.ndarray) -> bool:
+    """Does the lattice run into itself, or turn by more than about 70 degrees from its mean direction?"""
+    position = _positions(grid, points)
+    for axis in (0, 1):
+        step = np.diff(position, axis=axis).reshape(-1, 2)
+        step = step[np.isfinite(step[:, 0])]
+        if len(step) == 0:
+            continue
+        unit = step / np.linalg.norm(step, axis=1, keepdims=True)
+        mean = unit.mean(axis=0)
+        size = np.linalg.norm(mean)
+        if size < _WINDING_COSINE or np.mean(unit @ mean / size < _WINDING_COSINE) > 0.05:
+            return True
+    guess, votes = predicted(position)
+    ahead = (grid < 0) & (votes >= 2)
+    distance, index = tree.query(guess[ahead])
+    taken = np.isin(index, grid[grid >= 0])
+    meets = (distance < 0.3 * spacing[index]) & taken
+    return bool(meets.sum() > 0.5 * min((grid >= 0).any(axis=0).sum(), (grid >= 0).any(axis=1).sum()))
