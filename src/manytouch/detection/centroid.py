@@ -1,0 +1,112 @@
+"""Sub-pixel centres of dots, each flattened first, with the covariance that noise gives them.
+
+In a window around each dot the light of the ground is a plane through a ring around the dot, and the
+light of the dot a plane through its core; both are fitted to the pixels that agree with each other.
+Between them lies the share s of dot in each pixel, and
+
+    w = min(max((s - 0.15) / 0.7, 0), 1),     centre = sum w x / sum w.
+
+So neither uneven light nor uneven ground moves the centre, and noise away from the edge counts for
+nothing. The covariance follows by propagation: from the pixels of the edge, from the two planes'
+slopes, and from noise that passes the soft threshold.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.detection.kernels import measure_dots
+from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars
+
+MIN_NOISE = 0.3  # grey levels: rounding to whole levels has a deviation of 1 / sqrt(12)
+FLOOR_PX2 = 0.003**2  # what sampling leaves when there is no noise at all
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Dots:
+    """Dots as the image shows them, one row for each window that was asked for.
+
+    Attributes:
+        centre_px: (n, 2) NaN where there is no dot in the window.
+        covariance_px2: (n, 2, 2).
+        area_px2: (n,) visible area.
+        contrast: (n,) dot against its ground in grey levels of 255.
+        edge_px: (n,) width of the edge from 15 % to 85 %.
+        cut: (n,) share of the dot that lies beyond the image's border, 0 to 1.
+        is_found: (n,).
+    """
+
+    centre_px: Points2
+    covariance_px2: Covariances2
+    area_px2: Scalars
+    contrast: Scalars
+    edge_px: Scalars
+    cut: Scalars
+    is_found: Mask
+
+
+def measure(
+    image: np.ndarray,
+    weights: Float64[np.ndarray, " c"],
+    near_px: Points2,
+    radius_px: Scalars,
+    *,
+    noise: float,
+    walk: int = 0,
+) -> Dots:
+    """Centres of the dots near given places.
+
+    Args:
+        image: (h, w) or (h, w, c), uint8, uint16 or float32.
+        weights: (c,) that make grey levels of 255 of a pixel, signed so that dots are light.
+        near_px: (n, 2) where to look; a dot within about half a radius is measured as it is.
+        radius_px: (n,) radius that is expected there.
+        noise: standard deviation of a pixel, grey levels of 255; see `noise_of`.
+        walk: number of coarse steps towards the dot before measuring (reach: about one radius).
+    """
+    planes = image[:, :, None] if image.ndim == 2 else image
+    out = np.empty((len(near_px), 9))
+    measure_dots(
+        planes,
+        weights.astype(np.float32),
+        np.ascontiguousarray(near_px),
+        np.ascontiguousarray(radius_px),
+        max(noise, MIN_NOISE),
+        walk,
+        out,
+    )
+    covariance = np.empty((len(out), 2, 2))
+    covariance[:, 0, 0] = out[:, 2] + FLOOR_PX2
+    covariance[:, 1, 1] = out[:, 4] + FLOOR_PX2
+    covariance[:, 0, 1] = covariance[:, 1, 0] = out[:, 3]
+    return Dots(
+        centre_px=np.ascontiguousarray(out[:, :2]),
+        covariance_px2=covariance,
+        area_px2=out[:, 5].copy(),
+        contrast=out[:, 6].copy(),
+        edge_px=out[:, 7].copy(),
+        cut=out[:, 8].copy(),
+        is_found=np.isfinite(out[:, 0]),
+    )
+
+
+def noise_of(image: np.ndarray, weights: Float64[np.ndarray, " c"], rows: int = 24) -> float:
+    """Standard deviation of a pixel in grey levels of 255, from second differences along a few rows.
+
+    The median does not see the edges of dots. Compression smooths the noise away: then this is low.
+    """
+    height = image.shape[0]
+    take = np.unique(np.linspace(0, height - 1, min(rows, height)).astype(int))
+    part = image[take].astype(np.float32)
+    grey = part * np.float32(weights[0]) if part.ndim == 2 else part @ weights.astype(np.float32)
+    second = np.abs(grey[:, :-2] - 2.0 * grey[:, 1:-1] + grey[:, 2:])
+    if second.size == 0:
+        return MIN_NOISE
+    # ties of whole grey levels are spread evenly before the median is taken
+    step = float(np.abs(weights).sum()) if image.dtype == np.uint8 else 0.0
+    middle = float(np.median(second))
+    below, ties = float((second < middle).mean()), float((second == middle).mean())
+    share = (0.5 - below) / ties
+    median = max(middle + (share - 0.5) * step, 0.0)
+    return max(median / (0.6745 * np.sqrt(6.0)), MIN_NOISE)
