@@ -7,7 +7,7 @@ docs/paper.md.
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
 from manytouch.errors import SensorError
@@ -37,9 +37,9 @@ class PaperTracks:
     markers: int
     row_gap_mm: float
     gate_px: float
-    position_px: Points2
+    position_px: Float64[np.ndarray, "t 2"]
     id: Int64[np.ndarray, " t"]
-    frames_unseen: Counts
+    frames_unseen: Int64[np.ndarray, " m"]
     new_ids: int
 
 
@@ -152,7 +152,7 @@ def sorted_by_rows(point: Points2, row_gap: float) -> Counts:
     return np.lexsort((point[:, 0], row)).astype(np.int64)
 
 
-Matched = tuple[Counts, Points2, Counts, int]
+Matched = tuple[Counts, Float64[np.ndarray, "t 2"], Int64[np.ndarray, " t"], int]
 """ID of each detection (-1: none), the list's coordinates and IDs after the frame, new IDs given."""
 
 
