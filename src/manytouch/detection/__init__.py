@@ -9,5 +9,6 @@ flattened, with a covariance that agrees with the error.
 from manytouch.detection.appearance import Appearance, appearance_of
 from manytouch.detection.centroid import Dots, measure, noise_of
 from manytouch.detection.search import DotSearch
+from manytouch.detection.survey import Survey, survey
 
-__all__ = ["Appearance", "DotSearch", "Dots", "appearance_of", "measure", "noise_of"]
+__all__ = ["Appearance", "DotSearch", "Dots", "Survey", "appearance_of", "measure", "noise_of", "survey"]

@@ -68,7 +68,7 @@ def candidates(
     )
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _is_enclosed(image, y, x, offset):  # type: ignore[no-untyped-def]
     """Does the brightness fall by half of its typical fall in nearly all directions?"""
     height, width = image.shape
@@ -93,7 +93,7 @@ def _is_enclosed(image, y, x, offset):  # type: ignore[no-untyped-def]
     return typical > 0.0 and open_directions <= 0.2 * known
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _peaks(inner, outer, least, offset, found):  # type: ignore[no-untyped-def]
     """Local maxima of inner - outer, at parts of pixels; rows x, y, height. Returns their number."""
     height, width = inner.shape
@@ -126,7 +126,7 @@ def _peaks(inner, outer, least, offset, found):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def without_doubles(place, radius, weight, share):  # type: ignore[no-untyped-def]
     """Mask of the dots that have no heavier one within `share` of the larger radius. Sorted sweep."""
     count = place.shape[0]

@@ -10,7 +10,7 @@ GAIN = 1.0 / (HIGH - LOW)
 SAMPLES = 96  # of ring and core, for their medians
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, inline="always", error_model="numpy")
 def _grey(image, weights, y, x):  # type: ignore[no-untyped-def]
     value = np.float32(image[y, x, 0]) * weights[0]
     for channel in range(1, image.shape[2]):
@@ -18,7 +18,7 @@ def _grey(image, weights, y, x):  # type: ignore[no-untyped-def]
     return value
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _walk_to_dot(image, weights, x, y, radius, steps):  # type: ignore[no-untyped-def]
     """A few mean-shift steps on every stride-th pixel; returns x, y."""
     height, width = image.shape[:2]
@@ -53,7 +53,7 @@ def _walk_to_dot(image, weights, x, y, radius, steps):  # type: ignore[no-untype
     return x, y
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _sampled_quantile(window, x, y, inner2, outer2, quantile, scratch):  # type: ignore[no-untyped-def]
     """Quantile of some of the pixels between two radii around (x, y); NaN where there are none."""
     height, width = window.shape
@@ -76,7 +76,7 @@ def _sampled_quantile(window, x, y, inner2, outer2, quantile, scratch):  # type:
     return chosen[min(count - 1, int(quantile * count))]
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _plane(window, x, y, inner2, outer2, a, b, c, margin):  # type: ignore[no-untyped-def]
     """Least-squares plane a + b dx + c dy of the pixels within `margin` of a given plane.
 
@@ -124,7 +124,7 @@ def _plane(window, x, y, inner2, outer2, a, b, c, margin):  # type: ignore[no-un
     return a + mv - db * mx - dc * my, b + db, c + dc, s1, s1 / total, variance, cxx + cyy
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _fill_holes(share, stack):  # type: ignore[no-untyped-def]
     """Make dot (share 1) of what the dot encloses: a glint inside it belongs to it."""
     height, width = share.shape
@@ -158,7 +158,7 @@ def _fill_holes(share, stack):  # type: ignore[no-untyped-def]
                     share[v, u] = 1.0
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _tail(z):  # type: ignore[no-untyped-def]
     """E[max(n - z, 0)^2] of a standard normal n: noise that passes the soft threshold."""
     if z > 6.0:
@@ -167,7 +167,7 @@ def _tail(z):  # type: ignore[no-untyped-def]
     return (1.0 + z * z) * 0.5 * math.erfc(z / math.sqrt(2.0)) - z * density
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _flattened(window, x, y, radius, scratch, share):  # type: ignore[no-untyped-def]
     """Share of dot in each pixel of the window.
 
@@ -208,7 +208,7 @@ def _flattened(window, x, y, radius, scratch, share):  # type: ignore[no-untyped
     return amplitude, ground_variance, ground_spread, spread
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _centre(share, x, y, reach2):  # type: ignore[no-untyped-def]
     """Centroid of the soft threshold around (x, y): weight, x, y."""
     total = sum_x = sum_y = 0.0
@@ -228,7 +228,7 @@ def _centre(share, x, y, reach2):  # type: ignore[no-untyped-def]
     return total, sum_x / total, sum_y / total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _edge(share, x, y, reach2):  # type: ignore[no-untyped-def]
     """Second moments of the edge's pixels, their number, and dx^2 + dy^2 of all other pixels."""
     exx = exy = eyy = count = rest = 0.0
@@ -249,7 +249,7 @@ def _edge(share, x, y, reach2):  # type: ignore[no-untyped-def]
     return exx, exy, eyy, count, rest
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def _measure_one(image, weights, x, y, radius, noise, scratch, stack, out):  # type: ignore[no-untyped-def]
     """One dot; `out` as in `measure_dots`. Returns False where there is none."""
     height, width = image.shape[:2]
@@ -310,7 +310,7 @@ def _measure_one(image, weights, x, y, radius, noise, scratch, stack, out):  # t
     return True
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def measure_dots(image, weights, near, radius, noise, walk, out):  # type: ignore[no-untyped-def]
     """Rows of `out`: x, y, cxx, cxy, cyy, area, contrast, edge width, cut share; NaN without a dot."""
     scratch = np.empty(4 * SAMPLES, dtype=np.float32)

@@ -1,0 +1,149 @@
+"""Which blobs belong together: similar in size and contrast, and regularly spaced.
+
+Nothing here knows a lattice. In any pattern that is locally regular - square, oblique, hexagonal, in
+perspective, on rings - most dots have pairs of neighbours that lie opposite each other: j, i, k with
+p_k = 2 p_i - p_j. In a random arrangement such triples are rare.
+"""
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.spatial import cKDTree
+
+from manytouch.detection.outline import Outlines
+from manytouch.values.arrays import Mask, Points2
+
+NEIGHBOURS = 6
+REGULAR_TRIPLES = 4  # directed; the corner of a lattice takes part in four or more
+TOLERANCE = 0.16  # of the distance, at rest
+LOOSE = 0.3  # of the distance, pressed
+
+
+def triples(place_px: Points2, tolerance: float) -> Int64[np.ndarray, " n"]:
+    """(n,) in how many directed triples j - i - k of neighbours each point takes part."""
+    count = len(place_px)
+    part = np.zeros(count, dtype=np.int64)
+    if count < 3:
+        return part
+    tree = cKDTree(place_px)
+    k = min(NEIGHBOURS, count - 1)
+    distance, neighbour = tree.query(place_px, k=k + 1)
+    distance, neighbour = distance[:, 1:], neighbour[:, 1:]
+    target = 2.0 * place_px[:, None, :] - place_px[neighbour]
+    miss, opposite = tree.query(target)
+    middle, which = np.nonzero(miss <= tolerance * distance)
+    first, last = neighbour[middle, which], opposite[middle, which]
+    proper = (last != first) & (last != middle) & (first != middle)
+    for role in (middle, first, last):
+        np.add.at(part, role[proper], 1)
+    return part
+
+
+def regular_share(place_px: Points2) -> float:
+    """Share of the points that sit in a locally regular pattern."""
+    if len(place_px) == 0:
+        return 0.0
+    return float((triples(place_px, TOLERANCE) >= REGULAR_TRIPLES).mean())
+
+
+def spacing(place_px: Points2) -> Float64[np.ndarray, " n"]:
+    """(n,) distance to the nearest other point."""
+    if len(place_px) < 2:
+        return np.full(len(place_px), np.inf)
+    return np.asarray(cKDTree(place_px).query(place_px, k=2)[0][:, 1])
+
+
+def spread(values: Float64[np.ndarray, " n"]) -> float:
+    """Robust deviation of the logarithms: 0.1 means about 10 %."""
+    logarithm = np.log(values)
+    return float(1.4826 * np.median(np.abs(logarithm - np.median(logarithm))))
+
+
+def grown(blobs: Outlines, members: Mask, eligible: Mask) -> Mask:
+    """Members and all eligible blobs that resemble a member near them, again and again.
+
+    Sizes and contrasts may drift over the picture as long as neighbours resemble each other.
+    """
+    members = members.copy()
+    for _ in range(40):
+        inside = np.flatnonzero(members)
+        outside = np.flatnonzero(eligible & ~members)
+        if len(outside) == 0 or len(inside) < 2:
+            break
+        tree = cKDTree(blobs.place_px[inside])
+        step = spacing(blobs.place_px[inside])
+        distance, nearest = tree.query(blobs.place_px[outside], k=min(4, len(inside)))
+        near = inside[nearest]
+        size = blobs.radius_px[outside][:, None] / blobs.radius_px[near]
+        contrast = blobs.contrast[outside][:, None] / blobs.contrast[near]
+        alike = (size > 0.66) & (size < 1.5) & (contrast > 0.4) & (contrast < 2.5)
+        alike &= distance < 2.6 * np.minimum(step[nearest], 12.0 * blobs.radius_px[near])
+        alike &= distance > 0.55 * step[nearest]
+        new = outside[alike.any(axis=1)]
+        if len(new) == 0:
+            break
+        members[new] = True
+        members &= single(blobs, members)
+    return members
+
+
+def single(blobs: Outlines, members: Mask) -> Mask:
+    """Members without those that overlap a heavier member."""
+    chosen = np.flatnonzero(members)
+    keep = members.copy()
+    weight = blobs.contrast[chosen] * blobs.radius_px[chosen] ** 2 * (1.0 - blobs.openness[chosen])
+    tree = cKDTree(blobs.place_px[chosen])
+    pairs = tree.query_pairs(float(blobs.radius_px[chosen].max()) if len(chosen) else 0.0, output_type="ndarray")
+    if len(pairs) == 0:
+        return keep
+    a, b = pairs[:, 0], pairs[:, 1]
+    distance = np.linalg.norm(blobs.place_px[chosen[a]] - blobs.place_px[chosen[b]], axis=1)
+    overlap = distance < np.maximum(blobs.radius_px[chosen[a]], blobs.radius_px[chosen[b]])
+    a, b = a[overlap], b[overlap]
+    loser = np.where((weight[a] < weight[b]) | ((weight[a] == weight[b]) & (a > b)), a, b)
+    winner = a + b - loser
+    # heaviest first, so that a loser does not take others with it
+    for place in np.argsort(-weight[winner], kind="stable"):
+        if keep[chosen[winner[place]]]:
+            keep[chosen[loser[place]]] = False
+    return keep
+
+
+def predicted(place_px: Points2) -> tuple[Points2, Float64[np.ndarray, " t"]]:
+    """Where a regular pattern goes on: (t, 2) places opposite to neighbours, and (t,) their distance."""
+    count = len(place_px)
+    if count < 3:
+        return np.zeros((0, 2)), np.zeros(0)
+    distance, neighbour = cKDTree(place_px).query(place_px, k=min(8, count - 1) + 1)
+    distance, neighbour = distance[:, 1:], neighbour[:, 1:]
+    target = 2.0 * place_px[:, None, :] - place_px[neighbour]
+    near = distance < 2.2 * distance[:, :1]
+    return target[near], distance[near]
+
+
+def admitted(blobs: Outlines, members: Mask, eligible: Mask) -> Mask:
+    """Members and those weak, small or odd blobs that sit where the pattern of the members goes on."""
+    members = members.copy()
+    for _ in range(8):
+        inside = np.flatnonzero(members)
+        outside = np.flatnonzero(eligible & ~members)
+        if len(outside) == 0 or len(inside) < 4:
+            break
+        target, distance = predicted(blobs.place_px[inside])
+        step, nearest = cKDTree(blobs.place_px[inside]).query(blobs.place_px[outside], k=min(6, len(inside)))
+        near = inside[nearest]
+        size = blobs.radius_px[outside] / np.median(blobs.radius_px[near], axis=1)
+        contrast = blobs.contrast[outside] / np.median(blobs.contrast[near], axis=1)
+        fits = (size > 0.28) & (size < 1.6) & (contrast > 0.12) & (contrast < 3.0)
+        free = step[:, 0] > 0.45 * np.median(step, axis=1)
+        votes = np.zeros(len(outside), dtype=np.int64)
+        tree = cKDTree(target)
+        reach = 0.2 * np.median(step, axis=1)
+        for index, hits in enumerate(tree.query_ball_point(blobs.place_px[outside], reach)):
+            votes[index] = sum(1 for hit in hits if reach[index] <= 0.3 * distance[hit])
+        new = outside[fits & free & (votes >= 2)]
+        if len(new) == 0:
+            break
+        # the best blob of each place: one round takes only those that no better one overlaps
+        members[new] = True
+        members &= single(blobs, members)
+    return members

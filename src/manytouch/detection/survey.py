@@ -1,0 +1,299 @@
+"""How the dots of an unknown picture look, and where they are.
+
+Blobs of every size and of both signs are found in grey, and traced by rays. Of all sets of blobs that
+are alike in size and contrast, the one that is most regularly spaced and explains most of the picture
+is the dots; it then grows over neighbours that resemble each other, and takes in weak and odd ones
+where its pattern goes on. Colours are tried as well: the combination of channels that parts the dots
+found so far best from their ground, or single channels when grey shows none.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.detection.appearance import GREY_OF_BGR, Appearance
+from manytouch.detection.centroid import measure, noise_of
+from manytouch.detection.colour import fitted_weights, tried_weights
+from manytouch.detection.outline import Outlines, outlines
+from manytouch.detection.regularity import (
+    admitted,
+    grown,
+    regular_share,
+    single,
+    spacing,
+    spread,
+    triples,
+)
+from manytouch.detection.scale_space import blobs_and_pyramid
+from manytouch.detection.search import cropped, detections_of, level_of
+from manytouch.errors import LayoutError
+from manytouch.values import Detections, Frame, Polarity
+from manytouch.values.arrays import Mask, Points2, Scalars
+
+FEWEST = 6
+BANDS = np.geomspace(1.2, 160.0, 17)  # lower ends of the radii that are taken as alike
+BAND_WIDTH = 1.8
+MOST_SEEDS = 2500
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Survey:
+    """What a first look at a recording gives.
+
+    Attributes:
+        appearance: of the dots.
+        detections: the dots of the reference frame.
+        frame_index: index of the reference frame.
+        notes: sentences about what was odd.
+    """
+
+    appearance: Appearance
+    detections: Detections
+    frame_index: int
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Pattern:
+    """Dots as one channel and one polarity show them.
+
+    Attributes:
+        polarity: lighter or darker than the ground.
+        weights: (c,) of the image's channels, unsigned.
+        dots: their outlines.
+        alike: (n,) those that resemble their neighbours (the rest is weak or odd).
+        score: how well this explains the picture; for comparison only.
+        regular: share of the dots in a locally regular pattern.
+    """
+
+    polarity: Polarity
+    weights: Float64[np.ndarray, " c"]
+    dots: Outlines
+    alike: Mask
+    score: float
+    regular: float
+
+
+def survey(frames: Sequence[Frame], *, roi_px: tuple[int, int, int, int] | None = None) -> Survey:
+    """Finds out how the dots look.
+
+    Args:
+        frames: the first frames of a recording; the first one with dots is the reference.
+        roi_px: x, y, width, height of the part of the image to look at; None for all of it.
+
+    Raises:
+        LayoutError: there are no dots.
+    """
+    pictures = [frame for frame in frames if frame.image is not None]
+    if not pictures:
+        raise LayoutError("no frame could be decoded, so there is nothing to find dots in: check the source")
+    tried = sorted({0, len(pictures) // 2, len(pictures) - 1})
+    for place in tried:
+        frame = pictures[place]
+        assert frame.image is not None
+        image, corner = cropped(frame.image, roi_px)
+        level = level_of(frame.image)
+        pattern = best_pattern(image, level) if min(image.shape[:2]) >= 16 else None
+        if pattern is not None:
+            return _surveyed(frame, image, corner, level, pattern)
+    height, width = pictures[0].image.shape[:2] if pictures[0].image is not None else (0, 0)
+    where = f"the {width} x {height} px image" if roi_px is None else f"the region {roi_px} of the image"
+    raise LayoutError(
+        f"no dots were found in {where}: expected at least {FEWEST} round spots of similar size, regularly "
+        "spaced, lighter or darker than their ground; check focus, light and region"
+    )
+
+
+def best_pattern(image: np.ndarray, level: float) -> Pattern | None:
+    """The dots of an image in the channel that shows them best; None where there are none."""
+    if image.ndim == 2:
+        return pattern_in(image, np.array([level]))
+    grey = GREY_OF_BGR * level
+    best = pattern_in(image, grey)
+    if not has_colour(image):
+        return best
+    if best is None:
+        for weights in tried_weights():
+            found = pattern_in(image, weights * level)
+            if found is not None and (best is None or found.score > best.score):
+                best = found
+    for _ in range(2):
+        if best is None:
+            break
+        weights = fitted_weights(image, best.dots.place_px, best.dots.radius_px)
+        sign = 1.0 if best.polarity == "light" else -1.0
+        found = pattern_in(image, sign * weights * level)
+        if found is None or not _is_clearly_better(found, best):
+            break
+        best = found
+    return best
+
+
+def has_colour(image: np.ndarray) -> bool:
+    """Do the channels of a colour image differ?"""
+    few = image[::7, ::7].astype(np.float32)
+    return bool(np.mean(few.max(axis=2) - few.min(axis=2)) > 0.01 * max(float(few.max()), 1.0))
+
+
+def _is_clearly_better(new: Pattern, old: Pattern) -> bool:
+    """More dots, or as many that stand out much more evenly."""
+    if len(new.dots.place_px) > 1.04 * len(old.dots.place_px) and new.regular > 0.9 * old.regular:
+        return True
+    return False
+
+
+def pattern_in(image: np.ndarray, weights: Float64[np.ndarray, " c"]) -> Pattern | None:
+    """The best pattern of both polarities in one channel."""
+    channel = _channel(image, weights)
+    noise = noise_of(image, weights)
+    blobs, pyramid = blobs_and_pyramid(channel, noise=noise)
+    best: Pattern | None = None
+    for polarity, sign in (("light", 1.0), ("dark", -1.0)):
+        of_sign = blobs.contrast * sign > 0
+        traced = outlines(pyramid, blobs.place_px[of_sign], blobs.radius_px[of_sign], sign)
+        traced = traced.at(np.flatnonzero(np.isfinite(traced.radius_px) & (traced.contrast > 1.5)))
+        found = _pattern_of(traced, "light" if polarity == "light" else "dark", weights)
+        if found is not None and (best is None or found.score > best.score):
+            best = found
+    return best
+
+
+def _channel(image: np.ndarray, weights: Float64[np.ndarray, " c"]) -> np.ndarray:
+    if image.ndim == 2:
+        return image.astype(np.float32) * np.float32(weights[0])
+    return np.asarray(cv2.transform(image.astype(np.float32), weights[None].astype(np.float32)))
+
+
+def _pattern_of(blobs: Outlines, polarity: Polarity, weights: Float64[np.ndarray, " c"]) -> Pattern | None:
+    """The dots among the blobs of one sign; None where there are none."""
+    if len(blobs.radius_px) < FEWEST:
+        return None
+    round_ones = (blobs.openness <= 0.13) & (blobs.aspect < 2.2) & (blobs.roughness < 0.25) & (blobs.visible > 0.6)
+    seed, score = _best_seed(blobs, round_ones)
+    if seed is None:
+        return None
+    tolerated = (blobs.openness <= 0.17) & (blobs.aspect < 2.8) & (blobs.roughness < 0.35) & (blobs.visible > 0.4)
+    alike = grown(blobs, seed, tolerated)
+    odd = (blobs.openness <= 0.34) & (blobs.aspect < 5.0) & (blobs.visible > 0.4)
+    members = admitted(blobs, alike, odd)
+    members = _without_strays(blobs, members)
+    if members.sum() < FEWEST:
+        return None
+    chosen = np.flatnonzero(members)
+    dots = blobs.at(chosen)
+    return Pattern(
+        polarity=polarity,
+        weights=weights,
+        dots=dots,
+        alike=alike[chosen],
+        score=score,
+        regular=regular_share(dots.place_px),
+    )
+
+
+def _best_seed(blobs: Outlines, eligible: Mask) -> tuple[Mask | None, float]:
+    """The most convincing set of blobs that are alike, and its score."""
+    best, best_score = None, 0.0
+    for low in BANDS:
+        band = eligible & (blobs.radius_px >= low) & (blobs.radius_px < BAND_WIDTH * low)
+        if band.sum() < FEWEST:
+            continue
+        band = single(blobs, band)
+        contrasts = np.sort(blobs.contrast[band])[::-1]
+        tops = {float(contrasts[int(q * (len(contrasts) - 1))]) for q in (0.02, 0.1, 0.3, 0.6)}
+        tops.add(float(contrasts[min(FEWEST, len(contrasts) - 1)]))
+        for top in tops:
+            alike = band & (blobs.contrast > 0.45 * top) & (blobs.contrast < 2.2 * top)
+            count = int(alike.sum())
+            if count < FEWEST or count > MOST_SEEDS:
+                continue
+            score = _score(blobs, np.flatnonzero(alike))
+            if score > best_score:
+                best, best_score = alike, score
+    return best, best_score
+
+
+def _score(blobs: Outlines, chosen: np.ndarray) -> float:
+    """How convincing a set of alike blobs is; 0 when it could be chance."""
+    place_px, radius_px = blobs.place_px[chosen], blobs.radius_px[chosen]
+    count = triples(place_px, TIGHT)
+    regular = count >= 4
+    share = float(regular.mean())
+    if share < 0.45 or regular.sum() < FEWEST:
+        if not _is_uniform(blobs, chosen):
+            return 0.0
+        share, regular = max(share, 0.35), np.ones(len(chosen), dtype=bool)
+    weight = np.sqrt(blobs.contrast[chosen]) * radius_px**2
+    evenness = 1.0 / (1.0 + spread(blobs.contrast[chosen]) + spread(radius_px))
+    return float(share**2 * evenness * weight[regular].sum())
+
+
+TIGHT = 0.15
+
+
+def _is_uniform(blobs: Outlines, chosen: np.ndarray) -> bool:
+    """Dots on curves (rings, spirals) have few opposite neighbours, but are very much alike."""
+    gaps = spacing(blobs.place_px[chosen])
+    return bool(
+        len(chosen) >= 2 * FEWEST
+        and spread(blobs.contrast[chosen]) < 0.2
+        and spread(blobs.radius_px[chosen]) < 0.15
+        and spread(gaps) < 0.25
+        and np.median(blobs.roughness[chosen]) < 0.08
+    )
+
+
+def _without_strays(blobs: Outlines, members: Mask) -> Mask:
+    """In a regular pattern, what takes no part in it is something else."""
+    chosen = np.flatnonzero(members)
+    part = triples(blobs.place_px[chosen], 0.3)
+    if len(chosen) < 12 or (part >= 4).mean() < 0.75:
+        return members
+    keep = members.copy()
+    keep[chosen[part == 0]] = False
+    return keep
+
+
+def _surveyed(
+    frame: Frame, image: np.ndarray, corner: Float64[np.ndarray, "2"], level: float, pattern: Pattern
+) -> Survey:
+    """Sub-pixel centres and the summary of a pattern."""
+    sign = 1.0 if pattern.polarity == "light" else -1.0
+    noise = noise_of(image, pattern.weights)
+    measured = measure(image, sign * pattern.weights, pattern.dots.place_px, pattern.dots.radius_px, noise=noise)
+    moved = np.linalg.norm(measured.centre_px - pattern.dots.place_px, axis=1)
+    with np.errstate(invalid="ignore"):
+        keep = measured.is_found & (measured.cut < 0.6) & (moved < pattern.dots.radius_px + 1.0)
+    detections = detections_of(measured, keep, corner)
+    typical = pattern.alike & keep
+    radius_px = np.sqrt(measured.area_px2[typical if typical.any() else keep] / np.pi)
+    colour = None
+    if image.ndim == 3:
+        ratio = pattern.weights / level
+        colour = None if np.allclose(ratio, GREY_OF_BGR) else ratio
+    appearance = Appearance(
+        polarity=pattern.polarity,
+        radius_min_px=float(np.quantile(radius_px, 0.05)),
+        radius_max_px=float(np.quantile(radius_px, 0.95)),
+        colour_weights=colour,
+        contrast=float(np.median(measured.contrast[keep])),
+    )
+    return Survey(
+        appearance=appearance,
+        detections=replace(detections, status="ok"),
+        frame_index=frame.index,
+        notes=_notes(pattern, keep),
+    )
+
+
+def _notes(pattern: Pattern, keep: Mask) -> tuple[str, ...]:
+    notes = []
+    odd = int((keep & ~pattern.alike).sum())
+    if odd:
+        notes.append(f"{odd} of {int(keep.sum())} dots are weak, damaged or odd")
+    if pattern.regular < 0.5:
+        notes.append("the dots form no locally regular pattern")
+    return tuple(notes)
