@@ -31,6 +31,8 @@ def open_source(text: str | os.PathLike[str], *, fps: float | None = None) -> So
         from manytouch.sources.simulated import simulated_source
 
         return simulated_source(text.removeprefix("sim:"), fps=fps)
+    if not text.strip():
+        raise SourceError(f"The name of the source is empty: give {SUPPORTED}.")
     path = Path(text).expanduser()
     try:
         return _file_source(text, path, fps)
@@ -67,9 +69,7 @@ def _folder_source(path: Path, fps: float | None) -> Source:
 def _why_not(text: str, path: Path) -> str:
     """The sentence for something that is neither a file nor a folder that can be opened."""
     later = f"is not supported in this version: give {SUPPORTED}."
-    if not text.strip():
-        return f"The source is empty: give {SUPPORTED}."
-    if text.isdigit() or path.is_char_device():
+    if text.isdigit() or path.is_char_device() or text.startswith("/dev/video"):
         return f"The camera {text!r} {later}"
     if "://" in text:
         return f"The stream {text!r} {later}"

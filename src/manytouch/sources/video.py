@@ -141,6 +141,11 @@ def frames_lost(promised: int | None, delivered: int, failures: int, container: 
 
 def video_source(path: Path, fps: float | None) -> VideoSource:
     """A video file as a source; raises SourceError when it is none."""
+    if read_container(path).is_cut_short and not _opened(path).isOpened():
+        raise SourceError(
+            f"{str(path)!r} is cut short: it ends before the index without which its frames cannot be found; "
+            f"copy or record it again."
+        )
     refusal = SourceError(
         f"{str(path)!r} cannot be decoded as a video or an image: check that it is complete and of a "
         f"common kind ({', '.join(suffix[1:] for suffix in VIDEO_SUFFIXES)}), or convert it to MP4."

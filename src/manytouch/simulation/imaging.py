@@ -1,0 +1,67 @@
+"""What a camera shows of a printed dot on the bent sheet: not its centre, but its area's centroid.
+
+The disc's outline is moved with the sheet, projected as a polygon, and replaced by the ellipse of
+the same area centroid and second moments.
+"""
+
+import numpy as np
+
+from manytouch.geometry.camera import project
+from manytouch.simulation.plate import PlateField
+from manytouch.values import Camera
+from manytouch.values.arrays import Covariances2, Points2, Points3, Scalars
+
+CORNERS = 12
+SAME_MOMENT = float(
+    np.sqrt(3 / (2 + np.cos(2 * np.pi / CORNERS)))
+)  # the polygon's second moment is the disc's
+ANGLES = 2 * np.pi * np.arange(CORNERS) / CORNERS
+
+
+def displacements(field: PlateField, lever_mm: float) -> Points3:
+    """Displacement (n, 3) of the camera-side face, or of marker tips above it, in the sheet frame.
+
+    Normals stay normal (Kirchhoff): a point that lies lever_mm nearer to the camera than the middle
+    surface moves by -lever * grad depth in the plane. A press moves the sheet to -z, towards the
+    camera; around it the camera-side face is stretched, so the dots move away from its centre.
+    """
+    return np.column_stack([-lever_mm * field.slope, -field.depth_mm])
+
+
+def dot_ellipses(
+    camera: Camera, rest_mm: Points3, radius_mm: Scalars, field: PlateField, lever_mm: float
+) -> tuple[Points2, Covariances2]:
+    """Image ellipses of discs: centroids (n, 2) px and shapes (n, 2, 2) as `render_discs` takes them.
+
+    The field is continued over each disc with its own slope and curvature.
+    """
+    circle = SAME_MOMENT * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
+    offset_mm = radius_mm[:, None, None] * circle
+    bend = field.curvature_per_mm[:, [0, 2, 2, 1]].reshape(-1, 2, 2)
+    turned = offset_mm @ bend
+    outline_mm = np.repeat(rest_mm[:, None, :], CORNERS, axis=1)
+    outline_mm[:, :, :2] += offset_mm - lever_mm * (field.slope[:, None, :] + turned)
+    outline_mm[:, :, 2] -= (
+        field.depth_mm[:, None]
+        + np.einsum("nci,ni->nc", offset_mm, field.slope)
+        + 0.5 * np.einsum("nci,nci->nc", offset_mm, turned)
+    )
+    return polygon_ellipses(project(camera, outline_mm.reshape(-1, 3)).reshape(-1, CORNERS, 2))
+
+
+def polygon_ellipses(corner_px: np.ndarray) -> tuple[Points2, Covariances2]:
+    """Centroids (n, 2) of polygons (n, corners, 2), and shapes (n, 2, 2) of ellipses of their moments."""
+    middle = corner_px.mean(axis=1)
+    here = corner_px - middle[:, None, :]
+    following = np.roll(here, -1, axis=1)
+    cross = here[:, :, 0] * following[:, :, 1] - here[:, :, 1] * following[:, :, 0]
+    twice_area = cross.sum(axis=1)
+    centroid = np.einsum("nc,nci->ni", cross, here + following) / (3 * twice_area[:, None])
+    both = here + following
+    second = (
+        np.einsum("nc,nci,ncj->nij", cross, both, both)
+        + np.einsum("nc,nci,ncj->nij", cross, here, here)
+        + np.einsum("nc,nci,ncj->nij", cross, following, following)
+    ) / (12 * twice_area[:, None, None])
+    covariance = second - centroid[:, :, None] * centroid[:, None, :]
+    return middle + centroid, 2 * np.linalg.cholesky(covariance)
