@@ -239,7 +239,7 @@ def _contrast(grey: Grey, binary: Grey, midpoint_px: Points2) -> Scalars:
     """Grey level at each midpoint above the mean of everything that is no marker."""
     ground = cv2.mean(grey, mask=cv2.bitwise_not(binary))[0]
     column, row = np.rint(midpoint_px).astype(int).T
-    return grey[row, column].astype(np.float64) - ground
+    return np.asarray(grey[row, column].astype(np.float64) - ground)
 
 
 def _eye_mm(camera: Camera) -> np.ndarray:

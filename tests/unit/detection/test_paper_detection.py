@@ -212,7 +212,7 @@ def test_midpoints_follow_a_shift_and_do_not_mind_the_order():
     np.testing.assert_allclose(midpoint, [[5, 6], [20, 20], [7, 30]])
     assert area[0] == 36 + 2 + 1
     moved, _ = contour_midpoints([contour + np.array([1000, 700]) for contour in contours[::-1]])
-    np.testing.assert_allclose(moved[::-1], midpoint + [1000, 700])
+    np.testing.assert_allclose(moved[::-1], midpoint + np.array([1000, 700]))
 
 
 def test_no_dots_no_image_and_wrong_size_are_statuses():
