@@ -50,7 +50,7 @@ class Summary:
         self._most_at_once = 0
         self._frames_touched = 0
         self._milliseconds: list[float] = []
-        self._stopped: str | None = None
+        self._last_index = -1
 
     def write(self, reading: Reading) -> None:
         """Take in a frame."""
@@ -61,11 +61,8 @@ class Summary:
         self._contacts.update(contact.id for contact in touching)
         self._most_at_once = max(self._most_at_once, len(touching))
         self._frames_touched += bool(touching)
+        self._last_index = reading.frame.index
         self._milliseconds.append(reading.milliseconds)
-
-    def stopped(self, reason: str) -> None:
-        """Note that the run ended before its input did."""
-        self._stopped = reason
 
     def close(self) -> None:
         """Write the file."""
@@ -116,13 +113,15 @@ class Summary:
     def odd(self) -> list[str]:
         """Sentences about what somebody should look at."""
         frames = sum(self._status.values())
-        sentences = [] if self._stopped is None else [self._stopped]
+        sentences = []
         for status, count in sorted(self._status.items()):
             if status != "ok":
                 sentences.append(f"{count} of {frames} frames have the status {status}")
         announced = self._recording.get("frame_count")
-        if self._stopped is None and announced is not None and announced != frames:
-            sentences.append(f"the input announced {announced} frames and gave {frames}")
+        if announced is not None and announced != frames:
+            sentences.append(
+                f"the input announced {announced} frames; {frames} were read, up to number {self._last_index}"
+            )
         present = ~layout_of(self._sensor).is_missing
         rare = np.flatnonzero(present & (self._seen < RARELY_SEEN * frames))
         if len(rare):

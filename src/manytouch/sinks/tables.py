@@ -198,11 +198,6 @@ class MarkerTable:
 
 def marker_schema(unit: LengthUnit) -> pa.Schema:
     """Types of markers.parquet: float32 holds 0.0002 px at 4096 px."""
-    kinds: dict[str, pa.DataType] = {
-        "frame": pa.int32(),
-        "time_s": pa.float64(),
-        "marker": pa.int32(),
-        "seen": pa.bool_(),
-    }
-    kinds |= {"row": pa.int32(), "column": pa.int32()}
+    kinds: dict[str, pa.DataType] = dict.fromkeys(("frame", "marker", "row", "column"), pa.int32())
+    kinds |= {"time_s": pa.float64(), "seen": pa.bool_()}
     return pa.schema([(name, kinds.get(name, pa.float32())) for name in marker_columns(unit)])

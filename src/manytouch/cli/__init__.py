@@ -1,0 +1,87 @@
+"""The command line: one module per verb, each a thin face on `manytouch.session`.
+
+Exit status: 0 done, 1 the work failed, 2 the command line is wrong.
+"""
+
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError
+
+import manytouch
+from manytouch.cli import demo, doctor, process, run
+from manytouch.errors import ManytouchError
+
+DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
+
+EPILOGUE = """\
+--debug anywhere on the line shows the traceback of an error.
+
+Exit status: 0 done, 1 the work failed (one line on stderr says what to do), 2 the command line is wrong.
+"""
+
+app = App(
+    name="manytouch",
+    help="Where, how deep and how hard a dotted soft sheet is touched, all contacts at once, by one camera.",
+    help_epilogue=EPILOGUE,
+    version=manytouch.__version__,
+    help_format="plaintext",
+)
+app.command(demo.demo)
+app.command(process.process)
+app.command(run.run)
+app.command(doctor.doctor)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return the exit status.
+
+    Args:
+        arguments: words after the program's name; None takes those of this process.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    debug = "--debug" in words
+    words = [word for word in words if word != "--debug"]
+    try:
+        return _status(app(words, exit_on_error=False, print_error=False, result_action="return_value"))
+    except CycloptsError as error:
+        return _wrong(words, error)
+    except ManytouchError as error:
+        if debug:
+            raise
+        return _fail(str(error))
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        return DONE
+    except BrokenPipeError:  # the reader of our output, such as `head`, has gone
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:
+        if debug:
+            raise
+        return _fail(
+            f"this should not happen: {type(error).__name__}: {_one_line(str(error))}; "
+            "run again with --debug and report what it prints"
+        )
+
+
+def _status(result: object) -> int:
+    return result if isinstance(result, int) else DONE
+
+
+def _fail(sentence: str) -> int:
+    print(f"manytouch: {_one_line(sentence)}", file=sys.stderr)
+    return FAILED
+
+
+def _wrong(words: Sequence[str], error: CycloptsError) -> int:
+    verb = words[0] if words and words[0] in {"demo", "process", "run", "doctor"} else ""
+    help_line = " ".join(filter(None, ("manytouch", verb, "--help")))
+    sentence = _one_line(str(error)).rstrip(".")
+    print(f"manytouch: {sentence}; see {help_line}", file=sys.stderr)
+    return WRONG_COMMAND_LINE
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())

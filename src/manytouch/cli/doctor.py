@@ -1,0 +1,35 @@
+"""`manytouch doctor`: what works on this machine, and how well a recording can be read."""
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from manytouch.cli import options
+
+
+def doctor(
+    source: Annotated[str | None, Parameter(help="Video, image, folder of images, or sim:.")] = None,
+    /,
+    *,
+    roi: options.RoiPx = None,
+) -> int:
+    """Say what works on this machine and, with a source, how well its dots can be read.
+
+    Of a source: dots, contrast, focus, exposure, the arrangement found or why there is none, noise;
+    each with a remedy where it is poor.
+
+    Example: manytouch doctor press.mp4
+    """
+    from rich.console import Console
+
+    from manytouch.cli.examination import examine
+    from manytouch.cli.machine import machine_in_words
+
+    console = Console(highlight=False, soft_wrap=True)
+    for line in machine_in_words():
+        console.print(line, markup=False)
+    if source is not None:
+        console.print(f"\n{source}", markup=False)
+        for line in examine(source, roi):
+            console.print(f"  {line}", markup=False)
+    return 0

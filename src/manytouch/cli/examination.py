@@ -1,0 +1,125 @@
+"""How well the dots of a recording can be read, in frank sentences with a remedy."""
+
+from collections.abc import Iterator, Sequence
+from itertools import islice
+
+import numpy as np
+
+from manytouch.calibration.rest import sensor_from_rest
+from manytouch.detection import Appearance, measure, noise_of, survey
+from manytouch.detection.search import cropped, level_of
+from manytouch.errors import LayoutError, SourceError
+from manytouch.session import REST_FRAMES, Roi, check_region
+from manytouch.sinks.description import in_words
+from manytouch.sources import Source, open_source
+from manytouch.values import Detections, Frame
+
+LOW_CONTRAST, SMALL_RADIUS_PX, SOFT_EDGE_PX = 20.0, 2.5, 3.5
+MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
+NOISY_PX = 0.15
+
+
+def examine(text: str, roi_px: Roi | None = None) -> Iterator[str]:
+    """Lines about the first frames of a source.
+
+    Raises:
+        SourceError: it cannot be opened, or its first frames cannot be decoded.
+    """
+    source = open_source(text)
+    check_region(source, text, roi_px)
+    yield _source_in_words(source)
+    frames = [frame for frame in islice(source, REST_FRAMES) if frame.image is not None]
+    if not frames:
+        raise SourceError(
+            f"none of the first {REST_FRAMES} frames of {text} could be decoded; try another player"
+        )
+    yield _exposure(frames)
+    try:
+        surveyed = survey(frames, roi_px=roi_px)
+    except LayoutError as error:
+        yield f"dots: {error}"
+        return
+    reference = next(frame for frame in frames if frame.index == surveyed.frame_index)
+    yield _dots(surveyed.detections, surveyed.appearance)
+    yield _contrast(surveyed.detections)
+    yield _focus(reference, surveyed.detections, surveyed.appearance, roi_px)
+    yield from (f"odd: {note}" for note in surveyed.notes)
+    try:
+        sensor = sensor_from_rest(frames, name=source.name, roi_px=roi_px)
+    except LayoutError as error:
+        yield f"arrangement: none found: {error}"
+        return
+    yield f"arrangement: {in_words(sensor)}"
+    yield _noise(sensor.centre_noise_px, len(frames))
+    for assumption in sensor.assumptions:
+        yield f"assumed: {assumption}"
+
+
+def _source_in_words(source: Source) -> str:
+    rate = "rate not known" if source.fps is None else f"{source.fps:g} frames per second"
+    count = "" if source.frame_count is None else f", {source.frame_count} frames promised"
+    return f"{source.width_px} x {source.height_px} px, {rate}{count}"
+
+
+def _exposure(frames: Sequence[Frame]) -> str:
+    levels = [
+        np.asarray(frame.image, dtype=np.float32) * level_of(np.asarray(frame.image)) for frame in frames
+    ]
+    means = np.array([level.mean() for level in levels])
+    saturated = float(np.mean(levels[-1] >= 254.5))
+    words = f"exposure: mean grey {means[-1]:.0f} of 255, {saturated:.1%} of the picture saturated"
+    if saturated > MUCH_SATURATED:
+        words += "; too bright: shorten the exposure or dim the light, dots in white areas lose their edges"
+    elif means[-1] < DARK_MEAN:
+        words += "; dark: more light, or a longer exposure"
+    if np.ptp(means) > UNSTEADY * means.max():
+        words += (
+            f"; it drifts from {means[0]:.0f} to {means[-1]:.0f} over these {len(frames)} frames: "
+            "switch off automatic exposure and white balance"
+        )
+    return words
+
+
+def _dots(found: Detections, appearance: Appearance) -> str:
+    small, large = appearance.radius_min_px, appearance.radius_max_px
+    count, size = len(found.centre_px), f"{small:.1f} to {large:.1f} px"
+    words = f"dots: {count}, {appearance.polarity}er than their ground, radius {size}"
+    if large < SMALL_RADIUS_PX:
+        words += "; small: come nearer, zoom in, or take a higher resolution"
+    return words
+
+
+def _contrast(found: Detections) -> str:
+    if len(found.contrast) == 0:
+        return "contrast: not known, for there are no dots"
+    middle, weak = np.quantile(found.contrast, [0.5, 0.1])
+    words = f"contrast: {middle:.0f} grey levels in the median, {weak:.0f} for the weakest tenth"
+    if middle < LOW_CONTRAST:
+        words += "; low: brighter and more even light, or darker print"
+    return words
+
+
+def _focus(frame: Frame, found: Detections, appearance: Appearance, roi_px: Roi | None) -> str:
+    if len(found.centre_px) == 0 or frame.image is None:
+        return "focus: not known, for there are no dots"
+    image, corner = cropped(frame.image, roi_px)
+    weights = appearance.weights(1 if image.ndim == 2 else image.shape[2]) * level_of(frame.image)
+    radius_px = np.sqrt(found.area_px2 / np.pi)
+    dots = measure(image, weights, found.centre_px - corner, radius_px, noise=noise_of(image, weights))
+    edge_px = dots.edge_px[dots.is_found & np.isfinite(dots.edge_px)]
+    if len(edge_px) == 0:
+        return "focus: not known, for no dot is whole"
+    width = float(np.median(edge_px))
+    words = f"focus: edges of the dots are {width:.1f} px wide"
+    if width > SOFT_EDGE_PX and width > 0.5 * float(np.median(radius_px)):
+        words += "; soft: focus the lens, or shorten the exposure when the view moves"
+    return words
+
+
+def _noise(noise_px: float | None, frames: int) -> str:
+    if noise_px is None:
+        return f"noise: not known from {frames} frames; give a recording of the untouched sheet"
+    words = f"noise: {noise_px:.3f} px per marker in the still frames among the first {frames}"
+    if noise_px > NOISY_PX:
+        words += "; high: steady the camera, brighten the light, or lower the gain"
+    return words

@@ -1,0 +1,93 @@
+"""Options that several verbs share, and how their words become values."""
+
+from collections.abc import Sequence
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter, Token
+
+Method = Literal["perimeter", "paper"]
+
+
+def _numbers(tokens: Sequence[Token], counts: tuple[int, ...], form: str) -> list[float]:
+    text = tokens[0].value
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ValueError(f"expected {form}, found {text!r}") from None
+    if len(found) not in counts:
+        raise ValueError(f"expected {form}, found {text!r}")
+    return found
+
+
+def _pitch(_: Any, tokens: Sequence[Token]) -> float | tuple[float, float]:
+    found = _numbers(tokens, (1, 2), "a length or X,Y in mm")
+    if min(found) <= 0:
+        raise ValueError("a pitch is more than 0 mm")
+    return found[0] if len(found) == 1 else (found[0], found[1])
+
+
+def _roi(_: Any, tokens: Sequence[Token]) -> tuple[int, int, int, int]:
+    found = _numbers(tokens, (4,), "X,Y,W,H in whole px")
+    if any(value != int(value) for value in found):
+        raise ValueError("expected X,Y,W,H in whole px")
+    x, y, width, height = map(int, found)
+    return x, y, width, height
+
+
+def positive(what: str, below: float | None = None) -> Any:
+    """A converter for numbers above 0, and below a limit where there is one."""
+
+    def convert(_: Any, tokens: Sequence[Token]) -> float:
+        (value,) = _numbers(tokens, (1,), what)
+        if not value > 0 or (below is not None and value >= below):
+            limit = "" if below is None else f" and less than {below:g}"
+            raise ValueError(f"expected {what} above 0{limit}, found {tokens[0].value}")
+        return value
+
+    return convert
+
+
+SensorFile = Annotated[
+    str | None,
+    Parameter(
+        name="--sensor",
+        help="Sensor file of this camera and sheet. Without one the markers are found in the first frames.",
+    ),
+]
+MethodName = Annotated[
+    Method | None,
+    Parameter(name="--method", help="How depth is told. [default: perimeter]", show_default=False),
+]
+PitchMm = Annotated[
+    Any,
+    Parameter(
+        name="--pitch-mm",
+        converter=_pitch,
+        n_tokens=1,
+        help="Distance of neighbouring markers, P or X,Y. Without it lengths are in pitches.",
+    ),
+]
+HfovDeg = Annotated[
+    Any,
+    Parameter(
+        name="--hfov-deg",
+        converter=positive("an angle in degrees", 180.0),
+        n_tokens=1,
+        help="Horizontal field of view of the camera. Without it 60 degrees are assumed.",
+    ),
+]
+RoiPx = Annotated[
+    Any,
+    Parameter(
+        name="--roi", converter=_roi, n_tokens=1, help="Look only at this part of the image: X,Y,W,H in px."
+    ),
+]
+Fps = Annotated[
+    Any,
+    Parameter(
+        name="--fps",
+        converter=positive("a number of frames per second"),
+        n_tokens=1,
+        help="Frames per second, where the input does not say or says wrong.",
+    ),
+]

@@ -1,0 +1,93 @@
+"""`manytouch process`: every frame of recordings into tables."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from manytouch.cli import options
+
+
+def process(
+    inputs: Annotated[
+        list[str], Parameter(name="INPUT", negative=(), help="Video, image, folder of images, or sim:.")
+    ],
+    /,
+    *,
+    out: Annotated[
+        Path, Parameter(negative=(), help="Folder for the results; each input gets a folder in it.")
+    ],
+    sensor: options.SensorFile = None,
+    method: options.MethodName = None,
+    surface: Annotated[bool, Parameter(negative=(), help="Also write the depth map, surface.zarr.")] = False,
+    annotate: Annotated[
+        bool, Parameter(negative=(), help="Also draw markers and contacts into the pictures.")
+    ] = False,
+    pitch_mm: options.PitchMm = None,
+    hfov_deg: options.HfovDeg = None,
+    roi: options.RoiPx = None,
+    fps: options.Fps = None,
+) -> int:
+    """Read every frame of videos or pictures of a dotted sheet; write contacts, markers and a summary.
+
+    Markers, their polarity and their arrangement are found in the first frames, so the sheet should
+    be untouched there. Nothing needs to be set.
+
+    Example: manytouch process press.mp4 --out results --annotate
+
+    In results/press/: contacts.csv, markers.parquet, frames.csv, summary.json; with --annotate
+    annotated.mp4, with --surface surface.zarr.
+    """
+    from manytouch.cli.console import Reporter
+    from manytouch.cli.stopping import Stop
+    from manytouch.errors import ManytouchError
+    from manytouch.session import prepare, read_into
+
+    failed = 0
+    with Stop() as stop:
+        for text, name in zip(inputs, folder_names(inputs), strict=True):
+            if stop():
+                break
+            reporter = Reporter()
+            try:
+                with reporter:
+                    reporter.say(text, heading=True)
+                    job = prepare(
+                        text,
+                        sensor=sensor,
+                        method=method,
+                        pitch_mm=pitch_mm,
+                        hfov_deg=hfov_deg,
+                        roi_px=roi,
+                        fps=fps,
+                        progress=reporter,
+                    )
+                    if stop():
+                        break
+                    summary = read_into(
+                        job, out / name, surface=surface, annotate=annotate, progress=reporter, stop=stop
+                    )
+                reporter.finish(summary, out / name)
+            except ManytouchError as error:
+                if len(inputs) == 1:
+                    raise
+                reporter.fail(str(error))
+                failed += 1
+    return 1 if failed else 0
+
+
+def folder_names(inputs: list[str]) -> list[str]:
+    """One folder name per input: its stem, or stem-2, stem-3 where it is taken (a, b, a: a, b, a-2)."""
+    from manytouch.session import result_name
+
+    taken: set[str] = set()
+    names = []
+    for text in inputs:
+        stem = result_name(text)
+        name, number = stem, 1
+        while name.casefold() in taken:
+            number += 1
+            name = f"{stem}-{number}"
+        taken.add(name.casefold())
+        names.append(name)
+    return names

@@ -1,0 +1,106 @@
+"""Marks and words on pictures: outlined, so that they stand out on any ground.
+
+Colours are those of Okabe and Ito, which people with any common colour vision tell apart. All places
+are (x, y) in pixels of the picture, all colours B, G, R.
+"""
+
+import cv2
+import numpy as np
+
+from manytouch.values.arrays import Image
+
+Colour = tuple[int, int, int]
+Place = tuple[float, float]
+
+SKY: Colour = (233, 180, 86)
+YELLOW: Colour = (66, 228, 240)
+VERMILION: Colour = (0, 94, 213)
+WHITE: Colour = (255, 255, 255)
+GREY: Colour = (170, 170, 170)
+BLACK: Colour = (0, 0, 0)
+
+_FONT = cv2.FONT_HERSHEY_SIMPLEX
+_CAPITAL_PX = 21.0  # height of a capital letter of this font at scale 1
+_SHIFT = 4  # OpenCV draws at 1/16 px
+
+
+def eight_bit_colour(image: Image, white: float | None = None) -> np.ndarray:
+    """The picture as 8-bit B, G, R; deeper pixels are scaled so that `white` becomes 255."""
+    if image.dtype != np.uint8:
+        scale = 255.0 / max(white if white is not None else 65535.0, 1.0)
+        image = np.clip(image * np.float32(scale), 0, 255).astype(np.uint8)
+    if image.ndim == 2:
+        return np.asarray(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+    return image.copy()
+
+
+def disc_outline(picture: np.ndarray, centre: Place, radius: float, colour: Colour, width: int = 1) -> None:
+    """A circle with a dark rim on both sides."""
+    place, r = _fixed(centre), max(round(radius * 2**_SHIFT), 1)
+    cv2.circle(picture, place, r, BLACK, width + 2, cv2.LINE_AA, _SHIFT)
+    cv2.circle(picture, place, r, colour, width, cv2.LINE_AA, _SHIFT)
+
+
+def cross(picture: np.ndarray, centre: Place, reach: float, colour: Colour, width: int = 1) -> None:
+    """A diagonal cross."""
+    x, y = centre
+    for colour_now, wide in ((BLACK, width + 2), (colour, width)):
+        for sign in (-1, 1):
+            begin, end = (x - reach, y - sign * reach), (x + reach, y + sign * reach)
+            cv2.line(picture, _fixed(begin), _fixed(end), colour_now, wide, cv2.LINE_AA, _SHIFT)
+
+
+def arrow(picture: np.ndarray, begin: Place, end: Place, colour: Colour, width: int = 1) -> None:
+    """An arrow whose head keeps its size until the arrow is shorter than that."""
+    length = float(np.hypot(end[0] - begin[0], end[1] - begin[1]))
+    if length == 0:
+        return
+    head = min(4.0 * width + 2.0, 0.5 * length) / length
+    for colour_now, wide in ((BLACK, width + 2), (colour, width)):
+        cv2.arrowedLine(picture, _fixed(begin), _fixed(end), colour_now, wide, cv2.LINE_AA, _SHIFT, head)
+
+
+def text_size(text: str, height: float) -> tuple[int, int]:
+    """Width and height in px of one line whose capitals are `height` px high."""
+    width = cv2.getTextSize(text.replace("±", "+"), _FONT, height / _CAPITAL_PX, _stroke(height))[0][0]
+    return int(width), round(height)
+
+
+def write_text(
+    picture: np.ndarray, text: str, place: Place, height: float, colour: Colour, *, outline: bool = True
+) -> None:
+    """One line of text; `place` is the left end of its baseline.
+
+    OpenCV's fonts know ASCII only, so ± is a plus with a line below it.
+    """
+    x = float(place[0])
+    for piece in text.replace("±", "\0±\0").split("\0"):
+        glyphs = "+" if piece == "±" else piece
+        left = (round(x), round(place[1]))
+        thick = _stroke(height)
+        for colour_now, wide in ((BLACK, thick + 2), (colour, thick)):
+            if colour_now is BLACK and not outline:
+                continue
+            cv2.putText(picture, glyphs, left, _FONT, height / _CAPITAL_PX, colour_now, wide, cv2.LINE_AA)
+            if piece == "±":
+                wide_px = text_size("+", height)[0]
+                begin = (left[0] + round(0.18 * wide_px), left[1])
+                end = (left[0] + round(0.82 * wide_px), left[1])
+                cv2.line(picture, begin, end, colour_now, wide, cv2.LINE_AA)
+        x += text_size(glyphs, height)[0]
+
+
+def plate(picture: np.ndarray, corner: Place, size: Place, strength: float = 0.7) -> None:
+    """Darken a rectangle for text to stand on; what lies outside the picture is left out."""
+    left, top = (max(round(value), 0) for value in corner)
+    right, bottom = (max(round(value + extent), 0) for value, extent in zip(corner, size, strict=True))
+    part = picture[top:bottom, left:right]
+    part[:] = (part * (1.0 - strength)).astype(np.uint8)
+
+
+def _stroke(height: float) -> int:
+    return max(round(height / 11), 1)
+
+
+def _fixed(place: Place) -> tuple[int, int]:
+    return round(float(place[0]) * 2**_SHIFT), round(float(place[1]) * 2**_SHIFT)

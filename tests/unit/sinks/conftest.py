@@ -1,0 +1,141 @@
+"""A small sensor, wider than high, and readings of it made by hand."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from manytouch.values import (
+    Camera,
+    Contact,
+    Contacts,
+    Detections,
+    Frame,
+    Layout,
+    Phase,
+    Reading,
+    Sensor,
+    Sheet,
+    Surface,
+    TrackedGrid,
+)
+
+ROWS, COLUMNS, MISSING = 4, 6, 9
+
+
+def make_sensor(unit: str = "mm", young_MPa: float | None = 2.0) -> Sensor:
+    """4 x 6 markers, 5 mm apart in x and 4 mm in y, one of them missing."""
+    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
+    rest_mm = np.column_stack([(column - 2.5) * 5.0, (row - 1.5) * 4.0, np.zeros(ROWS * COLUMNS)])
+    missing = np.zeros(ROWS * COLUMNS, dtype=np.bool_)
+    missing[MISSING] = True
+    return Sensor(
+        name="bench",
+        camera=Camera(
+            width_px=320,
+            height_px=240,
+            fx_px=400.0,
+            fy_px=400.0,
+            cx_px=159.5,
+            cy_px=119.5,
+            distortion=np.zeros(5),
+            rotation_vector=np.zeros(3),
+            translation_mm=np.array([0.0, 0.0, 50.0]),
+        ),
+        layout=Layout(
+            rest_mm=rest_mm,
+            row_column=np.column_stack([row, column]),
+            pitch_mm=np.array([5.0, 4.0]),
+            radius_mm=np.full(ROWS * COLUMNS, 0.8),
+            polarity="dark",
+            is_missing=missing,
+        ),
+        sheet=Sheet(size_mm=np.array([40.0, 30.0]), thickness_mm=3.0, young_MPa=young_MPa),
+        length_unit=unit,
+        assumptions=("The camera has no distortion.",),
+    )
+
+
+def make_contact(number: int = 1, phase: Phase = Phase.MOVE, **changes: object) -> Contact:
+    """A contact whose forces, torque and area are not known."""
+    covariance = np.full((8, 8), np.nan)
+    covariance[[0, 1, 2], [0, 1, 2]] = [0.04, 0.09, 0.25]
+    known = {
+        "id": number,
+        "phase": phase,
+        "centre_mm": np.array([2.5, -1.25]),
+        "centre_px": np.array([179.5, 109.5]),
+        "depth_mm": 1.5,
+        "force_N": np.full(3, np.nan),
+        "torque_Nmm": np.nan,
+        "area_mm2": np.nan,
+        "covariance": covariance,
+    }
+    return Contact(**(known | changes))
+
+
+def make_reading(
+    index: int = 0,
+    contacts: tuple[Contact, ...] = (),
+    *,
+    sensor: Sensor | None = None,
+    shift_px: tuple[float, float] = (0.0, 0.0),
+    unseen: tuple[int, ...] = (),
+    depth_mm: float = 0.0,
+    status: str = "ok",
+) -> Reading:
+    """A frame in which all markers are moved alike and pressed alike."""
+    layout = (sensor or make_sensor()).layout
+    count = len(layout.rest_mm)
+    seen = ~layout.is_missing
+    seen[list(unseen)] = False
+    position = layout.rest_mm[:, :2] * 8.0 + [159.5, 119.5] + np.array(shift_px)
+    position[~seen] = np.nan
+    displacement = np.tile([0.1, -0.2, -depth_mm], (count, 1))
+    displacement[~seen] = np.nan
+    covariance = np.tile(np.eye(3) * 0.01, (count, 1, 1))
+    covariance[~seen] = np.nan
+    image = None if status == "decode_error" else np.full((240, 320), 180, np.uint8)
+    return Reading(
+        frame=Frame(index=index, timestamp_ns=index * 40_000_000, camera="bench", image=image),
+        detections=Detections(
+            centre_px=position[seen],
+            covariance_px2=np.tile(np.eye(2), (int(seen.sum()), 1, 1)),
+            area_px2=np.full(int(seen.sum()), 100.0),
+            contrast=np.full(int(seen.sum()), 80.0),
+            status=status,
+        ),
+        grid=TrackedGrid(
+            position_px=position,
+            covariance_px2=np.tile(np.eye(2), (count, 1, 1)),
+            is_seen=seen,
+            frames_unseen=(~seen).astype(np.int64),
+        ),
+        surface=Surface(
+            position_mm=layout.rest_mm + displacement,
+            displacement_mm=displacement,
+            covariance_mm2=covariance,
+        ),
+        contacts=Contacts(contacts=contacts),
+        milliseconds=2.0 + index,
+    )
+
+
+@pytest.fixture
+def sensor() -> Sensor:
+    return make_sensor()
+
+
+@pytest.fixture
+def sensor_of() -> Callable[..., Sensor]:
+    return make_sensor
+
+
+@pytest.fixture
+def contact_of() -> Callable[..., Contact]:
+    return make_contact
+
+
+@pytest.fixture
+def reading_of() -> Callable[..., Reading]:
+    return make_reading

@@ -1,0 +1,150 @@
+"""The contract's tables: columns, units, empty cells, rows, and that they appear only when complete."""
+
+import csv
+import dataclasses
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from manytouch.sinks.tables import ContactTable, FrameTable, MarkerTable, number
+from manytouch.values import Phase
+
+CONTACT_COLUMNS = (
+    "frame,time_s,contact,phase,x_mm,y_mm,depth_mm,normal_force_N,shear_x_N,shear_y_N,area_mm2,"
+    "x_std_mm,y_std_mm,force_std_N,x_px,y_px,"
+    "depth_std_mm,normal_force_over_E_mm2,shear_x_std_N,shear_y_std_N,torque_Nmm,torque_std_Nmm,area_std_mm2,slip"
+)
+MARKER_COLUMNS = "frame, time_s, marker, row, column, x_px, y_px, seen, dx_mm, dy_mm, depth_mm, depth_std_mm"
+FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds"
+
+
+def rows_of(path):
+    with path.open(newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def write(table, *readings):
+    for reading in readings:
+        table.write(reading)
+    table.close()
+
+
+def test_contact_columns_are_those_of_the_contract(tmp_path, sensor):
+    write(ContactTable(tmp_path, sensor))
+    assert (tmp_path / "contacts.csv").read_text() == CONTACT_COLUMNS + "\n"
+
+
+def test_pitch_units_end_the_columns(tmp_path, sensor_of):
+    write(ContactTable(tmp_path, sensor_of("pitch")))
+    wanted = CONTACT_COLUMNS.replace("_mm,", "_pitch,").replace("mm2", "pitch2")
+    assert (tmp_path / "contacts.csv").read_text() == wanted + "\n"
+
+
+def test_what_is_not_known_is_empty_and_the_rest_is_there(tmp_path, sensor, reading_of, contact_of):
+    write(ContactTable(tmp_path, sensor), reading_of(3, (contact_of(7, Phase.START),)))
+    (row,) = rows_of(tmp_path / "contacts.csv")
+    known = {name: value for name, value in row.items() if value != ""}
+    assert known == {
+        "frame": "3",
+        "time_s": "0.120000",
+        "contact": "7",
+        "phase": "start",
+        "x_mm": "2.5000",
+        "y_mm": "-1.2500",
+        "depth_mm": "1.5000",
+        "x_std_mm": "0.2000",
+        "y_std_mm": "0.3000",
+        "depth_std_mm": "0.5000",
+        "x_px": "179.50",
+        "y_px": "109.50",
+    }
+
+
+def test_a_press_has_positive_normal_force_and_force_over_young(tmp_path, sensor_of, reading_of, contact_of):
+    contact = contact_of(force_N=np.array([0.5, 0.0, -3.0]))
+    for unit, young, over in (("mm", 2.0, "1.50000"), ("mm", None, ""), ("pitch", 2.0, "")):
+        write(ContactTable(tmp_path, sensor_of(unit, young)), reading_of(0, (contact,)))
+        (row,) = rows_of(tmp_path / "contacts.csv")
+        assert (row["normal_force_N"], row["shear_x_N"], row["shear_y_N"]) == ("3.0000", "0.5000", "0.0000")
+        assert row[f"normal_force_over_E_{unit}2"] == over
+
+
+def test_frames_have_a_line_each_also_when_they_failed(tmp_path, reading_of, contact_of):
+    ended = contact_of(2, Phase.END)
+    write(
+        FrameTable(tmp_path),
+        reading_of(0, (contact_of(1), ended)),
+        reading_of(2, status="decode_error", unseen=tuple(range(24))),
+    )
+    assert (tmp_path / "frames.csv").read_text().splitlines() == [
+        FRAME_COLUMNS,
+        "0,0.000000,ok,23,1,2.000",
+        "2,0.080000,decode_error,0,0,4.000",
+    ]
+
+
+def test_markers_have_a_row_per_frame_but_not_the_missing_ones(tmp_path, sensor, reading_of):
+    write(
+        MarkerTable(tmp_path, sensor),
+        reading_of(0, depth_mm=0.25),
+        reading_of(1, unseen=(5,), depth_mm=0.5),
+    )
+    table = pq.read_table(tmp_path / "markers.parquet")
+    assert table.column_names == MARKER_COLUMNS.split(", ")
+    assert table.num_rows == 2 * 23
+    columns = table.to_pydict()
+    assert 9 not in columns["marker"]
+    assert all(
+        m == 6 * r + c for m, r, c in zip(columns["marker"], columns["row"], columns["column"], strict=True)
+    )
+    unseen = columns["marker"].index(5, 23)
+    for name in ("x_px", "y_px", "dx_mm", "dy_mm", "depth_mm", "depth_std_mm"):
+        assert columns[name][unseen] is None
+        assert columns[name][unseen + 1] is not None
+    assert columns["seen"][unseen] is False
+    assert columns["depth_mm"][:23] == [0.25] * 23
+    assert columns["depth_std_mm"][0] == pytest.approx(0.1)
+    assert columns["time_s"][23] == pytest.approx(0.04)
+
+
+def test_a_layout_that_is_no_rectangle_has_no_rows_and_columns(tmp_path, sensor, reading_of):
+    layout = dataclasses.replace(sensor.layout, row_column=None)
+    write(MarkerTable(tmp_path, dataclasses.replace(sensor, layout=layout)), reading_of(0))
+    columns = pq.read_table(tmp_path / "markers.parquet").to_pydict()
+    assert set(columns["row"]) == set(columns["column"]) == {None}
+
+
+def test_long_recordings_come_in_row_groups(tmp_path, sensor, reading_of, monkeypatch):
+    monkeypatch.setattr("manytouch.sinks.tables.ROWS_PER_GROUP", 46)
+    write(MarkerTable(tmp_path, sensor), *(reading_of(index) for index in range(5)))
+    file = pq.ParquetFile(tmp_path / "markers.parquet")
+    assert [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)] == [46, 46, 23]
+    assert file.metadata.row_group(0).column(0).compression == "ZSTD"
+
+
+def test_tables_appear_only_when_closed(tmp_path, sensor, reading_of):
+    tables = [ContactTable(tmp_path, sensor), MarkerTable(tmp_path, sensor), FrameTable(tmp_path)]
+    final = {"contacts.csv", "markers.parquet", "frames.csv"}
+    for table in tables:
+        table.write(reading_of(0))
+    assert not final & {path.name for path in tmp_path.iterdir()}
+    for table in tables:
+        table.close()
+    assert {path.name for path in tmp_path.iterdir()} == final
+
+
+def test_what_a_killed_run_left_is_removed(tmp_path, sensor, reading_of):
+    (tmp_path / ".contacts.partial.csv").write_text("half a li")
+    (tmp_path / "contacts.csv").write_text("of the run before")
+    write(ContactTable(tmp_path, sensor), reading_of(0))
+    assert [path.name for path in tmp_path.iterdir()] == ["contacts.csv"]
+    assert (tmp_path / "contacts.csv").read_text() == CONTACT_COLUMNS + "\n"
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(-0.00001, "0.0000"), (np.nan, ""), (np.inf, ""), (1.23456, "1.2346"), (-2.0, "-2.0000")],
+)
+def test_numbers_have_fixed_precision(value, text):
+    assert number(value, 4) == text
