@@ -5,15 +5,17 @@ sheet are pixels times one scale; what the image cannot tell is said in the sens
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
 from manytouch.calibration.flatness import bulge_in_pitches
-from manytouch.calibration.still import StillDots, still_dots
+from manytouch.calibration.still import StillDots, confirmed, still_dots
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import onto_plane
 from manytouch.tracking.arrangement import Arrangement, arrange
-from manytouch.values import Camera, Frame, Layout, Polarity, Sensor, Sheet
+from manytouch.values import Camera, Detections, Frame, Layout, Polarity, Sensor, Sheet
 from manytouch.values.arrays import Mask, read_only
 
 RestRegion = tuple[int, int, int, int]
@@ -53,11 +55,11 @@ def sensor_from_rest(
     """
     from manytouch.detection import survey
 
+    _check_numbers(pitch_mm, hfov_deg)
     width, height = image_size(frames, roi_px)
     surveyed = survey(frames[:MOST_FRAMES], roi_px=roi_px)
-    still = still_dots(surveyed.detections)
-    return sensor_from_dots(
-        still,
+    build = partial(
+        sensor_from_dots,
         name=name,
         width_px=width,
         height_px=height,
@@ -67,6 +69,26 @@ def sensor_from_rest(
         hfov_deg=hfov_deg,
         roi_px=roi_px,
     )
+    known = still_dots([surveyed.detections])
+    searched = searched_frames(build(known), frames[:MOST_FRAMES], roi_px)
+    still = still_dots(searched)
+    sensor = build(confirmed(still, known) if len(still.centre_px) else known)
+    return replace(sensor, assumptions=sensor.assumptions + surveyed.notes)
+
+
+def searched_frames(
+    sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None
+) -> tuple[Detections, ...]:
+    """The dots of each frame, as they will be measured later on."""
+    from manytouch.detection import DotSearch
+
+    search = DotSearch(roi_px=roi_px)
+    state = search.start(sensor)
+    found = []
+    for frame in frames:
+        state, detections = search.step(state, frame, None)
+        found.append(detections)
+    return tuple(found)
 
 
 def sensor_from_dots(
@@ -269,8 +291,8 @@ def _shape_assumptions(arrangement: Arrangement) -> list[str]:
     bulge = bulge_in_pitches(arrangement)
     if bulge > _PRESSED_PITCHES:
         said.append(
-            f"The markers depart from a regular lattice by {bulge:.2f} pitches at one place at the start, as if "
-            "the sheet were pressed there; what is seen at the start counts as rest."
+            f"The markers depart from a regular lattice by {bulge:.2f} pitches at one place at the start, as "
+            "if the sheet were pressed there; what is seen at the start counts as rest."
         )
     if arrangement.row_column is None:
         said.append("The markers form no rectangle of rows and columns; they are numbered as a table.")

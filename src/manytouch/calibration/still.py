@@ -1,12 +1,12 @@
 """The dots of the frames in which nothing moves."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from manytouch.tracking.lattice import local_spacing
+from manytouch.tracking.lattice import find_lattice, local_spacing
 from manytouch.values import Detections
 from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 
@@ -54,6 +54,30 @@ def still_dots(detections: Sequence[Detections]) -> StillDots:
     group = np.flatnonzero(agrees[chosen])
     frames = tuple(usable[k] for k in group)
     return _merged([detections[k] for k in frames], frames, moved=bool(len(group) < 0.8 * len(usable)))
+
+
+def confirmed(still: StillDots, known: StillDots) -> StillDots:
+    """Those still dots that lie near known ones, or on a lattice.
+
+    A search by size alone also finds glints; what counts is that the first look at the pattern found a
+    dot there, or that the pattern goes on there.
+    """
+    if len(known.centre_px) < 2 or len(still.centre_px) < 2:
+        return still
+    gate = _GATE * local_spacing(known.centre_px)
+    distance, nearest = cKDTree(known.centre_px).query(still.centre_px)
+    keep = distance < gate[nearest]
+    lattice = find_lattice(still.centre_px)
+    if lattice is not None and not lattice.winds:
+        keep |= lattice.is_member
+    return replace(
+        still,
+        centre_px=read_only(still.centre_px[keep]),
+        area_px2=read_only(still.area_px2[keep]),
+        contrast=read_only(still.contrast[keep]),
+        noise_px=read_only(still.noise_px[keep]),
+        times_seen=read_only(still.times_seen[keep]),
+    )
 
 
 def pairs(first: Points2, second: Points2, gate_px: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
