@@ -105,8 +105,9 @@ def noise_of(image: np.ndarray, weights: Float64[np.ndarray, " c"], rows: int = 
         return MIN_NOISE
     # ties of whole grey levels are spread evenly before the median is taken
     step = float(np.abs(weights).sum()) if image.dtype == np.uint8 else 0.0
-    middle = float(np.median(second))
+    flat = second.ravel()
+    middle = float(np.partition(flat, flat.size // 2)[flat.size // 2])
     below, ties = float((second < middle).mean()), float((second == middle).mean())
     share = (0.5 - below) / ties
     median = max(middle + (share - 0.5) * step, 0.0)
-    return max(median / (0.6745 * np.sqrt(6.0)), MIN_NOISE)
+    return max(float(median / (0.6745 * np.sqrt(6.0))), MIN_NOISE)

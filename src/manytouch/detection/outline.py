@@ -28,6 +28,8 @@ class Outlines:
         contrast: (n,) level of the core against the ground, grey levels of 255, positive.
         openness: (n,) share of the directions without a fall.
         aspect: (n,) long against short axis of the outline.
+        fill: (n,) share of the outline's area that is lighter than half the contrast; a glint lowers it
+            little, the gap between two dots much.
         roughness: (n,) deviation of the outline from an ellipse, in radii.
         visible: (n,) share of the rays that stay within the image.
     """
@@ -39,25 +41,24 @@ class Outlines:
     aspect: Scalars
     roughness: Scalars
     visible: Scalars
+    fill: Scalars
 
     def at(self, chosen: np.ndarray) -> "Outlines":
         """Some of them."""
         return Outlines(**{name: getattr(self, name)[chosen] for name in self.__slots__})
 
 
-def outlines(
-    pyramid: list[np.ndarray], place_px: Points2, radius_px: Scalars, sign: float
-) -> Outlines:
+def outlines(pyramid: list[np.ndarray], place_px: Points2, radius_px: Scalars, sign: float) -> Outlines:
     """Outlines of blobs of one sign, by rays through the octaves of a pyramid."""
     octave = np.floor(np.log2(np.maximum(radius_px / FITTING_RADIUS_PX, 1.0))).astype(int)
     octave = np.minimum(octave, len(pyramid) - 1)
-    rows = np.full((len(place_px), 8), np.nan)
+    rows = np.full((len(place_px), 9), np.nan)
     for level, image in enumerate(pyramid):
         chosen = np.flatnonzero(octave == level)
         if len(chosen) == 0:
             continue
         scale = 2.0**level
-        part = np.full((len(chosen), 8), np.nan)
+        part = np.full((len(chosen), 9), np.nan)
         _trace_all(image, place_px[chosen] / scale, radius_px[chosen] / scale, sign, part)
         part[:, :3] *= scale
         rows[chosen] = part
@@ -69,6 +70,7 @@ def outlines(
         aspect=rows[:, 5].copy(),
         roughness=rows[:, 6].copy(),
         visible=rows[:, 7].copy(),
+        fill=rows[:, 8].copy(),
     )
 
 
@@ -100,7 +102,7 @@ def _sample(image, x, y, radius, sign, values, known):  # type: ignore[no-untype
 
 @njit(cache=True, error_model="numpy")
 def _trace_one(image, x, y, radius, sign, values, known, lengths, row):  # type: ignore[no-untyped-def]
-    """One outline: row = x, y, radius, contrast, openness, aspect, roughness, visible."""
+    """One outline: row as in `Outlines`, fill last."""
     _sample(image, x, y, radius, sign, values, known)
     inside = int(STEPS * 1.0 / REACH)
     core, best = -1e9, 0
@@ -169,6 +171,15 @@ def _trace_one(image, x, y, radius, sign, values, known, lengths, row):  # type:
         sum_y += lengths[ray] ** 3 / 3.0 * math.sin(angle)
     row[0], row[1] = x + sum_x / area, y + sum_y / area
     row[2] = math.sqrt(2.0 * area / RAYS)
+    light = total = 0.0
+    for ray in range(RAYS):
+        for step in range(known[ray]):
+            distance = REACH * radius * (step + 0.5) / STEPS
+            if distance < lengths[ray]:
+                total += distance
+                if values[ray, step] > core - 0.5 * contrast:
+                    light += distance
+    row[8] = light / total if total > 0.0 else 0.0
     return True
 
 
@@ -187,7 +198,11 @@ def _shape(lengths, row):  # type: ignore[no-untyped-def]
     for ray in range(RAYS):
         angle = 2.0 * math.pi * ray / RAYS
         smooth = (
-            mean + c1 * math.cos(angle) + s1 * math.sin(angle) + c2 * math.cos(2 * angle) + s2 * math.sin(2 * angle)
+            mean
+            + c1 * math.cos(angle)
+            + s1 * math.sin(angle)
+            + c2 * math.cos(2 * angle)
+            + s2 * math.sin(2 * angle)
         )
         rest += (lengths[ray] - smooth) ** 2
     ellipse = min(math.hypot(c2, s2) / mean, 0.9)
@@ -198,7 +213,7 @@ def _shape(lengths, row):  # type: ignore[no-untyped-def]
 @njit(cache=True, error_model="numpy")
 def _trace_all(image, place, radius, sign, rows):  # type: ignore[no-untyped-def]
     values, known, lengths = np.empty((RAYS, STEPS)), np.empty(RAYS, dtype=np.int64), np.empty(RAYS)
-    row = np.empty(8)
+    row = np.empty(9)
     for i in range(place.shape[0]):
         x, y, size = place[i, 0], place[i, 1], radius[i]
         for _ in range(3):

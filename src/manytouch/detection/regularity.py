@@ -10,7 +10,7 @@ from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
 from manytouch.detection.outline import Outlines
-from manytouch.values.arrays import Mask, Points2
+from manytouch.values.arrays import Mask, Points2, Scalars
 
 NEIGHBOURS = 6
 REGULAR_TRIPLES = 4  # directed; the corner of a lattice takes part in four or more
@@ -18,8 +18,12 @@ TOLERANCE = 0.16  # of the distance, at rest
 LOOSE = 0.3  # of the distance, pressed
 
 
-def triples(place_px: Points2, tolerance: float) -> Int64[np.ndarray, " n"]:
-    """(n,) in how many directed triples j - i - k of neighbours each point takes part."""
+def triples(place_px: Points2, radius_px: Scalars, tolerance: float) -> Int64[np.ndarray, " n"]:
+    """(n,) in how many directed triples j - i - k of neighbours each dot takes part.
+
+    In strong perspective distances grow as the dots do, so p_k = p_i + s (p_i - p_j) with s = r_i / r_j
+    counts as well as s = 1.
+    """
     count = len(place_px)
     part = np.zeros(count, dtype=np.int64)
     if count < 3:
@@ -28,8 +32,12 @@ def triples(place_px: Points2, tolerance: float) -> Int64[np.ndarray, " n"]:
     k = min(NEIGHBOURS, count - 1)
     distance, neighbour = tree.query(place_px, k=k + 1)
     distance, neighbour = distance[:, 1:], neighbour[:, 1:]
-    target = 2.0 * place_px[:, None, :] - place_px[neighbour]
-    miss, opposite = tree.query(target)
+    step = place_px[:, None, :] - place_px[neighbour]
+    stretch = np.clip(radius_px[:, None] / radius_px[neighbour], 0.7, 1.4)
+    miss, opposite = tree.query(place_px[:, None, :] + step)
+    stretched_miss, stretched_opposite = tree.query(place_px[:, None, :] + stretch[..., None] * step)
+    is_better = stretched_miss < miss
+    miss, opposite = np.minimum(miss, stretched_miss), np.where(is_better, stretched_opposite, opposite)
     middle, which = np.nonzero(miss <= tolerance * distance)
     first, last = neighbour[middle, which], opposite[middle, which]
     proper = (last != first) & (last != middle) & (first != middle)
@@ -38,11 +46,11 @@ def triples(place_px: Points2, tolerance: float) -> Int64[np.ndarray, " n"]:
     return part
 
 
-def regular_share(place_px: Points2) -> float:
+def regular_share(place_px: Points2, radius_px: Scalars) -> float:
     """Share of the points that sit in a locally regular pattern."""
     if len(place_px) == 0:
         return 0.0
-    return float((triples(place_px, TOLERANCE) >= REGULAR_TRIPLES).mean())
+    return float((triples(place_px, radius_px, TOLERANCE) >= REGULAR_TRIPLES).mean())
 
 
 def spacing(place_px: Points2) -> Float64[np.ndarray, " n"]:
@@ -90,9 +98,12 @@ def single(blobs: Outlines, members: Mask) -> Mask:
     """Members without those that overlap a heavier member."""
     chosen = np.flatnonzero(members)
     keep = members.copy()
-    weight = blobs.contrast[chosen] * blobs.radius_px[chosen] ** 2 * (1.0 - blobs.openness[chosen])
+    whole = blobs.fill[chosen] * (1.0 - blobs.openness[chosen])
+    weight = (blobs.contrast[chosen] * blobs.radius_px[chosen] * whole**2) ** 2
     tree = cKDTree(blobs.place_px[chosen])
-    pairs = tree.query_pairs(float(blobs.radius_px[chosen].max()) if len(chosen) else 0.0, output_type="ndarray")
+    pairs = tree.query_pairs(
+        float(blobs.radius_px[chosen].max()) if len(chosen) else 0.0, output_type="ndarray"
+    )
     if len(pairs) == 0:
         return keep
     a, b = pairs[:, 0], pairs[:, 1]
@@ -108,42 +119,57 @@ def single(blobs: Outlines, members: Mask) -> Mask:
     return keep
 
 
-def predicted(place_px: Points2) -> tuple[Points2, Float64[np.ndarray, " t"]]:
-    """Where a regular pattern goes on: (t, 2) places opposite to neighbours, and (t,) their distance."""
-    count = len(place_px)
-    if count < 3:
-        return np.zeros((0, 2)), np.zeros(0)
-    distance, neighbour = cKDTree(place_px).query(place_px, k=min(8, count - 1) + 1)
+def votes(
+    place_px: Points2, radius_px: Scalars, dots_px: Points2, dots_radius_px: Scalars, tolerance: float
+) -> Int64[np.ndarray, " n"]:
+    """(n,) how many dots predict each place: opposite to a neighbour, at its distance or stretched as sizes are."""
+    k = min(NEIGHBOURS, len(dots_px) - 1)
+    tree = cKDTree(dots_px)
+    distance, neighbour = tree.query(dots_px, k=k + 1)
     distance, neighbour = distance[:, 1:], neighbour[:, 1:]
-    target = 2.0 * place_px[:, None, :] - place_px[neighbour]
-    near = distance < 2.2 * distance[:, :1]
-    return target[near], distance[near]
+    _, near = tree.query(place_px, k=min(NEIGHBOURS, len(dots_px)))
+    # (n, near dot i, its neighbour j)
+    step = dots_px[near][:, :, None, :] - dots_px[neighbour[near]]
+    offset = place_px[:, None, None, :] - dots_px[near][:, :, None, :]
+    stretch = np.clip(radius_px[:, None] / dots_radius_px[near], 0.7, 1.4)[:, :, None]
+    length = distance[near]
+    plain = np.linalg.norm(offset - step, axis=3) < tolerance * length
+    stretched = np.linalg.norm(offset - stretch[..., None] * step, axis=3) < tolerance * length * stretch
+    return np.asarray((plain | stretched).any(axis=2).sum(axis=1))
 
 
-def admitted(blobs: Outlines, members: Mask, eligible: Mask) -> Mask:
-    """Members and those weak, small or odd blobs that sit where the pattern of the members goes on."""
-    members = members.copy()
-    for _ in range(8):
-        inside = np.flatnonzero(members)
-        outside = np.flatnonzero(eligible & ~members)
+def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
+    """Members and those blobs that sit where the pattern of the members goes on.
+
+    Args:
+        blobs: all of them.
+        members: the pattern so far.
+        alike: (n,) well-shaped blobs: one prediction is enough when they resemble the members near them.
+        odd: (n,) blobs of any shape, weak or small: two close predictions are needed.
+    """
+    members, core = members.copy(), members.copy()  # the pattern goes on from its core only
+    for _ in range(20):
+        core &= members
+        inside = np.flatnonzero(core)
+        outside = np.flatnonzero((alike | odd) & ~members)
         if len(outside) == 0 or len(inside) < 4:
             break
-        target, distance = predicted(blobs.place_px[inside])
-        step, nearest = cKDTree(blobs.place_px[inside]).query(blobs.place_px[outside], k=min(6, len(inside)))
+        place_px, radius_px = blobs.place_px[outside], blobs.radius_px[outside]
+        step, nearest = cKDTree(blobs.place_px[inside]).query(place_px, k=min(NEIGHBOURS, len(inside)))
         near = inside[nearest]
-        size = blobs.radius_px[outside] / np.median(blobs.radius_px[near], axis=1)
+        size = radius_px / np.median(blobs.radius_px[near], axis=1)
         contrast = blobs.contrast[outside] / np.median(blobs.contrast[near], axis=1)
-        fits = (size > 0.28) & (size < 1.6) & (contrast > 0.12) & (contrast < 3.0)
+        fits = odd[outside] & (size > 0.28) & (size < 1.6) & (contrast > 0.12) & (contrast < 3.0)
+        good = alike[outside] & (size > 0.6) & (size < 1.6) & (contrast > 0.4) & (contrast < 2.5)
         free = step[:, 0] > 0.45 * np.median(step, axis=1)
-        votes = np.zeros(len(outside), dtype=np.int64)
-        tree = cKDTree(target)
-        reach = 0.2 * np.median(step, axis=1)
-        for index, hits in enumerate(tree.query_ball_point(blobs.place_px[outside], reach)):
-            votes[index] = sum(1 for hit in hits if reach[index] <= 0.3 * distance[hit])
-        new = outside[fits & free & (votes >= 2)]
+        inner = blobs.place_px[inside], blobs.radius_px[inside]
+        close_votes = votes(place_px, radius_px, *inner, 0.2)
+        loose_votes = votes(place_px, radius_px, *inner, 0.3)
+        good &= free & (loose_votes >= 1)
+        new = outside[good | (free & fits & (close_votes >= 2))]
         if len(new) == 0:
             break
-        # the best blob of each place: one round takes only those that no better one overlaps
         members[new] = True
+        core[outside[good]] = True
         members &= single(blobs, members)
     return members

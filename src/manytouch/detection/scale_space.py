@@ -71,7 +71,9 @@ def blobs_and_pyramid(
     every = np.concatenate(found) if found else np.zeros((0, 4))
     strongest = np.argsort(-np.abs(every[:, 3]) * every[:, 2], kind="stable")[:MOST_BLOBS]
     every = every[np.sort(strongest)]
-    return Blobs(place_px=every[:, :2].copy(), radius_px=every[:, 2].copy(), contrast=every[:, 3].copy()), pyramid
+    return Blobs(
+        place_px=every[:, :2].copy(), radius_px=every[:, 2].copy(), contrast=every[:, 3].copy()
+    ), pyramid
 
 
 def _blurred(image: np.ndarray, sigma: float) -> np.ndarray:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import cv2
 import numpy as np
 from jaxtyping import Float64
+from scipy.spatial import cKDTree
 
 from manytouch.detection.appearance import GREY_OF_BGR, Appearance
 from manytouch.detection.centroid import measure, noise_of
@@ -20,6 +21,7 @@ from manytouch.detection.colour import fitted_weights, tried_weights
 from manytouch.detection.outline import Outlines, outlines
 from manytouch.detection.regularity import (
     admitted,
+    LOOSE,
     grown,
     regular_share,
     single,
@@ -37,6 +39,8 @@ FEWEST = 6
 BANDS = np.geomspace(1.2, 160.0, 17)  # lower ends of the radii that are taken as alike
 BAND_WIDTH = 1.8
 MOST_SEEDS = 2500
+SMALL_PX = 640  # size at which channels are tried
+REGULAR = 0.7  # share of a seed in a locally regular pattern from which on only this pattern may go on
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -65,16 +69,30 @@ class Pattern:
         weights: (c,) of the image's channels, unsigned.
         dots: their outlines.
         alike: (n,) those that resemble their neighbours (the rest is weak or odd).
-        score: how well this explains the picture; for comparison only.
+        seed_score: how convincing the set of blobs is that it grew from.
         regular: share of the dots in a locally regular pattern.
+        clarity: share of the dots among all blobs of their size and at least half their contrast.
     """
 
     polarity: Polarity
     weights: Float64[np.ndarray, " c"]
     dots: Outlines
     alike: Mask
-    score: float
+    seed_score: float
     regular: float
+    clarity: float
+
+    @property
+    def score(self) -> float:
+        """How well a channel shows the dots, for comparison with other channels."""
+        dots = self.dots
+        evenness = 1.0 / (1.0 + spread(dots.contrast) + spread(dots.radius_px))
+        return float(self.regular**2 * evenness * np.sqrt(len(dots.radius_px)) * self.clarity**3)
+
+    @property
+    def is_clear(self) -> bool:
+        """Need other channels not be tried?"""
+        return self.regular > 0.8 and self.clarity > 0.8
 
 
 def survey(frames: Sequence[Frame], *, roi_px: tuple[int, int, int, int] | None = None) -> Survey:
@@ -115,20 +133,35 @@ def best_pattern(image: np.ndarray, level: float) -> Pattern | None:
     best = pattern_in(image, grey)
     if not has_colour(image):
         return best
-    if best is None:
-        for weights in tried_weights():
-            found = pattern_in(image, weights * level)
-            if found is not None and (best is None or found.score > best.score):
-                best = found
+    if best is None or not best.is_clear:
+        best = _in_another_channel(image, level, best)
     for _ in range(2):
         if best is None:
             break
-        weights = fitted_weights(image, best.dots.place_px, best.dots.radius_px)
+        sure = np.flatnonzero(best.alike)
+        weights = fitted_weights(image, best.dots.place_px[sure], best.dots.radius_px[sure])
         sign = 1.0 if best.polarity == "light" else -1.0
         found = pattern_in(image, sign * weights * level)
         if found is None or not _is_clearly_better(found, best):
             break
         best = found
+    return best
+
+
+def _in_another_channel(image: np.ndarray, level: float, grey: Pattern | None) -> Pattern | None:
+    """The pattern of the channel that shows dots best, if that is much better than grey."""
+    factor = max(1, round(max(image.shape[:2]) / SMALL_PX))
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    small = cv2.resize(
+        image[: height * factor, : width * factor], (width, height), interpolation=cv2.INTER_AREA
+    )
+    tried = [(pattern_in(small, weights * level), weights) for weights in tried_weights()]
+    usable = [(found.score, place) for place, (found, _) in enumerate(tried) if found is not None]
+    if not usable:
+        return grey
+    best = pattern_in(image, tried[max(usable)[1]][1] * level)
+    if best is None or (grey is not None and best.score < 1.3 * grey.score):
+        return grey
     return best
 
 
@@ -139,10 +172,9 @@ def has_colour(image: np.ndarray) -> bool:
 
 
 def _is_clearly_better(new: Pattern, old: Pattern) -> bool:
-    """More dots, or as many that stand out much more evenly."""
-    if len(new.dots.place_px) > 1.04 * len(old.dots.place_px) and new.regular > 0.9 * old.regular:
-        return True
-    return False
+    """A fitted combination must show more dots, or those of a murky channel more clearly."""
+    more = len(new.dots.place_px) > 1.04 * len(old.dots.place_px) or not old.is_clear
+    return more and new.score > 1.1 * old.score
 
 
 def pattern_in(image: np.ndarray, weights: Float64[np.ndarray, " c"]) -> Pattern | None:
@@ -156,7 +188,7 @@ def pattern_in(image: np.ndarray, weights: Float64[np.ndarray, " c"]) -> Pattern
         traced = outlines(pyramid, blobs.place_px[of_sign], blobs.radius_px[of_sign], sign)
         traced = traced.at(np.flatnonzero(np.isfinite(traced.radius_px) & (traced.contrast > 1.5)))
         found = _pattern_of(traced, "light" if polarity == "light" else "dark", weights)
-        if found is not None and (best is None or found.score > best.score):
+        if found is not None and (best is None or found.seed_score > best.seed_score):
             best = found
     return best
 
@@ -171,14 +203,26 @@ def _pattern_of(blobs: Outlines, polarity: Polarity, weights: Float64[np.ndarray
     """The dots among the blobs of one sign; None where there are none."""
     if len(blobs.radius_px) < FEWEST:
         return None
-    round_ones = (blobs.openness <= 0.13) & (blobs.aspect < 2.2) & (blobs.roughness < 0.25) & (blobs.visible > 0.6)
+    round_ones = (
+        (blobs.openness <= 0.13)
+        & (blobs.aspect < 2.2)
+        & (blobs.roughness < 0.25)
+        & (blobs.visible > 0.6)
+        & (blobs.fill > 0.7)
+    )
     seed, score = _best_seed(blobs, round_ones)
     if seed is None:
         return None
-    tolerated = (blobs.openness <= 0.17) & (blobs.aspect < 2.8) & (blobs.roughness < 0.35) & (blobs.visible > 0.4)
-    alike = grown(blobs, seed, tolerated)
+    tolerated = (
+        (blobs.openness <= 0.17) & (blobs.aspect < 2.8) & (blobs.roughness < 0.35) & (blobs.visible > 0.4)
+    )
     odd = (blobs.openness <= 0.34) & (blobs.aspect < 5.0) & (blobs.visible > 0.4)
-    members = admitted(blobs, alike, odd)
+    chosen = np.flatnonzero(seed)
+    if regular_share(blobs.place_px[chosen], blobs.radius_px[chosen]) < REGULAR:
+        seed = grown(blobs, seed, tolerated)
+    odd &= blobs.contrast > _floor(blobs, seed)
+    members = admitted(blobs, seed, tolerated, odd)
+    alike = members & tolerated & (blobs.roughness < 0.25)
     members = _without_strays(blobs, members)
     if members.sum() < FEWEST:
         return None
@@ -189,9 +233,31 @@ def _pattern_of(blobs: Outlines, polarity: Polarity, weights: Float64[np.ndarray
         weights=weights,
         dots=dots,
         alike=alike[chosen],
-        score=score,
-        regular=regular_share(dots.place_px),
+        seed_score=score,
+        clarity=_clarity(blobs, members),
+        regular=regular_share(dots.place_px, dots.radius_px),
     )
+
+
+def _rivals(blobs: Outlines, members: Mask, smallest: float) -> Mask:
+    """Closed blobs of the members' size, or down to `smallest` of it, that do not overlap a member."""
+    low, high = np.quantile(blobs.radius_px[members], (0.1, 0.9))
+    rivals = ~members & (blobs.radius_px > smallest * low) & (blobs.radius_px < 1.6 * high)
+    rivals &= (blobs.openness < 0.3) & (blobs.visible > 0.9)
+    distance, nearest = cKDTree(blobs.place_px[members]).query(blobs.place_px)
+    return rivals & (distance > blobs.radius_px[members][nearest] + 0.5 * blobs.radius_px)
+
+
+def _clarity(blobs: Outlines, members: Mask) -> float:
+    """Members against all blobs of their size and of at least half their contrast, 0 to 1."""
+    strong = _rivals(blobs, members, 0.6) & (blobs.contrast > 0.5 * np.median(blobs.contrast[members]))
+    return float(members.sum() / (members.sum() + strong.sum()))
+
+
+def _floor(blobs: Outlines, members: Mask) -> float:
+    """Contrast that texture of the dots' size does not reach."""
+    rivals = _rivals(blobs, members, 0.3)
+    return 2.5 * float(np.median(blobs.contrast[rivals])) if rivals.any() else 0.0
 
 
 def _best_seed(blobs: Outlines, eligible: Mask) -> tuple[Mask | None, float]:
@@ -219,16 +285,18 @@ def _best_seed(blobs: Outlines, eligible: Mask) -> tuple[Mask | None, float]:
 def _score(blobs: Outlines, chosen: np.ndarray) -> float:
     """How convincing a set of alike blobs is; 0 when it could be chance."""
     place_px, radius_px = blobs.place_px[chosen], blobs.radius_px[chosen]
-    count = triples(place_px, TIGHT)
+    count = triples(place_px, radius_px, TIGHT)
     regular = count >= 4
     share = float(regular.mean())
     if share < 0.45 or regular.sum() < FEWEST:
         if not _is_uniform(blobs, chosen):
             return 0.0
         share, regular = max(share, 0.35), np.ones(len(chosen), dtype=bool)
-    weight = np.sqrt(blobs.contrast[chosen]) * radius_px**2
+    weight = float(np.median(blobs.contrast[chosen] * radius_px))
     evenness = 1.0 / (1.0 + spread(blobs.contrast[chosen]) + spread(radius_px))
-    return float(share**2 * evenness * weight[regular].sum())
+    number = float(regular.sum())
+    many = np.sqrt(number) * (1.0 - np.exp(-((number / 12.0) ** 2)))
+    return float(share**2 * evenness * many * weight)
 
 
 TIGHT = 0.15
@@ -249,7 +317,7 @@ def _is_uniform(blobs: Outlines, chosen: np.ndarray) -> bool:
 def _without_strays(blobs: Outlines, members: Mask) -> Mask:
     """In a regular pattern, what takes no part in it is something else."""
     chosen = np.flatnonzero(members)
-    part = triples(blobs.place_px[chosen], 0.3)
+    part = triples(blobs.place_px[chosen], blobs.radius_px[chosen], LOOSE)
     if len(chosen) < 12 or (part >= 4).mean() < 0.75:
         return members
     keep = members.copy()
@@ -263,7 +331,9 @@ def _surveyed(
     """Sub-pixel centres and the summary of a pattern."""
     sign = 1.0 if pattern.polarity == "light" else -1.0
     noise = noise_of(image, pattern.weights)
-    measured = measure(image, sign * pattern.weights, pattern.dots.place_px, pattern.dots.radius_px, noise=noise)
+    measured = measure(
+        image, sign * pattern.weights, pattern.dots.place_px, pattern.dots.radius_px, noise=noise
+    )
     moved = np.linalg.norm(measured.centre_px - pattern.dots.place_px, axis=1)
     with np.errstate(invalid="ignore"):
         keep = measured.is_found & (measured.cut < 0.6) & (moved < pattern.dots.radius_px + 1.0)
