@@ -161,7 +161,7 @@ def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
         contrast = blobs.contrast[outside] / np.median(blobs.contrast[near], axis=1)
         fits = odd[outside] & (size > 0.28) & (size < 1.6) & (contrast > 0.12) & (contrast < 3.0)
         good = alike[outside] & (size > 0.6) & (size < 1.6) & (contrast > 0.4) & (contrast < 2.5)
-        free = step[:, 0] > 0.45 * np.median(step, axis=1)
+        free = step[:, 0] > 0.45 * spacing(blobs.place_px[inside])[nearest[:, 0]]
         inner = blobs.place_px[inside], blobs.radius_px[inside]
         close_votes = votes(place_px, radius_px, *inner, 0.2)
         loose_votes = votes(place_px, radius_px, *inner, 0.3)

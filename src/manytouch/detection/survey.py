@@ -216,7 +216,9 @@ def _pattern_of(blobs: Outlines, polarity: Polarity, weights: Float64[np.ndarray
     tolerated = (
         (blobs.openness <= 0.17) & (blobs.aspect < 2.8) & (blobs.roughness < 0.35) & (blobs.visible > 0.4)
     )
-    odd = (blobs.openness <= 0.34) & (blobs.aspect < 5.0) & (blobs.visible > 0.4)
+    is_whole = blobs.visible > 0.95
+    odd = (blobs.openness <= np.where(is_whole, 0.17, 0.09)) & (blobs.aspect < 5.0) & (blobs.visible > 0.4)
+    tolerated &= is_whole | (blobs.openness <= 0.09)
     chosen = np.flatnonzero(seed)
     if regular_share(blobs.place_px[chosen], blobs.radius_px[chosen]) < REGULAR:
         seed = grown(blobs, seed, tolerated)
