@@ -7,7 +7,8 @@ How each step is read is written in docs/paper.md.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import groupby
 
 import cv2
 import numpy as np
@@ -21,6 +22,9 @@ from manytouch.values.arrays import Points2, Scalars, read_only
 Grey = UInt8[np.ndarray, "h w"]
 Map = Float32[np.ndarray, "h w"]
 Window = tuple[int, int, int, int]
+
+TRIAL_FRAMES = 10
+TRIED_MARGINS = range(-100, 101, 5)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -56,26 +60,46 @@ class AlignedView:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PaperSight:
+    """What detection keeps between frames.
+
+    Attributes:
+        view: the area of interest.
+        markers: how many the layout has without those that are missing.
+        margin: the one that was found by trial; None while it is not known.
+        trials: frames that may still be tried.
+    """
+
+    view: AlignedView
+    markers: int
+    margin: int | None
+    trials: int
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PaperDetection:
     """Markers by threshold, opening and contours. Found "by trial and error" in the paper: the parameters.
 
     Attributes:
-        threshold: grey level of 255 that parts markers from ground; None takes Otsu's in every frame
-            (doi:10.1109/TSMC.1979.4310076). Pixels above it are light, those below it dark markers.
+        threshold: grey level of 255 that parts markers from ground: pixels above it are light, those below
+            it dark markers. None takes Otsu's of every frame (doi:10.1109/TSMC.1979.4310076) and a margin.
+        margin: grey levels by which the level lies from Otsu's towards the markers; None tries in the
+            first frames which margins show as many markers as there are and keeps the middle one.
         kernel_px: side of the square opening kernel, odd; 1 leaves the noise in.
         minimum_area_px2: contours below it are no markers; None takes a quarter of the layout's dots.
         roi_px: x, y, width, height of the area of interest in the camera's image; None is all of it.
-            The layout's outline and `margin_pitch` around it limit it further.
-        margin_pitch: how far the area of interest reaches beyond the outermost markers.
+            The layout's outline and `outline_pitch` around it limit it further.
+        outline_pitch: how far the area of interest reaches beyond the outermost markers.
     """
 
     threshold: int | None = None
+    margin: int | None = None
     kernel_px: int = 3
     minimum_area_px2: float | None = None
     roi_px: Window | None = None
-    margin_pitch: float = 0.5
+    outline_pitch: float = 0.5
 
-    def start(self, sensor: Sensor) -> AlignedView:
+    def start(self, sensor: Sensor) -> PaperSight:
         """The maps of the undistorted, aligned, cropped view; they stay the same for all frames.
 
         Raises:
@@ -93,53 +117,78 @@ class PaperDetection:
             )
         camera, layout = sensor.camera, sensor.layout
         window_px, maps = self._view(sensor.name, camera, layout)
-        area_px2 = (
-            np.pi * np.median(layout.radius_mm) ** 2 * np.prod(_focal_px(camera)) / _eye_mm(camera)[2] ** 2
-        )
-        minimum_px2 = 0.25 * float(area_px2) if self.minimum_area_px2 is None else self.minimum_area_px2
-        return AlignedView(
+        radius_px = np.median(layout.radius_mm) * _focal_px(camera) / _eye_mm(camera)[2]
+        area_px2 = 0.25 * np.pi * np.prod(radius_px)
+        view = AlignedView(
             camera=camera,
             window_px=window_px,
             maps=maps,
             is_dark=layout.polarity == "dark",
-            minimum_area_px2=minimum_px2,
+            minimum_area_px2=float(area_px2) if self.minimum_area_px2 is None else self.minimum_area_px2,
         )
+        markers = int(np.count_nonzero(~layout.is_missing))
+        return PaperSight(view=view, markers=markers, margin=self.margin, trials=TRIAL_FRAMES)
 
     def step(
-        self, state: AlignedView, frame: Frame, expected_px: Points2 | None
-    ) -> tuple[AlignedView, Detections]:
+        self, state: PaperSight, frame: Frame, expected_px: Points2 | None
+    ) -> tuple[PaperSight, Detections]:
         """Midpoints of all marker-sized contours; `expected_px` is not used, the whole area is searched.
 
         Standard deviation of a midpoint: 1 / sqrt(12 pi r) px, what is left when the area of a disc of
         radius r is counted in whole pixels (docs/paper.md). Uneven light and blur are not in it.
         """
-        image = frame.image
+        image, view = frame.image, state.view
         if image is None:
             return state, _nothing("decode_error")
-        if image.shape[:2] != (state.camera.height_px, state.camera.width_px):
+        if image.shape[:2] != (view.camera.height_px, view.camera.width_px):
             return state, _nothing("wrong_size")
-        grey = _grey(_aligned(state, image))
-        if state.is_dark:
+        grey = _grey(_aligned(view, image))
+        if view.is_dark:
             grey = cv2.bitwise_not(grey)
-        binary = opened(self._binary(grey, state.is_dark), self.kernel_px)
-        contours, _ = cv2.findContours(binary, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
-        midpoint_px, area_px2 = contour_midpoints(contours)
-        is_marker = area_px2 >= state.minimum_area_px2
-        midpoint_px, area_px2 = midpoint_px[is_marker], area_px2[is_marker]
+        state, level = self._level(state, grey)
+        midpoint_px, area_px2, binary = self._markers(view, grey, level)
         variance_px2 = 1.0 / (12.0 * np.sqrt(np.pi * area_px2))
         return state, Detections(
-            centre_px=read_only(state.image_px(midpoint_px)),
+            centre_px=read_only(view.image_px(midpoint_px)),
             covariance_px2=read_only(variance_px2[:, None, None] * np.eye(2)),
             area_px2=read_only(area_px2),
             contrast=read_only(_contrast(grey, binary, midpoint_px)),
         )
 
-    def _binary(self, grey: Grey, is_dark: bool) -> Grey:
-        """255 where a marker is, 0 on the ground."""
-        if self.threshold is None:
-            return np.asarray(cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1])
-        level = 255 - self.threshold if is_dark else self.threshold
-        return np.asarray(cv2.threshold(grey, level, 255, cv2.THRESH_BINARY)[1])
+    def _level(self, state: PaperSight, grey: Grey) -> tuple[PaperSight, int]:
+        """Grey level above which pixels belong to markers, and what was learnt of the margin."""
+        if self.threshold is not None:
+            return state, 255 - self.threshold if state.view.is_dark else self.threshold
+        otsu = int(cv2.threshold(grey, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[0])
+        if state.margin is None and state.trials > 0:
+            margin = self._tried(state, grey, otsu)
+            state = replace(state, margin=margin, trials=state.trials - 1)
+        return state, otsu + (state.margin or 0)
+
+    def _tried(self, state: PaperSight, grey: Grey, otsu: int) -> int | None:
+        """0 if Otsu's level shows all markers, else the middle of the most margins in a row that do."""
+        if len(self._markers(state.view, grey, otsu)[0]) == state.markers:
+            return 0
+        margins = [margin for margin in TRIED_MARGINS if 0 <= otsu + margin < 255]
+        found = [len(self._markers(state.view, grey, otsu + margin)[0]) for margin in margins]
+        runs = [
+            list(run)
+            for is_right, run in groupby(range(len(margins)), lambda place: found[place] == state.markers)
+            if is_right
+        ]
+        if not runs:
+            return None
+        longest = max(runs, key=len)
+        return margins[longest[len(longest) // 2]]
+
+    def _markers(self, view: AlignedView, grey: Grey, level: int) -> tuple[Points2, Scalars, Grey]:
+        """Midpoints and areas in the aligned area, and the opened binary picture."""
+        binary = np.asarray(cv2.threshold(grey, level, 255, cv2.THRESH_BINARY)[1])
+        clean = opened(binary, self.kernel_px)
+        contours, _ = cv2.findContours(clean, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        midpoint_px, area_px2 = contour_midpoints(contours)
+        is_marker = area_px2 >= view.minimum_area_px2
+        return midpoint_px[is_marker], area_px2[is_marker], clean
 
     def _view(self, name: str, camera: Camera, layout: Layout) -> tuple[Window, tuple[Map, Map] | None]:
         """Area of interest in the aligned image, and its maps into the real one."""
@@ -148,7 +197,7 @@ class PaperDetection:
             layout.rest_mm[:, :2] if layout.rest_px is None else onto_plane(camera, layout.rest_px)[:, :2]
         )
         aligned_px = (rest_mm - eye_mm[:2]) / -eye_mm[2] * _focal_px(camera) + _principal_px(camera)
-        margin_px = self.margin_pitch * layout.pitch_mm / -eye_mm[2] * _focal_px(camera)
+        margin_px = self.outline_pitch * layout.pitch_mm / -eye_mm[2] * _focal_px(camera)
         low = np.floor(np.nanmin(aligned_px, axis=0) - margin_px).astype(int)
         high = np.ceil(np.nanmax(aligned_px, axis=0) + margin_px).astype(int) + 1
         rotation, _ = cam_from_sheet(camera)

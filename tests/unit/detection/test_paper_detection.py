@@ -75,7 +75,7 @@ def test_same_markers_as_a_plain_opencv_chain():
     contours, _ = cv2.findContours(binary, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
     moments = [cv2.moments(contour) for contour in contours]
     plain = np.array([[m["m10"] / m["m00"], m["m01"] / m["m00"]] for m in moments if m["m00"] > 40])
-    dots = found(PaperDetection(margin_pitch=50.0), of, image)
+    dots = found(PaperDetection(outline_pitch=50.0), of, image)
     assert len(dots.centre_px) == ROWS * COLUMNS
     np.testing.assert_allclose(in_reading_order(dots.centre_px), in_reading_order(plain), atol=1e-6)
 
@@ -114,7 +114,7 @@ def test_undistorting_and_aligning_comes_back_to_the_camera_image(named):
 
 def test_aligned_view_shows_rows_level_and_evenly_spaced():
     of = sensor(rotation=(0.2, 0.1, 0.3), distortion=[-0.3, 0.1, 0.0, 0.0, 0.0])
-    state = PaperDetection().start(of)
+    state = PaperDetection().start(of).view
     aligned_px = np.stack(np.meshgrid(*(30.0 + 9.0 * np.arange(n) for n in (6, 4))), axis=-1).reshape(-1, 2)
     there_px = state.image_px(aligned_px)
     at = np.rint(aligned_px).astype(int)
@@ -172,8 +172,8 @@ def test_area_filter_and_threshold_are_the_users():
     _, image = picture(of)
     image = image.copy()
     cv2.circle(image, (210, 40), 3, 205, -1)
-    assert len(found(PaperDetection(margin_pitch=50.0), of, image).centre_px) == ROWS * COLUMNS
-    everything = PaperDetection(margin_pitch=50.0, minimum_area_px2=10.0)
+    assert len(found(PaperDetection(outline_pitch=50.0), of, image).centre_px) == ROWS * COLUMNS
+    everything = PaperDetection(outline_pitch=50.0, minimum_area_px2=10.0)
     assert len(found(everything, of, image).centre_px) == ROWS * COLUMNS + 1
     assert len(found(PaperDetection(threshold=230), of, image).centre_px) == 0
     wide = found(PaperDetection(threshold=60), of, image).area_px2.mean()
@@ -186,6 +186,30 @@ def test_threshold_is_a_grey_level_of_the_image_for_dark_markers_too():
     wide = found(PaperDetection(threshold=180), of, image).area_px2.mean()
     assert wide > found(PaperDetection(threshold=70), of, image).area_px2.mean() + 20.0
     assert len(found(PaperDetection(threshold=30), of, image).centre_px) == 0
+
+
+def test_margin_is_tried_until_all_markers_show_and_then_kept():
+    of = sensor()
+    centre_px, image = picture(of)
+    faint = np.where(np.arange(ROWS * COLUMNS) % 5 == 0, 0.3, 1.0)
+    shape_px = np.tile(np.eye(2) * 9.0, (len(centre_px), 1, 1))
+    faint_image = render_discs(
+        centre_px, shape_px, width_px=420, height_px=300, contrast=faint, look=Look(read_noise=2.0), seed=1
+    )
+    assert len(found(PaperDetection(margin=0), of, faint_image).centre_px) < ROWS * COLUMNS
+    detect = PaperDetection()
+    blank, state = np.full_like(image, 45), detect.start(of)
+    state, _nothing = detect.step(state, frame(blank), None)
+    assert state.margin is None
+    for shown in (faint_image, np.clip(faint_image.astype(int) + 40, 0, 255).astype(np.uint8)):
+        state, dots = detect.step(state, frame(shown), None)
+        assert nearest_px(dots.centre_px, centre_px).max() < 0.5
+        assert len(dots.centre_px) == ROWS * COLUMNS
+        assert state.margin < 0
+    state = detect.start(of)
+    for _ in range(20):
+        state, _nothing = detect.step(state, frame(blank), None)
+    assert (state.margin, state.trials) == (None, 0)
 
 
 @pytest.mark.parametrize("distortion", [None, [-0.1, 0.0, 0.0, 0.0, 0.0]])

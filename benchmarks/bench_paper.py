@@ -1,0 +1,102 @@
+"""How fast the paper's method is: per stage, as it is in manytouch and with the paper's plain loops.
+
+    OMP_NUM_THREADS=1 python benchmarks/bench_paper.py [--frames 30] [--iterations 100] [--width 2560]
+
+The paper reports less than one frame per second (2560 x 1440, 8th generation Core i7) once the surface
+is interpolated. `plain_idw` is that interpolation as it is usually written down, point by point and
+marker by marker; the same numbers come out.
+"""
+
+import argparse
+import time
+
+import cv2
+import numpy as np
+
+from manytouch.detection.paper import PaperDetection
+from manytouch.estimation.paper import PaperEstimate, PaperMemory
+from manytouch.simulation.scene import SCENES
+from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.simulator import Simulator
+from manytouch.tracking.paper import PaperTracking
+
+
+def plain_idw(x_mm, y_mm, z_mm, *, iterations, radius_mm, power=2.0):
+    """Inverse distance weighting in plain Python: rows of depths over the markers' bounding box."""
+    columns = [min(x_mm) + k * (max(x_mm) - min(x_mm)) / (iterations - 1) for k in range(iterations)]
+    rows = [min(y_mm) + k * (max(y_mm) - min(y_mm)) / (iterations - 1) for k in range(iterations)]
+    surface = []
+    for row in rows:
+        line = []
+        for column in columns:
+            share = total = 0.0
+            for x, y, z in zip(x_mm, y_mm, z_mm, strict=True):
+                distance = ((x - column) ** 2 + (y - row) ** 2) ** 0.5
+                if distance <= radius_mm:
+                    weight = max(distance, 1e-6 * radius_mm) ** -power
+                    share += weight * z
+                    total += weight
+            line.append(share / total if total > 0.0 else float("nan"))
+        surface.append(line)
+    return np.array(surface)
+
+
+def measured(
+    frames: int, width_px: int, estimate: PaperEstimate
+) -> tuple[dict[str, np.ndarray], PaperMemory, np.ndarray]:
+    """Milliseconds of each stage in each frame; the memory and the depths of the last frame."""
+    simulator = Simulator(sensor=demo_sensor(width_px), scene=SCENES["fingers"](0))
+    stages = (PaperDetection(), PaperTracking(), estimate)
+    detecting, tracking, estimating = (stage.start(simulator.sensor) for stage in stages)
+    spent_ms: dict[str, list[float]] = {"detection": [], "tracking": [], "estimation": [], "all": []}
+    # neighbouring frames, because the gate follows markers; two for nothing, so that memory is warm
+    for index in range(40, 42 + frames):
+        frame = simulator.frame(index)
+        ticks = [time.perf_counter()]
+        detecting, detections = stages[0].step(detecting, frame, None)
+        ticks.append(time.perf_counter())
+        tracking, grid = stages[1].step(tracking, detections)
+        ticks.append(time.perf_counter())
+        estimating, surface, _ = stages[2].step(estimating, grid)
+        ticks.append(time.perf_counter())
+        if index >= 42:
+            for name, seconds in zip(spent_ms, [*np.diff(ticks), ticks[-1] - ticks[0]], strict=True):
+                spent_ms[name].append(1e3 * seconds)
+    depth_mm = -surface.displacement_mm[:, 2]
+    return {name: np.array(values) for name, values in spent_ms.items()}, estimating, depth_mm
+
+
+def main() -> None:
+    """Print the table."""
+    options = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    options.add_argument("--frames", type=int, default=30)
+    options.add_argument("--iterations", type=int, default=100)
+    options.add_argument("--width", type=int, default=2560, help="of the 16:9 image, px")
+    chosen = options.parse_args()
+    cv2.setNumThreads(1)
+    estimate = PaperEstimate(iterations=chosen.iterations)
+    spent_ms, memory, depth_mm = measured(chosen.frames, chosen.width, estimate)
+    layout = memory.layout
+    print(f"{chosen.width} px wide, {len(layout.rest_mm)} markers, surface of {chosen.iterations**2} points")
+    for name, values in spent_ms.items():
+        print(f"{name:>12}: p50 {np.median(values):8.2f} ms   p99 {np.percentile(values, 99):8.2f} ms")
+    pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
+    begun_s = time.perf_counter()
+    plain = plain_idw(
+        *(layout.rest_mm[:, axis].tolist() for axis in (0, 1)),
+        depth_mm.tolist(),
+        iterations=chosen.iterations,
+        radius_mm=estimate.search_radius_pitch * pitch_mm,
+        power=estimate.power,
+    )
+    plain_ms = 1e3 * (time.perf_counter() - begun_s)
+    apart_mm = float(np.nanmax(np.abs(plain - memory.surface(depth_mm))))
+    whole_ms = np.median(spent_ms["all"]) + plain_ms
+    print(f"{'plain IDW':>12}: once {plain_ms:9.1f} ms   (differs by at most {apart_mm:.1e} mm)")
+    print(f"with plain IDW: {whole_ms:.0f} ms, {1e3 / whole_ms:.2f} frames per second")
+
+
+if __name__ == "__main__":
+    main()
