@@ -5,6 +5,7 @@ the same area centroid and second moments.
 """
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.geometry.camera import project
 from manytouch.simulation.plate import PlateField
@@ -28,25 +29,17 @@ def displacements(field: PlateField, lever_mm: float) -> Points3:
     return np.column_stack([-lever_mm * field.slope, -field.depth_mm])
 
 
-def dot_ellipses(
-    camera: Camera, rest_mm: Points3, radius_mm: Scalars, field: PlateField, lever_mm: float
-) -> tuple[Points2, Covariances2]:
-    """Image ellipses of discs: centroids (n, 2) px and shapes (n, 2, 2) as `render_discs` takes them.
+def outlines(rest_mm: Points3, radius_mm: Scalars) -> Float64[np.ndarray, "corners 3"]:
+    """Corners (n * CORNERS, 3) of the discs' outlines on the sheet at rest, disc after disc."""
+    circle = SAME_MOMENT * np.column_stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros(CORNERS)])
+    return (rest_mm[:, None, :] + radius_mm[:, None, None] * circle).reshape(-1, 3)
 
-    The field is continued over each disc with its own slope and curvature.
-    """
-    circle = SAME_MOMENT * np.column_stack([np.cos(ANGLES), np.sin(ANGLES)])
-    offset_mm = radius_mm[:, None, None] * circle
-    bend = field.curvature_per_mm[:, [0, 2, 2, 1]].reshape(-1, 2, 2)
-    turned = offset_mm @ bend
-    outline_mm = np.repeat(rest_mm[:, None, :], CORNERS, axis=1)
-    outline_mm[:, :, :2] += offset_mm - lever_mm * (field.slope[:, None, :] + turned)
-    outline_mm[:, :, 2] -= (
-        field.depth_mm[:, None]
-        + np.einsum("nci,ni->nc", offset_mm, field.slope)
-        + 0.5 * np.einsum("nci,nci->nc", offset_mm, turned)
-    )
-    return polygon_ellipses(project(camera, outline_mm.reshape(-1, 3)).reshape(-1, CORNERS, 2))
+
+def dot_ellipses(
+    camera: Camera, outline_mm: Float64[np.ndarray, "corners 3"]
+) -> tuple[Points2, Covariances2]:
+    """Image ellipses of moved outlines: centroids (n, 2) px, shapes (n, 2, 2) as `render_discs` takes."""
+    return polygon_ellipses(project(camera, outline_mm).reshape(-1, CORNERS, 2))
 
 
 def polygon_ellipses(corner_px: np.ndarray) -> tuple[Points2, Covariances2]:

@@ -1,9 +1,11 @@
 """The renderer's loops over pixels, compiled; see `render` for what they mean."""
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
+# no_type_check keeps checkers of annotations, which numba cannot compile, out of them
 
 import math
 from functools import cache
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -30,6 +32,7 @@ def normal_quantiles() -> np.ndarray:
 
 
 @njit(cache=True)
+@no_type_check
 def _looked_up(row: np.ndarray, x: float) -> float:
     place = (x + REACH) * TABLE_STEPS
     if place <= 0.0:
@@ -42,6 +45,7 @@ def _looked_up(row: np.ndarray, x: float) -> float:
 
 
 @njit(cache=True)
+@no_type_check
 def _over_chords(
     dx: float, dy: float, mxx: float, mxy: float, determinant: float, blur: float, table: np.ndarray
 ) -> float:
@@ -66,6 +70,7 @@ def _over_chords(
 
 
 @njit(cache=True)
+@no_type_check
 def _along_normal(
     dx: float, dy: float, mxx: float, mxy: float, myy: float, blur: float, table: np.ndarray
 ) -> float:
@@ -83,6 +88,7 @@ def _along_normal(
 
 
 @njit(cache=True)
+@no_type_check
 def add_discs(
     coverage: np.ndarray,
     centre: np.ndarray,
@@ -132,6 +138,7 @@ def add_discs(
 
 
 @njit(cache=True)
+@no_type_check
 def _mixed(word: np.uint64) -> np.uint64:
     """SplitMix64's finaliser (Steele, Lea and Flood 2014, doi:10.1145/2660193.2660195)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -140,6 +147,7 @@ def _mixed(word: np.uint64) -> np.uint64:
 
 
 @njit(cache=True)
+@no_type_check
 def photograph(
     pixels: np.ndarray,
     coverage: np.ndarray,

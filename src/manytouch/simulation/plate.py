@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from manytouch.values import Sheet
-from manytouch.values.arrays import Points2, Scalars, read_only
+from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -40,41 +40,44 @@ class PatchLoad:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PlateField:
-    """Depth (= -z deflection, positive when pressed) and its derivatives at n points.
+    """The deflected middle surface at n points.
 
     Attributes:
-        depth_mm: (n,).
+        depth_mm: (n,) -z deflection, positive when pressed.
         slope: (n, 2) d depth / dx, d depth / dy.
-        curvature_per_mm: (n, 3) second derivatives xx, yy, xy.
     """
 
     depth_mm: Scalars
     slope: Points2
-    curvature_per_mm: np.ndarray
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PlateModes:
-    """Beam functions at n points, by order of derivative: a frame's field is then a matrix product.
+    """The series' functions at n points: a frame's field is then a matrix product.
+
+    Points of a lattice share their x and y, so the functions along x are kept once for each x.
 
     Attributes:
-        along_x, along_y: (n, functions) of order 0, 1 and 2.
+        along_x: (2, k, functions) value and derivative at the k different x.
+        place_x: (n,) which of them each point has.
+        along_y: (2, n, functions) value and derivative at each point.
     """
 
-    along_x: tuple[np.ndarray, ...]
-    along_y: tuple[np.ndarray, ...]
+    along_x: np.ndarray
+    place_x: Counts
+    along_y: np.ndarray
 
     def field(self, coefficients: np.ndarray) -> PlateField:
-        """Depth and its derivatives for series coefficients (i, j)."""
-        half = [x @ coefficients for x in self.along_x]
-
-        def derivative(order_x: int, order_y: int) -> np.ndarray:
-            return np.asarray(np.einsum("nj,nj->n", half[order_x], self.along_y[order_y]))
-
+        """Depth and slope for series coefficients (i, j)."""
+        value, change = (self.along_x @ coefficients)[:, self.place_x]
         return PlateField(
-            depth_mm=derivative(0, 0),
-            slope=np.column_stack([derivative(1, 0), derivative(0, 1)]),
-            curvature_per_mm=np.column_stack([derivative(2, 0), derivative(0, 2), derivative(1, 1)]),
+            depth_mm=np.einsum("nj,nj->n", value, self.along_y[0]),
+            slope=np.column_stack(
+                [
+                    np.einsum("nj,nj->n", change, self.along_y[0]),
+                    np.einsum("nj,nj->n", value, self.along_y[1]),
+                ]
+            ),
         )
 
 
@@ -110,11 +113,13 @@ class Plate:
             right += load.force_N * (along_x * weight[:, None]).T @ along_y
         return np.asarray(cho_solve((self._factor, True), right.ravel())).reshape(self.functions)
 
-    def modes_at(self, point_mm: Points2) -> "PlateModes":
+    def modes_at(self, point_mm: Points2) -> PlateModes:
         """The series' functions at points (n, 2), to be kept for as long as the points stay."""
+        x_mm, place_x = np.unique(np.round(point_mm[:, 0], 9), return_inverse=True)
         return PlateModes(
-            along_x=tuple(self._along(0, point_mm[:, 0], order) for order in range(3)),
-            along_y=tuple(self._along(1, point_mm[:, 1], order) for order in range(3)),
+            along_x=np.stack([self._along(0, x_mm, order) for order in (0, 1)]),
+            place_x=place_x,
+            along_y=np.stack([self._along(1, point_mm[:, 1], order) for order in (0, 1)]),
         )
 
     def _along(self, axis: int, position_mm: Scalars, order: int) -> np.ndarray:

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from manytouch.geometry.camera import project
-from manytouch.simulation.imaging import displacements, dot_ellipses
-from manytouch.simulation.plate import PatchLoad, Plate, PlateField, PlateModes, clamped_plate
+from manytouch.simulation.imaging import displacements, dot_ellipses, outlines
+from manytouch.simulation.plate import PatchLoad, Plate, PlateModes, clamped_plate
 from manytouch.simulation.render import Look, render_discs
 from manytouch.simulation.scene import Scene
 from manytouch.values import (
@@ -21,7 +21,7 @@ from manytouch.values import (
     TrackedGrid,
     Truth,
 )
-from manytouch.values.arrays import Points2, read_only
+from manytouch.values.arrays import Covariances2, Points2, Points3, read_only
 
 DEMO_LOOK = Look(tilt_x=0.12, tilt_y=-0.08, vignetting=0.25, read_noise=1.2, shot_noise=0.02)
 WITHIN_PATCH = np.array(
@@ -36,7 +36,7 @@ WITHIN_PATCH = np.array(
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Simulator:
-    """A sensor with a rectangular layout under the presses of a scene; any frame can be asked for.
+    """A sensor under the presses of a scene; any frame can be asked for.
 
     Attributes:
         sensor: true camera, layout and sheet; the sheet's material must be known.
@@ -52,11 +52,17 @@ class Simulator:
     look: Look = DEMO_LOOK
     blur_px: float = 0.8
     _plate: Plate = field(init=False, repr=False)
-    _modes: PlateModes = field(init=False, repr=False)
+    _marker_modes: PlateModes = field(init=False, repr=False)
+    _outline_mm: Points3 = field(init=False, repr=False)
+    _outline_modes: PlateModes = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_plate", clamped_plate(self._sheet))
-        object.__setattr__(self, "_modes", self._plate.modes_at(self._layout.rest_mm[:, :2]))
+        layout, plate = self._layout, clamped_plate(self._sheet)
+        outline_mm = outlines(layout.rest_mm, layout.radius_mm)
+        object.__setattr__(self, "_plate", plate)
+        object.__setattr__(self, "_marker_modes", plate.modes_at(layout.rest_mm[:, :2]))
+        object.__setattr__(self, "_outline_mm", outline_mm)
+        object.__setattr__(self, "_outline_modes", plate.modes_at(outline_mm[:, :2]))
 
     @property
     def frame_count(self) -> int:
@@ -66,7 +72,8 @@ class Simulator:
     def frame(self, index: int) -> Frame:
         """The picture of a frame; its noise depends on the scene's seed and the index alone."""
         camera, layout = self.sensor.camera, self._layout
-        centre_px, shape_px = self._dots(self._field(self.scene.loads(self._time_s(index))))
+        loads = self.scene.loads(self._time_s(index))
+        centre_px, shape_px = self._dots(self._plate.coefficients(tuple(loads.values())))
         image = render_discs(
             centre_px,
             shape_px,
@@ -87,8 +94,8 @@ class Simulator:
     def truth(self, index: int) -> Truth:
         """What really happens in a frame; deviations are 0, because it is the truth."""
         loads = self.scene.loads(self._time_s(index))
-        sheet_field = self._field(loads)
-        displacement_mm = displacements(sheet_field, self._lever_mm)
+        coefficients = self._plate.coefficients(tuple(loads.values()))
+        displacement_mm = displacements(self._marker_modes.field(coefficients), self._lever_mm)
         count = len(displacement_mm)
         surface = Surface(
             position_mm=read_only(self._layout.rest_mm + displacement_mm),
@@ -97,15 +104,15 @@ class Simulator:
         )
         return Truth(
             frame_index=index,
-            grid=self._grid(self._dots(sheet_field)[0], index),
+            grid=self._grid(self._dots(coefficients)[0], index),
             surface=surface,
             contacts=self._contacts(index, loads),
         )
 
     @property
     def _layout(self) -> Layout:
-        if self.sensor.layout is None or self.sensor.layout.row_column is None:
-            raise ValueError("a simulated sensor needs a rectangular layout of markers")
+        if self.sensor.layout is None:
+            raise ValueError("a simulated sensor needs a layout of markers")
         return self.sensor.layout
 
     @property
@@ -121,13 +128,9 @@ class Simulator:
     def _time_s(self, index: int) -> float:
         return index / self.fps
 
-    def _field(self, loads: dict[int, PatchLoad]) -> PlateField:
-        """Depth, slope and curvature at the markers."""
-        return self._modes.field(self._plate.coefficients(tuple(loads.values())))
-
-    def _dots(self, sheet_field: PlateField) -> tuple[np.ndarray, np.ndarray]:
-        layout = self._layout
-        return dot_ellipses(self.sensor.camera, layout.rest_mm, layout.radius_mm, sheet_field, self._lever_mm)
+    def _dots(self, coefficients: np.ndarray) -> tuple[Points2, Covariances2]:
+        moved_mm = displacements(self._outline_modes.field(coefficients), self._lever_mm)
+        return dot_ellipses(self.sensor.camera, self._outline_mm + moved_mm)
 
     def _grid(self, centre_px: Points2, index: int) -> TrackedGrid:
         camera = self.sensor.camera

@@ -1,0 +1,120 @@
+"""The simulated sensor: the truth is what the picture shows."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from manytouch.geometry.camera import project
+from manytouch.simulation.render import Look
+from manytouch.simulation.scene import fingers
+from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.simulator import Simulator
+from manytouch.values import Phase
+
+SIMULATOR = Simulator(sensor=demo_sensor(1280), scene=fingers())
+BUSY = 210
+
+
+def test_demo_sensor_scales_with_its_picture() -> None:
+    large, small = demo_sensor().camera, demo_sensor(1280).camera
+    assert (large.width_px, large.height_px, large.cx_px, large.cy_px) == (2560, 1440, 1279.5, 719.5)
+    assert (small.width_px, small.height_px) == (1280, 720)
+    points = np.array([[40.0, -30.0, 0.0], [0.0, 0.0, -2.0]])
+    assert project(small, points) + 0.5 == pytest.approx((project(large, points) + 0.5) / 2)
+
+
+def test_truth_is_where_the_picture_shows_the_dots() -> None:
+    plain = replace(SIMULATOR, look=Look(ground=0.0, dot=255.0))
+    image = plain.frame(BUSY).image
+    assert image is not None
+    truth = plain.truth(BUSY)
+    assert truth.grid.is_seen.all()
+    for marker in range(0, 600, 37):
+        x, y = np.rint(truth.grid.position_px[marker]).astype(int)
+        window = image[y - 15 : y + 16, x - 15 : x + 16].astype(float)
+        rows, columns = np.indices(window.shape)
+        found = np.array([(columns * window).sum(), (rows * window).sum()]) / window.sum() + [x - 15, y - 15]
+        assert found == pytest.approx(truth.grid.position_px[marker], abs=0.01)
+
+
+def test_nothing_moves_at_rest() -> None:
+    truth = SIMULATOR.truth(30)
+    assert truth.contacts.contacts == ()
+    assert np.abs(truth.surface.displacement_mm).max() == 0
+    image = SIMULATOR.frame(30).image
+    assert image is not None
+    assert image.shape == (720, 1280)
+
+
+def test_truth_tells_forces_depths_and_places() -> None:
+    truth = SIMULATOR.truth(BUSY)
+    loads = SIMULATOR.scene.loads(BUSY / 30)
+    assert [contact.id for contact in truth.contacts.touching] == sorted(loads)
+    for contact in truth.contacts.touching:
+        load = loads[contact.id]
+        assert contact.force_N.tolist() == [0.0, 0.0, -load.force_N]
+        assert contact.centre_mm == pytest.approx(load.centre_mm)
+        rest_mm = truth.surface.position_mm - truth.surface.displacement_mm
+        near = np.linalg.norm(rest_mm[:, :2] - contact.centre_mm, axis=1) < load.radius_mm
+        deepest = -truth.surface.displacement_mm[near, 2].min()
+        assert deepest <= contact.depth_mm + 1e-6 < deepest + 0.3
+        nearest = np.argmin(np.linalg.norm(rest_mm[:, :2] - contact.centre_mm, axis=1))
+        assert np.linalg.norm(contact.centre_px - truth.grid.position_px[nearest]) < 36 / np.sqrt(2) * 1.1
+
+
+def test_phases_start_move_and_end_once() -> None:
+    lives: dict[int, list[Phase]] = {}
+    last_force = {}
+    slow = replace(SIMULATOR, fps=15.0)
+    for index in range(slow.frame_count):
+        for contact in slow.truth(index).contacts.contacts:
+            lives.setdefault(contact.id, []).append(contact.phase)
+            if contact.phase is Phase.END:
+                assert contact.force_N[2] == last_force[contact.id]
+            last_force[contact.id] = contact.force_N[2]
+    assert sorted(lives) == list(range(len(SIMULATOR.scene.presses)))
+    for phases in lives.values():
+        assert phases == [Phase.START, *[Phase.MOVE] * (len(phases) - 2), Phase.END]
+
+
+def test_frames_repeat_with_the_seed_and_differ_in_noise() -> None:
+    again = Simulator(sensor=demo_sensor(1280), scene=fingers())
+    assert np.array_equal(SIMULATOR.frame(7).image, again.frame(7).image)
+    assert not np.array_equal(SIMULATOR.frame(7).image, SIMULATOR.frame(8).image)
+    other = Simulator(sensor=demo_sensor(1280), scene=fingers(seed=1))
+    assert not np.array_equal(SIMULATOR.frame(7).image, other.frame(7).image)
+
+
+def test_missing_markers_are_neither_shown_nor_seen() -> None:
+    sensor = demo_sensor(1280)
+    assert sensor.layout is not None
+    missing = np.zeros(600, dtype=bool)
+    missing[[31, 400]] = True
+    gappy = Simulator(
+        sensor=replace(sensor, layout=replace(sensor.layout, is_missing=missing)), scene=fingers()
+    )
+    whole_px = np.rint(SIMULATOR.truth(5).grid.position_px[31]).astype(int)
+    grid = gappy.truth(5).grid
+    assert np.array_equal(grid.is_seen, ~missing)
+    assert np.isnan(grid.position_px[missing]).all()
+    image, whole = gappy.frame(5).image, SIMULATOR.frame(5).image
+    assert image is not None
+    assert whole is not None
+    assert image[whole_px[1], whole_px[0]] < 80
+    assert whole[whole_px[1], whole_px[0]] > 120
+
+
+def test_only_what_the_camera_sees_is_seen() -> None:
+    sensor = demo_sensor(1280)
+    camera = replace(sensor.camera, translation_mm=np.array([20.0, 0.0, 116.3]))
+    grid = Simulator(sensor=replace(sensor, camera=camera), scene=fingers()).truth(4).grid
+    assert 0 < grid.is_seen.sum() < 600
+    assert np.isfinite(grid.position_px).all(axis=1).tolist() == grid.is_seen.tolist()
+
+
+def test_a_sensor_without_layout_or_sheet_is_refused() -> None:
+    with pytest.raises(ValueError, match="sheet"):
+        Simulator(sensor=replace(demo_sensor(), sheet=None), scene=fingers())
+    with pytest.raises(ValueError, match="layout"):
+        Simulator(sensor=replace(demo_sensor(), layout=None), scene=fingers())
