@@ -105,7 +105,7 @@ def read_image(path: Path, colour: int = cv2.IMREAD_ANYCOLOR) -> Image | None:
 
 def natural_key(path: Path) -> tuple[list[str | int], str]:
     """Sorts numbers in names by their value, whatever their number of digits."""
-    parts = re.split(r"(\d+)", path.name.casefold())
+    parts = re.split(r"(\d+)", path.stem.casefold())
     return [int(part) if place % 2 else part for place, part in enumerate(parts)], path.name
 
 
