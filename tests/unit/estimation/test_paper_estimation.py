@@ -1,0 +1,305 @@
+"""The paper's depth, padding, interpolation and peaks: the laws that they obey, and those they do not."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation.paper import (
+    PaperEstimate,
+    inverse_distance,
+    marker_quads,
+    peaks,
+    signed_perimeter,
+)
+from manytouch.geometry.camera import onto_plane, project
+from manytouch.values import Camera, Layout, Phase, Sensor, TrackedGrid
+
+ROWS, COLUMNS, PITCH_MM, DISTANCE_MM = 6, 9, np.array([4.0, 5.0]), 110.0
+
+
+def sensor(rotation=(0.0, 0.0, 0.0), distortion=(0.0, 0.0, 0.0, 0.0, 0.0), rows=ROWS, columns=COLUMNS):
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    rest_mm = np.column_stack(
+        [(column - (columns - 1) / 2) * PITCH_MM[0], (row - (rows - 1) / 2) * PITCH_MM[1], 0.0 * row]
+    )
+    return Sensor(
+        name="test sheet",
+        camera=Camera(
+            width_px=640,
+            height_px=480,
+            fx_px=1200.0,
+            fy_px=1180.0,
+            cx_px=322.0,
+            cy_px=236.0,
+            distortion=np.array(distortion),
+            rotation_vector=np.array(rotation),
+            translation_mm=np.array([0.0, 0.0, DISTANCE_MM]),
+        ),
+        layout=Layout(
+            rest_mm=rest_mm,
+            row_column=np.column_stack([row, column]),
+            pitch_mm=PITCH_MM,
+            radius_mm=np.full(len(row), 1.0),
+            polarity="light",
+            is_missing=np.zeros(len(row), dtype=bool),
+        ),
+    )
+
+
+def grid(position_px, noise_px=0.05):
+    is_seen = np.isfinite(position_px).all(axis=1)
+    covariance_px2 = np.where(is_seen[:, None, None], noise_px**2 * np.eye(2), np.nan)
+    return TrackedGrid(
+        position_px=position_px,
+        covariance_px2=covariance_px2,
+        is_seen=is_seen,
+        frames_unseen=np.where(is_seen, 0, 1),
+    )
+
+
+def seen(of, displacement_mm):
+    """The grid that the camera shows of markers moved by (m, 3)."""
+    return grid(project(of.camera, of.layout.rest_mm + displacement_mm))
+
+
+def read(of, *grids, estimate=None):
+    estimate = estimate or PaperEstimate()
+    state, results = estimate.start(of), []
+    for each in grids:
+        state, surface, contacts = estimate.step(state, each)
+        results.append((surface, contacts))
+    return results[-1]
+
+
+def depth_mm(of, each, **named):
+    return -read(of, each, estimate=PaperEstimate(**named))[0].displacement_mm[:, 2]
+
+
+def bump(of, at_mm, height_mm, width_mm):
+    """Depth and its gradient (m, 2) of a Gaussian press."""
+    gap = of.layout.rest_mm[:, :2] - np.asarray(at_mm)
+    depth = height_mm * np.exp(-0.5 * (gap**2).sum(axis=1) / width_mm**2)
+    return depth, -gap / width_mm**2 * depth[:, None]
+
+
+@settings(max_examples=20, deadline=None)
+@given(
+    depth=st.floats(-5.0, 20.0),
+    tilt=st.tuples(st.floats(-0.4, 0.4), st.floats(-0.4, 0.4), st.floats(-3.0, 3.0)),
+    barrel=st.floats(-0.1, 0.0),
+)
+def test_a_sheet_moved_towards_the_camera_by_z_reads_exactly_z(depth, tilt, barrel):
+    # along the sheet's normal, whatever way the camera looks: that is what aligning is for
+    of = sensor(rotation=tilt, distortion=(barrel, 0.0, 0.0, 0.0, 0.0))
+    toward_eye = np.array([0.0, 0.0, -1.0])
+    eye_mm = of.camera.translation_mm
+    found = depth_mm(of, seen(of, np.tile(depth * toward_eye, (ROWS * COLUMNS, 1))))
+    assert eye_mm[2] == DISTANCE_MM
+    np.testing.assert_allclose(found, depth, atol=1e-4)
+
+
+def test_rest_is_flat_and_sideways_motion_is_no_depth():
+    of = sensor()
+    aside_mm = np.tile([1.3, -0.7, 0.0], (ROWS * COLUMNS, 1))
+    surface, contacts = read(of, seen(of, aside_mm))
+    np.testing.assert_allclose(surface.displacement_mm, aside_mm, atol=1e-9)
+    np.testing.assert_allclose(surface.position_mm, of.layout.rest_mm + aside_mm, atol=1e-9)
+    assert contacts.contacts == ()
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_signed_perimeter_is_the_true_one_of_axis_parallel_quads_and_linear_in_the_corners(seed):
+    random = np.random.default_rng(seed)
+    (left, top), (width, height) = random.uniform(-9, 9, 2), random.uniform(0.1, 9, 2)
+    lower_left, lower_right = [left, top + height], [left + width, top + height]
+    upper_right, upper_left = [left + width, top], [left, top]
+    box = np.array([lower_left, lower_right, upper_right, upper_left])
+    np.testing.assert_allclose(signed_perimeter(box), 2 * (width + height))
+    one, two = random.normal(size=(2, 7, 4, 2))
+    np.testing.assert_allclose(
+        signed_perimeter(2.0 * one - 3.0 * two), 2.0 * signed_perimeter(one) - 3.0 * signed_perimeter(two)
+    )
+    shifted = box + random.normal(size=2)
+    np.testing.assert_allclose(signed_perimeter(shifted), signed_perimeter(box))
+
+
+def test_depth_is_that_of_a_plain_computation_marker_by_marker():
+    of = sensor()
+    depth, _ = bump(of, (3.0, -4.0), 4.0, 9.0)
+    after = seen(of, np.column_stack([0.05 * depth, -0.02 * depth, -depth]))
+    x0, y0 = onto_plane(of.camera, project(of.camera, of.layout.rest_mm))[:, :2].T.reshape(2, ROWS, COLUMNS)
+    x, y = onto_plane(of.camera, after.position_px)[:, :2].T.reshape(2, ROWS, COLUMNS)
+    plain = np.zeros((ROWS, COLUMNS))
+    for r in range(1, ROWS - 1):
+        for c in range(1, COLUMNS - 1):
+            sums = [
+                (v[r + 1, c - 1] - v[r - 1, c - 1])
+                + (u[r + 1, c + 1] - u[r + 1, c - 1])
+                + (v[r + 1, c + 1] - v[r - 1, c + 1])
+                + (u[r - 1, c + 1] - u[r - 1, c - 1])
+                for u, v in ((x0, y0), (x, y))
+            ]
+            plain[r, c] = DISTANCE_MM * (1.0 - sums[0] / sums[1])
+    plain = np.pad(plain[1:-1, 1:-1], 1, mode="edge")
+    np.testing.assert_allclose(depth_mm(of, after).reshape(ROWS, COLUMNS), plain, atol=1e-9)
+
+
+def test_perimeters_measure_depth_plus_slope_plus_stretch():
+    # the law of docs/paper.md, in the limit of small deformation and small quads; sides 2 : 2.5
+    of = sensor(rows=26, columns=33)
+    depth, gradient = bump(of, (9.0, -14.0), 0.02, 30.0)
+    radius = of.layout.rest_mm[:, :2]
+    weight = PITCH_MM / PITCH_MM.sum()
+    stretch = np.array([2e-4, -1e-4])
+    moved = np.column_stack([radius * stretch, -depth])
+    law = depth + (radius * gradient) @ weight + DISTANCE_MM * stretch @ weight
+    found = depth_mm(of, seen(of, moved)).reshape(26, 33)[1:-1, 1:-1]
+    np.testing.assert_allclose(found, law.reshape(26, 33)[1:-1, 1:-1], atol=6e-4)
+    assert np.abs(law - depth).max() > 6e-3  # so the depth itself would fail
+
+
+def test_padding_gives_the_edge_the_depth_of_its_inner_neighbour():
+    quads = marker_quads(sensor().layout.row_column)
+    number = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)
+    np.testing.assert_array_equal(
+        quads.source.reshape(ROWS, COLUMNS), np.pad(number[1:-1, 1:-1], 1, mode="edge")
+    )
+    assert (quads.corner.reshape(ROWS, COLUMNS, 4)[1:-1, 1:-1] >= 0).all()
+    of = sensor()
+    depth, _ = bump(of, (0.0, 0.0), 3.0, 8.0)
+    assert np.isfinite(depth_mm(of, seen(of, np.column_stack([0 * depth, 0 * depth, -depth])))).all()
+
+
+def test_an_unseen_marker_leaves_out_only_the_quads_it_belongs_to():
+    of = sensor()
+    position_px = project(of.camera, of.layout.rest_mm)
+    gone = 2 * COLUMNS + 4
+    position_px[gone] = np.nan
+    surface, _ = read(of, grid(position_px))
+    unknown = np.flatnonzero(np.isnan(surface.displacement_mm[:, 2]))
+    around = [gone + row * COLUMNS + column for row in (-1, 1) for column in (-1, 1)]
+    edge = [source - COLUMNS for source in around[:2]]  # padded from row 1
+    np.testing.assert_array_equal(unknown, sorted(around + edge))
+    np.testing.assert_array_equal(np.isnan(surface.displacement_mm[:, 0]), np.arange(ROWS * COLUMNS) == gone)
+    nothing, contacts = read(of, grid(np.full_like(position_px, np.nan)))
+    assert nothing.status == "few_markers"
+    assert contacts.contacts == ()
+
+
+def test_deviations_are_the_observed_scatter():
+    of = sensor(distortion=(-0.1, 0.0, 0.0, 0.0, 0.0))
+    random = np.random.default_rng(7)
+    depth, _ = bump(of, (3.0, -4.0), 6.0, 9.0)
+    moved_px = project(of.camera, of.layout.rest_mm + np.column_stack([0 * depth, 0 * depth, -depth]))
+    estimate = PaperEstimate()
+    state = estimate.start(of)
+    readings = []
+    for _ in range(300):
+        noisy = grid(moved_px + random.normal(0.0, 0.1, moved_px.shape), noise_px=0.1)
+        _, surface, _ = estimate.step(state, noisy)
+        readings.append(surface.displacement_mm)
+    predicted = np.sqrt(np.diagonal(surface.covariance_mm2, axis1=1, axis2=2))
+    np.testing.assert_allclose(np.std(readings, axis=0), predicted, rtol=0.2)
+
+
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=15, deadline=None)
+def test_interpolation_passes_through_the_markers_and_stays_within_their_range(seed):
+    random = np.random.default_rng(seed)
+    x, y = np.meshgrid(np.linspace(-8, 8, 5), np.linspace(-6, 6, 4))
+    rest_mm = np.column_stack([x.ravel(), y.ravel()])
+    value = random.normal(size=len(rest_mm))
+    surface = inverse_distance(rest_mm, 13, 5.0, 2.0)
+    plane = surface(value)
+    assert plane.shape == (13, 13)
+    assert value.min() - 1e-9 <= plane.min() <= plane.max() <= value.max() + 1e-9
+    np.testing.assert_allclose(plane[::4, ::3].ravel(), value, atol=1e-9)  # 5 columns, 4 rows: every 3rd, 4th
+    np.testing.assert_allclose(surface(np.full(len(rest_mm), 2.5)), 2.5)
+
+
+def test_interpolation_is_the_plain_double_loop_and_knows_where_it_knows_nothing():
+    of = sensor()
+    value, _ = bump(of, (2.0, 3.0), 4.0, 5.0)
+    value[10] = np.nan
+    rest_mm = of.layout.rest_mm[:, :2]
+    surface = inverse_distance(rest_mm, 11, 6.0, 3.0)
+    plain = np.full((11, 11), np.nan)
+    for i, y in enumerate(surface.y_mm):
+        for j, x in enumerate(surface.x_mm):
+            gap = np.hypot(rest_mm[:, 0] - x, rest_mm[:, 1] - y)
+            use = (gap <= 6.0) & np.isfinite(value)
+            weight = 1.0 / np.maximum(gap[use], 6e-6) ** 3
+            plain[i, j] = (weight * value[use]).sum() / weight.sum()
+    np.testing.assert_allclose(surface(value), plain, atol=1e-9)
+    lonely = np.full(len(value), np.nan)
+    lonely[0] = 1.0
+    known = np.isfinite(surface(lonely))
+    assert known[0, 0]
+    assert 0 < known.sum() < 20
+
+
+def test_peaks_are_deep_enough_apart_enough_and_deepest_first():
+    plane = np.zeros((20, 30))
+    plane[5, 5], plane[5, 7], plane[15, 20], plane[0, 29], plane[10, 10] = 2.0, 3.0, 5.0, 1.5, 0.4
+    plane[18, 3:5] = 1.2  # a flat top
+    plane[2, 2] = np.nan
+    row, column = peaks(plane, 1.0, np.ones((7, 7), np.uint8))
+    assert list(zip(row.tolist(), column.tolist(), strict=True)) == [(15, 20), (5, 7), (0, 29), (18, 3)]
+    row, _ = peaks(np.full((20, 30), np.nan), 1.0, np.ones((7, 7), np.uint8))
+    assert len(row) == 0
+
+
+def test_layouts_without_rows_or_sensors_without_markers_are_refused():
+    of = sensor()
+    estimate = PaperEstimate()
+    with pytest.raises(SensorError, match="has no \\[markers\\]"):
+        estimate.start(Sensor(name="bare", camera=of.camera))
+    with pytest.raises(LayoutError, match="2 x 9 markers"):
+        estimate.start(sensor(rows=2))
+    with pytest.raises(LayoutError, match="no rectangle"):
+        estimate.start(
+            Sensor(
+                name="ring",
+                camera=of.camera,
+                layout=Layout(
+                    rest_mm=of.layout.rest_mm,
+                    row_column=None,
+                    pitch_mm=PITCH_MM,
+                    radius_mm=of.layout.radius_mm,
+                    polarity="light",
+                    is_missing=of.layout.is_missing,
+                ),
+            )
+        )
+
+
+def test_a_press_on_the_axis_is_one_contact_that_starts_moves_and_ends():
+    of = sensor(rows=9, columns=13)
+    depth, _ = bump(of, (0.0, 0.0), 3.0, 6.0)
+    flat, pressed = np.zeros((9 * 13, 3)), np.column_stack([0 * depth, 0 * depth, -depth])
+    estimate = PaperEstimate(contact_depth_pitch=0.2)
+    state, told = estimate.start(of), []
+    for displacement_mm in (flat, pressed, pressed, flat, flat, pressed):
+        state, _, contacts = estimate.step(state, seen(of, displacement_mm))
+        told.append([(contact.id, contact.phase) for contact in contacts.contacts])
+    assert told == [[], [(0, Phase.START)], [(0, Phase.MOVE)], [(0, Phase.END)], [], [(1, Phase.START)]]
+
+
+def test_a_contact_says_what_it_knows_and_nothing_else():
+    of = sensor(rows=9, columns=13)
+    depth, _ = bump(of, (0.0, 0.0), 3.0, 12.0)
+    moved = np.column_stack([np.full_like(depth, 0.5), 0 * depth, -depth])
+    _, contacts = read(of, seen(of, moved), estimate=PaperEstimate(contact_depth_pitch=0.2))
+    (contact,) = contacts.touching
+    assert np.abs(contact.centre_mm).max() < 0.5
+    assert contact.depth_mm == pytest.approx(3.0, rel=0.3)
+    there_px = project(of.camera, np.array([[0.5, 0.0, -3.0]]))[0]
+    np.testing.assert_allclose(contact.centre_px, there_px, atol=3.0)
+    assert contact.std("x") == pytest.approx(4.0 / 12**0.5)
+    assert contact.std("y") == pytest.approx(5.0 / 12**0.5)
+    assert 0.0 < contact.std("depth") < 0.1
+    assert np.isnan([*contact.force_N, contact.torque_Nmm, contact.area_mm2]).all()
+    assert np.isnan(np.diag(contact.covariance)[3:]).all()
