@@ -145,7 +145,7 @@ def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
         blobs: all of them.
         members: the pattern so far.
         alike: (n,) well-shaped blobs: one prediction is enough when they resemble the members near them.
-        odd: (n,) blobs of any shape, weak or small: two close predictions are needed.
+        odd: (n,) blobs of any shape, weak or small (not both): two close predictions are needed.
     """
     members, core = members.copy(), members.copy()  # the pattern goes on from its core only
     for _ in range(20):
@@ -159,7 +159,7 @@ def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
         near = inside[nearest]
         size = radius_px / np.median(blobs.radius_px[near], axis=1)
         contrast = blobs.contrast[outside] / np.median(blobs.contrast[near], axis=1)
-        fits = odd[outside] & (size > 0.28) & (size < 1.6) & (contrast > 0.12) & (contrast < 3.0)
+        fits = odd[outside] & (size > 0.28) & (size < 1.6) & (contrast > np.where(size > 0.6, 0.14, 0.3))
         good = alike[outside] & (size > 0.6) & (size < 1.6) & (contrast > 0.4) & (contrast < 2.5)
         free = step[:, 0] > 0.45 * spacing(blobs.place_px[inside])[nearest[:, 0]]
         inner = blobs.place_px[inside], blobs.radius_px[inside]

@@ -16,7 +16,8 @@ from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from manytouch.detection.appearance import GREY_OF_BGR, Appearance
-from manytouch.detection.centroid import measure, noise_of
+from manytouch.detection.candidates import without_doubles
+from manytouch.detection.centroid import Dots, measure, noise_of
 from manytouch.detection.colour import fitted_weights, tried_weights
 from manytouch.detection.outline import Outlines, outlines
 from manytouch.detection.regularity import (
@@ -339,6 +340,11 @@ def _surveyed(
     moved = np.linalg.norm(measured.centre_px - pattern.dots.place_px, axis=1)
     with np.errstate(invalid="ignore"):
         keep = measured.is_found & (measured.cut < 0.6) & (moved < pattern.dots.radius_px + 1.0)
+    keep &= _is_half_visible(image, measured, keep)
+    kept = np.flatnonzero(keep)
+    weight = measured.contrast[kept] * measured.area_px2[kept]
+    radius_px = np.sqrt(measured.area_px2[kept] / np.pi)
+    keep[kept[~without_doubles(measured.centre_px[kept], radius_px, weight, 0.9)]] = False
     detections = detections_of(measured, keep, corner)
     typical = pattern.alike & keep
     radius_px = np.sqrt(measured.area_px2[typical if typical.any() else keep] / np.pi)
@@ -359,6 +365,20 @@ def _surveyed(
         frame_index=frame.index,
         notes=_notes(pattern, keep),
     )
+
+
+def _is_half_visible(image: np.ndarray, dots: Dots, keep: Mask) -> Mask:
+    """(n,) does at least about half of the dot lie within the image, judged by the dots near it?"""
+    centre_px = np.where(keep[:, None], dots.centre_px, 0.0)
+    radius_px = np.sqrt(np.where(keep, dots.area_px2, 0.0) / np.pi)
+    inside = np.flatnonzero(keep)
+    if len(inside) < 4:
+        return keep
+    _, near = cKDTree(centre_px[inside]).query(centre_px, k=min(12, len(inside)))
+    local_px = np.quantile(radius_px[inside][near], 0.75, axis=1)
+    far_corner = np.array([image.shape[1], image.shape[0]]) - 1.0
+    margin = np.minimum(centre_px, far_corner - centre_px).min(axis=1) + 0.5
+    return (margin > 1.1 * local_px) | (radius_px**2 > 0.45 * local_px**2)
 
 
 def _notes(pattern: Pattern, keep: Mask) -> tuple[str, ...]:
