@@ -6,23 +6,23 @@ sheet are pixels times one scale; what the image cannot tell is said in the sens
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
+from manytouch.calibration.first_frames import RestRegion, arranged, image_size, rest_dots
 from manytouch.calibration.flatness import bulge_in_pitches
-from manytouch.calibration.still import StillDots, confirmed, still_dots
-from manytouch.errors import LayoutError, SensorError, SourceError
+from manytouch.calibration.reference import refer
+from manytouch.calibration.still import StillDots
+from manytouch.errors import SensorError
 from manytouch.geometry.camera import onto_plane
-from manytouch.tracking.arrangement import Arrangement, arrange
-from manytouch.values import Camera, Detections, Frame, Layout, Polarity, Sensor, Sheet
-from manytouch.values.arrays import Mask, read_only
+from manytouch.tracking.arrangement import Arrangement
+from manytouch.values import Camera, Frame, Layout, Polarity, Sensor, Sheet
+from manytouch.values.arrays import read_only
 
-RestRegion = tuple[int, int, int, int]
+__all__ = ["refer", "sensor_from_dots", "sensor_from_rest"]
+
 ASSUMED_HFOV_DEG = 60.0
 ASSUMED_THICKNESS_PITCHES = 0.75
-MOST_FRAMES = 24
-_LEAST_DOTS = 4
 _PRESSED_PITCHES = 0.15
 _ODD_PITCHES = 0.03
 
@@ -53,42 +53,21 @@ def sensor_from_rest(
         SensorError: an impossible pitch, field of view or region.
         LayoutError: too few dots.
     """
-    from manytouch.detection import survey
-
     _check_numbers(pitch_mm, hfov_deg)
     width, height = image_size(frames, roi_px)
-    surveyed = survey(frames[:MOST_FRAMES], roi_px=roi_px)
-    build = partial(
-        sensor_from_dots,
+    appearance, still, notes = rest_dots(frames, roi_px)
+    sensor = sensor_from_dots(
+        still,
         name=name,
         width_px=width,
         height_px=height,
-        polarity=surveyed.appearance.polarity,
-        colour_weights=surveyed.appearance.colour_weights,
+        polarity=appearance.polarity,
+        colour_weights=appearance.colour_weights,
         pitch_mm=pitch_mm,
         hfov_deg=hfov_deg,
         roi_px=roi_px,
     )
-    known = still_dots([surveyed.detections])
-    searched = searched_frames(build(known), frames[:MOST_FRAMES], roi_px)
-    still = still_dots(searched)
-    sensor = build(confirmed(still, known) if len(still.centre_px) else known)
-    return replace(sensor, assumptions=sensor.assumptions + surveyed.notes)
-
-
-def searched_frames(
-    sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None
-) -> tuple[Detections, ...]:
-    """The dots of each frame, as they will be measured later on."""
-    from manytouch.detection import DotSearch
-
-    search = DotSearch(roi_px=roi_px)
-    state = search.start(sensor)
-    found = []
-    for frame in frames:
-        state, detections = search.step(state, frame, None)
-        found.append(detections)
-    return tuple(found)
+    return replace(sensor, assumptions=sensor.assumptions + notes)
 
 
 def sensor_from_dots(
@@ -133,51 +112,6 @@ def sensor_from_dots(
             "still_frames": list(still.frames),
         },
     )
-
-
-def image_size(frames: Sequence[Frame], roi_px: RestRegion | None = None) -> tuple[int, int]:
-    """Width and height of all decoded frames; raises when they differ or the region does not fit."""
-    sizes = {each.image.shape[:2] for each in frames if each.image is not None}
-    if not sizes:
-        raise SourceError(
-            f"none of the first {len(frames)} frames could be decoded; a layout needs at least one picture: "
-            "check the file with another player"
-        )
-    if len(sizes) > 1:
-        told = " and ".join(sorted(f"{width} x {height} px" for height, width in sizes))
-        raise SourceError(
-            f"the frames differ in size ({told}), but one camera gives one size: process them separately"
-        )
-    height, width = sizes.pop()
-    if roi_px is not None:
-        x, y, w, h = roi_px
-        if x < 0 or y < 0 or w <= 0 or h <= 0 or x + w > width or y + h > height:
-            raise SensorError(
-                f"the region {x},{y},{w},{h} (x,y,width,height) does not lie within the image of "
-                f"{width} x {height} px: give one that does, or none"
-            )
-    return width, height
-
-
-def arranged(still: StillDots, width_px: int, height_px: int, roi_px: RestRegion | None) -> Arrangement:
-    """The dots as numbered markers; raises when there are too few."""
-    if len(still.centre_px) < _LEAST_DOTS:
-        raise LayoutError(
-            f"only {len(still.centre_px)} dots were found in the first frames, but a layout needs at least "
-            f"{_LEAST_DOTS}: check light and focus, begin the recording untouched, or give the region with "
-            "the dots by --roi X,Y,W,H"
-        )
-    return arrange(still.centre_px, is_cut(still, width_px, height_px, roi_px))
-
-
-def is_cut(still: StillDots, width_px: int, height_px: int, roi_px: RestRegion | None) -> Mask:
-    """(n,) dots that the border of the image, or of the region, cuts."""
-    x, y, w, h = roi_px or (0, 0, width_px, height_px)
-    radius = np.sqrt(np.median(still.area_px2) / np.pi)
-    centre = still.centre_px
-    inside = np.minimum(centre - [x - 0.5, y - 0.5], [x + w - 0.5, y + h - 0.5] - centre).min(axis=1)
-    is_small = still.area_px2 < 0.6 * np.median(still.area_px2)
-    return np.asarray((inside < 0.85 * radius) | ((inside < 1.5 * radius) & is_small))
 
 
 def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float | None) -> None:

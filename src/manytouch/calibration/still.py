@@ -11,6 +11,7 @@ from manytouch.values import Detections
 from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 
 _GATE = 0.35
+_MOST_MORE = 0.15
 _MAD_TO_STD = 1.4826
 
 
@@ -56,27 +57,34 @@ def still_dots(detections: Sequence[Detections]) -> StillDots:
     return _merged([detections[k] for k in frames], frames, moved=bool(len(group) < 0.8 * len(usable)))
 
 
-def confirmed(still: StillDots, known: StillDots) -> StillDots:
-    """Those still dots that lie near known ones, or on a lattice.
+def confirmed(still: StillDots, known: StillDots, *, is_same_time: bool) -> StillDots:
+    """The still dots that belong to the pattern of which one frame's `known` dots were taken.
 
-    A search by size alone also finds glints; what counts is that the first look at the pattern found a
-    dot there, or that the pattern goes on there.
+    A search by size alone also finds glints and stripes. A dot counts when the first look at the pattern
+    found it, or when it lies on the lattice that they form, unless there are many such. Known dots that the
+    search missed are taken over when they are of the same time.
     """
     if len(known.centre_px) < 2 or len(still.centre_px) < 2:
-        return still
+        return known if is_same_time else still
     gate = _GATE * local_spacing(known.centre_px)
     distance, nearest = cKDTree(known.centre_px).query(still.centre_px)
-    keep = distance < gate[nearest]
+    is_known = distance < gate[nearest]
     lattice = find_lattice(still.centre_px)
+    is_more = np.zeros(len(is_known), dtype=bool)
     if lattice is not None and not lattice.winds:
-        keep |= lattice.is_member
+        is_more = lattice.is_member & ~is_known
+    keep = is_known if is_more.sum() > _MOST_MORE * len(known.centre_px) else is_known | is_more
+    parts = [(still, keep)]
+    if is_same_time:
+        apart, _ = cKDTree(still.centre_px[keep]).query(known.centre_px) if keep.any() else (gate, None)
+        parts.append((known, apart >= gate))
     return replace(
         still,
-        centre_px=read_only(still.centre_px[keep]),
-        area_px2=read_only(still.area_px2[keep]),
-        contrast=read_only(still.contrast[keep]),
-        noise_px=read_only(still.noise_px[keep]),
-        times_seen=read_only(still.times_seen[keep]),
+        centre_px=read_only(np.concatenate([each.centre_px[chosen] for each, chosen in parts])),
+        area_px2=read_only(np.concatenate([each.area_px2[chosen] for each, chosen in parts])),
+        contrast=read_only(np.concatenate([each.contrast[chosen] for each, chosen in parts])),
+        noise_px=read_only(np.concatenate([each.noise_px[chosen] for each, chosen in parts])),
+        times_seen=read_only(np.concatenate([each.times_seen[chosen] for each, chosen in parts])),
     )
 
 
