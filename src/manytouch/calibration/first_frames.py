@@ -54,9 +54,7 @@ def rest_dots(
     surveyed = survey(few, roi_px=roi_px)
     known = still_dots([surveyed.detections])
     width, height = image_size(few, roi_px)
-    looks = _seen_from_afar(
-        known, surveyed.appearance.polarity, surveyed.appearance.colour_weights, width, height
-    )
+    looks = _seen_from_afar(known, surveyed.appearance, width, height)
     still = still_dots(searched_frames(looks, few, roi_px))
     is_same_time = surveyed.frame_index in {few[k].index for k in still.frames} or not still.frames
     return surveyed.appearance, confirmed(still, known, is_same_time=is_same_time), surveyed.notes
