@@ -9,6 +9,8 @@ os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
 
 import cv2
 
-cv2.utils.logging.setLogLevel(0)  # silent
+# its home differs between releases of OpenCV
+_set_log_level = getattr(cv2, "setLogLevel", None) or cv2.utils.logging.setLogLevel
+_set_log_level(0)  # silent
 
 __all__ = ["cv2"]
