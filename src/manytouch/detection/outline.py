@@ -152,6 +152,12 @@ def _trace_one(image, x, y, radius, sign, values, known, lengths, row):  # type:
                 lengths[ray] = REACH * radius * (max(step + part, 0.0) + 0.5) / STEPS
                 break
     row[3], row[4] = contrast, open_rays / whole
+    for ray in range(RAYS // 2):
+        # open on opposite sides: a ridge, a cable, a stripe
+        for turn in range(RAYS // 2 - 1, RAYS // 2 + 2):
+            opposite = (ray + turn) % RAYS
+            if falls[ray] < 0.5 * contrast and falls[opposite] < 0.5 * contrast:
+                row[4] = max(row[4], 0.5)
     # a ray that left the image, or did not fall, is as long as its opposite, or as the middle one
     count = 0
     for ray in range(RAYS):

@@ -165,6 +165,7 @@ def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
         inner = blobs.place_px[inside], blobs.radius_px[inside]
         close_votes = votes(place_px, radius_px, *inner, 0.2)
         loose_votes = votes(place_px, radius_px, *inner, 0.3)
+        good |= fits & (size > 0.75) & (size < 1.33) & (blobs.roughness[outside] < 0.08) & (blobs.aspect[outside] < 1.5)
         good &= free & (loose_votes >= 1)
         new = outside[good | (free & fits & (close_votes >= 2))]
         if len(new) == 0:

@@ -29,6 +29,7 @@ from manytouch.detection.regularity import (
     spacing,
     spread,
     triples,
+    votes,
 )
 from manytouch.detection.scale_space import blobs_and_pyramid
 from manytouch.detection.search import cropped, detections_of, level_of
@@ -258,9 +259,11 @@ def _clarity(blobs: Outlines, members: Mask) -> float:
 
 
 def _floor(blobs: Outlines, members: Mask) -> float:
-    """Contrast that texture of the dots' size does not reach."""
-    rivals = _rivals(blobs, members, 0.3)
-    return 2.5 * float(np.median(blobs.contrast[rivals])) if rivals.any() else 0.0
+    """Contrast that texture of the dots' size does not reach; weak but round dots are no texture."""
+    rivals = np.flatnonzero(_rivals(blobs, members, 0.3) & (blobs.roughness > 0.12))
+    inner = blobs.place_px[members], blobs.radius_px[members]
+    rivals = rivals[votes(blobs.place_px[rivals], blobs.radius_px[rivals], *inner, LOOSE) == 0]
+    return 2.5 * float(np.median(blobs.contrast[rivals])) if len(rivals) else 0.0
 
 
 def _best_seed(blobs: Outlines, eligible: Mask) -> tuple[Mask | None, float]:
