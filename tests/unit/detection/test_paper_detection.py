@@ -146,10 +146,11 @@ def test_covariance_is_the_observed_scatter():
 def test_padding_keeps_what_the_edge_cuts_and_opening_removes_specks():
     binary = np.zeros((40, 60), np.uint8)
     binary[0:5, 10:20] = 255  # at the upper edge
+    binary[0:2, 30:36] = 255  # its last two rows: alone they would not hold the kernel
     binary[20:30, 55:60] = 255  # at the right edge
     binary[36:40, 0:4] = 255  # in a corner
     expected = binary.copy()
-    binary[10, 30] = binary[0, 40] = binary[39, 59] = 255
+    binary[12, 30] = binary[0, 40] = binary[39, 59] = 255
     binary[15:17, 5:7] = 255
     np.testing.assert_array_equal(opened(binary, 3), expected)
 
@@ -212,9 +213,11 @@ def test_margin_is_tried_until_all_markers_show_and_then_kept():
     assert (state.margin, state.trials) == (None, 0)
 
 
-@pytest.mark.parametrize("distortion", [None, [-0.1, 0.0, 0.0, 0.0, 0.0]])
-def test_region_of_interest_leaves_out_what_lies_outside(distortion):
-    of = sensor(distortion=distortion)
+@pytest.mark.parametrize(
+    "named", [{}, {"distortion": [-0.1, 0.0, 0.0, 0.0, 0.0]}, {"rotation": (0.0, 0.0, 0.4)}]
+)
+def test_region_of_interest_leaves_out_what_lies_outside(named):
+    of = sensor(**named)
     true_px, image = picture(of)
     x, y, width, height = 120, 90, 230, 170
     dots = found(PaperDetection(roi_px=(x, y, width, height)), of, image)

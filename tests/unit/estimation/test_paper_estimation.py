@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from manytouch.detection.paper import PaperDetection
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.paper import (
     PaperEstimate,
@@ -14,6 +15,11 @@ from manytouch.estimation.paper import (
     signed_perimeter,
 )
 from manytouch.geometry.camera import onto_plane, project
+from manytouch.pipeline import Pipeline
+from manytouch.simulation.scene import SCENES
+from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.simulator import Simulator
+from manytouch.tracking.paper import PaperTracking
 from manytouch.values import Camera, Layout, Phase, Sensor, TrackedGrid
 
 ROWS, COLUMNS, PITCH_MM, DISTANCE_MM = 6, 9, np.array([4.0, 5.0]), 110.0
@@ -303,3 +309,21 @@ def test_a_contact_says_what_it_knows_and_nothing_else():
     assert 0.0 < contact.std("depth") < 0.1
     assert np.isnan([*contact.force_N, contact.torque_Nmm, contact.area_mm2]).all()
     assert np.isnan(np.diag(contact.covariance)[3:]).all()
+
+
+def test_whole_chain_on_rendered_pictures_gives_one_contact_for_one_press():
+    simulator = Simulator(sensor=demo_sensor(1280), scene=SCENES["one"](1))
+    pipeline = Pipeline(detect=PaperDetection(), track=PaperTracking(), estimate=PaperEstimate())
+    frames = [simulator.frame(index) for index in (0, 60, 75, 90)]
+    readings = list(pipeline.run(frames, simulator.sensor))
+    assert [reading.status for reading in readings] == ["ok"] * 4
+    assert all(reading.grid.is_seen.all() for reading in readings)
+    assert readings[0].contacts.contacts == ()
+    (truth,) = simulator.truth(90).contacts.touching
+    (contact,) = readings[-1].contacts.touching
+    assert contact.phase is Phase.MOVE
+    assert np.linalg.norm(contact.centre_mm - truth.centre_mm) < 2 * 4.0
+    # towards the axis, as the slope's term of docs/paper.md draws it
+    assert np.linalg.norm(contact.centre_mm) < np.linalg.norm(truth.centre_mm)
+    true_px = simulator.truth(90).grid.position_px
+    assert np.linalg.norm(readings[-1].grid.position_px - true_px, axis=1).max() < 0.5
