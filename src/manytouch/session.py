@@ -14,7 +14,7 @@ from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from manytouch.calibration.rest import refer, sensor_from_rest
+from manytouch.calibration import refer, sensor_from_rest
 from manytouch.detection import DotSearch
 from manytouch.detection.paper import PaperDetection
 from manytouch.errors import ManytouchError, SensorError, SourceError
@@ -177,8 +177,8 @@ def prepare(
             "give either a sensor file or --pitch-mm and --hfov-deg"
         )
     source, text = _opened(input, fps)
-    if progress is not None and (count := list(kernels().values()).count(False)):
-        progress.say(f"compiling {count} kernels, once; later runs take them from the cache")
+    if progress is not None and not any(kernels().values()):
+        progress.say("compiling, once: this takes some seconds now, and none in later runs")
     check_region(source, text, roi_px)
     if given is not None:
         _check_fit(source, text, given)

@@ -11,7 +11,7 @@ from cyclopts import App, CycloptsError
 
 import manytouch
 from manytouch.cli import demo, doctor, process, run
-from manytouch.errors import ManytouchError
+from manytouch.cli.failures import DEBUG_FLAG, one_line, report
 
 DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
 
@@ -40,48 +40,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: words after the program's name; None takes those of this process.
     """
-    words = list(sys.argv[1:] if arguments is None else arguments)
-    debug = "--debug" in words
-    words = [word for word in words if word != "--debug"]
+    words = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != DEBUG_FLAG]
     try:
         return _status(app(words, exit_on_error=False, print_error=False, result_action="return_value"))
     except CycloptsError as error:
         return _wrong(words, error)
-    except ManytouchError as error:
-        if debug:
-            raise
-        return _fail(str(error))
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
         return DONE
     except BrokenPipeError:  # the reader of our output, such as `head`, has gone
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
-    except Exception as error:
-        if debug:
-            raise
-        return _fail(
-            f"this should not happen: {type(error).__name__}: {_one_line(str(error))}; "
-            "run again with --debug and report what it prints"
-        )
+    except Exception as error:  # noqa: BLE001 - the last place where one line can be made of it
+        report(error)
+        return FAILED
 
 
 def _status(result: object) -> int:
     return result if isinstance(result, int) else DONE
 
 
-def _fail(sentence: str) -> int:
-    print(f"manytouch: {_one_line(sentence)}", file=sys.stderr)
-    return FAILED
-
-
 def _wrong(words: Sequence[str], error: CycloptsError) -> int:
     verb = words[0] if words and words[0] in {"demo", "process", "run", "doctor"} else ""
     help_line = " ".join(filter(None, ("manytouch", verb, "--help")))
-    sentence = _one_line(str(error)).rstrip(".")
+    sentence = one_line(str(error)).rstrip(".")
     print(f"manytouch: {sentence}; see {help_line}", file=sys.stderr)
     return WRONG_COMMAND_LINE
-
-
-def _one_line(text: str) -> str:
-    return " ".join(text.split())

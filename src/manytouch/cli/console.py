@@ -1,6 +1,5 @@
 """What a run says while it goes on: a bar on a terminal, plain lines elsewhere."""
 
-import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -59,6 +58,7 @@ class Reporter:
         for assumption in job.sensor.assumptions:
             self.say(f"assumed: {assumption}")
         self._total = job.source.frame_count
+        self._said_s = time.monotonic()
         if self._progress is not None:
             self._progress.start()
             self._task = self._progress.add_task("reading", total=self._total)
@@ -78,10 +78,6 @@ class Reporter:
         for sentence in results_in_words(summary):
             self.say(sentence)
         self.say(f"results in {folder}")
-
-    def fail(self, sentence: str) -> None:
-        """One line on stderr."""
-        print(f"manytouch: {' '.join(sentence.split())}", file=sys.stderr)
 
 
 def results_in_words(summary: Summary) -> Sequence[str]:

@@ -5,18 +5,18 @@ from itertools import islice
 
 import numpy as np
 
-from manytouch.calibration.rest import sensor_from_rest
+from manytouch import calibration
+from manytouch.calibration import LayoutReport
 from manytouch.detection import Appearance, measure, noise_of, survey
 from manytouch.detection.search import cropped, level_of
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session import REST_FRAMES, Roi, check_region
-from manytouch.sinks.description import in_words
 from manytouch.sources import Source, open_source
 from manytouch.values import Detections, Frame
 
 LOW_CONTRAST, SMALL_RADIUS_PX, SOFT_EDGE_PX = 20.0, 2.5, 3.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
-NOISY_PX = 0.15
+NOISY_PX, MANY_MISSING, PRESSED_PITCHES = 0.15, 0.1, 0.15
 
 
 def examine(text: str, roi_px: Roi | None = None) -> Iterator[str]:
@@ -45,14 +45,13 @@ def examine(text: str, roi_px: Roi | None = None) -> Iterator[str]:
     yield _focus(reference, surveyed.detections, surveyed.appearance, roi_px)
     yield from (f"odd: {note}" for note in surveyed.notes)
     try:
-        sensor = sensor_from_rest(frames, name=source.name, roi_px=roi_px)
+        layout = calibration.examine(frames, roi_px=roi_px)
     except LayoutError as error:
         yield f"arrangement: none found: {error}"
         return
-    yield f"arrangement: {in_words(sensor)}"
-    yield _noise(sensor.centre_noise_px, len(frames))
-    for assumption in sensor.assumptions:
-        yield f"assumed: {assumption}"
+    yield _arrangement(layout)
+    yield _rest(layout, len(frames))
+    yield _noise(layout)
 
 
 def _source_in_words(source: Source) -> str:
@@ -116,10 +115,36 @@ def _focus(frame: Frame, found: Detections, appearance: Appearance, roi_px: Roi 
     return words
 
 
-def _noise(noise_px: float | None, frames: int) -> str:
-    if noise_px is None:
-        return f"noise: not known from {frames} frames; give a recording of the untouched sheet"
-    words = f"noise: {noise_px:.3f} px per marker in the still frames among the first {frames}"
-    if noise_px > NOISY_PX:
+def _arrangement(layout: LayoutReport) -> str:
+    x_px, y_px = layout.pitch_px
+    if layout.rows is None:
+        words = f"arrangement: {layout.markers} markers that form no rectangle, about {x_px:.0f} px apart"
+    else:
+        words = (
+            f"arrangement: {layout.rows} rows x {layout.columns} columns, pitch {x_px:.1f} x {y_px:.1f} px"
+        )
+    if layout.missing:
+        words += f", {layout.missing} of {layout.markers} places without a dot"
+    if layout.missing > MANY_MISSING * layout.markers:
+        words += "; many: even light, cleaner print, or --roi around the dots"
+    return words
+
+
+def _rest(layout: LayoutReport, frames: int) -> str:
+    first = "the only frame" if frames == 1 else f"the first {frames} frames"
+    words = f"rest: nothing moves in {layout.still_frames} of {first}"
+    if layout.bulge_pitches > PRESSED_PITCHES:
+        words += (
+            f", but the markers depart by {layout.bulge_pitches:.2f} pitches from a smooth lattice: "
+            "the sheet looks pressed; begin the recording untouched"
+        )
+    return words
+
+
+def _noise(layout: LayoutReport) -> str:
+    if not np.isfinite(layout.noise_px):
+        return "noise: not known from so few still frames; give a recording of the untouched sheet"
+    words = f"noise: {layout.noise_px:.3f} px per marker in the still frames"
+    if layout.noise_px > NOISY_PX:
         words += "; high: steady the camera, brighten the light, or lower the gain"
     return words

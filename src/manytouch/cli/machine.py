@@ -17,7 +17,7 @@ from manytouch.sources.quiet_opencv import cv2
 PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "pyarrow", "pydantic")
 EXTRAS = {"surface": ("zarr", "depth maps, --surface"), "plot": ("matplotlib", "pictures of the surface")}
 CODECS = {"MPEG-4": ("mp4v", ".mp4"), "Xvid": ("XVID", ".avi"), "Motion JPEG": ("MJPG", ".avi")}
-CODECS |= {"VP8": ("VP80", ".webm"), "FFV1": ("FFV1", ".avi")}
+CODECS |= {"FFV1": ("FFV1", ".avi")}
 IMAGES = (".png", ".jpg", ".tif", ".bmp", ".webp")
 
 
@@ -41,7 +41,7 @@ def _kernels_in_words() -> str:
         return f"compiled kernels: all {len(found)} in the cache"
     return (
         f"compiled kernels: {cached} of {len(found)} in the cache; "
-        "the rest is compiled when it is first needed, once, which takes some seconds"
+        "the rest is compiled once, when it is first needed"
     )
 
 

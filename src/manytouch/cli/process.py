@@ -39,8 +39,8 @@ def process(
     annotated.mp4, with --surface surface.zarr.
     """
     from manytouch.cli.console import Reporter
+    from manytouch.cli.failures import report
     from manytouch.cli.stopping import Stop
-    from manytouch.errors import ManytouchError
     from manytouch.session import prepare, read_into
 
     failed = 0
@@ -68,10 +68,8 @@ def process(
                         job, out / name, surface=surface, annotate=annotate, progress=reporter, stop=stop
                     )
                 reporter.finish(summary, out / name)
-            except ManytouchError as error:
-                if len(inputs) == 1:
-                    raise
-                reporter.fail(str(error))
+            except Exception as error:  # noqa: BLE001 - the other inputs are not to suffer from it
+                report(error)
                 failed += 1
     return 1 if failed else 0
 

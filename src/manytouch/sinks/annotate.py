@@ -152,13 +152,14 @@ class Annotator:
         whole = np.full((height + 2 * self._bar, width, 3), 24, np.uint8)
         whole[self._bar : self._bar + height] = picture
         present = int((~self._layout.is_missing).sum())
+        contacts = len(reading.contacts.touching)
         facts = "   ".join(
             (
                 f"frame {reading.frame.index}",
                 f"{reading.frame.timestamp_ns * 1e-9:.2f} s",
                 reading.status,
                 f"{int(reading.grid.is_seen.sum())} of {present} markers",
-                f"{len(reading.contacts.touching)} contacts",
+                f"{contacts} contact" + ("" if contacts == 1 else "s"),
             )
         )
         baseline = 0.5 * (self._bar + self._words)

@@ -1,0 +1,86 @@
+"""`manytouch demo` and `manytouch doctor` from outside."""
+
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import pytest
+
+from clips import pressed_video
+from results import rows_of
+
+
+def run(*words: object, folder: Path | None = None) -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", "manytouch", *map(str, words)],
+        cwd=folder,
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_demo_prints_contacts_beside_the_truth_and_leaves_tables_and_a_picture(tmp_path: Path) -> None:
+    pytest.importorskip("matplotlib")
+    said = run("demo", "--seconds", "3.5", "--no-view", folder=tmp_path)
+    folder = tmp_path / "out" / "demo"
+    assert "touches" in said
+    assert "truth" in said
+    assert str(Path("out") / "demo") in said
+    frames = rows_of(folder / "frames.csv")
+    assert float(frames[-1]["time_s"]) == pytest.approx(3.5, abs=0.1)
+    assert max(int(row["contacts"]) for row in frames) >= 1
+    wanted = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json", "annotated.mp4", "picture.png"}
+    assert {path.name for path in folder.iterdir()} == wanted
+    picture = cv2.imread(str(folder / "picture.png"))
+    assert min(picture.shape[:2]) > 400
+
+
+def test_doctor_without_a_source_tells_about_the_machine() -> None:
+    said = run("doctor")
+    for words in (
+        "manytouch",
+        "Python",
+        "numpy",
+        "numba",
+        "extra surface",
+        "extra plot",
+        "kernels",
+        "videos",
+    ):
+        assert words in said
+
+
+def test_doctor_tells_about_a_recording(tmp_path: Path) -> None:
+    said = run("doctor", pressed_video(tmp_path / "press.avi", frames=20))
+    for words in ("dots: 54, darker", "contrast", "focus", "exposure", "6 rows x 9 columns", "noise"):
+        assert words in said
+
+
+def test_help_is_quick_and_has_an_example() -> None:
+    for verb in ("demo", "process", "run", "doctor"):
+        assert f"Example: manytouch {verb}" in run(verb, "--help")
+    assert run("--version").strip().count(".") == 2
+
+
+def test_help_answers_within_0_3_s_and_loads_nothing_heavy() -> None:
+    code = (
+        "import sys, manytouch.cli; manytouch.cli.main(['--help']);"
+        "print([name for name in ('numpy', 'cv2', 'numba', 'scipy', 'pyarrow') if name in sys.modules])"
+    )
+    surroundings = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+    seconds = []
+    for _ in range(5):
+        begun_s = time.perf_counter()
+        done = subprocess.run(
+            [sys.executable, "-c", code], env=surroundings, capture_output=True, text=True, check=True
+        )
+        seconds.append(time.perf_counter() - begun_s)
+    assert done.stdout.splitlines()[-1] == "[]"
+    assert min(seconds) < 0.3

@@ -1,0 +1,205 @@
+"""`manytouch process` from outside: its files, their columns, and what happens when it is interrupted."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import pyarrow.parquet as pq
+import pytest
+
+from clips import COLUMNS, PITCH_PX, ROWS, picture, press_of, pressed_video, write_video
+from results import rows_of
+
+CONTACT_COLUMNS = (
+    "frame,time_s,contact,phase,x_{0},y_{0},depth_{0},normal_force_N,shear_x_N,shear_y_N,area_{0}2,"
+    "x_std_{0},y_std_{0},force_std_N,x_px,y_px,depth_std_{0},normal_force_over_E_{0}2,shear_x_std_N,"
+    "shear_y_std_N,torque_Nmm,torque_std_Nmm,area_std_{0}2,slip"
+)
+MARKER_COLUMNS = "frame,time_s,marker,row,column,x_px,y_px,seen,dx_{0},dy_{0},depth_{0},depth_std_{0}"
+FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds"
+FILES = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json"}
+LONG = 900
+
+
+def command(*words: object) -> list[str]:
+    return [sys.executable, "-m", "manytouch", *map(str, words)]
+
+
+def run(*words: object) -> str:
+    done = subprocess.run(command(*words), capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def columns_of(path: Path) -> str:
+    with path.open(newline="") as file:
+        return ",".join(next(csv.reader(file)))
+
+
+@pytest.fixture(scope="module")
+def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return pressed_video(tmp_path_factory.mktemp("video") / "press.mp4")
+
+
+@pytest.fixture(scope="module")
+def long_video(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    pictures = [picture(press_of(index), seed=index) for index in range(60)]
+    path = tmp_path_factory.mktemp("video") / "long.mp4"
+    return write_video(path, (pictures[index % 60] for index in range(LONG)))
+
+
+@pytest.fixture(scope="module")
+def results(tmp_path_factory: pytest.TempPathFactory, video: Path) -> tuple[Path, str]:
+    out = tmp_path_factory.mktemp("out")
+    said = run("process", video, "--out", out, "--annotate", "--surface")
+    return out / "press", said
+
+
+def test_files_and_columns_are_those_of_the_contract(results: tuple[Path, str]) -> None:
+    folder, _ = results
+    assert {path.name for path in folder.iterdir()} == FILES | {"annotated.mp4", "surface.zarr"}
+    assert columns_of(folder / "contacts.csv") == CONTACT_COLUMNS.format("pitch")
+    assert ",".join(pq.read_schema(folder / "markers.parquet").names) == MARKER_COLUMNS.format("pitch")
+    assert columns_of(folder / "frames.csv") == FRAME_COLUMNS
+
+
+def test_every_frame_has_a_row_and_every_marker_one_per_frame(results: tuple[Path, str]) -> None:
+    folder, _ = results
+    frames = rows_of(folder / "frames.csv")
+    assert [int(row["frame"]) for row in frames] == list(range(60))
+    assert float(frames[25]["time_s"]) == pytest.approx(1.0, abs=1e-6)
+    assert {row["status"] for row in frames} == {"ok"}
+    assert pq.read_metadata(folder / "markers.parquet").num_rows == 60 * ROWS * COLUMNS
+
+
+def test_the_press_is_found_and_its_forces_are_not_known(results: tuple[Path, str]) -> None:
+    folder, _ = results
+    rows = rows_of(folder / "contacts.csv")
+    touched = {int(row["frame"]) for row in rows if row["phase"] != "end"}
+    assert {28, 29, 30, 31, 32} <= touched <= set(range(20, 42))
+    assert rows[0]["phase"] == "start"
+    assert rows[-1]["phase"] == "end"
+    for name in ("normal_force_N", "shear_x_N", "force_std_N", "normal_force_over_E_pitch2", "slip"):
+        assert {row[name] for row in rows} == {""}
+
+
+def test_summary_says_what_was_read_and_with_what(results: tuple[Path, str]) -> None:
+    summary = json.loads((results[0] / "summary.json").read_text())
+    sensor = summary["sensor"]
+    assert (sensor["rows"], sensor["columns"], sensor["polarity"], sensor["missing"]) == (
+        ROWS,
+        COLUMNS,
+        "dark",
+        [],
+    )
+    assert sensor["pitch_px"] == pytest.approx(list(PITCH_PX), abs=0.3)
+    assert summary["counts"]["frames"] == summary["counts"]["status"]["ok"] == 60
+    assert summary["counts"]["markers"] == ROWS * COLUMNS
+    assert any("60 degrees" in sentence for sentence in summary["assumptions"])
+    assert 0 < summary["milliseconds"]["p50"] <= summary["milliseconds"]["p99"]
+    assert 0 < summary["noise_px"]["median"] < 0.2
+    assert {"manytouch", "python", "numpy", "opencv", "numba"} <= summary["versions"].keys()
+    assert {"detect", "track", "estimate"} == summary["parameters"].keys()
+
+
+def test_output_tells_what_was_found_assumed_and_where_it_lies(results: tuple[Path, str]) -> None:
+    folder, said = results
+    for words in (f"{ROWS} x {COLUMNS} markers, dark", "assumed", "noise per marker", "contact", str(folder)):
+        assert words in said
+    assert "\x1b" not in said
+
+
+def test_annotated_video_has_every_frame(results: tuple[Path, str]) -> None:
+    film = cv2.VideoCapture(str(results[0] / "annotated.mp4"))
+    frames = 0
+    while film.read()[0]:
+        frames += 1
+    film.release()
+    assert frames == 60
+
+
+def test_depth_map_has_coordinates_and_units(results: tuple[Path, str]) -> None:
+    zarr = pytest.importorskip("zarr")
+    group = zarr.open_group(results[0] / "surface.zarr", mode="r")
+    depth = group["depth_pitch"]
+    assert depth.metadata.dimension_names == ("frame", "y", "x")
+    assert depth.shape == (60, group["y"].shape[0], group["x"].shape[0])
+    assert group["x"].shape[0] > group["y"].shape[0]
+    assert depth.attrs["units"] == group["x"].attrs["units"] == "pitch"
+    assert list(group["frame"][:]) == list(range(60))
+
+
+def test_millimetres_on_request_and_names_that_do_not_collide(tmp_path: Path, video: Path) -> None:
+    other = tmp_path / "other"
+    other.mkdir()
+    write_video(other / "press.avi", (picture(seed=index) for index in range(20)))
+    run("process", video, other / "press.avi", "--out", tmp_path / "out", "--pitch-mm", "4,4.25")
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"press", "press-2"}
+    for name, frames in (("press", 60), ("press-2", 20)):
+        assert columns_of(tmp_path / "out" / name / "contacts.csv") == CONTACT_COLUMNS.format("mm")
+        assert len(rows_of(tmp_path / "out" / name / "frames.csv")) == frames
+
+
+def test_pictures_are_annotated_as_pictures(tmp_path: Path) -> None:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for index in (2, 10, 1):
+        cv2.imwrite(str(folder / f"{index}.png"), picture(seed=index))
+    run("process", folder, "--out", tmp_path / "out", "--annotate", "--method", "paper")
+    drawn = sorted(path.name for path in (tmp_path / "out" / "pictures" / "annotated").iterdir())
+    assert drawn == ["000000.png", "000001.png", "000002.png"]
+
+
+def started(folder: Path, *words: object) -> subprocess.Popen[str]:
+    """A run that is some frames on its way."""
+    running = subprocess.Popen(command(*words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 120
+    written = folder / ".frames.partial.csv"
+    while not (written.is_file() and written.stat().st_size > 1000):
+        assert running.poll() is None, running.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.02)
+    return running
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
+def test_killed_run_leaves_nothing_half_and_the_next_one_succeeds(tmp_path: Path, long_video: Path) -> None:
+    folder = tmp_path / "out" / "long"
+    running = started(folder, "process", long_video, "--out", tmp_path / "out")
+    running.send_signal(signal.SIGKILL)
+    running.communicate()
+    assert not FILES & {path.name for path in folder.iterdir()}
+    run("process", long_video, "--out", tmp_path / "out")
+    assert {path.name for path in folder.iterdir()} == FILES
+    assert len(rows_of(folder / "frames.csv")) == LONG
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
+@pytest.mark.parametrize("verb", ["process", "run"])
+def test_ctrl_c_ends_with_complete_files(tmp_path: Path, long_video: Path, verb: str) -> None:
+    folder = tmp_path / "out" / "long"
+    running = started(folder, verb, long_video, "--out", tmp_path / "out", "--fps", 400)
+    running.send_signal(signal.SIGINT)
+    said, complained = running.communicate(timeout=60)
+    assert running.returncode == 0, complained
+    assert "Traceback" not in said + complained
+    assert {path.name for path in folder.iterdir()} == FILES
+    frames = len(rows_of(folder / "frames.csv"))
+    assert 10 <= frames < LONG
+    assert pq.read_metadata(folder / "markers.parquet").num_rows == frames * ROWS * COLUMNS
+    assert json.loads((folder / "summary.json").read_text())["counts"]["frames"] == frames
+
+
+def test_run_keeps_the_pace_and_prints_contacts(tmp_path: Path, video: Path) -> None:
+    begun_s = time.monotonic()
+    said = run("run", video, "--fps", "20")
+    assert time.monotonic() - begun_s > 59 / 20
+    assert "touches" in said
+    assert "gone" in said
+    assert not any(tmp_path.iterdir())
