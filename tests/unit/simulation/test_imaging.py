@@ -47,6 +47,16 @@ def test_the_polygon_has_the_discs_moments() -> None:
     assert shape_px[0] @ shape_px[0].T == pytest.approx(shape @ shape.T)
 
 
+def test_area_counts_not_the_corners() -> None:
+    """A triangle of legs 6 and 3 with five corners on one leg: centroid a third, moments b^2 / 18."""
+    corners = np.array([[0, 0], [1, 0], [2, 0], [3, 0], [6, 0], [0, 3]], dtype=float)
+    centre_px, shape_px = polygon_ellipses(corners[None] + [40, 7])
+    assert centre_px[0] == pytest.approx([42, 8])
+    assert shape_px[0] @ shape_px[0].T == pytest.approx(4 * np.array([[2, -0.5], [-0.5, 0.5]]))
+    backwards, _ = polygon_ellipses(corners[None, ::-1] + [40, 7])
+    assert backwards == pytest.approx(centre_px)
+
+
 def test_ellipses_are_the_dots_area_in_the_image() -> None:
     """Against outlines of 720 corners."""
     rest_mm = np.array([[8.0, -8.0, 0.0], [4.0, 2.0, 0.0], [-10.0, -20.0, 0.0], [58.0, 38.0, 0.0]])
