@@ -17,10 +17,10 @@ from numba import njit
 _SEED_GATE = 0.45
 _SEED_STEP = 0.2
 _WIDE_GATE = 0.42
-_NARROW_GATE = 0.2
+_NARROW_GATE = 0.08
 _RATIO_SQUARED = 0.36
 _RIDGE = 0.05
-_LEAST_TOLERANCE = 0.22
+_LEAST_TOLERANCE = 0.1
 _MOST_TOLERANCE = 0.45
 _TEAR_ADJACENT = 0.55
 _TEAR_NEAR = 0.7
@@ -258,11 +258,10 @@ def _grow(dot, bins, cell_px, base, net, owner):
             size = _local_spacing(k, x, y, dot, net, owner)
             surrounded = 2 * neighbours > adjacent_end[k] - start[k] and used > 6
             gate = (
-                min(_WIDE_GATE * size, _NARROW_GATE * size + 2.0 * rms) if surrounded else _WIDE_GATE * size
+                min(_WIDE_GATE * size, _NARROW_GATE * size + 2.5 * rms) if surrounded else _WIDE_GATE * size
             )
             i, d, second = _nearest(dot, bins, cell_px, x, y, gate)
-            if need == 1:
-                is_fresh[k] = False
+            is_fresh[k] = False
             if i < 0 or is_used[i] or d > _RATIO_SQUARED * second:
                 continue
             proposed[k] = i
@@ -281,6 +280,7 @@ def _grow(dot, bins, cell_px, base, net, owner):
         for k in range(markers):
             if proposed[k] >= 0:
                 claim[proposed[k]] = -1
+                is_fresh[k] = True
         need = 4 if added > 0 and need < 4 else (need if added > 0 else need - 1)
 
 
@@ -308,7 +308,7 @@ def _contradicted(dot, rest, net, owner, excess):
         if used < 2:
             excess[k] = 2.0
         else:
-            allowed = min(_MOST_TOLERANCE * spacing[k], _LEAST_TOLERANCE * spacing[k] + 2.0 * rms)
+            allowed = min(_MOST_TOLERANCE * spacing[k], _LEAST_TOLERANCE * spacing[k] + 2.5 * rms)
             if used < 6:
                 allowed = _MOST_TOLERANCE * spacing[k]
             excess[k] = np.sqrt((px - ux) ** 2 + (py - uy) ** 2) / allowed

@@ -11,7 +11,7 @@ Bins = tuple[np.ndarray, int, int, np.ndarray, np.ndarray]
 _SLACK = 0.25
 _SLOW_PITCHES = 0.15
 _CALM_PITCHES = 0.3
-_LEAST_BELIEVED = 0.3
+_LEAST_BELIEVED = 0.6
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -64,15 +64,23 @@ def identified(mesh: Mesh, centre_px: Points2, guess: Guess) -> np.ndarray:
     wanted = min(present, len(dot)) - slack(mesh)
     first = _answer(mesh, dot, bins, np.array(guess.place_px), guess.last_px)
     is_slow = guess.seen > 0 and first.motion_pitches < _SLOW_PITCHES
-    if first.number >= guess.seen - slack(mesh) and (first.number >= wanted or is_slow):
+    if first.number >= wanted or (is_slow and first.number >= guess.seen - slack(mesh)):
         return first.owner
     answers = [first]
-    for begin in (np.array(guess.place_px), np.array(mesh.rest_px)):
+
+    def try_shifts_of(begin: np.ndarray) -> None:
         for shift in shifts(dot, bins, mesh.usual_px, begin, mesh.is_present, mesh.usual_px):
             answers.append(_answer(mesh, dot, bins, begin + shift, guess.last_px))
-        if max(each.number for each in answers) >= min(wanted, 0.9 * max(guess.seen, 1)):
+
+    for begin in (np.array(guess.place_px), np.array(mesh.rest_px)):
+        try_shifts_of(begin)
+        best = _best(answers, mesh)
+        if best.number >= min(wanted, 0.9 * max(guess.seen, 1)):
             break
-    return _best(answers, mesh)
+    if best.number > 0 and (best.number < wanted or best.motion_pitches > _CALM_PITCHES):
+        # The same deformation, but one line further: is the best answer only a slip by one pitch?
+        try_shifts_of(displaced(mesh, dot, best.owner))
+    return _believed(answers, mesh)
 
 
 def displaced(mesh: Mesh, centre_px: Points2, owner: np.ndarray) -> np.ndarray:
@@ -96,15 +104,19 @@ def _answer(mesh: Mesh, dot: Points2, bins: Bins, guess_px: Points2, last_px: Po
     return _Answer(owner=owner, number=number, motion_pitches=float(np.median(moved)))
 
 
-def _best(answers: list[_Answer], mesh: Mesh) -> np.ndarray:
-    """The answer with most markers, motion counted against it; none where another says as well.
+def _best(answers: list[_Answer], mesh: Mesh) -> _Answer:
+    """The answer with most markers, motion counted against it: on a regular pattern all slips look alike."""
+    score = [each.number - 2.0 * slack(mesh) * min(each.motion_pitches, 2.0) for each in answers]
+    return answers[int(np.argmax(score))]
 
-    On a regular pattern a guess that is off by a pitch loses only the outermost line, so after a large motion
-    an answer must beat its rivals by more than chance to be believed.
+
+def _believed(answers: list[_Answer], mesh: Mesh) -> np.ndarray:
+    """Dots of the markers by the best answer; none where another one says as well.
+
+    On a regular pattern an answer that is off by a pitch loses only the outermost line, so after a large
+    motion an answer must hold most markers, and beat its rivals by more than chance.
     """
-    allowed = slack(mesh)
-    score = [each.number - allowed * min(each.motion_pitches, 2.0) for each in answers]
-    best = answers[int(np.argmax(score))]
+    best = _best(answers, mesh)
     if best.motion_pitches < _CALM_PITCHES:
         return best.owner
     nobody = np.full(len(best.owner), -1)
@@ -113,6 +125,6 @@ def _best(answers: list[_Answer], mesh: Mesh) -> np.ndarray:
     for each in answers:
         common = (each.owner >= 0) & (best.owner >= 0)
         differs = (each.owner != best.owner)[common]
-        if each.number >= best.number - allowed and common.any() and differs.mean() > 0.5:
+        if each.number >= best.number - slack(mesh) and common.any() and differs.mean() > 0.5:
             return nobody
     return best.owner
