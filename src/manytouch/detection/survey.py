@@ -40,7 +40,8 @@ from manytouch.values.arrays import Mask, Points2, Scalars
 FEWEST = 6
 BANDS = np.geomspace(1.2, 160.0, 17)  # lower ends of the radii that are taken as alike
 BAND_WIDTH = 1.8
-MOST_SEEDS = 2500
+MOST_SEEDS = 6000
+TIGHT = 0.15  # tolerance of opposite neighbours while the pattern is being chosen
 SMALL_PX = 640  # size at which channels are tried
 REGULAR = 0.7  # share of a seed in a locally regular pattern from which on only this pattern may go on
 
@@ -232,6 +233,9 @@ def _pattern_of(blobs: Outlines, polarity: Polarity, weights: Float64[np.ndarray
         return None
     chosen = np.flatnonzero(members)
     dots = blobs.at(chosen)
+    regular = regular_share(dots.place_px, dots.radius_px)
+    if regular < 0.5 and not _is_uniform(blobs, chosen):
+        return None
     return Pattern(
         polarity=polarity,
         weights=weights,
@@ -239,7 +243,7 @@ def _pattern_of(blobs: Outlines, polarity: Polarity, weights: Float64[np.ndarray
         alike=alike[chosen],
         seed_score=score,
         clarity=_clarity(blobs, members),
-        regular=regular_share(dots.place_px, dots.radius_px),
+        regular=regular,
     )
 
 
@@ -303,9 +307,6 @@ def _score(blobs: Outlines, chosen: np.ndarray) -> float:
     number = float(regular.sum())
     many = np.sqrt(number) * (1.0 - np.exp(-((number / 12.0) ** 2)))
     return float(share**2 * evenness * many * weight)
-
-
-TIGHT = 0.15
 
 
 def _is_uniform(blobs: Outlines, chosen: np.ndarray) -> bool:
