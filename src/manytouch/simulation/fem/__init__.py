@@ -1,0 +1,1 @@
+"""3-D finite elements of the sheet."""
