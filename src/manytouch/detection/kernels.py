@@ -1,4 +1,10 @@
-"""The loops over the pixels of each dot, compiled; see `centroid` for what they mean."""
+"""The loops over the pixels of each dot, compiled; see `centroid` for what they mean.
+
+Images are (h, w * channels). Loops along rows stand in functions of their own so that they run in
+vector lanes.
+"""
+
+# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
 
@@ -7,24 +13,43 @@ from numba import njit
 
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
 GAIN = 1.0 / (HIGH - LOW)
-SAMPLES = 96  # of ring and core, for their medians
+SAMPLES = 80  # of ring and of core
+FAST = {"reassoc", "contract", "nsz", "arcp"}  # lets sums run in lanes; NaN and infinity stay what they are
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _grey(image, weights, y, x):  # type: ignore[no-untyped-def]
-    value = np.float32(image[y, x, 0]) * weights[0]
-    for channel in range(1, image.shape[2]):
-        value += np.float32(image[y, x, channel]) * weights[channel]
+    channels = weights.shape[0]
+    value = np.float32(image[y, x * channels]) * weights[0]
+    for channel in range(1, channels):
+        value += np.float32(image[y, x * channels + channel]) * weights[channel]
     return value
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _grey_row(row, weights, out):  # type: ignore[no-untyped-def]
+    """Grey levels of the pixels of a row."""
+    if weights.shape[0] == 1:
+        weight = weights[0]
+        for u in range(out.shape[0]):
+            out[u] = np.float32(row[u]) * weight
+    else:
+        blue, green, red = weights[0], weights[1], weights[2]
+        for u in range(out.shape[0]):
+            at = 3 * u
+            out[u] = (
+                np.float32(row[at]) * blue + np.float32(row[at + 1]) * green + np.float32(row[at + 2]) * red
+            )
 
 
 @njit(cache=True, error_model="numpy")
 def _walk_to_dot(image, weights, x, y, radius, steps):  # type: ignore[no-untyped-def]
     """A few mean-shift steps on every stride-th pixel; returns x, y."""
-    height, width = image.shape[:2]
-    stride = max(1, int(radius / 3.0))
+    height, width = image.shape[0], image.shape[1] // weights.shape[0]
+    stride = max(1, int(radius / 2.5))
+    reach = 1.6 * radius + 1.0
+    reach2 = (1.35 * radius + 0.7) ** 2
     for _ in range(steps):
-        reach = 1.6 * radius + 1.0
         x0, x1 = max(0, int(x - reach)), min(width - 1, int(x + reach) + 1)
         y0, y1 = max(0, int(y - reach)), min(height - 1, int(y + reach) + 1)
         low, high = np.float32(1e9), np.float32(-1e9)
@@ -32,84 +57,119 @@ def _walk_to_dot(image, weights, x, y, radius, steps):  # type: ignore[no-untype
             for u in range(x0, x1 + 1, stride):
                 value = _grey(image, weights, v, u)
                 low, high = min(low, value), max(high, value)
-        middle = 0.5 * (low + high)
+        middle = np.float32(0.5) * (low + high)
         total = sum_x = sum_y = 0.0
-        reach2 = (1.35 * radius + 0.7) ** 2
         for v in range(y0, y1 + 1, stride):
             for u in range(x0, x1 + 1, stride):
                 dx, dy = u - x, v - y
-                if dx * dx + dy * dy <= reach2:
-                    weight = _grey(image, weights, v, u) - middle
-                    if weight > 0.0:
-                        total += weight
-                        sum_x += weight * dx
-                        sum_y += weight * dy
+                weight = _grey(image, weights, v, u) - middle
+                if weight > 0.0 and dx * dx + dy * dy <= reach2:
+                    total += weight
+                    sum_x += weight * dx
+                    sum_y += weight * dy
         if total <= 0.0:
             break
         dx, dy = sum_x / total, sum_y / total
         x, y = x + dx, y + dy
-        if dx * dx + dy * dy < 0.01 * radius * radius:
+        if dx * dx + dy * dy < 0.02 * radius * radius:
             break
     return x, y
 
 
 @njit(cache=True, error_model="numpy")
-def _sampled_quantile(window, x, y, inner2, outer2, quantile, scratch):  # type: ignore[no-untyped-def]
-    """Quantile of some of the pixels between two radii around (x, y); NaN where there are none."""
-    height, width = window.shape
-    y0, y1 = max(0, int(y - math.sqrt(outer2))), min(height - 1, int(y + math.sqrt(outer2)) + 1)
-    area = math.pi * (outer2 - inner2)
-    stride = max(1, int(math.sqrt(area / SAMPLES) + 0.5))
+def _selected(values, count, rank):  # type: ignore[no-untyped-def]
+    """The value of a rank (from 0) among the first `count`, which are reordered (C. A. R. Hoare's FIND)."""
+    low, high = 0, count - 1
+    while low < high:
+        pivot = values[(low + high) // 2]
+        i, j = low, high
+        while i <= j:
+            while values[i] < pivot:
+                i += 1
+            while pivot < values[j]:
+                j -= 1
+            if i <= j:
+                values[i], values[j] = values[j], values[i]
+                i += 1
+                j -= 1
+        if rank <= j:
+            high = j
+        elif rank >= i:
+            low = i
+        else:
+            break
+    return values[rank]
+
+
+@njit(cache=True, error_model="numpy")
+def _sample(image, weights, x, y, inner2, outer2, samples):  # type: ignore[no-untyped-def]
+    """Some pixels between two radii around (x, y): rows of `samples` are dx, dy, value. Returns how many."""
+    height, width = image.shape[0], image.shape[1] // weights.shape[0]
+    outer = math.sqrt(outer2)
+    stride = max(1, int(math.sqrt(math.pi * (outer2 - max(inner2, 0.0)) / SAMPLES) + 0.5))
     count = 0
-    for v in range(y0, y1 + 1, stride):
+    for v in range(max(0, int(y - outer)), min(height - 1, int(y + outer) + 1) + 1, stride):
         dy2 = (v - y) ** 2
         if dy2 > outer2:
             continue
         half = math.sqrt(outer2 - dy2)
-        for u in range(max(0, int(x - half + 1)), min(width - 1, int(x + half)) + 1, stride):
-            if dy2 + (u - x) ** 2 >= inner2 and count < scratch.shape[0]:
-                scratch[count] = window[v, u]
+        first, last = max(0, int(x - half + 1)), min(width - 1, int(x + half))
+        hole = math.sqrt(inner2 - dy2) if dy2 < inner2 else -1.0
+        u = first
+        while u <= last:
+            if abs(u - x) < hole:
+                u += stride * max(1, int((x + hole - u) / stride))
+                continue
+            if count < samples.shape[1]:
+                samples[0, count] = u - x
+                samples[1, count] = v - y
+                samples[2, count] = _grey(image, weights, v, u)
                 count += 1
-    if count == 0:
-        return np.float32(np.nan)
-    chosen = np.sort(scratch[:count])
-    return chosen[min(count - 1, int(quantile * count))]
+            u += stride
+    return count
 
 
 @njit(cache=True, error_model="numpy")
-def _plane(window, x, y, inner2, outer2, a, b, c, margin):  # type: ignore[no-untyped-def]
-    """Least-squares plane a + b dx + c dy of the pixels within `margin` of a given plane.
+def _quantile(samples, count, quantile):  # type: ignore[no-untyped-def]
+    """Quantile of the sampled values; the last row of `samples` is scratch."""
+    for i in range(count):
+        samples[3, i] = samples[2, i]
+    return _selected(samples[3], count, min(count - 1, int(quantile * count)))
 
-    Returns a, b, c, number of pixels, share of pixels used, variance of the rest, sum of dx^2 + dy^2.
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _sums(dx, dy, value, a, b, c, margin):  # type: ignore[no-untyped-def]
+    """Sums over the samples within `margin` of the plane a + b dx + c dy."""
+    s1 = sx = sy = sxx = sxy = syy = sv = svx = svy = svv = np.float32(0.0)
+    for i in range(value.shape[0]):
+        rest = value[i] - (a + b * dx[i] + c * dy[i])
+        weight = np.float32(1.0) if abs(rest) <= margin else np.float32(0.0)
+        x, y, v = weight * dx[i], weight * dy[i], weight * rest
+        s1 += weight
+        sx += x
+        sy += y
+        sxx += x * dx[i]
+        sxy += x * dy[i]
+        syy += y * dy[i]
+        sv += v
+        svx += v * dx[i]
+        svy += v * dy[i]
+        svv += v * rest
+    return s1, sx, sy, sxx, sxy, syy, sv, svx, svy, svv
+
+
+@njit(cache=True, error_model="numpy")
+def _plane(samples, count, a, b, c, margin):  # type: ignore[no-untyped-def]
+    """Least-squares plane a + b dx + c dy of the samples within `margin` of a given plane.
+
+    Returns a, b, c, number of samples used, variance of the rest, sum of dx^2 + dy^2.
     """
-    height, width = window.shape
-    outer = math.sqrt(outer2)
-    s1 = sx = sy = sxx = sxy = syy = sv = svx = svy = svv = 0.0
-    total = 0
-    for v in range(max(0, int(y - outer)), min(height - 1, int(y + outer) + 1) + 1):
-        dy = v - y
-        if dy * dy > outer2:
-            continue
-        half = math.sqrt(outer2 - dy * dy)
-        for u in range(max(0, int(x - half + 1)), min(width - 1, int(x + half)) + 1):
-            dx = u - x
-            if dx * dx + dy * dy < inner2:
-                continue
-            total += 1
-            rest = window[v, u] - (a + b * dx + c * dy)
-            if abs(rest) <= margin:
-                s1 += 1.0
-                sx += dx
-                sy += dy
-                sxx += dx * dx
-                sxy += dx * dy
-                syy += dy * dy
-                sv += rest
-                svx += rest * dx
-                svy += rest * dy
-                svv += rest * rest
+    f = np.float32
+    s1, sx, sy, sxx, sxy, syy, sv, svx, svy, svv = _sums(
+        samples[0, :count], samples[1, :count], samples[2, :count], f(a), f(b), f(c), f(margin)
+    )
     if s1 < 1.0:
-        return a, b, c, 0.0, 0.0, 0.0, 0.0
+        return a, b, c, 0.0, 0.0, 0.0
     mx, my, mv = sx / s1, sy / s1, sv / s1
     cxx, cxy, cyy = sxx - s1 * mx * mx, sxy - s1 * mx * my, syy - s1 * my * my
     cxv, cyv = svx - s1 * mx * mv, svy - s1 * my * mv
@@ -121,7 +181,7 @@ def _plane(window, x, y, inner2, outer2, a, b, c, margin):  # type: ignore[no-un
     variance = 0.0
     if s1 > 6.0:
         variance = max(svv - s1 * mv * mv - db * cxv - dc * cyv, 0.0) / (s1 - 3.0)
-    return a + mv - db * mx - dc * my, b + db, c + dc, s1, s1 / total, variance, cxx + cyy
+    return a + mv - db * mx - dc * my, b + db, c + dc, float(s1), variance, cxx + cyy
 
 
 @njit(cache=True, error_model="numpy")
@@ -168,137 +228,149 @@ def _tail(z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _flattened(window, x, y, radius, scratch, share):  # type: ignore[no-untyped-def]
-    """Share of dot in each pixel of the window.
+def _light(image, weights, x, y, radius, noise, samples, light):  # type: ignore[no-untyped-def]
+    """Planes of ground and core: `light` = ground a, b, c, contrast a, b, c, variance and spreads.
 
-    Returns contrast at the centre, variance of the ground, and the spreads (sum of dx^2 + dy^2) of
-    the pixels that made the ground's and the core's plane; contrast <= 0 where there is no dot.
+    The spreads (sum of dx^2 + dy^2 of the pixels used) are those of ground and core; a core without a
+    plane of its own (small, damaged, with a glint) has spread 0. Returns False where there is no dot.
     """
-    ring_in2, ring_out2 = (1.3 * radius + 1.0) ** 2, (1.75 * radius + 1.5) ** 2
-    core2 = max(0.6 * radius, 0.9) ** 2
-    ground = _sampled_quantile(window, x, y, ring_in2, ring_out2, 0.4, scratch)
-    level = _sampled_quantile(window, x, y, -1.0, core2, 0.6, scratch)
+    count = _sample(image, weights, x, y, (1.3 * radius + 1.0) ** 2, (1.75 * radius + 1.5) ** 2, samples)
+    if count < 4:
+        return False
+    ground = _quantile(samples, count, 0.4)
+    in_core = _sample(image, weights, x, y, -1.0, max(0.6 * radius, 0.9) ** 2, samples[4:])
+    if in_core < 1:
+        return False
+    level = _quantile(samples[4:], in_core, 0.55)
     contrast = level - ground
     if not contrast > 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    ga, gb, gc, _, _, _, _ = _plane(window, x, y, ring_in2, ring_out2, ground, 0.0, 0.0, 0.4 * contrast)
-    ga, gb, gc, _, _, ground_variance, ground_spread = _plane(
-        window, x, y, ring_in2, ring_out2, ga, gb, gc, 0.3 * contrast
-    )
-    ka, kb, kc, spread = level, 0.0, 0.0, 0.0
+        return False
+    margin = max(0.3 * contrast, 2.5 * noise)
+    ga, gb, gc, _, variance, ground_spread = _plane(samples, count, ground, 0.0, 0.0, margin)
+    ga, gb, gc, _, variance, ground_spread = _plane(samples, count, ga, gb, gc, margin)
+    ka, kb, kc, core_spread = level, gb, gc, 0.0
     if radius >= 3.0:
-        pa, pb, pc, count, used, _, core_spread = _plane(
-            window, x, y, -1.0, core2, level, 0.0, 0.0, 0.25 * contrast
-        )
+        margin = max(0.2 * contrast, 3.0 * noise)
+        pa, pb, pc, used, _, spread = _plane(samples[4:], in_core, level, gb, gc, margin)
         steepness = math.hypot(pb - gb, pc - gc) * radius
-        if count >= 9.0 and used > 0.7 and steepness < 0.4 * (pa - ga):
-            ka, kb, kc, spread = pa, pb, pc, core_spread
-    amplitude = ka - ga
-    if not amplitude > 0.0:
-        return 0.0, 0.0, 0.0, 0.0
-    if spread == 0.0:
-        kb, kc = gb, gc
-    for v in range(window.shape[0]):
-        dy = v - y
-        for u in range(window.shape[1]):
-            dx = u - x
-            below = ga + gb * dx + gc * dy
-            height = (ka + kb * dx + kc * dy) - below
-            share[v, u] = (window[v, u] - below) / max(height, 0.5 * amplitude)
-    return amplitude, ground_variance, ground_spread, spread
+        if used >= 9.0 and used > 0.75 * in_core and steepness < 0.4 * (pa - ga):
+            ka, kb, kc, core_spread = pa, pb, pc, spread
+    light[0], light[1], light[2] = ga, gb, gc
+    light[3], light[4], light[5] = ka - ga, kb - gb, kc - gc
+    light[6], light[7], light[8] = variance, ground_spread, core_spread
+    return ka > ga
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _share_row(row, x, ground, ground_slope, height, height_slope, least):  # type: ignore[no-untyped-def]
+    """Grey levels of a row of the window become shares of dot, in place."""
+    for u in range(row.shape[0]):
+        dx = np.float32(u) - x
+        row[u] = (row[u] - (ground + ground_slope * dx)) / max(height + height_slope * dx, least)
 
 
 @njit(cache=True, error_model="numpy")
-def _centre(share, x, y, reach2):  # type: ignore[no-untyped-def]
-    """Centroid of the soft threshold around (x, y): weight, x, y."""
-    total = sum_x = sum_y = 0.0
+def _share(image, weights, x, y, x0, y0, light, share):  # type: ignore[no-untyped-def]
+    """Share of dot in each pixel of the window `share`, whose first pixel is (x0, y0)."""
+    f = np.float32
+    channels = weights.shape[0]
+    for v in range(share.shape[0]):
+        dy = v + y0 - y
+        _grey_row(image[v + y0, x0 * channels : (x0 + share.shape[1]) * channels], weights, share[v])
+        _share_row(
+            share[v], f(x - x0), f(light[0] + light[2] * dy), f(light[1]),
+            f(light[3] + light[5] * dy), f(light[4]), f(0.5 * light[3]),
+        )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+def _row_moments(row, x):  # type: ignore[no-untyped-def]
+    """Weight and its moment along x, number of edge pixels and their first and second moments."""
+    f = np.float32
+    total = moment = count = edge_x = edge_xx = f(0.0)
+    for u in range(row.shape[0]):
+        dx = f(u) - x
+        weight = min(max((row[u] - f(LOW)) * f(GAIN), f(0.0)), f(1.0))
+        total += weight
+        moment += weight * dx
+        is_edge = f(1.0) if f(0.0) < weight < f(1.0) else f(0.0)
+        count += is_edge
+        edge_x += is_edge * dx
+        edge_xx += is_edge * dx * dx
+    return total, moment, count, edge_x, edge_xx
+
+
+@njit(cache=True, error_model="numpy")
+def _moments(share, x, y, reach2, sums):  # type: ignore[no-untyped-def]
+    """`sums` = weight, its moments x, y, edge pixels, their moments x, y, xx, xy, yy, about (x, y)."""
+    sums[:] = 0.0
     reach = math.sqrt(reach2)
     for v in range(max(0, int(y - reach)), min(share.shape[0] - 1, int(y + reach) + 1) + 1):
         dy = v - y
         if dy * dy > reach2:
             continue
         half = math.sqrt(reach2 - dy * dy)
-        for u in range(max(0, int(x - half + 1)), min(share.shape[1] - 1, int(x + half)) + 1):
-            weight = min(max((share[v, u] - LOW) * GAIN, 0.0), 1.0)
-            total += weight
-            sum_x += weight * u
-            sum_y += weight * v
-    if total <= 0.0:
-        return 0.0, x, y
-    return total, sum_x / total, sum_y / total
+        left, right = max(0, int(x - half + 1)), min(share.shape[1] - 1, int(x + half)) + 1
+        total, moment, count, edge_x, edge_xx = _row_moments(share[v, left:right], np.float32(x - left))
+        sums[0] += total
+        sums[1] += moment
+        sums[2] += total * dy
+        sums[3] += count
+        sums[4] += edge_x
+        sums[5] += count * dy
+        sums[6] += edge_xx
+        sums[7] += edge_x * dy
+        sums[8] += count * dy * dy
+    return sums[0] > 0.0
 
 
 @njit(cache=True, error_model="numpy")
-def _edge(share, x, y, reach2):  # type: ignore[no-untyped-def]
-    """Second moments of the edge's pixels, their number, and dx^2 + dy^2 of all other pixels."""
-    exx = exy = eyy = count = rest = 0.0
-    reach = math.sqrt(reach2)
-    for v in range(max(0, int(y - reach)), min(share.shape[0] - 1, int(y + reach) + 1) + 1):
-        dy = v - y
-        for u in range(max(0, int(x - reach)), min(share.shape[1] - 1, int(x + reach) + 1) + 1):
-            dx = u - x
-            if dx * dx + dy * dy > reach2:
-                continue
-            if LOW < share[v, u] < HIGH:
-                exx += dx * dx
-                exy += dx * dy
-                eyy += dy * dy
-                count += 1.0
-            else:
-                rest += dx * dx + dy * dy
-    return exx, exy, eyy, count, rest
-
-
-@njit(cache=True, error_model="numpy")
-def _measure_one(image, weights, x, y, radius, noise, scratch, stack, out):  # type: ignore[no-untyped-def]
-    """One dot; `out` as in `measure_dots`. Returns False where there is none."""
-    height, width = image.shape[:2]
-    half = int(1.75 * radius + 3.0)
-    x0, x1 = max(0, int(x + 0.5) - half), min(width, int(x + 0.5) + half + 1)
-    y0, y1 = max(0, int(y + 0.5) - half), min(height, int(y + 0.5) + half + 1)
-    if x1 - x0 < 3 or y1 - y0 < 3:
-        return False
-    window = np.empty((y1 - y0, x1 - x0), dtype=np.float32)
-    for v in range(y0, y1):
-        for u in range(x0, x1):
-            window[v - y0, u - x0] = _grey(image, weights, v, u)
-    share = np.empty_like(window)
-    wx, wy = x - x0, y - y0
-    reach2 = (1.35 * radius + 1.2) ** 2
-    amplitude = total = variance = ground_spread = core_spread = 0.0
-    for _ in range(3):
-        amplitude, variance, ground_spread, core_spread = _flattened(window, wx, wy, radius, scratch, share)
-        if amplitude <= 0.0:
-            return False
-        if core_spread == 0.0 and radius >= 3.0:
-            _fill_holes(share, stack)
-        total, nx, ny = _centre(share, wx, wy, reach2)
-        if total <= 0.0:
-            return False
-        shift2 = (nx - wx) ** 2 + (ny - wy) ** 2
-        wx, wy = nx, ny
-        if shift2 < (0.02 * radius + 0.05) ** 2:
-            break
-    total, wx, wy = _centre(share, wx, wy, reach2)
-    if total <= 0.0:
-        return False
-    exx, exy, eyy, count, rest = _edge(share, wx, wy, reach2)
-    noise2 = max(noise * noise, variance)
-    scale = GAIN / (amplitude * total)
-    passed = 0.5 * rest * _tail(LOW * amplitude / math.sqrt(noise2))
-    slopes = (2.0 / ground_spread if ground_spread > 0.0 else 0.0) + (
-        2.0 / core_spread if core_spread > 0.0 else 0.0
-    )
+def _uncertainty(sums, light, noise, reach2, out):  # type: ignore[no-untyped-def]
+    """Covariance of the centre, out[2:5] = cxx, cxy, cyy; see `centroid`."""
+    dx, dy, count = sums[1] / sums[0], sums[2] / sums[0], sums[3]
+    exx = sums[6] - 2.0 * dx * sums[4] + count * dx * dx
+    eyy = sums[8] - 2.0 * dy * sums[5] + count * dy * dy
+    exy = sums[7] - dx * sums[5] - dy * sums[4] + count * dx * dy
+    noise2 = max(noise * noise, light[6])
+    scale = GAIN / (light[3] * sums[0])
+    rest = max(0.5 * math.pi * reach2 * reach2 - exx - eyy, 0.0)
+    passed = 0.5 * rest * _tail(LOW * light[3] / math.sqrt(noise2))
+    slopes = (2.0 / light[7] if light[7] > 0.0 else 0.0) + (2.0 / light[8] if light[8] > 0.0 else 0.0)
     direct, tilt = noise2 * scale * scale, 0.25 * noise2 * scale * scale * slopes
-    out[0], out[1] = wx + x0, wy + y0
     out[2] = direct * (exx + passed) + tilt * (exx * exx + exy * exy)
     out[3] = direct * exy + tilt * exy * (exx + eyy)
     out[4] = direct * (eyy + passed) + tilt * (eyy * eyy + exy * exy)
-    out[5], out[6] = total, amplitude
-    own = math.sqrt(total / math.pi)
-    out[7] = count / (2.0 * math.pi * own)
+
+
+@njit(cache=True, error_model="numpy")
+def _measure_one(image, weights, x, y, radius, noise, samples, buffer, stack, out):  # type: ignore[no-untyped-def]
+    """One dot; `out` as in `measure_dots`. Returns False where there is none."""
+    height, width = image.shape[0], image.shape[1] // weights.shape[0]
+    reach = 1.35 * radius + 1.2
+    reach2 = reach * reach
+    light, sums = np.empty(9), np.empty(9)
+    for _ in range(3):
+        x0, x1 = max(0, int(x - reach)), min(width, int(x + reach) + 2)
+        y0, y1 = max(0, int(y - reach)), min(height, int(y + reach) + 2)
+        if x1 - x0 < 3 or y1 - y0 < 3 or not _light(image, weights, x, y, radius, noise, samples, light):
+            return False
+        share = buffer[: (y1 - y0) * (x1 - x0)].reshape(y1 - y0, x1 - x0)
+        _share(image, weights, x, y, x0, y0, light, share)
+        if light[8] == 0.0 and radius >= 3.0:
+            _fill_holes(share, stack)
+        if not _moments(share, x - x0, y - y0, reach2, sums):
+            return False
+        dx, dy = sums[1] / sums[0], sums[2] / sums[0]
+        x, y = x + dx, y + dy
+        if dx * dx + dy * dy < (0.04 * radius + 0.1) ** 2:
+            break
+    out[0], out[1] = x, y
+    _uncertainty(sums, light, noise, reach2, out)
+    total = sums[0]
+    out[5], out[6] = total, light[3]
+    out[7] = sums[3] / (2.0 * math.sqrt(math.pi * total))
     out[8] = 0.0
-    margin = min(min(out[0], width - 1.0 - out[0]), min(out[1], height - 1.0 - out[1])) + 0.5
+    margin = min(x, width - 1.0 - x, y, height - 1.0 - y) + 0.5
     if margin < 1.15 * radius:
         # what is missing of a disc of the expected size; its centroid lies that much too far inside
         lacking = min(max(1.0 - total / (math.pi * radius * radius), 0.0), 1.0)
@@ -313,20 +385,20 @@ def _measure_one(image, weights, x, y, radius, noise, scratch, stack, out):  # t
 @njit(cache=True, error_model="numpy")
 def measure_dots(image, weights, near, radius, noise, walk, out):  # type: ignore[no-untyped-def]
     """Rows of `out`: x, y, cxx, cxy, cyy, area, contrast, edge width, cut share; NaN without a dot."""
-    scratch = np.empty(4 * SAMPLES, dtype=np.float32)
+    samples = np.empty((8, 6 * SAMPLES), dtype=np.float32)
     largest = 1.0
     for i in range(radius.shape[0]):
         largest = max(largest, radius[i])
-    side = 2 * int(1.75 * largest + 3.0) + 1
+    side = 2 * int(1.35 * largest + 3.2) + 1
     stack = np.empty(side * side, dtype=np.int64)
+    buffer = np.empty(side * side, dtype=np.float32)
+    height, width = image.shape[0], image.shape[1] // weights.shape[0]
     for i in range(near.shape[0]):
         out[i] = np.nan
         x, y = near[i, 0], near[i, 1]
-        if not (math.isfinite(x) and math.isfinite(y)):
-            continue
-        if x < -0.5 or y < -0.5 or x > image.shape[1] - 0.5 or y > image.shape[0] - 0.5:
+        if not (x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5):
             continue
         if walk > 0:
             x, y = _walk_to_dot(image, weights, x, y, radius[i], walk)
-        if not _measure_one(image, weights, x, y, radius[i], noise, scratch, stack, out[i]):
+        if not _measure_one(image, weights, x, y, radius[i], noise, samples, buffer, stack, out[i]):
             out[i] = np.nan
