@@ -1,0 +1,118 @@
+"""What a method said of a recording, or what is true of it: the same value for both."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from manytouch.errors import ManytouchError
+from manytouch.values import LengthUnit
+from manytouch.values.arrays import Counts, Points2, Scalars, read_only
+
+
+class EvaluationError(ManytouchError):
+    """Results and truth cannot be read, or do not belong together."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ContactRows:
+    """The contacts that touch, of all frames, one row each; NaN is not given.
+
+    Attributes:
+        frame: (n,) number of the frame, ascending.
+        id: (n,) identity of the contact.
+        centre_mm, centre_std_mm: (n, 2) x, y of its force centroid in undeformed coordinates.
+        depth_mm, depth_std_mm: (n,) largest depth within the contact.
+        normal_force_N, normal_force_std_N: (n,) positive in compression.
+        shear_N, shear_std_N: (n, 2) along x and y.
+    """
+
+    frame: Counts
+    id: Counts
+    centre_mm: Points2
+    centre_std_mm: Points2
+    depth_mm: Scalars
+    depth_std_mm: Scalars
+    normal_force_N: Scalars
+    normal_force_std_N: Scalars
+    shear_N: Points2
+    shear_std_N: Points2
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Record:
+    """One recording, as a method read it or as it truly was: f frames, m markers. NaN is not given.
+
+    Attributes:
+        name: for people: the folder, or the case.
+        method: which method it comes from; empty for a truth.
+        unit: of everything named _mm.
+        frame: (f,) numbers of its frames, ascending.
+        status: of each frame.
+        milliseconds: (f,) from the decoded frame to the finished reading.
+        marker: (m,) numbers of its markers, ascending.
+        place: (m, 2) where they lie at rest.
+        place_unit: of `place`: "mm", "pitch" (columns and rows) or "px".
+        centre_px, centre_std_px: (f, m, 2) x, y of the markers' images; NaN where not seen.
+        depth_mm, depth_std_mm: (f, m) at the markers.
+        contacts: those that touch.
+    """
+
+    name: str
+    method: str
+    unit: LengthUnit
+    frame: Int64[np.ndarray, " f"]
+    status: tuple[str, ...]
+    milliseconds: Float64[np.ndarray, " f"]
+    marker: Int64[np.ndarray, " m"]
+    place: Float64[np.ndarray, "m 2"]
+    place_unit: str
+    centre_px: Float64[np.ndarray, "f m 2"]
+    centre_std_px: Float64[np.ndarray, "f m 2"]
+    depth_mm: Float64[np.ndarray, "f m"]
+    depth_std_mm: Float64[np.ndarray, "f m"]
+    contacts: ContactRows
+
+
+def contact_rows(columns: dict[str, np.ndarray]) -> ContactRows:
+    """Rows from the columns of contacts.csv without their units, in the order of their frames.
+
+    Args:
+        columns: frame, id, x, y, depth, normal_force, shear_x, shear_y and their deviations named
+            x_std, ..., force_std, shear_x_std, shear_y_std; each (n,).
+    """
+    order = np.lexsort((columns["id"], columns["frame"]))
+    column = {name: values[order] for name, values in columns.items()}
+
+    def several(*names: str) -> np.ndarray:
+        return read_only(np.column_stack([column[name] for name in names]).astype(np.float64))
+
+    def single(name: str) -> np.ndarray:
+        return read_only(column[name].astype(np.float64))
+
+    return ContactRows(
+        frame=read_only(column["frame"].astype(np.int64)),
+        id=read_only(column["id"].astype(np.int64)),
+        centre_mm=several("x", "y"),
+        centre_std_mm=several("x_std", "y_std"),
+        depth_mm=single("depth"),
+        depth_std_mm=single("depth_std"),
+        normal_force_N=single("normal_force"),
+        normal_force_std_N=single("force_std"),
+        shear_N=several("shear_x", "shear_y"),
+        shear_std_N=several("shear_x_std", "shear_y_std"),
+    )
+
+
+def subset(rows: ContactRows, chosen: np.ndarray) -> ContactRows:
+    """Some of the rows, by mask or by index."""
+    return ContactRows(
+        **{name: read_only(getattr(rows, name)[chosen]) for name in ContactRows.__dataclass_fields__}
+    )
+
+
+def rest_of(folder: Path) -> str:
+    """A folder's name for people; its parent's where it is only called truth."""
+    path = folder.resolve()
+    return f"{path.parent.name}/{path.name}" if path.name == "truth" else path.name

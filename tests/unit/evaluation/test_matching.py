@@ -1,0 +1,66 @@
+"""Pairs of truth and estimate."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from manytouch.evaluation.matching import assigned, match_contacts, nearest_dots
+from manytouch.evaluation.record import ContactRows
+
+Table = Callable[..., ContactRows]
+
+
+def test_as_many_pairs_as_can_be_before_the_least_distance() -> None:
+    # greedily 0-0 (1.0) would leave 1 alone
+    away = np.array([[1.0, 2.0], [1.5, 9.0], [8.0, 9.0]])
+    assert assigned(away, 3.0).tolist() == [[0, 1], [1, 0]]
+
+
+def test_the_gate_is_open_below_and_shut_at_its_own_value() -> None:
+    away = np.array([[2.999, 50.0], [50.0, 3.0]])
+    assert assigned(away, 3.0).tolist() == [[0, 0]]
+
+
+def test_nan_is_never_near_and_nothing_pairs_with_nothing() -> None:
+    assert assigned(np.full((2, 3), np.nan), 3.0).shape == (0, 2)
+    assert assigned(np.zeros((0, 3)), 3.0).shape == (0, 2)
+
+
+def test_the_order_of_rows_does_not_matter() -> None:
+    chance = np.random.default_rng(1)
+    away = chance.uniform(0, 6, (6, 4))
+    turn = chance.permutation(6)
+    pairs = {tuple(pair) for pair in assigned(away, 3.0).tolist()}
+    turned = {(int(turn[row]), column) for row, column in assigned(away[turn], 3.0).tolist()}
+    assert pairs == turned
+
+
+def test_contacts_pair_within_their_frame_only(contact_table: Table) -> None:
+    truth = contact_table([(0, 1, 0.0, 0.0, 2.0), (1, 1, 10.0, 0.0, 2.0)])
+    estimated = contact_table([(0, 7, 10.0, 0.0, 2.0), (1, 7, 10.5, 0.0, 2.0)])
+    pairs = match_contacts(truth, estimated)
+    assert (pairs.true_row.tolist(), pairs.estimated_row.tolist()) == ([1], [1])
+
+
+def test_a_faint_contact_need_not_be_found_and_finding_it_is_not_wrong(contact_table: Table) -> None:
+    truth = contact_table([(0, 1, 0.0, 0.0, 0.1), (0, 2, 20.0, 0.0, 2.0)])
+    estimated = contact_table([(0, 5, 0.5, 0.0, 0.2), (0, 6, 20.5, 0.0, 2.0), (0, 7, -30.0, 0.0, 2.0)])
+    pairs = match_contacts(truth, estimated)
+    assert pairs.is_required.tolist() == [False, True]
+    assert pairs.is_counted.tolist() == [False, True, True]
+    assert (pairs.true_row.tolist(), pairs.estimated_row.tolist()) == ([1], [1])
+
+
+def test_of_two_estimates_on_one_dot_the_nearer_is_right() -> None:
+    which, away = nearest_dots(
+        np.array([[0.0, 0.0], [40.0, 0.0]]), np.array([[3.0, 0.0], [-1.0, 0.0], [41.0, 0.0]]), 10.0
+    )
+    assert which.tolist() == [-1, 0, 1]
+    assert away[1:] == pytest.approx([1.0, 1.0])
+
+
+def test_an_estimate_beyond_the_gate_stands_for_no_dot() -> None:
+    which, _ = nearest_dots(np.array([[0.0, 0.0]]), np.array([[10.5, 0.0]]), 10.0)
+    assert which.tolist() == [-1]
+    assert nearest_dots(np.zeros((0, 2)), np.array([[1.0, 1.0]]), 10.0)[0].tolist() == [-1]
