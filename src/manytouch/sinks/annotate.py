@@ -69,7 +69,8 @@ class Annotator:
         seen = reading.grid.is_seen
         place = self._place(np.where(seen[:, None], reading.grid.position_px, self._rest_px))
         radius_px = self._layout.radius_mm / mm_per_px(self._sensor.camera) * self.zoom
-        height = float(np.clip(0.17 * self._pitch, 7.0, self._words))
+        height = float(np.clip(0.17 * self._pitch, 8.0, self._words))
+        width = int(np.clip(self._pitch / 40, 1, 3))
         widest = drawing.text_size(str(len(place) - 1), height)[0]
         every = max(1, int(np.ceil(1.15 * widest / self._pitch)))
         for marker in np.flatnonzero(~self._layout.is_missing):
@@ -78,10 +79,10 @@ class Annotator:
                 drawing.cross(picture, centre, max(3.0, 0.08 * self._pitch), drawing.WHITE)
                 continue
             radius = max(float(radius_px[marker]), 2.0)
-            drawing.disc_outline(picture, centre, radius, drawing.SKY)
+            drawing.disc_outline(picture, centre, radius, drawing.SKY, width)
             if marker % every == 0:
-                width, _ = drawing.text_size(str(marker), height)
-                left = (centre[0] - width / 2, centre[1] + radius + height + 3)
+                half = drawing.text_size(str(marker), height)[0] / 2
+                left = (centre[0] - half, centre[1] + radius + width + height + 3)
                 drawing.write_text(picture, str(marker), left, height, drawing.WHITE)
 
     def _draw_arrows(self, picture: np.ndarray, reading: Reading) -> None:

@@ -73,21 +73,23 @@ def write_text(
 
     OpenCV's fonts know ASCII only, so ± is a plus with a line below it.
     """
-    x = float(place[0])
+    if outline:
+        for right, down in ((-1, -1), (1, -1), (-1, 1), (1, 1)):
+            _write_plain(picture, text, (place[0] + right, place[1] + down), height, BLACK)
+    _write_plain(picture, text, place, height, colour)
+
+
+def _write_plain(picture: np.ndarray, text: str, place: Place, height: float, colour: Colour) -> None:
+    x, y = float(place[0]), round(place[1])
+    thick = _stroke(height)
     for piece in text.replace("±", "\0±\0").split("\0"):
         glyphs = "+" if piece == "±" else piece
-        left = (round(x), round(place[1]))
-        thick = _stroke(height)
-        for colour_now, wide in ((BLACK, thick + 2), (colour, thick)):
-            if colour_now is BLACK and not outline:
-                continue
-            cv2.putText(picture, glyphs, left, _FONT, height / _CAPITAL_PX, colour_now, wide, cv2.LINE_AA)
-            if piece == "±":
-                wide_px = text_size("+", height)[0]
-                begin = (left[0] + round(0.18 * wide_px), left[1])
-                end = (left[0] + round(0.82 * wide_px), left[1])
-                cv2.line(picture, begin, end, colour_now, wide, cv2.LINE_AA)
-        x += text_size(glyphs, height)[0]
+        cv2.putText(picture, glyphs, (round(x), y), _FONT, height / _CAPITAL_PX, colour, thick, cv2.LINE_AA)
+        wide_px = text_size(glyphs, height)[0]
+        if piece == "±":
+            begin, end = (round(x + 0.18 * wide_px), y), (round(x + 0.82 * wide_px), y)
+            cv2.line(picture, begin, end, colour, thick, cv2.LINE_AA)
+        x += wide_px
 
 
 def plate(picture: np.ndarray, corner: Place, size: Place, strength: float = 0.7) -> None:

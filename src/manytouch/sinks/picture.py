@@ -55,7 +55,7 @@ class SurfacePicture:
         left.imshow(seen, interpolation="lanczos")
         left.set_axis_off()
         left.set_title("what the camera sees", fontsize=11)
-        width = (SURFACE_INCHES - 1.5) * inch
+        width = (SURFACE_INCHES - 1.7) * inch
         right = figure.add_axes((share + 0.3 * inch, 0.03, width, 0.86), projection="3d")
         scale = figure.add_axes((1.0 - 0.85 * inch, 0.2, 0.16 * inch, 0.5))
         self._draw_surface(figure, (right, scale), reading)
@@ -101,7 +101,7 @@ class SurfacePicture:
         axes.set_ylim(float(y_mm.max()), float(y_mm.min()))
         axes.set_zlim(extent_mm[0], extent_mm[1])
         largest = max(wide, long)
-        axes.set_box_aspect((wide / largest, long / largest, HEIGHT_TO_WIDTH), zoom=1.25)
+        axes.set_box_aspect((wide / largest, long / largest, HEIGHT_TO_WIDTH), zoom=1.05)
         axes.view_init(elev=42, azim=-68)
         return HEIGHT_TO_WIDTH * largest / high
 

@@ -1,0 +1,106 @@
+"""Words to values, names of folders, exit statuses, and lines about contacts."""
+
+import signal
+from pathlib import Path
+
+import pytest
+
+from manytouch.cli import main
+from manytouch.cli.process import folder_names
+from manytouch.cli.run import paced
+from manytouch.cli.stopping import Stop
+from manytouch.errors import ManytouchError
+from manytouch.values import Frame
+
+
+@pytest.mark.parametrize(
+    ("inputs", "names"),
+    [
+        (["a.mp4"], ["a"]),
+        (["a.mp4", "b.avi", "x/a.avi"], ["a", "b", "a-2"]),
+        (["a.mp4", "A.mp4", "a.png"], ["a", "A-2", "a-3"]),
+        (["a-2.mp4", "a.mp4", "x/a.mp4"], ["a-2", "a", "a-3"]),
+        (["sim:", "sim:one"], ["sim", "sim-one"]),
+    ],
+)
+def test_every_input_has_a_folder_of_its_own(inputs, names):
+    assert folder_names(inputs) == names
+
+
+def test_a_folder_of_pictures_keeps_its_whole_name(tmp_path: Path):
+    (tmp_path / "trial.3").mkdir()
+    assert folder_names([str(tmp_path / "trial.3"), f"{tmp_path}/trial.3/"]) == ["trial.3", "trial.3-2"]
+
+
+@pytest.mark.parametrize(
+    ("words", "status"),
+    [
+        (["--version"], 0),
+        (["--help"], 0),
+        (["process", "--help"], 0),
+        (["proces"], 2),
+        (["process", "a.mp4"], 2),
+        (["process", "a.mp4", "--out", "o", "--roi", "0,0,9.5,9"], 2),
+        (["process", "a.mp4", "--out", "o", "--pitch-mm", "0"], 2),
+        (["process", "a.mp4", "--out", "o", "--hfov-deg", "nan"], 2),
+    ],
+)
+def test_exit_status_of_words_alone(words, status, capsys):
+    assert main(words) == status
+    said = capsys.readouterr()
+    assert (said.err.count("\n") == 1) == (status == 2)
+
+
+def test_failures_are_one_line_even_when_the_message_has_more(capsys, monkeypatch):
+    def fail(*_: object, **__: object) -> int:
+        raise ManytouchError("first\n  second")
+
+    monkeypatch.setattr("manytouch.cli.app", fail)
+    assert main(["doctor"]) == 1
+    assert capsys.readouterr().err == "manytouch: first second\n"
+
+
+def test_an_error_that_nobody_foresaw_asks_for_a_report(capsys, monkeypatch):
+    def fail(*_: object, **__: object) -> int:
+        raise ValueError("shapes differ")
+
+    monkeypatch.setattr("manytouch.cli.app", fail)
+    assert main(["doctor"]) == 1
+    said = capsys.readouterr().err
+    assert "ValueError: shapes differ" in said
+    assert "--debug" in said
+    assert "Traceback" not in said
+
+
+def test_the_first_ctrl_c_is_a_wish_and_the_second_an_order(capsys):
+    before = signal.getsignal(signal.SIGINT)
+    with Stop() as stop:
+        assert not stop()
+        signal.raise_signal(signal.SIGINT)
+        assert stop()
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert signal.getsignal(signal.SIGINT) is before
+    assert "Ctrl-C again" in capsys.readouterr().err
+
+
+def frame(index: int, step_ns: int = 40_000_000) -> Frame:
+    return Frame(index=index, timestamp_ns=index * step_ns, camera="bench", image=None)
+
+
+def test_frames_come_when_their_time_has_come(monkeypatch):
+    clock = [100.0]
+    naps = []
+    monkeypatch.setattr("manytouch.cli.run.time.monotonic", lambda: clock[0])
+
+    def nap(seconds: float) -> None:
+        naps.append(seconds)
+        clock[0] += seconds
+
+    monkeypatch.setattr("manytouch.cli.run.time.sleep", nap)
+    times = [clock[0] for _ in paced([frame(5), frame(6), frame(11)], lambda: False)]
+    assert times == pytest.approx([100.0, 100.04, 100.24])
+    assert max(naps) <= 0.05
+    naps.clear()
+    assert [each.index for each in paced([frame(0), frame(1000)], lambda: True)] == [0, 1000]
+    assert not naps

@@ -1,0 +1,116 @@
+"""Lines when contacts come and go, with the nearest truth of the same moment beside them."""
+
+import numpy as np
+
+from manytouch.cli.contact_log import ContactLog
+from manytouch.values import (
+    Camera,
+    Contact,
+    Contacts,
+    Detections,
+    Frame,
+    Phase,
+    Reading,
+    Sensor,
+    Surface,
+    TrackedGrid,
+    Truth,
+)
+
+SENSOR = Sensor(
+    name="bench",
+    camera=Camera(
+        width_px=64,
+        height_px=48,
+        fx_px=50.0,
+        fy_px=50.0,
+        cx_px=31.5,
+        cy_px=23.5,
+        distortion=np.zeros(5),
+        rotation_vector=np.zeros(3),
+        translation_mm=np.array([0.0, 0.0, 50.0]),
+    ),
+)
+GRID = TrackedGrid(
+    position_px=np.zeros((0, 2)),
+    covariance_px2=np.zeros((0, 2, 2)),
+    is_seen=np.zeros(0, dtype=np.bool_),
+    frames_unseen=np.zeros(0, dtype=np.int64),
+)
+SURFACE = Surface(
+    position_mm=np.zeros((0, 3)), displacement_mm=np.zeros((0, 3)), covariance_mm2=np.zeros((0, 3, 3))
+)
+
+
+def contact(number: int, phase: Phase, depth_mm: float, x_mm: float = 3.0) -> Contact:
+    covariance = np.full((8, 8), np.nan)
+    covariance[2, 2] = 0.25
+    return Contact(
+        id=number,
+        phase=phase,
+        centre_mm=np.array([x_mm, -2.0]),
+        centre_px=np.zeros(2),
+        depth_mm=depth_mm,
+        force_N=np.full(3, np.nan),
+        torque_Nmm=np.nan,
+        area_mm2=np.nan,
+        covariance=covariance,
+    )
+
+
+def reading(index: int, *contacts: Contact) -> Reading:
+    nothing = np.zeros(0)
+    return Reading(
+        frame=Frame(index=index, timestamp_ns=index * 500_000_000, camera="bench", image=None),
+        detections=Detections(
+            centre_px=np.zeros((0, 2)), covariance_px2=np.zeros((0, 2, 2)), area_px2=nothing, contrast=nothing
+        ),
+        grid=GRID,
+        surface=SURFACE,
+        contacts=Contacts(contacts=contacts),
+        milliseconds=1.0,
+    )
+
+
+def truth(index: int) -> Truth:
+    near, far = contact(0, Phase.MOVE, index + 0.9, 2.5), contact(1, Phase.MOVE, 9.0, 80.0)
+    return Truth(frame_index=index, grid=GRID, surface=SURFACE, contacts=Contacts(contacts=(far, near)))
+
+
+def lines_of(*readings: Reading, beside: bool = False) -> list[str]:
+    lines: list[str] = []
+    log = ContactLog(SENSOR, lines.append, truth if beside else None)
+    for each in readings:
+        log.write(each)
+    log.close()
+    return lines
+
+
+LIFE = (
+    reading(0),
+    reading(1, contact(4, Phase.START, 0.5)),
+    reading(2, contact(4, Phase.MOVE, 2.0)),
+    reading(3, contact(4, Phase.MOVE, 1.0)),
+    reading(4, contact(4, Phase.END, 1.0)),
+)
+
+
+def test_a_line_when_it_comes_and_one_when_it_goes():
+    _, came, gone = lines_of(*LIFE)
+    assert came.split() == ["0.50", "s", "#4", "touches", "3.00", "-2.00", "0.50", "±", "0.50"]
+    assert gone.split()[:8] == ["2.00", "s", "#4", "gone", "3.00", "-2.00", "2.00", "±"]
+    assert gone.endswith("deepest of 1.50 s")
+
+
+def test_the_nearest_truth_of_the_deepest_moment_stands_beside_it():
+    _, came, gone = lines_of(*LIFE, beside=True)
+    assert came.endswith("truth 2.50, -2.00, depth 1.90")
+    assert gone.endswith("truth 2.50, -2.00, depth 2.90")
+
+
+def test_contacts_that_last_are_named_at_the_end():
+    assert "#4 still there" in lines_of(*LIFE[:3])[-1]
+
+
+def test_nothing_is_said_when_nothing_touches():
+    assert lines_of(reading(0), reading(1)) == []

@@ -1,0 +1,111 @@
+"""What summary.json says, and the noise of markers at rest."""
+
+import json
+
+import numpy as np
+import pytest
+
+from manytouch.detection.paper import PaperDetection
+from manytouch.estimation.paper import PaperEstimate
+from manytouch.pipeline import Pipeline
+from manytouch.sinks.description import in_words, pitch_px
+from manytouch.sinks.noise import RestNoise
+from manytouch.sinks.summary import Summary, parameters
+from manytouch.tracking.paper import PaperTracking
+from manytouch.values import Phase
+
+
+def noise_of(readings, markers=24):
+    noise = RestNoise(markers)
+    for reading in readings:
+        noise.add(reading)
+    return noise.per_marker_px()
+
+
+def shaken(reading_of, count, sigma_px, **settings):
+    chance = np.random.default_rng(3)
+    return [reading_of(i, shift_px=tuple(chance.normal(0, sigma_px, 2)), **settings) for i in range(count)]
+
+
+def test_noise_is_the_deviation_of_one_coordinate(reading_of):
+    noise = noise_of(shaken(reading_of, 400, 0.2))
+    assert np.isnan(noise[9])  # the missing one
+    assert noise[np.arange(24) != 9] == pytest.approx(0.2, rel=0.1)
+
+
+def test_noise_does_not_count_that_the_sheet_rests_elsewhere_after_a_press(reading_of, contact_of):
+    before = [reading_of(i, shift_px=(0.1 * (-1) ** i, 0.0)) for i in range(10)]
+    press = [reading_of(10, (contact_of(),), shift_px=(30.0, 0.0))]
+    after = [reading_of(i, shift_px=(7 + 0.1 * (-1) ** i, 5.0)) for i in range(11, 21)]
+    there = noise_of(before)[0]
+    assert noise_of(before + press + after)[0] == pytest.approx(there, rel=1e-9)
+    assert noise_of(before + after)[0] > 10 * there
+
+
+def test_frames_that_failed_are_no_rest_and_end_the_run(reading_of):
+    failed = reading_of(2, shift_px=(9.0, 0.0), status="blurred")
+    assert np.nanmax(noise_of([reading_of(0), reading_of(1), failed, reading_of(3)])) == 0.0
+
+
+def summary_in(folder, sensor, frame_count=None):
+    recording = {"source": "x.mp4", "frame_count": frame_count}
+    return Summary(folder, sensor=sensor, pipeline=pipeline_of(), method="paper", recording=recording)
+
+
+def pipeline_of():
+    return Pipeline(
+        detect=PaperDetection(roi_px=(1, 2, 30, 40)), track=PaperTracking(), estimate=PaperEstimate()
+    )
+
+
+def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, contact_of):
+    summary = summary_in(tmp_path, sensor, frame_count=9)
+    for index in range(4):
+        summary.write(reading_of(index, unseen=(3,)))
+    summary.write(reading_of(4, (contact_of(1, Phase.START), contact_of(2, Phase.START)), unseen=(3,)))
+    summary.write(reading_of(5, (contact_of(1, Phase.END),), status="decode_error"))
+    assert not (tmp_path / "summary.json").exists()
+    summary.close()
+    told = json.loads((tmp_path / "summary.json").read_text())
+    assert told["counts"] == {
+        "frames": 6,
+        "status": {"decode_error": 1, "ok": 5},
+        "frames_with_contact": 1,
+        "contacts": 2,
+        "contacts_at_once": 2,
+        "markers": 23,
+    }
+    assert told["odd"] == [
+        "1 of 6 frames have the status decode_error",
+        "the input announced 9 frames; 6 were read, up to number 5",
+        "1 markers are seen on less than half of the frames: 3",
+    ]
+    assert told["assumptions"] == ["The camera has no distortion."]
+    assert told["sensor"]["pitch_px"] == [40.0, 32.0]
+    assert told["sensor"]["missing"] == [9]
+    assert len(told["noise_px"]["per_marker"]) == 24
+    assert told["milliseconds"] == {"p50": 4.5, "p95": 6.75, "p99": 6.95}
+    assert told["parameters"]["detect"]["roi_px"] == [1, 2, 30, 40]
+
+
+def test_a_run_without_frames_has_a_summary_too(tmp_path, sensor):
+    summary_in(tmp_path, sensor).close()
+    told = json.loads((tmp_path / "summary.json").read_text())
+    assert told["counts"]["frames"] == 0
+    assert told["noise_px"]["median"] is None
+    assert told["milliseconds"]["p50"] is None
+
+
+def test_parameters_name_every_stage():
+    found = parameters(pipeline_of())
+    assert {name: stage["type"] for name, stage in found.items()} == {
+        "detect": "PaperDetection",
+        "track": "PaperTracking",
+        "estimate": "PaperEstimate",
+    }
+    json.dumps(found, allow_nan=False)
+
+
+def test_a_sensor_in_words(sensor):
+    assert in_words(sensor) == "4 x 6 markers, dark, pitch 40 x 32 px, 1 missing"
+    assert pitch_px(sensor) == pytest.approx([40.0, 32.0])

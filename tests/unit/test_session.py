@@ -1,0 +1,184 @@
+"""From an input to its folder: what is refused early, what is complete whatever ends the run."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from clips import COLUMNS, ROWS, picture, press_of
+from manytouch.errors import ManytouchError, OutputError, SensorError, SourceError
+from manytouch.session import (
+    METHODS,
+    RESULTS,
+    kernels,
+    pipeline_for,
+    prepare,
+    process,
+    read_all,
+    read_into,
+    result_name,
+)
+from manytouch.values import Camera, Frame, Reading, Sensor
+from results import rows_of
+
+TABLES = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json"}
+
+
+@dataclass
+class Pictures:
+    """A source that is drawn while it is read."""
+
+    frames: int = 30
+    fails_at: int | None = None
+    name: str = "drawn"
+    fps: float | None = 25.0
+    width_px: int = 320
+    height_px: int = 240
+    is_live: bool = False
+    taken: list[int] = field(default_factory=list)
+
+    @property
+    def frame_count(self) -> int:
+        return self.frames
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index in range(self.frames):
+            if index == self.fails_at:
+                raise KeyboardInterrupt
+            self.taken.append(index)
+            image = picture(press_of(index), seed=index)
+            yield Frame(index=index, timestamp_ns=index * 40_000_000, camera=self.name, image=image)
+
+
+class Seen:
+    """A sink that keeps what it is given."""
+
+    def __init__(self) -> None:
+        self.readings: list[Reading] = []
+        self.is_closed = False
+
+    def write(self, reading: Reading) -> None:
+        self.readings.append(reading)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+class Full:
+    """A sink on a disk that fills up."""
+
+    def write(self, reading: Reading) -> None:
+        if reading.frame.index == 20:
+            raise OutputError("no room")
+
+    def close(self) -> None:
+        raise OutputError("still no room")
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_method_reads_every_frame_in_order(method: str) -> None:
+    seen = Seen()
+    read_all(prepare(Pictures(), method=method), [seen])
+    assert [reading.frame.index for reading in seen.readings] == list(range(30))
+    assert seen.is_closed
+    assert seen.readings[-1].grid.is_seen.sum() >= 0.9 * ROWS * COLUMNS
+
+
+def test_an_unknown_method_lists_those_there_are() -> None:
+    with pytest.raises(ManytouchError, match=r"magic.*perimeter, paper"):
+        pipeline_for("magic")
+
+
+def test_only_the_first_frames_are_taken_before_reading_begins() -> None:
+    source = Pictures(frames=60)
+    prepare(source)
+    assert source.taken == list(range(15))
+
+
+def test_interrupted_runs_have_complete_files_of_what_was_read(tmp_path: Path) -> None:
+    with pytest.raises(KeyboardInterrupt):
+        read_into(prepare(Pictures(fails_at=22)), tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == TABLES
+    assert [row["frame"] for row in rows_of(tmp_path / "frames.csv")] == [str(i) for i in range(22)]
+
+
+def test_a_sink_that_fails_does_not_keep_the_others_from_closing(tmp_path: Path) -> None:
+    seen = Seen()
+    with pytest.raises(OutputError):
+        read_into(prepare(Pictures()), tmp_path, sinks=[Full(), seen])
+    assert seen.is_closed
+    assert {path.name for path in tmp_path.iterdir()} == TABLES
+    assert len(rows_of(tmp_path / "frames.csv")) == 21
+
+
+def test_stopping_ends_after_the_frame_at_hand(tmp_path: Path) -> None:
+    seen = Seen()
+    summary = read_into(prepare(Pictures()), tmp_path, sinks=[seen], stop=lambda: len(seen.readings) == 5)
+    assert summary.counts["frames"] == 5
+    assert any("announced 30 frames; 5 were read" in sentence for sentence in summary.odd())
+
+
+def test_files_of_an_earlier_run_do_not_stay_beside_those_of_this_one(tmp_path: Path) -> None:
+    for name in RESULTS:
+        (tmp_path / name).write_text("earlier")
+    (tmp_path / ".surface.partial.zarr").mkdir()
+    (tmp_path / "notes.txt").write_text("mine")
+    read_into(prepare(Pictures(frames=16)), tmp_path)
+    assert {path.name for path in tmp_path.iterdir()} == TABLES | {"notes.txt"}
+    assert "earlier" not in (tmp_path / "frames.csv").read_text()
+
+
+def test_the_python_call_gives_the_folder(tmp_path: Path) -> None:
+    import cv2
+
+    (tmp_path / "trial.1").mkdir()
+    for index in range(3):
+        cv2.imwrite(str(tmp_path / "trial.1" / f"{index}.png"), picture(seed=index))
+    folder = process(tmp_path / "trial.1", out=tmp_path / "out", pitch_mm=5.0, hfov_deg=70.0)
+    assert folder == tmp_path / "out" / "trial.1"
+    assert {path.name for path in folder.iterdir()} == TABLES
+
+
+@pytest.mark.parametrize("region", [(-1, 0, 10, 10), (0, 0, 0, 10), (300, 0, 21, 10), (0, 200, 10, 41)])
+def test_regions_outside_the_image_are_refused(region: tuple[int, int, int, int]) -> None:
+    with pytest.raises(SourceError, match="320 x 240"):
+        prepare(Pictures(), roi_px=region)
+
+
+def test_a_sensor_of_another_image_size_is_refused() -> None:
+    camera = Camera(
+        width_px=640,
+        height_px=480,
+        fx_px=500.0,
+        fy_px=500.0,
+        cx_px=319.5,
+        cy_px=239.5,
+        distortion=np.zeros(5),
+        rotation_vector=np.zeros(3),
+        translation_mm=np.array([0.0, 0.0, 100.0]),
+    )
+    sensor = Sensor(name="other", camera=camera)
+    with pytest.raises(SensorError, match="640 x 480 px, but drawn has 320 x 240"):
+        prepare(Pictures(), sensor=sensor)
+    with pytest.raises(SensorError, match="already says pitch"):
+        prepare(Pictures(), sensor=sensor, pitch_mm=4.0)
+
+
+def test_an_input_without_frames_is_refused() -> None:
+    with pytest.raises(SourceError, match="no frame"):
+        prepare(Pictures(frames=0))
+
+
+@pytest.mark.parametrize(
+    ("text", "name"), [("a/b.c.mp4", "b.c"), ("sim:", "sim"), ("sim:one", "sim-one"), ("x/../y.avi", "y")]
+)
+def test_names_of_results(text: str, name: str) -> None:
+    assert result_name(text) == name
+
+
+def test_kernels_are_known_by_name() -> None:
+    found = kernels()
+    assert found
+    assert all(name.startswith("manytouch.") for name in found)
