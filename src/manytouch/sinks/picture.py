@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 DOTS_PER_INCH = 110
 TALL_INCHES, SURFACE_INCHES = 6.2, 8.4
-HEIGHT_TO_WIDTH = 0.26
+HEIGHT_TO_WIDTH, MOST_STRETCH = 0.26, 12.0
 MARK = "#D55E00"
 
 
@@ -101,9 +101,10 @@ class SurfacePicture:
         axes.set_ylim(float(y_mm.max()), float(y_mm.min()))
         axes.set_zlim(extent_mm[0], extent_mm[1])
         largest = max(wide, long)
-        axes.set_box_aspect((wide / largest, long / largest, HEIGHT_TO_WIDTH), zoom=1.05)
+        height = float(np.clip(MOST_STRETCH * high / largest, 0.2 * HEIGHT_TO_WIDTH, HEIGHT_TO_WIDTH))
+        axes.set_box_aspect((wide / largest, long / largest, height), zoom=1.05)
         axes.view_init(elev=42, azim=-68)
-        return HEIGHT_TO_WIDTH * largest / high
+        return height * largest / high
 
     def _draw_contacts(self, axes: Any, contacts: tuple[Contact, ...], top: float) -> None:
         for contact in contacts:

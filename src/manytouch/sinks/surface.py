@@ -4,6 +4,7 @@ import xarray
 depth = xarray.open_zarr("out/press/surface.zarr").depth_mm
 """
 
+import warnings
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -70,7 +71,13 @@ class SurfaceMap:
 
     def close(self) -> None:
         """Complete the store."""
+        import zarr
+
         self._append()
+        with told(self._staged.path), warnings.catch_warnings():
+            # xarray looks for consolidated metadata; zarr warns that format 3 does not define them yet
+            warnings.filterwarnings("ignore", message="Consolidated metadata", category=UserWarning)
+            zarr.consolidate_metadata(self._group.store)
         self._staged.finish()
 
     def _append(self) -> None:
