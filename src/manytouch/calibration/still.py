@@ -88,8 +88,8 @@ def confirmed(still: StillDots, known: StillDots, *, is_same_time: bool) -> Stil
     )
 
 
-def pairs(first: Points2, second: Points2, gate_px: np.ndarray | float) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of points that are each other's nearest, within a gate (of each first point)."""
+def pairs(first: np.ndarray, second: np.ndarray, gate_px: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of points (n, 2) and (k, 2) that are each other's nearest, within gates (n,)."""
     if len(first) == 0 or len(second) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     distance, forth = cKDTree(second).query(first)

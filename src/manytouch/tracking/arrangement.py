@@ -17,6 +17,8 @@ _LEAST_FILL = 2 / 3
 _LEAST_BORDER = 1 / 3
 _MOST_TRIMMED = 0.06
 _MOST_OUTSIDE = 0.1
+_BAND_GAP = 0.25
+_ODD_ANGLE_RAD = 0.1  # no symmetric pattern has two rows as far from this direction
 _UNIMODULAR = (((1, 0), (0, 1)), ((1, 0), (1, 1)), ((1, 0), (-1, 1)), ((1, 1), (0, 1)), ((1, -1), (0, 1)))
 # Directions between these angles count as "x", others as "y"; 45 degrees, as sheets do lie, is well inside.
 _X_FROM_RAD, _X_TO_RAD = np.deg2rad(-38.0), np.deg2rad(52.0)
@@ -72,20 +74,30 @@ def arrange(centre_px: Points2, is_cut: Mask) -> Arrangement:
 
 
 def _best_grid(lattice: Lattice, centre_px: Points2, is_cut: Mask) -> np.ndarray:
-    """The grid over those two lattice axes whose trimmed rectangle is fullest; the shortest axes if equal."""
+    """The grid over those two lattice axes whose rectangle is fullest, or the shortest when none is full.
+
+    Equally good ones (a hexagonal lattice has three) are told apart by the direction of their rows.
+    """
     dots = np.flatnonzero(lattice.is_member)
-    best = None
+    best: tuple[tuple[float, float, float], np.ndarray] | None = None
     for change in _UNIMODULAR:
-        place = lattice.place[dots] @ np.array(change)
-        grid = _canonical(place, dots, centre_px)
-        fill = round(float((trimmed(grid, is_cut) >= 0).mean()), 3)
+        grid = _canonical(lattice.place[dots] @ np.array(change), dots, centre_px)
+        fill = round(float((trimmed(grid, is_cut) >= 0).mean()), 2)
         position = _position(grid, centre_px)
-        size = round(float(np.hypot(_median_step(position, 0), _median_step(position, 1))), 2)
-        size = size if np.isfinite(size) else np.inf
-        if best is None or (fill, -size) > best[0]:
-            best = ((fill, -size), grid)
+        size = float(np.hypot(_median_step(position, 0), _median_step(position, 1)))
+        coarse = -round(np.log(size) * 20.0) if np.isfinite(size) else -np.inf
+        key = (fill if fill >= _LEAST_FILL else 0.0, coarse, -abs(_slope_rad(position) - _ODD_ANGLE_RAD))
+        if best is None or key > best[0]:
+            best = (key, grid)
     assert best is not None
     return best[1]
+
+
+def _slope_rad(position: np.ndarray) -> float:
+    """Direction of the rows in the image."""
+    step = np.diff(position, axis=1).reshape(-1, 2)
+    step = step[np.isfinite(step[:, 0])]
+    return float(np.arctan2(*np.median(step, axis=0)[::-1])) if len(step) else 0.0
 
 
 def _canonical(place: np.ndarray, dots: np.ndarray, centre_px: Points2) -> np.ndarray:
@@ -189,21 +201,24 @@ def _bands(value: np.ndarray, gap: float) -> np.ndarray:
     return result
 
 
+def _are_few(band: np.ndarray) -> bool:
+    """Are there at least two bands, of at least four dots on average, none of them with most of the dots?"""
+    number = int(band.max()) + 1
+    return bool(number >= 2 and 4 * number <= len(band) and np.bincount(band).max() <= 0.6 * len(band))
+
+
 def _order_without_lattice(points: Points2) -> np.ndarray:
-    """By lines across the image where gaps part them, else by rings and angle, else roughly as one reads."""
+    """By rings and angle where gaps part rings, else by lines across the image, else roughly as one reads."""
     if len(points) < 2:
         return np.arange(len(points))
     spacing = float(np.median(local_spacing(points)))
-    lines = _bands(points[:, 1], 0.25 * spacing)
-    if lines.max() >= 1 and np.bincount(lines).max() <= 2 * np.sqrt(len(points)):
+    away = points - _circle_centre(points)
+    rings = _bands(np.linalg.norm(away, axis=1), _BAND_GAP * spacing)
+    if _are_few(rings):
+        return np.lexsort((_from_widest_gap(np.arctan2(away[:, 1], away[:, 0])), rings))
+    lines = _bands(points[:, 1], _BAND_GAP * spacing)
+    if _are_few(lines):
         return np.lexsort((points[:, 0], lines))
-    centre = _circle_centre(points)
-    away = points - centre
-    radius = np.linalg.norm(away, axis=1)
-    rings = _bands(radius, 0.25 * spacing)
-    if rings.max() >= 1 or np.ptp(radius) < spacing:
-        angle = np.arctan2(away[:, 1], away[:, 0])
-        return np.lexsort((_from_widest_gap(angle), rings))
     return np.lexsort((points[:, 0], np.round(points[:, 1] / spacing)))
 
 

@@ -10,7 +10,10 @@ Flat arrays, numba, one thread. `owner` (m,) is the dot of each marker or -1, `n
 """
 
 # mypy: disable-error-code="no-untyped-def"
+# no_type_check keeps checkers of annotations, which numba cannot compile, out of the kernels
 # ruff: noqa: PLR0912, PLR0917 - compiled functions hold whole loops and take positional arguments
+from typing import no_type_check
+
 import numpy as np
 from numba import njit
 
@@ -29,6 +32,7 @@ _SETTLED = 0.08
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def bin_dots(dot, cell_px):
     """Hash grid of dots: origin (2,), shape (2,), start of each cell, dots in the order of their cells."""
     low = np.array([dot[:, 0].min(), dot[:, 1].min()])
@@ -50,6 +54,7 @@ def bin_dots(dot, cell_px):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _nearest(dot, bins, cell_px, x, y, gate_px):
     """Nearest dot within a gate or -1, its squared distance, and of the second nearest within 1.7 gates."""
     low, columns, rows, start, binned = bins
@@ -74,6 +79,7 @@ def _nearest(dot, bins, cell_px, x, y, gate_px):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _root(parent, k):
     while parent[k] != k:
         parent[k] = parent[parent[k]]
@@ -82,6 +88,7 @@ def _root(parent, k):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _seeds(dot, bins, cell_px, guess, net, owner):
     """Mutually nearest pairs of guessed markers and dots."""
     present, spacing, _, _, _ = net
@@ -102,6 +109,7 @@ def _seeds(dot, bins, cell_px, guess, net, owner):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _keep_largest(dot, base, net, owner, limits):
     """Drops all but the largest set of neighbours whose displacements from `base` differ little along edges.
 
@@ -134,6 +142,7 @@ def _keep_largest(dot, base, net, owner, limits):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _affine(k, dot, base, net, owner, former, robust):
     """Affine fit of the displacements from `base` around marker k, weights falling with distance.
 
@@ -184,11 +193,13 @@ def _affine(k, dot, base, net, owner, former, robust):
 
 
 @njit(cache=True, inline="always")
+@no_type_check
 def _squared_error(x, y, u, v, fit):
     return (u - fit[0] - fit[2] * x - fit[3] * y) ** 2 + (v - fit[1] - fit[4] * x - fit[5] * y) ** 2
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _predict(k, dot, base, net, owner, robust):
     """Displacement of marker k from `base` that its neighbours' affine fit gives.
 
@@ -217,6 +228,7 @@ def _predict(k, dot, base, net, owner, robust):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _local_spacing(k, x, y, dot, net, owner):
     """Distance now from a predicted place to the nearest neighbour, within 0.5 and 1.5 of that at rest."""
     _, spacing, start, _, near = net
@@ -229,6 +241,7 @@ def _local_spacing(k, x, y, dot, net, owner):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _grow(dot, bins, cell_px, base, net, owner):
     """Gives unmatched markers, from many matched neighbours to few, the dot at their predicted place."""
     present, _, start, adjacent_end, near = net
@@ -285,6 +298,7 @@ def _grow(dot, bins, cell_px, base, net, owner):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _contradicted(dot, rest, net, owner, excess):
     """Fills `excess`: distance of each marker from where its neighbours see it, over what is allowed."""
     _, spacing, start, adjacent_end, near = net
@@ -317,6 +331,7 @@ def _contradicted(dot, rest, net, owner, excess):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _unfold(dot, rest, triangle, owner, excess):
     """Drops, of each triangle that turned over or collapsed, the corner its neighbours contradict most."""
     for t in range(len(triangle)):
@@ -340,6 +355,7 @@ def _unfold(dot, rest, triangle, owner, excess):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _verify(dot, rest, net, triangle, owner, excess):
     """Drops what neighbours contradict, the worst of a neighbourhood first, and then what hangs apart."""
     _, _, start, adjacent_end, near = net
@@ -366,6 +382,7 @@ def _verify(dot, rest, net, triangle, owner, excess):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def identify(dot, bins, cell_px, guess, rest, net, triangle, owner):
     """Fills `owner` from a guess of the markers' places; returns how many markers were identified.
 

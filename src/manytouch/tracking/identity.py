@@ -3,9 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.tracking.mesh import Mesh
 from manytouch.values.arrays import Points2
+
+Markers2 = Float64[np.ndarray, "m 2"]
 
 Bins = tuple[np.ndarray, int, int, np.ndarray, np.ndarray]
 _SLACK = 0.25
@@ -24,8 +27,8 @@ class Guess:
         seen: how many were seen before; 0 when nothing was.
     """
 
-    place_px: Points2
-    last_px: Points2
+    place_px: Markers2
+    last_px: Markers2
     seen: int
 
 
@@ -92,7 +95,7 @@ def displaced(mesh: Mesh, centre_px: Points2, owner: np.ndarray) -> np.ndarray:
     return place
 
 
-def _answer(mesh: Mesh, dot: Points2, bins: Bins, guess_px: Points2, last_px: Points2) -> _Answer:
+def _answer(mesh: Mesh, dot: Points2, bins: Bins, guess_px: Markers2, last_px: Markers2) -> _Answer:
     from manytouch.tracking.growth import identify
 
     owner = np.empty(len(guess_px), dtype=np.int64)

@@ -17,7 +17,7 @@ from manytouch.values.arrays import Mask, Points2, read_only
 LEAST_DOTS = 4
 _NEIGHBOURS = 12
 _SEEDS = 12
-_GATE = 0.38
+_GATE = 0.42
 _MARGIN = 3
 _WINDING_COSINE = 0.35
 
@@ -49,7 +49,7 @@ def find_lattice(centre_px: Points2) -> Lattice | None:
     order = np.lexsort((centre_px[:, 1], centre_px[:, 0]))
     points = centre_px[order]
     tree = cKDTree(points)
-    spacing = local_spacing(points, tree)
+    spacing = _local_pitch(points, tree)
     best: Lattice | None = None
     most = LEAST_DOTS - 1
     for seed, basis in _seeds(points, tree, spacing):
@@ -70,6 +70,13 @@ def local_spacing(points: Points2, tree: cKDTree | None = None) -> np.ndarray:
     distance, index = tree.query(points, k=near)
     nearest = np.asarray(distance[:, 1])
     return np.asarray(np.median(nearest[index], axis=1))
+
+
+def _local_pitch(points: Points2, tree: cKDTree) -> np.ndarray:
+    """(n,) usual mean distance to the four nearest dots around each dot, so between the two pitches, px."""
+    near = min(9, len(points))
+    distance, index = tree.query(points, k=near)
+    return np.asarray(np.median(distance[:, 1:5].mean(axis=1)[index], axis=1))
 
 
 def _seeds(points: Points2, tree: cKDTree, spacing: np.ndarray) -> list[tuple[int, np.ndarray]]:
@@ -215,7 +222,10 @@ def _cleaned(grid: np.ndarray, points: Points2, spacing: np.ndarray) -> np.ndarr
     """The grid without dots that their neighbours contradict, largest connected part only."""
     guess, votes = predicted(_positions(grid, points))
     error = np.linalg.norm(_positions(grid, points) - guess, axis=-1)
-    wrong = (grid >= 0) & (votes >= 3) & (error > 0.45 * spacing[np.maximum(grid, 0)])
+    relative = error / spacing[np.maximum(grid, 0)]
+    judged = (grid >= 0) & (votes >= 3)
+    usual = float(np.median(relative[judged])) if judged.any() else 0.0
+    wrong = judged & (relative > np.clip(6.0 * usual, 0.15, 0.45))
     grid = np.where(wrong, -1, grid)
     parts, number = label(grid >= 0)
     if number == 0:

@@ -1,7 +1,10 @@
 """By how much did the whole view move? Votes of markers and dots; and where unseen markers should be."""
 
 # mypy: disable-error-code="no-untyped-def"
+# no_type_check keeps checkers of annotations, which numba cannot compile, out of the kernels
 # ruff: noqa: PLR0917 - compiled functions take positional arguments
+from typing import no_type_check
+
 import numpy as np
 from numba import njit
 
@@ -11,6 +14,7 @@ PEAKS = 5
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def _votes(dot, bins, cell_px, guess, present, bin_px, half):
     """(2 half + 1)^2 histogram of dot minus guess."""
     low, columns, rows, start, binned = bins
@@ -38,6 +42,7 @@ def _votes(dot, bins, cell_px, guess, present, bin_px, half):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def shifts(dot, bins, cell_px, guess, present, spacing_px):
     """(p, 2) likely shifts of the whole view in px, p <= `PEAKS`, the one with the most votes first.
 
@@ -80,6 +85,7 @@ def shifts(dot, bins, cell_px, guess, present, spacing_px):
 
 
 @njit(cache=True, error_model="numpy")
+@no_type_check
 def placed(dot, owner, rest, net, place):
     """Fills `place` (m, 2): the dot of each identified marker, and where the others should be.
 

@@ -1,0 +1,220 @@
+"""A sensor from frames at rest."""
+
+import cv2
+import numpy as np
+import pytest
+
+from manytouch.calibration import examine, refer, sensor_from_rest
+from manytouch.calibration.flatness import bulge_in_pitches
+from manytouch.calibration.reference import referred
+from manytouch.calibration.rest import sensor_from_dots
+from manytouch.calibration.still import still_dots
+from manytouch.errors import LayoutError, SensorError, SourceError
+from manytouch.geometry.camera import mm_per_px, project
+from manytouch.tracking.arrangement import arrange
+from manytouch.values import Detections, Frame
+
+WIDTH, HEIGHT = 640, 420
+
+
+def grid_px(rows=7, columns=10, pitch=(50.0, 40.0), corner=(80.0, 70.0)):
+    row, column = np.indices((rows, columns))
+    return np.column_stack([column.ravel() * pitch[0], row.ravel() * pitch[1]]) + np.array(corner)
+
+
+def detections_of(centre_px, status="ok"):
+    n = len(centre_px)
+    return Detections(
+        centre_px=np.array(centre_px, dtype=np.float64).reshape(n, 2),
+        covariance_px2=np.tile(0.01 * np.eye(2), (n, 1, 1)),
+        area_px2=np.full(n, 150.0),
+        contrast=np.full(n, 60.0),
+        status=status,
+    )
+
+
+def noisy(points, frames=9, noise=0.1, seed=0):
+    rng = np.random.default_rng(seed)
+    return [
+        detections_of(rng.permutation(points + rng.normal(0.0, noise, points.shape))) for _ in range(frames)
+    ]
+
+
+def sensor_of(points, **options):
+    return sensor_from_dots(
+        still_dots(noisy(points)), name="any", width_px=WIDTH, height_px=HEIGHT, polarity="dark", **options
+    )
+
+
+def test_rest_px_is_the_projection_of_rest_mm():
+    sensor = sensor_of(grid_px())
+    assert sensor.layout is not None
+    assert sensor.layout.rest_px is not None
+    np.testing.assert_allclose(
+        project(sensor.camera, sensor.layout.rest_mm), sensor.layout.rest_px, atol=1e-6
+    )
+    np.testing.assert_allclose(sensor.layout.rest_px, grid_px(), atol=0.3)
+    np.testing.assert_allclose(sensor.layout.rest_mm.mean(axis=0), 0.0, atol=1e-9)
+
+
+def test_one_pitch_is_the_geometric_mean():
+    sensor = sensor_of(grid_px())
+    assert sensor.layout is not None
+    assert sensor.length_unit == "pitch"
+    assert sensor.layout.shape == (7, 10)
+    np.testing.assert_allclose(np.prod(sensor.layout.pitch_mm), 1.0, rtol=1e-9)
+    np.testing.assert_allclose(sensor.layout.pitch_mm[0] / sensor.layout.pitch_mm[1], 1.25, rtol=0.01)
+    assert 0.05 < sensor.centre_noise_px < 0.15
+
+
+@pytest.mark.parametrize("pitch_mm", [3.0, (2.5, 3.6)])
+def test_pitch_mm_scales_lengths(pitch_mm):
+    sensor = sensor_of(grid_px(), pitch_mm=pitch_mm)
+    assert sensor.layout is not None
+    assert sensor.length_unit == "mm"
+    np.testing.assert_allclose(np.sqrt(np.prod(sensor.layout.pitch_mm)), 3.0, rtol=1e-9)
+    told = any("geometric mean" in sentence for sentence in sensor.assumptions)
+    assert told == isinstance(pitch_mm, tuple)
+
+
+def test_field_of_view_sets_the_focal_length_not_the_scale():
+    wide, narrow = (sensor_of(grid_px(), hfov_deg=angle, pitch_mm=2.0) for angle in (90.0, 40.0))
+    np.testing.assert_allclose(wide.camera.fx_px, 0.5 * WIDTH, rtol=1e-9)
+    np.testing.assert_allclose(mm_per_px(wide.camera), mm_per_px(narrow.camera), rtol=1e-9)
+    assert not any("field of view" in sentence for sentence in wide.assumptions)
+    assert any("field of view is 60 degrees" in sentence for sentence in sensor_of(grid_px()).assumptions)
+
+
+def test_missing_dots_are_known_and_said():
+    kept = np.delete(grid_px(), [11, 45], axis=0)
+    sensor = sensor_of(kept)
+    assert sensor.layout is not None
+    np.testing.assert_array_equal(np.flatnonzero(sensor.layout.is_missing), [11, 45])
+    assert any(sentence.startswith("2 of 70 markers were not found") for sentence in sensor.assumptions)
+
+
+def test_one_frame_is_enough():
+    still = still_dots(noisy(grid_px(), frames=1))
+    sensor = sensor_from_dots(still, name="one", width_px=WIDTH, height_px=HEIGHT, polarity="light")
+    assert sensor.layout is not None
+    assert sensor.layout.shape == (7, 10)
+    assert sensor.centre_noise_px is None
+
+
+def test_the_still_frames_are_taken_when_the_sheet_is_pressed_early():
+    points = grid_px()
+    bell = np.exp(-0.5 * (((points - points[33]) / 80.0) ** 2).sum(axis=1, keepdims=True))
+    frames = noisy(points, frames=8)
+    for k in range(7):
+        frames += noisy(points + (4.0 + 4.0 * k) * bell * np.array([1.0, 0.4]), frames=1, seed=k)
+    still = still_dots(frames)
+    assert still.frames == tuple(range(8))
+    assert still.moved
+    sensor = sensor_from_dots(still, name="any", width_px=WIDTH, height_px=HEIGHT, polarity="dark")
+    assert any("8 early frames" in sentence for sentence in sensor.assumptions)
+
+
+def test_frames_with_a_bad_status_are_left_out():
+    still = still_dots([detections_of(grid_px() + 9.0, status="dark"), *noisy(grid_px(), frames=3)])
+    assert still.frames == (1, 2, 3)
+
+
+def test_a_press_at_the_start_is_said_and_perspective_is_not():
+    points = grid_px(10, 12, pitch=(45.0, 35.0), corner=(60.0, 40.0))
+    flat = arrange(points, np.zeros(len(points), dtype=bool))
+    assert bulge_in_pitches(flat) < 1e-6
+    away = points - points[65]
+    bell = np.exp(-0.5 * (away**2).sum(axis=1, keepdims=True) / 70.0**2)
+    pressed = arrange(points + 0.5 * bell * away, np.zeros(len(points), dtype=bool))
+    assert bulge_in_pitches(pressed) > 0.15
+    tilted = points / (1.0 + 0.0004 * points[:, :1]) * (1.0 + 1e-7 * (away**2).sum(axis=1, keepdims=True))
+    assert bulge_in_pitches(arrange(tilted, np.zeros(len(points), dtype=bool))) < 0.05
+
+
+def test_too_few_dots_are_refused():
+    with pytest.raises(LayoutError, match="only 3 dots"):
+        sensor_of(grid_px()[:3])
+
+
+@pytest.mark.parametrize("options", [{"pitch_mm": -1.0}, {"pitch_mm": (1.0, 0.0)}, {"hfov_deg": 190.0}])
+def test_impossible_numbers_are_refused(options):
+    with pytest.raises(SensorError, match="was given"):
+        sensor_of(grid_px(), **options)
+
+
+def turned(points, degrees, shift):
+    angle = np.deg2rad(degrees)
+    turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    middle = points.mean(axis=0)
+    return (points - middle) @ turn + middle + np.array(shift)
+
+
+@pytest.mark.parametrize(("degrees", "shift"), [(0.0, (0.0, 0.0)), (2.0, (0.0, 0.0)), (-1.5, (15.0, -12.0))])
+def test_a_known_sensor_is_referred_though_its_pose_is_off(degrees, shift):
+    sensor = sensor_of(grid_px(9, 11, corner=(60.0, 40.0)))
+    assert sensor.layout is not None
+    moved = turned(sensor.layout.rest_px, degrees, shift)
+    dots = np.random.default_rng(1).permutation(np.delete(moved, 20, axis=0))
+    found = referred(sensor, dots)
+    assert found.layout is not None
+    rest = np.delete(found.layout.rest_px, 20, axis=0)
+    np.testing.assert_allclose(rest, np.delete(moved, 20, axis=0), atol=1e-9)
+    np.testing.assert_allclose(found.layout.rest_px[20], moved[20], atol=2.0)
+
+
+def test_a_recording_of_another_sheet_is_refused():
+    sensor = sensor_of(grid_px())
+    other = np.random.default_rng(2).uniform([50.0, 50.0], [600.0, 380.0], (25, 2))
+    with pytest.raises(LayoutError, match="of the 70 markers"):
+        referred(sensor, other)
+
+
+def picture(points, radius=8, width=WIDTH, height=HEIGHT):
+    image = np.full((height, width), 190, dtype=np.uint8)
+    for x, y in points:
+        centre = (round(16 * x), round(16 * y))
+        cv2.circle(image, centre, 16 * radius, 60, -1, cv2.LINE_AA, 4)
+    rng = np.random.default_rng(0)
+    noise = rng.normal(0.0, 1.5, image.shape)
+    return np.clip(cv2.GaussianBlur(image, (0, 0), 0.8) + noise, 0, 255).astype(np.uint8)
+
+
+def frames_of(image, count=4):
+    return [Frame(index=k, timestamp_ns=k * 10**7, camera="test", image=image) for k in range(count)]
+
+
+def test_from_pictures_to_a_sensor_and_back():
+    points = turned(grid_px(), 3.0, (0.0, 0.0))
+    frames = frames_of(picture(points))
+    sensor = sensor_from_rest(frames, name="drawn")
+    assert sensor.layout is not None
+    assert sensor.layout.shape == (7, 10)
+    assert sensor.layout.polarity == "dark"
+    np.testing.assert_allclose(sensor.layout.rest_px, points, atol=0.2)
+    moved = points + np.array([5.0, -4.0])
+    again = refer(sensor, frames_of(picture(moved)))
+    assert again.layout is not None
+    np.testing.assert_allclose(again.layout.rest_px, moved, atol=0.2)
+    report = examine(frames)
+    assert (report.rows, report.columns, report.missing, report.dots) == (7, 10, 0, 70)
+    assert report.residual_px < 0.3
+
+
+def test_a_sensor_of_another_image_size_is_refused():
+    sensor = sensor_of(grid_px())
+    with pytest.raises(SensorError, match="640 x 420 px, but the input has 320 x 200 px"):
+        refer(sensor, frames_of(np.zeros((200, 320), dtype=np.uint8)))
+
+
+def test_frames_of_two_sizes_and_no_frames_are_refused():
+    frames = frames_of(np.zeros((200, 320), dtype=np.uint8)) + frames_of(np.zeros((100, 320), dtype=np.uint8))
+    with pytest.raises(SourceError, match="differ in size"):
+        sensor_from_rest(frames, name="two")
+    broken = [Frame(index=0, timestamp_ns=0, camera="test", image=None)]
+    with pytest.raises(SourceError, match="none of the first 1 frames"):
+        sensor_from_rest(broken, name="none")
+
+
+def test_a_region_outside_the_image_is_refused():
+    with pytest.raises(SensorError, match="does not lie within the image of 320 x 200 px"):
+        examine(frames_of(np.zeros((200, 320), dtype=np.uint8)), roi_px=(300, 10, 50, 50))
