@@ -18,7 +18,8 @@ DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
 EPILOGUE = """\
 --debug anywhere on the line shows the traceback of an error.
 
-Exit status: 0 done, 1 the work failed (one line on stderr says what to do), 2 the command line is wrong.
+Exit status: 0 done, 1 the work failed (one line on stderr says what to do),
+2 the command line is wrong.
 """
 
 app = App(

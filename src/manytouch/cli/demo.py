@@ -22,14 +22,19 @@ def demo(
         ),
     ] = DEFAULT_SECONDS,
     no_view: Annotated[
-        bool, Parameter(negative=(), help="Without viewer; this release has none, so it changes nothing.")
+        bool,
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="Without viewer; this release has none, so it changes nothing.",
+        ),
     ] = False,
-    out: Annotated[Path, Parameter(negative=(), help="Folder for tables and pictures.")] = Path("out/demo"),
+    out: Annotated[Path, options.folder("Folder for tables and pictures.")] = Path("out/demo"),
 ) -> int:
     """Press a simulated sensor with several fingers; print the contacts and draw the deepest moment.
 
-    The true contact stands beside each estimate. Tables as from manytouch process, an annotated video
-    and a picture are in the output folder at the end.
+    The true contact stands beside each estimate. Tables as from manytouch process,
+    an annotated video and a picture are in the output folder at the end.
 
     Example: manytouch demo --seconds 5
     """

@@ -15,8 +15,8 @@ def doctor(
 ) -> int:
     """Say what works on this machine and, with a source, how well its dots can be read.
 
-    Of a source: dots, contrast, focus, exposure, the arrangement found or why there is none, noise;
-    each with a remedy where it is poor.
+    Of a source: dots, contrast, focus, exposure, the arrangement found or why there
+    is none, noise; each with a remedy where it is poor.
 
     Example: manytouch doctor press.mp4
     """

@@ -47,10 +47,22 @@ def positive(what: str, below: float | None = None) -> Any:
     return convert
 
 
+def switch(words: str) -> Parameter:
+    """An option that is on when it is named."""
+    return Parameter(negative=(), show_default=False, help=words)
+
+
+def folder(words: str) -> Parameter:
+    """An option that names a folder."""
+    return Parameter(negative=(), metavar="DIR", help=words)
+
+
+NoView = Annotated[bool, switch("Without viewer; this release has none, so it changes nothing.")]
 SensorFile = Annotated[
     str | None,
     Parameter(
         name="--sensor",
+        metavar="FILE",
         help="Sensor file of this camera and sheet. Without one the markers are found in the first frames.",
     ),
 ]
@@ -62,15 +74,17 @@ PitchMm = Annotated[
     Any,
     Parameter(
         name="--pitch-mm",
+        metavar="P|X,Y",
         converter=_pitch,
         n_tokens=1,
-        help="Distance of neighbouring markers, P or X,Y. Without it lengths are in pitches.",
+        help="Distance of neighbouring markers in mm. Without it lengths are in pitches.",
     ),
 ]
 HfovDeg = Annotated[
     Any,
     Parameter(
         name="--hfov-deg",
+        metavar="A",
         converter=positive("an angle in degrees", 180.0),
         n_tokens=1,
         help="Horizontal field of view of the camera. Without it 60 degrees are assumed.",
@@ -79,13 +93,18 @@ HfovDeg = Annotated[
 RoiPx = Annotated[
     Any,
     Parameter(
-        name="--roi", converter=_roi, n_tokens=1, help="Look only at this part of the image: X,Y,W,H in px."
+        name="--roi",
+        metavar="X,Y,W,H",
+        converter=_roi,
+        n_tokens=1,
+        help="Look only at this part of the image, px.",
     ),
 ]
 Fps = Annotated[
     Any,
     Parameter(
         name="--fps",
+        metavar="F",
         converter=positive("a number of frames per second"),
         n_tokens=1,
         help="Frames per second, where the input does not say or says wrong.",

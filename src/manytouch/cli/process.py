@@ -15,13 +15,15 @@ def process(
     /,
     *,
     out: Annotated[
-        Path, Parameter(negative=(), help="Folder for the results; each input gets a folder in it.")
+        Path,
+        options.folder("Folder for the results; each input gets a folder in it."),
     ],
     sensor: options.SensorFile = None,
     method: options.MethodName = None,
-    surface: Annotated[bool, Parameter(negative=(), help="Also write the depth map, surface.zarr.")] = False,
+    surface: Annotated[bool, options.switch("Also write the depth map, surface.zarr.")] = False,
     annotate: Annotated[
-        bool, Parameter(negative=(), help="Also draw markers and contacts into the pictures.")
+        bool,
+        options.switch("Also draw markers and contacts into the pictures."),
     ] = False,
     pitch_mm: options.PitchMm = None,
     hfov_deg: options.HfovDeg = None,
@@ -30,13 +32,13 @@ def process(
 ) -> int:
     """Read every frame of videos or pictures of a dotted sheet; write contacts, markers and a summary.
 
-    Markers, their polarity and their arrangement are found in the first frames, so the sheet should
-    be untouched there. Nothing needs to be set.
+    Markers, their polarity and their arrangement are found in the first frames,
+    so the sheet should be untouched there. Nothing needs to be set.
 
     Example: manytouch process press.mp4 --out results --annotate
 
-    In results/press/: contacts.csv, markers.parquet, frames.csv, summary.json; with --annotate
-    annotated.mp4, with --surface surface.zarr.
+    It leaves results/press/ with contacts.csv, markers.parquet, frames.csv and
+    summary.json; with --annotate annotated.mp4, with --surface surface.zarr.
     """
     from manytouch.cli.console import Reporter
     from manytouch.cli.failures import report

@@ -22,7 +22,8 @@ def run(
     *,
     sensor: options.SensorFile = None,
     out: Annotated[
-        Path | None, Parameter(negative=(), help="Also write the tables, into a folder in this one.")
+        Path | None,
+        options.folder("Also write the tables, into a folder in this one."),
     ] = None,
     method: options.MethodName = None,
     pitch_mm: options.PitchMm = None,
@@ -30,13 +31,19 @@ def run(
     roi: options.RoiPx = None,
     fps: options.Fps = None,
     no_view: Annotated[
-        bool, Parameter(negative=(), help="Without viewer; this release has none, so it changes nothing.")
+        bool,
+        Parameter(
+            negative=(),
+            show_default=False,
+            help="Without viewer; this release has none, so it changes nothing.",
+        ),
     ] = False,
 ) -> int:
     """Read a source at its own pace and print contacts as they come and go.
 
-    Files and the simulated sensor in this release, paced at their own rate or at --fps; every frame
-    is read, so a slow machine falls behind instead of dropping any. Ctrl-C ends it, with complete files.
+    Files and the simulated sensor in this release, paced at their own rate or at
+    --fps; every frame is read, so a slow machine falls behind instead of dropping
+    any. Ctrl-C ends it, with complete files.
 
     Example: manytouch run press.mp4 --out results
     """
