@@ -28,6 +28,7 @@ app = App(
     help_epilogue=EPILOGUE,
     version=manytouch.__version__,
     help_format="plaintext",
+    suppress_keyboard_interrupt=False,
 )
 app.command(demo.demo)
 app.command(process.process)

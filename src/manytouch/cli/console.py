@@ -83,11 +83,14 @@ class Reporter:
 def results_in_words(summary: Summary) -> Sequence[str]:
     """Lines about frames, contacts, noise, and what was odd."""
     counts, noise = summary.counts, summary.noise_px
-    sentences = [
-        f"{_many(counts['frames'], 'frame')}, {counts['status'].get('ok', 0)} of them ok",
-        f"{_many(counts['contacts'], 'contact')}, at most {counts['contacts_at_once']} at once, "
-        f"in {_many(counts['frames_with_contact'], 'frame')}",
-    ]
+    sentences = [f"{_many(counts['frames'], 'frame')}, {counts['status'].get('ok', 0)} of them ok"]
+    if counts["contacts"]:
+        sentences.append(
+            f"{_many(counts['contacts'], 'contact')}, at most {counts['contacts_at_once']} at once, "
+            f"in {_many(counts['frames_with_contact'], 'frame')}"
+        )
+    else:
+        sentences.append("no contact in any frame")
     if noise["median"] is None:
         sentences.append("noise per marker not known: too few frames without contact")
     else:

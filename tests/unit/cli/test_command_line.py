@@ -104,3 +104,12 @@ def test_frames_come_when_their_time_has_come(monkeypatch):
     naps.clear()
     assert [each.index for each in paced([frame(0), frame(1000)], lambda: True)] == [0, 1000]
     assert not naps
+
+
+def test_an_interrupt_outside_of_any_run_ends_quietly(capsys, monkeypatch):
+    def interrupt() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("manytouch.cli.machine.machine_in_words", interrupt)
+    assert main(["doctor"]) == 0
+    assert capsys.readouterr().err == "stopped\n"
