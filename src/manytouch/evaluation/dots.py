@@ -86,20 +86,29 @@ def own_numbers(truth: Record, estimated: Record) -> Counts:
 
     Equal numbers are the same marker. Where the two do not number the same markers, because the
     method found the arrangement by itself, the numbers are taken from the dots under the estimate's
-    markers in the first frame that shows both, and must stay so from then on.
+    markers in the first frame that shows both, and must stay so from then on; unless most of them
+    then carry their own number, in which case the two only leave out different markers.
     """
+    place = np.searchsorted(truth.marker, estimated.marker).clip(max=max(len(truth.marker) - 1, 0))
+    same = np.where(truth.marker[place] == estimated.marker, place, -1)
     if np.array_equal(truth.marker, estimated.marker):
-        return np.arange(len(truth.marker))
+        return same
+    found = _numbers_by_place(truth, estimated)
+    agree = (found >= 0) & (found == same)
+    return same if 2 * agree.sum() > (found >= 0).sum() else found
+
+
+def _numbers_by_place(truth: Record, estimated: Record) -> Counts:
+    own = np.full(len(estimated.marker), -1)
     for true_px, estimated_px in zip(truth.centre_px, estimated.centre_px, strict=True):
         shown = np.flatnonzero(np.isfinite(true_px).all(axis=1))
         seen = np.flatnonzero(np.isfinite(estimated_px).all(axis=1))
         gate_px = GATE_SHARE * neighbour_distance_px(true_px[shown])
         which, _ = nearest_dots(true_px[shown], estimated_px[seen], gate_px)
         if (which >= 0).any():
-            own = np.full(len(estimated.marker), -1)
             own[seen[which >= 0]] = shown[which[which >= 0]]
-            return own
-    return np.full(len(estimated.marker), -1)
+            break
+    return own
 
 
 def _swaps(dot: Int64[np.ndarray, "f m"]) -> PerFrame:

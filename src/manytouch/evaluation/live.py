@@ -64,10 +64,9 @@ def _record(
         raise EvaluationError(f"the sensor {sensor.name!r} has no markers; evaluate with one that has")
     if not frames:
         raise EvaluationError(f"{name} holds no frame; evaluate at least one")
-    kept = np.flatnonzero(~sensor.layout.is_missing)
-    deviation_px = [np.sqrt(np.einsum("mii->mi", one.grid.covariance_px2[kept])) for one in frames]
-    seen = np.stack([one.grid.is_seen[kept] for one in frames])
-    centre_px = np.stack([one.grid.position_px[kept] for one in frames])
+    deviation_px = [np.sqrt(np.einsum("mii->mi", one.grid.covariance_px2)) for one in frames]
+    seen = np.stack([one.grid.is_seen for one in frames])
+    centre_px = np.stack([one.grid.position_px for one in frames])
     return Record(
         name=name,
         method=method,
@@ -75,13 +74,13 @@ def _record(
         frame=read_only(frame),
         status=status,
         milliseconds=read_only(milliseconds),
-        marker=read_only(kept.astype(np.int64)),
-        place=read_only(sensor.layout.rest_mm[kept, :2].copy()),
+        marker=read_only(np.arange(len(sensor.layout.rest_mm))),
+        place=read_only(sensor.layout.rest_mm[:, :2].copy()),
         place_unit=sensor.length_unit,
         centre_px=read_only(np.where(seen[..., None], centre_px, np.nan)),
         centre_std_px=read_only(np.stack(deviation_px)),
-        depth_mm=read_only(np.stack([-one.surface.displacement_mm[kept, 2] for one in frames])),
-        depth_std_mm=read_only(np.sqrt(np.stack([one.surface.covariance_mm2[kept, 2, 2] for one in frames]))),
+        depth_mm=read_only(np.stack([-one.surface.displacement_mm[:, 2] for one in frames])),
+        depth_std_mm=read_only(np.sqrt(np.stack([one.surface.covariance_mm2[:, 2, 2] for one in frames]))),
         contacts=_rows([(int(index), one.contacts) for index, one in zip(frame, frames, strict=True)]),
     )
 

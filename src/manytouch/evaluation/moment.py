@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from jaxtyping import Bool, Float64
 
@@ -10,6 +11,8 @@ from manytouch.evaluation.depth import depth_samples
 from manytouch.evaluation.dots import own_numbers
 from manytouch.evaluation.matching import assigned
 from manytouch.evaluation.record import Record
+
+WIDEST_PX = 900
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -81,5 +84,15 @@ def worst_moment(
         is_found=np.isin(np.arange(len(mine)), pair[:, 0]),
         contact_mm=theirs,
         is_right=np.isin(np.arange(len(theirs)), pair[:, 1]),
-        picture=None if picture is None else picture(frame),
+        picture=None if picture is None else _small(picture(frame)),
     )
+
+
+def _small(picture: np.ndarray | None) -> np.ndarray | None:
+    """Grey or colour, 8 bit, at most 900 px wide."""
+    if picture is None:
+        return None
+    eight = picture if picture.dtype == np.uint8 else (picture >> 8).astype(np.uint8)
+    share = min(1.0, WIDEST_PX / picture.shape[1])
+    size = (round(picture.shape[1] * share), round(picture.shape[0] * share))
+    return np.asarray(cv2.resize(eight, size, interpolation=cv2.INTER_AREA))
