@@ -67,12 +67,13 @@ def confirmed(still: StillDots, known: StillDots, *, is_same_time: bool) -> Stil
     if len(known.centre_px) < 2 or len(still.centre_px) < 2:
         return known if is_same_time else still
     gate = _GATE * local_spacing(known.centre_px)
+    _, again = pairs(known.centre_px, still.centre_px, gate)
+    is_known = np.isin(np.arange(len(still.centre_px)), again)
     distance, nearest = cKDTree(known.centre_px).query(still.centre_px)
-    is_known = distance < gate[nearest]
     lattice = find_lattice(still.centre_px)
     is_more = np.zeros(len(is_known), dtype=bool)
-    if lattice is not None and not lattice.winds:
-        is_more = lattice.is_member & ~is_known
+    if lattice is not None and not lattice.winds and lattice.is_member.sum() > 0.6 * len(known.centre_px):
+        is_more = lattice.is_member & ~is_known & (distance > gate[nearest])
     keep = is_known if is_more.sum() > _MOST_MORE * len(known.centre_px) else is_known | is_more
     parts = [(still, keep)]
     if is_same_time:
