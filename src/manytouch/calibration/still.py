@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.spatial import cKDTree
+from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from manytouch.tracking.lattice import find_lattice, local_spacing
 from manytouch.values import Detections
@@ -12,6 +12,7 @@ from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 
 _GATE = 0.35
 _MOST_MORE = 0.15
+_ENLARGED = 1.03
 _MAD_TO_STD = 1.4826
 
 
@@ -61,7 +62,7 @@ def confirmed(still: StillDots, known: StillDots, *, is_same_time: bool) -> Stil
     """The still dots that belong to the pattern of which one frame's `known` dots were taken.
 
     A search by size alone also finds glints and stripes. A dot counts when the first look at the pattern
-    found it, or when it lies on the lattice that they form, unless there are many such. Known dots that the
+    found it, or when it lies within it on its lattice, unless there are many such. Known dots that the
     search missed are taken over when they are of the same time.
     """
     if len(known.centre_px) < 2 or len(still.centre_px) < 2:
@@ -73,7 +74,7 @@ def confirmed(still: StillDots, known: StillDots, *, is_same_time: bool) -> Stil
     lattice = find_lattice(still.centre_px)
     is_more = np.zeros(len(is_known), dtype=bool)
     if lattice is not None and not lattice.winds and lattice.is_member.sum() > 0.6 * len(known.centre_px):
-        is_more = lattice.is_member & ~is_known & (distance > gate[nearest])
+        is_more = lattice.is_member & ~is_known & (distance > gate[nearest]) & _within(still, known)
     keep = is_known if is_more.sum() > _MOST_MORE * len(known.centre_px) else is_known | is_more
     parts = [(still, keep)]
     if is_same_time:
@@ -87,6 +88,16 @@ def confirmed(still: StillDots, known: StillDots, *, is_same_time: bool) -> Stil
         noise_px=read_only(np.concatenate([each.noise_px[chosen] for each, chosen in parts])),
         times_seen=read_only(np.concatenate([each.times_seen[chosen] for each, chosen in parts])),
     )
+
+
+def _within(still: StillDots, known: StillDots) -> np.ndarray:
+    """(n,) still dots inside the outline of the known ones, a little enlarged."""
+    middle = known.centre_px.mean(axis=0)
+    try:
+        outline = Delaunay(middle + _ENLARGED * (known.centre_px - middle))
+    except QhullError:  # all on one line
+        return np.zeros(len(still.centre_px), dtype=bool)
+    return np.asarray(outline.find_simplex(still.centre_px) >= 0)
 
 
 def pairs(first: np.ndarray, second: np.ndarray, gate_px: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

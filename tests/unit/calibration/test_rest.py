@@ -8,7 +8,7 @@ from manytouch.calibration import examine, refer, sensor_from_rest
 from manytouch.calibration.flatness import bulge_in_pitches
 from manytouch.calibration.reference import referred
 from manytouch.calibration.rest import sensor_from_dots
-from manytouch.calibration.still import still_dots
+from manytouch.calibration.still import confirmed, still_dots
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.tracking.arrangement import arrange
@@ -218,3 +218,15 @@ def test_frames_of_two_sizes_and_no_frames_are_refused():
 def test_a_region_outside_the_image_is_refused():
     with pytest.raises(SensorError, match="does not lie within the image of 320 x 200 px"):
         examine(frames_of(np.zeros((200, 320), dtype=np.uint8)), roi_px=(300, 10, 50, 50))
+
+
+def test_glints_beyond_the_pattern_and_doubles_are_not_confirmed():
+    points = grid_px()
+    known = still_dots(noisy(np.delete(points, 25, axis=0), frames=1))
+    beyond = points[:10] - np.array([0.0, 40.0])
+    double = points[[3]] + np.array([8.0, 6.0])
+    found = confirmed(still_dots(noisy(np.concatenate([points, beyond, double]))), known, is_same_time=True)
+    distance = np.linalg.norm(found.centre_px[:, None] - points[None], axis=-1)
+    assert len(found.centre_px) == 70
+    np.testing.assert_array_equal(np.sort(distance.argmin(axis=1)), np.arange(70))
+    assert distance.min(axis=1).max() < 0.5
