@@ -1,0 +1,115 @@
+"""Contacts of one frame: the hills of the load map."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.load import LoadMap
+from manytouch.values.arrays import Mask, Points2, Scalars
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Hills:
+    """What presses, the strongest first.
+
+    Attributes:
+        centre_mm: (c, 2) centroid of the load within each hill's upper half.
+        covariance_mm2: (c, 2, 2) of the centres.
+        load: (c,) load at the peak, times the pitch.
+        load_std: (c,) of it, from the noise of the centres.
+        area_mm2: (c,) of the upper half.
+        is_firm: (c,) clear enough to begin a contact; the others can only continue one.
+        member: (ny, nx) hill whose upper half a point of the map belongs to, or -1.
+    """
+
+    centre_mm: Points2
+    covariance_mm2: Float64[np.ndarray, "c 2 2"]
+    load: Scalars
+    load_std: Scalars
+    area_mm2: Scalars
+    is_firm: Mask
+    member: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ContactFinder:
+    """Tells which hills of the load map are contacts.
+
+    A contact must stand out from the noise of the centres, from what a sheet creeps, and from the ripples
+    around the strongest press.
+
+    Attributes:
+        start_load: least load times pitch (the angle in rad that the slope turns within a pitch) of a new
+            contact; a sheet that creeps back or rests anew after its frame was moved stays below.
+        stay_load: a contact lasts while it stays above.
+        noise_stds: and above this many standard deviations of the noise, to start; half of it to stay.
+        start_share: a new contact is above this share of the strongest load in the frame.
+        stay_share: an old one stays above.
+        merge: two hills are one if the saddle between them is above this share of the lower one's peak.
+        model_std_pitch: of a centre, for what the model does not explain: at least this.
+        model_std_radius: and at least this share of the contact's radius.
+    """
+
+    start_load: float = 0.02
+    stay_load: float = 0.012
+    noise_stds: float = 6.0
+    start_share: float = 0.2
+    stay_share: float = 0.12
+    merge: float = 0.8
+    model_std_pitch: float = 0.15
+    model_std_radius: float = 0.15
+
+    def __call__(self, chart: LoadMap, modes: Float64[np.ndarray, "k l"], std_mm: float) -> Hills:
+        """The contacts in a load, given the deviation of a displacement along each axis."""
+        from manytouch.estimation.kernels import hills
+
+        load = chart.load(modes)
+        strongest = float(load.max())
+        floor = max(self.stay_load, self.stay_share * strongest)
+        label, peak = hills(np.ascontiguousarray(load), floor / 2.0, self.merge)
+        height = load.ravel()[peak]
+        column, row = peak % len(chart.x_mm), peak // len(chart.x_mm)
+        top_mm = np.column_stack([chart.x_mm[column], chart.y_mm[row]])
+        std = chart.load_std(top_mm, std_mm)
+        member = np.where((label >= 0) & (load > 0.5 * height[label]), label, -1) if len(peak) else label
+        stays = (height > floor) & (height > 0.5 * self.noise_stds * std)
+        centre_mm, area_mm2 = self._centroids(chart, load, member, len(peak))
+        member = (
+            np.where((member >= 0) & stays[member], np.cumsum(stays)[member] - 1, -1) if len(peak) else member
+        )
+        centre_mm, area_mm2, height, std, top_mm = (
+            value[stays] for value in (centre_mm, area_mm2, height, std, top_mm)
+        )
+        model = np.hypot(
+            self.model_std_pitch * chart.pitch_mm, self.model_std_radius * np.sqrt(area_mm2 / np.pi)
+        )
+        covariance = chart.centre_covariance(top_mm, std_mm, modes) + model[:, None, None] ** 2 * np.eye(2)
+        firm = max(self.start_load, self.start_share * strongest)
+        return Hills(
+            centre_mm=centre_mm,
+            covariance_mm2=covariance,
+            load=height,
+            load_std=std,
+            area_mm2=area_mm2,
+            is_firm=(height > firm) & (height > self.noise_stds * std),
+            member=member,
+        )
+
+    def is_there(self, chart: LoadMap, modes: Float64[np.ndarray, "k l"], point_mm: Points2) -> Mask:
+        """May points (n, 2) still be pressed, though no hill has its peak there?"""
+        return np.asarray(chart.load_at(point_mm, modes) > self.stay_load)
+
+    @staticmethod
+    def _centroids(
+        chart: LoadMap, load: np.ndarray, member: np.ndarray, count: int
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Centres (count, 2) and areas (count,) of the hills' upper halves."""
+        row, column = np.nonzero(member >= 0)
+        hill = member[row, column]
+        weight = load[row, column]
+        total = np.bincount(hill, weight, minlength=count)
+        x_mm = np.bincount(hill, weight * chart.x_mm[column], minlength=count) / total
+        y_mm = np.bincount(hill, weight * chart.y_mm[row], minlength=count) / total
+        cell_mm2 = float((chart.x_mm[1] - chart.x_mm[0]) * (chart.y_mm[1] - chart.y_mm[0]))
+        return np.column_stack([x_mm, y_mm]), np.bincount(hill, minlength=count) * cell_mm2

@@ -1,0 +1,73 @@
+"""Compiled loops of the estimators, over flat arrays."""
+
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+
+@njit(cache=True)
+@no_type_check
+def _root(parent, hill):
+    while parent[hill] != hill:
+        hill = parent[hill]
+    return hill
+
+
+@njit(cache=True)
+@no_type_check
+def hills(height, floor, merge):
+    """Hills of a map: where does each point above a floor belong, and how high is each hill's peak?
+
+    The map is flooded from its highest point down (the watershed); where two hills meet, the lower one is
+    part of the higher one unless the saddle lies below `merge` times its peak.
+
+    Args:
+        height: (rows, columns); NaN is below everything.
+        floor: points that are not higher belong to no hill.
+        merge: share of a hill's peak; a saddle above it joins the hill to the other one.
+
+    Returns:
+        (rows, columns) number of the hill or -1, and (h,) flat places of the peaks, the highest first.
+    """
+    rows, columns = height.shape
+    flat = height.ravel()
+    above = np.flatnonzero(flat > floor)
+    order = above[np.argsort(-flat[above])]
+    label = np.full(rows * columns, -1, np.int64)
+    parent = np.empty(len(order), np.int64)
+    peak = np.empty(len(order), np.int64)
+    count = 0
+    for i in order:
+        row, column = i // columns, i % columns
+        mine = -1
+        for a in range(max(row - 1, 0), min(row + 2, rows)):
+            for b in range(max(column - 1, 0), min(column + 2, columns)):
+                if label[a * columns + b] < 0:
+                    continue
+                other = _root(parent, label[a * columns + b])
+                if mine < 0 or mine == other:
+                    mine = other
+                    continue
+                high, lower = min(mine, other), max(mine, other)
+                if flat[i] > merge * flat[peak[lower]]:
+                    parent[lower] = high
+                    mine = high
+                elif flat[peak[other]] > flat[peak[mine]]:
+                    mine = other
+        if mine < 0:
+            mine = count
+            parent[count] = count
+            peak[count] = i
+            count += 1
+        label[i] = mine
+    number = np.full(count, -1, np.int64)
+    kept = 0
+    for k in range(count):
+        if parent[k] == k:
+            number[k] = kept
+            peak[kept] = peak[k]
+            kept += 1
+    for i in order:
+        label[i] = number[_root(parent, label[i])]
+    return label.reshape(rows, columns), peak[:kept].copy()

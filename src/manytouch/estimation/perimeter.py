@@ -1,0 +1,260 @@
+"""The method `perimeter`: the paper's depth on tracked markers, contacts from how the sheet is loaded.
+
+What its deviations say: `depth_std` is the noise of the centres propagated through the perimeters, and in
+addition how far the law itself is off. For a purely vertical motion w the law reads w + (R . grad w)/2, R
+from the optical axis, and every stretch e of the sheet reads as d e. The first part is taken from the
+slope of the depth that was found, the second from its curvature, since bending stretches the
+camera-side face by half the thickness times the curvature. On simulated presses about two thirds of the
+markers lie within one such deviation.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation.contacts import ContactFinder, Hills
+from manytouch.estimation.depth import PerimeterLaw, perimeter_law
+from manytouch.estimation.identity import ContactIdentity, Lives
+from manytouch.estimation.load import LoadMap, LoadModel
+from manytouch.estimation.unseen import FillUnseen
+from manytouch.estimation.view import RobustView
+from manytouch.geometry.camera import cam_from_sheet, onto_plane, project
+from manytouch.geometry.neighbours import Neighbours, lattice_cells, nearest_neighbours, triangle_cells
+from manytouch.geometry.sampling import GridSampling, sampling_at, sampling_on
+from manytouch.values import (
+    ESTIMATES,
+    Camera,
+    Contact,
+    Contacts,
+    Layout,
+    Phase,
+    Sensor,
+    Surface,
+    TrackedGrid,
+)
+from manytouch.values.arrays import Covariances2, Covariances3, Points2, Points3, Scalars, read_only
+
+_USUAL_NOISE_PX = 0.05
+_LEAST_MARKERS = 4
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PerimeterMemory:
+    """What stays the same between frames, and what is remembered.
+
+    Attributes:
+        camera, layout: of the sensor.
+        law: the paper's depth.
+        neighbours: of each marker.
+        chart: from displacements to the load.
+        sampling: from markers to the points of the chart.
+        plane_from_px: (m, 2, 2) derivative of places in the plane with respect to pixels.
+        pairs: markers that propose a motion of the view.
+        pitch_mm, lever_mm: geometric mean pitch; half the thickness of the sheet.
+        scale_std: relative deviation of depths for what had to be assumed.
+        noise_px: usual deviation of a centre.
+        settled_mm: (m, 2) where the untouched sheet has crept to, from its rest.
+        lives: contacts that last.
+    """
+
+    camera: Camera
+    layout: Layout
+    law: PerimeterLaw
+    neighbours: Neighbours
+    chart: LoadMap
+    sampling: GridSampling
+    plane_from_px: Covariances2
+    pairs: np.ndarray
+    pitch_mm: float
+    lever_mm: float
+    scale_std: float
+    noise_px: float
+    settled_mm: Points2
+    lives: Lives
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PerimeterDepth:
+    """Depth by equation 11 of the paper, motion of the view taken off, and contacts that last.
+
+    Attributes:
+        view: finds the motion of the view.
+        fill: fills in markers that are not seen.
+        model: of sheet, fingers and view.
+        find: contacts of a frame.
+        identity: which contact is which of the frame before.
+        settle: part of what remains while nothing touches that is taken for rest, per frame; a sheet creeps.
+        assumed_scale_std: relative deviation of the depth when the field of view was assumed.
+    """
+
+    view: RobustView = field(default_factory=RobustView)
+    fill: FillUnseen = field(default_factory=FillUnseen)
+    model: LoadModel = field(default_factory=LoadModel)
+    find: ContactFinder = field(default_factory=ContactFinder)
+    identity: ContactIdentity = field(default_factory=ContactIdentity)
+    settle: float = 0.03
+    assumed_scale_std: float = 0.35
+
+    def start(self, sensor: Sensor) -> PerimeterMemory:
+        """Works out everything that only the sensor decides.
+
+        Raises:
+            SensorError: the sensor has no layout.
+            LayoutError: it has fewer than four markers.
+        """
+        layout, camera = sensor.layout, sensor.camera
+        if layout is None:
+            raise SensorError(
+                f"sensor {sensor.name!r} has no [markers]: depth needs to know how they lie; "
+                "run `manytouch calibrate rest` first"
+            )
+        if len(layout.rest_mm) < _LEAST_MARKERS:
+            raise LayoutError(
+                f"the layout of sensor {sensor.name!r} has {len(layout.rest_mm)} markers, but depth needs at "
+                f"least {_LEAST_MARKERS}: give a region with more of them"
+            )
+        rest_px = project(camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
+        plane_mm = onto_plane(camera, rest_px)[:, :2]
+        rotation, translation = cam_from_sheet(camera)
+        eye_mm = -translation @ rotation
+        cells = triangle_cells(plane_mm) if layout.row_column is None else lattice_cells(layout.row_column)
+        chart = self.model(sensor, plane_mm)
+        pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
+        assumes_view = any("field of view" in sentence for sentence in sensor.assumptions)
+        return PerimeterMemory(
+            camera=camera,
+            layout=layout,
+            law=perimeter_law(cells, plane_mm, eye_mm[:2], -float(eye_mm[2])),
+            neighbours=nearest_neighbours(plane_mm),
+            chart=chart,
+            sampling=sampling_on(layout, chart.x_mm, chart.y_mm),
+            plane_from_px=read_only(_plane_from_px(camera, rest_px)),
+            pairs=self.view.pairs(plane_mm),
+            pitch_mm=pitch_mm,
+            lever_mm=0.5 * (pitch_mm if sensor.sheet is None else sensor.sheet.thickness_mm),
+            scale_std=self.assumed_scale_std if assumes_view else 0.0,
+            noise_px=sensor.centre_noise_px or _USUAL_NOISE_PX,
+            settled_mm=read_only(np.zeros_like(plane_mm)),
+            lives=self.identity.start(sensor),
+        )
+
+    def step(self, state: PerimeterMemory, grid: TrackedGrid) -> tuple[PerimeterMemory, Surface, Contacts]:
+        """Surface and contacts of the next frame. It never raises: a bad frame has a status."""
+        if grid.is_seen.sum() < _LEAST_MARKERS:
+            return self._blind(state, grid)
+        law = state.law
+        is_seen = grid.is_seen
+        seen_mm = onto_plane(state.camera, np.where(is_seen[:, None], grid.position_px, 0.0))[:, :2]
+        to_mm = state.plane_from_px
+        covariance_mm2 = to_mm @ grid.covariance_px2 @ to_mm.transpose(0, 2, 1)
+        moved_mm, covariance_mm2 = self.fill(
+            seen_mm - law.rest_mm, covariance_mm2, is_seen, state.neighbours, state.pitch_mm
+        )
+        std_mm = float(np.sqrt(np.median(covariance_mm2[is_seen, 0, 0] + covariance_mm2[is_seen, 1, 1]) / 2))
+        view = self.view(law.rest_mm, moved_mm, is_seen, std_mm, state.pairs)
+        still_mm = moved_mm - view.displacement(law.rest_mm)
+        displacement_mm, propagated_mm2, _ = law(law.rest_mm + still_mm, covariance_mm2)
+        surface = self._surface(state, grid, displacement_mm, propagated_mm2)
+        modes = state.chart.modes(moved_mm - state.settled_mm)
+        found = self.find(state.chart, modes, std_mm)
+        lives, contacts = self.identity.step(
+            state.lives,
+            self._contacts(state, found, surface, moved_mm),
+            is_firm=found.is_firm.tolist(),
+            is_there=lambda point_mm: self.find.is_there(state.chart, modes, point_mm),
+            status=grid.status,
+        )
+        settled_mm = state.settled_mm
+        if grid.status == "ok" and not lives.lives and len(found.load) == 0:
+            settled_mm = read_only(settled_mm + self.settle * (moved_mm - settled_mm))
+        return replace(state, lives=lives, settled_mm=settled_mm), surface, contacts
+
+    def _blind(self, state: PerimeterMemory, grid: TrackedGrid) -> tuple[PerimeterMemory, Surface, Contacts]:
+        """A frame that shows nothing."""
+        status = "few_markers" if grid.status == "ok" else grid.status
+        count = len(state.law.rest_mm)
+        surface = Surface(
+            position_mm=read_only(np.full((count, 3), np.nan)),
+            displacement_mm=read_only(np.full((count, 3), np.nan)),
+            covariance_mm2=read_only(np.full((count, 3, 3), np.nan)),
+            status=status,
+        )
+        lives, contacts = self.identity.step(state.lives, (), status=status)
+        return replace(state, lives=lives), surface, contacts
+
+    def _surface(
+        self,
+        state: PerimeterMemory,
+        grid: TrackedGrid,
+        displacement_mm: Points3,
+        covariance_mm2: Covariances3,
+    ) -> Surface:
+        depth_mm = -displacement_mm[:, 2]
+        error_mm = np.hypot(law_error(state, depth_mm), state.scale_std * depth_mm)
+        # What is wrong in depth moves the marker along its ray.
+        ray = np.column_stack(
+            [-(state.law.rest_mm - state.law.eye_mm) / state.law.distance_mm, -np.ones(len(depth_mm))]
+        )
+        covariance_mm2 += (error_mm**2)[:, None, None] * ray[:, :, None] * ray[:, None, :]
+        return Surface(
+            position_mm=read_only(state.layout.rest_mm + displacement_mm),
+            displacement_mm=read_only(displacement_mm),
+            covariance_mm2=read_only(covariance_mm2),
+            status=grid.status,
+        )
+
+    def _contacts(
+        self, state: PerimeterMemory, found: Hills, surface: Surface, moved_mm: Points2
+    ) -> list[Contact]:
+        """The hills as contacts without identity; depth is the largest of the paper's within the area."""
+        if len(found.load) == 0:
+            return []
+        depth = state.sampling(-surface.displacement_mm[:, 2])
+        depth_std = state.sampling(np.sqrt(surface.covariance_mm2[:, 2, 2]))
+        here_mm = sampling_at(state.layout, found.centre_mm).weight @ moved_mm + found.centre_mm
+        centre_px = project(state.camera, np.column_stack([here_mm, np.zeros(len(here_mm))]))
+        contacts = []
+        for hill in range(len(found.load)):
+            inside = np.flatnonzero(found.member == hill)
+            inside = inside[np.isfinite(depth.ravel()[inside])]
+            deepest = inside[np.argmax(depth.ravel()[inside])] if len(inside) else None
+            covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
+            covariance[:2, :2] = found.covariance_mm2[hill]
+            depth_place = ESTIMATES.index("depth")
+            if deepest is not None:
+                covariance[depth_place, depth_place] = float(depth_std.ravel()[deepest]) ** 2
+            contacts.append(
+                Contact(
+                    id=-1,
+                    phase=Phase.MOVE,
+                    centre_mm=read_only(found.centre_mm[hill].copy()),
+                    centre_px=read_only(centre_px[hill].copy()),
+                    depth_mm=float("nan") if deepest is None else float(depth.ravel()[deepest]),
+                    force_N=read_only(np.full(3, np.nan)),
+                    torque_Nmm=float("nan"),
+                    area_mm2=float(found.area_mm2[hill]),
+                    covariance=read_only(covariance),
+                )
+            )
+        return contacts
+
+
+def law_error(state: PerimeterMemory, depth_mm: Scalars) -> Float64[np.ndarray, " m"]:
+    """Deviation (m,) of the law from the depth of the sheet, from the slope and curvature of its own map."""
+    index, distance = state.neighbours.index, state.neighbours.distance
+    rest = state.law.rest_mm
+    offset = rest[index] - rest[:, None]
+    rise = depth_mm[index] - depth_mm[:, None]
+    slope = 2.0 * np.einsum("mk,mkd->md", rise / distance**2, offset) / index.shape[1]
+    bend = 4.0 * (rise / distance**2).mean(axis=1)
+    leant = 0.5 * ((rest - state.law.eye_mm) * slope).sum(axis=1)
+    stretched = 0.5 * state.law.distance_mm * state.lever_mm * bend
+    return np.asarray(np.hypot(leant, stretched))
+
+
+def _plane_from_px(camera: Camera, pixel: Points2) -> Covariances2:
+    step = 0.5 * np.eye(2)
+    columns = [onto_plane(camera, pixel + h)[:, :2] - onto_plane(camera, pixel - h)[:, :2] for h in step]
+    return np.stack(columns, axis=-1)

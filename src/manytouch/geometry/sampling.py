@@ -1,0 +1,229 @@
+"""Values that are known at the markers, at any other point of the sheet.
+
+On a lattice the sampling is the product of cubic splines along x and along y, which go through the
+values; between markers that form no lattice it is a moving least-squares plane (P. Lancaster and
+K. Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1) with a weight that ends smoothly (H. Wendland
+1995, doi:10.1007/BF02123482), which smooths a little. Both are linear in the values, give back constants
+and planes exactly, and are worked out once per sensor, so that a frame costs one small product.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.interpolate import make_interp_spline
+from scipy.sparse import csr_array
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from manytouch.values import Layout
+from manytouch.values.arrays import Mask, Points2, Scalars, read_only
+
+BEYOND_PITCH = 0.5
+"""How far outside the markers a value is still given, in pitches."""
+
+_EVEN = 1e-6
+_NEAREST = 12
+_REACH = 1.35
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PointSampling:
+    """Samples at n points.
+
+    Attributes:
+        weight: (n, m) sparse; its rows sum to 1.
+        is_inside: (n,) points that are not too far outside the markers.
+        rest_mm: (m, 2) where the values are known.
+    """
+
+    weight: csr_array
+    is_inside: Mask
+    rest_mm: Points2
+
+    def __call__(self, value: Scalars) -> Scalars:
+        """(n,) values from the markers' (m,); NaN outside, and where the nearest marker has none."""
+        filled, nearest = _filled(self.rest_mm, value)
+        sampled = np.where(self.is_inside, self.weight @ filled, np.nan)
+        if nearest is not None:
+            sampled[self.weight @ nearest < 0.5] = np.nan
+        return sampled
+
+    def std(self, std: Scalars) -> Scalars:
+        """(n,) standard deviations of the samples when the markers' (m,) are independent."""
+        squared = self.weight.copy()
+        squared.data = squared.data**2
+        variance, nearest = _filled(self.rest_mm, std**2)
+        sampled = np.where(self.is_inside, np.sqrt(squared @ variance), np.nan)
+        if nearest is not None:
+            sampled[self.weight @ nearest < 0.5] = np.nan
+        return sampled
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GridSampling:
+    """Samples on a grid, in map order (y, x).
+
+    Attributes:
+        x_mm, y_mm: (nx,), (ny,) the grid.
+        along_x, along_y: (nx, columns), (ny, rows) splines of a lattice; None for other layouts.
+        order: (m,) marker at each place of the lattice, row by row; None for other layouts.
+        points: the same for layouts that are no lattice, else None.
+        is_inside: (ny, nx) points that are not too far outside the markers.
+        rest_mm: (m, 2) where the values are known.
+    """
+
+    x_mm: Scalars
+    y_mm: Float64[np.ndarray, " ny"]
+    along_x: np.ndarray | None
+    along_y: np.ndarray | None
+    order: np.ndarray | None
+    points: PointSampling | None
+    is_inside: np.ndarray
+    rest_mm: Points2
+
+    def __call__(self, value: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, "ny nx"]:
+        """(ny, nx) values from the markers' (m,); NaN outside, and where the nearest marker has none."""
+        if self.points is not None:
+            return np.asarray(self.points(value).reshape(len(self.y_mm), len(self.x_mm)))
+        filled, nearest = _filled(self.rest_mm, value)
+        return self._masked(self._product(filled, 1), nearest)
+
+    def std(self, std: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, "ny nx"]:
+        """(ny, nx) standard deviations of the samples when the markers' (m,) are independent."""
+        if self.points is not None:
+            return np.asarray(self.points.std(std).reshape(len(self.y_mm), len(self.x_mm)))
+        variance, nearest = _filled(self.rest_mm, std**2)
+        return self._masked(np.sqrt(self._product(variance, 2)), nearest)
+
+    def _product(self, value: np.ndarray, power: int) -> np.ndarray:
+        assert self.along_x is not None
+        assert self.along_y is not None
+        assert self.order is not None
+        lattice = value[self.order].reshape(self.along_y.shape[1], self.along_x.shape[1])
+        return np.asarray(self.along_y**power @ lattice @ (self.along_x**power).T)
+
+    def _masked(self, sampled: np.ndarray, nearest: np.ndarray | None) -> np.ndarray:
+        sampled[~self.is_inside] = np.nan
+        if nearest is not None:
+            sampled[self._product(nearest, 1) < 0.5] = np.nan
+        return sampled
+
+
+def sampling_at(layout: Layout, point_mm: Points2) -> PointSampling:
+    """Samples at any points (n, 2) of the undeformed sheet."""
+    rest_mm = layout.rest_mm[:, :2]
+    lattice = _lattice(layout)
+    if lattice is not None:
+        x_mm, y_mm, order = lattice
+        along_x, along_y = _spline(x_mm, point_mm[:, 0]), _spline(y_mm, point_mm[:, 1])
+        weight = np.zeros((len(point_mm), len(rest_mm)))
+        weight[:, order] = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(point_mm), -1)
+        is_inside = _within(layout, x_mm, point_mm[:, 0], 0) & _within(layout, y_mm, point_mm[:, 1], 1)
+        return PointSampling(weight=csr_array(weight), is_inside=is_inside, rest_mm=rest_mm)
+    pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
+    return PointSampling(
+        weight=_moving_planes(rest_mm, point_mm, pitch_mm),
+        is_inside=_near_hull(rest_mm, point_mm, pitch_mm),
+        rest_mm=rest_mm,
+    )
+
+
+def sampling_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"]) -> GridSampling:
+    """Samples on the grid of columns x_mm (nx,) and rows y_mm (ny,)."""
+    rest_mm = layout.rest_mm[:, :2]
+    lattice = _lattice(layout)
+    if lattice is None:
+        point_mm = np.stack(np.meshgrid(x_mm, y_mm), axis=-1).reshape(-1, 2)
+        points = sampling_at(layout, point_mm)
+        is_inside = points.is_inside.reshape(len(y_mm), len(x_mm))
+        return GridSampling(
+            x_mm=x_mm,
+            y_mm=y_mm,
+            along_x=None,
+            along_y=None,
+            order=None,
+            points=points,
+            is_inside=is_inside,
+            rest_mm=rest_mm,
+        )
+    column_mm, row_mm, order = lattice
+    return GridSampling(
+        x_mm=x_mm,
+        y_mm=y_mm,
+        along_x=read_only(_spline(column_mm, x_mm)),
+        along_y=read_only(_spline(row_mm, y_mm)),
+        order=read_only(order),
+        points=None,
+        is_inside=_within(layout, row_mm, y_mm, 1)[:, None] & _within(layout, column_mm, x_mm, 0),
+        rest_mm=rest_mm,
+    )
+
+
+def _lattice(layout: Layout) -> tuple[Scalars, Float64[np.ndarray, " rows"], np.ndarray] | None:
+    """x of the columns, y of the rows, markers in reading order; None unless they lie on straight lines."""
+    shape = layout.shape
+    if shape is None or layout.row_column is None or min(shape) < 2:
+        return None
+    row, column = layout.row_column.T
+    order = np.lexsort((column, row))
+    place = layout.rest_mm[order, :2].reshape(*shape, 2)
+    x_mm, y_mm = place[..., 0].mean(axis=0), place[..., 1].mean(axis=1)
+    bent = max(np.abs(place[..., 0] - x_mm).max(), np.abs(place[..., 1] - y_mm[:, None]).max())
+    straight = bent <= _EVEN * float(layout.pitch_mm.min())
+    rising = bool((np.diff(x_mm) > 0).all() and (np.diff(y_mm) > 0).all())
+    return (x_mm, y_mm, order) if straight and rising else None
+
+
+def _spline(knot: np.ndarray, at: np.ndarray) -> np.ndarray:
+    """(n, knots) cubic spline through values at the knots; beyond them its tangent goes on."""
+    spline = make_interp_spline(knot, np.eye(len(knot)), k=min(3, len(knot) - 1))
+    held = np.clip(at, knot[0], knot[-1])
+    return np.asarray(spline(held) + (at - held)[:, None] * spline.derivative()(held))
+
+
+def _within(layout: Layout, knot: np.ndarray, at: np.ndarray, axis: int) -> np.ndarray:
+    slack = (BEYOND_PITCH + 1e-9) * float(layout.pitch_mm[axis])
+    return np.asarray((at >= knot[0] - slack) & (at <= knot[-1] + slack))
+
+
+def _moving_planes(rest_mm: Points2, point_mm: Points2, pitch_mm: float) -> csr_array:
+    """Rows of weights: the value at each point of the plane fitted to the markers around it."""
+    count = min(_NEAREST, len(rest_mm))
+    distance, index = cKDTree(rest_mm).query(point_mm, k=np.arange(1, count + 1))
+    # One beyond the last that counts, so that nothing jumps when markers change their order.
+    reach = np.maximum(distance[:, -1:] * (1.0 if count == _NEAREST else _REACH), 1e-9)
+    ratio = np.minimum(distance / reach, 1.0)
+    weight = (1.0 - ratio) ** 4 * (4.0 * ratio + 1.0)
+    offset = (rest_mm[index] - point_mm[:, None]) / pitch_mm
+    design = np.concatenate([np.ones((*offset.shape[:2], 1)), offset], axis=2)
+    normal = np.einsum("nk,nki,nkj->nij", weight, design, design)
+    # Markers on a line or a single one: the least tilted plane.
+    solved = np.linalg.pinv(normal, rcond=1e-9, hermitian=True)[:, 0]
+    row = weight * np.einsum("ni,nki->nk", solved, design)
+    row /= row.sum(axis=1, keepdims=True)
+    start = np.arange(0, count * len(point_mm) + 1, count)
+    return csr_array((row.ravel(), index.ravel(), start), shape=(len(point_mm), len(rest_mm)))
+
+
+def _near_hull(rest_mm: Points2, point_mm: Points2, pitch_mm: float) -> Mask:
+    """Points within the hull of the markers or half a pitch outside, and not in a hole of the layout."""
+    slack = (BEYOND_PITCH + 1e-9) * pitch_mm
+    distance, _ = cKDTree(rest_mm).query(point_mm)
+    spacing, _ = cKDTree(rest_mm).query(rest_mm, k=min(2, len(rest_mm)))
+    near = np.asarray(distance <= max(1.5 * pitch_mm, float(np.max(spacing)), slack))
+    try:
+        facet = ConvexHull(rest_mm).equations
+    except (QhullError, ValueError):
+        return np.asarray(distance <= max(slack, float(np.max(spacing)) / 2))
+    return np.asarray(near & (point_mm @ facet[:, :2].T + facet[:, 2] <= slack).all(axis=1))
+
+
+def _filled(rest_mm: Points2, value: Scalars) -> tuple[Scalars, Scalars | None]:
+    """Values, the missing ones from the nearest marker, and 1 where known; None when all are."""
+    is_known = np.isfinite(value)
+    if is_known.all():
+        return value, None
+    if not is_known.any():
+        return np.zeros_like(value), np.zeros_like(value)
+    _, nearest = cKDTree(rest_mm[is_known]).query(rest_mm)
+    return value[is_known][nearest], is_known.astype(np.float64)
