@@ -1,6 +1,6 @@
 """Does every marker keep its number? Detection and tracking judged against known truth.
 
-    OMP_NUM_THREADS=1 python benchmarks/identity.py [--markers 100000] [--only WORD] [--no-pictures] [--out DIR]
+    python benchmarks/identity.py [--markers 100000] [--only WORD] [--no-pictures] [--out DIR]
 
 Two tables. From points: tracking alone gets the true dots with noise, at least `--markers` of them in each
 condition; where it asks for windows it gets only what lies in them. From pictures: detection and tracking

@@ -2,7 +2,8 @@
 
 A `Sequence` is a few numbers. `course_of` gives its truth, `dots_in` the dots as a perfect detection with
 known noise would give them, `picture` and `pictures` what a camera would show, `jpegs` what an MJPEG camera
-would send. Fingers press and slide so that the fastest dot moves by exactly `step_pitches` in every frame, but for the first two.
+would send. Fingers press and slide so that the fastest dot moves by exactly
+`step_pitches` in every frame, but for the first two.
 """
 
 import hashlib
@@ -28,7 +29,7 @@ LEAST_PITCH_PX = 5.0
 STEEPEST = 0.6  # largest strain of the sheet's image, so that it does not fold
 FINGERS = 2
 TOUCHING = 2  # first steps, of half the length: a sheet at rest must be touched before it can swing
-_VERSION = 1  # of the pictures, for the cache
+_VERSION = 2  # of the pictures, for the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -303,13 +304,11 @@ def _moved(sheet: _Sheet, frames: int, step_pitches: float) -> tuple[np.ndarray,
     fingers = _fingers(sheet, rest_px, pitch_px, step_pitches)
     target_px = step_pitches * pitch_px
     times = [0.0]
-    before = fingers.displacement(rest_px, 0.0)
     length = 0.05
     for index in range(frames - 1):
         share = 0.5 if index < TOUCHING else 1.0
-        length = _time_to_move(fingers, rest_px, before, times[-1], share * target_px, length)
+        length = _time_to_move(fingers, rest_px, times[-1], target_px=share * target_px, usual=length)
         times.append(times[-1] + length)
-        before = fingers.displacement(rest_px, times[-1])
     centre_px = np.stack([rest_px + fingers.displacement(rest_px, time) for time in times])
     shape = np.stack([np.eye(2) + _gradient(fingers, rest_px, time) for time in times])
     centre_px.flags.writeable = shape.flags.writeable = False
@@ -317,11 +316,12 @@ def _moved(sheet: _Sheet, frames: int, step_pitches: float) -> tuple[np.ndarray,
 
 
 def _time_to_move(
-    fingers: Fingers, rest_px: np.ndarray, before: np.ndarray, time: float, target_px: float, usual: float
+    fingers: Fingers, rest_px: np.ndarray, time: float, *, target_px: float, usual: float
 ) -> float:
     """Time after which the fastest dot has moved by a distance."""
     if target_px <= 0.0:
         return usual
+    before = fingers.displacement(rest_px, time)
 
     def moved_px(length: float) -> float:
         away = fingers.displacement(rest_px, time + length) - before
@@ -453,7 +453,7 @@ def picture(course: Course, index: int) -> np.ndarray:
     if sequence.fault == "black":
         return (image // 8).astype(np.uint8)
     if sequence.fault == "blurred":
-        return cv2.GaussianBlur(image, (0, 0), 0.8 * course.radius_px)
+        return cv2.GaussianBlur(image, (0, 0), 1.2 * course.radius_px)
     return np.maximum(image, 200) + np.uint8(55)
 
 
