@@ -77,6 +77,11 @@ def appearance_of(sensor: Sensor) -> Appearance:
         raise SensorError(
             f"the sensor '{sensor.name}' has no markers: give a sensor file with a [markers] table"
         )
+    if layout.polarity == "auto":
+        raise SensorError(
+            f"the sensor '{sensor.name}' does not say whether its markers are light or dark: find it out "
+            "from a first frame (survey), or set polarity to light or dark"
+        )
     radius = radius_in_image(sensor.camera, layout.rest_mm, layout.radius_mm)[~layout.is_missing]
     radius = radius[np.isfinite(radius) & (radius > 0)]
     if len(radius) == 0:

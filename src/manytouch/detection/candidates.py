@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import no_type_check
 
 import cv2
 import numpy as np
@@ -42,8 +43,9 @@ def reduced(image: np.ndarray, weights: Float64[np.ndarray, " c"], factor: int) 
         block = image[: height * factor, : width * factor]
         image = cv2.resize(block, (width, height), interpolation=cv2.INTER_AREA)
     if image.ndim == 2:
-        return np.multiply(image, np.float32(weights[0]), dtype=np.float32)
-    return np.asarray(cv2.transform(image.astype(np.float32), weights[None].astype(np.float32)))
+        return image.astype(np.float32) * np.float32(weights[0])
+    single = cv2.transform(image.astype(np.float32), weights[None].astype(np.float32))
+    return np.asarray(single, dtype=np.float32)
 
 
 def candidates(
@@ -69,7 +71,8 @@ def candidates(
 
 
 @njit(cache=True, error_model="numpy")
-def _is_enclosed(image, y, x, offset):  # type: ignore[no-untyped-def]
+@no_type_check
+def _is_enclosed(image, y, x, offset):
     """Does the brightness fall by half of its typical fall in nearly all directions?"""
     height, width = image.shape
     fall = np.empty(offset.shape[0], dtype=np.float32)
@@ -94,7 +97,8 @@ def _is_enclosed(image, y, x, offset):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _peaks(inner, outer, least, offset, found):  # type: ignore[no-untyped-def]
+@no_type_check
+def _peaks(inner, outer, least, offset, found):
     """Local maxima of inner - outer, at parts of pixels; rows x, y, height. Returns their number."""
     height, width = inner.shape
     count = 0
@@ -127,7 +131,8 @@ def _peaks(inner, outer, least, offset, found):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def without_doubles(place, radius, weight, share):  # type: ignore[no-untyped-def]
+@no_type_check
+def without_doubles(place, radius, weight, share):
     """Mask of the dots that have no heavier one within `share` of the larger radius. Sorted sweep."""
     count = place.shape[0]
     keep = np.ones(count, dtype=np.bool_)

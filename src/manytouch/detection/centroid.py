@@ -76,7 +76,7 @@ def measure(
         out,
     )
     # what the pixels leave when there is no noise at all, measured on rendered discs of 1.5 to 20 px
-    floor_px2 = np.minimum(0.013, 0.003 + 0.15 / radius_px**2) ** 2
+    floor_px2 = np.minimum(0.013, 0.003 + 0.04 / radius_px**2) ** 2
     covariance = np.empty((len(out), 2, 2))
     covariance[:, 0, 0] = out[:, 2] + floor_px2
     covariance[:, 1, 1] = out[:, 4] + floor_px2
@@ -95,7 +95,8 @@ def measure(
 def noise_of(image: np.ndarray, weights: Float64[np.ndarray, " c"], rows: int = 24) -> float:
     """Standard deviation of a pixel in grey levels of 255, from second differences along a few rows.
 
-    The median does not see the edges of dots. Compression smooths the noise away: then this is low.
+    What differs by more than 2.5 deviations (edges of dots) is left out. Compression
+    smooths the noise away: then this is low.
     """
     height = image.shape[0]
     take = np.unique(np.linspace(0, height - 1, min(rows, height)).astype(int))
@@ -111,4 +112,8 @@ def noise_of(image: np.ndarray, weights: Float64[np.ndarray, " c"], rows: int = 
     below, ties = float((second < middle).mean()), float((second == middle).mean())
     share = (0.5 - below) / ties
     median = max(middle + (share - 0.5) * step, 0.0)
-    return max(float(median / (0.6745 * np.sqrt(6.0))), MIN_NOISE)
+    within = flat[flat < 2.5 * max(median / 0.6745, step)]
+    if within.size == 0:
+        return MIN_NOISE
+    # second moment of what lies within 2.5 deviations, where a normal distribution keeps 0.911 of it
+    return max(float(np.sqrt(np.dot(within, within) / within.size / (0.911 * 6.0))), MIN_NOISE)

@@ -29,7 +29,8 @@ def fitted_weights(image: np.ndarray, place_px: Points2, radius_px: Scalars) -> 
     scatter = np.cov(difference.T) + ground.T @ ground / max(len(ground) - 1, 1)
     scatter += (1e-3 * np.trace(scatter) / 3.0 + 0.3) * np.eye(3)
     weights = np.linalg.solve(scatter, mean)
-    return np.asarray(weights / np.abs(weights).sum())
+    unit: Weights = weights / np.abs(weights).sum()
+    return unit
 
 
 def _mean_colours(
@@ -44,7 +45,7 @@ def _mean_colours(
         where = place_px[:, None, :] + distance * radius_px[:, None, None] * ray
         x = np.clip(np.rint(where[..., 0]).astype(int), 0, width - 1)
         y = np.clip(np.rint(where[..., 1]).astype(int), 0, height - 1)
-        return image[y, x].astype(np.float64)
+        return np.asarray(image[y, x], dtype=np.float64)
 
     core = np.concatenate([at(0.0)[:, :1], at(0.4), at(0.6)], axis=1)
     return np.median(core, axis=1), at(1.8)

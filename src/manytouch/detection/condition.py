@@ -38,7 +38,7 @@ def first_of(image: np.ndarray, dots: Dots, keep: np.ndarray) -> First:
 
 
 def condition(
-    first: First | None, image: np.ndarray, level: float, dots: Dots, keep: np.ndarray, markers: int
+    first: First | None, image: np.ndarray, dots: Dots, keep: np.ndarray, *, level: float, markers: int
 ) -> str:
     """ "ok", or dark, saturated, blurred.
 

@@ -7,6 +7,7 @@ vector lanes.
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -14,11 +15,14 @@ from numba import njit
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
 GAIN = 1.0 / (HIGH - LOW)
 SAMPLES = 80  # of ring and of core
+VOTERS = 20  # of them, for medians
+PLANE_RADIUS = 5.0  # px: smaller cores are all edge
 FAST = {"reassoc", "contract", "nsz", "arcp"}  # lets sums run in lanes; NaN and infinity stay what they are
 
 
 @njit(cache=True, error_model="numpy")
-def _grey(image, weights, y, x):  # type: ignore[no-untyped-def]
+@no_type_check
+def _grey(image, weights, y, x):
     channels = weights.shape[0]
     value = np.float32(image[y, x * channels]) * weights[0]
     for channel in range(1, channels):
@@ -27,7 +31,8 @@ def _grey(image, weights, y, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def _grey_row(row, weights, out):  # type: ignore[no-untyped-def]
+@no_type_check
+def _grey_row(row, weights, out):
     """Grey levels of the pixels of a row."""
     if weights.shape[0] == 1:
         weight = weights[0]
@@ -43,7 +48,8 @@ def _grey_row(row, weights, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _walk_to_dot(image, weights, x, y, radius, steps):  # type: ignore[no-untyped-def]
+@no_type_check
+def _walk_to_dot(image, weights, x, y, radius, steps):
     """A few mean-shift steps on every stride-th pixel; returns x, y."""
     height, width = image.shape[0], image.shape[1] // weights.shape[0]
     stride = max(1, int(radius / 2.5))
@@ -77,32 +83,8 @@ def _walk_to_dot(image, weights, x, y, radius, steps):  # type: ignore[no-untype
 
 
 @njit(cache=True, error_model="numpy")
-def _selected(values, count, rank):  # type: ignore[no-untyped-def]
-    """The value of a rank (from 0) among the first `count`, which are reordered (C. A. R. Hoare's FIND)."""
-    low, high = 0, count - 1
-    while low < high:
-        pivot = values[(low + high) // 2]
-        i, j = low, high
-        while i <= j:
-            while values[i] < pivot:
-                i += 1
-            while pivot < values[j]:
-                j -= 1
-            if i <= j:
-                values[i], values[j] = values[j], values[i]
-                i += 1
-                j -= 1
-        if rank <= j:
-            high = j
-        elif rank >= i:
-            low = i
-        else:
-            break
-    return values[rank]
-
-
-@njit(cache=True, error_model="numpy")
-def _sample(image, weights, x, y, inner2, outer2, samples):  # type: ignore[no-untyped-def]
+@no_type_check
+def _sample(image, weights, x, y, inner2, outer2, samples):
     """Some pixels between two radii around (x, y): rows of `samples` are dx, dy, value. Returns how many."""
     height, width = image.shape[0], image.shape[1] // weights.shape[0]
     outer = math.sqrt(outer2)
@@ -130,15 +112,26 @@ def _sample(image, weights, x, y, inner2, outer2, samples):  # type: ignore[no-u
 
 
 @njit(cache=True, error_model="numpy")
-def _quantile(samples, count, quantile):  # type: ignore[no-untyped-def]
-    """Quantile of the sampled values; the last row of `samples` is scratch."""
-    for i in range(count):
-        samples[3, i] = samples[2, i]
-    return _selected(samples[3], count, min(count - 1, int(quantile * count)))
+@no_type_check
+def _quantile(samples, count, quantile):
+    """Quantile of about VOTERS of the sampled values, sorted by insertion; the last row is scratch."""
+    stride = max(1, count // VOTERS)
+    chosen = samples[3]
+    number = 0
+    for i in range(0, count, stride):
+        value = samples[2, i]
+        place = number
+        while place > 0 and chosen[place - 1] > value:
+            chosen[place] = chosen[place - 1]
+            place -= 1
+        chosen[place] = value
+        number += 1
+    return chosen[min(number - 1, int(quantile * number))]
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def _sums(dx, dy, value, a, b, c, margin):  # type: ignore[no-untyped-def]
+@no_type_check
+def _sums(dx, dy, value, a, b, c, margin):
     """Sums over the samples within `margin` of the plane a + b dx + c dy."""
     s1 = sx = sy = sxx = sxy = syy = sv = svx = svy = svv = np.float32(0.0)
     for i in range(value.shape[0]):
@@ -159,7 +152,8 @@ def _sums(dx, dy, value, a, b, c, margin):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _plane(samples, count, a, b, c, margin):  # type: ignore[no-untyped-def]
+@no_type_check
+def _plane(samples, count, a, b, c, margin):
     """Least-squares plane a + b dx + c dy of the samples within `margin` of a given plane.
 
     Returns a, b, c, number of samples used, variance of the rest, sum of dx^2 + dy^2.
@@ -185,7 +179,8 @@ def _plane(samples, count, a, b, c, margin):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _fill_holes(share, stack):  # type: ignore[no-untyped-def]
+@no_type_check
+def _fill_holes(share, stack):
     """Make dot (share 1) of what the dot encloses: a glint inside it belongs to it."""
     height, width = share.shape
     top = 0
@@ -219,7 +214,8 @@ def _fill_holes(share, stack):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _tail(z):  # type: ignore[no-untyped-def]
+@no_type_check
+def _tail(z):
     """E[max(n - z, 0)^2] of a standard normal n: noise that passes the soft threshold."""
     if z > 6.0:
         return 0.0
@@ -228,7 +224,8 @@ def _tail(z):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _light(image, weights, x, y, radius, noise, samples, light):  # type: ignore[no-untyped-def]
+@no_type_check
+def _light(image, weights, x, y, radius, noise, samples, light):
     """Planes of ground and core: `light` = ground a, b, c, contrast a, b, c, variance and spreads.
 
     The spreads (sum of dx^2 + dy^2 of the pixels used) are those of ground and core; a core without a
@@ -238,7 +235,7 @@ def _light(image, weights, x, y, radius, noise, samples, light):  # type: ignore
     if count < 4:
         return False
     ground = _quantile(samples, count, 0.4)
-    in_core = _sample(image, weights, x, y, -1.0, max(0.6 * radius, 0.9) ** 2, samples[4:])
+    in_core = _sample(image, weights, x, y, -1.0, max(0.5 * radius, 0.9) ** 2, samples[4:])
     if in_core < 1:
         return False
     level = _quantile(samples[4:], in_core, 0.55)
@@ -249,7 +246,7 @@ def _light(image, weights, x, y, radius, noise, samples, light):  # type: ignore
     ga, gb, gc, _, variance, ground_spread = _plane(samples, count, ground, 0.0, 0.0, margin)
     ga, gb, gc, _, variance, ground_spread = _plane(samples, count, ga, gb, gc, margin)
     ka, kb, kc, core_spread = level, gb, gc, 0.0
-    if radius >= 3.0:
+    if radius >= PLANE_RADIUS:
         margin = max(0.2 * contrast, 3.0 * noise)
         pa, pb, pc, used, _, spread = _plane(samples[4:], in_core, level, gb, gc, margin)
         steepness = math.hypot(pb - gb, pc - gc) * radius
@@ -262,7 +259,8 @@ def _light(image, weights, x, y, radius, noise, samples, light):  # type: ignore
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def _share_row(row, x, ground, ground_slope, height, height_slope, least):  # type: ignore[no-untyped-def]
+@no_type_check
+def _share_row(row, x, ground, ground_slope, height, height_slope, least):
     """Grey levels of a row of the window become shares of dot, in place."""
     for u in range(row.shape[0]):
         dx = np.float32(u) - x
@@ -270,7 +268,8 @@ def _share_row(row, x, ground, ground_slope, height, height_slope, least):  # ty
 
 
 @njit(cache=True, error_model="numpy")
-def _share(image, weights, x, y, x0, y0, light, share):  # type: ignore[no-untyped-def]
+@no_type_check
+def _share(image, weights, x, y, x0, y0, light, share):
     """Share of dot in each pixel of the window `share`, whose first pixel is (x0, y0)."""
     f = np.float32
     channels = weights.shape[0]
@@ -284,7 +283,8 @@ def _share(image, weights, x, y, x0, y0, light, share):  # type: ignore[no-untyp
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
-def _row_moments(row, x):  # type: ignore[no-untyped-def]
+@no_type_check
+def _row_moments(row, x):
     """Weight and its moment along x, number of edge pixels and their first and second moments."""
     f = np.float32
     total = moment = count = edge_x = edge_xx = f(0.0)
@@ -301,7 +301,8 @@ def _row_moments(row, x):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _moments(share, x, y, reach2, sums):  # type: ignore[no-untyped-def]
+@no_type_check
+def _moments(share, x, y, reach2, sums):
     """`sums` = weight, its moments x, y, edge pixels, their moments x, y, xx, xy, yy, about (x, y)."""
     sums[:] = 0.0
     reach = math.sqrt(reach2)
@@ -325,7 +326,8 @@ def _moments(share, x, y, reach2, sums):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _uncertainty(sums, light, noise, reach2, out):  # type: ignore[no-untyped-def]
+@no_type_check
+def _uncertainty(sums, light, noise, reach2, out):
     """Covariance of the centre, out[2:5] = cxx, cxy, cyy; see `centroid`."""
     dx, dy, count = sums[1] / sums[0], sums[2] / sums[0], sums[3]
     exx = sums[6] - 2.0 * dx * sums[4] + count * dx * dx
@@ -343,7 +345,8 @@ def _uncertainty(sums, light, noise, reach2, out):  # type: ignore[no-untyped-de
 
 
 @njit(cache=True, error_model="numpy")
-def _measure_one(image, weights, x, y, radius, noise, samples, buffer, stack, out):  # type: ignore[no-untyped-def]
+@no_type_check
+def _measure_one(image, weights, x, y, radius, noise, samples, buffer, stack, out):
     """One dot; `out` as in `measure_dots`. Returns False where there is none."""
     height, width = image.shape[0], image.shape[1] // weights.shape[0]
     reach = 1.35 * radius + 1.2
@@ -383,7 +386,8 @@ def _measure_one(image, weights, x, y, radius, noise, samples, buffer, stack, ou
 
 
 @njit(cache=True, error_model="numpy")
-def measure_dots(image, weights, near, radius, noise, walk, out):  # type: ignore[no-untyped-def]
+@no_type_check
+def measure_dots(image, weights, near, radius, noise, walk, out):
     """Rows of `out`: x, y, cxx, cxy, cyy, area, contrast, edge width, cut share; NaN without a dot."""
     samples = np.empty((8, 6 * SAMPLES), dtype=np.float32)
     largest = 1.0

@@ -4,8 +4,11 @@ A dot's brightness falls to the ground in every direction. Between dots, along r
 corners there are directions in which it does not.
 """
 
+# ruff: noqa: PLR0912, PLR0915, PLR0917 - compiled functions are long and called with positional arguments
+
 import math
 from dataclasses import dataclass
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -75,7 +78,8 @@ def outlines(pyramid: list[np.ndarray], place_px: Points2, radius_px: Scalars, s
 
 
 @njit(cache=True, error_model="numpy")
-def _bilinear(image, x, y):  # type: ignore[no-untyped-def]
+@no_type_check
+def _bilinear(image, x, y):
     height, width = image.shape
     x, y = min(max(x, 0.0), width - 1.001), min(max(y, 0.0), height - 1.001)
     u, v = int(x), int(y)
@@ -86,7 +90,8 @@ def _bilinear(image, x, y):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _sample(image, x, y, radius, sign, values, known):  # type: ignore[no-untyped-def]
+@no_type_check
+def _sample(image, x, y, radius, sign, values, known):
     """Values (RAYS, STEPS) along rays; `known` = number of steps of each ray within the image."""
     height, width = image.shape
     for ray in range(RAYS):
@@ -101,7 +106,8 @@ def _sample(image, x, y, radius, sign, values, known):  # type: ignore[no-untype
 
 
 @njit(cache=True, error_model="numpy")
-def _trace_one(image, x, y, radius, sign, values, known, lengths, row):  # type: ignore[no-untyped-def]
+@no_type_check
+def _trace_one(image, x, y, radius, sign, values, known, lengths, row):
     """One outline: row as in `Outlines`, fill last."""
     _sample(image, x, y, radius, sign, values, known)
     inside = int(STEPS * 1.0 / REACH)
@@ -156,7 +162,7 @@ def _trace_one(image, x, y, radius, sign, values, known, lengths, row):  # type:
         # open on opposite sides: a ridge, a cable, a stripe
         for turn in range(RAYS // 2 - 1, RAYS // 2 + 2):
             opposite = (ray + turn) % RAYS
-            if falls[ray] < 0.5 * contrast and falls[opposite] < 0.5 * contrast:
+            if falls[ray] < 0.65 * contrast and falls[opposite] < 0.65 * contrast:
                 row[4] = max(row[4], 0.5)
     # a ray that left the image, or did not fall, is as long as its opposite, or as the middle one
     count = 0
@@ -190,7 +196,8 @@ def _trace_one(image, x, y, radius, sign, values, known, lengths, row):  # type:
 
 
 @njit(cache=True, error_model="numpy")
-def _shape(lengths, row):  # type: ignore[no-untyped-def]
+@no_type_check
+def _shape(lengths, row):
     """Aspect and roughness from the lengths' harmonics: 1st is a shift, 2nd an ellipse."""
     mean = c1 = s1 = c2 = s2 = 0.0
     for ray in range(RAYS):
@@ -217,7 +224,8 @@ def _shape(lengths, row):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, error_model="numpy")
-def _trace_all(image, place, radius, sign, rows):  # type: ignore[no-untyped-def]
+@no_type_check
+def _trace_all(image, place, radius, sign, rows):
     values, known, lengths = np.empty((RAYS, STEPS)), np.empty(RAYS, dtype=np.int64), np.empty(RAYS)
     row = np.empty(9)
     for i in range(place.shape[0]):

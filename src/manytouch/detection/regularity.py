@@ -120,9 +120,13 @@ def single(blobs: Outlines, members: Mask) -> Mask:
 
 
 def votes(
-    place_px: Points2, radius_px: Scalars, dots_px: Points2, dots_radius_px: Scalars, tolerance: float
+    place_px: Points2,
+    radius_px: Scalars,
+    dots_px: Float64[np.ndarray, "d 2"],
+    dots_radius_px: Float64[np.ndarray, " d"],
+    tolerance: float,
 ) -> Int64[np.ndarray, " n"]:
-    """(n,) how many dots predict each place: opposite to a neighbour, at its distance or stretched as sizes are."""
+    """(n,) how many dots predict each place: opposite to a neighbour, as far or stretched as sizes are."""
     k = min(NEIGHBOURS, len(dots_px) - 1)
     tree = cKDTree(dots_px)
     distance, neighbour = tree.query(dots_px, k=k + 1)
@@ -165,7 +169,13 @@ def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
         inner = blobs.place_px[inside], blobs.radius_px[inside]
         close_votes = votes(place_px, radius_px, *inner, 0.2)
         loose_votes = votes(place_px, radius_px, *inner, 0.3)
-        good |= fits & (size > 0.75) & (size < 1.33) & (blobs.roughness[outside] < 0.08) & (blobs.aspect[outside] < 1.5)
+        good |= (
+            fits
+            & (size > 0.75)
+            & (size < 1.33)
+            & (blobs.roughness[outside] < 0.08)
+            & (blobs.aspect[outside] < 1.5)
+        )
         good &= free & (loose_votes >= 1)
         new = outside[good | (free & fits & (close_votes >= 2))]
         if len(new) == 0:

@@ -6,6 +6,8 @@ pyramid as D. G. Lowe, doi:10.1023/B:VISI.0000029664.99615.94.
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import no_type_check
 
 import cv2
 import numpy as np
@@ -57,7 +59,7 @@ def blobs_and_pyramid(
         pyramid.append(base)
         sigmas = FIRST_SIGMA * STEP ** np.arange(-1, PER_OCTAVE + 2)
         levels = [_blurred(base, math.sqrt(max(sigma**2 - base_sigma**2, 0.0))) for sigma in sigmas]
-        answers = np.stack([low - high for low, high in zip(levels[:-1], levels[1:], strict=True)])
+        answers = np.stack([low - high for low, high in pairwise(levels)])
         thresholds = np.array([max(least, _noise_contrast(noise, s * 2**octave)) for s in sigmas[:-1]])
         rows = np.empty((base.size // 8 + 16, 4), dtype=np.float32)
         count = _extrema(answers, (thresholds * BEST_ANSWER).astype(np.float32), rows)
@@ -90,7 +92,8 @@ def _noise_contrast(noise: float, sigma: float) -> float:
 
 
 @njit(cache=True, error_model="numpy")
-def _extrema(answers, thresholds, rows):  # type: ignore[no-untyped-def]
+@no_type_check
+def _extrema(answers, thresholds, rows):
     """Extrema over place and scale; rows x, y, scale index (all with parts), answer. Returns how many."""
     scales, height, width = answers.shape
     count = 0

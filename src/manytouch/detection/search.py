@@ -46,7 +46,7 @@ class DotSearch:
     """
 
     roi_px: tuple[int, int, int, int] | None = None
-    least_share: float = 0.12
+    least_share: float = 0.09
     least_snr: float = 1.5
 
     def start(self, sensor: Sensor) -> Searching:
@@ -83,7 +83,7 @@ class DotSearch:
             dots, radius_px = self._windows(state, image, weights, noise, expected_px - corner)
         keep = self._plausible(state, dots, radius_px, noise)
         detections = detections_of(dots, keep, corner)
-        status = condition(state.first, frame.image, level, dots, keep, state.markers)
+        status = condition(state.first, frame.image, dots, keep, level=level, markers=state.markers)
         if state.first is None and status == "ok" and keep.sum() >= min(6, state.markers):
             state = replace(state, first=first_of(frame.image, dots, keep))
         return state, replace(detections, status=status)
@@ -117,7 +117,7 @@ class DotSearch:
         image: np.ndarray,
         weights: Float64[np.ndarray, " c"],
         noise: float,
-        expected_px: Points2,
+        expected_px: Float64[np.ndarray, "m 2"],
     ) -> tuple[Dots, Scalars]:
         """The dots near expected places."""
         wanted = np.isfinite(expected_px).all(axis=1)
@@ -158,7 +158,8 @@ def typical_contrast(contrast: Scalars, markers: int) -> float:
     """Median of the strongest ones, as many as there should be dots."""
     if len(contrast) == 0:
         return 0.0
-    return float(np.median(np.sort(contrast)[-max(markers, 1) :]))
+    strongest: float = np.median(np.sort(contrast)[-max(markers, 1) :]).item()
+    return strongest
 
 
 def level_of(image: np.ndarray) -> float:
@@ -167,7 +168,7 @@ def level_of(image: np.ndarray) -> float:
         return 1.0
     largest = int(image.max())
     bits = next(bits for bits in (8, 10, 12, 14, 16) if largest < 2**bits)
-    return 255.0 / (2**bits - 1)
+    return 255.0 / float(2**bits - 1)
 
 
 def cropped(

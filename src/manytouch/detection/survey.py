@@ -21,8 +21,8 @@ from manytouch.detection.centroid import Dots, measure, noise_of
 from manytouch.detection.colour import fitted_weights, tried_weights
 from manytouch.detection.outline import Outlines, outlines
 from manytouch.detection.regularity import (
-    admitted,
     LOOSE,
+    admitted,
     grown,
     regular_share,
     single,
@@ -35,7 +35,7 @@ from manytouch.detection.scale_space import blobs_and_pyramid
 from manytouch.detection.search import cropped, detections_of, level_of
 from manytouch.errors import LayoutError
 from manytouch.values import Detections, Frame, Polarity
-from manytouch.values.arrays import Mask, Points2, Scalars
+from manytouch.values.arrays import Mask
 
 FEWEST = 6
 BANDS = np.geomspace(1.2, 160.0, 17)  # lower ends of the radii that are taken as alike
@@ -253,7 +253,8 @@ def _rivals(blobs: Outlines, members: Mask, smallest: float) -> Mask:
     rivals = ~members & (blobs.radius_px > smallest * low) & (blobs.radius_px < 1.6 * high)
     rivals &= (blobs.openness < 0.3) & (blobs.visible > 0.9)
     distance, nearest = cKDTree(blobs.place_px[members]).query(blobs.place_px)
-    return rivals & (distance > blobs.radius_px[members][nearest] + 0.5 * blobs.radius_px)
+    rivals = rivals & (distance > blobs.radius_px[members][nearest] + 0.5 * blobs.radius_px)
+    return np.asarray(rivals)
 
 
 def _clarity(blobs: Outlines, members: Mask) -> float:
@@ -382,7 +383,8 @@ def _is_half_visible(image: np.ndarray, dots: Dots, keep: Mask) -> Mask:
     local_px = np.quantile(radius_px[inside][near], 0.75, axis=1)
     far_corner = np.array([image.shape[1], image.shape[0]]) - 1.0
     margin = np.minimum(centre_px, far_corner - centre_px).min(axis=1) + 0.5
-    return (margin > 1.1 * local_px) | (radius_px**2 > 0.45 * local_px**2)
+    shows: Mask = (margin > 1.1 * local_px) | (radius_px**2 > 0.45 * local_px**2)
+    return shows
 
 
 def _notes(pattern: Pattern, keep: Mask) -> tuple[str, ...]:

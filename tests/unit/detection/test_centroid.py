@@ -1,0 +1,131 @@
+"""Centres of rendered dots: no bias, the error that is promised, and the covariance that goes with it."""
+
+import numpy as np
+import pytest
+
+from manytouch.detection import measure, noise_of
+from manytouch.simulation.render import DARK_DOTS, LIGHT_DOTS, Look, Spot, render_discs
+
+WIDTH, HEIGHT = 640, 400
+
+
+def dots_at(pitch_px: float, seed: int = 0) -> np.ndarray:
+    """A lattice at random parts of pixels, away from the border."""
+    x, y = np.meshgrid(np.arange(50, WIDTH - 50, pitch_px), np.arange(50, HEIGHT - 50, pitch_px))
+    centre_px = np.stack([x.ravel(), y.ravel()], axis=1)
+    return centre_px + np.random.default_rng(seed).uniform(-0.5, 0.5, centre_px.shape)
+
+
+def picture(
+    centre_px: np.ndarray, radius_px: float, look: Look, seed: int = 1, **given: object
+) -> np.ndarray:
+    shape_px = np.tile(radius_px * np.eye(2), (len(centre_px), 1, 1))
+    return render_discs(centre_px, shape_px, width_px=WIDTH, height_px=HEIGHT, look=look, seed=seed, **given)
+
+
+def measured(image: np.ndarray, centre_px: np.ndarray, radius_px: float, sign: float = 1.0, off: float = 0.3):
+    weights = np.array([sign])
+    near_px = centre_px + np.random.default_rng(9).uniform(-off, off, centre_px.shape)
+    return measure(
+        image, weights, near_px, np.full(len(centre_px), radius_px), noise=noise_of(image, weights)
+    )
+
+
+@pytest.mark.parametrize(("noise", "limit_px"), [(2.5, 0.03), (10.0, 0.06)])
+def test_error_at_noise(noise: float, limit_px: float) -> None:
+    centre_px = dots_at(45.0)
+    image = picture(centre_px, 10.0, Look(ground=45.0, dot=195.0, read_noise=noise))
+    error_px = measured(image, centre_px, 10.0).centre_px - centre_px
+    assert np.sqrt((error_px**2).mean()) < limit_px
+
+
+@pytest.mark.parametrize("radius_px", [2.0, 4.0, 8.0, 20.0])
+@pytest.mark.parametrize(("look", "sign"), [(LIGHT_DOTS, 1.0), (DARK_DOTS, -1.0)])
+def test_no_bias_without_noise(radius_px: float, look: Look, sign: float) -> None:
+    centre_px = dots_at(6.0 * radius_px if radius_px < 10 else 70.0)
+    dots = measured(picture(centre_px, radius_px, look), centre_px, radius_px, sign)
+    error_px = dots.centre_px - centre_px
+    assert np.abs(error_px.mean(axis=0)).max() < 0.01
+    assert np.sqrt((error_px**2).mean()) < 0.02
+    assert np.median(dots.area_px2) == pytest.approx(np.pi * radius_px**2, rel=0.05)
+    assert np.median(dots.contrast) == pytest.approx(abs(look.dot - look.ground), rel=0.15)
+
+
+@pytest.mark.parametrize("radius_px", [4.0, 10.0])
+def test_linear_light_does_not_move_the_centre(radius_px: float) -> None:
+    centre_px = dots_at(45.0)
+    dots = measured(picture(centre_px, radius_px, Look(tilt_x=0.6, tilt_y=0.3)), centre_px, radius_px)
+    assert np.abs((dots.centre_px - centre_px).mean(axis=0)).max() < 0.01
+
+
+@pytest.mark.parametrize("radius_px", [3.0, 6.0, 10.0])
+@pytest.mark.parametrize("noise", [2.5, 6.0])
+def test_covariance_agrees_with_the_error(radius_px: float, noise: float) -> None:
+    squared = []
+    for seed in range(3):
+        centre_px = dots_at(max(5.0 * radius_px, 24.0), seed)
+        dots = measured(picture(centre_px, radius_px, Look(read_noise=noise), seed + 5), centre_px, radius_px)
+        error_px = dots.centre_px - centre_px
+        squared.append(np.einsum("ni,nij,nj->n", error_px, np.linalg.inv(dots.covariance_px2), error_px))
+    assert np.concatenate(squared).mean() / 2.0 == pytest.approx(1.0, abs=0.27)
+
+
+def test_a_glint_inside_belongs_to_the_dot() -> None:
+    centre_px = dots_at(45.0)
+    image = picture(centre_px, 9.0, DARK_DOTS).astype(int)
+    glint = picture(centre_px + np.array([2.0, -1.5]), 3.0, Look(ground=0.0, dot=120.0)).astype(int)
+    dots = measured(np.clip(image + glint, 0, 255).astype(np.uint8), centre_px, 9.0, -1.0)
+    assert np.abs(dots.centre_px - centre_px).max() < 0.1
+    assert np.median(dots.area_px2) == pytest.approx(np.pi * 81.0, rel=0.05)
+
+
+def test_walk_reaches_a_dot_most_of_its_radius_away() -> None:
+    centre_px = dots_at(45.0)
+    image = picture(centre_px, 8.0, Look(read_noise=2.0))
+    found = measure(
+        image, np.ones(1), centre_px + np.array([5.0, -4.0]), np.full(len(centre_px), 8.0), noise=2.0, walk=3
+    )
+    assert np.abs(found.centre_px - centre_px).max() < 0.1
+
+
+def test_a_dot_cut_by_the_border_is_less_certain() -> None:
+    centre_px = np.array([[100.0, 100.0], [1.0, 200.0], [300.0, HEIGHT - 1.0]])
+    dots = measured(picture(centre_px, 9.0, LIGHT_DOTS), centre_px, 9.0, off=0.0)
+    assert dots.cut[0] == 0.0
+    assert (dots.cut[1:] > 0.2).all()
+    error_px = np.linalg.norm(dots.centre_px - centre_px, axis=1)
+    deviation_px = np.sqrt(np.trace(dots.covariance_px2, axis1=1, axis2=2))
+    assert (error_px[1:] < 2.0 * deviation_px[1:]).all()
+    assert (deviation_px[1:] > 10.0 * deviation_px[0]).all()
+
+
+def test_nothing_is_found_where_nothing_is() -> None:
+    image = np.full((HEIGHT, WIDTH), 60, dtype=np.uint8)
+    dots = measure(
+        image, np.ones(1), np.array([[50.0, 60.0], [np.nan, 3.0], [-9.0, 5.0]]), np.full(3, 6.0), noise=1.0
+    )
+    assert not dots.is_found.any()
+    assert np.isnan(dots.centre_px).all()
+
+
+def test_colour_and_16_bit_give_the_centre_of_grey() -> None:
+    centre_px = dots_at(45.0)
+    grey = picture(centre_px, 8.0, LIGHT_DOTS)
+    radius_px = np.full(len(centre_px), 8.0)
+    plain = measure(grey, np.ones(1), centre_px, radius_px, noise=1.0)
+    colour = measure(
+        np.repeat(grey[:, :, None], 3, axis=2), np.array([0.2, 0.5, 0.3]), centre_px, radius_px, noise=1.0
+    )
+    fine = measure(grey.astype(np.uint16) * 257, np.array([1 / 257]), centre_px, radius_px, noise=1.0)
+    np.testing.assert_allclose(colour.centre_px, plain.centre_px, atol=1e-4)
+    np.testing.assert_allclose(fine.centre_px, plain.centre_px, atol=1e-4)
+
+
+@pytest.mark.parametrize("noise", [1.0, 3.0, 10.0])
+def test_noise_is_measured_among_dots(noise: float) -> None:
+    image = picture(
+        dots_at(40.0),
+        10.0,
+        Look(read_noise=noise, glare=(Spot(centre_px=(300.0, 200.0), radius_px=60.0, amount=40.0),)),
+    )
+    assert noise_of(image, np.ones(1), rows=200) == pytest.approx(noise, rel=0.15)
