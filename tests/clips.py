@@ -9,18 +9,29 @@ import numpy as np
 WIDTH_PX, HEIGHT_PX = 320, 240
 ROWS, COLUMNS = 6, 9
 PITCH_PX = (32.0, 34.0)
+REACH_PX = 45.0
 
 
-def picture(press: float = 0.0, *, seed: int = 0, scale: float = 1.0) -> np.ndarray:
-    """Dark dots on a light ground; a press pushes them away from a place right of the middle, by up to
-    that many px."""
-    width, height = round(WIDTH_PX * scale), round(HEIGHT_PX * scale)
-    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
-    rest = np.column_stack([(column - (COLUMNS - 1) / 2) * PITCH_PX[0], (row - (ROWS - 1) / 2) * PITCH_PX[1]])
+def picture(
+    press: float = 0.0, *, seed: int = 0, scale: float = 1.0, shape: tuple[int, int] = (ROWS, COLUMNS)
+) -> np.ndarray:
+    """Dark dots on a light ground; a press pushes them away from a place right of the middle.
+
+    Args:
+        press: the largest displacement, px at scale 1.
+        seed: of the noise.
+        scale: of the whole picture, which has WIDTH_PX x HEIGHT_PX at 1 and with the usual shape.
+        shape: rows and columns.
+    """
+    rows, columns = shape
+    width = WIDTH_PX + (columns - COLUMNS) * PITCH_PX[0]
+    height = HEIGHT_PX + (rows - ROWS) * PITCH_PX[1]
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    rest = np.column_stack([(column - (columns - 1) / 2) * PITCH_PX[0], (row - (rows - 1) / 2) * PITCH_PX[1]])
     away = rest - [40.0, -20.0]
-    reach = np.exp(-np.sum(away**2, axis=1) / (2 * 45.0**2))[:, None]
-    place = (rest + press * reach * away / 27.3 + [WIDTH_PX / 2, HEIGHT_PX / 2]) * scale
-    image = np.full((height, width), 190, np.uint8)
+    near = np.exp(-np.sum(away**2, axis=1) / (2 * REACH_PX**2))[:, None]
+    place = (rest + press * near * away / (np.exp(-0.5) * REACH_PX) + [width / 2, height / 2]) * scale
+    image = np.full((round(height * scale), round(width * scale)), 190, np.uint8)
     for x, y in place:
         cv2.circle(image, (round(16 * x), round(16 * y)), round(16 * 7 * scale), 50, -1, cv2.LINE_AA, 4)
     image = cv2.GaussianBlur(image, (5, 5), 1.0)

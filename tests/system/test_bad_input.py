@@ -120,7 +120,7 @@ def test_truncated_video_is_read_as_far_as_it_goes(run: Run, tmp_path: Path) -> 
 
 
 def test_start_pressed_is_said(run: Run, tmp_path: Path) -> None:
-    write_video(tmp_path / "pressed.mp4", (picture(12.0, seed=index) for index in range(40)))
+    write_video(tmp_path / "pressed.mp4", (picture(12.0, seed=index, shape=(10, 15)) for index in range(30)))
     done = run("process", "pressed.mp4", "--out", "out")
     assert done.returncode == 0, done.stderr
     summary = json.loads((tmp_path / "out" / "pressed" / "summary.json").read_text())
