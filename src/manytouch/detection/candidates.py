@@ -61,7 +61,7 @@ def candidates(
     reach = own * np.array([1.3, 1.7, 2.1])
     offset = np.rint(reach[None, :, None] * np.stack([np.sin(angle), np.cos(angle)], axis=1)[:, None])
     found = np.empty((small.size // 4 + 16, 3), dtype=np.float32)
-    count = _peaks(inner, outer, np.float32(least * DISC_ANSWER), offset.astype(np.int64), found)
+    count = _peaks(inner, inner - outer, np.float32(least * DISC_ANSWER), offset.astype(np.int64), found)
     peaks = found[:count].astype(np.float64)
     return Candidates(
         place_px=(peaks[:, :2] + 0.5) * factor - 0.5,
@@ -72,11 +72,11 @@ def candidates(
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _is_enclosed(image, y, x, offset):
-    """Does the brightness fall by half of its typical fall in nearly all directions?"""
+def _is_enclosed(image, y, x, offset, fall):
+    """Does the brightness fall by a third of its mean fall in nearly all directions?"""
     height, width = image.shape
-    fall = np.empty(offset.shape[0], dtype=np.float32)
     known = 0
+    total = np.float32(0.0)
     for direction in range(offset.shape[0]):
         low = np.float32(1e9)
         for step in range(offset.shape[1]):
@@ -85,47 +85,57 @@ def _is_enclosed(image, y, x, offset):
                 low = min(low, image[v, u])
         if low < np.float32(1e9):
             fall[known] = image[y, x] - low
+            total += fall[known]
             known += 1
-    if known < offset.shape[0] // 3:
+    if known < offset.shape[0] // 3 or total <= 0.0:
         return False
-    typical = np.sort(fall[:known])[known // 2]
+    least = 0.35 * total / known
     open_directions = 0
     for direction in range(known):
-        if fall[direction] < 0.35 * typical:
+        if fall[direction] < least:
             open_directions += 1
-    return typical > 0.0 and open_directions <= 0.2 * known
+    return open_directions <= 0.2 * known
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _peaks(inner, outer, least, offset, found):
-    """Local maxima of inner - outer, at parts of pixels; rows x, y, height. Returns their number."""
-    height, width = inner.shape
+def _is_peak(answer, y, x):
+    """Is no neighbour higher? Of equal ones the first in reading order is the peak."""
+    height, width = answer.shape
+    value = answer[y, x]
+    for v in range(max(0, y - 1), min(height, y + 2)):
+        for u in range(max(0, x - 1), min(width, x + 2)):
+            if answer[v, u] > value or (answer[v, u] == value and (v < y or (v == y and u < x))):
+                return False
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _part(before, value, after):
+    """Where between -0.5 and 0.5 px the parabola through three values has its top."""
+    bend = max(2.0 * value - before - after, 1e-6)
+    return min(max(0.5 * (after - before) / bend, -0.5), 0.5)
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _peaks(inner, answer, least, offset, found):
+    """Local maxima of `answer`, at parts of pixels; rows x, y, height. Returns their number."""
+    height, width = answer.shape
+    fall = np.empty(offset.shape[0], dtype=np.float32)
     count = 0
     for y in range(height):
         for x in range(width):
-            value = inner[y, x] - outer[y, x]
-            if value < least:
+            value = answer[y, x]
+            if value < least or not _is_peak(answer, y, x) or not _is_enclosed(inner, y, x, offset, fall):
                 continue
-            is_peak = True
-            for v in range(max(0, y - 1), min(height, y + 2)):
-                for u in range(max(0, x - 1), min(width, x + 2)):
-                    other = inner[v, u] - outer[v, u]
-                    if other > value or (other == value and (v < y or (v == y and u < x))):
-                        is_peak = False
-            if not is_peak or not _is_enclosed(inner, y, x, offset):
-                continue
-            dx = dy = np.float32(0.0)
-            if 0 < x < width - 1:
-                left, right = inner[y, x - 1] - outer[y, x - 1], inner[y, x + 1] - outer[y, x + 1]
-                dx = 0.5 * (right - left) / max(2.0 * value - left - right, np.float32(1e-6))
-            if 0 < y < height - 1:
-                above, below = inner[y - 1, x] - outer[y - 1, x], inner[y + 1, x] - outer[y + 1, x]
-                dy = 0.5 * (below - above) / max(2.0 * value - above - below, np.float32(1e-6))
             if count < found.shape[0]:
-                found[count, 0] = x + min(max(dx, np.float32(-0.5)), np.float32(0.5))
-                found[count, 1] = y + min(max(dy, np.float32(-0.5)), np.float32(0.5))
-                found[count, 2] = value
+                found[count, 0], found[count, 1], found[count, 2] = x, y, value
+                if 0 < x < width - 1:
+                    found[count, 0] += _part(answer[y, x - 1], value, answer[y, x + 1])
+                if 0 < y < height - 1:
+                    found[count, 1] += _part(answer[y - 1, x], value, answer[y + 1, x])
                 count += 1
     return count
 

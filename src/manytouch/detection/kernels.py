@@ -30,23 +30,6 @@ def _grey(image, weights, y, x):
     return value
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
-@no_type_check
-def _grey_row(row, weights, out):
-    """Grey levels of the pixels of a row."""
-    if weights.shape[0] == 1:
-        weight = weights[0]
-        for u in range(out.shape[0]):
-            out[u] = np.float32(row[u]) * weight
-    else:
-        blue, green, red = weights[0], weights[1], weights[2]
-        for u in range(out.shape[0]):
-            at = 3 * u
-            out[u] = (
-                np.float32(row[at]) * blue + np.float32(row[at + 1]) * green + np.float32(row[at + 2]) * red
-            )
-
-
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _walk_to_dot(image, weights, x, y, radius, steps):
@@ -260,11 +243,27 @@ def _light(image, weights, x, y, radius, noise, samples, light):
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def _share_row(row, x, ground, ground_slope, height, height_slope, least):
-    """Grey levels of a row of the window become shares of dot, in place."""
-    for u in range(row.shape[0]):
-        dx = np.float32(u) - x
-        row[u] = (row[u] - (ground + ground_slope * dx)) / max(height + height_slope * dx, least)
+def _share_row(row, weights, x, ground, height, least, out):
+    """Share of dot in the pixels of a row; `ground` and `height` are the level at x and the slope."""
+    ground_0, ground_x, height_0, height_x = ground[0], ground[1], height[0], height[1]
+    dx = -x  # counted in floats: lanes convert no 64-bit integers
+    if weights.shape[0] == 1:
+        weight = weights[0]
+        for u in range(out.shape[0]):
+            height_here = height_0 + height_x * dx
+            height_here = height_here if height_here > least else least
+            out[u] = (np.float32(row[u]) * weight - (ground_0 + ground_x * dx)) / height_here
+            dx += np.float32(1.0)
+    else:
+        blue, green, red = weights[0], weights[1], weights[2]
+        for u in range(out.shape[0]):
+            grey = (
+                np.float32(row[3 * u]) * blue
+                + np.float32(row[3 * u + 1]) * green
+                + np.float32(row[3 * u + 2]) * red
+            )
+            out[u] = (grey - (ground_0 + ground_x * dx)) / max(height_0 + height_x * dx, least)
+            dx += np.float32(1.0)
 
 
 @njit(cache=True, error_model="numpy")
@@ -272,14 +271,12 @@ def _share_row(row, x, ground, ground_slope, height, height_slope, least):
 def _share(image, weights, x, y, x0, y0, light, share):
     """Share of dot in each pixel of the window `share`, whose first pixel is (x0, y0)."""
     f = np.float32
-    channels = weights.shape[0]
+    first, last = x0 * weights.shape[0], (x0 + share.shape[1]) * weights.shape[0]
     for v in range(share.shape[0]):
         dy = v + y0 - y
-        _grey_row(image[v + y0, x0 * channels : (x0 + share.shape[1]) * channels], weights, share[v])
-        _share_row(
-            share[v], f(x - x0), f(light[0] + light[2] * dy), f(light[1]),
-            f(light[3] + light[5] * dy), f(light[4]), f(0.5 * light[3]),
-        )  # fmt: skip
+        ground = (f(light[0] + light[2] * dy), f(light[1]))
+        height = (f(light[3] + light[5] * dy), f(light[4]))
+        _share_row(image[v + y0, first:last], weights, f(x - x0), ground, height, f(0.5 * light[3]), share[v])
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
@@ -288,15 +285,18 @@ def _row_moments(row, x):
     """Weight and its moment along x, number of edge pixels and their first and second moments."""
     f = np.float32
     total = moment = count = edge_x = edge_xx = f(0.0)
+    dx = -x
     for u in range(row.shape[0]):
-        dx = f(u) - x
-        weight = min(max((row[u] - f(LOW)) * f(GAIN), f(0.0)), f(1.0))
+        weight = (row[u] - f(LOW)) * f(GAIN)
+        weight = weight if weight > f(0.0) else f(0.0)
+        weight = weight if weight < f(1.0) else f(1.0)
         total += weight
         moment += weight * dx
         is_edge = f(1.0) if f(0.0) < weight < f(1.0) else f(0.0)
         count += is_edge
         edge_x += is_edge * dx
         edge_xx += is_edge * dx * dx
+        dx += f(1.0)
     return total, moment, count, edge_x, edge_xx
 
 

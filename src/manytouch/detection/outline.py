@@ -158,11 +158,11 @@ def _trace_one(image, x, y, radius, sign, values, known, lengths, row):
                 lengths[ray] = REACH * radius * (max(step + part, 0.0) + 0.5) / STEPS
                 break
     row[3], row[4] = contrast, open_rays / whole
-    for ray in range(RAYS // 2):
-        # open on opposite sides: a ridge, a cable, a stripe
+    for ray in range(RAYS):
+        # open on opposite sides: a ridge, a cable, a stripe; what leaves the image may be one as well
         for turn in range(RAYS // 2 - 1, RAYS // 2 + 2):
-            opposite = (ray + turn) % RAYS
-            if falls[ray] < 0.65 * contrast and falls[opposite] < 0.65 * contrast:
+            opposite = falls[(ray + turn) % RAYS]
+            if falls[ray] < 0.65 * contrast and not opposite >= 0.65 * contrast:
                 row[4] = max(row[4], 0.5)
     # a ray that left the image, or did not fall, is as long as its opposite, or as the middle one
     count = 0
