@@ -145,7 +145,8 @@ def figures(comparison: Comparison) -> Figures:
         "depth": depth_figures(comparison.depth, shallowest_mm=gates(comparison.unit)[1]),
         "contacts": contact_figures(comparison.contacts),
         "force": force_figures(comparison.contacts),
-        "separation": {
+        "separation": {"pairs": len(comparison.pairs.is_told)}
+        | {
             f"from_mm_at_1_to_{ratio:g}": separation_curve(comparison.pairs, ratio).from_mm
             for ratio in RATIOS
         },

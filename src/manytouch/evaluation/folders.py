@@ -208,7 +208,7 @@ def _unit(columns: Sequence[str], what: str) -> LengthUnit:
 def _places(row: np.ndarray, column: np.ndarray, centre_px: np.ndarray) -> tuple[np.ndarray, str]:
     """Places of the markers at rest: columns and rows, or where they are first seen."""
     if row.size and np.isfinite(row).any(axis=0).all():
-        return np.column_stack([np.nanmax(column, axis=0), np.nanmax(row, axis=0)]), "pitch"
+        return np.column_stack([np.nanmax(column, axis=0), np.nanmax(row, axis=0)]), "column"
     is_seen = np.isfinite(centre_px).all(axis=2)
     first = np.argmax(is_seen, axis=0)
     place = centre_px[first, np.arange(centre_px.shape[1])]

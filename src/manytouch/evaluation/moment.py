@@ -24,7 +24,7 @@ class Moment:
         frame: its number.
         rmse_mm: of the depth over the sheet.
         place: (m, 2) of the markers at rest, in `place_unit`.
-        place_unit: "mm", "pitch" or "px".
+        place_unit: "mm", "pitch", "column" or "px".
         true_mm, estimated_mm: (m,) depth at the markers, NaN where not given.
         true_contact_mm: (t, 2) centres of the true contacts.
         is_found: (t,) does an estimate stand on it?

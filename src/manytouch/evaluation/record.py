@@ -53,7 +53,7 @@ class Record:
         milliseconds: (f,) from the decoded frame to the finished reading.
         marker: (m,) numbers of its markers, ascending.
         place: (m, 2) where they lie at rest.
-        place_unit: of `place`: "mm", "pitch" (columns and rows) or "px".
+        place_unit: of `place`: "mm", "pitch" (from the middle), "column" (columns and rows) or "px".
         centre_px, centre_std_px: (f, m, 2) x, y of the markers' images; NaN where not seen.
         depth_mm, depth_std_mm: (f, m) at the markers.
         contacts: those that touch.

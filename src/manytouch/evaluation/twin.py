@@ -62,9 +62,10 @@ class PlateTwin:
     @property
     def in_words(self) -> str:
         return (
-            "a linear clamped plate under pretension (Kirchhoff, Ritz series) that frictionless round "
-            "patches press: no large deflection, no 3-D mechanics, no friction. Dots move as normals to "
-            "the middle surface do. It ranks methods; it does not say how well they do on a real sheet"
+            "A linear clamped plate under pretension (Kirchhoff, Ritz series) that frictionless round "
+            "patches press: without large deflection, without the mechanics of a solid, without friction; "
+            "dots move as normals to the middle surface do. It ranks methods; it does not say how well "
+            "they do on a real sheet"
         )
 
     def refusal(self, case: Case) -> str | None:
