@@ -20,6 +20,7 @@ class Hills:
         load_std: (c,) of it, from the noise of the centres.
         area_mm2: (c,) of the upper half.
         is_firm: (c,) clear enough to begin a contact; the others can only continue one.
+        floor: load below which nothing counts in this frame.
         member: (ny, nx) hill whose upper half a point of the map belongs to, or -1.
     """
 
@@ -29,6 +30,7 @@ class Hills:
     load_std: Scalars
     area_mm2: Scalars
     is_firm: Mask
+    floor: float
     member: np.ndarray
 
 
@@ -43,6 +45,9 @@ class ContactFinder:
         start_load: least load times pitch (the angle in rad that the slope turns within a pitch) of a new
             contact; a sheet that creeps back or rests anew after its frame was moved stays below.
         stay_load: a contact lasts while it stays above.
+        creep_share: of a press that is just gone, a soft sheet keeps up to this share for a while; nothing
+            below it is a contact.
+        creep_memory: part of that which is left a frame later.
         noise_stds: and above this many standard deviations of the noise, to start; half of it to stay.
         start_share: a new contact is above this share of the strongest load in the frame.
         stay_share: an old one stays above.
@@ -52,21 +57,33 @@ class ContactFinder:
     """
 
     start_load: float = 0.02
-    stay_load: float = 0.012
+    stay_load: float = 0.015
+    creep_share: float = 0.2
+    creep_memory: float = 0.98
     noise_stds: float = 6.0
-    start_share: float = 0.2
-    stay_share: float = 0.12
-    merge: float = 0.8
+    start_share: float = 0.45
+    stay_share: float = 0.4
+    merge: float = 0.65
     model_std_pitch: float = 0.15
     model_std_radius: float = 0.15
 
-    def __call__(self, chart: LoadMap, modes: Float64[np.ndarray, "k l"], std_mm: float) -> Hills:
-        """The contacts in a load, given the deviation of a displacement along each axis."""
+    def __call__(
+        self, chart: LoadMap, modes: Float64[np.ndarray, "k l"], std_mm: float, recent_load: float = 0.0
+    ) -> Hills:
+        """The contacts in a load.
+
+        Args:
+            chart: of the sensor.
+            modes: of the load.
+            std_mm: deviation of a displacement along each axis.
+            recent_load: strongest load of the frames before, as `remembered` keeps it.
+        """
         from manytouch.estimation.kernels import hills
 
         load = chart.load(modes)
         strongest = float(load.max())
-        floor = max(self.stay_load, self.stay_share * strongest)
+        crept = self.creep_share * recent_load
+        floor = max(self.stay_load, crept, self.stay_share * strongest)
         label, peak = hills(np.ascontiguousarray(load), floor / 2.0, self.merge)
         height = load.ravel()[peak]
         column, row = peak % len(chart.x_mm), peak // len(chart.x_mm)
@@ -85,7 +102,7 @@ class ContactFinder:
             self.model_std_pitch * chart.pitch_mm, self.model_std_radius * np.sqrt(area_mm2 / np.pi)
         )
         covariance = chart.centre_covariance(top_mm, std_mm, modes) + model[:, None, None] ** 2 * np.eye(2)
-        firm = max(self.start_load, self.start_share * strongest)
+        firm = max(self.start_load, crept, self.start_share * strongest)
         return Hills(
             centre_mm=centre_mm,
             covariance_mm2=covariance,
@@ -93,12 +110,13 @@ class ContactFinder:
             load_std=std,
             area_mm2=area_mm2,
             is_firm=(height > firm) & (height > self.noise_stds * std),
+            floor=max(self.stay_load, crept),
             member=member,
         )
 
-    def is_there(self, chart: LoadMap, modes: Float64[np.ndarray, "k l"], point_mm: Points2) -> Mask:
-        """May points (n, 2) still be pressed, though no hill has its peak there?"""
-        return np.asarray(chart.load_at(point_mm, modes) > self.stay_load)
+    def remembered(self, found: Hills, recent_load: float) -> float:
+        """The strongest load up to now, which fades."""
+        return max([self.creep_memory * recent_load, *found.load.tolist()])
 
     @staticmethod
     def _centroids(

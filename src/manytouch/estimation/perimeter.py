@@ -22,7 +22,7 @@ from manytouch.estimation.unseen import FillUnseen
 from manytouch.estimation.view import RobustView
 from manytouch.geometry.camera import cam_from_sheet, onto_plane, project
 from manytouch.geometry.neighbours import Neighbours, lattice_cells, nearest_neighbours, triangle_cells
-from manytouch.geometry.sampling import GridSampling, sampling_at, sampling_on
+from manytouch.geometry.sampling import GridSampling, sampling_on
 from manytouch.values import (
     ESTIMATES,
     Camera,
@@ -56,6 +56,7 @@ class PerimeterMemory:
         scale_std: relative deviation of depths for what had to be assumed.
         noise_px: usual deviation of a centre.
         settled_mm: (m, 2) where the untouched sheet has crept to, from its rest.
+        recent_load: strongest load of the frames before, fading.
         lives: contacts that last.
     """
 
@@ -72,6 +73,7 @@ class PerimeterMemory:
     scale_std: float
     noise_px: float
     settled_mm: Points2
+    recent_load: float
     lives: Lives
 
 
@@ -94,7 +96,7 @@ class PerimeterDepth:
     model: LoadModel = field(default_factory=LoadModel)
     find: ContactFinder = field(default_factory=ContactFinder)
     identity: ContactIdentity = field(default_factory=ContactIdentity)
-    settle: float = 0.03
+    settle: float = 0.01
     assumed_scale_std: float = 0.35
 
     def start(self, sensor: Sensor) -> PerimeterMemory:
@@ -137,6 +139,7 @@ class PerimeterDepth:
             scale_std=self.assumed_scale_std if assumes_view else 0.0,
             noise_px=sensor.centre_noise_px or _USUAL_NOISE_PX,
             settled_mm=read_only(np.zeros_like(plane_mm)),
+            recent_load=0.0,
             lives=self.identity.start(sensor),
         )
 
@@ -158,18 +161,20 @@ class PerimeterDepth:
         displacement_mm, propagated_mm2, _ = law(law.rest_mm + still_mm, covariance_mm2)
         surface = self._surface(state, grid, displacement_mm, propagated_mm2)
         modes = state.chart.modes(moved_mm - state.settled_mm)
-        found = self.find(state.chart, modes, std_mm)
+        found = self.find(state.chart, modes, std_mm, state.recent_load)
         lives, contacts = self.identity.step(
             state.lives,
             self._contacts(state, found, surface, moved_mm),
             is_firm=found.is_firm.tolist(),
-            is_there=lambda point_mm: self.find.is_there(state.chart, modes, point_mm),
+            is_there=lambda point_mm: state.chart.load_at(point_mm, modes) > found.floor,
             status=grid.status,
         )
         settled_mm = state.settled_mm
         if grid.status == "ok" and not lives.lives and len(found.load) == 0:
             settled_mm = read_only(settled_mm + self.settle * (moved_mm - settled_mm))
-        return replace(state, lives=lives, settled_mm=settled_mm), surface, contacts
+        recent_load = self.find.remembered(found, state.recent_load)
+        state = replace(state, lives=lives, settled_mm=settled_mm, recent_load=recent_load)
+        return state, surface, contacts
 
     def _blind(self, state: PerimeterMemory, grid: TrackedGrid) -> tuple[PerimeterMemory, Surface, Contacts]:
         """A frame that shows nothing."""
@@ -213,7 +218,7 @@ class PerimeterDepth:
             return []
         depth = state.sampling(-surface.displacement_mm[:, 2])
         depth_std = state.sampling(np.sqrt(surface.covariance_mm2[:, 2, 2]))
-        here_mm = sampling_at(state.layout, found.centre_mm).weight @ moved_mm + found.centre_mm
+        here_mm = found.centre_mm + _moved_at(state, moved_mm, found.centre_mm)
         centre_px = project(state.camera, np.column_stack([here_mm, np.zeros(len(here_mm))]))
         contacts = []
         for hill in range(len(found.load)):
@@ -252,6 +257,16 @@ def law_error(state: PerimeterMemory, depth_mm: Scalars) -> Float64[np.ndarray, 
     leant = 0.5 * ((rest - state.law.eye_mm) * slope).sum(axis=1)
     stretched = 0.5 * state.law.distance_mm * state.lever_mm * bend
     return np.asarray(np.hypot(leant, stretched))
+
+
+def _moved_at(state: PerimeterMemory, moved_mm: Points2, point_mm: Points2) -> Points2:
+    """Displacements (n, 2) at the points of the chart nearest to the given ones."""
+    x_mm, y_mm = state.chart.x_mm, state.chart.y_mm
+    column = np.rint((point_mm[:, 0] - x_mm[0]) / (x_mm[1] - x_mm[0])).astype(int)
+    row = np.rint((point_mm[:, 1] - y_mm[0]) / (y_mm[1] - y_mm[0])).astype(int)
+    maps = [state.sampling(np.ascontiguousarray(moved_mm[:, axis])) for axis in range(2)]
+    at = np.column_stack([each[row, column] for each in maps])
+    return np.where(np.isfinite(at), at, 0.0)
 
 
 def _plane_from_px(camera: Camera, pixel: Points2) -> Covariances2:

@@ -43,12 +43,14 @@ class RobustView:
         part: of the markers' weight that must move as one.
         border_weight: of a marker at the border, against 1 in the middle.
         candidates: pairs of markers that propose a motion.
+        voters: markers that judge the proposals, about; the refinement uses all.
         refinements: steps of re-weighting.
     """
 
     part: float = 0.35
     border_weight: float = 2.0
-    candidates: int = 96
+    candidates: int = 48
+    voters: int = 150
     refinements: int = 4
 
     def pairs(self, rest_mm: Points2) -> np.ndarray:
@@ -92,8 +94,10 @@ class RobustView:
         shift = (moved[usable] - 1j * angle[:, None] * place[usable]).mean(axis=1)
         middle = np.median(moved[is_seen].real) + 1j * np.median(moved[is_seen].imag)
         angle, shift = np.append(angle, 0.0), np.append(shift, middle)
-        residual = np.abs(moved - shift[:, None] - 1j * angle[:, None] * place)
-        best = int(np.argmin(self._spread(residual, weight)))
+        some = np.flatnonzero(is_seen)
+        some = some[:: max(1, len(some) // self.voters)]
+        residual = np.abs(moved[some] - shift[:, None] - 1j * angle[:, None] * place[some])
+        best = int(np.argmin(self._spread(residual, weight[some])))
         return self._refined(place, moved, weight, (shift[best], float(angle[best])), std_mm)
 
     def _spread(self, residual: np.ndarray, weight: Scalars) -> np.ndarray:
