@@ -1,0 +1,51 @@
+"""The medians as bars."""
+
+from pathlib import Path
+
+from rounds import Timing
+
+OWN, PAPER, OTHER, FLOOR = "#1b6ca8", "#b5651d", "#8a8a8a", "#c9c9c9"
+
+
+def plotted(timings: dict[str, Timing], file: Path, *, title: str) -> None:
+    """Horizontal bars on a logarithmic axis, fastest on top; a tick marks the 99th percentile."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    rows = sorted(
+        ((name, timing) for name, timing in timings.items() if not name.startswith("stage")),
+        key=lambda item: item[1].median_ms,
+    )
+    figure = Figure(figsize=(9.5, 0.36 * len(rows) + 1.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    for place, (name, timing) in enumerate(rows):
+        axes.barh(place, timing.median_ms, color=_colour(name), height=0.72)
+        if timing.p99_ms is not None:
+            axes.plot([timing.p99_ms] * 2, [place - 0.36, place + 0.36], color="black", linewidth=1.2)
+        reach = max(timing.median_ms, timing.p99_ms or 0.0)
+        axes.text(1.12 * reach, place, _label(timing.median_ms), va="center", fontsize=8)
+    axes.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=8)
+    axes.set_xscale("log")
+    axes.invert_yaxis()
+    axes.set_xlim(right=4.0 * max(timing.median_ms for _, timing in rows))
+    axes.set_xlabel("ms per frame, median (tick: 99th percentile)")
+    axes.set_title(title, fontsize=9)
+    axes.grid(axis="x", color="#e4e4e4", linewidth=0.8)
+    axes.set_axisbelow(True)
+    axes.spines[["top", "right"]].set_visible(False)
+    figure.savefig(file, dpi=130)
+
+
+def _colour(name: str) -> str:
+    if name.startswith("manytouch"):
+        return OWN
+    if name.startswith("paper"):
+        return PAPER
+    return FLOOR if name.startswith(("copy", "JPEG")) else OTHER
+
+
+def _label(ms: float) -> str:
+    if ms < 10:
+        return f"{ms:.2f}"
+    return f"{ms:.1f}" if ms < 100 else f"{ms:.0f}"

@@ -1,0 +1,158 @@
+"""Times several methods in one run: round after round, a frame each, so that all meet the same machine."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.spatial import cKDTree
+from sequences import Course, to_and_fro
+
+from manytouch.values import Frame
+
+SHARE_MS = 30.0  # a slower method runs only in so many rounds that it takes this much of each on average
+WARM = 4
+JUDGED_EVERY = 5
+GATE_PITCHES = 0.1
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Footage:
+    """What all methods see.
+
+    Attributes:
+        course: the truth.
+        frames: that can be run through forwards and backwards without a jump.
+        jpeg: the same as a camera would send them.
+    """
+
+    course: Course
+    frames: Sequence[Frame]
+    jpeg: Sequence[bytes]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Answer:
+    """What a method says of a frame, so that it can be checked.
+
+    Attributes:
+        centre_px: (n, 2) dots, or None when it does not tell any.
+        marker: (n,) which marker each is, -1 where not known; None when it tells no identities.
+    """
+
+    centre_px: np.ndarray | None = None
+    marker: np.ndarray | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Method:
+    """Something to be timed.
+
+    Attributes:
+        name: short, for table and plot.
+        does: what is in its time.
+        prepare: takes the footage, gives the function that is timed; it is called with an index of
+            `footage.frames`, each time a neighbour of the one before.
+        goal: the name of the goal it is compared with, or "".
+        most: runs at most.
+    """
+
+    name: str
+    does: str
+    prepare: Callable[[Footage], Callable[[int], Answer]]
+    goal: str = ""
+    most: int = 10**9
+
+
+@dataclass(slots=True, eq=False, kw_only=True)
+class Timing:
+    """What the rounds gave for a method.
+
+    Attributes:
+        spent_ms, cpu_ms: of each run; the second does not count while other programs had the processor.
+        found, wrong: shares of the true dots that were found, and of the identities that were not true.
+        error_px: errors of centres, along each axis.
+        every: it ran in every so many rounds.
+    """
+
+    spent_ms: list[float] = field(default_factory=list)
+    cpu_ms: list[float] = field(default_factory=list)
+    found: list[float] = field(default_factory=list)
+    wrong: list[float] = field(default_factory=list)
+    error_px: list[np.ndarray] = field(default_factory=list)
+    every: int = 1
+
+    @property
+    def median_ms(self) -> float:
+        return float(np.median(self.spent_ms))
+
+    @property
+    def p99_ms(self) -> float | None:
+        """None with fewer than 100 runs."""
+        return float(np.percentile(self.spent_ms, 99)) if len(self.spent_ms) >= 100 else None
+
+    @property
+    def rms_px(self) -> float | None:
+        if not self.error_px:
+            return None
+        error = np.concatenate(self.error_px)
+        return float(np.sqrt(np.mean(error**2))) if len(error) else None
+
+
+def interleaved(methods: Sequence[Method], footage: Footage, rounds: int) -> dict[str, Timing]:
+    """Time all methods, `rounds` rounds long; slow ones leave rounds out."""
+    runs, timings, done = {}, {}, {}
+    order = to_and_fro(len(footage.frames), 10 * rounds + 100)
+    for method in methods:
+        runs[method.name] = method.prepare(footage)
+        timings[method.name] = Timing()
+        # the methods that take seconds need no warming
+        pilot_ms = np.inf
+        for turn in range(WARM):
+            spent_ms, _, _ = _timed(runs[method.name], int(order[turn]))
+            pilot_ms = min(pilot_ms, spent_ms)
+            done[method.name] = turn + 1
+            if turn >= 1 and spent_ms > 500.0:
+                break
+        timings[method.name].every = max(1, int(pilot_ms / SHARE_MS))
+    for turn in range(rounds):
+        first = turn % len(methods)
+        for method in [*methods[first:], *methods[:first]]:
+            timing = timings[method.name]
+            if turn % timing.every or len(timing.spent_ms) >= method.most:
+                continue
+            index = int(order[done[method.name]])
+            done[method.name] += 1
+            spent_ms, cpu_ms, answer = _timed(runs[method.name], index)
+            timing.spent_ms.append(spent_ms)
+            timing.cpu_ms.append(cpu_ms)
+            if len(timing.spent_ms) % JUDGED_EVERY == 1:
+                _judge(timing, footage.course, index, answer)
+    return timings
+
+
+def _timed(run: Callable[[int], Answer], index: int) -> tuple[float, float, Answer]:
+    begun_s, begun_cpu_s = time.perf_counter(), time.thread_time()
+    answer = run(index)
+    cpu_s, spent_s = time.thread_time() - begun_cpu_s, time.perf_counter() - begun_s
+    return 1e3 * spent_s, 1e3 * cpu_s, answer
+
+
+def _judge(timing: Timing, course: Course, index: int, answer: Answer) -> None:
+    """Which of the true dots did it find, how exactly, and under whose number?"""
+    if answer.centre_px is None:
+        return
+    visible = np.flatnonzero(course.is_visible[index])
+    centre_px = np.asarray(answer.centre_px, dtype=np.float64).reshape(-1, 2)
+    if len(centre_px) == 0:
+        timing.found.append(0.0)
+        return
+    gate_px = GATE_PITCHES * course.pitch_px
+    distance_px, dot = cKDTree(course.centre_px[index][visible]).query(centre_px)
+    right = distance_px < gate_px
+    timing.found.append(len(np.unique(dot[right])) / len(visible))
+    timing.error_px.append((centre_px[right] - course.centre_px[index][visible[dot[right]]]).ravel())
+    if answer.marker is not None:
+        told = answer.marker >= 0
+        true = np.where(right, visible[dot], -1)
+        timing.wrong.append(float(np.mean(true[told] != answer.marker[told])) if told.any() else 0.0)
