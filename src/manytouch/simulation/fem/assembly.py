@@ -9,7 +9,7 @@ doi:10.1016/0045-7825(85)90033-7). The rest is integrated at Irons' 14 points, e
 (B. M. Irons 1971, doi:10.1002/nme.1620030213). Formulae: docs/derivations/fem.md.
 """
 
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
+# ruff: noqa: PLR0912, PLR0917 - compiled functions are long and called with positional arguments
 
 import itertools
 import math
@@ -20,7 +20,7 @@ from jaxtyping import Float64
 from numba import njit
 
 from manytouch.simulation.fem.material import NeoHooke
-from manytouch.simulation.fem.mesh import HexMesh, reference_nodes, shape_functions
+from manytouch.simulation.fem.mesh import HexMesh, shape_functions
 from manytouch.values.arrays import read_only
 
 
@@ -55,7 +55,9 @@ class ElasticBody:
     bulk_MPa: float
     weight_N: Float64[np.ndarray, " n"]
 
-    def forces(self, displacement_mm: Float64[np.ndarray, "n 3"]) -> tuple[float, Float64[np.ndarray, "n 3"], float]:
+    def forces(
+        self, displacement_mm: Float64[np.ndarray, "n 3"]
+    ) -> tuple[float, Float64[np.ndarray, "n 3"], float]:
         """Strain energy (N mm), internal nodal forces (n, 3) in N, and the smallest J.
 
         Where the smallest J is not positive the forces mean nothing.
@@ -74,7 +76,9 @@ class ElasticBody:
         self._run(displacement_mm, force_N, tangent)
         return force_N, tangent
 
-    def _run(self, displacement_mm: np.ndarray, force_N: np.ndarray, tangent: np.ndarray) -> tuple[float, float]:
+    def _run(
+        self, displacement_mm: np.ndarray, force_N: np.ndarray, tangent: np.ndarray
+    ) -> tuple[float, float]:
         energy, smallest = _sum_elements(
             displacement_mm,
             self.mesh.element,
@@ -93,9 +97,7 @@ class ElasticBody:
 GRAVITY_M_S2 = 9.80665
 
 
-def elastic_body(
-    mesh: HexMesh, material: NeoHooke, *, pretension_N_per_mm: float = 0.0
-) -> ElasticBody:
+def elastic_body(mesh: HexMesh, material: NeoHooke, *, pretension_N_per_mm: float = 0.0) -> ElasticBody:
     """Prepare a mesh for a material and a pretension."""
     point, share = irons_rule()
     value, slope = shape_functions(point)

@@ -1,4 +1,4 @@
-"""The balance of forces at one stage of a step: inner forces, contacts, dead loads; and its read-out."""
+"""The balance of forces at one stage of a step: inner forces, contacts and dead loads."""
 
 from dataclasses import dataclass, field, replace
 
@@ -7,14 +7,12 @@ from jaxtyping import Bool, Float64
 from scipy.spatial.transform import Rotation
 
 from manytouch.simulation.fem.assembly import ElasticBody
-from manytouch.simulation.fem.contact import TouchedFace, add_contact, touched_face
+from manytouch.simulation.fem.contact import TouchedFace, add_contact
 from manytouch.simulation.fem.indenters import packed, signed_distance
-from manytouch.simulation.fem.loading import Loading, PressurePatch
-from manytouch.simulation.fem.state import ContactForce, SheetState
+from manytouch.simulation.fem.loading import Loading
+from manytouch.simulation.fem.readout import contact_area_mm2, patch_forces, read_contact
+from manytouch.simulation.fem.state import SheetState
 from manytouch.values.arrays import Points3, read_only
-
-FINE_POINTS = 8
-"""Points per element edge when areas are counted or patches laid on."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -35,20 +33,38 @@ class Stage:
     dead_N: Points3
 
 
-def stage_between(
-    begin: SheetState, last: SheetState, end: tuple[Points3, Points3], dead_N: Points3, share: float
-) -> Stage:
-    """A share of the way from the step's begin to its end, seen from the last equilibrium."""
-    position = begin.position_mm + share * (end[0] - begin.position_mm)
-    vector = begin.rotation_vector + share * (end[1] - begin.rotation_vector)
-    rotation = _matrices(vector)
-    return Stage(
-        position_mm=position,
-        rotation_vector=vector,
-        rotation=rotation,
-        turn=rotation @ _matrices(last.rotation_vector).transpose(0, 2, 1),
-        dead_N=begin.dead_N + share * (dead_N - begin.dead_N),
-    )
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Course:
+    """The way of a step: from a state to new poses and dead loads, in a straight line.
+
+    Attributes:
+        begin: the state before the step.
+        position_mm, rotation_vector: (t, 3) poses at its end.
+        dead_N: (n, 3) dead loads at its end.
+    """
+
+    begin: SheetState
+    position_mm: Points3
+    rotation_vector: Points3
+    dead_N: Points3
+
+    def stage(self, share: float, last: SheetState) -> Stage:
+        """A share of the way, seen from the last equilibrium on it."""
+        begin = self.begin
+        vector = begin.rotation_vector + share * (self.rotation_vector - begin.rotation_vector)
+        rotation = _matrices(vector)
+        return Stage(
+            position_mm=begin.position_mm + share * (self.position_mm - begin.position_mm),
+            rotation_vector=vector,
+            rotation=rotation,
+            turn=rotation @ _matrices(last.rotation_vector).transpose(0, 2, 1),
+            dead_N=begin.dead_N + share * (self.dead_N - begin.dead_N),
+        )
+
+    @property
+    def length_mm(self) -> float:
+        """How far the indenter goes that goes farthest."""
+        return float(np.linalg.norm(self.position_mm - self.begin.position_mm, axis=1).max(initial=0.0))
 
 
 def _matrices(vector: Points3) -> Float64[np.ndarray, "t 3 3"]:
@@ -85,12 +101,13 @@ class Balance:
         position = np.array([touch.position_mm[number] for touch in touches]).reshape(-1, 3)
         return position, np.array([touch.rotation_vector[number] for touch in touches]).reshape(-1, 3)
 
-    def dead_N(self, number: int, gravity: tuple[float, float, float]) -> Points3:
-        """(n, 3) nodal forces of the weight and the patches."""
-        force = self.body.weight_N[:, None] * np.array(gravity)
+    def course(self, begin: SheetState, number: int, gravity: tuple[float, float, float]) -> Course:
+        """The way from a state to a step of the loading."""
+        dead_N = self.body.weight_N[:, None] * np.array(gravity)
         for patch in self.loading.patches:
-            force += patch_forces(self.body, patch) * patch.force_N[number]
-        return force
+            dead_N += patch_forces(self.body.mesh, patch) * patch.force_N[number]
+        position, rotation = self.poses(number)
+        return Course(begin=begin, position_mm=position, rotation_vector=rotation, dead_N=dead_N)
 
     def residual(
         self, state: SheetState, stage: Stage, displacement: Points3, is_free: Bool[np.ndarray, "n 3"]
@@ -104,11 +121,18 @@ class Balance:
         scale = float(np.linalg.norm(outer) + np.linalg.norm(stage.dead_N))
         return np.where(is_free, inner - outer - stage.dead_N, 0.0), scale, smallest
 
-    def tangent(self, state: SheetState, stage: Stage, displacement: Points3) -> Float64[np.ndarray, "e 60 60"]:
+    def tangent(
+        self, state: SheetState, stage: Stage, displacement: Points3
+    ) -> Float64[np.ndarray, "e 60 60"]:
         """Derivative of the forces out of balance by each element's nodes."""
         _, tangent = self.body.forces_and_tangent(displacement)
         self._contacts(state, stage, displacement, np.zeros_like(displacement), tangent)
         return tangent
+
+    def penetration_mm(self, state: SheetState, stage: Stage, displacement: Points3) -> float:
+        """How far an indenter enters the face at worst."""
+        force = np.zeros_like(displacement)
+        return max(self._contacts(state, stage, displacement, force, np.empty((0, 60, 60)))[3], default=0.0)
 
     def _contacts(
         self, state: SheetState, stage: Stage, displacement: Points3, force: np.ndarray, tangent: np.ndarray
@@ -118,14 +142,11 @@ class Balance:
         shape = (len(self._kind), *face.area_mm2.shape)
         pressure, shear, normal = np.zeros(shape), np.zeros((*shape, 3)), np.zeros((*shape, 3))
         deepest = []
-        nothing = np.zeros((0, 0, 3))
+        nothing = np.zeros((1, 0, 3))
         for number, touch in enumerate(self.loading.touches):
-            old_shear, anchor = nothing, nothing
+            held, old_shear, anchor = nothing[:, :, 0], nothing, nothing
             if touch.friction > 0.0:
-                turn = stage.turn[number]
-                old_shear = state.shear_MPa[number] @ turn.T
-                was = face.displaced(mesh, state.displacement_mm) - state.position_mm[number]
-                anchor = was @ turn.T + stage.position_mm[number]
+                held, old_shear, anchor = self._memory(number, state, stage)
             deepest.append(
                 add_contact(
                     displacement,
@@ -142,7 +163,7 @@ class Balance:
                     touch.friction,
                     self.stiffness_MPa_per_mm,
                     self.rounding_mm,
-                    state.pressure_MPa[number],
+                    held,
                     old_shear,
                     anchor,
                     force,
@@ -154,20 +175,65 @@ class Balance:
             )
         return pressure, shear, normal, deepest
 
-    def settled(self, state: SheetState, stage: Stage, displacement: Points3, residual_N: float) -> SheetState:
+    def _memory(
+        self, number: int, state: SheetState, stage: Stage
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """What friction knows of the last equilibrium: see `add_contact`.
+
+        A point that did not touch then does so from when the indenter would reach it if it stood still.
+        """
+        turn, indenter = stage.turn[number], self.loading.touches[number].indenter
+        was = self.face.displaced(self.body.mesh, state.displacement_mm)
+        away = was - state.position_mm[number]
+        before = (away @ turn.T @ stage.rotation[number]).reshape(-1, 3)
+        after = ((was - stage.position_mm[number]) @ stage.rotation[number]).reshape(-1, 3)
+        apart = np.maximum(signed_distance(indenter, before)[0], 0.0)
+        inside = np.maximum(-signed_distance(indenter, after)[0], 0.0)
+        held = (inside / np.maximum(apart + inside, 1e-12)).reshape(was.shape[:2])
+        held[state.pressure_MPa[number] > 0.0] = 1.0
+        return held, state.shear_MPa[number] @ turn.T, away @ turn.T + stage.position_mm[number]
+
+    def lifted(self, position_mm: Points3, rotation_vector: Points3) -> Points3:
+        """(t, 3) positions above these, as low as the undeformed sheet is not touched."""
+        rotation = _matrices(rotation_vector)
+        lifted = position_mm.copy()
+        for number, touch in enumerate(self.loading.touches):
+            while True:
+                at = (self.face.rest_mm.reshape(-1, 3) - lifted[number]) @ rotation[number]
+                inside_mm = -float(signed_distance(touch.indenter, at)[0].min())
+                if inside_mm < 0.0:
+                    break
+                lifted[number, 2] += inside_mm + 1e-3
+        return lifted
+
+    def settled(
+        self, state: SheetState, stage: Stage, displacement: Points3, residual_N: float
+    ) -> SheetState:
         """The state that has been found, with its tractions."""
         outer = np.zeros_like(displacement)
-        pressure, shear, normal, deepest = self._contacts(state, stage, displacement, outer, np.empty((0, 60, 60)))
-        _, inner, _ = self.body.forces(displacement)
-        contacts = tuple(
-            self._contact(number, stage, displacement, pressure[number, :, :, None] * normal[number] + shear[number], deepest[number])
-            for number in range(len(deepest))
+        pressure, shear, normal, deepest = self._contacts(
+            state, stage, displacement, outer, np.empty((0, 60, 60))
         )
+        _, inner, _ = self.body.forces(displacement)
+        rest = self.face.rest_mm
+        place = self.face.displaced(self.body.mesh, displacement)
+        contacts = []
+        for number, touch in enumerate(self.loading.touches):
+            traction = pressure[number, :, :, None] * normal[number] + shear[number]
+            area_mm2 = contact_area_mm2(
+                self.body.mesh,
+                displacement,
+                touch.indenter,
+                stage.position_mm[number],
+                stage.rotation[number],
+            )
+            force = traction * self.face.area_mm2[:, :, None]
+            contacts.append(read_contact(force, rest, place, area_mm2, deepest[number]))
         return replace(
             state,
             displacement_mm=read_only(displacement.copy()),
             support_N=read_only((inner - outer - stage.dead_N).sum(axis=0)),
-            contacts=contacts,
+            contacts=tuple(contacts),
             residual_N=residual_N,
             dead_N=read_only(stage.dead_N),
             position_mm=read_only(stage.position_mm),
@@ -175,73 +241,3 @@ class Balance:
             pressure_MPa=read_only(pressure),
             shear_MPa=read_only(shear),
         )
-
-    def _contact(
-        self, number: int, stage: Stage, displacement: Points3, traction: np.ndarray, deepest: float
-    ) -> ContactForce:
-        force = traction * self.face.area_mm2[:, :, None]
-        place = self.face.displaced(self.body.mesh, displacement)
-        fine = touched_face(self.body.mesh, points=FINE_POINTS, rule="middles")
-        at = (fine.displaced(self.body.mesh, displacement) - stage.position_mm[number]) @ stage.rotation[number]
-        distance, _, _ = signed_distance(self.loading.touches[number].indenter, at.reshape(-1, 3))
-        area = float(fine.area_mm2.ravel()[distance < 0.0].sum())
-        return read_contact(force, self.face.rest_mm, place, area, deepest)
-
-
-def read_contact(
-    force: np.ndarray, rest: np.ndarray, place: np.ndarray, area_mm2: float, deepest: float
-) -> ContactForce:
-    """Resultant of forces (..., 3) at undeformed and present places (..., 3)."""
-    force, rest, place = force.reshape(-1, 3), rest.reshape(-1, 3), place.reshape(-1, 3)
-    total = force.sum(axis=0)
-    if total[2] == 0.0:
-        return ContactForce(
-            force_N=read_only(total), torque_Nmm=np.nan, area_mm2=area_mm2,
-            centre_mm=read_only(np.full(2, np.nan)), penetration_mm=deepest,
-        )
-    arm = place[:, :2] - force[:, 2] @ place[:, :2] / total[2]
-    return ContactForce(
-        force_N=read_only(total),
-        torque_Nmm=float((arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]).sum()),
-        area_mm2=area_mm2,
-        centre_mm=read_only(force[:, 2] @ rest[:, :2] / total[2]),
-        penetration_mm=deepest,
-    )
-
-
-def patch_shares(face: TouchedFace, patch: PressurePatch) -> Float64[np.ndarray, "f q"]:
-    """(f, q) the part of a patch's force that each point of the face carries; they sum to 1."""
-    offset = np.abs(face.rest_mm[:, :, :2] - patch.centre_mm) / (0.5 * np.array(patch.size_mm))
-    inside = offset.max(axis=-1) <= 1.0 if patch.outline == "rectangle" else (offset**2).sum(axis=-1) <= 1.0
-    share = np.where(inside, face.area_mm2, 0.0)
-    if not inside.any():
-        raise ValueError(f"a pressure patch at {patch.centre_mm} mm of {patch.size_mm} mm covers no part of the sheet")
-    return np.asarray(share / share.sum())
-
-
-def patch_forces(body: ElasticBody, patch: PressurePatch) -> Float64[np.ndarray, "n 1"]:
-    """(n, 1) the part of a patch's force that each node carries."""
-    face = touched_face(body.mesh, points=FINE_POINTS)
-    density = patch_shares(face, patch) / face.area_mm2
-    return face.nodal_force_N(body.mesh, density[:, :, None] * np.ones(3))[:, :1]
-
-
-def contact_forces(
-    balance: Balance, state: SheetState, *, loaded: int | None, reached: float, newton_steps: int
-) -> SheetState:
-    """The end of a step: the patches read like contacts, and how the solution went."""
-    read = list(state.contacts)
-    for patch in balance.loading.patches if loaded is not None else ():
-        face = touched_face(balance.body.mesh, points=FINE_POINTS)
-        share = patch_shares(face, patch)
-        force = share[:, :, None] * patch.force_N[loaded]
-        place = face.displaced(balance.body.mesh, state.displacement_mm)
-        area = float(face.area_mm2[share > 0.0].sum())
-        read.append(read_contact(force, face.rest_mm, place, area, 0.0))
-    return replace(
-        state,
-        contacts=tuple(read),
-        status="ok" if loaded is not None else "not_converged",
-        reached=reached,
-        newton_steps=newton_steps,
-    )

@@ -7,7 +7,7 @@ t = P_n (turned old t - stiffness * slip), |t| <= friction * p (J. C. Simo and T
 doi:10.1016/0045-7949(92)90540-G). Linearised exactly, with the curvature of the indenter.
 """
 
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
+# ruff: noqa: PLR0912, PLR0917 - compiled functions are long and called with positional arguments
 
 import itertools
 import math
@@ -57,7 +57,7 @@ class TouchedFace:
         return force
 
 
-def touched_face(mesh: HexMesh, *, points: int = 3, rule: str = "gauss") -> TouchedFace:
+def touched_face(mesh: HexMesh, *, points: int = 4, rule: str = "gauss") -> TouchedFace:
     """The touched face with points x points Gauss points per element, or the middles of so many cells."""
     node, weight = np.polynomial.legendre.leggauss(points)
     if rule == "middles":
@@ -88,8 +88,15 @@ def _times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 @njit(cache=True)
 def _friction(
-    trial: np.ndarray, normal: np.ndarray, curvature: np.ndarray, pressure: float, rise: float,
-    friction: float, spring: float, traction: np.ndarray, slope: np.ndarray,
+    trial: np.ndarray,
+    normal: np.ndarray,
+    curvature: np.ndarray,
+    pressure: float,
+    rise: float,
+    friction: float,
+    spring: float,
+    traction: np.ndarray,
+    slope: np.ndarray,
 ) -> None:
     """Return map; fills the tangential traction (3,) and subtracts its derivative (3, 3) from `slope`."""
     along = 0.0
@@ -107,7 +114,7 @@ def _friction(
             projector = (1.0 if i == j else 0.0) - normal[i] * normal[j]
             derivative[i, j] = -spring * projector - along * curvature[i, j] - normal[i] * turned[j]
     size = math.sqrt(size)
-    if size > friction * pressure:
+    if size > friction * pressure and size > 0.0:
         direction = traction / size
         ratio = friction * pressure / size
         projected = np.empty((3, 3))
@@ -140,7 +147,7 @@ def add_contact(
     friction: float,
     stiffness: float,
     rounding: float,
-    old_pressure: np.ndarray,
+    held: np.ndarray,
     old_trial: np.ndarray,
     anchor: np.ndarray,
     force: np.ndarray,
@@ -151,8 +158,9 @@ def add_contact(
 ) -> float:
     """Add one indenter's forces on the nodes to `force` (n, 3) and minus their derivative to `tangent`.
 
-    `old_trial` (f, q, 3) is the old friction turned with the indenter, `anchor` (f, q, 3) where the
-    points would be had they moved with it. Fills pressure (f, q), shear (f, q, 3) and gradient
+    `held` (f, q) is the share of the step during which a point touches, `old_trial` (f, q, 3) the old
+    friction turned with the indenter, `anchor` (f, q, 3) where the points would be had they moved with
+    it. Fills pressure (f, q), shear (f, q, 3) and gradient
     (f, q, 3); returns the deepest penetration.
     """
     wants_tangent = tangent.shape[0] > 0
@@ -191,10 +199,11 @@ def add_contact(
                 gradient[f, q, i] = normal[i]
                 for j in range(3):
                     slope[i, j] = rise * normal[i] * normal[j] - p * curvature[i, j]
-            if friction > 0.0 and old_pressure[f, q] > 0.0:
+            if friction > 0.0:
+                spring = stiffness * held[f, q]
                 for i in range(3):
-                    trial[i] = old_trial[f, q, i] - stiffness * (point[i] - anchor[f, q, i])
-                _friction(trial, normal, curvature, p, rise, friction, stiffness, shear[f, q], slope)
+                    trial[i] = old_trial[f, q, i] - spring * (point[i] - anchor[f, q, i])
+                _friction(trial, normal, curvature, p, rise, friction, spring, shear[f, q], slope)
             for n in range(8):
                 share = area[f, q] * value[q, n]
                 for i in range(3):

@@ -90,7 +90,11 @@ def _offset_curvature(second: np.ndarray, normal: np.ndarray, distance: float, c
     d = max(distance, -0.5 / largest)  # nearer to the centre of curvature only a bad iterate gets
     aa, cc = 1.0 + d * a, 1.0 + d * c
     determinant = aa * cc - d * d * b * b
-    h11, h22, h12 = (a + d * (a * c - b * b)) / determinant, (c + d * (a * c - b * b)) / determinant, b / determinant
+    h11, h22, h12 = (
+        (a + d * (a * c - b * b)) / determinant,
+        (c + d * (a * c - b * b)) / determinant,
+        b / determinant,
+    )
     for i in range(3):
         for j in range(3):
             curvature[i, j] = (
@@ -102,7 +106,7 @@ def _offset_curvature(second: np.ndarray, normal: np.ndarray, distance: float, c
 
 @njit(cache=True)
 def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
-    """A cylinder with rounded edges: radius, half length, edge radius, axis (0: x, 2: z), height of its centre."""
+    """A cylinder: radius, half length, edge radius, axis (0: x, 2: z), height of its centre."""
     radius, half, edge, height = numbers[0], numbers[1], numbers[2], numbers[4]
     axis = int(numbers[3])
     i, j = (axis + 1) % 3, (axis + 2) % 3
@@ -117,9 +121,9 @@ def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvat
         if p > q:
             normal[i], normal[j] = ri, rj
             _add_outer(curvature, 1.0 / radial, -rj, ri, i, j)
-            return p - edge
+            return float(p - edge)
         normal[axis] = sign
-        return q - edge
+        return float(q - edge)
     size = math.sqrt(p * p + q * q)
     cosine, sine = p / size, sign * q / size
     normal[i], normal[j], normal[axis] = cosine * ri, cosine * rj, sine
@@ -129,7 +133,7 @@ def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvat
     for k in range(3):
         for m in range(3):
             curvature[k, m] += turned[k] * turned[m] / size
-    return size - edge
+    return float(size - edge)
 
 
 @njit(cache=True)
@@ -154,14 +158,14 @@ def _box(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: 
     if size == 0.0:
         nearest = int(np.argmax(excess))
         normal[nearest] = sign[nearest]
-        return excess[nearest] - edge
+        return float(excess[nearest] - edge)
     for i in range(3):
         normal[i] = sign[i] * max(excess[i], 0.0) / size
     for i in range(3):
         for j in range(3):
             if excess[i] > 0.0 and excess[j] > 0.0:
                 curvature[i, j] = ((1.0 if i == j else 0.0) - normal[i] * normal[j]) / size
-    return size - edge
+    return float(size - edge)
 
 
 @njit(cache=True)
@@ -173,13 +177,18 @@ def _half_spaces(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, cur
         at = 2 + 4 * face
         largest = max(
             largest,
-            numbers[at] * point[0] + numbers[at + 1] * point[1] + numbers[at + 2] * point[2] - numbers[at + 3],
+            numbers[at] * point[0]
+            + numbers[at + 1] * point[1]
+            + numbers[at + 2] * point[2]
+            - numbers[at + 3],
         )
     total = 0.0
     normal[:] = 0.0
     for face in range(faces):
         at = 2 + 4 * face
-        value = numbers[at] * point[0] + numbers[at + 1] * point[1] + numbers[at + 2] * point[2] - numbers[at + 3]
+        value = (
+            numbers[at] * point[0] + numbers[at + 1] * point[1] + numbers[at + 2] * point[2] - numbers[at + 3]
+        )
         share = math.exp(sharpness * (value - largest))
         total += share
         for i in range(3):
@@ -191,4 +200,4 @@ def _half_spaces(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, cur
     for i in range(3):
         for j in range(3):
             curvature[i, j] = sharpness * (curvature[i, j] / total - normal[i] * normal[j])
-    return largest + math.log(total) / sharpness
+    return float(largest + math.log(total) / sharpness)

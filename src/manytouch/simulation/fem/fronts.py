@@ -6,12 +6,10 @@ doi:10.1145/356044.356047). All arithmetic is dense, so on a sheet this is sever
 SuperLU with its minimum-degree ordering (docs/decisions/0010), and no sparse matrix is ever built.
 """
 
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
-
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Bool, Float64, Int64
+from jaxtyping import Bool, Float64
 from numba import njit
 from scipy.linalg import blas, lapack
 
@@ -52,7 +50,9 @@ class Dissection:
 
     def __post_init__(self) -> None:
         free = self.is_free.ravel()
-        element_unknown = (3 * self.mesh.element[:, :, None] + np.arange(3)).reshape(len(self.mesh.element), 60)
+        element_unknown = (3 * self.mesh.element[:, :, None] + np.arange(3)).reshape(
+            len(self.mesh.element), 60
+        )
         element_unknown = np.where(free[element_unknown], element_unknown, NOWHERE)
         shared = np.bincount(element_unknown[element_unknown >= 0], minlength=free.size)
         if np.any(free & (shared == 0)):
@@ -63,7 +63,7 @@ class Dissection:
     def _part(
         self, elements: np.ndarray, centre_mm: np.ndarray, element_unknown: np.ndarray, shared: np.ndarray
     ) -> tuple[int, np.ndarray, np.ndarray]:
-        """Append the fronts of some elements; its position, the unknowns it leaves, how often each was added."""
+        """Append the fronts of some elements: its position, unknowns it leaves, how often each was added."""
         below = []
         if len(elements) > LEAF_ELEMENTS:
             extent = np.ptp(centre_mm[elements], axis=0)
@@ -86,7 +86,9 @@ class Dissection:
         is_whole = times == shared[unknown]
         order = np.argsort(~is_whole, kind="stable")
         unknown, times, whole = unknown[order], times[order], int(is_whole.sum())
-        self._fronts.append(_front(unknown, whole, elements if not below else elements[:0], element_unknown, below))
+        self._fronts.append(
+            _front(unknown, whole, elements if not below else elements[:0], element_unknown, below)
+        )
         return len(self._fronts) - 1, unknown[whole:], times[whole:]
 
     def factorise(self, tangent: Float64[np.ndarray, "e 60 60"], *, is_symmetric: bool) -> "Factors":
@@ -172,7 +174,9 @@ class Factors:
                 continue
             mine, others = front.unknown[: front.eliminated], front.unknown[front.eliminated :]
             rest = value[mine] - part.beside @ solution[others]
-            solution[mine] = rest if part.pivots is not None else blas.dtrsv(part.diagonal, rest, lower=1, trans=1)
+            solution[mine] = (
+                rest if part.pivots is not None else blas.dtrsv(part.diagonal, rest, lower=1, trans=1)
+            )
         return solution.reshape(right.shape)
 
 

@@ -44,7 +44,7 @@ class Sphere:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Fingertip:
-    """An ellipsoid with its axes along those of its frame; about (7, 10, 6) mm for a finger that lies flat."""
+    """An ellipsoid with its axes along those of its frame; a finger that lies flat: (7, 10, 6)."""
 
     semi_axes_mm: tuple[float, float, float]
 
@@ -91,7 +91,13 @@ class LyingCylinder:
     @property
     def numbers(self) -> tuple[int, tuple[float, ...]]:
         """Kind and parameters of the compiled distance."""
-        return distance.REVOLVED, (self.radius_mm, 0.5 * self.length_mm, self.edge_radius_mm, 0.0, self.radius_mm)
+        return distance.REVOLVED, (
+            self.radius_mm,
+            0.5 * self.length_mm,
+            self.edge_radius_mm,
+            0.0,
+            self.radius_mm,
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -177,8 +183,13 @@ def signed_distance(
 
 
 @njit(cache=True)
-def _many(
-    kind: int, numbers: np.ndarray, point: np.ndarray, value: np.ndarray, gradient: np.ndarray, hessian: np.ndarray
+def _many(  # noqa: PLR0917 - compiled
+    kind: int,
+    numbers: np.ndarray,
+    point: np.ndarray,
+    value: np.ndarray,
+    gradient: np.ndarray,
+    hessian: np.ndarray,
 ) -> None:
     for n in range(point.shape[0]):
         value[n] = distance.signed_distance(kind, numbers, point[n], gradient[n], hessian[n])

@@ -63,7 +63,9 @@ class Loading:
         lengths = {len(touch.position_mm) for touch in self.touches}
         lengths |= {len(patch.force_N) for patch in self.patches}
         if len(lengths) != 1:
-            raise ValueError(f"touches and patches have {sorted(lengths)} steps, expected one and the same number")
+            raise ValueError(
+                f"touches and patches have {sorted(lengths)} steps, expected one and the same number"
+            )
 
     @property
     def steps(self) -> int:

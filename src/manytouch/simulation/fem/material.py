@@ -31,7 +31,9 @@ class NeoHooke:
         if not self.young_MPa > 0.0:
             raise ValueError(f"young_MPa is {self.young_MPa}, expected a positive number")
         if not 0.0 <= self.poisson < 0.5:
-            raise ValueError(f"poisson is {self.poisson}, expected at least 0 and below 0.5 (0.49 does for rubber)")
+            raise ValueError(
+                f"poisson is {self.poisson}, expected at least 0 and below 0.5 (0.49 does for rubber)"
+            )
 
     @property
     def shear_MPa(self) -> float:
@@ -48,7 +50,8 @@ class NeoHooke:
         square = stretch**2
         volume = float(np.prod(stretch))
         deviator = square - square.sum() / 3.0
-        return self.shear_MPa * volume ** (-5.0 / 3.0) * deviator + self.bulk_MPa * (volume - 1.0)
+        isochoric = self.shear_MPa * volume ** (-5.0 / 3.0) * deviator
+        return np.asarray(isochoric + self.bulk_MPa * (volume - 1.0))
 
     def prestretch(self, tension_N_per_mm: float, thickness_mm: float) -> Float64[np.ndarray, "3"]:
         """(3,) stretches that the sheet has before it is clamped, equal in x and y.
@@ -70,6 +73,6 @@ class NeoHooke:
         found = root(imbalance, guess, tol=1e-13)
         if np.abs(found.fun).max() > 1e-10 or found.x.min() <= 0.0:
             raise ValueError(
-                f"no stretch of a {thickness_mm} mm sheet of {self.young_MPa} MPa gives {tension_N_per_mm} N/mm"
+                f"no stretch pulls a {thickness_mm} mm sheet of {self.young_MPa} MPa with {tension_N_per_mm} N/mm"
             )
         return read_only(np.array([found.x[0], found.x[0], found.x[1]]))

@@ -88,7 +88,9 @@ def tensor_mesh(x_mm: Lines, y_mm: Lines, z_mm: Lines) -> HexMesh:
     """Blocks between grid lines, which may be graded."""
     lines = (x_mm, y_mm, z_mm)
     cells = [len(line) - 1 for line in lines]
-    cell = np.stack(np.meshgrid(*(np.arange(count) for count in cells), indexing="ij"), axis=-1).reshape(-1, 3)
+    cell = np.stack(np.meshgrid(*(np.arange(count) for count in cells), indexing="ij"), axis=-1).reshape(
+        -1, 3
+    )
     halves = np.rint(2 * reference_nodes()).astype(np.int64)  # (20, 3) nodes lie on lines or half-way
     place = 2 * cell[:, None] + halves  # (e, 20, 3)
     key = np.ravel_multi_index(tuple(place.transpose(2, 0, 1)), tuple(2 * count + 1 for count in cells))

@@ -1,41 +1,18 @@
 """Equilibrium of the sheet step by step: Newton with line search, steps that shrink when they must."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Bool, Float64
+from jaxtyping import Bool
 
-from manytouch.simulation.fem.assembly import ElasticBody, elastic_body
-from manytouch.simulation.fem.balance import Balance, Stage, contact_forces, patch_forces, stage_between
+from manytouch.simulation.fem.assembly import ElasticBody
+from manytouch.simulation.fem.balance import Balance, Course, Stage
 from manytouch.simulation.fem.contact import touched_face
 from manytouch.simulation.fem.fronts import Dissection
 from manytouch.simulation.fem.loading import Loading
-from manytouch.simulation.fem.material import NeoHooke
-from manytouch.simulation.fem.mesh import sheet_mesh
+from manytouch.simulation.fem.readout import with_patches
 from manytouch.simulation.fem.state import SheetState
-from manytouch.values.arrays import read_only
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SheetModel:
-    """A clamped sheet: everything that decides how it deforms.
-
-    Attributes:
-        size_mm, thickness_mm: mounted, before anything touches.
-        material: of the sheet.
-        pretension_N_per_mm: see `NeoHooke.prestretch`.
-        gravity: (3,) multiples of g along the sheet's axes; (0, 0, -1) hangs away from the touched side.
-        element_mm, layers: of the mesh.
-    """
-
-    size_mm: tuple[float, float]
-    thickness_mm: float
-    material: NeoHooke
-    pretension_N_per_mm: float = 0.0
-    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    element_mm: float = 2.0
-    layers: int = 1
+from manytouch.values.arrays import Points3, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -50,7 +27,9 @@ class Solver:
             0.05 / stiffness mm, which leaves force and shape in exact balance and only makes the
             indenter that much smaller.
         rounding_mm: penetration below which the penalty softens.
-        largest_move_mm: indenters go no further in one solve.
+        largest_guess_mm: a share of a step is so small that its first guess is no deeper in an indenter.
+        largest_move_mm: nor has it moved any node further.
+        largest_slide_mm: with friction, indenters go no further at once.
         tolerance: of the forces out of balance, relative to those that act.
         most_iterations: Newton steps before a solve is given up and its step halved.
         smallest_share: of a step, below which it is given up.
@@ -61,8 +40,10 @@ class Solver:
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     contact_stiffness_per_mm: float = 10.0
     rounding_mm: float = 0.002
-    largest_move_mm: float = 2.0
-    tolerance: float = 1e-6
+    largest_guess_mm: float = 0.3
+    largest_move_mm: float = 2.5
+    largest_slide_mm: float = 1.0
+    tolerance: float = 1e-5
     most_iterations: int = 25
     smallest_share: float = 1e-3
     _order: Dissection = field(init=False, repr=False)
@@ -71,9 +52,11 @@ class Solver:
         object.__setattr__(self, "_order", Dissection(mesh=self.body.mesh, is_free=self.is_free))
 
     def start(self, loading: Loading) -> SheetState:
-        """The unloaded sheet, the indenters where they are in the first step of the loading."""
+        """The unloaded sheet, the indenters of the loading's first step lifted off it."""
         nodes, touches = len(self.body.mesh.node_mm), len(loading.touches)
-        face = touched_face(self.body.mesh)
+        balance = self._balance(loading)
+        face = balance.face
+        position, rotation = balance.poses(0)
         return SheetState(
             mesh=self.body.mesh,
             displacement_mm=read_only(np.zeros((nodes, 3))),
@@ -84,60 +67,98 @@ class Solver:
             newton_steps=0,
             residual_N=0.0,
             dead_N=read_only(np.zeros((nodes, 3))),
-            position_mm=read_only(_stacked([touch.position_mm[0] for touch in loading.touches])),
-            rotation_vector=read_only(_stacked([touch.rotation_vector[0] for touch in loading.touches])),
+            position_mm=read_only(balance.lifted(position, rotation)),
+            rotation_vector=read_only(rotation),
             pressure_MPa=read_only(np.zeros((touches, *face.area_mm2.shape))),
             shear_MPa=read_only(np.zeros((touches, *face.area_mm2.shape, 3))),
         )
 
     def step(self, state: SheetState, loading: Loading, number: int) -> SheetState:
-        """The equilibrium under a step of the loading, reached from another state of the same touches."""
-        balance = Balance(body=self.body, face=touched_face(self.body.mesh), loading=loading,
-                          stiffness_MPa_per_mm=self.contact_stiffness_per_mm * self._young_MPa,
-                          rounding_mm=self.rounding_mm)
-        dead_N = balance.dead_N(number, self.gravity)
-        return self._march(state, balance, number, dead_N)
+        """The equilibrium under a step of the loading, reached from another state of the same touches.
+
+        Where no equilibrium is found the state is the last one on the way, its status "not_converged".
+        """
+        balance = self._balance(loading)
+        course = balance.course(state, number, self.gravity)
+        found, reached, solved = self._march(balance, course)
+        done = reached == 1.0
+        found = replace(found, status="ok" if done else "not_converged", reached=reached, newton_steps=solved)
+        return with_patches(found, loading.patches, number) if done else found
+
+    def _balance(self, loading: Loading) -> Balance:
+        return Balance(
+            body=self.body,
+            face=touched_face(self.body.mesh),
+            loading=loading,
+            stiffness_MPa_per_mm=self.contact_stiffness_per_mm * self._young_MPa,
+            rounding_mm=self.rounding_mm,
+        )
 
     @property
     def _young_MPa(self) -> float:
         mu, k = self.body.shear_MPa, self.body.bulk_MPa
         return 9.0 * k * mu / (3.0 * k + mu)
 
-    def _march(self, begin: SheetState, balance: Balance, number: int, dead_N: np.ndarray) -> SheetState:
-        """Go through the step in shares that converge."""
-        state, reached, velocity, solved = begin, 0.0, None, 0
-        end = balance.poses(number)
-        move_mm = np.linalg.norm(end[0] - begin.position_mm, axis=1).max(initial=0.0)
-        share = min(1.0, self.largest_move_mm / max(float(move_mm), 1e-9))
-        largest = share
+    def _march(self, balance: Balance, course: Course) -> tuple[SheetState, float, int]:
+        """Go the way in shares that converge: the state, the share reached, linear systems solved."""
+        state, reached, solved = course.begin, 0.0, 0
+        slide_mm = self.largest_slide_mm if balance.has_friction else np.inf
+        largest = share = min(1.0, slide_mm / max(course.length_mm, 1e-9))
         while reached < 1.0:
-            target = 1.0 if reached + share > 1.0 - 1e-9 else reached + share
-            stage = stage_between(begin, state, end, dead_N, target)
-            guess = state.displacement_mm
-            if velocity is not None:
-                guess = guess + (target - reached) * velocity
-            found, iterations = self._solve(balance, state, stage, guess)
+            velocity = self._velocity(balance, course, state, reached)
+            found, iterations = None, 1
+            while found is None and share >= self.smallest_share:
+                target, guess = self._guess(
+                    balance, course, state, velocity=velocity, reached=reached, share=share
+                )
+                stage = course.stage(target, state)
+                found, more = self._solve(balance, state, stage, guess)
+                iterations += more
+                share = (1.0 if found else 0.5) * (target - reached)
             solved += iterations
             if found is None:
-                share, velocity = 0.5 * (target - reached), None
-                if share < self.smallest_share:
-                    break
-                continue
-            velocity = (found.displacement_mm - state.displacement_mm) / (target - reached)
-            state, reached = found, target
-            share = min(share * (1.5 if iterations < 8 else 1.0), largest)
-        return contact_forces(balance, state, loaded=number if reached == 1.0 else None, reached=reached, newton_steps=solved)
+                break
+            state, reached, share = found, target, min(2.0 * share, largest)
+        return state, reached, solved
+
+    def _velocity(self, balance: Balance, course: Course, state: SheetState, reached: float) -> Points3:
+        """How the sheet follows the way, to first order: d displacement / d share."""
+        here, ahead = course.stage(reached, state), course.stage(reached + 1e-7, state)
+        out = [balance.residual(state, at, state.displacement_mm, self.is_free)[0] for at in (here, ahead)]
+        if not np.any(out[1] - out[0]):
+            return np.zeros_like(state.displacement_mm)
+        tangent = balance.tangent(state, here, state.displacement_mm)
+        factors = self._order.factorise(tangent, is_symmetric=not balance.has_friction)
+        return factors.solve((out[0] - out[1]) / 1e-7)
+
+    def _guess(
+        self,
+        balance: Balance,
+        course: Course,
+        state: SheetState,
+        *,
+        velocity: Points3,
+        reached: float,
+        share: float,
+    ) -> tuple[float, Points3]:
+        """The next share of the way, so small that the guess is near, and the guess."""
+        share = min(share, self.largest_move_mm / max(float(np.abs(velocity).max()), 1e-9))
+        while True:
+            target = 1.0 if reached + share > 1.0 - 1e-9 else reached + share
+            guess = state.displacement_mm + (target - reached) * velocity
+            inside_mm = balance.penetration_mm(state, course.stage(target, state), guess)
+            if inside_mm < self.largest_guess_mm or share < self.smallest_share:
+                return target, guess
+            share = 0.7 * (target - reached)
 
     def _solve(
-        self, balance: Balance, state: SheetState, stage: Stage, guess: np.ndarray
+        self, balance: Balance, state: SheetState, stage: Stage, guess: Points3
     ) -> tuple[SheetState | None, int]:
         """Newton's method from a guess; None when it does not converge."""
         displacement = guess
         out, scale, smallest = balance.residual(state, stage, displacement, self.is_free)
-        if smallest <= 0.0 or guess is not state.displacement_mm:
-            plain = balance.residual(state, stage, state.displacement_mm, self.is_free)
-            if smallest <= 0.0 or np.linalg.norm(plain[0]) < np.linalg.norm(out):
-                displacement, (out, scale, smallest) = state.displacement_mm, plain
+        if smallest <= 0.0:
+            return None, 0
         for iteration in range(self.most_iterations + 1):
             size = float(np.linalg.norm(out))
             if size <= self.tolerance * scale + 1e-9 * self._young_MPa:
@@ -147,14 +168,21 @@ class Solver:
             tangent = balance.tangent(state, stage, displacement)
             factors = self._order.factorise(tangent, is_symmetric=not balance.has_friction)
             move = factors.solve(-out)
-            found = self._search(balance, state, stage, displacement, move, out)
+            found = self._search(balance, state, stage, displacement=displacement, move=move, out=out)
             if found is None:
                 return None, iteration + 1
             displacement, out, scale = found
         return None, self.most_iterations
 
     def _search(
-        self, balance: Balance, state: SheetState, stage: Stage, displacement: np.ndarray, move: np.ndarray, out: np.ndarray
+        self,
+        balance: Balance,
+        state: SheetState,
+        stage: Stage,
+        *,
+        displacement: Points3,
+        move: Points3,
+        out: Points3,
     ) -> tuple[np.ndarray, np.ndarray, float] | None:
         """As far along a Newton step as brings the forces along it towards zero."""
         slope, size = float(np.vdot(move, out)), float(np.linalg.norm(out))
@@ -173,23 +201,3 @@ class Solver:
             ratio = slope / (slope - along) if along * slope < 0.0 else 0.5
             length *= min(max(ratio, 0.1), 0.7)
         return None if best is None else best[1]
-
-
-def _stacked(rows: list[Float64[np.ndarray, "3"]]) -> Float64[np.ndarray, "t 3"]:
-    return np.array(rows, dtype=np.float64).reshape(-1, 3)
-
-
-def sheet_solver(model: SheetModel) -> Solver:
-    """A solver for a clamped sheet: all nodes of its side faces are held."""
-    mesh = sheet_mesh(model.size_mm, model.thickness_mm, element_mm=model.element_mm, layers=model.layers)
-    body = elastic_body(mesh, model.material, pretension_N_per_mm=model.pretension_N_per_mm)
-    free = np.repeat(~mesh.is_on_outline[:, None], 3, axis=1)
-    return Solver(body=body, is_free=read_only(free), gravity=model.gravity)
-
-
-def solve_sheet(solver: Solver, loading: Loading, start: SheetState | None = None) -> Iterator[SheetState]:
-    """The states of all steps in their order, each reached from the one before."""
-    state = solver.start(loading) if start is None else start
-    for number in range(loading.steps):
-        state = solver.step(state, loading, number)
-        yield state
