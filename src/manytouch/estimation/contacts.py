@@ -116,7 +116,7 @@ class ContactFinder:
 
     def remembered(self, found: Hills, recent_load: float) -> float:
         """The strongest load up to now, which fades."""
-        return max([self.creep_memory * recent_load, *found.load.tolist()])
+        return float(max([self.creep_memory * recent_load, *found.load.tolist()]))
 
     @staticmethod
     def _centroids(

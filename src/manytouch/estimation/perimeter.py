@@ -259,7 +259,7 @@ def law_error(state: PerimeterMemory, depth_mm: Scalars) -> Float64[np.ndarray, 
     return np.asarray(np.hypot(leant, stretched))
 
 
-def _moved_at(state: PerimeterMemory, moved_mm: Points2, point_mm: Points2) -> Points2:
+def _moved_at(state: PerimeterMemory, moved_mm: Float64[np.ndarray, "m 2"], point_mm: Points2) -> Points2:
     """Displacements (n, 2) at the points of the chart nearest to the given ones."""
     x_mm, y_mm = state.chart.x_mm, state.chart.y_mm
     column = np.rint((point_mm[:, 0] - x_mm[0]) / (x_mm[1] - x_mm[0])).astype(int)

@@ -21,6 +21,9 @@ from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 BEYOND_PITCH = 0.5
 """How far outside the markers a value is still given, in pitches."""
 
+Places = Float64[np.ndarray, "m 2"]
+Values = Float64[np.ndarray, " m"]
+
 _EVEN = 1e-6
 _NEAREST = 12
 _REACH = 1.35
@@ -33,30 +36,26 @@ class PointSampling:
     Attributes:
         weight: (n, m) sparse; its rows sum to 1.
         is_inside: (n,) points that are not too far outside the markers.
+        nearest: (n,) marker next to each point.
         rest_mm: (m, 2) where the values are known.
     """
 
     weight: csr_array
     is_inside: Mask
-    rest_mm: Points2
+    nearest: np.ndarray
+    rest_mm: Places
 
-    def __call__(self, value: Scalars) -> Scalars:
+    def __call__(self, value: Values) -> Scalars:
         """(n,) values from the markers' (m,); NaN outside, and where the nearest marker has none."""
-        filled, nearest = _filled(self.rest_mm, value)
-        sampled = np.where(self.is_inside, self.weight @ filled, np.nan)
-        if nearest is not None:
-            sampled[self.weight @ nearest < 0.5] = np.nan
-        return sampled
+        is_known = np.isfinite(value)[self.nearest] & self.is_inside
+        return np.where(is_known, self.weight @ _filled(self.rest_mm, value), np.nan)
 
-    def std(self, std: Scalars) -> Scalars:
+    def std(self, std: Values) -> Scalars:
         """(n,) standard deviations of the samples when the markers' (m,) are independent."""
         squared = self.weight.copy()
         squared.data = squared.data**2
-        variance, nearest = _filled(self.rest_mm, std**2)
-        sampled = np.where(self.is_inside, np.sqrt(squared @ variance), np.nan)
-        if nearest is not None:
-            sampled[self.weight @ nearest < 0.5] = np.nan
-        return sampled
+        is_known = np.isfinite(std)[self.nearest] & self.is_inside
+        return np.where(is_known, np.sqrt(squared @ _filled(self.rest_mm, std**2)), np.nan)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -69,6 +68,7 @@ class GridSampling:
         order: (m,) marker at each place of the lattice, row by row; None for other layouts.
         points: the same for layouts that are no lattice, else None.
         is_inside: (ny, nx) points that are not too far outside the markers.
+        nearest: (ny, nx) marker next to each point.
         rest_mm: (m, 2) where the values are known.
     """
 
@@ -79,21 +79,22 @@ class GridSampling:
     order: np.ndarray | None
     points: PointSampling | None
     is_inside: np.ndarray
-    rest_mm: Points2
+    nearest: np.ndarray
+    rest_mm: Places
 
-    def __call__(self, value: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, "ny nx"]:
+    def __call__(self, value: Values) -> Float64[np.ndarray, "ny nx"]:
         """(ny, nx) values from the markers' (m,); NaN outside, and where the nearest marker has none."""
         if self.points is not None:
             return np.asarray(self.points(value).reshape(len(self.y_mm), len(self.x_mm)))
-        filled, nearest = _filled(self.rest_mm, value)
-        return self._masked(self._product(filled, 1), nearest)
+        is_known = np.isfinite(value)[self.nearest] & self.is_inside
+        return np.where(is_known, self._product(_filled(self.rest_mm, value), 1), np.nan)
 
-    def std(self, std: Float64[np.ndarray, " m"]) -> Float64[np.ndarray, "ny nx"]:
+    def std(self, std: Values) -> Float64[np.ndarray, "ny nx"]:
         """(ny, nx) standard deviations of the samples when the markers' (m,) are independent."""
         if self.points is not None:
             return np.asarray(self.points.std(std).reshape(len(self.y_mm), len(self.x_mm)))
-        variance, nearest = _filled(self.rest_mm, std**2)
-        return self._masked(np.sqrt(self._product(variance, 2)), nearest)
+        is_known = np.isfinite(std)[self.nearest] & self.is_inside
+        return np.where(is_known, np.sqrt(self._product(_filled(self.rest_mm, std**2), 2)), np.nan)
 
     def _product(self, value: np.ndarray, power: int) -> np.ndarray:
         assert self.along_x is not None
@@ -101,12 +102,6 @@ class GridSampling:
         assert self.order is not None
         lattice = value[self.order].reshape(self.along_y.shape[1], self.along_x.shape[1])
         return np.asarray(self.along_y**power @ lattice @ (self.along_x**power).T)
-
-    def _masked(self, sampled: np.ndarray, nearest: np.ndarray | None) -> np.ndarray:
-        sampled[~self.is_inside] = np.nan
-        if nearest is not None:
-            sampled[self._product(nearest, 1) < 0.5] = np.nan
-        return sampled
 
 
 def sampling_at(layout: Layout, point_mm: Points2) -> PointSampling:
@@ -119,11 +114,17 @@ def sampling_at(layout: Layout, point_mm: Points2) -> PointSampling:
         weight = np.zeros((len(point_mm), len(rest_mm)))
         weight[:, order] = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(point_mm), -1)
         is_inside = _within(layout, x_mm, point_mm[:, 0], 0) & _within(layout, y_mm, point_mm[:, 1], 1)
-        return PointSampling(weight=csr_array(weight), is_inside=is_inside, rest_mm=rest_mm)
+        return PointSampling(
+            weight=csr_array(weight),
+            is_inside=is_inside,
+            nearest=_nearest(rest_mm, point_mm),
+            rest_mm=rest_mm,
+        )
     pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
     return PointSampling(
         weight=_moving_planes(rest_mm, point_mm, pitch_mm),
         is_inside=_near_hull(rest_mm, point_mm, pitch_mm),
+        nearest=_nearest(rest_mm, point_mm),
         rest_mm=rest_mm,
     )
 
@@ -132,8 +133,9 @@ def sampling_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"])
     """Samples on the grid of columns x_mm (nx,) and rows y_mm (ny,)."""
     rest_mm = layout.rest_mm[:, :2]
     lattice = _lattice(layout)
+    point_mm = np.stack(np.meshgrid(x_mm, y_mm), axis=-1).reshape(-1, 2)
+    nearest = _nearest(rest_mm, point_mm).reshape(len(y_mm), len(x_mm))
     if lattice is None:
-        point_mm = np.stack(np.meshgrid(x_mm, y_mm), axis=-1).reshape(-1, 2)
         points = sampling_at(layout, point_mm)
         is_inside = points.is_inside.reshape(len(y_mm), len(x_mm))
         return GridSampling(
@@ -144,6 +146,7 @@ def sampling_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"])
             order=None,
             points=points,
             is_inside=is_inside,
+            nearest=nearest,
             rest_mm=rest_mm,
         )
     column_mm, row_mm, order = lattice
@@ -155,6 +158,7 @@ def sampling_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"])
         order=read_only(order),
         points=None,
         is_inside=_within(layout, row_mm, y_mm, 1)[:, None] & _within(layout, column_mm, x_mm, 0),
+        nearest=nearest,
         rest_mm=rest_mm,
     )
 
@@ -186,7 +190,7 @@ def _within(layout: Layout, knot: np.ndarray, at: np.ndarray, axis: int) -> np.n
     return np.asarray((at >= knot[0] - slack) & (at <= knot[-1] + slack))
 
 
-def _moving_planes(rest_mm: Points2, point_mm: Points2, pitch_mm: float) -> csr_array:
+def _moving_planes(rest_mm: Places, point_mm: Points2, pitch_mm: float) -> csr_array:
     """Rows of weights: the value at each point of the plane fitted to the markers around it."""
     count = min(_NEAREST, len(rest_mm))
     distance, index = cKDTree(rest_mm).query(point_mm, k=np.arange(1, count + 1))
@@ -205,7 +209,7 @@ def _moving_planes(rest_mm: Points2, point_mm: Points2, pitch_mm: float) -> csr_
     return csr_array((row.ravel(), index.ravel(), start), shape=(len(point_mm), len(rest_mm)))
 
 
-def _near_hull(rest_mm: Points2, point_mm: Points2, pitch_mm: float) -> Mask:
+def _near_hull(rest_mm: Places, point_mm: Points2, pitch_mm: float) -> Mask:
     """Points within the hull of the markers or half a pitch outside, and not in a hole of the layout."""
     slack = (BEYOND_PITCH + 1e-9) * pitch_mm
     distance, _ = cKDTree(rest_mm).query(point_mm)
@@ -218,12 +222,16 @@ def _near_hull(rest_mm: Points2, point_mm: Points2, pitch_mm: float) -> Mask:
     return np.asarray(near & (point_mm @ facet[:, :2].T + facet[:, 2] <= slack).all(axis=1))
 
 
-def _filled(rest_mm: Points2, value: Scalars) -> tuple[Scalars, Scalars | None]:
-    """Values, the missing ones from the nearest marker, and 1 where known; None when all are."""
+def _filled(rest_mm: Places, value: Values) -> Values:
+    """Values, the missing ones taken from the nearest marker that has one; 0 where none has."""
     is_known = np.isfinite(value)
     if is_known.all():
-        return value, None
+        return value
     if not is_known.any():
-        return np.zeros_like(value), np.zeros_like(value)
+        return np.zeros_like(value)
     _, nearest = cKDTree(rest_mm[is_known]).query(rest_mm)
-    return value[is_known][nearest], is_known.astype(np.float64)
+    return np.asarray(value[is_known][nearest])
+
+
+def _nearest(rest_mm: Places, point_mm: Points2) -> np.ndarray:
+    return np.asarray(cKDTree(rest_mm).query(point_mm)[1])

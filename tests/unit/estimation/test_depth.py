@@ -1,0 +1,78 @@
+"""The paper's depth: exact for a plane, and its covariance is that of many trials."""
+
+import numpy as np
+import pytest
+
+from manytouch.estimation.depth import perimeter_law, perimeters
+from manytouch.geometry.neighbours import lattice_cells, triangle_cells
+
+ROWS, COLUMNS, DISTANCE = 5, 8, 90.0
+ROW_COLUMN = np.column_stack(np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)).astype(np.int64)
+PLACE = (ROW_COLUMN[:, ::-1] * [4.0, 5.0] - [14.0, 10.0]).astype(np.float64)
+EYE = np.array([1.5, -2.0])
+LAWS = pytest.mark.parametrize(
+    "law",
+    [
+        perimeter_law(lattice_cells(ROW_COLUMN), PLACE, EYE, DISTANCE),
+        perimeter_law(triangle_cells(PLACE + 0.3 * np.sin(PLACE[:, ::-1])), PLACE, EYE, DISTANCE),
+    ],
+    ids=["quads", "triangles"],
+)
+NOISE = 0.02**2 * np.array([[1.0, 0.3], [0.3, 0.6]]) * np.ones((len(PLACE), 1, 1))
+
+
+def seen(point_mm: np.ndarray) -> np.ndarray:
+    """Where the rays of points of the sheet meet its plane at rest."""
+    return EYE + (point_mm[:, :2] - EYE) * (DISTANCE / (DISTANCE + point_mm[:, 2:]))
+
+
+@LAWS
+@pytest.mark.parametrize("z", [-7.0, -0.5, 0.0, 3.0])
+def test_a_plane_that_comes_nearer_reads_exactly_how_much(law, z: float):
+    point = np.column_stack([PLACE, np.full(len(PLACE), z)])
+    displacement, _, _ = law(seen(point), NOISE)
+    np.testing.assert_allclose(displacement, [[0.0, 0.0, z]] * len(PLACE), atol=1e-9)
+
+
+@LAWS
+def test_a_turn_in_the_plane_is_no_depth(law):
+    turn = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
+    displacement, _, _ = law(PLACE @ turn.T + [3.0, 1.0], NOISE)
+    np.testing.assert_allclose(displacement[:, 2], 0.0, atol=1e-9)
+
+
+@LAWS
+def test_stretch_reads_as_depth_which_is_the_weakness_of_the_law(law):
+    displacement, _, _ = law(1.01 * PLACE, NOISE)
+    np.testing.assert_allclose(-displacement[:, 2], DISTANCE * (1 - 1 / 1.01), rtol=1e-9)
+
+
+@LAWS
+def test_the_covariance_is_that_of_many_trials(law):
+    chance = np.random.default_rng(5)
+    point = np.column_stack([PLACE, -3.0 * np.exp(-(PLACE**2).sum(axis=1) / 100.0)])
+    middle = seen(point)
+    _, covariance, _ = law(middle, NOISE)
+    root = np.linalg.cholesky(NOISE[0])
+    trials = np.array([law(middle + chance.normal(size=PLACE.shape) @ root.T, NOISE)[0] for _ in range(2500)])
+    off = trials - trials.mean(axis=0)
+    observed = np.einsum("tmi,tmj->mij", off, off) / len(trials)
+    scale = np.sqrt(np.einsum("mii->mi", covariance))
+    ratio = (observed - covariance) / (scale[:, :, None] * scale[:, None, :])
+    assert np.abs(ratio).max() < 0.15
+
+
+def test_the_derivative_of_the_perimeter_is_its_finite_difference():
+    corner = np.random.default_rng(2).uniform(0, 5, (6, 4, 2))
+    corner[3, 3] = corner[3, 2]
+    _, along = perimeters(corner)
+    step = 1e-6
+    for k in range(3):
+        for axis in range(2):
+            moved = corner.copy()
+            moved[:, k, axis] += step
+            if k == 2:
+                moved[3, 3, axis] += step
+            found = (perimeters(moved)[0] - perimeters(corner)[0]) / step
+            expected = along[:, k, axis] + (np.arange(6) == 3) * (k == 2) * along[:, 3, axis]
+            np.testing.assert_allclose(found, expected, atol=1e-5)
