@@ -262,6 +262,8 @@ def pictured() -> dict[str, Sequence]:
         for noise in (2.5, 10.0)
         for step in (0.25, 0.8)
     }
+    for noise in (2.5, 10.0):
+        tried[f"even noise {noise:g}, step 0.25"] = replace(brief, noise=noise, light_noise=0.0, frames=10)
     small = replace(brief, size="720p", frames=36)
     tried["720p, step 1.2"] = replace(small, step_pitches=1.2)
     tried["720p, step 0.8, 5 % missing, 2 % false"] = replace(

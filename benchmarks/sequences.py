@@ -42,6 +42,7 @@ class Sequence:
         frames: number of frames; the first shows the sheet at rest.
         step_pitches: motion of the fastest dot from each frame to the next.
         noise: standard deviation of a pixel of level 60, grey levels of 255.
+        light_noise: part of it that is the light's own and grows with the level; 0: even noise.
         missing_share: of the dots in a frame; half of them are gone for good, half miss this frame only.
         false_share: spots that are no dots, against the markers; half stay in place, half are new each frame.
         hole_pitches: radius of a patch without dots that wanders over the sheet.
@@ -58,6 +59,7 @@ class Sequence:
     frames: int = 30
     step_pitches: float = 0.25
     noise: float = 2.5
+    light_noise: float = 0.8
     missing_share: float = 0.0
     false_share: float = 0.0
     hole_pitches: float = 0.0
@@ -441,9 +443,8 @@ def picture(course: Course, index: int) -> np.ndarray:
             tilt_x=-0.1,
             tilt_y=0.06,
             vignetting=0.25,
-            # 0.6 of the noise is the sensor's own, 0.8 the light's, at level 60 as in a usual camera
-            read_noise=0.6 * sequence.noise,
-            shot_noise=(0.8 * sequence.noise) ** 2 / 60.0,
+            read_noise=float(np.sqrt(1.0 - sequence.light_noise**2)) * sequence.noise,
+            shot_noise=(sequence.light_noise * sequence.noise) ** 2 / 60.0,
         ),
         contrast=np.concatenate([course.contrast[shown], np.ones(len(false_px))]),
         seed=(sequence.seed << 32) + index,

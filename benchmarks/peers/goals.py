@@ -47,10 +47,8 @@ def goals_of(timings: dict[str, Timing], pair: dict[str, float] | None) -> list[
 def _peer_ms(timings: dict[str, Timing], goal: str) -> float | None:
     """Median of the peer of a goal; of the tuned chains the fastest one on the whole image."""
     if goal == "tuned OpenCV":
-        found = [
-            each.median_ms for name, each in timings.items() if name.startswith(TUNED) and "half" not in name
-        ]
-        return min(found) if found else None
+        whole = [name for name in timings if name.startswith(TUNED) and "half" not in name]
+        return min(timings[name].median_ms for name in whole) if whole else None
     return timings[PEERS[goal]].median_ms if PEERS[goal] in timings else None
 
 

@@ -143,14 +143,8 @@ def profile_of(footage: Footage, kind: str, frames: int = 20) -> dict[str, objec
         "opencv_ms": sum(ms for key, ms in functions.items() if key[0] == LIBRARY),
         "python_and_numpy_ms": sum(ms for key, ms in functions.items() if key[0] == PYTHON),
         "functions": [
-            {
-                "kind": kind_,
-                "where": where,
-                "name": name,
-                "ms": ms,
-                "calls": clock.calls[kind_, where, name] / frames,
-            }
-            for (kind_, where, name), ms in functions.items()
+            {"kind": key[0], "where": key[1], "name": key[2], "ms": ms, "calls": clock.calls[key] / frames}
+            for key, ms in functions.items()
         ],
     }
 
@@ -176,8 +170,6 @@ def profile_text(kind: str, profile: dict[str, object]) -> str:
         "  by stage:    " + ", ".join(f"{name} {ms:.2f}" for name, ms in profile["stages_ms"].items()),
     ]
     for each in profile["functions"][:16]:
-        where = each["where"].removeprefix("manytouch.")
-        lines.append(
-            f"  {each['ms']:8.3f} ms  {each['calls']:6.1f} x  {each['kind']:7} {where}.{each['name']}"
-        )
+        name = f"{each['where'].removeprefix('manytouch.')}.{each['name']}"
+        lines.append(f"  {each['ms']:8.3f} ms  {each['calls']:6.1f} x  {each['kind']:7} {name}")
     return "\n".join(lines)
