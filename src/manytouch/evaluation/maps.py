@@ -47,7 +47,7 @@ def _error_map(method: str, values: np.ndarray, largest: float, unit: str) -> st
 def worst_figure(moment: Moment, unit: str) -> str:
     """Truth, estimate and their difference in one frame, with the contacts."""
     wide, tall = np.maximum(np.ptp(moment.place, axis=0), 1e-9)
-    with figure(7.4, float(np.clip(1.35 + 1.9 * tall / wide, 2.4, 4.0))) as drawn:
+    with figure(7.4, float(np.clip(1.15 + 2.45 * tall / wide, 2.3, 4.2))) as drawn:
         panels: Any = drawn.subplots(1, 3, sharex=True, sharey=True)
         both = np.concatenate([moment.true_mm, moment.estimated_mm])
         largest = float(np.nanmax(np.abs(both)))

@@ -165,7 +165,8 @@ def in_words(trial: Trial) -> str:
     """One line: what each method made of a recording."""
     parts = []
     for comparison in trial.comparisons:
-        depth = depth_figures(comparison.depth)["rmse_median_mm"]
+        rmse = depth_figures(comparison.depth)["rmse_median_mm"]
+        depth = f"depth RMSE {rmse:.3f} {comparison.unit}" if np.isfinite(rmse) else "no depth"
         recall = contact_figures(comparison.contacts)["recall_percent"]
-        parts.append(f"{comparison.method}: depth RMSE {depth:.3f} {comparison.unit}, recall {recall:.0f} %")
+        parts.append(f"{comparison.method}: {depth}, {recall:.0f} % of the contacts found")
     return "; ".join(parts)
