@@ -32,65 +32,43 @@ def _grey(image, weights, y, x):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _walk_to_dot(image, weights, x, y, radius, steps):
-    """A few mean-shift steps on every stride-th pixel; returns x, y."""
-    height, width = image.shape[0], image.shape[1] // weights.shape[0]
-    stride = max(1, int(radius / 2.5))
-    reach = 1.6 * radius + 1.0
-    reach2 = (1.35 * radius + 0.7) ** 2
-    for _ in range(steps):
-        x0, x1 = max(0, int(x - reach)), min(width - 1, int(x + reach) + 1)
-        y0, y1 = max(0, int(y - reach)), min(height - 1, int(y + reach) + 1)
-        low, high = np.float32(1e9), np.float32(-1e9)
-        for v in range(y0, y1 + 1, stride):
-            for u in range(x0, x1 + 1, stride):
-                value = _grey(image, weights, v, u)
-                low, high = min(low, value), max(high, value)
-        middle = np.float32(0.5) * (low + high)
-        total = sum_x = sum_y = 0.0
-        for v in range(y0, y1 + 1, stride):
-            for u in range(x0, x1 + 1, stride):
-                dx, dy = u - x, v - y
-                weight = _grey(image, weights, v, u) - middle
-                if weight > 0.0 and dx * dx + dy * dy <= reach2:
-                    total += weight
-                    sum_x += weight * dx
-                    sum_y += weight * dy
-        if total <= 0.0:
-            break
-        dx, dy = sum_x / total, sum_y / total
-        x, y = x + dx, y + dy
-        if dx * dx + dy * dy < 0.02 * radius * radius:
-            break
-    return x, y
+def _choose_offsets(inner, outer, offset):
+    """Every few pixels between two radii: rows of `offset` are x, y. Returns how many."""
+    stride = max(1, int(math.sqrt(math.pi * (outer * outer - max(inner, 0.0) ** 2) / SAMPLES) + 0.5))
+    count = 0
+    reach = int(outer / stride) * stride
+    for v in range(-reach, reach + 1, stride):
+        for u in range(-reach, reach + 1, stride):
+            distance = math.sqrt(u * u + v * v)
+            if inner <= distance <= outer and count < offset.shape[1]:
+                offset[0, count], offset[1, count] = u, v
+                count += 1
+    return count
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _sample(image, weights, x, y, inner2, outer2, samples):
-    """Some pixels between two radii around (x, y): rows of `samples` are dx, dy, value. Returns how many."""
+def _sample(image, weights, x, y, offset, number, reach, samples):
+    """Pixels at offsets from the one nearest to (x, y), at most `reach` away: `samples` = dx, dy, value.
+
+    Returns how many lie within the image.
+    """
     height, width = image.shape[0], image.shape[1] // weights.shape[0]
-    outer = math.sqrt(outer2)
-    stride = max(1, int(math.sqrt(math.pi * (outer2 - max(inner2, 0.0)) / SAMPLES) + 0.5))
+    middle_x, middle_y = math.floor(x + 0.5), math.floor(y + 0.5)
+    part_x, part_y = np.float32(middle_x - x), np.float32(middle_y - y)
     count = 0
-    for v in range(max(0, int(y - outer)), min(height - 1, int(y + outer) + 1) + 1, stride):
-        dy2 = (v - y) ** 2
-        if dy2 > outer2:
-            continue
-        half = math.sqrt(outer2 - dy2)
-        first, last = max(0, int(x - half + 1)), min(width - 1, int(x + half))
-        hole = math.sqrt(inner2 - dy2) if dy2 < inner2 else -1.0
-        u = first
-        while u <= last:
-            if abs(u - x) < hole:
-                u += stride * max(1, int((x + hole - u) / stride))
+    for k in range(number):
+        u, v = middle_x + offset[0, k], middle_y + offset[1, k]
+        if 0 <= u < width and 0 <= v < height:
+            dx, dy = np.float32(offset[0, k]) + part_x, np.float32(offset[1, k]) + part_y
+            if dx * dx + dy * dy > reach * reach:
                 continue
-            if count < samples.shape[1]:
-                samples[0, count] = u - x
-                samples[1, count] = v - y
+            samples[0, count], samples[1, count] = dx, dy
+            if weights.shape[0] == 1:
+                samples[2, count] = np.float32(image[np.uint64(v), np.uint64(u)]) * weights[0]
+            else:
                 samples[2, count] = _grey(image, weights, v, u)
-                count += 1
-            u += stride
+            count += 1
     return count
 
 
@@ -110,6 +88,43 @@ def _quantile(samples, count, quantile):
         chosen[place] = value
         number += 1
     return chosen[min(number - 1, int(quantile * number))]
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+@no_type_check
+def _pull(dx, dy, value):
+    """Centroid of what is lighter than the middle of the extremes: x, y; 0 where all is equal."""
+    f = np.float32
+    low = high = value[0]
+    for i in range(value.shape[0]):
+        low = value[i] if value[i] < low else low
+        high = value[i] if value[i] > high else high
+    middle = f(0.5) * (low + high)
+    total = sum_x = sum_y = f(0.0)
+    for i in range(value.shape[0]):
+        weight = value[i] - middle
+        weight = weight if weight > f(0.0) else f(0.0)
+        total += weight
+        sum_x += weight * dx[i]
+        sum_y += weight * dy[i]
+    if total <= f(0.0):
+        return 0.0, 0.0
+    return float(sum_x / total), float(sum_y / total)
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _walk_to_dot(image, weights, x, y, radius, steps, offset, number, samples):
+    """A few mean-shift steps on some of the pixels; returns x, y."""
+    for _ in range(steps):
+        count = _sample(image, weights, x, y, offset, number, 1e6, samples)
+        if count < 4:
+            break
+        dx, dy = _pull(samples[0, :count], samples[1, :count], samples[2, :count])
+        x, y = x + dx, y + dy
+        if dx * dx + dy * dy < 0.02 * radius * radius:
+            break
+    return x, y
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
@@ -208,17 +223,17 @@ def _tail(z):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _light(image, weights, x, y, radius, noise, samples, light):
+def _light(image, weights, x, y, radius, noise, offsets, numbers, samples, light):
     """Planes of ground and core: `light` = ground a, b, c, contrast a, b, c, variance and spreads.
 
     The spreads (sum of dx^2 + dy^2 of the pixels used) are those of ground and core; a core without a
     plane of its own (small, damaged, with a glint) has spread 0. Returns False where there is no dot.
     """
-    count = _sample(image, weights, x, y, (1.3 * radius + 1.0) ** 2, (1.75 * radius + 1.5) ** 2, samples)
+    count = _sample(image, weights, x, y, offsets[0], numbers[0], 1e6, samples)
     if count < 4:
         return False
     ground = _quantile(samples, count, 0.4)
-    in_core = _sample(image, weights, x, y, -1.0, max(0.5 * radius, 0.9) ** 2, samples[4:])
+    in_core = _sample(image, weights, x, y, offsets[1], numbers[1], max(0.5 * radius, 0.9), samples[4:])
     if in_core < 1:
         return False
     level = _quantile(samples[4:], in_core, 0.55)
@@ -243,76 +258,67 @@ def _light(image, weights, x, y, radius, noise, samples, light):
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def _share_row(row, weights, x, ground, height, least, out):
-    """Share of dot in the pixels of a row; `ground` and `height` are the level at x and the slope."""
-    ground_0, ground_x, height_0, height_x = ground[0], ground[1], height[0], height[1]
-    dx = -x  # counted in floats: lanes convert no 64-bit integers
-    if weights.shape[0] == 1:
-        weight = weights[0]
-        for u in range(out.shape[0]):
-            height_here = height_0 + height_x * dx
-            height_here = height_here if height_here > least else least
-            out[u] = (np.float32(row[u]) * weight - (ground_0 + ground_x * dx)) / height_here
-            dx += np.float32(1.0)
-    else:
-        blue, green, red = weights[0], weights[1], weights[2]
-        for u in range(out.shape[0]):
-            grey = (
-                np.float32(row[3 * u]) * blue
-                + np.float32(row[3 * u + 1]) * green
-                + np.float32(row[3 * u + 2]) * red
-            )
-            out[u] = (grey - (ground_0 + ground_x * dx)) / max(height_0 + height_x * dx, least)
-            dx += np.float32(1.0)
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
 def _share(image, weights, x, y, x0, y0, light, share):
     """Share of dot in each pixel of the window `share`, whose first pixel is (x0, y0)."""
     f = np.float32
-    first, last = x0 * weights.shape[0], (x0 + share.shape[1]) * weights.shape[0]
-    for v in range(share.shape[0]):
-        dy = v + y0 - y
-        ground = (f(light[0] + light[2] * dy), f(light[1]))
-        height = (f(light[3] + light[5] * dy), f(light[4]))
-        _share_row(image[v + y0, first:last], weights, f(x - x0), ground, height, f(0.5 * light[3]), share[v])
+    # unsigned indices need no check for negative ones, and lanes convert no integers: dx is counted in floats
+    rows, columns, left, top = (
+        np.uint64(share.shape[0]),
+        np.uint64(share.shape[1]),
+        np.uint64(x0),
+        np.uint64(y0),
+    )
+    slope, rise, least = f(light[1]), f(light[4]), f(0.5 * light[3])
+    three = np.uint64(3)
+    for v in range(rows):
+        dy = float(v) + y0 - y
+        below, height = f(light[0] + light[2] * dy), f(light[3] + light[5] * dy)
+        dx = f(x0 - x)
+        if weights.shape[0] == 1:
+            weight = weights[0]
+            for u in range(columns):
+                here = height + rise * dx
+                here = here if here > least else least
+                share[v, u] = (f(image[top + v, left + u]) * weight - (below + slope * dx)) / here
+                dx += f(1.0)
+        else:
+            blue, green, red = weights[0], weights[1], weights[2]
+            for u in range(columns):
+                at = three * (left + u)
+                grey = f(image[top + v, at]) * blue + f(image[top + v, at + np.uint64(1)]) * green
+                grey += f(image[top + v, at + np.uint64(2)]) * red
+                here = height + rise * dx
+                here = here if here > least else least
+                share[v, u] = (grey - (below + slope * dx)) / here
+                dx += f(1.0)
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def _row_moments(row, x):
-    """Weight and its moment along x, number of edge pixels and their first and second moments."""
-    f = np.float32
-    total = moment = count = edge_x = edge_xx = f(0.0)
-    dx = -x
-    for u in range(row.shape[0]):
-        weight = (row[u] - f(LOW)) * f(GAIN)
-        weight = weight if weight > f(0.0) else f(0.0)
-        weight = weight if weight < f(1.0) else f(1.0)
-        total += weight
-        moment += weight * dx
-        is_edge = f(1.0) if f(0.0) < weight < f(1.0) else f(0.0)
-        count += is_edge
-        edge_x += is_edge * dx
-        edge_xx += is_edge * dx * dx
-        dx += f(1.0)
-    return total, moment, count, edge_x, edge_xx
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
 def _moments(share, x, y, reach2, sums):
     """`sums` = weight, its moments x, y, edge pixels, their moments x, y, xx, xy, yy, about (x, y)."""
+    f = np.float32
     sums[:] = 0.0
-    reach = math.sqrt(reach2)
-    for v in range(max(0, int(y - reach)), min(share.shape[0] - 1, int(y + reach) + 1) + 1):
-        dy = v - y
+    for v in range(np.uint64(share.shape[0])):
+        dy = float(v) - y
         if dy * dy > reach2:
             continue
         half = math.sqrt(reach2 - dy * dy)
-        left, right = max(0, int(x - half + 1)), min(share.shape[1] - 1, int(x + half)) + 1
-        total, moment, count, edge_x, edge_xx = _row_moments(share[v, left:right], np.float32(x - left))
+        left = min(max(0, int(x - half + 1)), share.shape[1])
+        right = max(left, min(share.shape[1], int(x + half) + 1))
+        total = moment = count = edge_x = edge_xx = f(0.0)
+        dx = f(left - x)
+        for u in range(np.uint64(left), np.uint64(right)):
+            weight = (share[v, u] - f(LOW)) * f(GAIN)
+            weight = weight if weight > f(0.0) else f(0.0)
+            weight = weight if weight < f(1.0) else f(1.0)
+            total += weight
+            moment += weight * dx
+            is_edge = f(1.0) if f(0.0) < weight < f(1.0) else f(0.0)
+            count += is_edge
+            edge_x += is_edge * dx
+            edge_xx += is_edge * dx * dx
+            dx += f(1.0)
         sums[0] += total
         sums[1] += moment
         sums[2] += total * dy
@@ -346,7 +352,7 @@ def _uncertainty(sums, light, noise, reach2, out):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _measure_one(image, weights, x, y, radius, noise, samples, buffer, stack, out):
+def _measure_one(image, weights, x, y, radius, noise, offsets, numbers, samples, buffer, stack, out):
     """One dot; `out` as in `measure_dots`. Returns False where there is none."""
     height, width = image.shape[0], image.shape[1] // weights.shape[0]
     reach = 1.35 * radius + 1.2
@@ -355,7 +361,11 @@ def _measure_one(image, weights, x, y, radius, noise, samples, buffer, stack, ou
     for _ in range(3):
         x0, x1 = max(0, int(x - reach)), min(width, int(x + reach) + 2)
         y0, y1 = max(0, int(y - reach)), min(height, int(y + reach) + 2)
-        if x1 - x0 < 3 or y1 - y0 < 3 or not _light(image, weights, x, y, radius, noise, samples, light):
+        if (
+            x1 - x0 < 3
+            or y1 - y0 < 3
+            or not _light(image, weights, x, y, radius, noise, offsets, numbers, samples, light)
+        ):
             return False
         share = buffer[: (y1 - y0) * (x1 - x0)].reshape(y1 - y0, x1 - x0)
         _share(image, weights, x, y, x0, y0, light, share)
@@ -390,10 +400,15 @@ def _measure_one(image, weights, x, y, radius, noise, samples, buffer, stack, ou
 def measure_dots(image, weights, near, radius, noise, walk, out):
     """Rows of `out`: x, y, cxx, cxy, cyy, area, contrast, edge width, cut share; NaN without a dot."""
     samples = np.empty((8, 6 * SAMPLES), dtype=np.float32)
+    offsets, numbers, planned = (
+        np.empty((3, 2, 6 * SAMPLES), dtype=np.int32),
+        np.zeros(3, dtype=np.int64),
+        0.0,
+    )
     largest = 1.0
     for i in range(radius.shape[0]):
         largest = max(largest, radius[i])
-    side = 2 * int(1.35 * largest + 3.2) + 1
+    side = 2 * int(1.35 * largest + 4.2) + 1
     stack = np.empty(side * side, dtype=np.int64)
     buffer = np.empty(side * side, dtype=np.float32)
     height, width = image.shape[0], image.shape[1] // weights.shape[0]
@@ -402,7 +417,14 @@ def measure_dots(image, weights, near, radius, noise, walk, out):
         x, y = near[i, 0], near[i, 1]
         if not (x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5):
             continue
+        if radius[i] != planned:
+            planned = radius[i]
+            numbers[0] = _choose_offsets(1.3 * planned + 1.0, 1.75 * planned + 1.5, offsets[0])
+            numbers[1] = _choose_offsets(-1.0, max(0.5 * planned, 0.9) + 0.75, offsets[1])
+            numbers[2] = _choose_offsets(-1.0, 1.4 * planned + 0.7, offsets[2])
         if walk > 0:
-            x, y = _walk_to_dot(image, weights, x, y, radius[i], walk)
-        if not _measure_one(image, weights, x, y, radius[i], noise, samples, buffer, stack, out[i]):
+            x, y = _walk_to_dot(image, weights, x, y, radius[i], walk, offsets[2], numbers[2], samples)
+        if not _measure_one(
+            image, weights, x, y, radius[i], noise, offsets, numbers, samples, buffer, stack, out[i]
+        ):
             out[i] = np.nan
