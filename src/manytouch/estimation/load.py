@@ -105,8 +105,8 @@ class LoadModel:
         fingertip: radius over which a load is spread.
         tangential: size of tangential loads against normal ones.
         model_error: of a displacement; what the model does not explain.
-        shift, angle_rad, tilt: usual size of the motion of the view: along the sheet, about its normal, and
-            of the camera's axis.
+        shift, angle_rad, tilt, zoom: usual size of the motion of the view: along the sheet, about its normal,
+            of the camera's axis, and towards the sheet as part of the distance.
         points_per_pitch: of the map.
     """
 
@@ -120,6 +120,7 @@ class LoadModel:
     shift: float = 1.0
     angle_rad: float = 0.05
     tilt: float = 0.05
+    zoom: float = 0.03
     points_per_pitch: float = 3.0
 
     def __call__(self, sensor: Sensor, rest_mm: Points2) -> LoadMap:
@@ -186,6 +187,7 @@ class LoadModel:
                 self.shift * np.concatenate([one, none]),
                 self.shift * np.concatenate([none, one]),
                 self.angle_rad * np.concatenate([-rest[:, 1], rest[:, 0]]),
+                self.zoom * distance * np.concatenate([arm[:, 0], arm[:, 1]]),
                 self.tilt * distance * np.concatenate([arm[:, 0] ** 2, arm[:, 0] * arm[:, 1]]),
                 self.tilt * distance * np.concatenate([arm[:, 0] * arm[:, 1], arm[:, 1] ** 2]),
             ]

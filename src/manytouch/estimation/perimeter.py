@@ -38,6 +38,7 @@ from manytouch.values.arrays import Covariances2, Covariances3, Points2, Points3
 
 _USUAL_NOISE_PX = 0.05
 _LEAST_MARKERS = 4
+_FEIGNED = 1.5  # as if the errors of a neighbourhood conspired, since cells share their markers
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -197,12 +198,12 @@ class PerimeterDepth:
         covariance_mm2: Covariances3,
     ) -> Surface:
         depth_mm = -displacement_mm[:, 2]
-        error_mm = np.hypot(law_error(state, depth_mm), state.scale_std * depth_mm)
+        error_mm2 = law_error(state, depth_mm, covariance_mm2[:, 2, 2]) + (state.scale_std * depth_mm) ** 2
         # What is wrong in depth moves the marker along its ray.
         ray = np.column_stack(
             [-(state.law.rest_mm - state.law.eye_mm) / state.law.distance_mm, -np.ones(len(depth_mm))]
         )
-        covariance_mm2 += (error_mm**2)[:, None, None] * ray[:, :, None] * ray[:, None, :]
+        covariance_mm2 += error_mm2[:, None, None] * ray[:, :, None] * ray[:, None, :]
         return Surface(
             position_mm=read_only(state.layout.rest_mm + displacement_mm),
             displacement_mm=read_only(displacement_mm),
@@ -246,17 +247,24 @@ class PerimeterDepth:
         return contacts
 
 
-def law_error(state: PerimeterMemory, depth_mm: Scalars) -> Float64[np.ndarray, " m"]:
-    """Deviation (m,) of the law from the depth of the sheet, from the slope and curvature of its own map."""
+def law_error(state: PerimeterMemory, depth_mm: Scalars, variance_mm2: Scalars) -> Float64[np.ndarray, " m"]:
+    """Variance (m,) of the law about the depth of the sheet, from the slope and curvature of its own map.
+
+    What the noise of the depths, of variance (m,), feigns in slope and curvature is taken off.
+    """
     index, distance = state.neighbours.index, state.neighbours.distance
     rest = state.law.rest_mm
-    offset = rest[index] - rest[:, None]
+    arm = rest - state.law.eye_mm
+    along = np.einsum("mkd,md->mk", rest[index] - rest[:, None], arm)
     rise = depth_mm[index] - depth_mm[:, None]
-    slope = 2.0 * np.einsum("mk,mkd->md", rise / distance**2, offset) / index.shape[1]
-    bend = 4.0 * (rise / distance**2).mean(axis=1)
-    leant = 0.5 * ((rest - state.law.eye_mm) * slope).sum(axis=1)
-    stretched = 0.5 * state.law.distance_mm * state.lever_mm * bend
-    return np.asarray(np.hypot(leant, stretched))
+    noise = variance_mm2[index] + variance_mm2[:, None]
+    total = np.zeros(len(rest))
+    lean = along / distance**2 / index.shape[1]
+    stretch = 2.0 * state.law.distance_mm * state.lever_mm / distance**2 / index.shape[1]
+    for weight in (lean, stretch):
+        feigned = _FEIGNED * (np.abs(weight) * np.sqrt(noise)).sum(axis=1) ** 2
+        total += np.maximum((weight * rise).sum(axis=1) ** 2 - feigned, 0.0)
+    return total
 
 
 def _moved_at(state: PerimeterMemory, moved_mm: Float64[np.ndarray, "m 2"], point_mm: Points2) -> Points2:

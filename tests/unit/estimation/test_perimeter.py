@@ -1,0 +1,198 @@
+"""The method `perimeter` as a whole, on displacements whose truth is known."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation import ContactIdentity, PerimeterDepth
+from manytouch.geometry.camera import project
+from manytouch.simulation.sensor import demo_sensor
+from manytouch.values import Contacts, Sensor, Surface, TrackedGrid
+from manytouch.values.arrays import read_only
+
+SENSOR = demo_sensor(1280)
+assert SENSOR.layout is not None
+REST_MM = SENSOR.layout.rest_mm
+COUNT = len(REST_MM)
+ESTIMATE = PerimeterDepth(identity=ContactIdentity(confirm_frames=1))
+NOISE_PX = 0.03
+LEVER_MM = 1.5
+
+
+def seen(
+    moved_mm: np.ndarray, *, shift_px: tuple[float, float] = (0.0, 0.0), seed: int | None = None
+) -> TrackedGrid:
+    """The grid of markers moved by (m, 3) mm, shifted as a whole in the image, with noise."""
+    position = project(SENSOR.camera, REST_MM + moved_mm) + shift_px
+    if seed is not None:
+        position = position + np.random.default_rng(seed).normal(0, NOISE_PX, position.shape)
+    return TrackedGrid(
+        position_px=read_only(position),
+        covariance_px2=read_only(np.tile(NOISE_PX**2 * np.eye(2), (COUNT, 1, 1))),
+        is_seen=read_only(np.ones(COUNT, dtype=np.bool_)),
+        frames_unseen=read_only(np.zeros(COUNT, dtype=np.int64)),
+    )
+
+
+def pressed(*presses: tuple[float, float, float, float]) -> np.ndarray:
+    """Displacements (m, 3) of a bent sheet under (x, y, depth, radius) mm, seen from its face."""
+    moved = np.zeros((COUNT, 3))
+    for x, y, depth, radius in presses:
+        offset = REST_MM[:, :2] - [x, y]
+        hollow = depth * np.exp(-(offset**2).sum(axis=1) / (2 * radius**2))
+        moved[:, 2] -= hollow
+        moved[:, :2] += LEVER_MM * hollow[:, None] * offset / radius**2
+    return moved
+
+
+def read(*grids: TrackedGrid, sensor: Sensor = SENSOR) -> tuple[Surface, Contacts]:
+    state = ESTIMATE.start(sensor)
+    for grid in grids:
+        state, surface, contacts = ESTIMATE.step(state, grid)
+    return surface, contacts
+
+
+@pytest.mark.parametrize("z", [-4.0, 2.0])
+def test_a_sheet_that_comes_nearer_as_a_whole_reads_exactly_how_much_and_is_not_touched(z: float):
+    surface, contacts = read(seen(np.array([[0.0, 0.0, z]]) * np.ones((COUNT, 1))))
+    np.testing.assert_allclose(surface.displacement_mm[:, 2], z, atol=1e-6)
+    # What grows from one point looks like growth from another one and a shift.
+    np.testing.assert_allclose(surface.displacement_mm[:, :2], 0.0, atol=0.1)
+    np.testing.assert_allclose(surface.position_mm, REST_MM + surface.displacement_mm)
+    assert contacts.contacts == ()
+
+
+@pytest.mark.parametrize("shift_px", [(0.0, 0.0), (9.0, -6.0), (-20.0, 14.0)])
+def test_nothing_touches_a_sheet_at_rest_also_when_the_view_moved(shift_px: tuple[float, float]):
+    state = ESTIMATE.start(SENSOR)
+    for frame in range(25):
+        state, _, contacts = ESTIMATE.step(state, seen(np.zeros((COUNT, 3)), shift_px=shift_px, seed=frame))
+        assert contacts.contacts == ()
+
+
+def test_a_view_that_turns_is_no_touch():
+    angle = np.deg2rad(1.5)
+    turn = np.array([[np.cos(angle) - 1, -np.sin(angle)], [np.sin(angle), np.cos(angle) - 1]])
+    moved = np.column_stack([REST_MM[:, :2] @ turn.T, np.zeros(COUNT)])
+    surface, contacts = read(seen(moved, seed=1))
+    assert contacts.contacts == ()
+    assert np.abs(surface.displacement_mm[:, :2]).max() < 0.05
+
+
+PLACES = [(-44.0, -22.0), (-18.0, 16.0), (2.0, -16.0), (22.0, 14.0), (44.0, -12.0), (-42.0, 18.0)]
+
+
+@pytest.mark.parametrize("fingers", range(1, 7))
+def test_as_many_contacts_as_fingers_where_they_press(fingers: int):
+    presses = [(x, y, 2.5, 6.0) for x, y in PLACES[:fingers]]
+    _, contacts = read(seen(pressed(*presses), seed=fingers, shift_px=(3.0, -2.0)))
+    assert len(contacts.touching) == fingers
+    for each in contacts.touching:
+        nearest = np.linalg.norm(np.array(PLACES[:fingers]) - each.centre_mm, axis=1).min()
+        assert nearest < 1.0
+        assert nearest < 4.0 * np.hypot(each.std("x"), each.std("y"))
+        assert np.isnan(each.force_N).all()
+        assert each.depth_mm > 0.0
+        assert each.std("depth") > 0.0
+
+
+@pytest.mark.parametrize("radius", [4.0, 8.0, 12.0])
+def test_a_wide_pad_counts_once(radius: float):
+    _, contacts = read(seen(pressed((6.0, -4.0, 4.0, radius)), seed=2))
+    assert len(contacts.touching) == 1
+    assert np.linalg.norm(contacts.touching[0].centre_mm - [6.0, -4.0]) < 2.0
+
+
+def test_the_contact_shows_where_its_place_is_in_the_present_image():
+    shift_px = (7.0, -4.0)
+    _, contacts = read(seen(pressed((10.0, 5.0, 3.0, 6.0)), shift_px=shift_px))
+    (each,) = contacts.touching
+    expected = project(SENSOR.camera, np.array([[*each.centre_mm, -3.0]]))[0] + shift_px
+    assert np.linalg.norm(each.centre_px - expected) < 3.0
+
+
+def test_a_sheet_that_rests_anew_is_not_touched_after_a_release():
+    """A tenth of a deep press stays for a while."""
+    state = ESTIMATE.start(SENSOR)
+    deep, crept = pressed((0.0, 0.0, 5.0, 7.0)), pressed((0.0, 0.0, 0.5, 7.0))
+    for frame in range(5):
+        state, _, contacts = ESTIMATE.step(state, seen(deep, seed=frame))
+    assert len(contacts.touching) == 1
+    for frame in range(8):
+        state, _, contacts = ESTIMATE.step(state, seen(crept, seed=frame))
+    assert contacts.touching == ()
+
+
+def test_hidden_markers_are_filled_and_trusted_less():
+    moved = pressed((0.0, 0.0, 3.0, 8.0))
+    grid = seen(moved)
+    is_seen = np.random.default_rng(4).random(COUNT) > 0.15
+    holes = TrackedGrid(
+        position_px=read_only(np.where(is_seen[:, None], grid.position_px, np.nan)),
+        covariance_px2=read_only(np.where(is_seen[:, None, None], grid.covariance_px2, np.nan)),
+        is_seen=read_only(is_seen),
+        frames_unseen=read_only(np.where(is_seen, 0, 1)),
+    )
+    surface, contacts = read(holes)
+    assert np.isfinite(surface.displacement_mm).all()
+    whole, _ = read(grid)
+    std = np.sqrt(surface.covariance_mm2[:, 0, 0])
+    assert np.median(std[~is_seen]) > 3.0 * np.median(np.sqrt(whole.covariance_mm2[:, 0, 0]))
+    assert len(contacts.touching) == 1
+    assert np.linalg.norm(contacts.touching[0].centre_mm) < 1.0
+
+
+def test_at_rest_the_depth_spreads_as_its_deviation_says():
+    state = ESTIMATE.start(SENSOR)
+    squares = []
+    for frame in range(60):
+        state, surface, _ = ESTIMATE.step(state, seen(np.zeros((COUNT, 3)), seed=100 + frame))
+        squares.append(surface.displacement_mm[:, 2] ** 2 / surface.covariance_mm2[:, 2, 2])
+    assert 0.7 < np.mean(squares) < 1.1
+
+
+def test_under_presses_most_depths_lie_within_two_deviations():
+    moved = pressed((-20.0, 5.0, 3.0, 7.0), (25.0, -10.0, 2.0, 6.0))
+    surface, _ = read(seen(moved, seed=3))
+    off = np.abs(surface.displacement_mm[:, 2] - moved[:, 2]) / np.sqrt(surface.covariance_mm2[:, 2, 2])
+    assert np.mean(off < 2.0) > 0.8
+
+
+def test_a_scale_that_was_assumed_widens_the_depth():
+    assumed = replace(SENSOR, assumptions=("The camera's horizontal field of view is 60 degrees.",))
+    moved = pressed((0.0, 0.0, 3.0, 8.0))
+    known, _ = read(seen(moved))
+    wider, _ = read(seen(moved), sensor=assumed)
+    deepest = np.argmin(moved[:, 2])
+    assert wider.covariance_mm2[deepest, 2, 2] > known.covariance_mm2[deepest, 2, 2]
+
+
+def test_a_frame_without_markers_is_a_status():
+    nothing = TrackedGrid(
+        position_px=read_only(np.full((COUNT, 2), np.nan)),
+        covariance_px2=read_only(np.full((COUNT, 2, 2), np.nan)),
+        is_seen=read_only(np.zeros(COUNT, dtype=np.bool_)),
+        frames_unseen=read_only(np.ones(COUNT, dtype=np.int64)),
+    )
+    finger = seen(pressed((0.0, 0.0, 3.0, 8.0)))
+    surface, contacts = read(finger, finger, nothing)
+    assert surface.status == contacts.status == "few_markers"
+    assert np.isnan(surface.displacement_mm).all()
+    assert len(contacts.touching) == 1
+
+
+def test_a_sensor_without_enough_markers_is_refused_in_a_sentence():
+    with pytest.raises(SensorError, match="no \\[markers\\]"):
+        ESTIMATE.start(replace(SENSOR, layout=None))
+    assert SENSOR.layout is not None
+    few = replace(
+        SENSOR.layout,
+        rest_mm=REST_MM[:3],
+        row_column=None,
+        radius_mm=SENSOR.layout.radius_mm[:3],
+        is_missing=SENSOR.layout.is_missing[:3],
+    )
+    with pytest.raises(LayoutError, match="has 3 markers"):
+        ESTIMATE.start(replace(SENSOR, layout=few))
