@@ -29,7 +29,7 @@ LEAST_PITCH_PX = 5.0
 STEEPEST = 0.6  # largest strain of the sheet's image, so that it does not fold
 FINGERS = 2
 TOUCHING = 2  # first steps, of half the length: a sheet at rest must be touched before it can swing
-_VERSION = 2  # of the pictures, for the cache
+_VERSION = 3  # of the pictures, for the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -383,14 +383,20 @@ def _false_spots(
 
     size_px = np.array(SIZES[sequence.size]) - 2 * radius_px - 1
     half = round(0.5 * sequence.false_share * centre_px.shape[1])
-    dirt = radius_px + chance.random((half, 2)) * size_px
+
+    def anywhere() -> np.ndarray:
+        return radius_px + chance.random((8 * half, 2)) * size_px
+
+    dirt = anywhere()
     spots = []
     for frame, seen in zip(centre_px, is_visible, strict=True):
         if half == 0 or not seen.any():
             spots.append(np.zeros((0, 2)))
             continue
-        every = np.concatenate([dirt, radius_px + chance.random((half, 2)) * size_px])
-        spots.append(every[cKDTree(frame[seen]).query(every)[0] > 2.6 * radius_px])
+        dots = cKDTree(frame[seen])
+        # of many places the first ones that are free: of the dirt they are nearly always the same
+        free = [place[dots.query(place)[0] > 2.6 * radius_px][:half] for place in (dirt, anywhere())]
+        spots.append(np.concatenate(free))
     return tuple(spots)
 
 
