@@ -63,7 +63,7 @@ def _status(result: object) -> int:
 
 
 def _wrong(words: Sequence[str], error: CycloptsError) -> int:
-    verb = words[0] if words and words[0] in {"demo", "process", "run", "doctor"} else ""
+    verb = words[0] if words and words[0] in set(app) and not words[0].startswith("-") else ""
     help_line = " ".join(filter(None, ("manytouch", verb, "--help")))
     sentence = one_line(str(error)).rstrip(".")
     print(f"manytouch: {sentence}; see {help_line}", file=sys.stderr)

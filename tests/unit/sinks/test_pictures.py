@@ -104,16 +104,23 @@ def test_depth_map_reproduces_a_plane_and_covers_the_markers(sensor, reading_of)
     rest = sensor.layout.rest_mm
     displacement = np.zeros_like(rest)
     displacement[:, 2] = -(1.0 + 0.05 * rest[:, 0] - 0.1 * rest[:, 1])
-    displacement[9] = np.nan
     dense = DepthMap(sensor)
     depth = dense(dataclasses.replace(reading.surface, displacement_mm=displacement))
     x, y = np.meshgrid(dense.x_mm, dense.y_mm)
     assert depth.shape == (len(dense.y_mm), len(dense.x_mm))
     assert dense.x_mm[0] <= rest[:, 0].min()
     assert dense.y_mm[-1] >= rest[:, 1].max()
-    known = np.isfinite(depth)
-    assert known.mean() > 0.9
-    assert depth[known] == pytest.approx((1.0 + 0.05 * x - 0.1 * y)[known], abs=1e-6)
+    assert depth == pytest.approx(1.0 + 0.05 * x - 0.1 * y, abs=1e-6)
+
+
+def test_depth_map_is_not_known_around_an_unseen_marker_only(sensor, reading_of):
+    dense = DepthMap(sensor)
+    depth = dense(reading_of(0, unseen=(10,), depth_mm=0.5).surface)
+    x, y = np.meshgrid(dense.x_mm, dense.y_mm)
+    unknown = sensor.layout.rest_mm[[9, 10]]
+    away = np.min([np.hypot(x - marker[0], y - marker[1]) for marker in unknown], axis=0)
+    assert np.isnan(depth[away < 1.0]).all()
+    assert depth[away > 6.0] == pytest.approx(0.5, abs=1e-6)
 
 
 def test_depth_map_of_nothing_is_not_known(sensor, reading_of):
