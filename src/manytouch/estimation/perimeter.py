@@ -36,7 +36,6 @@ from manytouch.values import (
 )
 from manytouch.values.arrays import Covariances2, Covariances3, Points2, Points3, Scalars, read_only
 
-_USUAL_NOISE_PX = 0.05
 _LEAST_MARKERS = 4
 _FEIGNED = 1.5  # as if the errors of a neighbourhood conspired, since cells share their markers
 
@@ -54,8 +53,8 @@ class PerimeterMemory:
         plane_from_px: (m, 2, 2) derivative of places in the plane with respect to pixels.
         pairs: markers that propose a motion of the view.
         pitch_mm, lever_mm: geometric mean pitch; half the thickness of the sheet.
-        scale_std: relative deviation of depths for what had to be assumed.
-        noise_px: usual deviation of a centre.
+        scale_std, centre_std_mm: relative deviation of depths, and deviation of centres, for what had to be
+            assumed.
         settled_mm: (m, 2) where the untouched sheet has crept to, from its rest.
         recent_load: strongest load of the frames before, fading.
         lives: contacts that last.
@@ -72,7 +71,7 @@ class PerimeterMemory:
     pitch_mm: float
     lever_mm: float
     scale_std: float
-    noise_px: float
+    centre_std_mm: float
     settled_mm: Points2
     recent_load: float
     lives: Lives
@@ -90,6 +89,8 @@ class PerimeterDepth:
         identity: which contact is which of the frame before.
         settle: part of what remains while nothing touches that is taken for rest, per frame; a sheet creeps.
         assumed_scale_std: relative deviation of the depth when the field of view was assumed.
+        assumed_centre_std_pitch: deviation of a contact's centre then, along each axis: a wrong distance of
+            the camera or thickness of the sheet draws contacts towards or away from the optical axis.
     """
 
     view: RobustView = field(default_factory=RobustView)
@@ -99,6 +100,7 @@ class PerimeterDepth:
     identity: ContactIdentity = field(default_factory=ContactIdentity)
     settle: float = 0.01
     assumed_scale_std: float = 0.35
+    assumed_centre_std_pitch: float = 1.2
 
     def start(self, sensor: Sensor) -> PerimeterMemory:
         """Works out everything that only the sensor decides.
@@ -138,7 +140,7 @@ class PerimeterDepth:
             pitch_mm=pitch_mm,
             lever_mm=0.5 * (pitch_mm if sensor.sheet is None else sensor.sheet.thickness_mm),
             scale_std=self.assumed_scale_std if assumes_view else 0.0,
-            noise_px=sensor.centre_noise_px or _USUAL_NOISE_PX,
+            centre_std_mm=self.assumed_centre_std_pitch * pitch_mm if assumes_view else 0.0,
             settled_mm=read_only(np.zeros_like(plane_mm)),
             recent_load=0.0,
             lives=self.identity.start(sensor),
@@ -227,7 +229,7 @@ class PerimeterDepth:
             inside = inside[np.isfinite(depth.ravel()[inside])]
             deepest = inside[np.argmax(depth.ravel()[inside])] if len(inside) else None
             covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
-            covariance[:2, :2] = found.covariance_mm2[hill]
+            covariance[:2, :2] = found.covariance_mm2[hill] + state.centre_std_mm**2 * np.eye(2)
             depth_place = ESTIMATES.index("depth")
             if deepest is not None:
                 covariance[depth_place, depth_place] = float(depth_std.ravel()[deepest]) ** 2

@@ -160,11 +160,12 @@ def test_under_presses_most_depths_lie_within_two_deviations():
     assert np.mean(off < 2.0) > 0.8
 
 
-def test_a_scale_that_was_assumed_widens_the_depth():
+def test_a_scale_that_was_assumed_widens_depth_and_centre():
     assumed = replace(SENSOR, assumptions=("The camera's horizontal field of view is 60 degrees.",))
     moved = pressed((0.0, 0.0, 3.0, 8.0))
     known, _ = read(seen(moved))
-    wider, _ = read(seen(moved), sensor=assumed)
+    wider, contacts = read(seen(moved), sensor=assumed)
+    assert contacts.touching[0].std("x") > 4.0
     deepest = np.argmin(moved[:, 2])
     assert wider.covariance_mm2[deepest, 2, 2] > known.covariance_mm2[deepest, 2, 2]
 
