@@ -11,7 +11,7 @@ from numba import njit
 
 from manytouch.values.arrays import Points2, Scalars
 
-REDUCED_RADIUS_PX = 2.5
+REDUCED_RADIUS_PX = 2.0  # or more, up to half as much again
 INNER, OUTER = 0.5, 1.0  # the two Gaussians' deviations against the dot's radius
 # answer at the centre of a disc of contrast 1: exp(-r^2 / 2 outer^2) - exp(-r^2 / 2 inner^2)
 DISC_ANSWER = math.exp(-0.5 / OUTER**2) - math.exp(-0.5 / INNER**2)
@@ -52,7 +52,7 @@ def candidates(
     image: np.ndarray, weights: Float64[np.ndarray, " c"], radius_px: float, least: float
 ) -> Candidates:
     """Peaks of at least the contrast `least` (grey levels of 255) that the ground encloses."""
-    factor = max(1, round(radius_px / REDUCED_RADIUS_PX))
+    factor = max(1, int(radius_px / REDUCED_RADIUS_PX))
     small = reduced(image, weights, factor)
     own = radius_px / factor
     inner = cv2.GaussianBlur(small, (0, 0), INNER * own, borderType=cv2.BORDER_REFLECT)
