@@ -49,11 +49,11 @@ def record(frames: int = 4, contacts: Sequence[tuple[float, ...]] = (), **change
     return replace(flat, **changed)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def contact_table() -> Callable[..., ContactRows]:
     return rows
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def sheet() -> Callable[..., Record]:
     return record

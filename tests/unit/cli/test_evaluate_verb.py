@@ -1,0 +1,125 @@
+"""The verb: what it takes, what it refuses, and what it leaves behind."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from cyclopts import App, CycloptsError
+
+from manytouch.cli.evaluate import evaluate
+from manytouch.errors import ManytouchError
+from manytouch.evaluation import own, runner
+from manytouch.evaluation.cases import Case
+from manytouch.evaluation.runner import Evaluation, Trial
+
+app = App(name="manytouch")
+app.command(evaluate)
+
+
+def run(*words: str) -> Any:
+    return app(["evaluate", *words], exit_on_error=False, print_error=False, result_action="return_value")
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (("one", "--out", "x"), "both RESULT_DIR and TRUTH_DIR or neither, found 1"),
+        (("a", "b", "c", "--out", "x"), "found 3"),
+        (("a", "b", "--quick", "--out", "x"), "are for the suite"),
+        (("a", "b", "--method", "paper", "--out", "x"), "are for the suite"),
+        (("--method", "nonsense", "--out", "x"), "nonsense"),
+        (("--group", "easy", "--out", "x"), "easy"),
+        (("--quick",), "--out"),
+    ],
+)
+def test_a_wrong_command_line_is_refused_before_anything_runs(
+    words: tuple[str, ...], sentence: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(CycloptsError) as caught:
+        run(*words)
+    assert sentence in str(caught.value)
+    assert not (tmp_path / "x").exists()
+
+
+def test_folders_that_are_not_there_are_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(ManytouchError, match="is not a folder"):
+        run(str(tmp_path / "a"), str(tmp_path / "b"), "--out", str(tmp_path / "out"))
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.fixture
+def written(monkeypatch: pytest.MonkeyPatch) -> list[Evaluation]:
+    """What would be reported, instead of a report."""
+    from manytouch.evaluation import report
+
+    reported: list[Evaluation] = []
+
+    def write(evaluation: Evaluation, folder: Path) -> Path:
+        reported.append(evaluation)
+        return folder / "report.html"
+
+    monkeypatch.setattr(report, "write_report", write)
+    return reported
+
+
+def played(chosen: list[tuple[Case, ...]]) -> Callable[..., Evaluation]:
+    def suite(cases: Any, methods: Any, twin: Any, *, settings: Any, watch: Any, stop: Any) -> Evaluation:
+        chosen.append(cases)
+        watch.begin(len(cases))
+        for case in cases:
+            watch.done(case, "read")
+        return Evaluation(
+            title="suite",
+            truth_in_words=twin.in_words,
+            methods=tuple(methods),
+            trials=tuple(Trial(title=case.title, case=case, comparisons=()) for case in cases),
+            settings=settings,
+        )
+
+    return suite
+
+
+def test_the_suite_takes_its_options(
+    written: list[Evaluation],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    chosen: list[tuple[Case, ...]] = []
+    monkeypatch.setattr(runner, "run_suite", played(chosen))
+    words = ("--quick", "--tuning", "--method", "paper", "--group", "stress", "--group", "nominal")
+    assert run(*words, "--out", str(tmp_path)) == 0
+    assert {case.group for case in chosen[0]} == {"stress", "nominal"}
+    assert all(case.looked_at and case.is_quick for case in chosen[0])
+    assert written[0].methods == ("paper",)
+    assert set(written[0].settings) == {"parameters", "versions"}
+    out = capsys.readouterr().out
+    assert f"{len(chosen[0])} of {len(chosen[0])}  {chosen[0][-1].title}: read" in out
+    assert f"report in {tmp_path / 'report.html'}" in out
+
+
+def test_without_options_every_method_reads_every_case(
+    written: list[Evaluation], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    chosen: list[tuple[Case, ...]] = []
+    monkeypatch.setattr(runner, "run_suite", played(chosen))
+    assert run("--out", str(tmp_path)) == 0
+    assert len(chosen[0]) == 126
+    assert {"perimeter", "paper"} <= set(written[0].methods)
+
+
+def test_two_folders_are_compared(
+    written: list[Evaluation], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    given: list[Path] = []
+
+    def compared(result: Path, truth: Path) -> Evaluation:
+        given.extend((result, truth))
+        return Evaluation(title="own", truth_in_words="own", methods=("paper",), trials=())
+
+    monkeypatch.setattr(own, "evaluate_folders", compared)
+    assert run("result", "truth", "--out", str(tmp_path)) == 0
+    assert given == [Path("result"), Path("truth")]
+    assert written[0].title == "own"

@@ -1,0 +1,222 @@
+"""The run of the suite with stages that know the truth, that are blind, and that cannot begin."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from manytouch.errors import LayoutError
+from manytouch.evaluation import runner
+from manytouch.evaluation.cases import Case, Misinformation, Touch
+from manytouch.evaluation.comparison import figures, pooled
+from manytouch.evaluation.record import EvaluationError
+from manytouch.evaluation.runner import Evaluation, run_suite, try_case
+from manytouch.evaluation.twin import PlateTwin, Recording
+from manytouch.pipeline import Pipeline
+from manytouch.values import Contacts, Detections, Frame, Sensor, Surface, TrackedGrid, Truth
+from manytouch.values.arrays import Points2
+
+CASE = Case(
+    group="stress",
+    name="small",
+    seed=5,
+    looked_at=False,
+    touches=(Touch(at_mm=(6.0, -3.0), radius_mm=3.0, strength=1.5),),
+    deepest_mm=1.5,
+    size_mm=(48.0, 32.0),
+    width_px=640,
+)
+
+
+@cache
+def recording() -> Recording:
+    return PlateTwin().play(CASE)
+
+
+@dataclass(frozen=True)
+class Remembering:
+    """All three stages: they look the frame up in the truth."""
+
+    truths: tuple[Truth, ...]
+    depth_factor: float = 1.0
+    is_blind: bool = False
+
+    def start(self, sensor: Sensor) -> Any:
+        return -1
+
+    def step(self, state: Any, given: Any, expected_px: Points2 | None = None) -> Any:
+        raise NotImplementedError
+
+
+@dataclass(frozen=True)
+class Detect(Remembering):
+    def step(self, state: Any, given: Frame, expected_px: Points2 | None = None) -> Any:
+        some = np.full(1, float(given.index))
+        dots = Detections(
+            centre_px=np.zeros((1, 2)), covariance_px2=np.zeros((1, 2, 2)), area_px2=some, contrast=some
+        )
+        return state, dots
+
+
+@dataclass(frozen=True)
+class Track(Remembering):
+    def step(self, state: Any, given: Detections, expected_px: Points2 | None = None) -> Any:
+        return int(given.area_px2[0]), self.truths[int(given.area_px2[0])].grid
+
+    def expected_px(self, state: Any) -> Points2 | None:
+        return None
+
+    def is_lost(self, state: Any) -> bool:
+        return False
+
+
+@dataclass(frozen=True)
+class Estimate(Remembering):
+    def step(self, state: Any, given: TrackedGrid, expected_px: Points2 | None = None) -> Any:
+        (truth,) = (truth for truth in self.truths if truth.grid is given)
+        moved = truth.surface.displacement_mm * (np.nan if self.is_blind else self.depth_factor)
+        surface = Surface(
+            position_mm=truth.surface.position_mm,
+            displacement_mm=moved,
+            covariance_mm2=truth.surface.covariance_mm2,
+        )
+        return state, surface, Contacts() if self.is_blind else truth.contacts
+
+
+def pipeline(**wrong: Any) -> Pipeline:
+    truths = recording().truths
+    return Pipeline(
+        detect=Detect(truths, **wrong), track=Track(truths, **wrong), estimate=Estimate(truths, **wrong)
+    )
+
+
+class Twin(PlateTwin):
+    def play(self, case: Case) -> Recording:
+        return recording()
+
+
+class Watched:
+    def __init__(self) -> None:
+        self.said: list[str] = []
+
+    def begin(self, case_count: int) -> None:
+        self.said.append(f"{case_count} cases")
+
+    def say(self, sentence: str) -> None:
+        self.said.append(sentence)
+
+    def done(self, case: Case, sentence: str) -> None:
+        self.said.append(f"{case.title}: {sentence}")
+
+
+@pytest.fixture(autouse=True)
+def _referred(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The stages need no reference frames."""
+    monkeypatch.setattr(runner, "refer", lambda sensor, frames: sensor)
+
+
+@cache
+def evaluation() -> Evaluation:
+    methods = {"right": pipeline(), "half": pipeline(depth_factor=0.5), "blind": pipeline(is_blind=True)}
+    slippery = replace(CASE, name="slippery", friction=0.3)
+    return run_suite((CASE, slippery), methods, Twin(), settings={"versions": {"manytouch": "0"}})
+
+
+def found(method: int) -> dict[str, dict[str, Any]]:
+    return figures(evaluation().trials[0].comparisons[method])
+
+
+def test_who_knows_the_truth_makes_no_error() -> None:
+    right = found(0)
+    assert right["depth"]["rmse_worst_mm"] == 0
+    assert right["depth"]["peak_percent"] == 0
+    assert right["contacts"]["recall_percent"] == right["contacts"]["precision_percent"] == 100
+    assert right["force"]["normal_p95_N"] == 0
+    assert right["detection"]["found_percent"] == 100
+    assert right["frames"] == {"true": 30, "compared": 30, "failed": 0}
+    assert right["latency"]["p50_ms"] > 0
+
+
+def test_half_the_depth_is_half_the_peak() -> None:
+    assert found(1)["depth"]["peak_bias_percent"] == pytest.approx(-50)
+    assert found(1)["depth"]["rmse_worst_mm"] > 0.2
+
+
+def test_the_blind_score_nothing_instead_of_well() -> None:
+    blind = found(2)
+    assert blind["contacts"]["recall_percent"] == 0
+    assert blind["depth"]["given_percent"] == 0
+    assert np.isnan(blind["depth"]["rmse_median_mm"])
+
+
+def test_the_worst_moment_has_its_picture() -> None:
+    worst = evaluation().trials[0].comparisons[1].worst
+    assert worst is not None
+    assert worst.picture is not None
+    assert worst.picture.shape == (360, 640)
+    assert worst.frame >= 26  # where the pressure has become whole
+
+
+def test_cases_that_cannot_be_played_are_left_out_and_said() -> None:
+    watched = Watched()
+    slippery = replace(CASE, name="slippery", friction=0.3)
+    done = run_suite((CASE, slippery), {"right": pipeline()}, Twin(), settings={}, watch=watched)
+    assert done.left_out == {"stress/slippery": "the linear plate has no friction"}
+    assert watched.said[:2] == ["1 cases", "left out: 1 case, for the linear plate has no friction"]
+    assert watched.said[2] == "stress/small: right: depth RMSE 0.000 mm, 100 % of the contacts found"
+
+
+def test_a_run_can_be_stopped_between_cases() -> None:
+    asked = iter((False, True))
+    other = replace(CASE, name="other")
+    done = run_suite((CASE, other), {"right": pipeline()}, Twin(), settings={}, stop=lambda: next(asked))
+    assert [trial.title for trial in done.trials] == ["stress/small"]
+    assert done.left_out == {"stress/other": "the run was stopped"}
+
+
+def test_methods_begin_from_the_frames_at_rest_and_what_they_are_told(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    given: list[tuple[Sensor, int]] = []
+
+    def refer(sensor: Sensor, frames: Sequence[Frame]) -> Sensor:
+        given.append((sensor, len(frames)))
+        return sensor
+
+    monkeypatch.setattr(runner, "refer", refer)
+    told = replace(CASE, told=Misinformation(thickness_factor=1.1))
+    try_case(told, {"right": pipeline()}, recording())
+    ((sensor, frames),) = given
+    assert sensor.sheet is not None
+    assert (sensor.sheet.thickness_mm, frames) == (pytest.approx(3.3), 15)
+
+
+def test_a_method_that_cannot_begin_finds_nothing_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refer(sensor: Sensor, frames: Sequence[Frame]) -> Sensor:
+        raise LayoutError("no dots")
+
+    monkeypatch.setattr(runner, "refer", refer)
+    comparison = try_case(CASE, {"right": pipeline()}, recording()).comparisons[0]
+    silent = figures(comparison)
+    assert silent["contacts"]["recall_percent"] == 0
+    assert silent["detection"]["found_percent"] == 0
+    assert silent["frames"]["failed"] == 30
+    assert comparison.notes[0] == "stress/small: right could not begin: no dots"
+
+
+def test_pooling_twice_the_same_changes_no_share() -> None:
+    one = evaluation().trials[0].comparisons[1]
+    both = pooled((one, one), "both")
+    single, twice = figures(one), figures(both)
+    assert twice["frames"]["compared"] == 60
+    assert twice["depth"]["rmse_median_mm"] == pytest.approx(single["depth"]["rmse_median_mm"])
+    assert twice["contacts"]["recall_percent"] == single["contacts"]["recall_percent"]
+    assert twice["contacts"]["true"] == 2 * single["contacts"]["true"]
+
+
+def test_nothing_cannot_be_pooled() -> None:
+    with pytest.raises(EvaluationError, match="comparisons in one unit are needed, found none"):
+        pooled((), "nothing")

@@ -1,0 +1,177 @@
+"""The cases of the suite, the sensor of a case, and the linear plate that plays it."""
+
+from collections import Counter
+from dataclasses import replace
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from manytouch.evaluation.bench import lattice, told_sensor, true_sensor
+from manytouch.evaluation.cases import (
+    GROUPS,
+    HOLD_FRAMES,
+    REST_FRAMES,
+    Case,
+    Misinformation,
+    Touch,
+    pressure_share,
+)
+from manytouch.evaluation.record import EvaluationError
+from manytouch.evaluation.suite import APART_MM, RIM_MM, cases
+from manytouch.evaluation.twin import PlateTwin, Twin, plate_forces_N
+
+SMALL = Case(
+    group="nominal",
+    name="small",
+    seed=5,
+    looked_at=True,
+    touches=(Touch(at_mm=(5.0, -3.0), radius_mm=3.0, strength=1.0),),
+    deepest_mm=1.0,
+    size_mm=(48.0, 32.0),
+    width_px=640,
+)
+
+
+def test_the_suite_is_the_same_every_time_and_has_no_name_twice() -> None:
+    assert cases() == cases()
+    titles = [case.title for case in cases()]
+    assert len(set(titles)) == len(titles)
+
+
+def test_half_of_each_group_is_held_out() -> None:
+    counts = Counter((case.group, case.looked_at) for case in cases())
+    for group in GROUPS:
+        assert counts[group, True] == counts[group, False]
+    assert {case.looked_at for case in cases(tuning=True)} == {True}
+
+
+def test_nominal_is_what_the_suite_promises() -> None:
+    found = cases(("nominal",))
+    assert len(found) >= 40
+    assert {case.size_mm for case in found} == {(120.0, 80.0), (160.0, 100.0), (70.0, 70.0)}
+    assert {len(case.touches) for case in found} == {1, 2, 3, 4, 5, 6}
+    assert (min(c.deepest_mm for c in found), max(c.deepest_mm for c in found)) == (0.3, 10.0)
+    assert {(case.pitch_mm, case.noise) for case in found} == {(4.0, 2.5)}
+
+
+@pytest.mark.parametrize("case", cases(("nominal", "stress")), ids=lambda case: case.title)
+def test_touches_keep_apart_and_off_the_rim(case: Case) -> None:
+    places = np.array([touch.at_mm for touch in case.touches])
+    assert (np.abs(places) <= 0.5 * np.array(case.size_mm) - RIM_MM + 0.01).all()
+    assert all(np.linalg.norm(a - b) >= APART_MM for a, b in combinations(places, 2))
+    assert case.touches[0].strength == case.deepest_mm
+
+
+def test_separation_pairs_have_their_distance_and_ratio_in_both_halves() -> None:
+    found = cases(("separation",))
+    for case in found:
+        one, other = case.touches
+        distance = float(np.linalg.norm(np.subtract(one.at_mm, other.at_mm)))
+        assert case.name.startswith(f"{distance:.0f}mm-1to{other.strength:g}")
+    assert {touch.strength for case in found for touch in case.touches} == {1.0, 0.3}
+    for half in (True, False):
+        distances = {case.name.split("-")[0] for case in found if case.looked_at == half}
+        assert len(distances) == 12
+
+
+def test_stress_goes_to_the_limits() -> None:
+    found = cases(("stress",))
+    assert {case.pitch_mm for case in found} >= {3.0, 8.0}
+    assert max(case.noise for case in found) == 10
+    assert max(len(case.touches) for case in found) == 8
+    assert any(case.friction > 0 for case in found)
+    assert any(case.missing_share > 0 for case in found)
+    assert any(case.told != Misinformation() for case in found)
+
+
+def test_quick_takes_some_of_each_group_from_both_halves() -> None:
+    found = cases(quick=True)
+    assert len(found) == 12
+    assert {case.group for case in found} == set(GROUPS)
+    assert len({case.looked_at for case in found}) == 2
+
+
+def test_an_unknown_group_is_refused() -> None:
+    with pytest.raises(EvaluationError, match="no group 'easy' of cases; there are: nominal, separation"):
+        cases(("easy",))
+
+
+def test_pressure_begins_after_the_rest_and_is_whole_while_held() -> None:
+    assert pressure_share(REST_FRAMES - 1) == 0
+    assert 0 < pressure_share(REST_FRAMES) < 0.1
+    assert all(pressure_share(SMALL.frame_count - 1 - n) == 1 for n in range(HOLD_FRAMES))
+
+
+# the sensor
+
+
+@pytest.mark.parametrize("size_mm", [(120.0, 80.0), (160.0, 100.0), (70.0, 70.0)])
+def test_the_picture_holds_the_sheet(size_mm: tuple[float, float]) -> None:
+    camera = true_sensor(replace(SMALL, size_mm=size_mm)).camera
+    per_mm = camera.fx_px / camera.translation_mm[2]
+    assert size_mm[0] * per_mm < camera.width_px
+    assert size_mm[1] * per_mm < camera.height_px
+
+
+def test_the_lattice_is_centred_and_missing_dots_depend_on_the_seed() -> None:
+    layout = lattice(replace(SMALL, missing_share=0.2))
+    assert layout.shape == (8, 12)
+    assert layout.rest_mm.mean(axis=0) == pytest.approx(0)
+    assert 5 <= layout.is_missing.sum() <= 35
+    assert (lattice(replace(SMALL, missing_share=0.2)).is_missing == layout.is_missing).all()
+
+
+def test_what_the_methods_are_told_is_wrong_as_the_case_says() -> None:
+    told = Misinformation(
+        thickness_factor=1.1, young_factor=0.8, focal_factor=1.01, centre_off_px=5.0, is_lens_known=False
+    )
+    case = replace(SMALL, told=told, missing_share=0.3)
+    true, wrong = true_sensor(case), told_sensor(case)
+    assert wrong.sheet is not None
+    assert wrong.layout is not None
+    assert wrong.sheet.thickness_mm == pytest.approx(3.3)
+    assert wrong.sheet.young_MPa == pytest.approx(0.8 * 3.1)
+    assert wrong.camera.fx_px == pytest.approx(1.01 * true.camera.fx_px)
+    assert wrong.camera.cx_px - true.camera.cx_px == pytest.approx(1.25)  # 5 px at 2560 px width
+    assert not wrong.camera.distortion.any()
+    assert not wrong.layout.is_missing.any()
+
+
+# the plate
+
+
+def test_the_plate_is_a_twin_and_refuses_friction() -> None:
+    assert isinstance(PlateTwin(), Twin)
+    assert PlateTwin().refusal(SMALL) is None
+    assert "friction" in str(PlateTwin().refusal(replace(SMALL, friction=0.3)))
+
+
+def test_the_plate_is_as_deep_as_the_case_asks() -> None:
+    recording = PlateTwin().play(SMALL)
+    assert len(recording.frames) == len(recording.truths) == SMALL.frame_count
+    rest, last = recording.truths[REST_FRAMES - 1], recording.truths[-1]
+    assert not rest.contacts.touching
+    assert np.abs(rest.surface.displacement_mm).max() == 0
+    (contact,) = last.contacts.touching
+    assert contact.depth_mm == pytest.approx(1.0, rel=0.05)
+    assert contact.centre_mm == pytest.approx([5.0, -3.0])
+    middle = recording.truths[REST_FRAMES + 5].contacts.touching[0]
+    assert middle.depth_mm / contact.depth_mm == pytest.approx(pressure_share(REST_FRAMES + 5), abs=0.02)
+
+
+def test_force_shares_keep_their_ratio_and_reach_the_depth() -> None:
+    touches = tuple(Touch(at_mm=(x, 0.0), radius_mm=2.0, strength=s) for x, s in ((-8.0, 1.0), (8.0, 0.3)))
+    case = replace(SMALL, touches=touches, strength_is="force", deepest_mm=2.0)
+    sheet = true_sensor(case).sheet
+    assert sheet is not None
+    force = plate_forces_N(case, sheet)
+    assert force[1] / force[0] == pytest.approx(0.3)
+    last = PlateTwin().play(case).truths[-1]
+    assert max(contact.depth_mm for contact in last.contacts.touching) == pytest.approx(2.0, rel=0.05)
+
+
+def test_a_touch_that_its_neighbour_presses_deeper_does_not_touch() -> None:
+    touches = tuple(Touch(at_mm=(x, 0.0), radius_mm=2.0, strength=s) for x, s in ((0.0, 3.0), (4.0, 0.1)))
+    case = replace(SMALL, touches=touches, deepest_mm=3.0)
+    assert len(PlateTwin().play(case).truths[-1].contacts.touching) == 1
