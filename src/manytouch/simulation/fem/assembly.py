@@ -14,6 +14,7 @@ doi:10.1016/0045-7825(85)90033-7). The rest is integrated at Irons' 14 points, e
 import itertools
 import math
 from dataclasses import dataclass
+from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float64
@@ -128,6 +129,7 @@ def elastic_body(mesh: HexMesh, material: NeoHooke, *, pretension_N_per_mm: floa
 
 
 @njit(cache=True)
+@no_type_check
 def _cofactor(F: np.ndarray, out: np.ndarray) -> float:
     """det F; `out` gets its derivative, the matrix of cofactors."""
     for i in range(3):
@@ -139,6 +141,7 @@ def _cofactor(F: np.ndarray, out: np.ndarray) -> float:
 
 
 @njit(cache=True)
+@no_type_check
 def _sum_elements(
     displacement: np.ndarray,
     element: np.ndarray,

@@ -122,11 +122,15 @@ class Balance:
         return np.where(is_free, inner - outer - stage.dead_N, 0.0), scale, smallest
 
     def tangent(
-        self, state: SheetState, stage: Stage, displacement: Points3
+        self, state: SheetState, stage: Stage, displacement: Points3, *, is_exact: bool = True
     ) -> Float64[np.ndarray, "e 60 60"]:
-        """Derivative of the forces out of balance by each element's nodes."""
+        """Derivative of the forces out of balance by each element's nodes.
+
+        Not exact: without the curvature of the indenters, which destabilises points on sharp edges.
+        """
         _, tangent = self.body.forces_and_tangent(displacement)
-        self._contacts(state, stage, displacement, np.zeros_like(displacement), tangent)
+        nothing = np.zeros_like(displacement)
+        self._contacts(state, stage, displacement, nothing, tangent, bending=1.0 if is_exact else 0.0)
         return tangent
 
     def penetration_mm(self, state: SheetState, stage: Stage, displacement: Points3) -> float:
@@ -135,7 +139,14 @@ class Balance:
         return max(self._contacts(state, stage, displacement, force, np.empty((0, 60, 60)))[3], default=0.0)
 
     def _contacts(
-        self, state: SheetState, stage: Stage, displacement: Points3, force: np.ndarray, tangent: np.ndarray
+        self,
+        state: SheetState,
+        stage: Stage,
+        displacement: Points3,
+        force: np.ndarray,
+        tangent: np.ndarray,
+        *,
+        bending: float = 1.0,
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[float]]:
         """Add all contacts; pressure (t, f, q), shear and normals (t, f, q, 3), deepest penetrations."""
         face, mesh = self.face, self.body.mesh
@@ -163,6 +174,7 @@ class Balance:
                     touch.friction,
                     self.stiffness_MPa_per_mm,
                     self.rounding_mm,
+                    bending,
                     held,
                     old_shear,
                     anchor,

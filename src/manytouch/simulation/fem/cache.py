@@ -55,7 +55,7 @@ class StateCache:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             with aside.open("wb") as file:
-                np.savez_compressed(file, **_arrays(state))
+                np.savez_compressed(file, allow_pickle=False, **_arrays(state))
             aside.replace(path)
         except OSError as error:
             raise OutputError(f"cannot keep a solved state in {self.folder}: {error.strerror}") from None
@@ -91,7 +91,8 @@ def _hash(*texts: str) -> str:
 def _text(value: object) -> str:
     """Every field of a value, arrays to the last bit."""
     if isinstance(value, np.ndarray):
-        return f"{value.shape}{value.dtype}{hashlib.sha256(np.ascontiguousarray(value + 0.0).tobytes()).hexdigest()}"
+        content = np.ascontiguousarray(value + 0.0).tobytes()  # + 0.0: -0.0 is 0.0
+        return f"{value.shape}{value.dtype}{hashlib.sha256(content).hexdigest()}"
     if is_dataclass(value):
         inner = ",".join(f"{item.name}={_text(getattr(value, item.name))}" for item in fields(value))
         return f"{type(value).__name__}({inner})"
@@ -107,10 +108,9 @@ def code_revision() -> str:
             continue
         tree = ast.parse(path.read_text(encoding="utf-8"))
         for node in ast.walk(tree):
-            body = getattr(node, "body", None)
-            if isinstance(body, list) and body and isinstance(body[0], ast.Expr):
-                if isinstance(body[0].value, ast.Constant) and isinstance(body[0].value.value, str):
-                    body[0].value.value = ""
+            match node:
+                case ast.Expr(value=ast.Constant(value=str()) as docstring):
+                    docstring.value = ""
         trees.append(ast.dump(tree))
     return _hash(*trees)
 

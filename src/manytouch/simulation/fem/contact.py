@@ -12,6 +12,7 @@ doi:10.1016/0045-7949(92)90540-G). Linearised exactly, with the curvature of the
 import itertools
 import math
 from dataclasses import dataclass
+from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -77,6 +78,7 @@ def touched_face(mesh: HexMesh, *, points: int = 4, rule: str = "gauss") -> Touc
 
 
 @njit(cache=True)
+@no_type_check
 def _times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     out = np.zeros((3, 3))
     for i in range(3):
@@ -87,6 +89,7 @@ def _times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
+@no_type_check
 def _friction(
     trial: np.ndarray,
     normal: np.ndarray,
@@ -132,6 +135,7 @@ def _friction(
 
 
 @njit(cache=True)
+@no_type_check
 def add_contact(
     displacement: np.ndarray,
     element: np.ndarray,
@@ -147,6 +151,7 @@ def add_contact(
     friction: float,
     stiffness: float,
     rounding: float,
+    bending: float,
     held: np.ndarray,
     old_trial: np.ndarray,
     anchor: np.ndarray,
@@ -158,10 +163,10 @@ def add_contact(
 ) -> float:
     """Add one indenter's forces on the nodes to `force` (n, 3) and minus their derivative to `tangent`.
 
-    `held` (f, q) is the share of the step during which a point touches, `old_trial` (f, q, 3) the old
-    friction turned with the indenter, `anchor` (f, q, 3) where the points would be had they moved with
-    it. Fills pressure (f, q), shear (f, q, 3) and gradient
-    (f, q, 3); returns the deepest penetration.
+    `bending` is 1, or 0 to leave the indenter's curvature out of the derivative, which then is positive
+    definite. `held` (f, q) is the share of the step during which a point touches, `old_trial` (f, q, 3)
+    the old friction turned with the indenter, `anchor` (f, q, 3) where the points would be had they
+    moved with it. Fills pressure (f, q), shear and gradient (f, q, 3); returns the deepest penetration.
     """
     wants_tangent = tangent.shape[0] > 0
     point, at = np.empty(3), np.empty(3)
@@ -189,7 +194,7 @@ def add_contact(
                 normal[i] = 0.0
                 for j in range(3):
                     normal[i] += rotation[i, j] * normal_there[j]
-            curvature = _times(_times(rotation, curvature_there), rotation.T)
+            curvature = bending * _times(_times(rotation, curvature_there), rotation.T)
             if -distance < rounding:
                 p, rise = 0.5 * stiffness * distance * distance / rounding, -stiffness * distance / rounding
             else:

@@ -7,6 +7,7 @@ Distances are negative inside, gradients point out of the body.
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
+from typing import no_type_check
 
 import numpy as np
 from numba import njit
@@ -15,6 +16,7 @@ SPHERE, ELLIPSOID, REVOLVED, BOX, HALF_SPACES = range(5)
 
 
 @njit(cache=True)
+@no_type_check
 def signed_distance(
     kind: int, numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray
 ) -> float:
@@ -32,6 +34,7 @@ def signed_distance(
 
 
 @njit(cache=True)
+@no_type_check
 def _sphere(radius: float, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     x, y, z = point[0], point[1], point[2] - radius
     distance = math.sqrt(x * x + y * y + z * z)
@@ -46,6 +49,7 @@ def _sphere(radius: float, point: np.ndarray, normal: np.ndarray, curvature: np.
 
 
 @njit(cache=True)
+@no_type_check
 def _ellipsoid(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """Closest point r^2 x / (t + r^2) with F(t) = sum (r x / (t + r^2))^2 - 1 = 0, convex and falling."""
     square = np.array([numbers[0] ** 2, numbers[1] ** 2, numbers[2] ** 2])
@@ -77,6 +81,7 @@ def _ellipsoid(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curva
 
 
 @njit(cache=True)
+@no_type_check
 def _offset_curvature(second: np.ndarray, normal: np.ndarray, distance: float, curvature: np.ndarray) -> None:
     """Hessian of the distance: S (1 + d S)^-1 with the surface's shape operator S = P diag(second) P."""
     axis = int(np.argmin(np.abs(normal)))
@@ -105,6 +110,7 @@ def _offset_curvature(second: np.ndarray, normal: np.ndarray, distance: float, c
 
 
 @njit(cache=True)
+@no_type_check
 def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """A cylinder: radius, half length, edge radius, axis (0: x, 2: z), height of its centre."""
     radius, half, edge, height = numbers[0], numbers[1], numbers[2], numbers[4]
@@ -137,6 +143,7 @@ def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvat
 
 
 @njit(cache=True)
+@no_type_check
 def _add_outer(curvature: np.ndarray, factor: float, u: float, v: float, i: int, j: int) -> None:
     curvature[i, i] += factor * u * u
     curvature[i, j] += factor * u * v
@@ -145,6 +152,7 @@ def _add_outer(curvature: np.ndarray, factor: float, u: float, v: float, i: int,
 
 
 @njit(cache=True)
+@no_type_check
 def _box(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """A block with rounded edges: half lengths (3) and edge radius."""
     edge = numbers[3]
@@ -169,6 +177,7 @@ def _box(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: 
 
 
 @njit(cache=True)
+@no_type_check
 def _half_spaces(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """log sum exp(s (n.x - d)) / s over faces: smooth, convex, and the largest but near the edges."""
     sharpness, faces = numbers[0], int(numbers[1])

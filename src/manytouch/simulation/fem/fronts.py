@@ -7,6 +7,7 @@ SuperLU with its minimum-degree ordering (docs/decisions/0010), and no sparse ma
 """
 
 from dataclasses import dataclass, field
+from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float64
@@ -204,6 +205,7 @@ def _eliminate(matrix: np.ndarray, count: int, is_symmetric: bool) -> tuple[_Par
 
 
 @njit(cache=True)
+@no_type_check
 def _add_elements(matrix: np.ndarray, tangent: np.ndarray, elements: np.ndarray, place: np.ndarray) -> None:
     for number in range(elements.shape[0]):
         for row in range(60):
@@ -217,6 +219,7 @@ def _add_elements(matrix: np.ndarray, tangent: np.ndarray, elements: np.ndarray,
 
 
 @njit(cache=True)
+@no_type_check
 def _add_matrix(matrix: np.ndarray, added: np.ndarray, place: np.ndarray) -> None:
     for row in range(place.shape[0]):
         for column in range(place.shape[0]):

@@ -6,6 +6,7 @@ pose puts that point somewhere. So a press of depth d at (x, y) has position (x,
 
 import math
 from dataclasses import dataclass
+from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float64
@@ -183,6 +184,7 @@ def signed_distance(
 
 
 @njit(cache=True)
+@no_type_check
 def _many(  # noqa: PLR0917 - compiled
     kind: int,
     numbers: np.ndarray,

@@ -18,7 +18,7 @@ from manytouch.values.arrays import read_only
 NODES = 20
 """Nodes of an element."""
 
-Lines = Float64[np.ndarray, " lines"]
+Lines = Float64[np.ndarray, " _"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -159,20 +159,28 @@ class Solver:
         out, scale, smallest = balance.residual(state, stage, displacement, self.is_free)
         if smallest <= 0.0:
             return None, 0
+        sizes: list[float] = []
+        is_exact = True
         for iteration in range(self.most_iterations + 1):
             size = float(np.linalg.norm(out))
             if size <= self.tolerance * scale + 1e-9 * self._young_MPa:
                 return balance.settled(state, stage, displacement, size), iteration
-            if iteration == self.most_iterations or not np.isfinite(size):
+            sizes.append(size)
+            if iteration == self.most_iterations or (iteration > 8 and size > 0.7 * sizes[-7]):
                 break
-            tangent = balance.tangent(state, stage, displacement)
+            tangent = balance.tangent(state, stage, displacement, is_exact=is_exact)
             factors = self._order.factorise(tangent, is_symmetric=not balance.has_friction)
+            if is_exact and not balance.has_friction and factors.pivoted_parts:
+                tangent = balance.tangent(state, stage, displacement, is_exact=False)
+                factors = self._order.factorise(tangent, is_symmetric=True)
             move = factors.solve(-out)
             found = self._search(balance, state, stage, displacement=displacement, move=move, out=out)
             if found is None:
                 return None, iteration + 1
-            displacement, out, scale = found
-        return None, self.most_iterations
+            new, out, scale = found
+            is_exact = bool(np.abs(new - displacement).max() > 0.2 * np.abs(move).max())
+            displacement = new
+        return None, len(sizes)
 
     def _search(
         self,
@@ -196,7 +204,8 @@ class Solver:
             along, new_size = float(np.vdot(move, new)), float(np.linalg.norm(new))
             if best is None or new_size < best[0]:
                 best = (new_size, (trial, new, scale))
-            if abs(along) <= 0.7 * abs(slope) or new_size < 0.5 * size:
+            is_descending = slope < 0.0 and along < 0.0  # a point that snaps over an edge
+            if is_descending or abs(along) <= 0.7 * abs(slope) or new_size < 0.5 * size:
                 return trial, new, scale
             ratio = slope / (slope - along) if along * slope < 0.0 else 0.5
             length *= min(max(ratio, 0.1), 0.7)
