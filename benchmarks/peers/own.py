@@ -36,13 +36,14 @@ def map_of(sensor: Sensor) -> GridSampling:
 class Tracked:
     """The method `perimeter` frame after frame: dots, identities, estimate, and the map of depth."""
 
-    def __init__(self, sensor: Sensor, *, to_map: bool = True, estimate: bool = True) -> None:
+    def __init__(self, sensor: Sensor, *, estimate: bool = True) -> None:
         self.stages = pipeline_for("perimeter")
         self.detecting = self.stages.detect.start(sensor)
         self.tracking = self.stages.track.start(sensor)
-        self.estimating = self.stages.estimate.start(sensor)
-        self.map = map_of(sensor)
-        self.to_map, self.estimate = to_map, estimate
+        self.estimate = estimate
+        if estimate:
+            self.estimating = self.stages.estimate.start(sensor)
+            self.map = map_of(sensor)
         self.surface = None
 
     def __call__(self, frame: Frame) -> TrackedGrid:
@@ -57,8 +58,7 @@ class Tracked:
             self.tracking, grid = track.step(before, detections)
         if self.estimate:
             self.estimating, surface, _ = self.stages.estimate.step(self.estimating, grid)
-            if self.to_map:
-                self.surface = self.map(-surface.displacement_mm[:, 2])
+            self.surface = self.map(-surface.displacement_mm[:, 2])
         return grid
 
 

@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -126,6 +126,11 @@ def test_a_false_spot_near_a_missing_dot_is_near_but_one_on_another_dot_is_wrong
     assert (far.is_near.sum(), far.is_wrong.sum()) == (0, 1)
     taken = verdict(course, 3, standing_at(other))
     assert (taken.is_near.sum(), taken.is_wrong.sum()) == (0, 1)
+    crowded_px = course.centre_px.copy()
+    place = own + 0.2 * course.pitch_px * np.array([1.0, 0.0])
+    crowded_px[3][np.flatnonzero(course.is_visible[3])[0]] = place
+    crowded = verdict(replace(course, centre_px=crowded_px), 3, standing_at(place))
+    assert (crowded.is_near.sum(), crowded.is_wrong[absent]) == (0, True)
 
 
 @pytest.mark.parametrize(("blind", "frames"), [(0, 1), (2, 3)])
@@ -153,7 +158,7 @@ def test_windows_show_only_the_dots_in_them(course: Course) -> None:
     _, all_dots = detect.step(None, frame, None)
     assert len(all_dots.centre_px) == len(every.centre_px)
     expected_px = course.centre_px[2] + [3.0, 0.0]
-    expected_px[40:] += [100.0, 1000.0]
+    expected_px[40:] += 0.5 * course.pitch_px
     _, few = detect.step(None, frame, expected_px)
     assert len(few.centre_px) == course.is_visible[2][:40].sum()
     assert few.covariance_px2.shape == (len(few.centre_px), 2, 2)
