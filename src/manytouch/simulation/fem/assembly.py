@@ -54,11 +54,11 @@ class ElasticBody:
     pressure_mode: Float64[np.ndarray, "e q 4"]
     shear_MPa: float
     bulk_MPa: float
-    weight_N: Float64[np.ndarray, " n"]
+    weight_N: Float64[np.ndarray, " nodes"]
 
     def forces(
-        self, displacement_mm: Float64[np.ndarray, "n 3"]
-    ) -> tuple[float, Float64[np.ndarray, "n 3"], float]:
+        self, displacement_mm: Float64[np.ndarray, "nodes 3"]
+    ) -> tuple[float, Float64[np.ndarray, "nodes 3"], float]:
         """Strain energy (N mm), internal nodal forces (n, 3) in N, and the smallest J.
 
         Where the smallest J is not positive the forces mean nothing.
@@ -69,8 +69,8 @@ class ElasticBody:
         return energy, force_N, smallest
 
     def forces_and_tangent(
-        self, displacement_mm: Float64[np.ndarray, "n 3"]
-    ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "e 60 60"]]:
+        self, displacement_mm: Float64[np.ndarray, "nodes 3"]
+    ) -> tuple[Float64[np.ndarray, "nodes 3"], Float64[np.ndarray, "e 60 60"]]:
         """Internal nodal forces and their derivative by each element's nodes, N/mm, freshly allocated."""
         tangent = np.empty((len(self.mesh.element), 60, 60))
         force_N = np.zeros_like(displacement_mm)

@@ -10,9 +10,10 @@ from manytouch.simulation.fem.assembly import ElasticBody
 from manytouch.simulation.fem.contact import TouchedFace, add_contact
 from manytouch.simulation.fem.indenters import packed, signed_distance
 from manytouch.simulation.fem.loading import Loading
+from manytouch.simulation.fem.mesh import Nodal, Poses
 from manytouch.simulation.fem.readout import contact_area_mm2, patch_forces, read_contact
 from manytouch.simulation.fem.state import SheetState
-from manytouch.values.arrays import Points3, read_only
+from manytouch.values.arrays import read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -26,11 +27,11 @@ class Stage:
         dead_N: (n, 3).
     """
 
-    position_mm: Points3
-    rotation_vector: Points3
-    rotation: Float64[np.ndarray, "t 3 3"]
-    turn: Float64[np.ndarray, "t 3 3"]
-    dead_N: Points3
+    position_mm: Poses
+    rotation_vector: Poses
+    rotation: Float64[np.ndarray, "touches 3 3"]
+    turn: Float64[np.ndarray, "touches 3 3"]
+    dead_N: Nodal
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -44,9 +45,9 @@ class Course:
     """
 
     begin: SheetState
-    position_mm: Points3
-    rotation_vector: Points3
-    dead_N: Points3
+    position_mm: Poses
+    rotation_vector: Poses
+    dead_N: Nodal
 
     def stage(self, share: float, last: SheetState) -> Stage:
         """A share of the way, seen from the last equilibrium on it."""
@@ -67,7 +68,7 @@ class Course:
         return float(np.linalg.norm(self.position_mm - self.begin.position_mm, axis=1).max(initial=0.0))
 
 
-def _matrices(vector: Points3) -> Float64[np.ndarray, "t 3 3"]:
+def _matrices(vector: Poses) -> Float64[np.ndarray, "touches 3 3"]:
     if not len(vector):
         return np.zeros((0, 3, 3))
     return np.ascontiguousarray(Rotation.from_rotvec(vector.copy()).as_matrix())
@@ -95,7 +96,7 @@ class Balance:
         """Then the tangent is not symmetric."""
         return any(touch.friction > 0.0 for touch in self.loading.touches)
 
-    def poses(self, number: int) -> tuple[Points3, Points3]:
+    def poses(self, number: int) -> tuple[Poses, Poses]:
         """Positions and rotation vectors (t, 3) of the indenters at the end of a step."""
         touches = self.loading.touches
         position = np.array([touch.position_mm[number] for touch in touches]).reshape(-1, 3)
@@ -110,8 +111,8 @@ class Balance:
         return Course(begin=begin, position_mm=position, rotation_vector=rotation, dead_N=dead_N)
 
     def residual(
-        self, state: SheetState, stage: Stage, displacement: Points3, is_free: Bool[np.ndarray, "n 3"]
-    ) -> tuple[Points3, float, float]:
+        self, state: SheetState, stage: Stage, displacement: Nodal, is_free: Bool[np.ndarray, "nodes 3"]
+    ) -> tuple[Nodal, float, float]:
         """Forces out of balance (n, 3), the size of the forces that act, and the smallest J."""
         _, inner, smallest = self.body.forces(displacement)
         if smallest <= 0.0:
@@ -122,7 +123,7 @@ class Balance:
         return np.where(is_free, inner - outer - stage.dead_N, 0.0), scale, smallest
 
     def tangent(
-        self, state: SheetState, stage: Stage, displacement: Points3, *, is_exact: bool = True
+        self, state: SheetState, stage: Stage, displacement: Nodal, *, is_exact: bool = True
     ) -> Float64[np.ndarray, "e 60 60"]:
         """Derivative of the forces out of balance by each element's nodes.
 
@@ -133,7 +134,7 @@ class Balance:
         self._contacts(state, stage, displacement, nothing, tangent, bending=1.0 if is_exact else 0.0)
         return tangent
 
-    def penetration_mm(self, state: SheetState, stage: Stage, displacement: Points3) -> float:
+    def penetration_mm(self, state: SheetState, stage: Stage, displacement: Nodal) -> float:
         """How far an indenter enters the face at worst."""
         force = np.zeros_like(displacement)
         return max(self._contacts(state, stage, displacement, force, np.empty((0, 60, 60)))[3], default=0.0)
@@ -142,7 +143,7 @@ class Balance:
         self,
         state: SheetState,
         stage: Stage,
-        displacement: Points3,
+        displacement: Nodal,
         force: np.ndarray,
         tangent: np.ndarray,
         *,
@@ -205,7 +206,7 @@ class Balance:
         held[state.pressure_MPa[number] > 0.0] = 1.0
         return held, state.shear_MPa[number] @ turn.T, away @ turn.T + stage.position_mm[number]
 
-    def lifted(self, position_mm: Points3, rotation_vector: Points3) -> Points3:
+    def lifted(self, position_mm: Poses, rotation_vector: Poses) -> Poses:
         """(t, 3) positions above these, as low as the undeformed sheet is not touched."""
         rotation = _matrices(rotation_vector)
         lifted = position_mm.copy()
@@ -218,9 +219,7 @@ class Balance:
                 lifted[number, 2] += inside_mm + 1e-3
         return lifted
 
-    def settled(
-        self, state: SheetState, stage: Stage, displacement: Points3, residual_N: float
-    ) -> SheetState:
+    def settled(self, state: SheetState, stage: Stage, displacement: Nodal, residual_N: float) -> SheetState:
         """The state that has been found, with its tractions."""
         outer = np.zeros_like(displacement)
         pressure, shear, normal, deepest = self._contacts(

@@ -9,6 +9,7 @@ import ast
 import hashlib
 import os
 import zipfile
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from functools import cache
@@ -138,7 +139,7 @@ def _read(path: Path, mesh: HexMesh) -> SheetState | None:
     try:
         with np.load(path, allow_pickle=False) as file:
             table = {name: read_only(file[name]) for name in file.files}
-    except (FileNotFoundError, zipfile.BadZipFile, EOFError, ValueError):
+    except (OSError, zipfile.BadZipFile, zlib.error, EOFError, ValueError):
         return None
     reached, newton_steps, residual_N = table["course"].tolist()
     same = (

@@ -42,7 +42,7 @@ class TouchedFace:
     rest_mm: Float64[np.ndarray, "f q 3"]
 
     def displaced(
-        self, mesh: HexMesh, displacement_mm: Float64[np.ndarray, "n 3"]
+        self, mesh: HexMesh, displacement_mm: Float64[np.ndarray, "nodes 3"]
     ) -> Float64[np.ndarray, "f q 3"]:
         """Where the points are now."""
         nodal = displacement_mm[mesh.element[self.owner[:, None], self.local]]  # (f, 8, 3)
@@ -50,7 +50,7 @@ class TouchedFace:
 
     def nodal_force_N(
         self, mesh: HexMesh, traction_MPa: Float64[np.ndarray, "f q 3"]
-    ) -> Float64[np.ndarray, "n 3"]:
+    ) -> Float64[np.ndarray, "nodes 3"]:
         """The nodal forces (n, 3) that do the same work as a traction per undeformed area."""
         force = np.zeros_like(mesh.node_mm)
         share = np.einsum("fq,qn,fqi->fni", self.area_mm2, self.value, traction_MPa)

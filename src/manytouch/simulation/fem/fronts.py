@@ -46,7 +46,7 @@ class Dissection:
     """The order of elimination for a mesh and its free unknowns (3 node + axis)."""
 
     mesh: HexMesh
-    is_free: Bool[np.ndarray, "n 3"]
+    is_free: Bool[np.ndarray, "nodes 3"]
     _fronts: list[_Front] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -157,7 +157,7 @@ class Factors:
         """Parts that were not factorised by Cholesky; 0 says that the matrix is positive definite."""
         return sum(part.pivots is not None for part in self.parts)
 
-    def solve(self, right: Float64[np.ndarray, "n 3"]) -> Float64[np.ndarray, "n 3"]:
+    def solve(self, right: Float64[np.ndarray, "nodes 3"]) -> Float64[np.ndarray, "nodes 3"]:
         """Displacements for nodal forces; nodes that are held fast stay at zero."""
         value = right.ravel().copy()
         for front, part in zip(self.fronts, self.parts, strict=True):

@@ -73,6 +73,6 @@ class NeoHooke:
         found = root(imbalance, guess, tol=1e-13)
         if np.abs(found.fun).max() > 1e-10 or found.x.min() <= 0.0:
             raise ValueError(
-                f"a {thickness_mm} mm sheet of {self.young_MPa} MPa cannot be pulled with {tension_N_per_mm} N/mm"
+                f"{tension_N_per_mm} N/mm is too much for a {thickness_mm} mm sheet of {self.young_MPa} MPa"
             )
         return read_only(np.array([found.x[0], found.x[0], found.x[1]]))

@@ -19,6 +19,10 @@ NODES = 20
 """Nodes of an element."""
 
 Lines = Float64[np.ndarray, " _"]
+Nodal = Float64[np.ndarray, "nodes 3"]
+"""Displacements or forces of the nodes."""
+Poses = Float64[np.ndarray, "touches 3"]
+"""Positions or rotation vectors of the indenters."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

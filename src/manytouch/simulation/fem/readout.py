@@ -8,9 +8,9 @@ from jaxtyping import Float64
 from manytouch.simulation.fem.contact import TouchedFace, touched_face
 from manytouch.simulation.fem.indenters import Indenter, signed_distance
 from manytouch.simulation.fem.loading import PressurePatch
-from manytouch.simulation.fem.mesh import HexMesh
+from manytouch.simulation.fem.mesh import HexMesh, Nodal
 from manytouch.simulation.fem.state import ContactForce, SheetState
-from manytouch.values.arrays import Points3, read_only
+from manytouch.values.arrays import read_only
 
 FINE_POINTS = 8
 """Points per element edge when areas are counted or patches laid on."""
@@ -18,7 +18,7 @@ FINE_POINTS = 8
 
 def contact_area_mm2(
     mesh: HexMesh,
-    displacement_mm: Points3,
+    displacement_mm: Nodal,
     indenter: Indenter,
     position_mm: Float64[np.ndarray, "3"],
     rotation: Float64[np.ndarray, "3 3"],

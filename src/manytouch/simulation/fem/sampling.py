@@ -3,13 +3,12 @@
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.simulation.fem.mesh import HexMesh, shape_functions
-from manytouch.values.arrays import Points2, Points3
+from manytouch.simulation.fem.mesh import HexMesh, Nodal, shape_functions
 
 
 def sample_camera_side(
-    mesh: HexMesh, displacement_mm: Points3, place_mm: Points2
-) -> tuple[Points3, Float64[np.ndarray, "m 3 3"]]:
+    mesh: HexMesh, displacement_mm: Nodal, place_mm: Float64[np.ndarray, "m 2"]
+) -> tuple[Float64[np.ndarray, "m 3"], Float64[np.ndarray, "m 3 3"]]:
     """Displacement (m, 3) and deformation gradient F = dx/dX (m, 3, 3) at undeformed places x, y, z = 0.
 
     A dot's disc of radius r around X is, to first order, the image of the unit disc under r F[:, :2].

@@ -10,9 +10,10 @@ from manytouch.simulation.fem.balance import Balance, Course, Stage
 from manytouch.simulation.fem.contact import touched_face
 from manytouch.simulation.fem.fronts import Dissection
 from manytouch.simulation.fem.loading import Loading
+from manytouch.simulation.fem.mesh import Nodal
 from manytouch.simulation.fem.readout import with_patches
 from manytouch.simulation.fem.state import SheetState
-from manytouch.values.arrays import Points3, read_only
+from manytouch.values.arrays import read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -36,7 +37,7 @@ class Solver:
     """
 
     body: ElasticBody
-    is_free: Bool[np.ndarray, "n 3"]
+    is_free: Bool[np.ndarray, "nodes 3"]
     gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
     contact_stiffness_per_mm: float = 10.0
     rounding_mm: float = 0.002
@@ -121,7 +122,7 @@ class Solver:
             state, reached, share = found, target, min(2.0 * share, largest)
         return state, reached, solved
 
-    def _velocity(self, balance: Balance, course: Course, state: SheetState, reached: float) -> Points3:
+    def _velocity(self, balance: Balance, course: Course, state: SheetState, reached: float) -> Nodal:
         """How the sheet follows the way, to first order: d displacement / d share."""
         here, ahead = course.stage(reached, state), course.stage(reached + 1e-7, state)
         out = [balance.residual(state, at, state.displacement_mm, self.is_free)[0] for at in (here, ahead)]
@@ -137,10 +138,10 @@ class Solver:
         course: Course,
         state: SheetState,
         *,
-        velocity: Points3,
+        velocity: Nodal,
         reached: float,
         share: float,
-    ) -> tuple[float, Points3]:
+    ) -> tuple[float, Nodal]:
         """The next share of the way, so small that the guess is near, and the guess."""
         share = min(share, self.largest_move_mm / max(float(np.abs(velocity).max()), 1e-9))
         while True:
@@ -152,7 +153,7 @@ class Solver:
             share = 0.7 * (target - reached)
 
     def _solve(
-        self, balance: Balance, state: SheetState, stage: Stage, guess: Points3
+        self, balance: Balance, state: SheetState, stage: Stage, guess: Nodal
     ) -> tuple[SheetState | None, int]:
         """Newton's method from a guess; None when it does not converge."""
         displacement = guess
@@ -188,9 +189,9 @@ class Solver:
         state: SheetState,
         stage: Stage,
         *,
-        displacement: Points3,
-        move: Points3,
-        out: Points3,
+        displacement: Nodal,
+        move: Nodal,
+        out: Nodal,
     ) -> tuple[np.ndarray, np.ndarray, float] | None:
         """As far along a Newton step as brings the forces along it towards zero."""
         slope, size = float(np.vdot(move, out)), float(np.linalg.norm(out))

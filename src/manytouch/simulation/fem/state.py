@@ -7,7 +7,6 @@ from jaxtyping import Float64
 
 from manytouch.simulation.fem.mesh import HexMesh
 from manytouch.simulation.fem.sampling import sample_camera_side
-from manytouch.values.arrays import Points2, Points3
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -54,19 +53,21 @@ class SheetState:
     """
 
     mesh: HexMesh
-    displacement_mm: Float64[np.ndarray, "n 3"]
+    displacement_mm: Float64[np.ndarray, "nodes 3"]
     support_N: Float64[np.ndarray, "3"]
     contacts: tuple[ContactForce, ...]
     status: str
     reached: float
     newton_steps: int
     residual_N: float
-    dead_N: Float64[np.ndarray, "n 3"]
-    position_mm: Float64[np.ndarray, "t 3"]
-    rotation_vector: Float64[np.ndarray, "t 3"]
+    dead_N: Float64[np.ndarray, "nodes 3"]
+    position_mm: Float64[np.ndarray, "touches 3"]
+    rotation_vector: Float64[np.ndarray, "touches 3"]
     pressure_MPa: Float64[np.ndarray, "t f q"]
     shear_MPa: Float64[np.ndarray, "t f q 3"]
 
-    def camera_side(self, place_mm: Points2) -> tuple[Points3, Float64[np.ndarray, "m 3 3"]]:
+    def camera_side(
+        self, place_mm: Float64[np.ndarray, "m 2"]
+    ) -> tuple[Float64[np.ndarray, "m 3"], Float64[np.ndarray, "m 3 3"]]:
         """Displacement (m, 3) and F (m, 3, 3) of the camera-side face; see `sample_camera_side`."""
         return sample_camera_side(self.mesh, self.displacement_mm, place_mm)
