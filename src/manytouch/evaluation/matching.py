@@ -56,7 +56,7 @@ def match_contacts(
     """
     true_rows, estimated_rows = [], []
     for frame in np.intersect1d(truth.frame, estimated.frame):
-        mine, theirs = np.flatnonzero(truth.frame == frame), np.flatnonzero(estimated.frame == frame)
+        mine, theirs = rows_of(truth, int(frame)), rows_of(estimated, int(frame))
         away = np.linalg.norm(truth.centre_mm[mine][:, None] - estimated.centre_mm[theirs][None], axis=2)
         pair = assigned(away, gate_mm)
         true_rows.append(mine[pair[:, 0]])
@@ -73,6 +73,12 @@ def match_contacts(
         is_required=read_only(is_required),
         is_counted=read_only(is_counted),
     )
+
+
+def rows_of(rows: ContactRows, frame: int) -> Counts:
+    """Which rows belong to a frame; they stand together, for rows are in the order of their frames."""
+    begin, end = np.searchsorted(rows.frame, [frame, frame + 1])
+    return np.arange(begin, end)
 
 
 def nearest_dots(

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.evaluation.matching import GATE_MM, assigned
+from manytouch.evaluation.matching import GATE_MM, assigned, rows_of
 from manytouch.evaluation.record import ContactRows
 from manytouch.values.arrays import Mask, Scalars
 
@@ -58,12 +58,12 @@ def pair_samples(
     """
     distances, ratios, told = [], [], []
     for frame in np.unique(truth.frame):
-        two = np.flatnonzero(truth.frame == frame)
+        two = rows_of(truth, int(frame))
         if len(two) != 2 or (truth.depth_mm[two] < faint_mm).any():
             continue
         centre = truth.centre_mm[two]
         distance = float(np.linalg.norm(centre[1] - centre[0]))
-        found = estimated.centre_mm[estimated.frame == frame]
+        found = estimated.centre_mm[rows_of(estimated, int(frame))]
         away = np.linalg.norm(centre[:, None] - found[None], axis=2)
         around = np.linalg.norm(found - centre.mean(axis=0), axis=1) <= distance
         pairs = assigned(away, min(gate_mm, 0.5 * distance))

@@ -290,3 +290,4 @@ def test_frames_that_are_missing_are_told(folders: tuple[Path, Path], sensor: Se
     found = evaluate_folders(*folders).trials[0].comparisons[0]
     assert (found.frames, found.true_frames) == (2, 4)
     assert found.notes == ("2 of 4 true frames are not in the result",)
+    assert figures(found)["contacts"]["recall_percent"] == 100

@@ -15,6 +15,8 @@ def test_as_many_pairs_as_can_be_before_the_least_distance() -> None:
     # greedily 0-0 (1.0) would leave 1 alone
     away = np.array([[1.0, 2.0], [1.5, 9.0], [8.0, 9.0]])
     assert assigned(away, 3.0).tolist() == [[0, 1], [1, 0]]
+    # one pair of 0.1 is less than two of 2.9 together, and yet two are more
+    assert assigned(np.array([[0.1, 2.9], [2.9, 9.0]]), 3.0).tolist() == [[0, 1], [1, 0]]
 
 
 def test_the_gate_is_open_below_and_shut_at_its_own_value() -> None:

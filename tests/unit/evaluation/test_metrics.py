@@ -172,9 +172,12 @@ def test_depth_that_is_not_given_is_not_zero(sheet: Sheet, everywhere: ContactRo
 
 
 def test_frames_at_rest_are_kept_apart(sheet: Sheet, contact_table: Table) -> None:
-    truth = pressed_sheet(sheet, dent(0.0, 0.0, 4.0), contact_table([(2, 1, 0.0, 0.0, 4.0)]))
-    found = depth_figures(depth_samples(truth, replace(truth, depth_mm=truth.depth_mm + 0.25)))
+    truth = pressed_sheet(sheet, dent(0.5, 0.5, 4.0), contact_table([(2, 1, 0.0, 0.0, 4.0)]))
+    samples = depth_samples(truth, replace(truth, depth_mm=truth.depth_mm + 0.25))
+    found = depth_figures(samples)
+    assert len(samples.error_mm) == 15  # markers of the one frame in which something touches
     assert found["frames"] == 1
+    assert found["peak_bias_percent"] == pytest.approx(6.25)
     assert found["rest_rmse_mm"] == pytest.approx(0.25)
     assert found["rmse_worst_mm"] == pytest.approx(0.25)
 
@@ -281,7 +284,7 @@ def test_strewing_estimates_does_not_tell_apart(contact_table: Table) -> None:
 
 def test_near_contacts_need_estimates_nearer_than_half_their_distance(contact_table: Table) -> None:
     truth = two(contact_table, 4.0)
-    both_right = contact_table([(0, 1, 2.0, 0, 2.0), (0, 2, 1.0, 0.5, 2.0)])
+    both_right = contact_table([(0, 1, 2.0, 0, 2.0), (0, 2, 0.8, 0.0, 2.0)])
     assert pair_samples(truth, both_right).is_told.tolist() == [False]
 
 
