@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 import numpy as np
-from scipy.optimize import nnls
 
 from manytouch.evaluation.bench import true_sensor
 from manytouch.evaluation.cases import RAMP_FRAMES, REST_FRAMES, Case
@@ -104,8 +103,8 @@ class PlateTwin:
 def plate_forces_N(case: Case, sheet: Sheet) -> np.ndarray:
     """Forces (t,) that give the strengths of the touches on a linear plate.
 
-    Depths follow from forces by a matrix, which is inverted with forces that only press; where a
-    neighbour alone presses the sheet deeper than a touch asks for, that touch does not touch.
+    Depths follow from forces by a matrix. A touch that would have to pull, because its neighbours alone
+    press the sheet deeper than it asks for, does not touch; the others then have their depths.
     """
     plate = clamped_plate(sheet)
     centre_mm = np.array([touch.at_mm for touch in case.touches])
@@ -114,5 +113,13 @@ def plate_forces_N(case: Case, sheet: Sheet) -> np.ndarray:
     depth_per_N = np.column_stack([modes.field(plate.coefficients((load,))).depth_mm for load in loads])
     strength = np.array([touch.strength for touch in case.touches])
     if case.strength_is == "depth":
-        return np.asarray(nnls(depth_per_N, strength)[0])
+        force_N = np.zeros(len(strength))
+        pressing = np.arange(len(strength))
+        while len(pressing):
+            force_N[:] = 0.0
+            force_N[pressing] = np.linalg.solve(depth_per_N[np.ix_(pressing, pressing)], strength[pressing])
+            if force_N.min() >= 0:
+                break
+            pressing = pressing[pressing != np.argmin(force_N)]
+        return force_N
     return np.asarray(strength * case.deepest_mm / float((depth_per_N @ strength).max()))
