@@ -53,7 +53,7 @@ def contours(footage: Footage) -> Run:
 
     def run(index: int) -> Answer:
         cv2.threshold(footage.frames[index].image, level, 255, cv2.THRESH_BINARY, dst=binary)
-        found, _ = cv2.findContours(binary, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+        found, _ = cv2.findContours(binary, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_SIMPLE)
         moments = [cv2.moments(contour) for contour in found]
         centre_px = np.array(
             [(m["m10"] / m["m00"], m["m01"] / m["m00"]) for m in moments if m["m00"] > least_px2]

@@ -14,22 +14,25 @@ def plotted(timings: dict[str, Timing], file: Path, *, title: str) -> None:
 
     rows = sorted(
         ((name, timing) for name, timing in timings.items() if not name.startswith("stage")),
-        key=lambda item: item[1].median_ms,
+        key=lambda item: item[1].median_cpu_ms,
     )
     figure = Figure(figsize=(9.5, 0.36 * len(rows) + 1.5), layout="constrained")
     FigureCanvasAgg(figure)
     axes = figure.add_subplot()
     for place, (name, timing) in enumerate(rows):
-        axes.barh(place, timing.median_ms, color=_colour(name), height=0.72)
+        ms = timing.median_cpu_ms
+        axes.barh(place, ms, color=_colour(name), height=0.72)
         if timing.p99_ms is not None:
             axes.plot([timing.p99_ms] * 2, [place - 0.36, place + 0.36], color="black", linewidth=1.2)
-        reach = max(timing.median_ms, timing.p99_ms or 0.0)
-        axes.text(1.12 * reach, place, _label(timing.median_ms), va="center", fontsize=8)
+        axes.text(
+            0.93 * ms, place, _label(ms), va="center", ha="right", fontsize=8, color=_ink(_colour(name))
+        )
     axes.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=8)
     axes.set_xscale("log")
     axes.invert_yaxis()
-    axes.set_xlim(right=4.0 * max(timing.median_ms for _, timing in rows))
-    axes.set_xlabel("ms per frame, median (tick: 99th percentile)")
+    fastest_ms = rows[0][1].median_cpu_ms
+    axes.set_xlim(0.2 * fastest_ms, 2.0 * max(timing.median_cpu_ms for _, timing in rows))
+    axes.set_xlabel("ms of processor time per frame, median (tick: 99th percentile of the time on the wall)")
     axes.set_title(title, fontsize=9)
     axes.grid(axis="x", color="#e4e4e4", linewidth=0.8)
     axes.set_axisbelow(True)
@@ -43,6 +46,10 @@ def _colour(name: str) -> str:
     if name.startswith("paper"):
         return PAPER
     return FLOOR if name.startswith(("copy", "JPEG")) else OTHER
+
+
+def _ink(colour: str) -> str:
+    return "black" if colour == FLOOR else "white"
 
 
 def _label(ms: float) -> str:

@@ -87,6 +87,10 @@ class Timing:
         return float(np.median(self.spent_ms))
 
     @property
+    def median_cpu_ms(self) -> float:
+        return float(np.median(self.cpu_ms))
+
+    @property
     def p99_ms(self) -> float | None:
         """None with fewer than 100 runs."""
         return float(np.percentile(self.spent_ms, 99)) if len(self.spent_ms) >= 100 else None

@@ -6,6 +6,7 @@ is one of the processes: it says "ready", waits for a line, follows for so long,
 """
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -22,6 +23,7 @@ SECONDS, TURNS = 2.0, 3
 def two_sensors(sequence: Sequence) -> dict[str, float]:
     """Frames per second of one process, and of two together; one and two take turns."""
     alone, together = [], []
+    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else float("nan")
     for _ in range(TURNS):
         alone += _rates(1, sequence)
         together.append(sum(_rates(2, sequence)))
@@ -30,6 +32,7 @@ def two_sensors(sequence: Sequence) -> dict[str, float]:
         "one_per_s": max(alone),
         "two_per_s": max(together),
         "ratio": max(together) / max(alone),
+        "load": load,
     }
 
 
@@ -37,7 +40,8 @@ def two_text(pair: dict[str, float]) -> str:
     """One sentence."""
     return (
         f"two sensors in two processes: {pair['two_per_s']:.0f} frames/s together, one alone "
-        f"{pair['one_per_s']:.0f}: {pair['ratio']:.2f} times"
+        f"{pair['one_per_s']:.0f}: {pair['ratio']:.2f} times (load of the machine before: {pair['load']:.1f}; "
+        "above 1 this tells little)"
     )
 
 
