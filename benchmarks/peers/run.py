@@ -56,8 +56,8 @@ def table_text(timings: dict[str, Timing], does: dict[str, str]) -> str:
         wrong = f"{100 * np.mean(timing.wrong):.2f}" if timing.wrong else ""
         lines.append(
             f"{name:39} {timing.median_ms:9.3f} {p99:>8} {timing.median_cpu_ms:9.3f} "
-            f"{timing.median_cpu_ms / tracked_ms:8.2f} {len(timing.spent_ms):5d} {found:>8} {rms:>7} {wrong:>7}  "
-            f"{does[name]}"
+            f"{timing.median_cpu_ms / tracked_ms:8.2f} {len(timing.spent_ms):5d} {found:>8} "
+            f"{rms:>7} {wrong:>7}  {does[name]}"
         )
     return "\n".join(lines)
 

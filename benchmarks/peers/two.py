@@ -40,8 +40,8 @@ def two_text(pair: dict[str, float]) -> str:
     """One sentence."""
     return (
         f"two sensors in two processes: {pair['two_per_s']:.0f} frames/s together, one alone "
-        f"{pair['one_per_s']:.0f}: {pair['ratio']:.2f} times (load of the machine before: {pair['load']:.1f}; "
-        "above 1 this tells little)"
+        f"{pair['one_per_s']:.0f}: {pair['ratio']:.2f} times "
+        f"(load of the machine before: {pair['load']:.1f}; above 1 this tells little)"
     )
 
 
