@@ -137,7 +137,7 @@ def _arrays(state: SheetState) -> dict[str, np.ndarray]:
 def _read(path: Path, mesh: HexMesh) -> SheetState | None:
     """A kept state; None when there is none or it is damaged, then it is solved again."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             table = {name: read_only(file[name]) for name in file.files}
     except (OSError, zipfile.BadZipFile, zlib.error, EOFError, ValueError):
         return None

@@ -45,7 +45,7 @@ class Solver:
     largest_move_mm: float = 2.5
     largest_slide_mm: float = 1.0
     tolerance: float = 1e-5
-    most_iterations: int = 25
+    most_iterations: int = 40
     smallest_share: float = 1e-3
     _order: Dissection = field(init=False, repr=False)
 
@@ -167,7 +167,7 @@ class Solver:
             if size <= self.tolerance * scale + 1e-9 * self._young_MPa:
                 return balance.settled(state, stage, displacement, size), iteration
             sizes.append(size)
-            if iteration == self.most_iterations or (iteration > 8 and size > 0.7 * sizes[-7]):
+            if iteration == self.most_iterations or (len(sizes) > 8 and size > 0.7 * sizes[-7]):
                 break
             tangent = balance.tangent(state, stage, displacement, is_exact=is_exact)
             factors = self._order.factorise(tangent, is_symmetric=not balance.has_friction)
@@ -178,10 +178,13 @@ class Solver:
             found = self._search(balance, state, stage, displacement=displacement, move=move, out=out)
             if found is None:
                 return None, iteration + 1
+            snaps = np.vdot(move, found[1]) < np.vdot(move, out) < 0.0
+            if snaps:
+                sizes.clear()
             new, out, scale = found
             is_exact = bool(np.abs(new - displacement).max() > 0.2 * np.abs(move).max())
             displacement = new
-        return None, len(sizes)
+        return None, iteration
 
     def _search(
         self,
@@ -195,19 +198,30 @@ class Solver:
     ) -> tuple[np.ndarray, np.ndarray, float] | None:
         """As far along a Newton step as brings the forces along it towards zero."""
         slope, size = float(np.vdot(move, out)), float(np.linalg.norm(out))
-        length, best = 1.0, None
-        for _ in range(8):
+        length, best, downhill = 1.0, None, None
+        for _ in range(10):
             trial = displacement + length * move
             new, scale, smallest = balance.residual(state, stage, trial, self.is_free)
             if smallest <= 0.0:
+                if downhill is not None:
+                    break
                 length *= 0.3
                 continue
             along, new_size = float(np.vdot(move, new)), float(np.linalg.norm(new))
             if best is None or new_size < best[0]:
                 best = (new_size, (trial, new, scale))
-            is_descending = slope < 0.0 and along < 0.0  # a point that snaps over an edge
-            if is_descending or abs(along) <= 0.7 * abs(slope) or new_size < 0.5 * size:
+            if abs(along) <= 0.7 * abs(slope) or new_size < 0.5 * size:
                 return trial, new, scale
-            ratio = slope / (slope - along) if along * slope < 0.0 else 0.5
-            length *= min(max(ratio, 0.1), 0.7)
+            if slope < 0.0 and along < 0.0:
+                downhill = (trial, new, scale)  # steeper on: the sheet snaps over an edge
+                if length >= 8.0:
+                    break
+                length *= 2.0
+            elif downhill is not None:
+                break
+            else:
+                ratio = slope / (slope - along) if along * slope < 0.0 else 0.5
+                length *= min(max(ratio, 0.1), 0.7)
+        if downhill is not None:
+            return downhill
         return None if best is None else best[1]
