@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from manytouch.evaluation.yardsticks import YARDSTICKS, Yardstick, found, verdict, written
+from manytouch.evaluation.yardsticks import YARDSTICKS, Yardstick, found, off_aim, verdict, written
 from manytouch.values import LengthUnit
 
 SIGNS = {"good": "●", "fair": "◐", "poor": "○", "none": ""}
@@ -86,6 +86,8 @@ def limits(line: Yardstick, unit: LengthUnit) -> str:
         return ""
     scale = 0.25 if line.unit == "mm" and unit == "pitch" else 1.0
     good, poor = line.good * scale, line.poor * scale
+    if line.is_factor:
+        return f"{line.aim:g} within × {good:g}, poor beyond × {poor:g}"
     if line.unit == "share" and line.aim is not None:
         return f"{100 * line.aim:g} ± {100 * good:g}, poor beyond ± {100 * poor:g}"
     if line.aim is not None:
@@ -174,8 +176,7 @@ def _best(line: Yardstick, everything: list[dict[str, Any]]) -> int | None:
     if len(known) < 2:
         return None
     if line.aim is not None:
-        aim = line.aim
-        known = [(abs(value - aim), index) for value, index in known]
+        known = [(off_aim(line, value), index) for value, index in known]
     elif line.good > line.poor:
         known = [(-value, index) for value, index in known]
     return min(known)[1]

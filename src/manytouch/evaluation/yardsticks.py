@@ -22,7 +22,8 @@ class Yardstick:
         label: in words.
         unit: "" for a plain number, "share" for a share that is shown in %.
         good, poor: limits; which side is good follows from their order. None: no verdict.
-        aim: where the figure should be right on a value, that value: limits are then its distance.
+        aim: where the figure should be right on a value, that value: limits are then its distance,
+        is_factor: or the factor between the two.
         digits: significant digits to show.
         is_head: does it stand in the summary?
     """
@@ -34,6 +35,7 @@ class Yardstick:
     good: float | None = None
     poor: float | None = None
     aim: float | None = None
+    is_factor: bool = False
     digits: int = 3
     is_head: bool = False
 
@@ -48,6 +50,7 @@ def _lines(section: str, *lines: tuple[Any, ...], head: tuple[str, ...] = ()) ->
             good=limits[0] if limits else None,
             poor=limits[1] if limits else None,
             aim=limits[2] if len(limits) > 2 else None,
+            is_factor=key.endswith((".chi2_per_dof", ".spread")),
             is_head=key in head,
         )
         for key, label, unit, *limits in lines
@@ -133,8 +136,8 @@ YARDSTICKS: tuple[Yardstick, ...] = (
         for quantity, words in _QUANTITIES.items()
         for line in _lines(
             "calibration",
-            (f"{quantity}.chi2_per_dof", f"{words}: chi² per component", "", 0.4, 2.0, 1.0),
-            (f"{quantity}.spread", f"{words}: spread of z", "", 0.2, 0.6, 1.0),
+            (f"{quantity}.chi2_per_dof", f"{words}: chi² per component", "", 1.5, 3.0, 1.0),
+            (f"{quantity}.spread", f"{words}: spread of z", "", 1.25, 1.75, 1.0),
             (f"{quantity}.coverage_68", f"{words}: within the 68 % interval", "share", 0.05, 0.15, 0.68),
             (f"{quantity}.coverage_95", f"{words}: within the 95 % interval", "share", 0.03, 0.10, 0.95),
             head=("depth.coverage_95", "position.coverage_95"),
@@ -157,10 +160,19 @@ def verdict(line: Yardstick, value: float, unit: LengthUnit = "mm") -> Verdict:
         return "none"
     scale = 1.0 / PITCH_MM if line.unit == "mm" and unit == "pitch" else 1.0
     good, poor = line.good * scale, line.poor * scale
-    off = value if line.aim is None else abs(value - line.aim)
+    off = off_aim(line, value)
     if good > poor:
         off, good, poor = -off, -good, -poor
     return "good" if off <= good else "poor" if off > poor else "fair"
+
+
+def off_aim(line: Yardstick, value: float) -> float:
+    """How far a figure is from where it should be: itself, its distance, or its factor."""
+    if line.aim is None:
+        return value
+    if line.is_factor:
+        return max(value / line.aim, line.aim / value) if value > 0 else math.inf
+    return abs(value - line.aim)
 
 
 def written(line: Yardstick, value: float, unit: LengthUnit = "mm") -> str:

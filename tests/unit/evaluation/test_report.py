@@ -228,6 +228,7 @@ def test_a_missing_package_is_named_with_its_extra(package: str, monkeypatch: py
 
 LESS = Yardstick(section="depth", key="a", label="a", unit="mm", good=0.1, poor=1.0)
 MORE = Yardstick(section="depth", key="b", label="b", unit="%", good=98.0, poor=80.0)
+FACTOR = Yardstick(section="depth", key="e", label="e", good=1.5, poor=3.0, aim=1.0, is_factor=True)
 AIM = Yardstick(section="calibration", key="c", label="c", unit="share", good=0.03, poor=0.1, aim=0.95)
 
 
@@ -237,6 +238,8 @@ AIM = Yardstick(section="calibration", key="c", label="c", unit="share", good=0.
         *((LESS, 0.1, "good"), (LESS, 0.11, "fair"), (LESS, 1.0, "fair"), (LESS, 1.01, "poor")),
         *((MORE, 98.0, "good"), (MORE, 97.0, "fair"), (MORE, 80.0, "fair"), (MORE, 79.0, "poor")),
         *((AIM, 0.97, "good"), (AIM, 0.93, "good"), (AIM, 0.87, "fair"), (AIM, 0.5, "poor")),
+        *((FACTOR, 1.4, "good"), (FACTOR, 0.7, "good"), (FACTOR, 0.5, "fair"), (FACTOR, 0.03, "poor")),
+        *((FACTOR, 3.1, "poor"), (FACTOR, 0.0, "poor")),
         (LESS, float("nan"), "none"),
         (Yardstick(section="depth", key="d", label="d"), 5.0, "none"),
     ],
@@ -250,6 +253,7 @@ def test_limits_of_lengths_shrink_with_the_pitch() -> None:
     assert verdict(LESS, 0.09, "pitch") == "fair"
     assert limits(LESS, "pitch") == "≤ 0.025, poor > 0.25"
     assert limits(MORE, "pitch") == "≥ 98, poor < 80"
+    assert limits(FACTOR, "mm") == "1 within × 1.5, poor beyond × 3"
     assert limits(AIM, "mm") == "95 ± 3, poor beyond ± 10"
 
 
