@@ -21,12 +21,13 @@ PEERS = {
     "paper's chain": "paper's chain",
     "with its IDW": "paper's chain and plain map",
 }
+TRACKED = "manytouch: tracked frame"
 TUNED = "OpenCV, tuned"
 
 
 def goals_of(timings: dict[str, Timing], pair: dict[str, float] | None) -> list[str]:
     """One sentence for each goal: what was measured, what must be, what is aimed for."""
-    own, nothing = timings["manytouch: tracked frame"], timings.get("manytouch: frame from nothing")
+    own, nothing = timings[TRACKED], timings.get("manytouch: frame from nothing")
     said = [_line("tracked frame, ms", own.median_cpu_ms, 1.0, 0.5, most=True)]
     copy = timings.get("copy of the frame")
     if copy is not None:

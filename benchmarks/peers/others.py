@@ -109,6 +109,19 @@ def blob_tuned(footage: Footage) -> Run:
     return _blob(footage, _tuned_blob(footage))
 
 
+def blobs_followed(footage: Footage) -> Run:
+    """The tuned blob detector, whose contours never leave C++, as a whole chain: undistorted, by nearest."""
+    detect, follow = blob_tuned(footage), Following(footage)
+    camera = footage.course.sensor.camera
+
+    def run(index: int) -> Answer:
+        centre_px = np.asarray(detect(index).centre_px, dtype=np.float64)
+        _straight(camera, centre_px)
+        return follow(centre_px)
+
+    return run
+
+
 def _blob(footage: Footage, parameters: "cv2.SimpleBlobDetector_Params") -> Run:
     detector = cv2.SimpleBlobDetector_create(parameters)
 
@@ -244,20 +257,24 @@ def others() -> tuple[list[Method], list[str]]:
             prepare=contours,
         ),
         Method(
+            name="OpenCV, tuned: blobs",
+            does="tuned SimpleBlobDetector, undistortPoints, nearest",
+            prepare=blobs_followed,
+        ),
+        Method(
             name="OpenCV, tuned: components",
             does="threshold, connectedComponentsWithStats (BBDT), undistortPoints, nearest",
             prepare=components,
-            goal="tuned OpenCV",
         ),
         Method(
             name="OpenCV, tuned: components at half size",
             does="the same, reduced to half first",
             prepare=components_of_half,
         ),
-        Method(name="SimpleBlobDetector, tuned", does="dots only", prepare=blob_tuned, goal="tuned blob"),
+        Method(name="SimpleBlobDetector, tuned", does="dots only", prepare=blob_tuned),
         Method(name="SimpleBlobDetector, default", does="dots only", prepare=blob_default),
         Method(name="PyrLK, level 0", does="flow of known dots", prepare=flow_level_0),
-        Method(name="PyrLK, default", does="flow of known dots", prepare=flow_default, goal="default PyrLK"),
+        Method(name="PyrLK, default", does="flow of known dots", prepare=flow_default),
         Method(name="findCirclesGrid", does="dots and grid, clustering", prepare=circles_grid, most=100),
     ]
     missing = []
@@ -265,7 +282,7 @@ def others() -> tuple[list[Method], list[str]]:
         missing.append(f"trackpy is not installed and was left out: {INSTALL}")
     else:
         methods += [
-            Method(name="trackpy.locate", does="dots only", prepare=trackpy_locate, goal="trackpy.locate"),
+            Method(name="trackpy.locate", does="dots only", prepare=trackpy_locate),
             Method(name="trackpy.link", does="identities of given dots", prepare=trackpy_link),
         ]
     if find_spec("laptrack") is None:

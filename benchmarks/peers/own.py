@@ -263,19 +263,16 @@ def _seen(footage: Footage, index: int) -> TrackedGrid:
 def own_methods(sensor: Sensor) -> list[Method]:
     """manytouch and the paper's chain."""
     return [
-        Method(
-            name="manytouch: tracked frame", does="pixels to contacts and map", prepare=tracked, goal="own"
-        ),
+        Method(name="manytouch: tracked frame", does="pixels to contacts and map", prepare=tracked),
         Method(name="manytouch: tracked, identities", does="pixels to identities", prepare=numbered),
         Method(name="manytouch: frame from nothing", does="pixels to contacts and map", prepare=from_nothing),
         Method(name="JPEG to grey", does="decoding alone", prepare=decoding),
         Method(name="manytouch: JPEG to identities", does="decoding and tracking", prepare=from_jpeg),
-        Method(name="paper's chain", does="undistorted image to depth", prepare=paper, goal="paper's chain"),
+        Method(name="paper's chain", does="undistorted image to depth", prepare=paper),
         Method(
             name="paper's chain and plain map",
             does="the same and 6000 points by a loop",
             prepare=paper_with_map,
-            goal="with its IDW",
         ),
         *stage_methods(sensor),
     ]

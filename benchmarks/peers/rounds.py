@@ -53,14 +53,12 @@ class Method:
         does: what is in its time.
         prepare: takes the footage, gives the function that is timed; it is called with an index of
             `footage.frames`, each time a neighbour of the one before.
-        goal: the name of the goal it is compared with, or "".
         most: runs at most.
     """
 
     name: str
     does: str
     prepare: Callable[[Footage], Callable[[int], Answer]]
-    goal: str = ""
     most: int = 10**9
 
 

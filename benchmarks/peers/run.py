@@ -24,7 +24,7 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).parents[1]))
 
-from goals import goals_of
+from goals import TRACKED, goals_of
 from others import others
 from own import own_methods
 from plot import plotted
@@ -44,7 +44,7 @@ def footage_of(sequence: Sequence) -> Footage:
 
 def table_text(timings: dict[str, Timing], does: dict[str, str]) -> str:
     """One row for each method, fastest first."""
-    tracked_ms = timings["manytouch: tracked frame"].median_cpu_ms
+    tracked_ms = timings[TRACKED].median_cpu_ms
     lines = [
         f"{'':39} {'median ms':>9} {'p99 ms':>8} {'cpu ms':>9} {'/tracked':>8} {'runs':>5} {'found %':>8} "
         f"{'rms px':>7} {'wrong %':>7}  in the time"
@@ -115,7 +115,7 @@ def main() -> None:
     methods = [
         each
         for each in [*own_methods(footage.course.sensor), *peers]
-        if chosen.only in each.name or each.goal == "own"
+        if chosen.only in each.name or each.name == TRACKED
     ]
     does = {method.name: method.does for method in methods}
     timings = interleaved(methods, footage, chosen.rounds)

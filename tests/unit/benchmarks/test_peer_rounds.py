@@ -1,0 +1,100 @@
+"""Methods that are timed together take turns, and what they answer is compared with the truth."""
+
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
+if not BENCHMARKS.is_dir():
+    pytest.skip("the benchmarks are not part of a wheel", allow_module_level=True)
+sys.path += [str(BENCHMARKS), str(BENCHMARKS / "peers")]
+
+from goals import TRACKED, goals_of  # noqa: E402
+from rounds import SHARE_MS, Answer, Footage, Method, Timing, interleaved  # noqa: E402
+from sequences import Sequence, course_of  # noqa: E402
+
+from manytouch.values import Frame  # noqa: E402
+
+
+@pytest.fixture
+def footage() -> Footage:
+    course = course_of(Sequence(dots=96, size="480p", frames=6))
+    blank = [Frame(index=index, timestamp_ns=0, camera="test", image=None) for index in range(6)]
+    return Footage(course=course, frames=blank, jpeg=[b""] * 6)
+
+
+def method(name: str, run: Callable[[Footage, int], Answer]) -> Method:
+    return Method(name=name, does="", prepare=lambda footage: lambda index: run(footage, index))
+
+
+def truth(footage: Footage, index: int) -> Answer:
+    return Answer(centre_px=footage.course.centre_px[index], marker=np.arange(96))
+
+
+def test_answers_are_compared_with_the_truth(footage: Footage) -> None:
+    def shifted(footage: Footage, index: int) -> Answer:
+        return Answer(centre_px=footage.course.centre_px[index] + [0.5, 0.0])
+
+    def swapped(footage: Footage, index: int) -> Answer:
+        return Answer(centre_px=footage.course.centre_px[index], marker=np.roll(np.arange(96), 1))
+
+    def half(footage: Footage, index: int) -> Answer:
+        return Answer(centre_px=footage.course.centre_px[index][:48])
+
+    methods = [
+        method("truth", truth),
+        method("shifted", shifted),
+        method("swapped", swapped),
+        method("half", half),
+    ]
+    timings = interleaved(methods, footage, 10)
+    assert (np.mean(timings["truth"].found), np.mean(timings["truth"].wrong)) == (1.0, 0.0)
+    assert timings["truth"].rms_px == 0.0
+    assert timings["shifted"].rms_px == pytest.approx(0.5 / np.sqrt(2))
+    assert np.mean(timings["swapped"].wrong) == 1.0
+    assert np.mean(timings["half"].found) == pytest.approx(0.5)
+    assert all(len(each.spent_ms) == 10 for each in timings.values())
+
+
+def test_each_method_sees_neighbouring_frames_and_the_slow_one_leaves_rounds_out(footage: Footage) -> None:
+    seen: dict[str, list[int]] = {"quick": [], "slow": []}
+
+    def quick(footage: Footage, index: int) -> Answer:
+        seen["quick"].append(index)
+        return Answer()
+
+    def slow(footage: Footage, index: int) -> Answer:
+        seen["slow"].append(index)
+        time.sleep(2.2e-3 * SHARE_MS)
+        return Answer()
+
+    timings = interleaved([method("quick", quick), method("slow", slow)], footage, 9)
+    assert len(timings["quick"].spent_ms) == 9
+    assert 2 <= len(timings["slow"].spent_ms) <= 5
+    for indices in seen.values():
+        assert (np.abs(np.diff(indices)) == 1).all()
+    assert timings["slow"].median_ms > 2 * SHARE_MS
+    assert timings["slow"].median_cpu_ms < SHARE_MS
+
+
+def test_goals_compare_with_the_fastest_tuned_chain_on_the_whole_image() -> None:
+    spent = {
+        TRACKED: 1.0,
+        "copy of the frame": 0.25,
+        "OpenCV, tuned: blobs": 5.0,
+        "OpenCV, tuned: contours": 9.0,
+        "OpenCV, tuned: components at half size": 2.0,
+        "trackpy.locate": 100.0,
+    }
+    timings = {name: Timing(spent_ms=[ms] * 120, cpu_ms=[ms] * 120) for name, ms in spent.items()}
+    said = goals_of(timings, None)
+    numbers = {line.split("  ")[0].strip(): line for line in said}
+    assert "5.00" in numbers["times faster than tuned OpenCV"]
+    assert numbers["times faster than tuned OpenCV"].endswith(": reached")
+    assert numbers["times faster than trackpy.locate"].endswith("NOT reached")
+    assert numbers["tracked frame, ms"].endswith(": reached")
+    assert "4.00" in numbers["tracked frame, copies"]
