@@ -81,7 +81,7 @@ class ElasticBody:
         self, displacement_mm: np.ndarray, force_N: np.ndarray, tangent: np.ndarray
     ) -> tuple[float, float]:
         energy, smallest = _sum_elements(
-            displacement_mm,
+            displacement_mm.copy(),  # writable, always: the kernel is compiled once
             self.mesh.element,
             self.gradient_per_mm,
             self.weight_mm3,

@@ -154,9 +154,10 @@ class Balance:
         shape = (len(self._kind), *face.area_mm2.shape)
         pressure, shear, normal = np.zeros(shape), np.zeros((*shape, 3)), np.zeros((*shape, 3))
         deepest = []
+        displacement = displacement.copy()  # writable, always: the kernel is compiled once
         nothing = np.zeros((1, 0, 3))
         for number, touch in enumerate(self.loading.touches):
-            held, old_shear, anchor = nothing[:, :, 0], nothing, nothing
+            held, old_shear, anchor = np.zeros((1, 0)), nothing, nothing
             if touch.friction > 0.0:
                 held, old_shear, anchor = self._memory(number, state, stage)
             deepest.append(

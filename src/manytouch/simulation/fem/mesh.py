@@ -8,11 +8,12 @@ order of convergence (docs/decisions/0010). The shape functions are scikit-fem's
 import math
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
-from skfem import ElementHexS2
 
+from manytouch.errors import MissingExtraError
 from manytouch.values.arrays import read_only
 
 NODES = 20
@@ -65,7 +66,13 @@ class HexMesh:
 
 
 @cache
-def _reference() -> tuple[np.ndarray, ElementHexS2]:
+def _reference() -> tuple[np.ndarray, Any]:
+    try:
+        from skfem import ElementHexS2
+    except ImportError:
+        raise MissingExtraError(
+            "solving the sheet with finite elements", "scikit-fem", "simulation"
+        ) from None
     element = ElementHexS2()
     return read_only(np.asarray(element.doflocs, dtype=np.float64)), element
 
