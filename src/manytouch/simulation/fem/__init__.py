@@ -2,7 +2,8 @@
 
 A press of a ball, 5 mm deep in two steps, and where the dots are then::
 
-    model = SheetModel(size_mm=(120.0, 80.0), thickness_mm=3.0, material=NeoHooke(young_MPa=3.1, poisson=0.45))
+    rubber = NeoHooke(young_MPa=3.1, poisson=0.45)
+    model = SheetModel(size_mm=(120.0, 80.0), thickness_mm=3.0, material=rubber)
     path_mm = np.array([[10.0, 5.0, 2.5], [10.0, 5.0, 5.0]])  # x, y, depth of its lowest point per step
     touch = press(Sphere(radius_mm=6.0), thickness_mm=3.0, path_mm=path_mm)
     for state in StateCache(folder=folder).states(model, Loading(touches=(touch,))):
