@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 import manytouch
-from manytouch.cli import demo, doctor, process, run
+from manytouch.cli import demo, doctor, evaluate, process, run
 from manytouch.cli.failures import DEBUG_FLAG, one_line, report
 
 DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
@@ -34,6 +34,7 @@ app.command(demo.demo)
 app.command(process.process)
 app.command(run.run)
 app.command(doctor.doctor)
+app.command(evaluate.evaluate)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

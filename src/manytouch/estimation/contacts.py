@@ -14,7 +14,7 @@ class Hills:
     """What presses, the strongest first.
 
     Attributes:
-        centre_mm: (c, 2) centroid of the load within each hill's upper half.
+        centre_mm: (c, 2) centroid of the load near each hill's top.
         covariance_mm2: (c, 2, 2) of the centres.
         load: (c,) load at the peak, times the pitch.
         load_std: (c,) of it, from the noise of the centres.
@@ -52,6 +52,7 @@ class ContactFinder:
         start_share: a new contact is above this share of the strongest load in the frame.
         stay_share: an old one stays above.
         merge: two hills are one if the saddle between them is above this share of the lower one's peak.
+        top_share: the centre is the centroid of what lies above this share of the peak.
         model_std_pitch: of a centre, for what the model does not explain: at least this.
         model_std_radius: and at least this share of the contact's radius.
     """
@@ -63,35 +64,49 @@ class ContactFinder:
     noise_stds: float = 6.0
     start_share: float = 0.45
     stay_share: float = 0.4
-    merge: float = 0.65
+    merge: float = 0.75
+    top_share: float = 0.7
     model_std_pitch: float = 0.15
     model_std_radius: float = 0.15
 
     def __call__(
-        self, chart: LoadMap, modes: Float64[np.ndarray, "k l"], std_mm: float, recent_load: float = 0.0
+        self,
+        chart: LoadMap,
+        modes: Float64[np.ndarray, "k l"],
+        shift_modes: Float64[np.ndarray, "k l"],
+        spread: Float64[np.ndarray, "q q"],
+        recent_load: float = 0.0,
     ) -> Hills:
         """The contacts in a load.
 
         Args:
             chart: of the sensor.
             modes: of the load.
-            std_mm: deviation of a displacement along each axis.
+            shift_modes: of the load that displacements alone tell: light changes dots, it does not move them.
+            spread: covariance of the modes from the noise of the frame.
             recent_load: strongest load of the frames before, as `remembered` keeps it.
         """
         from manytouch.estimation.kernels import hills
 
         load = chart.load(modes)
         strongest = float(load.max())
+        moved = float(chart.load(shift_modes).max())
         crept = self.creep_share * recent_load
         floor = max(self.stay_load, crept, self.stay_share * strongest)
         label, peak = hills(np.ascontiguousarray(load), floor / 2.0, self.merge)
         height = load.ravel()[peak]
         column, row = peak % len(chart.x_mm), peak // len(chart.x_mm)
         top_mm = np.column_stack([chart.x_mm[column], chart.y_mm[row]])
-        std = chart.load_std(top_mm, std_mm)
+        std = chart.load_std(top_mm, spread)
         member = np.where((label >= 0) & (load > 0.5 * height[label]), label, -1) if len(peak) else label
-        stays = (height > floor) & (height > 0.5 * self.noise_stds * std)
-        centre_mm, area_mm2 = self._centroids(chart, load, member, len(peak))
+        stays = (height > floor) & (height > 0.5 * self.noise_stds * std) & (moved > self.stay_load)
+        _, area_mm2 = self._centroids(chart, load, member, len(peak))
+        top = (
+            np.where((label >= 0) & (load > self.top_share * height[label]), label, -1)
+            if len(peak)
+            else label
+        )
+        centre_mm, _ = self._centroids(chart, load, top, len(peak))
         member = (
             np.where((member >= 0) & stays[member], np.cumsum(stays)[member] - 1, -1) if len(peak) else member
         )
@@ -101,7 +116,7 @@ class ContactFinder:
         model = np.hypot(
             self.model_std_pitch * chart.pitch_mm, self.model_std_radius * np.sqrt(area_mm2 / np.pi)
         )
-        covariance = chart.centre_covariance(top_mm, std_mm, modes) + model[:, None, None] ** 2 * np.eye(2)
+        covariance = chart.centre_covariance(top_mm, spread, modes) + model[:, None, None] ** 2 * np.eye(2)
         firm = max(self.start_load, crept, self.start_share * strongest)
         return Hills(
             centre_mm=centre_mm,
@@ -109,7 +124,7 @@ class ContactFinder:
             load=height,
             load_std=std,
             area_mm2=area_mm2,
-            is_firm=(height > firm) & (height > self.noise_stds * std),
+            is_firm=(height > firm) & (height > self.noise_stds * std) & (moved > self.start_load),
             floor=max(self.stay_load, crept),
             member=member,
         )

@@ -16,8 +16,9 @@ from jaxtyping import Float64
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.contacts import ContactFinder, Hills
 from manytouch.estimation.depth import PerimeterLaw, perimeter_law
+from manytouch.estimation.growth import DotGrowth
 from manytouch.estimation.identity import ContactIdentity, Lives
-from manytouch.estimation.load import LoadMap, LoadModel
+from manytouch.estimation.load import LoadMap, LoadModel, assumes_view
 from manytouch.estimation.unseen import FillUnseen
 from manytouch.estimation.view import RobustView
 from manytouch.geometry.camera import cam_from_sheet, onto_plane, project
@@ -56,6 +57,8 @@ class PerimeterMemory:
         scale_std, centre_std_mm: relative deviation of depths, and deviation of centres, for what had to be
             assumed.
         settled_mm: (m, 2) where the untouched sheet has crept to, from its rest.
+        rest_area: (m,) logarithm of the areas of the dots at rest, NaN where not known.
+        rest_frames: frames at rest so far.
         recent_load: strongest load of the frames before, fading.
         lives: contacts that last.
     """
@@ -73,6 +76,8 @@ class PerimeterMemory:
     scale_std: float
     centre_std_mm: float
     settled_mm: Points2
+    rest_area: Scalars
+    rest_frames: int
     recent_load: float
     lives: Lives
 
@@ -84,6 +89,7 @@ class PerimeterDepth:
     Attributes:
         view: finds the motion of the view.
         fill: fills in markers that are not seen.
+        grow: how much the dots have grown.
         model: of sheet, fingers and view.
         find: contacts of a frame.
         identity: which contact is which of the frame before.
@@ -95,12 +101,13 @@ class PerimeterDepth:
 
     view: RobustView = field(default_factory=RobustView)
     fill: FillUnseen = field(default_factory=FillUnseen)
+    grow: DotGrowth = field(default_factory=DotGrowth)
     model: LoadModel = field(default_factory=LoadModel)
     find: ContactFinder = field(default_factory=ContactFinder)
     identity: ContactIdentity = field(default_factory=ContactIdentity)
     settle: float = 0.01
     assumed_scale_std: float = 0.35
-    assumed_centre_std_pitch: float = 1.2
+    assumed_centre_std_pitch: float = 0.9
 
     def start(self, sensor: Sensor) -> PerimeterMemory:
         """Works out everything that only the sensor decides.
@@ -127,7 +134,7 @@ class PerimeterDepth:
         cells = triangle_cells(plane_mm) if layout.row_column is None else lattice_cells(layout.row_column)
         chart = self.model(sensor, plane_mm)
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
-        assumes_view = any("field of view" in sentence for sentence in sensor.assumptions)
+        is_assumed = assumes_view(sensor)
         return PerimeterMemory(
             camera=camera,
             layout=layout,
@@ -139,9 +146,11 @@ class PerimeterDepth:
             pairs=self.view.pairs(plane_mm),
             pitch_mm=pitch_mm,
             lever_mm=0.5 * (pitch_mm if sensor.sheet is None else sensor.sheet.thickness_mm),
-            scale_std=self.assumed_scale_std if assumes_view else 0.0,
-            centre_std_mm=self.assumed_centre_std_pitch * pitch_mm if assumes_view else 0.0,
+            scale_std=self.assumed_scale_std if is_assumed else 0.0,
+            centre_std_mm=self.assumed_centre_std_pitch * pitch_mm if is_assumed else 0.0,
             settled_mm=read_only(np.zeros_like(plane_mm)),
+            rest_area=read_only(np.full(len(plane_mm), np.nan)),
+            rest_frames=0,
             recent_load=0.0,
             lives=self.identity.start(sensor),
         )
@@ -163,8 +172,17 @@ class PerimeterDepth:
         still_mm = moved_mm - view.displacement(law.rest_mm)
         displacement_mm, propagated_mm2, _ = law(law.rest_mm + still_mm, covariance_mm2)
         surface = self._surface(state, grid, displacement_mm, propagated_mm2)
-        modes = state.chart.modes(moved_mm - state.settled_mm)
-        found = self.find(state.chart, modes, std_mm, state.recent_load)
+        if state.rest_frames == 0:
+            state = replace(state, rest_area=self.grow.at_rest(grid, state.rest_area, 0))
+        growth = self.grow(grid, state.rest_area, state.neighbours)
+        shift_modes = state.chart.shift_modes(moved_mm - state.settled_mm)
+        modes = state.chart.joined(shift_modes, growth)
+        spread = state.chart.spread(std_mm, self.grow.std(grid))
+        found = self.find(state.chart, modes, shift_modes, spread, state.recent_load)
+        if growth is not None and state.centre_std_mm > 0.0 and len(found.load):
+            # With an assumed camera, displacements draw a contact to the wrong place; growth is local.
+            centre_mm = self.grow.summit(found.centre_mm, growth, state.layout, law.rest_mm)
+            found = replace(found, centre_mm=centre_mm)
         lives, contacts = self.identity.step(
             state.lives,
             self._contacts(state, found, surface, moved_mm),
@@ -172,12 +190,20 @@ class PerimeterDepth:
             is_there=lambda point_mm: state.chart.load_at(point_mm, modes) > found.floor,
             status=grid.status,
         )
-        settled_mm = state.settled_mm
+        state = replace(state, lives=lives, recent_load=self.find.remembered(found, state.recent_load))
         if grid.status == "ok" and not lives.lives and len(found.load) == 0:
-            settled_mm = read_only(settled_mm + self.settle * (moved_mm - settled_mm))
-        recent_load = self.find.remembered(found, state.recent_load)
-        state = replace(state, lives=lives, settled_mm=settled_mm, recent_load=recent_load)
+            state = self._settled(state, grid, moved_mm)
         return state, surface, contacts
+
+    def _settled(self, state: PerimeterMemory, grid: TrackedGrid, moved_mm: Points2) -> PerimeterMemory:
+        """A frame that nothing touches tells a little of where rest is now."""
+        settled_mm = state.settled_mm + self.settle * (moved_mm - state.settled_mm)
+        return replace(
+            state,
+            settled_mm=read_only(settled_mm),
+            rest_area=self.grow.at_rest(grid, state.rest_area, state.rest_frames),
+            rest_frames=state.rest_frames + 1,
+        )
 
     def _blind(self, state: PerimeterMemory, grid: TrackedGrid) -> tuple[PerimeterMemory, Surface, Contacts]:
         """A frame that shows nothing."""
