@@ -7,7 +7,8 @@ flattened, with a covariance that agrees with the error.
 """
 
 from manytouch.detection.appearance import Appearance, appearance_of
-from manytouch.detection.centroid import Dots, measure, noise_of
+from manytouch.detection.centroid import Dots, measure
+from manytouch.detection.noise import noise_of
 from manytouch.detection.search import DotSearch
 from manytouch.detection.survey import Survey, survey
 

@@ -17,9 +17,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.detection.kernels import measure_dots
+from manytouch.detection.lanes import plans_of
+from manytouch.detection.noise import MIN_NOISE
 from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars
-
-MIN_NOISE = 0.3  # grey levels: rounding to whole levels has a deviation of 1 / sqrt(12)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -66,11 +66,15 @@ def measure(
     """
     rows = np.ascontiguousarray(image).reshape(image.shape[0], -1)
     out = np.empty((len(near_px), 9))
+    index, place, count = plans_of(radius_px)
     measure_dots(
         rows,
         weights.astype(np.float32),
         np.ascontiguousarray(near_px),
         np.ascontiguousarray(radius_px),
+        index,
+        place,
+        count,
         max(noise, MIN_NOISE),
         walk,
         out,
@@ -90,30 +94,3 @@ def measure(
         cut=out[:, 8].copy(),
         is_found=np.isfinite(out[:, 0]),
     )
-
-
-def noise_of(image: np.ndarray, weights: Float64[np.ndarray, " c"], rows: int = 24) -> float:
-    """Standard deviation of a pixel in grey levels of 255, from second differences along a few rows.
-
-    What differs by more than 2.5 deviations (edges of dots) is left out. Compression
-    smooths the noise away: then this is low.
-    """
-    height = image.shape[0]
-    take = np.unique(np.linspace(0, height - 1, min(rows, height)).astype(int))
-    part = image[take].astype(np.float32)
-    grey = part * np.float32(weights[0]) if part.ndim == 2 else part @ weights.astype(np.float32)
-    second = np.abs(grey[:, :-2] - 2.0 * grey[:, 1:-1] + grey[:, 2:])
-    if second.size == 0:
-        return MIN_NOISE
-    # ties of whole grey levels are spread evenly before the median is taken
-    step = float(np.abs(weights).sum()) if image.dtype == np.uint8 else 0.0
-    flat = second.ravel()
-    middle = float(np.partition(flat, flat.size // 2)[flat.size // 2])
-    below, ties = float((second < middle).mean()), float((second == middle).mean())
-    share = (0.5 - below) / ties
-    median = max(middle + (share - 0.5) * step, 0.0)
-    within = flat[flat < 2.5 * max(median / 0.6745, step)]
-    if within.size == 0:
-        return MIN_NOISE
-    # second moment of what lies within 2.5 deviations, where a normal distribution keeps 0.911 of it
-    return max(float(np.sqrt(np.dot(within, within) / within.size / (0.911 * 6.0))), MIN_NOISE)

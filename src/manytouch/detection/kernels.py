@@ -11,7 +11,9 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from manytouch.detection.light import FAST, SAMPLES, choose_offsets, fit_light, walk_to_dot
+from manytouch.detection import lanes
+from manytouch.detection.lanes import BLOCKS, CORE, LANES, RING, ROWS, WALK, WIDE
+from manytouch.detection.light import FAST, PLANE_RADIUS, SAMPLES, choose_offsets, fit_light, walk_to_dot
 
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
 GAIN = 1.0 / (HIGH - LOW)
@@ -147,8 +149,10 @@ def _uncertainty(sums, light, noise, reach2, out):
     exy = sums[7] - dx * sums[5] - dy * sums[4] + count * dx * dy
     noise2 = max(noise * noise, light[6])
     scale = GAIN / (light[3] * sums[0])
-    rest = max(0.5 * math.pi * reach2 * reach2 - exx - eyy, 0.0)
-    passed = 0.5 * rest * _tail(LOW * light[3] / math.sqrt(noise2))
+    passed = 0.0
+    if LOW * light[3] < 6.0 * math.sqrt(noise2):
+        rest = max(0.5 * math.pi * reach2 * reach2 - exx - eyy, 0.0)
+        passed = 0.5 * rest * _tail(LOW * light[3] / math.sqrt(noise2))
     slopes = (2.0 / light[7] if light[7] > 0.0 else 0.0) + (2.0 / light[8] if light[8] > 0.0 else 0.0)
     direct, tilt = noise2 * scale * scale, 0.25 * noise2 * scale * scale * slopes
     out[2] = direct * (exx + passed) + tilt * (exx * exx + exy * exy)
@@ -158,13 +162,35 @@ def _uncertainty(sums, light, noise, reach2, out):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _measure_one(image, weights, x, y, radius, noise, offsets, numbers, samples, buffer, stack, out):
-    """One dot; `out` as in `measure_dots`. Returns False where there is none."""
+def _result(sums, light, noise, reach2, x, y, radius, width, height, out):
+    """`out` as in `measure_dots` from the sums about (x, y)."""
+    _uncertainty(sums, light, noise, reach2, out)
+    total = sums[0]
+    x, y = x + sums[1] / total, y + sums[2] / total
+    out[0], out[1] = x, y
+    out[5], out[6] = total, light[3]
+    out[7] = sums[3] / (2.0 * math.sqrt(math.pi * total))
+    out[8] = 0.0
+    margin = min(x, width - 1.0 - x, y, height - 1.0 - y) + 0.5
+    if margin < 1.15 * radius:
+        # what is missing of a disc of the expected size; its centroid lies that much too far inside
+        lacking = min(max(1.0 - total / (math.pi * radius * radius), 0.0), 1.0)
+        depth = min(max(1.15 - margin / radius, 0.0), 1.0)
+        out[8] = max(lacking, 0.3 * depth)
+        inflation = (0.85 * radius * out[8]) ** 2
+        out[2] += inflation
+        out[4] += inflation
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _measure_odd(image, weights, x, y, radius, noise, offsets, numbers, samples, buffer, stack, out):
+    """Any dot, also at the border or with a hole; `out` as in `measure_dots`. False where there is none."""
     height, width = image.shape[0], image.shape[1] // weights.shape[0]
     reach = 1.35 * radius + 1.2
     reach2 = reach * reach
     light, sums = np.empty(9), np.empty(9)
-    for _ in range(3):
+    for attempt in range(3):
         x0, x1 = max(0, int(x - reach)), min(width, int(x + reach) + 2)
         y0, y1 = max(0, int(y - reach)), min(height, int(y + reach) + 2)
         if (
@@ -180,57 +206,123 @@ def _measure_one(image, weights, x, y, radius, noise, offsets, numbers, samples,
         if not _moments(share, x - x0, y - y0, reach2, sums):
             return False
         dx, dy = sums[1] / sums[0], sums[2] / sums[0]
-        x, y = x + dx, y + dy
-        if dx * dx + dy * dy < (0.04 * radius + 0.1) ** 2:
+        if attempt == 2 or dx * dx + dy * dy < (0.04 * radius + 0.1) ** 2:
             break
-    out[0], out[1] = x, y
-    _uncertainty(sums, light, noise, reach2, out)
-    total = sums[0]
-    out[5], out[6] = total, light[3]
-    out[7] = sums[3] / (2.0 * math.sqrt(math.pi * total))
-    out[8] = 0.0
-    margin = min(x, width - 1.0 - x, y, height - 1.0 - y) + 0.5
-    if margin < 1.15 * radius:
-        # what is missing of a disc of the expected size; its centroid lies that much too far inside
-        lacking = min(max(1.0 - total / (math.pi * radius * radius), 0.0), 1.0)
-        depth = min(max(1.15 - margin / radius, 0.0), 1.0)
-        out[8] = max(lacking, 0.3 * depth)
-        inflation = (0.85 * radius * out[8]) ** 2
-        out[2] += inflation
-        out[4] += inflation
+        x, y = x + dx, y + dy
+    _result(sums, light, noise, reach2, x, y, radius, width, height, out)
     return True
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def measure_dots(image, weights, near, radius, noise, walk, out):
-    """Rows of `out`: x, y, cxx, cxy, cyy, area, contrast, edge width, cut share; NaN without a dot."""
-    samples = np.empty((8, 6 * SAMPLES), dtype=np.float32)
-    offsets, numbers, planned = (
-        np.empty((3, 2, 6 * SAMPLES), dtype=np.int32),
-        np.zeros(3, dtype=np.int64),
-        0.0,
-    )
+def _is_inside(x, y, margin, width, height):
+    return margin <= x < width - margin and margin <= y < height - margin
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _walk_plain(flat, weights, width, height, x, y, radius, walk, count, offset, sample):
+    """As `walk_to_dot`, in lanes: x, y, and whether the plan still lies within the image."""
+    for _ in range(walk):
+        here_x, here_y = math.floor(x + 0.5), math.floor(y + 0.5)
+        if not _is_inside(here_x, here_y, count[4], width, height):
+            return x, y, False
+        base = (here_y * width + here_x) * weights.shape[0]
+        lanes.gather(flat, weights, base, offset, WALK, sample)
+        dx, dy = lanes.pull(sample)
+        off_x, off_y = here_x + dx - x, here_y + dy - y
+        x, y = here_x + dx, here_y + dy
+        if off_x * off_x + off_y * off_y < 0.02 * radius * radius:
+            break
+    return x, y, True
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _measure_plain(
+    flat, weights, width, height, x, y, radius, noise, count, offset, sample, pixel, figures, out
+):
+    """A plain dot in lanes. Returns 1; 0 where there is none; -1 where the dot is not plain."""
+    reach = 1.35 * radius + 1.2
+    light, sums = figures[0], figures[1]
+    total = np.int64(count[BLOCKS]) * count[5]
+    for attempt in range(3):
+        here_x, here_y = math.floor(x + 0.5), math.floor(y + 0.5)
+        if not _is_inside(here_x, here_y, count[4], width, height):
+            return -1
+        base = (here_y * width + here_x) * weights.shape[0]
+        lanes.gather(flat, weights, base, offset, RING, sample)
+        lanes.gather(flat, weights, base, offset, CORE, sample)
+        part_x, part_y = np.float32(x - here_x), np.float32(y - here_y)
+        found = lanes.fit_light(sample, count, radius, part_x, part_y, noise, light)
+        if found < 1:
+            return found
+        lanes.copy_blocks(flat, weights, base, offset, count[BLOCKS], count[5], pixel[3])
+        if not lanes.moments(pixel, total, light, LOW, GAIN, sums):
+            return 0
+        dx, dy = sums[1] / sums[0], sums[2] / sums[0]
+        is_near = max(abs(dx), abs(dy)) < 0.04 * radius + 0.6
+        if radius < PLANE_RADIUS:
+            is_near &= (dx - part_x) ** 2 + (dy - part_y) ** 2 < (0.06 * radius + 0.15) ** 2
+        if attempt == 2 or is_near:
+            break
+        x, y = here_x + dx, here_y + dy
+    _result(sums, light, noise, reach * reach, here_x, here_y, radius, width, height, out)
+    return 1
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def measure_dots(image, weights, near, radius, index, place, count, noise, walk, out):
+    """Rows of `out`: x, y, cxx, cxy, cyy, area, contrast, edge width, cut share; NaN without a dot.
+
+    `index`, `place` and `count` are what `lanes.plans_of` gives for the radii.
+    """
+    flat, channels = image.reshape(-1), weights.shape[0]
+    height, width = image.shape[0], image.shape[1] // channels
+    odd_samples = np.empty((8, 6 * SAMPLES), dtype=np.float32)
+    odd_offsets, numbers = np.empty((3, 2, 6 * SAMPLES), dtype=np.int32), np.zeros(3, dtype=np.int64)
     largest = 1.0
     for i in range(radius.shape[0]):
         largest = max(largest, radius[i])
     side = 2 * int(1.35 * largest + 4.2) + 1
-    stack = np.empty(side * side, dtype=np.int64)
-    buffer = np.empty(side * side, dtype=np.float32)
-    height, width = image.shape[0], image.shape[1] // weights.shape[0]
+    stack, buffer = np.empty(side * side, dtype=np.int64), np.empty(side * side, dtype=np.float32)
+    offset = np.empty(place.shape[2], dtype=np.int64)
+    sample = np.empty(3 * ROWS, dtype=np.float32)
+    pixel = np.empty((4, (place.shape[2] - 3 * LANES) * WIDE), dtype=np.float32)
+    figures = np.empty((2, 9))
+    plan, planned = -1, 0.0
     for i in range(near.shape[0]):
         out[i] = np.nan
         x, y = near[i, 0], near[i, 1]
         if not (x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5):
             continue
-        if radius[i] != planned:
-            planned = radius[i]
-            numbers[0] = choose_offsets(1.3 * planned + 1.0, 1.75 * planned + 1.5, offsets[0])
-            numbers[1] = choose_offsets(-1.0, max(0.5 * planned, 0.9) + 0.75, offsets[1])
-            numbers[2] = choose_offsets(-1.0, 1.4 * planned + 0.7, offsets[2])
-        if walk > 0:
-            x, y = walk_to_dot(image, weights, x, y, radius[i], walk, offsets[2], numbers[2], samples)
-        if not _measure_one(
-            image, weights, x, y, radius[i], noise, offsets, numbers, samples, buffer, stack, out[i]
-        ):
+        if index[i] != plan:
+            plan = index[i]
+            lanes.take_plan(radius[i], place[plan], count[plan], width, channels, offset, sample, pixel)
+        x, y, is_plain = _walk_plain(
+            flat, weights, width, height, x, y, radius[i], walk, count[plan], offset, sample
+        )
+        found = -1
+        if is_plain:
+            found = _measure_plain(
+                flat, weights, width, height, x, y, radius[i], noise,
+                count[plan], offset, sample, pixel, figures, out[i],
+            )  # fmt: skip
+        if found == -1:
+            if radius[i] != planned:
+                planned = radius[i]
+                numbers[0] = choose_offsets(1.3 * planned + 1.0, 1.75 * planned + 1.5, odd_offsets[0])
+                numbers[1] = choose_offsets(-1.0, max(0.5 * planned, 0.9) + 0.75, odd_offsets[1])
+                numbers[2] = choose_offsets(-1.0, 1.4 * planned + 0.7, odd_offsets[2])
+            if walk > 0 and not is_plain:
+                x, y = walk_to_dot(
+                    image, weights, x, y, radius[i], walk, odd_offsets[2], numbers[2], odd_samples
+                )
+            if _measure_odd(
+                image, weights, x, y, radius[i], noise,
+                odd_offsets, numbers, odd_samples, buffer, stack, out[i],
+            ):  # fmt: skip
+                found = 1
+        if found != 1:
             out[i] = np.nan

@@ -7,8 +7,9 @@ from jaxtyping import Float64
 
 from manytouch.detection.appearance import Appearance, appearance_of, radius_in_image
 from manytouch.detection.candidates import candidates, without_doubles
-from manytouch.detection.centroid import Dots, measure, noise_of
+from manytouch.detection.centroid import Dots, measure
 from manytouch.detection.condition import First, condition, first_of
+from manytouch.detection.noise import noise_of
 from manytouch.values import Detections, Frame, Sensor
 from manytouch.values.arrays import Points2, Scalars
 

@@ -17,8 +17,9 @@ from scipy.spatial import cKDTree
 
 from manytouch.detection.appearance import GREY_OF_BGR, Appearance
 from manytouch.detection.candidates import without_doubles
-from manytouch.detection.centroid import Dots, measure, noise_of
+from manytouch.detection.centroid import Dots, measure
 from manytouch.detection.colour import fitted_weights, tried_weights
+from manytouch.detection.noise import noise_of
 from manytouch.detection.outline import Outlines, outlines
 from manytouch.detection.regularity import (
     LOOSE,
