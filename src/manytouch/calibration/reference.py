@@ -8,11 +8,8 @@ import numpy as np
 from manytouch.calibration.first_frames import MOST_FRAMES, RestRegion, image_size, searched_frames
 from manytouch.calibration.still import still_dots
 from manytouch.errors import LayoutError, SensorError
-from manytouch.geometry.camera import project
-from manytouch.tracking.identity import Guess, displaced, identified
-from manytouch.tracking.mesh import mesh_of
-from manytouch.values import Frame, Sensor
-from manytouch.values.arrays import read_only
+from manytouch.tracking import FollowGrid
+from manytouch.values import Detections, Frame, Sensor
 
 _LEAST_SHARE = 0.5
 
@@ -74,10 +71,11 @@ def referred(sensor: Sensor, centre_px: np.ndarray, *, still_frames: int = 1) ->
     """As `refer`, from the (n, 2) centres of dots at rest."""
     assert sensor.layout is not None
     layout = sensor.layout
-    nominal = project(sensor.camera, layout.rest_mm)
-    mesh = mesh_of(nominal, layout.is_missing)
-    owner = identified(mesh, centre_px, Guess(place_px=nominal, seen=0, last_px=nominal))
-    found, wanted = int((owner >= 0).sum()), int((~layout.is_missing).sum())
+    follow = FollowGrid()
+    nominal = follow.start(replace(sensor, layout=replace(layout, rest_px=None)))
+    # The nominal pose stands for a frame before: what is near it has not slipped by a pitch.
+    state, grid = follow.step(replace(nominal, is_locked=True), _plain(centre_px))
+    found, wanted = int(grid.is_seen.sum()), int((~layout.is_missing).sum())
     if found < _LEAST_SHARE * wanted:
         raise LayoutError(
             f"only {found} of the {wanted} markers of the sensor {sensor.name!r} were found in the first "
@@ -89,6 +87,17 @@ def referred(sensor: Sensor, centre_px: np.ndarray, *, still_frames: int = 1) ->
         said += f" {wanted - found} of {wanted} markers were not seen in them; their places are interpolated."
     return replace(
         sensor,
-        layout=replace(layout, rest_px=read_only(displaced(mesh, centre_px, owner))),
+        layout=replace(layout, rest_px=state.place_px),
         assumptions=(*sensor.assumptions, said),
+    )
+
+
+def _plain(centre_px: np.ndarray) -> Detections:
+    """Dots of which nothing but their centres is known."""
+    number = len(centre_px)
+    return Detections(
+        centre_px=centre_px,
+        covariance_px2=np.zeros((number, 2, 2)),
+        area_px2=np.ones(number),
+        contrast=np.ones(number),
     )

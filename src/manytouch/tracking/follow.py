@@ -1,22 +1,23 @@
 """Follows the markers from frame to frame: every dot gets its marker again in each frame, or none.
 
 Nothing but smoothness is believed: the last frame, the layout at rest and a vote on the motion of the whole
-view only give guesses, from which identities are grown and verified anew (`growth`). So a wrong guess costs
-time, not identities, and after a blackout the pattern locks again by itself.
+view only give guesses, from which identities are grown and verified anew (`identification`). So a wrong guess
+costs time, not identities, and after a blackout the pattern locks again by itself.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import project
-from manytouch.tracking.identity import Guess, displaced, identified, slack
+from manytouch.tracking.identity import Identified, Past, Scratch, identified, presence_of, slack
 from manytouch.tracking.mesh import Mesh, mesh_of
-from manytouch.values import Detections, Sensor, TrackedGrid
-from manytouch.values.arrays import Counts, Mask, Points2, read_only
+from manytouch.values import Detections, Layout, Sensor, TrackedGrid
+from manytouch.values.arrays import Counts, Points2, read_only
 
 _WINDOW_LIMIT_PITCHES = 0.3
+_WHOLE_RADII = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -25,20 +26,30 @@ class Following:
 
     Attributes:
         mesh: neighbourhoods of the layout.
+        scratch: memory for the kernels; it holds no knowledge.
         place_px: (m, 2) where the markers were seen, or should have been.
         velocity_px: (m, 2) motion from the frame before; 0 where it was not seen twice.
         frames_unseen: (m,).
+        presence: (N,) share of recent frames in which each node of the mesh had a dot.
         seen: number of markers that were seen in the last frame that showed any.
+        roughness: mean second difference of displacements then, in spacings.
         motion_pitches: motion that 95 % of the seen markers stayed below, in spacings; inf after a bad frame.
+        is_locked: the last frame was a good one.
+        is_anchored: outline or irregularities have been found to tell slips along the lattice apart.
         lost: fewer or faster than windows can follow.
     """
 
     mesh: Mesh
+    scratch: Scratch
     place_px: Points2
     velocity_px: Points2
     frames_unseen: Counts
+    presence: np.ndarray
     seen: int
+    roughness: float
     motion_pitches: float
+    is_locked: bool
+    is_anchored: bool
     lost: bool
 
 
@@ -51,12 +62,14 @@ class FollowGrid:
         window_motion_pitches: windows are asked for while motion stays below this, per frame.
         window_share: and while this share of the markers is seen.
         least_share: below this share of the markers the status is few_markers.
+        roi_px: x, y, width, height of the part of the image in which dots are looked for; None: all of it.
     """
 
     damping: float = 0.5
     window_motion_pitches: float = 0.2
     window_share: float = 0.97
     least_share: float = 0.5
+    roi_px: tuple[int, int, int, int] | None = None
 
     def start(self, sensor: Sensor) -> Following:
         """Takes the layout's reference centres (`rest_px`, or the projection of `rest_mm`).
@@ -70,28 +83,57 @@ class FollowGrid:
                 f"the sensor {sensor.name!r} has no markers to follow: give a sensor file with [markers]"
             )
         rest = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
-        mesh = mesh_of(rest, layout.is_missing)
+        mesh = mesh_of(
+            rest,
+            layout.is_missing,
+            row_column=layout.row_column,
+            bounds_px=self._bounds(sensor, layout, rest),
+        )
+        place = read_only(np.array(rest, dtype=np.float64))
         return Following(
             mesh=mesh,
-            place_px=mesh.rest_px,
-            velocity_px=read_only(np.zeros_like(mesh.rest_px)),
+            scratch=Scratch(len(mesh.rest_px)),
+            place_px=place,
+            velocity_px=read_only(np.zeros_like(place)),
             frames_unseen=read_only(np.zeros(len(rest), dtype=np.int64)),
+            presence=presence_of(mesh),
             seen=0,
+            roughness=0.0,
             motion_pitches=np.inf,
+            is_locked=False,
+            is_anchored=False,
             lost=False,
         )
 
+    def _bounds(self, sensor: Sensor, layout: Layout, rest_px: Points2) -> tuple[float, float, float, float]:
+        """Between which x and y the centres of whole dots lie."""
+        camera = sensor.camera
+        x, y, w, h = self.roi_px or (0, 0, camera.width_px, camera.height_px)
+        extent_px, extent_mm = (np.ptp(each, axis=0).max() for each in (rest_px, layout.rest_mm))
+        px_per_mm = extent_px / extent_mm if extent_mm > 0 else 0.0
+        margin = _WHOLE_RADII * px_per_mm * float(np.median(layout.radius_mm))
+        return x - 0.5 + margin, y - 0.5 + margin, x + w - 0.5 - margin, y + h - 0.5 - margin
+
     def step(self, state: Following, detections: Detections) -> tuple[Following, TrackedGrid]:
         """Identifies the markers among the dots of the next frame."""
-        guess = Guess(
-            place_px=state.place_px + self.damping * state.velocity_px,
-            last_px=state.place_px,
+        past = Past(
+            guess_px=state.place_px + self.damping * state.velocity_px,
+            place_px=state.place_px,
+            frames_unseen=state.frames_unseen,
+            presence=state.presence,
             seen=state.seen,
+            roughness=state.roughness,
+            is_next=state.is_locked,
+            is_anchored=state.is_anchored,
         )
-        owner = identified(state.mesh, detections.centre_px, guess)
-        is_seen = owner >= 0
-        after = _blind(state) if not is_seen.any() else _moved(state, detections.centre_px, owner)
-        return after, self._grid(after, detections, owner, is_seen)
+        answer = identified(
+            *(state.mesh, detections.centre_px, past), noise_px=_noise_px(detections), scratch=state.scratch
+        )
+        if answer.found == 0:
+            after, is_seen = _blind(state), np.zeros(state.mesh.markers, dtype=bool)
+        else:
+            after, is_seen = _moved(state, detections.centre_px, answer)
+        return after, self._grid(after, detections, answer, is_seen)
 
     def expected_px(self, state: Following) -> Points2 | None:
         """Places (m, 2) in the next frame, NaN for those known to be missing; None asks for all dots."""
@@ -106,53 +148,88 @@ class FollowGrid:
         return state.lost
 
     def _grid(
-        self, after: Following, detections: Detections, owner: np.ndarray, is_seen: Mask
+        self, after: Following, detections: Detections, answer: Identified, is_seen: np.ndarray
     ) -> TrackedGrid:
-        position = np.full((len(owner), 2), np.nan)
-        covariance = np.full((len(owner), 2, 2), np.nan)
-        position[is_seen] = detections.centre_px[owner[is_seen]]
-        covariance[is_seen] = detections.covariance_px2[owner[is_seen]]
+        markers = after.mesh.markers
+        position = np.full((markers, 2), np.nan)
+        covariance = np.full((markers, 2, 2), np.nan)
+        dots = answer.owner[:markers][is_seen]
+        position[is_seen] = detections.centre_px[dots]
+        covariance[is_seen] = detections.covariance_px2[dots]
+        area = np.full(markers, np.nan)
+        area[is_seen] = detections.area_px2[dots]
         status = detections.status
-        if status == "ok" and is_seen.sum() < self.least_share * after.mesh.is_present.sum():
+        if status == "ok" and (answer.is_slipping or (len(dots) and _may_slip(after))):
+            status = "ambiguous_shift"
+        if status == "ok" and len(dots) < self.least_share * after.mesh.is_present.sum():
             status = "few_markers"
         return TrackedGrid(
             position_px=read_only(position),
             covariance_px2=read_only(covariance),
             is_seen=read_only(is_seen),
             frames_unseen=after.frames_unseen,
+            area_px2=read_only(area),
             status=status,
         )
 
 
+def _may_slip(state: Following) -> bool:
+    """Has the image never told slips along the lattice apart?"""
+    return len(state.mesh.slip) > 1 and not state.is_anchored
+
+
+def _noise_px(detections: Detections) -> float:
+    """Usual standard deviation of a centre."""
+    if len(detections.centre_px) == 0:
+        return 0.0
+    mean_px2 = float(detections.covariance_px2[:, 0, 0].mean())
+    return float(np.sqrt(mean_px2)) if 0.0 < mean_px2 < np.inf else 0.0
+
+
 def _blind(state: Following) -> Following:
-    """The state after a frame that showed no marker: places stay, nothing is known of the motion."""
-    return Following(
-        mesh=state.mesh,
-        place_px=state.place_px,
+    """The state after a frame in which no marker could be told: nothing is known of the motion."""
+    return replace(
+        state,
         velocity_px=read_only(np.zeros_like(state.place_px)),
         frames_unseen=read_only(state.frames_unseen + 1),
-        seen=state.seen,
         motion_pitches=np.inf,
+        is_locked=False,
         lost=True,
     )
 
 
-def _moved(state: Following, centre_px: Points2, owner: np.ndarray) -> Following:
-    """The state after a frame that showed markers."""
+def _moved(state: Following, centre_px: Points2, answer: Identified) -> tuple[Following, np.ndarray]:
+    """The state after a frame that showed markers, and which were seen."""
+    from manytouch.tracking.registration import settle
+
     mesh = state.mesh
-    is_seen = owner >= 0
+    place, velocity = np.empty_like(state.place_px), np.empty_like(state.place_px)
+    unseen, presence = np.empty_like(state.frames_unseen), np.empty_like(state.presence)
+    is_seen = np.empty(mesh.markers, dtype=bool)
+    arrays = state.scratch.for_dots(len(centre_px))
+    motion = settle(
+        np.array(centre_px, dtype=np.float64),
+        answer.owner,
+        mesh.markers,
+        (state.place_px, state.frames_unseen, state.presence),
+        mesh.net,
+        mesh.bounds_px,
+        arrays[6:10],
+        (arrays[10], place, velocity, unseen, presence, is_seen),
+    )
     seen = int(is_seen.sum())
-    place = displaced(mesh, centre_px, owner)
-    velocity = place - state.place_px
-    pitches = np.linalg.norm(velocity[is_seen], axis=1) / mesh.spacing_px[is_seen]
-    motion = float(np.quantile(pitches, 0.95))
-    velocity[~is_seen | (state.frames_unseen > 0)] = 0.0
-    return Following(
+    after = Following(
         mesh=mesh,
+        scratch=state.scratch,
         place_px=read_only(place),
         velocity_px=read_only(velocity),
-        frames_unseen=read_only(np.where(is_seen, 0, state.frames_unseen + 1)),
+        frames_unseen=read_only(unseen),
+        presence=read_only(presence),
         seen=seen,
-        motion_pitches=motion,
+        roughness=answer.roughness,
+        motion_pitches=float(motion),
+        is_locked=True,
+        is_anchored=answer.is_anchored,
         lost=bool(seen < state.seen - slack(mesh) or motion > _WINDOW_LIMIT_PITCHES),
     )
+    return after, is_seen

@@ -1,44 +1,95 @@
-"""Which dot is which marker in one frame, from any guess: the first that holds, or the best of several."""
+"""Which dot is which marker in one frame: from the last frame, from the layout at rest, or from nothing."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.tracking.mesh import Mesh
-from manytouch.values.arrays import Points2
+from manytouch.tracking.mesh import CLOSED, MISSING, OPEN, PRESENT, Mesh
+from manytouch.values.arrays import Counts, Points2, read_only
 
+Bins = tuple[float, float, int, int, np.ndarray, np.ndarray]
 Markers2 = Float64[np.ndarray, "m 2"]
 
-Bins = tuple[np.ndarray, int, int, np.ndarray, np.ndarray]
 _SLACK = 0.25
-_SLOW_PITCHES = 0.15
-_CALM_PITCHES = 0.3
-_LEAST_BELIEVED = 0.6
+_EXPLAINED = 0.75
+_FOUND = 0.5
+_LEAST_FOUND, _LEAST_SHARE = 4, 0.1
+_PRESENCE = {PRESENT: 0.95, MISSING: 0.01, CLOSED: 0.003, OPEN: 0.3}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Guess:
-    """Where the markers may be.
+class Past:
+    """What the frames before say about the next one.
 
     Attributes:
-        place_px: (m, 2) where they are expected.
-        last_px: (m, 2) where they were before: motion is counted from there.
-        seen: how many were seen before; 0 when nothing was.
+        guess_px: (m, 2) where the markers are expected.
+        place_px: (m, 2) where they were, or should have been, in the last good frame.
+        frames_unseen: (m,).
+        presence: (N,) share of recent frames in which each node had a dot.
+        seen: how many markers were seen in the last good frame; 0 when there was none.
+        roughness: mean second difference of their displacements then, in spacings.
+        is_next: the last good frame is the one before this one.
+        is_anchored: the image has been found to tell slips along the lattice apart.
     """
 
+    guess_px: Markers2
     place_px: Markers2
-    last_px: Markers2
+    frames_unseen: Counts
+    presence: np.ndarray
     seen: int
+    roughness: float
+    is_next: bool
+    is_anchored: bool
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Answer:
-    """What one guess gave: dots of the markers, their number, and the usual motion in spacings."""
+class Identified:
+    """Dots of the nodes.
+
+    Attributes:
+        owner: (N,) dot of each node, -1 where there is none or it cannot be told.
+        found: number of markers that have one; 0 when nothing is believed.
+        explained: number of dots that are believed to be markers or ghosts.
+        is_slipping: a pattern was found, but its numbers may have slipped: nothing is believed.
+        is_anchored, roughness: as in `Past`, after this frame.
+    """
 
     owner: np.ndarray
-    number: int
-    motion_pitches: float
+    found: int
+    explained: int
+    is_slipping: bool
+    is_anchored: bool
+    roughness: float
+
+
+@dataclass(slots=True, eq=False)
+class Scratch:
+    """Memory that the kernels write before they read it: no knowledge, kept only to be used again."""
+
+    nodes: int
+    dots: int = 0
+    arrays: tuple[np.ndarray, ...] = field(default=())
+
+    def for_dots(self, number: int) -> tuple[np.ndarray, ...]:
+        """The arrays, large enough for a number of dots."""
+        if not self.arrays or number > self.dots:
+            self.dots = 2 * number + self.nodes
+            whole, real = (np.empty(self.nodes, dtype=kind) for kind in (np.int64, np.float64))
+            flags = np.empty(self.nodes, dtype=bool)
+            self.arrays = (
+                np.empty(self.dots, dtype=np.int64),
+                np.empty(self.dots, dtype=bool),
+                *(real, whole, whole.copy(), flags, whole.copy(), whole.copy(), flags.copy(), whole.copy()),
+                np.empty((self.nodes, 2)),
+            )
+        return self.arrays
+
+
+def presence_of(mesh: Mesh) -> np.ndarray:
+    """(N,) how likely each node shows a dot, before any frame was seen."""
+    share = np.array([_PRESENCE[kind] for kind in range(4)])
+    return read_only(share[mesh.kind])
 
 
 def slack(mesh: Mesh) -> float:
@@ -46,88 +97,110 @@ def slack(mesh: Mesh) -> float:
     return float(1.0 + _SLACK * np.sqrt(mesh.is_present.sum()))
 
 
-def identified(mesh: Mesh, centre_px: Points2, guess: Guess) -> np.ndarray:
-    """(m,) index of the dot of each marker, -1 where it is not seen or cannot be told.
+def identified(
+    mesh: Mesh, centre_px: Points2, past: Past, *, noise_px: float, scratch: Scratch
+) -> Identified:
+    """Dots of the markers.
+
+    The guess is tried first; where it explains few of the dots, the layout at rest is tried, and both moved
+    by what a vote on the motion of the whole view says.
 
     Args:
         mesh: of the layout.
         centre_px: (n, 2) dots in any order.
-        guess: tried first; when it does not hold, it and the layout at rest are tried again, moved by what a
-            vote on the motion of the whole view says.
+        past: what is known from before.
+        noise_px: standard deviation of a centre.
+        scratch: of `mesh`.
     """
-    owner = np.full(len(mesh.rest_px), -1)
     present = int(mesh.is_present.sum())
     if len(centre_px) == 0 or present == 0:
-        return owner
-    from manytouch.tracking.growth import bin_dots
+        return _nothing(mesh, past)
+    from manytouch.tracking.bins import bin_dots
     from manytouch.tracking.registration import shifts
 
-    dot = np.array(centre_px)  # a copy, so that the kernels meet one type of array, writable or not
+    dot = np.array(centre_px, dtype=np.float64)  # a copy: the kernels meet one type of array
     bins = bin_dots(dot, mesh.usual_px)
-    wanted = min(present, len(dot)) - slack(mesh)
-    first = _answer(mesh, dot, bins, np.array(guess.place_px), guess.last_px)
-    is_slow = guess.seen > 0 and first.motion_pitches < _SLOW_PITCHES
-    if first.number >= wanted or (is_slow and first.number >= guess.seen - slack(mesh)):
-        return first.owner
-    answers = [first]
-
-    def try_shifts_of(begin: np.ndarray) -> None:
-        for shift in shifts(dot, bins, mesh.usual_px, begin, mesh.is_present, mesh.usual_px):
-            answers.append(_answer(mesh, dot, bins, begin + shift, guess.last_px))
-
-    for begin in (np.array(guess.place_px), np.array(mesh.rest_px)):
-        try_shifts_of(begin)
-        best = _best(answers, mesh)
-        if best.number >= min(wanted, 0.9 * max(guess.seen, 1)):
+    first = _tried(mesh, dot, bins, past.guess_px, past, noise_px=noise_px, scratch=scratch)
+    if _is_enough(first, len(dot), present):
+        return _believed(mesh, past, first, len(dot), present)
+    best = first
+    rest = np.array(mesh.rest_px[: mesh.markers])
+    begins = [rest]
+    for begin in (past.guess_px, rest):
+        begins += [
+            begin + shift
+            for shift in shifts(dot, bins, mesh.usual_px, begin, mesh.is_present, mesh.usual_px)[:3]
+        ]
+    for begin in begins:
+        answer = _tried(mesh, dot, bins, begin, past, noise_px=noise_px, scratch=scratch)
+        if (answer.found, answer.explained) > (best.found, best.explained):
+            best = answer
+        if _is_enough(best, len(dot), present):
             break
-    if best.number > 0 and (best.number < wanted or best.motion_pitches > _CALM_PITCHES):
-        # The same deformation, but one line further: is the best answer only a slip by one pitch?
-        try_shifts_of(displaced(mesh, dot, best.owner))
-    return _believed(answers, mesh)
+    return _believed(mesh, past, best, len(dot), present)
 
 
-def displaced(mesh: Mesh, centre_px: Points2, owner: np.ndarray) -> np.ndarray:
-    """(m, 2) the dot of each identified marker; the others are displaced as their neighbours are."""
-    from manytouch.tracking.registration import placed
-
-    place = np.empty_like(mesh.rest_px)
-    placed(np.array(centre_px), owner, mesh.rest_px, mesh.net, place)
-    return place
+def _is_enough(answer: Identified, dots: int, present: int) -> bool:
+    return answer.explained >= _EXPLAINED * dots or answer.found >= 0.97 * present
 
 
-def _answer(mesh: Mesh, dot: Points2, bins: Bins, guess_px: Markers2, last_px: Markers2) -> _Answer:
-    from manytouch.tracking.growth import identify
-
-    owner = np.empty(len(guess_px), dtype=np.int64)
-    number = identify(dot, bins, mesh.usual_px, guess_px, mesh.rest_px, mesh.net, mesh.triangle, owner)
-    if number == 0:
-        return _Answer(owner=owner, number=0, motion_pitches=np.inf)
-    is_seen = owner >= 0
-    moved = np.linalg.norm(dot[owner[is_seen]] - last_px[is_seen], axis=1) / mesh.spacing_px[is_seen]
-    return _Answer(owner=owner, number=number, motion_pitches=float(np.median(moved)))
+def _believed(mesh: Mesh, past: Past, answer: Identified, dots: int, present: int) -> Identified:
+    """The answer, or nothing when it is too little to be more than chance."""
+    least = max(min(_LEAST_FOUND, present), _LEAST_SHARE * present)
+    is_chance = answer.explained < _FOUND * min(dots, present) and answer.found < _FOUND * past.seen
+    if answer.is_slipping or (answer.found >= least and not is_chance):
+        return answer
+    return _nothing(mesh, past)
 
 
-def _best(answers: list[_Answer], mesh: Mesh) -> _Answer:
-    """The answer with most markers, motion counted against it: on a regular pattern all slips look alike."""
-    score = [each.number - 2.0 * slack(mesh) * min(each.motion_pitches, 2.0) for each in answers]
-    return answers[int(np.argmax(score))]
+def _nothing(mesh: Mesh, past: Past) -> Identified:
+    return Identified(
+        owner=np.full(len(mesh.rest_px), -1),
+        found=0,
+        explained=0,
+        is_slipping=False,
+        is_anchored=past.is_anchored,
+        roughness=past.roughness,
+    )
 
 
-def _believed(answers: list[_Answer], mesh: Mesh) -> np.ndarray:
-    """Dots of the markers by the best answer; none where another one says as well.
+def _tried(
+    mesh: Mesh,
+    dot: Points2,
+    bins: Bins,
+    guess_px: np.ndarray,
+    past: Past,
+    *,
+    noise_px: float,
+    scratch: Scratch,
+) -> Identified:
+    from manytouch.tracking.identification import identify
 
-    On a regular pattern an answer that is off by a pitch loses only the outermost line, so after a large
-    motion an answer must hold most markers, and beat its rivals by more than chance.
-    """
-    best = _best(answers, mesh)
-    if best.motion_pitches < _CALM_PITCHES:
-        return best.owner
-    nobody = np.full(len(best.owner), -1)
-    if best.number < _LEAST_BELIEVED * mesh.is_present.sum():
-        return nobody
-    for each in answers:
-        common = (each.owner >= 0) & (best.owner >= 0)
-        differs = (each.owner != best.owner)[common]
-        if each.number >= best.number - slack(mesh) and common.any() and differs.mean() > 0.5:
-            return nobody
-    return best.owner
+    owner = np.empty(len(mesh.rest_px), dtype=np.int64)
+    moved = np.empty((len(mesh.rest_px), 2))
+    verdict, found, explained, is_anchored, roughness = identify(
+        dot,
+        bins,
+        mesh.usual_px,
+        guess_px,
+        (
+            *(past.place_px, past.frames_unseen, past.presence),
+            *(past.seen, past.roughness, past.is_next, past.is_anchored),
+        ),
+        mesh.net,
+        (mesh.slip, mesh.triangle, mesh.bounds_px),
+        noise_px,
+        owner,
+        moved,
+        scratch.for_dots(len(dot)),
+    )
+    if verdict < 0:
+        owner.fill(-1)
+    return Identified(
+        owner=owner,
+        found=int(found) if verdict > 0 else 0,
+        explained=int(explained),
+        is_slipping=verdict < 0,
+        is_anchored=bool(is_anchored),
+        roughness=float(roughness),
+    )

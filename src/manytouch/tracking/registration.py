@@ -1,4 +1,4 @@
-"""By how much did the whole view move? Votes of markers and dots; and where unseen markers should be."""
+"""By how much did the whole view move? Votes of markers and dots; and what is kept of a frame."""
 
 # mypy: disable-error-code="no-untyped-def"
 # no_type_check keeps checkers of annotations, which numba cannot compile, out of the kernels
@@ -8,16 +8,24 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from manytouch.tracking.growth import fill
+
 _BINS_PER_SPACING = 10
 _REACH_SPACINGS = 1.6
 PEAKS = 5
+_LEARNT = 0.2
+_MOST_PRESENT, _LEAST_PRESENT = 0.97, 0.05
+_MOST_GHOST, _LEAST_GHOST = 0.9, 0.003
+_BINS_PER_MOTION = 100.0
+_MOTION_BINS = 400
+_MOST_MARKERS = 0.95
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _votes(dot, bins, cell_px, guess, present, bin_px, half):
     """(2 half + 1)^2 histogram of dot minus guess."""
-    low, columns, rows, start, binned = bins
+    low_x, low_y, columns, rows, start, binned = bins
     size = 2 * half + 1
     count = np.zeros((size, size))
     reach = (half + 0.5) * bin_px
@@ -25,10 +33,10 @@ def _votes(dot, bins, cell_px, guess, present, bin_px, half):
         if not present[k]:
             continue
         x, y = guess[k, 0], guess[k, 1]
-        left = max(0, int(np.floor((x - reach - low[0]) / cell_px)))
-        right = min(columns - 1, int(np.floor((x + reach - low[0]) / cell_px)))
-        top = max(0, int(np.floor((y - reach - low[1]) / cell_px)))
-        bottom = min(rows - 1, int(np.floor((y + reach - low[1]) / cell_px)))
+        left = max(0, int(np.floor((x - reach - low_x) / cell_px)))
+        right = min(columns - 1, int(np.floor((x + reach - low_x) / cell_px)))
+        top = max(0, int(np.floor((y - reach - low_y) / cell_px)))
+        bottom = min(rows - 1, int(np.floor((y + reach - low_y) / cell_px)))
         if right < left:
             continue
         for row in range(top, bottom + 1):
@@ -86,47 +94,52 @@ def shifts(dot, bins, cell_px, guess, present, spacing_px):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def placed(dot, owner, rest, net, place):
-    """Fills `place` (m, 2): the dot of each identified marker, and where the others should be.
+def settle(dot, owner, markers, past, net, bounds, lists, after):
+    """Writes what is kept of a frame that showed markers, and returns the motion of 95 % of them in spacings.
 
-    An unidentified marker takes the weighted mean of the displacements from rest of the neighbours that have
-    one, in rounds that go outward; where there are none, the median of all.
+    Args:
+        dot: (n, 2) centres.
+        owner: (N,) dot of each node.
+        markers: m.
+        past: places (m, 2), frames unseen (m,), presence (N,).
+        net, bounds: of `Mesh`.
+        lists: scratch of `fill`.
+        after: written: displacements (N, 2), places (m, 2), velocities (m, 2), frames unseen (m,), presence
+            (N,), is_seen (m,).
     """
-    _, spacing, start, _, near = net
-    markers = len(rest)
-    known = np.zeros(markers, np.bool_)
-    u, v = np.empty(markers), np.empty(markers)
-    n = 0
-    for k in range(markers):
-        if owner[k] >= 0:
-            place[k, 0], place[k, 1] = dot[owner[k], 0], dot[owner[k], 1]
-            known[k] = True
-            u[n], v[n] = place[k, 0] - rest[k, 0], place[k, 1] - rest[k, 1]
-            n += 1
-    all_x = np.median(u[:n]) if n else 0.0
-    all_y = np.median(v[:n]) if n else 0.0
-    left = markers - n
-    while left > 0:
-        now = known.copy()
-        for k in range(markers):
-            if known[k]:
-                continue
-            total = x = y = 0.0
-            for j in range(start[k], start[k + 1]):
-                m = near[j]
-                if known[m]:
-                    d = (rest[m, 0] - rest[k, 0]) ** 2 + (rest[m, 1] - rest[k, 1]) ** 2
-                    w = 1.0 / (d / spacing[k] ** 2 + 0.3)
-                    total += w
-                    x += w * (place[m, 0] - rest[m, 0])
-                    y += w * (place[m, 1] - rest[m, 1])
-            if total > 0.0:
-                place[k, 0], place[k, 1] = rest[k, 0] + x / total, rest[k, 1] + y / total
-                now[k] = True
-                left -= 1
-        if (now == known).all():
-            break
-        known = now
-    for k in range(markers):
-        if not known[k]:
-            place[k, 0], place[k, 1] = rest[k, 0] + all_x, rest[k, 1] + all_y
+    last, unseen, presence = past
+    rest, kind, spacing, _, _, _, _, _, _, _ = net
+    moved, place, velocity, frames, share, is_seen = after
+    for k in range(len(rest)):
+        i = owner[k]
+        if i >= 0:
+            moved[k, 0], moved[k, 1] = dot[i, 0] - rest[k, 0], dot[i, 1] - rest[k, 1]
+    fill(len(rest), net, moved, owner, lists)
+    count = np.zeros(_MOTION_BINS + 1, np.int64)
+    seen = 0
+    for k in range(len(rest)):
+        x, y = rest[k, 0] + moved[k, 0], rest[k, 1] + moved[k, 1]
+        share[k] = presence[k]
+        if owner[k] >= 0 or (bounds[0] < x < bounds[2] and bounds[1] < y < bounds[3]):
+            most, least = (_MOST_PRESENT, _LEAST_PRESENT) if kind[k] == 0 else (_MOST_GHOST, _LEAST_GHOST)
+            share[k] += _LEARNT * ((owner[k] >= 0) - presence[k])
+            share[k] = min(most, max(least, share[k]))
+        if k >= markers:
+            continue
+        place[k, 0], place[k, 1] = x, y
+        velocity[k, 0] = velocity[k, 1] = 0.0
+        is_seen[k] = owner[k] >= 0 and kind[k] == 0
+        frames[k] = 0 if is_seen[k] else unseen[k] + 1
+        if is_seen[k]:
+            dx, dy = x - last[k, 0], y - last[k, 1]
+            speed = np.sqrt(dx * dx + dy * dy) / spacing[k]
+            count[min(_MOTION_BINS, int(speed * _BINS_PER_MOTION))] += 1
+            seen += 1
+            if unseen[k] == 0:
+                velocity[k, 0], velocity[k, 1] = dx, dy
+    below = 0
+    for b in range(_MOTION_BINS + 1):
+        below += count[b]
+        if below >= _MOST_MARKERS * seen:
+            return (b + 1) / _BINS_PER_MOTION
+    return np.inf

@@ -1,0 +1,144 @@
+"""Kernels that decide whether all numbers have slipped along the lattice.
+
+On a regular pattern every slip fits as well, but for what the outline, missing markers and the printed dots'
+deviations from the lattice say. Each slip is charged, in nats, for the places where dots appear or are absent
+against what was there before, and for how rough its displacements are.
+"""
+
+# mypy: disable-error-code="no-untyped-def"
+# no_type_check keeps checkers of annotations, which numba cannot compile, out of the kernels
+# ruff: noqa: PLR0917 - compiled functions hold whole loops and take positional arguments
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+_BEYOND = 0.003  # share of places beyond the ghosts that hold a dot by chance
+_UNKNOWN = float(np.log(2.0))  # of a place that the image did not show at rest
+_LEAST_FOUND = 0.05
+_INDEPENDENT = 20.0  # neighbouring roughnesses share causes: so many count as one
+_LEAST_BENDS = 12
+_FINEST = 0.003
+_CLOSENESS, _CONTINUITY, _MOST_MOTION = 10.0, 25.0, 1.5
+_NEAR = 0.35
+_SAMPLES = 300
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _occupation(owner, place, slip, kind, presence, bounds, cost):
+    """Adds to `cost` (s,) what dots in unlikely places and empty likely places in view amount to."""
+    found = expected = 0.0
+    nodes = len(kind)
+    shown = np.zeros(nodes, np.bool_)
+    for k in range(nodes):
+        x, y = place[k, 0], place[k, 1]
+        shown[k] = bounds[0] < x < bounds[2] and bounds[1] < y < bounds[3]
+        if kind[k] == 0 and shown[k]:
+            expected += presence[k]
+            found += owner[k] >= 0
+    share = min(1.0, max(_LEAST_FOUND, found / max(expected, 1.0)))
+    full, empty = np.empty(nodes), np.empty(nodes)
+    for k in range(nodes):
+        full[k] = _UNKNOWN if kind[k] == 3 else -np.log(presence[k])
+        empty[k] = _UNKNOWN if kind[k] == 3 else -np.log(1.0 - presence[k] * share)
+    for s in range(len(slip)):
+        for k in range(nodes):
+            t = slip[s, k]
+            if owner[k] >= 0:
+                beyond = _UNKNOWN if kind[k] == 3 else -np.log(_BEYOND)
+                cost[s] += full[t] if t >= 0 else beyond
+            elif t >= 0 and shown[k]:
+                cost[s] += empty[t]
+
+
+@njit(cache=True)
+@no_type_check
+def _stride(nodes):
+    """Odd, so that samples do not line up with the rows of most layouts."""
+    return nodes // _SAMPLES | 1
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _deviation(place, owner, rest, spacing, opposite, slip, bend):
+    """Median second difference of displacements along the lattice, in spacings, and how many there are."""
+    number = 0
+    for k in range(0, len(owner), _stride(len(owner))):
+        t = slip[k]
+        if owner[k] < 0 or t < 0:
+            continue
+        for axis in range(2):
+            a, b = opposite[k, 2 * axis], opposite[k, 2 * axis + 1]
+            if a < 0 or b < 0 or owner[a] < 0 or owner[b] < 0:
+                continue
+            ta, tb = opposite[t, 2 * axis], opposite[t, 2 * axis + 1]
+            if ta < 0 or tb < 0:
+                continue
+            x = place[a, 0] + place[b, 0] - 2.0 * place[k, 0] - rest[ta, 0] - rest[tb, 0] + 2.0 * rest[t, 0]
+            y = place[a, 1] + place[b, 1] - 2.0 * place[k, 1] - rest[ta, 1] - rest[tb, 1] + 2.0 * rest[t, 1]
+            bend[number] = (x * x + y * y) / (spacing[k] * spacing[k])
+            number += 1
+    return (np.sqrt(np.median(bend[:number])) if number else np.nan), number
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _motion(place, owner, last, spacing, slip, buffer):
+    """Median distance of the dots from where their markers were, in spacings."""
+    number = 0
+    for k in range(0, len(owner), _stride(len(owner))):
+        t = slip[k]
+        if owner[k] >= 0 and 0 <= t < len(last):
+            x, y = place[k, 0] - last[t, 0], place[k, 1] - last[t, 1]
+            buffer[number] = (x * x + y * y) / (spacing[k] * spacing[k])
+            number += 1
+    return np.sqrt(np.median(buffer[:number])) if number else np.inf
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def vote(owner, place, net, slip, presence, last, bounds, noise_px, is_next):
+    """The likeliest slip, by how many nats the image prefers it to all others, and its median motion.
+
+    Args:
+        owner: (N,) dot of each node.
+        place: (N, 2) of all nodes in the image, also of those without a dot.
+        presence: (N,) share of recent frames in which each node had a dot.
+        last: (m, 2) where the markers were in the last good frame.
+        noise_px: standard deviation of a centre.
+
+        is_next: `last` is of the frame before this one.
+
+    Returns:
+        slip (row of `slip`), margin, what roughness contributes to it, motion in spacings.
+    """
+    rest, _, spacing, _, _, _, _, _, _, opposite = net
+    slips, nodes = len(slip), len(owner)
+    cost, rough = np.zeros(slips), np.zeros(slips)
+    _occupation(owner, place, slip, net[1], presence, bounds, cost)
+    buffer = np.empty(2 * nodes)
+    finest = max(_FINEST, noise_px / spacing[0])
+    motion = np.empty(slips)
+    usual, bends = 0.0, 0
+    for s in range(slips):
+        motion[s] = _motion(place, owner, last, spacing, slip[s], buffer)
+        deviation, number = _deviation(place, owner, rest, spacing, opposite, slip[s], buffer)
+        if s == 0:
+            usual, bends = deviation, number
+        if bends >= _LEAST_BENDS:
+            if number < bends // 2:
+                deviation = usual
+            rough[s] = bends / _INDEPENDENT * np.log(finest + deviation)
+    closeness = _CONTINUITY if is_next and motion[0] < _NEAR else _CLOSENESS
+    best = 0
+    for s in range(slips):
+        charge = cost[s] + rough[s] + closeness * min(motion[s], _MOST_MOTION)
+        if charge < cost[best] + rough[best] + closeness * min(motion[best], _MOST_MOTION):
+            best = s
+    margin = by_roughness = np.inf
+    for s in range(slips):
+        if s != best:
+            margin = min(margin, cost[s] + rough[s] - cost[best] - rough[best])
+            by_roughness = min(by_roughness, rough[s] - rough[best])
+    return best, margin, by_roughness, motion[best]
