@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from manytouch.detection import DotSearch, measure, noise_of, survey
-from manytouch.detection.candidates import candidates, reduced
+from manytouch.detection.candidates import candidates
 from manytouch.simulation.render import Look, render_discs
 from manytouch.values import Camera, Frame, Layout, Sensor
 
@@ -78,7 +78,6 @@ def stages(name: str, image: np.ndarray, centre_px: np.ndarray, repeats: int) ->
     print(f"{name}: {len(found.centre_px)} dots{'median ms':>24}{'least':>9}")
     pieces: dict[str, Callable[[], object]] = {
         "noise": lambda: noise_of(image, weights),
-        "reduced image": lambda: reduced(image, weights, 4),
         "candidates (with reduced image)": lambda: candidates(image, weights, RADIUS_PX, 5.0),
         "centres": lambda: measure(image, weights, centre_px, radius_px, noise=2.5),
         "whole frame": lambda: search.step(state, frame, None),

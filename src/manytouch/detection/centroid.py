@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.detection.kernels import measure_dots
-from manytouch.detection.lanes import plans_of
+from manytouch.detection.lanes import Plans, plans_of
 from manytouch.detection.noise import MIN_NOISE
 from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars
 
@@ -64,26 +64,9 @@ def measure(
         noise: standard deviation of a pixel, grey levels of 255; see `noise_of`.
         walk: number of coarse steps towards the dot before measuring (reach: about one radius).
     """
-    rows = np.ascontiguousarray(image).reshape(image.shape[0], -1)
-    out = np.empty((len(near_px), 9))
-    index, place, count = plans_of(radius_px)
-    measure_dots(
-        rows,
-        weights.astype(np.float32),
-        np.ascontiguousarray(near_px),
-        np.ascontiguousarray(radius_px),
-        index,
-        place,
-        count,
-        max(noise, MIN_NOISE),
-        walk,
-        out,
-    )
-    # what the pixels leave when there is no noise at all, measured on rendered discs of 1.5 to 20 px
-    floor_px2 = np.minimum(0.013, 0.003 + 0.04 / radius_px**2) ** 2
+    out = measured_rows(image, weights, near_px, radius_px, plans_of(radius_px), noise=noise, walk=walk)
     covariance = np.empty((len(out), 2, 2))
-    covariance[:, 0, 0] = out[:, 2] + floor_px2
-    covariance[:, 1, 1] = out[:, 4] + floor_px2
+    covariance[:, 0, 0], covariance[:, 1, 1] = out[:, 2], out[:, 4]
     covariance[:, 0, 1] = covariance[:, 1, 0] = out[:, 3]
     return Dots(
         centre_px=np.ascontiguousarray(out[:, :2]),
@@ -94,3 +77,30 @@ def measure(
         cut=out[:, 8].copy(),
         is_found=np.isfinite(out[:, 0]),
     )
+
+
+def measured_rows(
+    image: np.ndarray,
+    weights: Float64[np.ndarray, " c"],
+    near_px: Points2,
+    radius_px: Scalars,
+    plans: Plans,
+    *,
+    noise: float,
+    walk: int = 0,
+) -> Float64[np.ndarray, "n 9"]:
+    """As `measure`, with the plans for the radii; rows as `kernels.measure_dots` gives them."""
+    out = np.empty((len(near_px), 9))
+    measure_dots(
+        np.ascontiguousarray(image).reshape(image.shape[0], -1),
+        weights.astype(np.float32),
+        np.ascontiguousarray(near_px),
+        np.ascontiguousarray(radius_px),
+        plans.index,
+        plans.place,
+        plans.count,
+        max(noise, MIN_NOISE),
+        walk,
+        out,
+    )
+    return out

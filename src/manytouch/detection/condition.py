@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.detection.centroid import Dots
+from manytouch.values import Detections
+from manytouch.values.arrays import Scalars
 
 STRIDE = 16
 DARK, BRIGHT = 12.0, 250.0  # grey levels of 255
@@ -27,35 +28,46 @@ class First:
     contrast: float
 
 
-def first_of(image: np.ndarray, dots: Dots, keep: np.ndarray) -> First:
-    """What to remember of a good picture."""
+def middle_of(ordered: Scalars) -> float:
+    """Median of sorted values; 0 of none."""
+    size = len(ordered)
+    return 0.5 * float(ordered[size // 2] + ordered[(size - 1) // 2]) if size else 0.0
+
+
+def first_of(image: np.ndarray, found: Detections, edge_px: Scalars) -> First:
+    """What to remember of a good picture; `edge_px` (n,) are the widths of the dots' edges."""
     return First(
         shape=image.shape,
-        dots=int(keep.sum()),
-        edge_px=float(np.median(dots.edge_px[keep])),
-        contrast=float(np.median(dots.contrast[keep])),
+        dots=len(edge_px),
+        edge_px=middle_of(np.sort(edge_px)),
+        contrast=middle_of(np.sort(found.contrast)),
     )
 
 
 def condition(
-    first: First | None, image: np.ndarray, dots: Dots, keep: np.ndarray, *, level: float, markers: int
+    first: First | None,
+    image: np.ndarray,
+    found: Detections,
+    edge_px: Scalars,
+    *,
+    level: float,
+    markers: int,
 ) -> str:
     """ "ok", or dark, saturated, blurred.
 
     Dark and saturated are said only when the dots are gone with the light: a bright sheet may well
     be overexposed, and a dark one black.
     """
-    found = int(keep.sum())
+    number = len(edge_px)
     wanted = first.dots if first is not None else markers
-    if found < 0.5 * wanted:
+    if number < 0.5 * wanted:
         few = image[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE].astype(np.float32) * level
         if few.size and np.quantile(few, 0.95) < DARK:
             return "dark"
         if few.size and np.mean(few > BRIGHT) > 0.5:
             return "saturated"
-    if first is not None and found >= 0.2 * wanted and found > 0:
-        edge_px = float(np.median(dots.edge_px[keep]))
-        contrast = float(np.median(dots.contrast[keep]))
-        if edge_px > 1.6 * first.edge_px + 0.7 and contrast < 0.9 * first.contrast:
+    if first is not None and number >= 0.2 * wanted and number > 0:
+        edge = middle_of(np.sort(edge_px))
+        if edge > 1.6 * first.edge_px + 0.7 and middle_of(np.sort(found.contrast)) < 0.9 * first.contrast:
             return "blurred"
     return "ok"

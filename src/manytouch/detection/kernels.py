@@ -326,3 +326,8 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
                 found = 1
         if found != 1:
             out[i] = np.nan
+            continue
+        # what the pixels leave when there is no noise at all, measured on rendered discs of 1.5 to 20 px
+        least = min(0.013, 0.003 + 0.04 / (radius[i] * radius[i]))
+        out[i, 2] += least * least
+        out[i, 4] += least * least

@@ -9,12 +9,14 @@ Images are flat (h * w * channels,).
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
+from dataclasses import dataclass
 from typing import no_type_check
 
 import numpy as np
 from numba import njit
 
 from manytouch.detection.light import FAST, PLANE_RADIUS
+from manytouch.values.arrays import Scalars
 
 LANES = 64  # of each sample
 EVEN = 0.03  # of the contrast
@@ -28,12 +30,28 @@ ROWS = 4 * LANES
 ALL = np.uint64(LANES)  # unsigned numbers need no check for negative ones, so that loops run in lanes
 
 
-def plans_of(radius_px: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Plans for some radii: which one each radius (n,) takes, places (p, 2, k) of pixels and counts (p, 6).
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Plans:
+    """Which pixels are looked at around dots of some radii.
 
-    Places are x and y: ring, core, walk (64 each), then the blocks' first pixels. Counts are those of ring,
-    core, walk and blocks (padded to whole sets of 64 pixels), the farthest place, and the blocks' length.
+    Attributes:
+        index: (n,) row of the plan of each radius.
+        place: (p, 2, k) x and y: ring, core, walk (64 each), then the blocks' first pixels.
+        count: (p, 6) number in ring, core, walk and blocks (padded to whole sets of 64 pixels), the farthest
+            place, and the blocks' length.
     """
+
+    index: np.ndarray
+    place: np.ndarray
+    count: np.ndarray
+
+    def at(self, chosen: np.ndarray) -> "Plans":
+        """Those of some of the radii."""
+        return Plans(index=self.index[chosen], place=self.place, count=self.count)
+
+
+def plans_of(radius_px: Scalars) -> Plans:
+    """Plans for some radii (n,); similar ones share a plan."""
     step = np.rint(np.log(np.maximum(radius_px, 0.3)) / np.log(STEP)).astype(np.int64)
     steps, index = np.unique(step, return_inverse=True)
     radii = STEP ** steps.astype(np.float64)
@@ -42,7 +60,7 @@ def plans_of(radius_px: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]
     count = np.zeros((len(radii), 6), dtype=np.int32)
     for row, radius in enumerate(radii):
         _plan(radius, place[row], count[row])
-    return index.astype(np.int32), place, count
+    return Plans(index=index.astype(np.int32), place=place, count=count)
 
 
 def _most_blocks(radius: float) -> int:

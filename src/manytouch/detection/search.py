@@ -6,15 +6,18 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.detection.appearance import Appearance, appearance_of, radius_in_image
-from manytouch.detection.candidates import candidates, without_doubles
-from manytouch.detection.centroid import Dots, measure
-from manytouch.detection.condition import First, condition, first_of
+from manytouch.detection.candidates import Workshop, candidates, workshop
+from manytouch.detection.centroid import measured_rows
+from manytouch.detection.condition import First, condition, first_of, middle_of
+from manytouch.detection.lanes import Plans, plans_of
 from manytouch.detection.noise import noise_of
+from manytouch.detection.selection import pick, plausible, without_doubles
 from manytouch.values import Detections, Frame, Sensor
 from manytouch.values.arrays import Points2, Scalars
 
 SCALE_STEP = 1.5  # between the radii that are searched for when sizes differ
 WALK = 3
+DOUBLE = 0.8  # of the radius: nearer ones are one dot
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -25,15 +28,23 @@ class Searching:
         appearance: of the dots.
         markers: number of markers that can be seen.
         radius_px: (m,) radius of each marker in the image at rest.
+        plans: which pixels are looked at for these radii.
+        scales_px: (s,) radii that are searched for everywhere.
+        scale_plans: which pixels are looked at for those.
         level: grey levels of 255 per level of the image; None before the first picture.
         first: the first good picture, for comparison; None before.
+        workshops: memory for the search everywhere, one for each scale; empty before.
     """
 
     appearance: Appearance
     markers: int
     radius_px: Scalars
+    plans: Plans
+    scales_px: Float64[np.ndarray, " s"]
+    scale_plans: Plans
     level: float | None = None
     first: First | None = None
+    workshops: tuple[Workshop, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -61,7 +72,15 @@ class DotSearch:
         layout = sensor.layout
         radius_px = radius_in_image(sensor.camera, layout.rest_mm, layout.radius_mm)
         radius_px = np.clip(radius_px, appearance.radius_min_px, appearance.radius_max_px)
-        return Searching(appearance=appearance, markers=int((~layout.is_missing).sum()), radius_px=radius_px)
+        scales_px = scales(appearance)
+        return Searching(
+            appearance=appearance,
+            markers=int((~layout.is_missing).sum()),
+            radius_px=radius_px,
+            plans=plans_of(radius_px),
+            scales_px=scales_px,
+            scale_plans=plans_of(scales_px),
+        )
 
     def step(
         self, state: Searching, frame: Frame, expected_px: Points2 | None
@@ -70,7 +89,8 @@ class DotSearch:
         if frame.image is None:
             return state, empty("decode_error")
         level = state.level if state.level is not None else level_of(frame.image)
-        state = replace(state, level=level)
+        if state.level is None:
+            state = replace(state, level=level)
         if state.first is not None and state.first.shape != frame.image.shape:
             return state, empty("decode_error")
         image, corner = cropped(frame.image, self.roi_px)
@@ -79,74 +99,92 @@ class DotSearch:
         weights = state.appearance.weights(1 if image.ndim == 2 else image.shape[2]) * level
         noise = noise_of(image, weights)
         if expected_px is None:
-            dots, radius_px = self._everywhere(state, image, weights, noise)
+            state = _with_workshops(state, image)
+            rows, radius_px = self._everywhere(state, image, weights, noise)
         else:
-            dots, radius_px = self._windows(state, image, weights, noise, expected_px - corner)
-        keep = self._plausible(state, dots, radius_px, noise)
-        detections = detections_of(dots, keep, corner)
-        status = condition(state.first, frame.image, dots, keep, level=level, markers=state.markers)
-        if state.first is None and status == "ok" and keep.sum() >= min(6, state.markers):
-            state = replace(state, first=first_of(frame.image, dots, keep))
-        return state, replace(detections, status=status)
+            rows, radius_px = _windows(state, image, weights, noise, expected_px - corner)
+        keep = np.empty(len(rows), dtype=np.bool_)
+        least = self.least_share * typical_contrast(rows[:, 6], state.markers)
+        number = plausible(rows, radius_px, least, self.least_snr * 3.0 * noise, DOUBLE, keep)
+        found, edge_px = _picked(rows, keep, int(number), corner)
+        status = condition(state.first, frame.image, found, edge_px, level=level, markers=state.markers)
+        if state.first is None and status == "ok" and number >= min(6, state.markers):
+            state = replace(state, first=first_of(frame.image, found, edge_px))
+        return state, found if status == "ok" else replace(found, status=status)
 
     def _everywhere(
         self, state: Searching, image: np.ndarray, weights: Float64[np.ndarray, " c"], noise: float
-    ) -> tuple[Dots, Scalars]:
-        """All that looks like a dot of the right size."""
-        appearance = state.appearance
-        places, radii, contrasts = [], [], []
-        for radius_px in scales(appearance):
-            near = candidates(image, weights, radius_px, max(noise, 2.0))
+    ) -> tuple[Float64[np.ndarray, "n 9"], Scalars]:
+        """All that looks like a dot of the right size: rows of `kernels.measure_dots`, and radii."""
+        found, scale = [], []
+        for number, radius_px in enumerate(state.scales_px):
+            near = candidates(image, weights, radius_px, max(noise, 2.0), state.workshops[number])
             typical = typical_contrast(near.contrast, state.markers)
             strong = near.contrast > 0.6 * self.least_share * typical
-            places.append(near.place_px[strong])
-            radii.append(near.radius_px[strong])
-            contrasts.append(near.contrast[strong])
-        place_px, radius_px, contrast = (
-            np.concatenate(places),
-            np.concatenate(radii),
-            np.concatenate(contrasts),
-        )
-        if appearance.is_irregular:
-            single = without_doubles(place_px, radius_px, contrast, 1.0)
-            place_px, radius_px = place_px[single], radius_px[single]
-        return measure(image, weights, place_px, radius_px, noise=noise), radius_px
-
-    def _windows(
-        self,
-        state: Searching,
-        image: np.ndarray,
-        weights: Float64[np.ndarray, " c"],
-        noise: float,
-        expected_px: Float64[np.ndarray, "m 2"],
-    ) -> tuple[Dots, Scalars]:
-        """The dots near expected places."""
-        wanted = np.isfinite(expected_px).all(axis=1)
-        near_px = expected_px[wanted]
-        if len(expected_px) == len(state.radius_px):
-            radius_px = state.radius_px[wanted]
-        else:
-            radius_px = np.full(len(near_px), float(np.median(state.radius_px)))
-        return measure(image, weights, near_px, radius_px, noise=noise, walk=WALK), radius_px
-
-    def _plausible(self, state: Searching, dots: Dots, radius_px: Scalars, noise: float) -> np.ndarray:
-        """(n,) which of the measured dots are dots: contrast, size, and each only once."""
-        with np.errstate(invalid="ignore"):
-            typical = typical_contrast(dots.contrast[dots.is_found], state.markers)
-            keep = dots.is_found & (dots.contrast > self.least_share * typical)
-            keep &= dots.contrast * np.sqrt(dots.area_px2) > self.least_snr * 3.0 * noise
-            full = np.pi * radius_px**2
-            keep &= (dots.area_px2 > 0.06 * full) & (dots.area_px2 < 3.0 * full)
-            keep &= (dots.cut < 0.6) & (np.trace(dots.covariance_px2, axis1=1, axis2=2) < 0.5 * radius_px**2)
-        chosen = np.flatnonzero(keep)
-        single = without_doubles(
-            dots.centre_px[chosen], radius_px[chosen], dots.contrast[chosen] * dots.area_px2[chosen], 0.8
-        )
-        keep[chosen[~single]] = False
-        return keep
+            found.append(near if strong.all() else near.at(strong))
+            scale.append(np.full(len(found[-1].contrast), number))
+        index = scale[0] if len(scale) == 1 else np.concatenate(scale)
+        place_px = found[0].place_px if len(found) == 1 else np.concatenate([near.place_px for near in found])
+        if state.appearance.is_irregular:
+            contrast = np.concatenate([near.contrast for near in found])
+            single = without_doubles(place_px, state.scales_px[index], contrast, 1.0)
+            place_px, index = place_px[single], index[single]
+        plans, radius_px = state.scale_plans.at(index), state.scales_px[index]
+        return measured_rows(image, weights, place_px, radius_px, plans, noise=noise), radius_px
 
 
-def scales(appearance: Appearance) -> Scalars:
+def _windows(
+    state: Searching,
+    image: np.ndarray,
+    weights: Float64[np.ndarray, " c"],
+    noise: float,
+    expected_px: Float64[np.ndarray, "m 2"],
+) -> tuple[Float64[np.ndarray, "n 9"], Scalars]:
+    """The dots near expected places: rows of `kernels.measure_dots`, and radii."""
+    radius_px, plans = state.radius_px, state.plans
+    if len(expected_px) != len(radius_px):
+        radius_px = np.full(len(expected_px), float(np.median(radius_px)))
+        plans = plans_of(radius_px)
+    wanted = np.isfinite(expected_px).all(axis=1)
+    if not wanted.all():
+        expected_px, radius_px, plans = expected_px[wanted], radius_px[wanted], plans.at(wanted)
+    return measured_rows(image, weights, expected_px, radius_px, plans, noise=noise, walk=WALK), radius_px
+
+
+def _with_workshops(state: Searching, image: np.ndarray) -> Searching:
+    """The state with memory for images like this one."""
+    kept = state.workshops
+    if kept and kept[0].shape == image.shape and kept[0].dtype == image.dtype:
+        return state
+    return replace(state, workshops=tuple(workshop(image, float(radius)) for radius in state.scales_px))
+
+
+def _picked(
+    rows: Float64[np.ndarray, "n 9"], keep: np.ndarray, number: int, corner: Float64[np.ndarray, "2"]
+) -> tuple[Detections, Float64[np.ndarray, " k"]]:
+    """The kept dots in whole-image coordinates, and the widths of their edges."""
+    found = Detections(
+        centre_px=np.empty((number, 2)),
+        covariance_px2=np.empty((number, 2, 2)),
+        area_px2=np.empty(number),
+        contrast=np.empty(number),
+    )
+    edge_px = np.empty(number)
+    pick(
+        rows,
+        keep,
+        corner[0],
+        corner[1],
+        found.centre_px,
+        found.covariance_px2,
+        found.area_px2,
+        found.contrast,
+        edge_px,
+    )
+    return found, edge_px
+
+
+def scales(appearance: Appearance) -> Float64[np.ndarray, " s"]:
     """Radii to search for."""
     if not appearance.is_irregular:
         return np.array([np.sqrt(appearance.radius_min_px * appearance.radius_max_px)])
@@ -156,11 +194,10 @@ def scales(appearance: Appearance) -> Scalars:
 
 
 def typical_contrast(contrast: Scalars, markers: int) -> float:
-    """Median of the strongest ones, as many as there should be dots."""
-    if len(contrast) == 0:
-        return 0.0
-    strongest: float = np.median(np.sort(contrast)[-max(markers, 1) :]).item()
-    return strongest
+    """Median of the strongest ones, as many as there should be dots; NaN counts as no dot."""
+    ordered = np.sort(contrast)
+    ordered = ordered[: len(ordered) - int(np.isnan(ordered).sum())][-max(markers, 1) :]
+    return middle_of(ordered)
 
 
 def level_of(image: np.ndarray) -> float:
@@ -181,16 +218,6 @@ def cropped(
     x, y, width, height = roi_px
     x0, y0 = max(x, 0), max(y, 0)
     return image[y0 : max(y + height, 0), x0 : max(x + width, 0)], np.array([float(x0), float(y0)])
-
-
-def detections_of(dots: Dots, keep: np.ndarray, corner: Float64[np.ndarray, "2"]) -> Detections:
-    """The kept dots, in whole-image coordinates."""
-    return Detections(
-        centre_px=dots.centre_px[keep] + corner,
-        covariance_px2=dots.covariance_px2[keep],
-        area_px2=dots.area_px2[keep],
-        contrast=dots.contrast[keep],
-    )
 
 
 def empty(status: str) -> Detections:

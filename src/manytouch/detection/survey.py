@@ -8,7 +8,7 @@ found so far best from their ground, or single channels when grey shows none.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -16,7 +16,6 @@ from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from manytouch.detection.appearance import GREY_OF_BGR, Appearance
-from manytouch.detection.candidates import without_doubles
 from manytouch.detection.centroid import Dots, measure
 from manytouch.detection.colour import fitted_weights, tried_weights
 from manytouch.detection.noise import noise_of
@@ -33,7 +32,8 @@ from manytouch.detection.regularity import (
     votes,
 )
 from manytouch.detection.scale_space import blobs_and_pyramid
-from manytouch.detection.search import cropped, detections_of, level_of
+from manytouch.detection.search import cropped, level_of
+from manytouch.detection.selection import without_doubles
 from manytouch.errors import LayoutError
 from manytouch.values import Detections, Frame, Polarity
 from manytouch.values.arrays import Mask
@@ -351,7 +351,12 @@ def _surveyed(
     weight = measured.contrast[kept] * measured.area_px2[kept]
     radius_px = np.sqrt(measured.area_px2[kept] / np.pi)
     keep[kept[~without_doubles(measured.centre_px[kept], radius_px, weight, 0.9)]] = False
-    detections = detections_of(measured, keep, corner)
+    detections = Detections(
+        centre_px=measured.centre_px[keep] + corner,
+        covariance_px2=measured.covariance_px2[keep],
+        area_px2=measured.area_px2[keep],
+        contrast=measured.contrast[keep],
+    )
     typical = pattern.alike & keep
     radius_px = np.sqrt(measured.area_px2[typical if typical.any() else keep] / np.pi)
     colour = None
@@ -367,7 +372,7 @@ def _surveyed(
     )
     return Survey(
         appearance=appearance,
-        detections=replace(detections, status="ok"),
+        detections=detections,
         frame_index=frame.index,
         notes=_notes(pattern, keep),
     )
