@@ -74,7 +74,7 @@ class ContactFinder:
         chart: LoadMap,
         modes: Float64[np.ndarray, "k l"],
         shift_modes: Float64[np.ndarray, "k l"],
-        spread: Float64[np.ndarray, "q q"],
+        noise: tuple[float, float],
         recent_load: float = 0.0,
     ) -> Hills:
         """The contacts in a load.
@@ -83,40 +83,35 @@ class ContactFinder:
             chart: of the sensor.
             modes: of the load.
             shift_modes: of the load that displacements alone tell: light changes dots, it does not move them.
-            spread: covariance of the modes from the noise of the frame.
+            noise: of the modes in this frame.
             recent_load: strongest load of the frames before, as `remembered` keeps it.
         """
         from manytouch.estimation.kernels import hills
 
         load = chart.load(modes)
         strongest = float(load.max())
-        moved = float(chart.load(shift_modes).max())
+        moved = strongest if modes is shift_modes else float(chart.load(shift_modes).max())
         crept = self.creep_share * recent_load
         floor = max(self.stay_load, crept, self.stay_share * strongest)
+        if not (strongest > floor and moved > self.stay_load):
+            return _nothing(load, max(self.stay_load, crept))
         label, peak = hills(np.ascontiguousarray(load), floor / 2.0, self.merge)
         height = load.ravel()[peak]
         column, row = peak % len(chart.x_mm), peak // len(chart.x_mm)
         top_mm = np.column_stack([chart.x_mm[column], chart.y_mm[row]])
-        std = chart.load_std(top_mm, spread)
-        member = np.where((label >= 0) & (load > 0.5 * height[label]), label, -1) if len(peak) else label
-        stays = (height > floor) & (height > 0.5 * self.noise_stds * std) & (moved > self.stay_load)
-        _, area_mm2 = self._centroids(chart, load, member, len(peak))
-        top = (
-            np.where((label >= 0) & (load > self.top_share * height[label]), label, -1)
-            if len(peak)
-            else label
-        )
-        centre_mm, _ = self._centroids(chart, load, top, len(peak))
-        member = (
-            np.where((member >= 0) & stays[member], np.cumsum(stays)[member] - 1, -1) if len(peak) else member
-        )
-        centre_mm, area_mm2, height, std, top_mm = (
-            value[stays] for value in (centre_mm, area_mm2, height, std, top_mm)
-        )
+        # Hills come the highest first, so that those above a height are the first.
+        high = int((height > floor).sum())
+        std = np.full(len(peak), np.inf)
+        std[:high] = chart.load_std(top_mm[:high], noise)
+        stays = height > np.maximum(floor, 0.5 * self.noise_stds * std)
+        if not stays.any():
+            return _nothing(load, max(self.stay_load, crept))
+        centre_mm, area_mm2, member = self._shapes(chart, load, label, height, stays)
+        height, std, top_mm = height[stays], std[stays], top_mm[stays]
         model = np.hypot(
             self.model_std_pitch * chart.pitch_mm, self.model_std_radius * np.sqrt(area_mm2 / np.pi)
         )
-        covariance = chart.centre_covariance(top_mm, spread, modes) + model[:, None, None] ** 2 * np.eye(2)
+        covariance = chart.centre_covariance(top_mm, noise, modes) + model[:, None, None] ** 2 * np.eye(2)
         firm = max(self.start_load, crept, self.start_share * strongest)
         return Hills(
             centre_mm=centre_mm,
@@ -133,16 +128,36 @@ class ContactFinder:
         """The strongest load up to now, which fades."""
         return float(max([self.creep_memory * recent_load, *found.load.tolist()]))
 
-    @staticmethod
-    def _centroids(
-        chart: LoadMap, load: np.ndarray, member: np.ndarray, count: int
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Centres (count, 2) and areas (count,) of the hills' upper halves."""
-        row, column = np.nonzero(member >= 0)
-        hill = member[row, column]
-        weight = load[row, column]
+    def _shapes(
+        self, chart: LoadMap, load: np.ndarray, label: np.ndarray, height: np.ndarray, stays: np.ndarray
+    ) -> tuple[Points2, Scalars, np.ndarray]:
+        """Centres and areas of those of the hills that stay, and the map of whose upper half is where."""
+        at = np.flatnonzero(label >= 0)
+        at = at[stays[label.ravel()[at]]]
+        hill, value = (np.cumsum(stays) - 1)[label.ravel()[at]], load.ravel()[at]
+        share = value / height[stays][hill]
+        member = np.full(load.shape, -1, dtype=np.int64)
+        member.ravel()[at[share > 0.5]] = hill[share > 0.5]
+        count = int(stays.sum())
+        cell_mm2 = float((chart.x_mm[1] - chart.x_mm[0]) * (chart.y_mm[1] - chart.y_mm[0]))
+        area_mm2 = np.bincount(hill[share > 0.5], minlength=count) * cell_mm2
+        weight = np.where(share > self.top_share, value, 0.0)
+        row, column = np.divmod(at, load.shape[1])
         total = np.bincount(hill, weight, minlength=count)
         x_mm = np.bincount(hill, weight * chart.x_mm[column], minlength=count) / total
         y_mm = np.bincount(hill, weight * chart.y_mm[row], minlength=count) / total
-        cell_mm2 = float((chart.x_mm[1] - chart.x_mm[0]) * (chart.y_mm[1] - chart.y_mm[0]))
-        return np.column_stack([x_mm, y_mm]), np.bincount(hill, minlength=count) * cell_mm2
+        return np.column_stack([x_mm, y_mm]), area_mm2, member
+
+
+def _nothing(load: np.ndarray, floor: float) -> Hills:
+    """No hills on a map."""
+    return Hills(
+        centre_mm=np.zeros((0, 2)),
+        covariance_mm2=np.zeros((0, 2, 2)),
+        load=np.zeros(0),
+        load_std=np.zeros(0),
+        area_mm2=np.zeros(0),
+        is_firm=np.zeros(0, dtype=np.bool_),
+        floor=floor,
+        member=np.full(load.shape, -1, dtype=np.int64),
+    )

@@ -23,17 +23,26 @@ not at all, and one model that has to explain both witnesses bends the load to m
 gives its own estimate, and the load is their weighted mean.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.linalg import cho_factor, cho_solve
 
+from manytouch.estimation.modes import (
+    Series,
+    affordable,
+    best_estimate,
+    cosines,
+    is_coarse,
+    outer,
+    products,
+    waves,
+)
 from manytouch.geometry.camera import cam_from_sheet
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2, Scalars, read_only
 
-_GRADIENT = ((0, 0), (1, 0), (0, 1))
+_GRADIENT = ((1, 0), (0, 1))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -90,40 +99,65 @@ class LoadMap:
         """The load times the pitch at points (n, 2) of the sheet."""
         return np.asarray(self._basis(point_mm) @ modes.ravel())
 
-    def spread(self, std_mm: float, growth_std: float | None) -> Float64[np.ndarray, "q q"]:
-        """Covariance of the modes for displacements of std_mm along each axis and growths of growth_std."""
+    def noise(self, std_mm: float, growth_std: float | None) -> tuple[float, float]:
+        """Variances that `shift_spread` and `growth_spread` have in the covariance of the modes.
+
+        Args:
+            std_mm: standard deviation of displacements along each axis.
+            growth_std: of growths; None when there are none.
+        """
         shift = (std_mm / self.pitch_mm) ** 2
         if growth_std is None or self.growth_share == 0.0:
-            return shift * self.shift_spread
-        shift *= (1.0 - self.growth_share) ** 2
-        return np.asarray(
-            shift * self.shift_spread + (self.growth_share * growth_std) ** 2 * self.growth_spread
-        )
+            return shift, 0.0
+        return shift * (1.0 - self.growth_share) ** 2, (self.growth_share * growth_std) ** 2
 
-    def load_std(self, point_mm: Points2, spread: Float64[np.ndarray, "q q"]) -> Scalars:
-        """Standard deviation (n,) of `load_at` for a `spread` of the modes."""
+    def load_std(self, point_mm: Points2, noise: tuple[float, float]) -> Scalars:
+        """Standard deviation (n,) of `load_at` for a `noise`."""
         basis = self._basis(point_mm)
-        return np.asarray(np.sqrt(((basis @ spread) * basis).sum(axis=1)))
+        return np.asarray(np.sqrt((self._spread(basis, noise) * basis).sum(axis=1)))
 
     def centre_covariance(
-        self, point_mm: Points2, spread: Float64[np.ndarray, "q q"], modes: Float64[np.ndarray, "k l"]
+        self, point_mm: Points2, noise: tuple[float, float], modes: Float64[np.ndarray, "k l"]
     ) -> Float64[np.ndarray, "n 2 2"]:
-        """Covariance in mm^2 of the places of maxima, from the `spread` of the modes.
+        """Covariance in mm^2 of the places of maxima, from the `noise`.
 
         At a maximum grad q = 0, so noise moves it by -H^-1 grad dq with H the second derivatives of q.
         """
-        slope = np.stack([self._basis(point_mm, 1, 0), self._basis(point_mm, 0, 1)], axis=1)
-        noise = (slope @ spread) @ slope.transpose(0, 2, 1) * self.pitch_mm**2
-        bend = np.empty((len(point_mm), 2, 2))
-        for (a, b), orders in (((0, 0), (2, 0)), ((1, 1), (0, 2)), ((0, 1), (1, 1))):
-            bend[:, a, b] = bend[:, b, a] = self._basis(point_mm, *orders) @ modes.ravel()
+        count = len(point_mm)
+        place = point_mm / self.pitch_mm - self.low
+        x = [cosines(place[:, 0], self.wave_x, order) for order in range(3)]
+        y = [cosines(place[:, 1], self.wave_y, order) for order in range(3)]
+        slope = np.concatenate([outer(x[1], y[0]), outer(x[0], y[1])])
+        pushed = self._spread(slope, noise).reshape(2, count, -1)
+        moved = np.einsum("anq,bnq->nab", pushed, slope.reshape(2, count, -1)) * self.pitch_mm**2
+        rows = [each @ modes for each in x]
+        bend = np.empty((count, 2, 2))
+        bend[:, 0, 0] = (rows[2] * y[0]).sum(axis=1)
+        bend[:, 1, 1] = (rows[0] * y[2]).sum(axis=1)
+        bend[:, 0, 1] = bend[:, 1, 0] = (rows[1] * y[1]).sum(axis=1)
         # A flat top is no sharper than a hill two pitches wide.
-        bend -= 0.25 * np.abs(self.load_at(point_mm, modes))[:, None, None] * np.eye(2)
+        bend -= 0.25 * np.abs((rows[0] * y[0]).sum(axis=1))[:, None, None] * np.eye(2)
         inverse = np.linalg.inv(bend)
-        return np.asarray(inverse @ noise @ inverse)
+        return np.asarray(inverse @ moved @ inverse)
 
-    def _basis(self, point_mm: Points2, order_x: int = 0, order_y: int = 0) -> np.ndarray:
-        return _products(point_mm / self.pitch_mm - self.low, self.wave_x, self.wave_y, order_x, order_y)
+    def _spread(self, basis: np.ndarray, noise: tuple[float, float]) -> np.ndarray:
+        """Rows (n, q) times the covariance of the modes, which is never formed: it is large."""
+        shift, growth = noise
+        spread = shift * (basis @ self.shift_spread)
+        return np.asarray(spread if growth == 0.0 else spread + growth * (basis @ self.growth_spread))
+
+    def _basis(self, point_mm: Points2) -> np.ndarray:
+        return products(point_mm / self.pitch_mm - self.low, self.wave_x, self.wave_y)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Scene:
+    """How the markers at rest are seen, in pitches: places and their slopes from the eye (m, 2)."""
+
+    rest: Points2
+    arm: Points2
+    distance: float
+    lever: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -144,6 +178,8 @@ class LoadModel:
             when its field of view was assumed: displacements then put the load in the wrong place.
         shift, angle_rad, tilt, zoom: usual size of the motion of the view: along the sheet, about its normal,
             of the camera's axis, and towards the sheet as part of the distance.
+        most_products: of cosines in each series: where a sheet has more markers than about three times
+            that, the series of all loads are coarser, or the work would grow with the cube of the markers.
         points_per_pitch: of the map.
     """
 
@@ -162,6 +198,7 @@ class LoadModel:
     angle_rad: float = 0.05
     tilt: float = 0.05
     zoom: float = 0.03
+    most_products: int = 420
     points_per_pitch: float = 3.0
 
     def __call__(self, sensor: Sensor, rest_mm: Points2) -> LoadMap:
@@ -172,33 +209,31 @@ class LoadModel:
         rest = rest_mm / pitch_mm
         rotation, translation = cam_from_sheet(sensor.camera)
         eye = -translation @ rotation / pitch_mm
-        arm = (rest - eye[:2]) / -eye[2]
-        lever = 0.0 if sensor.sheet is None else 0.5 * sensor.sheet.thickness_mm / pitch_mm
         low = rest.min(axis=0) - self.margin * pitch
         size = rest.max(axis=0) + self.margin * pitch - low
-        place = rest - low
-        wave_x, wave_y = _waves(size, pitch, min(self.finest, self.finest_growth))
-        square = (wave_x[:, None] ** 2 + wave_y**2).ravel()
-        smooth = np.exp(-0.25 * self.fingertip**2 * square)
-        scale = smooth / (square + self.decay**-2)
-        is_coarse = _is_coarse(wave_x, wave_y, size, pitch, self.finest)
-        depth, slope_x, slope_y = (_products(place, wave_x, wave_y, *orders) for orders in _GRADIENT)
-        normal = np.concatenate([arm[:, :1] * depth - lever * slope_x, arm[:, 1:] * depth - lever * slope_y])
-        tangential = self._tangential(place, size, pitch)
-        none = np.zeros_like(tangential[0])
-        pulled = np.block([[tangential[0], none], [none, tangential[0]]])
-        mode_from_shift = _best(
-            normal * (scale * is_coarse),
-            pulled @ pulled.T + self._view(rest, arm, -float(eye[2])),
-            np.full(2 * len(rest), self.model_error),
-            smooth,
+        scene = _Scene(
+            rest=rest,
+            arm=(rest - eye[:2]) / -eye[2],
+            distance=-float(eye[2]),
+            lever=0.0 if sensor.sheet is None else 0.5 * sensor.sheet.thickness_mm / pitch_mm,
         )
-        pulled = np.concatenate(tangential[1:], axis=1)
-        evenly = np.column_stack([np.ones(len(rest)), arm]) * [self.zoom, self.tilt, self.tilt]
+        finest = affordable(size, pitch, min(self.finest, self.finest_growth), self.most_products)
+        depth = self._hollows(low, waves(size, pitch, finest))
+        # Displacements and growths may tell loads down to different wavelengths.
+        coarse, fine = (
+            replace(depth, scale=depth.scale * is_coarse(depth.wave_x, depth.wave_y, size, pitch, each))
+            for each in (max(self.finest, finest), max(self.finest_growth, finest))
+        )
+        finest = affordable(size, pitch, self.finest_tangential, self.most_products)
+        pull = self._hollows(low, waves(size, pitch, finest))
+        pull = replace(pull, scale=self.tangential * pull.scale)
+        smooth = np.exp(-0.25 * self.fingertip**2 * depth.square)
         radius = sensor.layout.radius_mm
-        mode_from_growth = _best(
-            (-2.0 / eye[2] * depth + lever * depth * square) * scale,
-            pulled @ pulled.T + 4.0 * evenly @ evenly.T,
+        mode_from_shift, shift_spread = best_estimate(
+            lambda at: self._shifts(scene, coarse, pull, at), np.full(len(rest), self.model_error), smooth
+        )
+        mode_from_growth, growth_spread = best_estimate(
+            lambda at: self._growths(scene, fine, pull, at),
             self.growth_error * np.maximum(1.0, np.median(radius) / radius) ** 8,
             smooth,
         )
@@ -206,40 +241,56 @@ class LoadModel:
         return LoadMap(
             x_mm=read_only(x_mm),
             y_mm=read_only(y_mm),
-            mode_from_shift=read_only(mode_from_shift.astype(np.float32)),
-            mode_from_growth=read_only(mode_from_growth.astype(np.float32)),
-            shift_spread=read_only(mode_from_shift @ mode_from_shift.T),
-            growth_spread=read_only(mode_from_growth @ mode_from_growth.T),
+            mode_from_shift=read_only(mode_from_shift),
+            mode_from_growth=read_only(mode_from_growth),
+            shift_spread=read_only(shift_spread),
+            growth_spread=read_only(growth_spread),
             growth_share=self.growth_share_assumed if assumes_view(sensor) else self.growth_share,
             low=read_only(low),
-            wave_x=read_only(wave_x),
-            wave_y=read_only(wave_y),
-            along_x=read_only(_cosines(x_mm / pitch_mm - low[0], wave_x, 0)),
-            along_y=read_only(_cosines(y_mm / pitch_mm - low[1], wave_y, 0)),
+            wave_x=read_only(depth.wave_x),
+            wave_y=read_only(depth.wave_y),
+            along_x=read_only(cosines(x_mm / pitch_mm - low[0], depth.wave_x, 0)),
+            along_y=read_only(cosines(y_mm / pitch_mm - low[1], depth.wave_y, 0)),
             pitch_mm=pitch_mm,
         )
 
-    def _tangential(self, place: Points2, size: np.ndarray, pitch: np.ndarray) -> list[np.ndarray]:
-        """What tangential loads along an axis do: displacements, their derivatives along x and y; (m, q)."""
-        wave_x, wave_y = _waves(size, pitch, self.finest_tangential)
-        square = (wave_x[:, None] ** 2 + wave_y**2).ravel()
-        scale = self.tangential * np.exp(-0.25 * self.fingertip**2 * square) / (square + self.decay**-2)
-        return [_products(place, wave_x, wave_y, *orders) * scale for orders in _GRADIENT]
+    def _hollows(self, low: np.ndarray, wave: tuple[np.ndarray, np.ndarray]) -> Series:
+        """What loads of variance 1 that are spread over fingertips do to the depth."""
+        plain = Series(low=low, wave_x=wave[0], wave_y=wave[1], scale=np.ones(1))
+        smooth = np.exp(-0.25 * self.fingertip**2 * plain.square)
+        return replace(plain, scale=smooth / (plain.square + self.decay**-2))
 
-    def _view(self, rest: Points2, arm: Points2, distance: float) -> np.ndarray:
-        """(2 m, 2 m) covariance of what the view's motion does."""
-        none, one = np.zeros(len(rest)), np.ones(len(rest))
-        view = np.column_stack(
+    def _shifts(self, scene: _Scene, depth: Series, pull: Series, at: slice) -> np.ndarray:
+        """(2, n, r) displacements of some markers along x and y by all that moves them."""
+        rest, arm = scene.rest[at], scene.arm[at]
+        bent = [arm[:, k, None] * depth(rest) - scene.lever * depth(rest, *_GRADIENT[k]) for k in range(2)]
+        pulled = pull(rest)
+        none = np.zeros_like(pulled)
+        view = self._view(rest, arm, scene.distance)
+        return np.stack(
             [
-                self.shift * np.concatenate([one, none]),
-                self.shift * np.concatenate([none, one]),
-                self.angle_rad * np.concatenate([-rest[:, 1], rest[:, 0]]),
-                self.zoom * distance * np.concatenate([arm[:, 0], arm[:, 1]]),
-                self.tilt * distance * np.concatenate([arm[:, 0] ** 2, arm[:, 0] * arm[:, 1]]),
-                self.tilt * distance * np.concatenate([arm[:, 0] * arm[:, 1], arm[:, 1] ** 2]),
+                np.concatenate([bent[0], pulled, none, view[0]], axis=1),
+                np.concatenate([bent[1], none, pulled, view[1]], axis=1),
             ]
         )
-        return np.asarray(view @ view.T)
+
+    def _growths(self, scene: _Scene, depth: Series, pull: Series, at: slice) -> np.ndarray:
+        """(1, n, r) growths of some markers by all that makes them grow."""
+        rest, arm = scene.rest[at], scene.arm[at]
+        nearer = depth(rest) * (2.0 / scene.distance + scene.lever * depth.square)
+        pulled = [pull(rest, *orders) for orders in _GRADIENT]
+        evenly = 2.0 * np.column_stack([np.ones(len(rest)), arm]) * [self.zoom, self.tilt, self.tilt]
+        return np.concatenate([nearer, *pulled, evenly], axis=1)[None]
+
+    def _view(self, rest: Points2, arm: Points2, distance: float) -> np.ndarray:
+        """(2, n, 6) what the view's motions of usual size do to places (n, 2), along x and along y."""
+        x, y = arm.T
+        none, one = np.zeros(len(rest)), np.ones(len(rest))
+        size = [self.shift, self.shift, self.angle_rad]
+        size += [distance * each for each in (self.zoom, self.tilt, self.tilt)]
+        along_x = np.column_stack([one, none, -rest[:, 1], x, x**2, x * y])
+        along_y = np.column_stack([none, one, rest[:, 0], y, x * y, y**2])
+        return np.stack([along_x, along_y]) * size
 
     def _axis(self, rest_mm: np.ndarray, pitch_mm: float) -> np.ndarray:
         low, high = rest_mm.min() - 0.5 * pitch_mm, rest_mm.max() + 0.5 * pitch_mm
@@ -249,52 +300,3 @@ class LoadModel:
 def assumes_view(sensor: Sensor) -> bool:
     """Was the camera's field of view assumed, so that distances and slopes are known badly?"""
     return any("field of view" in sentence for sentence in sensor.assumptions)
-
-
-def _best(known: np.ndarray, other: np.ndarray, error: np.ndarray, smooth: np.ndarray) -> np.ndarray:
-    """(q, n) best linear estimate of the modes of the load from n observations.
-
-    Args:
-        known: (n, q) what modes of variance 1 do to the observations.
-        other: (n, n) covariance of the observations from causes that are of no interest.
-        error: (n,) standard deviation of each observation.
-        smooth: (q,) size of a fingertip in each mode.
-    """
-    covariance = known @ known.T + other
-    covariance[np.diag_indices_from(covariance)] += error**2
-    factor = cho_factor(covariance, lower=True, overwrite_a=True, check_finite=False)
-    estimate = cho_solve(factor, known, check_finite=False)
-    # The series of the load holds fingertips, so it is smoothed like one when it is read.
-    return np.asarray(smooth[:, None] ** 2 * estimate.T)
-
-
-def _products(
-    place: Points2, wave_x: np.ndarray, wave_y: np.ndarray, order_x: int, order_y: int
-) -> Float64[np.ndarray, "n q"]:
-    """Products of the cosines along x and y, or of their derivatives."""
-    along_x, along_y = _cosines(place[:, 0], wave_x, order_x), _cosines(place[:, 1], wave_y, order_y)
-    count = len(wave_x) * len(wave_y)
-    return np.asarray((along_x[:, :, None] * along_y[:, None, :]).reshape(len(place), count))
-
-
-def _is_coarse(
-    wave_x: np.ndarray, wave_y: np.ndarray, size: np.ndarray, pitch: np.ndarray, finest: float
-) -> np.ndarray:
-    """(q,) which products of cosines are no finer than a wavelength."""
-    coarse_x, coarse_y = _waves(size, pitch, finest)
-    return np.asarray(
-        ((np.arange(len(wave_x)) < len(coarse_x))[:, None] & (np.arange(len(wave_y)) < len(coarse_y))).ravel()
-    )
-
-
-def _waves(size: np.ndarray, pitch: np.ndarray, finest: float) -> tuple[np.ndarray, np.ndarray]:
-    """Wave numbers along x and y of the cosines down to the finest wavelength, in pitches."""
-    counts = np.ceil(2.0 * size / (finest * pitch)).astype(int) + 1
-    return np.arange(counts[0]) * np.pi / size[0], np.arange(counts[1]) * np.pi / size[1]
-
-
-def _cosines(place: np.ndarray, wave: np.ndarray, order: int) -> np.ndarray:
-    """(n, k) cosines of norm 1 on the interval of which they are the free modes, or their derivatives."""
-    size = np.pi / wave[1]
-    norm = np.where(wave == 0.0, 1.0, np.sqrt(2.0)) / np.sqrt(size)
-    return np.asarray(norm * wave**order * np.cos(place[:, None] * wave + 0.5 * np.pi * order))

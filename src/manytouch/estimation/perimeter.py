@@ -179,8 +179,8 @@ class PerimeterDepth:
         growth = self.grow(grid, state.rest_area, state.neighbours)
         shift_modes = state.chart.shift_modes(moved_mm - state.settled_mm)
         modes = state.chart.joined(shift_modes, growth)
-        spread = state.chart.spread(std_mm, self.grow.std(grid))
-        found = self.find(state.chart, modes, shift_modes, spread, state.recent_load)
+        noise = state.chart.noise(std_mm, None if growth is None else self.grow.std(grid))
+        found = self.find(state.chart, modes, shift_modes, noise, state.recent_load)
         if growth is not None and state.centre_std_mm > 0.0 and len(found.load):
             # With an assumed camera, displacements draw a contact to the wrong place; growth is local.
             centre_mm = self.grow.summit(found.centre_mm, growth, state.layout, law.rest_mm)

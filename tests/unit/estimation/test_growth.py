@@ -144,5 +144,5 @@ def test_predicted_noise_of_the_load_is_the_observed_one() -> None:
         for _ in range(400)
     ]
     np.testing.assert_allclose(
-        np.std(loads, axis=0), chart.load_std(at_mm, chart.spread(0.02, 0.01)), rtol=0.15
+        np.std(loads, axis=0), chart.load_std(at_mm, chart.noise(0.02, 0.01)), rtol=0.15
     )

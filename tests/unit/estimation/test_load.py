@@ -1,0 +1,113 @@
+"""The estimate of loads: that of the Gaussian process, and affordable for many markers."""
+
+import time
+import tracemalloc
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from manytouch.estimation.load import LoadModel
+from manytouch.estimation.modes import affordable, best_estimate, products, waves
+from manytouch.estimation.perimeter import PerimeterDepth
+from manytouch.simulation.sensor import demo_sensor
+from manytouch.values import Layout, Sensor
+from manytouch.values.arrays import read_only
+
+
+def lattice(rows: int, columns: int) -> Sensor:
+    """The demo sensor with another lattice over the same 120 x 80 mm."""
+    row, column = np.divmod(np.arange(rows * columns), columns)
+    pitch_mm = np.array([116.0 / (columns - 1), 76.0 / (rows - 1)])
+    rest_mm = np.zeros((rows * columns, 3))
+    rest_mm[:, :2] = (np.column_stack([column, row]) - [(columns - 1) / 2, (rows - 1) / 2]) * pitch_mm
+    layout = Layout(
+        rest_mm=read_only(rest_mm),
+        row_column=read_only(np.column_stack([row, column]).astype(np.int64)),
+        pitch_mm=read_only(pitch_mm),
+        radius_mm=read_only(np.ones(len(rest_mm))),
+        polarity="light",
+        is_missing=read_only(np.zeros(len(rest_mm), dtype=np.bool_)),
+    )
+    return replace(demo_sensor(), layout=layout)
+
+
+@pytest.mark.parametrize(("count", "parts"), [(7, 2), (1100, 1)])
+def test_the_estimate_is_that_from_the_covariance_of_all_observations(count: int, parts: int):
+    """Equation 2.25 of Rasmussen and Williams, which needs a matrix as large as the observations are many."""
+    chance = np.random.default_rng(4)
+    design = chance.normal(size=(parts, count, 31))
+    error = chance.uniform(0.1, 4.0, count)
+    smooth = chance.uniform(0.2, 1.0, 12)
+    estimate, spread = best_estimate(lambda at: design[:, at], error, smooth)
+    observed = design.reshape(-1, 31)
+    covariance = observed @ observed.T + np.diag(np.tile(error, parts) ** 2)
+    expected = smooth[:, None] ** 2 * np.linalg.solve(covariance, observed[:, :12]).T
+    np.testing.assert_allclose(estimate, expected, rtol=1e-5, atol=1e-6 * np.abs(expected).max())
+    np.testing.assert_allclose(spread, expected @ expected.T, rtol=1e-9, atol=1e-12 * np.abs(spread).max())
+
+
+def test_the_map_is_that_of_the_model_as_it_is_written():
+    """The displacements' estimate from first principles, with every covariance formed."""
+    sensor = lattice(5, 8)
+    assert sensor.layout is not None
+    assert sensor.sheet is not None
+    model, pitch_mm = LoadModel(), np.sqrt(np.prod(sensor.layout.pitch_mm))
+    rest = sensor.layout.rest_mm[:, :2] / pitch_mm
+    chart = model(sensor, sensor.layout.rest_mm[:, :2])
+    distance, lever = sensor.camera.translation_mm[2] / pitch_mm, sensor.sheet.thickness_mm / pitch_mm / 2
+    waves_xy = chart.wave_x, chart.wave_y
+    square = (chart.wave_x[:, None] ** 2 + chart.wave_y**2).ravel()
+    smooth = np.exp(-0.25 * model.fingertip**2 * square)
+    hollow = smooth / (square + model.decay**-2)
+    at = rest - chart.low
+    arm, plain = rest / distance, products(at, *waves_xy)
+    load = [
+        (arm[:, k, None] * plain - lever * products(at, *waves_xy, k == 0, k == 1)) * hollow for k in range(2)
+    ]
+    covariance = np.vstack(load) @ np.vstack(load).T
+    tangential = (plain * hollow) @ (plain * hollow).T
+    covariance += np.kron(np.eye(2), tangential) + model.model_error**2 * np.eye(2 * len(rest))
+    x, y = rest.T
+    none, one = np.zeros(len(rest)), np.ones(len(rest))
+    motions = [
+        (model.shift, one, none),
+        (model.shift, none, one),
+        (model.angle_rad, -y, x),
+        (model.zoom, x, y),
+        (model.tilt, x * x / distance, x * y / distance),
+        (model.tilt, x * y / distance, y * y / distance),
+    ]
+    for size, along_x, along_y in motions:
+        motion = size * np.concatenate([along_x, along_y])
+        covariance += np.outer(motion, motion)
+    expected = smooth[:, None] ** 2 * np.linalg.solve(covariance, np.vstack(load)).T
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(chart.mode_from_shift, expected, rtol=1e-4, atol=1e-6 * scale)
+
+
+def test_series_get_coarser_only_where_they_are_too_many():
+    size, pitch = np.array([44.0, 29.0]), np.array([1.0, 1.0])
+    assert affordable(size, pitch, 4.0, 420) == 4.0
+    coarser = affordable(3.0 * size, pitch, 4.0, 420)
+    wave_x, wave_y = waves(3.0 * size, pitch, coarser)
+    assert 300 < len(wave_x) * len(wave_y) <= 420
+
+
+def test_a_thousand_markers_keep_all_products():
+    chart = LoadModel()(lattice(26, 40), lattice(26, 40).layout.rest_mm[:, :2])
+    every = LoadModel(most_products=10**6)(lattice(26, 40), lattice(26, 40).layout.rest_mm[:, :2])
+    assert chart.mode_from_shift.shape == every.mode_from_shift.shape
+
+
+def test_ten_thousand_markers_start_soon_and_in_little_memory():
+    sensor = lattice(80, 125)
+    tracemalloc.start()
+    begun = time.process_time()
+    state = PerimeterDepth().start(sensor)
+    spent = time.process_time() - begun
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert len(state.law.rest_mm) == 10_000
+    assert peak < 400e6
+    assert spent < 15.0  # about 2 s on one core; it was minutes
