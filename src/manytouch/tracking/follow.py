@@ -133,13 +133,14 @@ class FollowGrid:
             after, is_seen = _blind(state), np.zeros(state.mesh.markers, dtype=bool)
         else:
             after, is_seen = _moved(state, detections.centre_px, answer)
-        return after, self._grid(after, detections, answer, is_seen)
+        may_slip = _may_slip(after) and not state.is_locked and state.seen > 0
+        return after, self._grid(after, detections, answer, is_seen, may_slip=may_slip)
 
     def expected_px(self, state: Following) -> Points2 | None:
         """Places (m, 2) in the next frame, NaN for those known to be missing; None asks for all dots."""
         present = state.mesh.is_present
         is_fast = state.motion_pitches > self.window_motion_pitches
-        if is_fast or state.seen < self.window_share * present.sum():
+        if is_fast or state.seen < self.window_share * state.mesh.present:
             return None
         return np.where(present[:, None], state.place_px + self.damping * state.velocity_px, np.nan)
 
@@ -148,7 +149,13 @@ class FollowGrid:
         return state.lost
 
     def _grid(
-        self, after: Following, detections: Detections, answer: Identified, is_seen: np.ndarray
+        self,
+        after: Following,
+        detections: Detections,
+        answer: Identified,
+        is_seen: np.ndarray,
+        *,
+        may_slip: bool,
     ) -> TrackedGrid:
         markers = after.mesh.markers
         position = np.full((markers, 2), np.nan)
@@ -159,9 +166,9 @@ class FollowGrid:
         area = np.full(markers, np.nan)
         area[is_seen] = detections.area_px2[dots]
         status = detections.status
-        if status == "ok" and (answer.is_slipping or (len(dots) and _may_slip(after))):
+        if status == "ok" and (answer.is_slipping or (len(dots) and may_slip)):
             status = "ambiguous_shift"
-        if status == "ok" and len(dots) < self.least_share * after.mesh.is_present.sum():
+        if status == "ok" and len(dots) < self.least_share * after.mesh.present:
             status = "few_markers"
         return TrackedGrid(
             position_px=read_only(position),
@@ -174,7 +181,7 @@ class FollowGrid:
 
 
 def _may_slip(state: Following) -> bool:
-    """Has the image never told slips along the lattice apart?"""
+    """Has the image never told slips along the lattice apart? From a good frame on, motion is followed."""
     return len(state.mesh.slip) > 1 and not state.is_anchored
 
 

@@ -9,17 +9,16 @@ its displacement from rest.
 
 # mypy: disable-error-code="no-untyped-def"
 # no_type_check keeps checkers of annotations, which numba cannot compile, out of the kernels
-# ruff: noqa: PLR0912, PLR0917 - compiled functions hold whole loops and take positional arguments
+# ruff: noqa: PLR0912, PLR0915, PLR0917 - compiled functions hold whole loops and take positional arguments
 from typing import no_type_check
 
 import numpy as np
 from numba import njit
 
-from manytouch.tracking.bins import nearest_two
-
 _WIDE_GATE = 0.4
 _NARROW_GATE = 0.08
 _RATIO_SQUARED = 0.36
+_SECOND = 1.7
 _RIDGE = 0.05
 _ROBUST = 0.02
 _LEAST_LEVEL, _MOST_LEVEL = 1, 4
@@ -147,9 +146,9 @@ def roughness(k, rest, moved, owner, spacing, start, near, weight, fit, robust):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def least_stretch(fit):
-    """By how much the lattice is compressed where it is most, from the gradient of a fit; 0.35 to 1.2."""
-    a, b, c, d = 1.0 + fit[2], fit[3], fit[4], 1.0 + fit[5]
+def least_stretch(gxx, gxy, gyx, gyy):
+    """By how much the lattice is compressed where it is most, from a displacement gradient; 0.35 to 1.2."""
+    a, b, c, d = 1.0 + gxx, gxy, gyx, 1.0 + gyy
     square = a * a + b * b + c * c + d * d
     det = a * d - b * c
     least = 0.5 * (square - np.sqrt(max(0.0, square * square - 4.0 * det * det)))
@@ -158,85 +157,9 @@ def least_stretch(fit):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _along_lines(k, moved, owner, opposite):
-    """Displacement that quadratics through three known nodes in a row give node k, and the number of rows."""
-    x = y = 0.0
-    rows = 0
-    for d in range(4):
-        a = opposite[k, d]
-        if a < 0 or owner[a] < 0:
-            continue
-        b = opposite[a, d]
-        if b < 0 or owner[b] < 0:
-            continue
-        c = opposite[b, d]
-        if c < 0 or owner[c] < 0:
-            continue
-        x += 3.0 * (moved[a, 0] - moved[b, 0]) + moved[c, 0]
-        y += 3.0 * (moved[a, 1] - moved[b, 1]) + moved[c, 1]
-        rows += 1
-    return (x / rows, y / rows, rows) if rows else (0.0, 0.0, 0)
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def _dot_of(
-    k,
-    need,
-    dot,
-    bins,
-    cell_px,
-    rest,
-    moved,
-    owner,
-    spacing,
-    start,
-    adjacent_end,
-    near,
-    weight,
-    opposite,
-    tried,
-):
-    """The dot at the place that its neighbours give node k; -1: none there, -2: too few neighbours."""
-    known = 0
-    for j in range(start[k], adjacent_end[k]):
-        known += owner[near[j]] >= 0
-    if known < need and not (need == _LEAST_LEVEL and known == 0):
-        return -2
-    zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    fit, adjacent, used = affine(
-        k, rest, moved, owner, spacing, start, adjacent_end, near, weight, zero, False
-    )
-    if used < need + 1 or (known == 0 and used < _LEAST_APART):
-        return -2
-    if used < tried[k] + 2:
-        return -1
-    tried[k] = used
-    gate = _WIDE_GATE * least_stretch(fit) * spacing[k]
-    ux, uy, rows = _along_lines(k, moved, owner, opposite)
-    if rows == 0:
-        ux, uy = fit[0], fit[1]
-    if 2 * adjacent > adjacent_end[k] - start[k] and used > 6:
-        rms = roughness(k, rest, moved, owner, spacing, start, near, weight, fit, False)
-        gate = min(gate, _NARROW_GATE * spacing[k] + 2.5 * rms)
-    i, d, second = nearest_two(dot, bins, cell_px, rest[k, 0] + ux, rest[k, 1] + uy, gate)
-    if i >= 0 and d <= _RATIO_SQUARED * second:
-        return i
-    if rows > 0:
-        i, d, second = nearest_two(dot, bins, cell_px, rest[k, 0] + fit[0], rest[k, 1] + fit[1], gate)
-    return i if i >= 0 and d <= _RATIO_SQUARED * second else -1
-
-
-@njit(cache=True, error_model="numpy")
-@no_type_check
-def grow(dot, bins, cell_px, nodes, net, moved, owner, used, scratch):
-    """Gives those of the first `nodes` nodes that have no dot the one at their predicted place.
-
-    `used` (n,) marks dots that have a node; `scratch` are four arrays (N,).
-    """
-    rest, _, spacing, start, adjacent_end, near, weight, _, _, opposite = net
-    queue, later, is_waiting, tried = scratch
-    head = waiting = delayed = 0
+def _begin(nodes, start, adjacent_end, near, owner, queue, is_waiting, tried):
+    """Queues the nodes without a dot that are adjacent to one with a dot; returns how many."""
+    waiting = 0
     for k in range(nodes):
         is_waiting[k] = False
         tried[k] = -2
@@ -248,6 +171,22 @@ def grow(dot, bins, cell_px, nodes, net, moved, owner, used, scratch):
                 waiting += 1
                 is_waiting[k] = True
                 break
+    return waiting
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def grow(dot, bins, cell_px, nodes, net, moved, owner, used, scratch):
+    """Gives those of the first `nodes` nodes that have no dot the one at their predicted place.
+
+    `used` (n,) marks dots that have a node; `scratch` are four arrays (N,). One body: a call per node, with
+    its arrays counted in and out, would cost more than the node.
+    """
+    rest, _, spacing, start, adjacent_end, near, weight, _, _, opposite = net
+    low_x, low_y, columns, rows, first_of, binned = bins
+    queue, later, is_waiting, tried = scratch
+    waiting = _begin(nodes, start, adjacent_end, near, owner, queue, is_waiting, tried)
+    head = delayed = 0
     need = _MOST_LEVEL
     while True:
         if waiting == 0:
@@ -261,20 +200,101 @@ def grow(dot, bins, cell_px, nodes, net, moved, owner, used, scratch):
         k = queue[head]
         head = (head + 1) % nodes
         waiting -= 1
-        i = _dot_of(
-            *(k, need, dot, bins, cell_px, rest, moved, owner, spacing, start, adjacent_end, near, weight),
-            *(opposite, tried),
-        )
-        if i == -2:
+        # The affine fit of `affine`, without robustness.
+        size = spacing[k]
+        known = count = 0
+        s0 = sx = sy = sxx = sxy = syy = ax = axx = axy = ay = ayx = ayy = square = 0.0
+        for j in range(start[k], start[k + 1]):
+            n = near[j]
+            if owner[n] < 0:
+                continue
+            x, y, w = rest[n, 0] - rest[k, 0], rest[n, 1] - rest[k, 1], weight[j]
+            u, v = moved[n, 0], moved[n, 1]
+            known += j < adjacent_end[k]
+            count += 1
+            s0 += w
+            sx += w * x
+            sy += w * y
+            sxx += w * x * x
+            sxy += w * x * y
+            syy += w * y * y
+            ax += w * u
+            axx += w * u * x
+            axy += w * u * y
+            ay += w * v
+            ayx += w * v * x
+            ayy += w * v * y
+            square += w * (u * u + v * v)
+        is_weak = known < need and not (need == _LEAST_LEVEL and known == 0)
+        if is_weak or count < need + 1 or (known == 0 and count < _LEAST_APART):
             later[delayed] = k
             delayed += 1
             continue
         is_waiting[k] = False
-        if i < 0 or used[i]:
+        if count < tried[k] + 2:
             continue
-        owner[k] = i
-        used[i] = True
-        moved[k, 0], moved[k, 1] = dot[i, 0] - rest[k, 0], dot[i, 1] - rest[k, 1]
+        tried[k] = count
+        mx, my, mu, mv = sx / s0, sy / s0, ax / s0, ay / s0
+        a, b = sxx - s0 * mx * mx + _RIDGE * size * size, sxy - s0 * mx * my
+        c = syy - s0 * my * my + _RIDGE * size * size
+        det = a * c - b * b
+        px, py = axx - s0 * mx * mu, axy - s0 * my * mu
+        qx, qy = ayx - s0 * mx * mv, ayy - s0 * my * mv
+        gxx, gxy = (c * px - b * py) / det, (a * py - b * px) / det
+        gyx, gyy = (c * qx - b * qy) / det, (a * qy - b * qx) / det
+        fit_x, fit_y = mu - gxx * mx - gxy * my, mv - gyx * mx - gyy * my
+        gate = _WIDE_GATE * size * least_stretch(gxx, gxy, gyx, gyy)
+        if 2 * known > adjacent_end[k] - start[k] and count > 6:
+            explained = gxx * px + gxy * py + gyx * qx + gyy * qy
+            rms = np.sqrt(max(0.0, (square - s0 * (mu * mu + mv * mv) - explained) / s0))
+            gate = min(gate, _NARROW_GATE * size + 2.5 * rms)
+        # Quadratics through three known nodes in a row.
+        lines = 0
+        to_x = to_y = 0.0
+        for d in range(4):
+            a1 = opposite[k, d]
+            if a1 < 0 or owner[a1] < 0:
+                continue
+            a2 = opposite[a1, d]
+            if a2 < 0 or owner[a2] < 0:
+                continue
+            a3 = opposite[a2, d]
+            if a3 < 0 or owner[a3] < 0:
+                continue
+            to_x += 3.0 * (moved[a1, 0] - moved[a2, 0]) + moved[a3, 0]
+            to_y += 3.0 * (moved[a1, 1] - moved[a2, 1]) + moved[a3, 1]
+            lines += 1
+        found = -1
+        for attempt in range(2):
+            if attempt == 0 and lines == 0:
+                continue
+            x = rest[k, 0] + (to_x / lines if attempt == 0 else fit_x)
+            y = rest[k, 1] + (to_y / lines if attempt == 0 else fit_y)
+            reach = _SECOND * gate
+            best, first, second = -1, gate * gate, reach * reach
+            left = max(0, int(np.floor((x - reach - low_x) / cell_px)))
+            right = min(columns - 1, int(np.floor((x + reach - low_x) / cell_px)))
+            top = max(0, int(np.floor((y - reach - low_y) / cell_px)))
+            bottom = min(rows - 1, int(np.floor((y + reach - low_y) / cell_px)))
+            if right < left:
+                continue
+            for row in range(top, bottom + 1):
+                for j in range(first_of[row * columns + left], first_of[row * columns + right + 1]):
+                    i = binned[j]
+                    e = (dot[i, 0] - x) ** 2 + (dot[i, 1] - y) ** 2
+                    if e < first:
+                        second = first if best >= 0 else second
+                        first, best = e, i
+                    elif e < second:
+                        second = e
+            if best >= 0 and first <= _RATIO_SQUARED * second:
+                found = best
+                break
+        if found < 0 or used[found]:
+            continue
+        owner[k] = found
+        used[found] = True
+        moved[k, 0], moved[k, 1] = dot[found, 0] - rest[k, 0], dot[found, 1] - rest[k, 1]
         need = _MOST_LEVEL
         for j in range(start[k], adjacent_end[k]):
             n = near[j]

@@ -169,7 +169,7 @@ def _seeded(dot, bins, cell_px, guess, past, net, owner, moved, scratch):
         is_next
         and good >= _CALM_SHARE * before
         and odd <= _ODD_SHARE * good + 2
-        and not _trouble(*(dot, last, unseen, owner, kind, spacing, start, adjacent_end, near, flag, queue))
+        and not _trouble(dot, last, unseen, owner, kind, spacing, start, adjacent_end, near, flag, queue)
     )
     if is_calm:
         for k in range(len(guess)):

@@ -94,7 +94,7 @@ def presence_of(mesh: Mesh) -> np.ndarray:
 
 def slack(mesh: Mesh) -> float:
     """Number of markers by which frames may differ by chance; much less than a line of the pattern."""
-    return float(1.0 + _SLACK * np.sqrt(mesh.is_present.sum()))
+    return float(1.0 + _SLACK * np.sqrt(mesh.present))
 
 
 def identified(
@@ -112,7 +112,7 @@ def identified(
         noise_px: standard deviation of a centre.
         scratch: of `mesh`.
     """
-    present = int(mesh.is_present.sum())
+    present = mesh.present
     if len(centre_px) == 0 or present == 0:
         return _nothing(mesh, past)
     from manytouch.tracking.bins import bin_dots

@@ -33,6 +33,8 @@ class Mesh:
 
     Attributes:
         markers: m.
+        is_present: (m,) markers that are not known to be missing.
+        present: number of these.
         rest_px: (N, 2) reference centres.
         kind: (N,) PRESENT, MISSING (known to be absent), CLOSED (a ghost that the image shows to be empty at
             rest) or OPEN (a ghost that the image does not show at rest: there may be dots).
@@ -52,7 +54,9 @@ class Mesh:
     """
 
     markers: int
-    rest_px: Points2
+    is_present: Mask
+    present: int
+    rest_px: np.ndarray
     kind: np.ndarray
     spacing_px: np.ndarray
     usual_px: float
@@ -66,11 +70,6 @@ class Mesh:
     slip: np.ndarray
     triangle: np.ndarray
     bounds_px: np.ndarray
-
-    @property
-    def is_present(self) -> Mask:
-        """(m,) markers that are not known to be missing."""
-        return np.asarray(self.kind[: self.markers] == PRESENT)
 
     @property
     def net(self) -> Net:
@@ -107,6 +106,8 @@ def mesh_of(
     node_place = np.concatenate([place, ghost_place])
     return Mesh(
         markers=markers,
+        is_present=read_only(~is_missing),
+        present=int((~is_missing).sum()),
         rest_px=read_only(points),
         kind=read_only(kind.astype(np.uint8)),
         spacing_px=read_only(spacing),

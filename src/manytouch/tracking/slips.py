@@ -16,7 +16,7 @@ from numba import njit
 _BEYOND = 0.003  # share of places beyond the ghosts that hold a dot by chance
 _UNKNOWN = float(np.log(2.0))  # of a place that the image did not show at rest
 _LEAST_FOUND = 0.05
-_INDEPENDENT = 20.0  # neighbouring roughnesses share causes: so many count as one
+_INDEPENDENT = 8.0  # neighbouring roughnesses share causes: so many count as one
 _LEAST_BENDS = 12
 _FINEST = 0.003
 _CLOSENESS, _CONTINUITY, _MOST_MOTION = 10.0, 25.0, 1.5

@@ -8,7 +8,7 @@ that was mistaken by one pitch cannot stay: the ring around it tears.
 
 # mypy: disable-error-code="no-untyped-def"
 # no_type_check keeps checkers of annotations, which numba cannot compile, out of the kernels
-# ruff: noqa: PLR0912, PLR0917 - compiled functions hold whole loops and take positional arguments
+# ruff: noqa: PLR0917 - compiled functions hold whole loops and take positional arguments
 from typing import no_type_check
 
 import numpy as np
@@ -31,19 +31,28 @@ _REACH = 0.9
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _is_settled(k, moved, owner, start, adjacent_end, near, mean, most):
-    """Did the adjacent markers move as this one, on average within `mean` and each within `most`?"""
-    mx = my = worst = 0.0
-    count = 0
-    for j in range(start[k], adjacent_end[k]):
-        n = near[j]
-        if owner[n] >= 0:
-            dx, dy = moved[n, 0] - moved[k, 0], moved[n, 1] - moved[k, 1]
-            mx += dx
-            my += dy
-            worst = max(worst, dx * dx + dy * dy)
-            count += 1
-    return count >= 3 and mx * mx + my * my < (mean * count) ** 2 and worst < most * most
+def _unsettled(nodes, net, moved, owner, noise_px, is_changed, excess):
+    """Forgets the excess of changed nodes; leaves as changed those whose neighbours moved otherwise."""
+    _, _, spacing, start, adjacent_end, near, _, _, _, _ = net
+    for k in range(nodes):
+        if not is_changed[k]:
+            continue
+        excess[k] = 0.0
+        if owner[k] < 0:
+            is_changed[k] = False
+            continue
+        mean, most = _SETTLED * spacing[k] + noise_px, _ALIKE * spacing[k] + noise_px
+        x = y = worst = 0.0
+        count = 0
+        for j in range(start[k], adjacent_end[k]):
+            n = near[j]
+            if owner[n] >= 0:
+                dx, dy = moved[n, 0] - moved[k, 0], moved[n, 1] - moved[k, 1]
+                x += dx
+                y += dy
+                worst = max(worst, dx * dx + dy * dy)
+                count += 1
+        is_changed[k] = count < 3 or x * x + y * y >= (mean * count) ** 2 or worst >= most * most
 
 
 @njit(cache=True, error_model="numpy")
@@ -143,24 +152,23 @@ def _excess(
 ):
     """Distance of a marker from where its neighbours see it, over what is allowed; above 1 is too far."""
     size = spacing[k]
-    if _is_settled(
-        *(k, moved, owner, start, adjacent_end, near, _SETTLED * size + noise_px, _ALIKE * size + noise_px)
-    ):
-        return 0.0
     if is_next and _went_along(
         k, rest, moved, owner, start, adjacent_end, near, last, unseen, _ALONG * size + noise_px
     ):
         return 0.0
+    off_blend = np.inf
+    if is_blended[k]:
+        off_blend = _off_blend(k, moved, owner, start, near, blend)
+        if off_blend < _TOLERANCE * size + noise_px:
+            return 0.0
     zero = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     fit, _, used = affine(k, rest, moved, owner, spacing, start, adjacent_end, near, weight, zero, False)
     if used < _FEWEST:
         return 0.0 if is_calm else 2.0
     rms = roughness(k, rest, moved, owner, spacing, start, near, weight, fit, False)
-    most = _MOST_TOLERANCE * least_stretch(fit) * size
-    if is_blended[k]:
-        off = _off_blend(k, moved, owner, start, near, blend)
-        if off < np.inf:
-            return off / min(most, _TOLERANCE * size + _ROUGHNESS * rms + noise_px)
+    most = _MOST_TOLERANCE * least_stretch(fit[2], fit[3], fit[4], fit[5]) * size
+    if off_blend < np.inf:
+        return off_blend / min(most, _TOLERANCE * size + _ROUGHNESS * rms + noise_px)
     off = _off_lines(k, moved, owner, opposite, lines)
     by_line = off / min(most, _LINE_TOLERANCE * size + _LINE_ROUGHNESS * rms + noise_px)
     off = np.sqrt((fit[0] - moved[k, 0]) ** 2 + (fit[1] - moved[k, 1]) ** 2)
@@ -190,15 +198,30 @@ def verify(nodes, net, past, moved, owner, noise_px, is_calm, used, excess, is_c
     is_changed[:nodes] = True
     for _ in range(_ROUNDS):
         worst = 0.0
+        _unsettled(nodes, net, moved, owner, noise_px, is_changed, excess)
         for k in range(nodes):
             if is_changed[k]:
                 is_changed[k] = False
-                excess[k] = 0.0
-                if owner[k] >= 0:
-                    excess[k] = _excess(
-                        *(k, rest, moved, owner, spacing, start, adjacent_end, near, weight),
-                        *(blend, is_blended, opposite, noise_px, is_calm, lines, last, unseen, is_next),
-                    )
+                excess[k] = _excess(
+                    k,
+                    rest,
+                    moved,
+                    owner,
+                    spacing,
+                    start,
+                    adjacent_end,
+                    near,
+                    weight,
+                    blend,
+                    is_blended,
+                    opposite,
+                    noise_px,
+                    is_calm,
+                    lines,
+                    last,
+                    unseen,
+                    is_next,
+                )
             worst = max(worst, excess[k])
         if worst <= 1.0:
             break
