@@ -17,6 +17,7 @@ from manytouch.values import Detections, Layout, Sensor, TrackedGrid
 from manytouch.values.arrays import Counts, Points2, read_only
 
 _WINDOW_LIMIT_PITCHES = 0.3
+_LONG_GAP = 2  # frames without a marker after which the view may have moved by a pitch
 _WHOLE_RADII = 1.5
 
 
@@ -133,7 +134,8 @@ class FollowGrid:
             after, is_seen = _blind(state), np.zeros(state.mesh.markers, dtype=bool)
         else:
             after, is_seen = _moved(state, detections.centre_px, answer)
-        may_slip = _may_slip(after) and not state.is_locked and state.seen > 0
+        gap = int(state.frames_unseen.min(initial=0))
+        may_slip = _may_slip(after) and gap > _LONG_GAP and state.seen > 0
         return after, self._grid(after, detections, answer, is_seen, may_slip=may_slip)
 
     def expected_px(self, state: Following) -> Points2 | None:
