@@ -17,8 +17,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.detection.kernels import measure_dots
-from manytouch.detection.lanes import Plans, plans_of
 from manytouch.detection.noise import MIN_NOISE
+from manytouch.detection.plans import Plans, plans_of
+from manytouch.values import Detections
 from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars
 
 
@@ -43,6 +44,15 @@ class Dots:
     edge_px: Scalars
     cut: Scalars
     is_found: Mask
+
+    def at(self, keep: Mask, corner: Float64[np.ndarray, "2"]) -> Detections:
+        """Those to be kept; `corner` is where the image's first pixel lies in the whole image."""
+        return Detections(
+            centre_px=self.centre_px[keep] + corner,
+            covariance_px2=self.covariance_px2[keep],
+            area_px2=self.area_px2[keep],
+            contrast=self.contrast[keep],
+        )
 
 
 def measure(

@@ -11,9 +11,9 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from manytouch.detection import lanes
-from manytouch.detection.lanes import BLOCKS, CORE, LANES, RING, ROWS, WALK, WIDE
+from manytouch.detection import lanes, planes
 from manytouch.detection.light import FAST, PLANE_RADIUS, SAMPLES, choose_offsets, fit_light, walk_to_dot
+from manytouch.detection.plans import BLOCKS, CORE, LANES, RING, ROWS, WALK, WIDE, take_plan
 
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
 GAIN = 1.0 / (HIGH - LOW)
@@ -141,8 +141,8 @@ def _moments(share, x, y, reach2, sums):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _uncertainty(sums, light, noise, reach2, out):
-    """Covariance of the centre, out[2:5] = cxx, cxy, cyy; see `centroid`."""
+def _uncertainty(sums, light, noise, reach2, out, row):
+    """Covariance of the centre, columns 2 to 4 of its row = cxx, cxy, cyy; see `centroid`."""
     dx, dy, count = sums[1] / sums[0], sums[2] / sums[0], sums[3]
     exx = sums[6] - 2.0 * dx * sums[4] + count * dx * dx
     eyy = sums[8] - 2.0 * dy * sums[5] + count * dy * dy
@@ -155,36 +155,36 @@ def _uncertainty(sums, light, noise, reach2, out):
         passed = 0.5 * rest * _tail(LOW * light[3] / math.sqrt(noise2))
     slopes = (2.0 / light[7] if light[7] > 0.0 else 0.0) + (2.0 / light[8] if light[8] > 0.0 else 0.0)
     direct, tilt = noise2 * scale * scale, 0.25 * noise2 * scale * scale * slopes
-    out[2] = direct * (exx + passed) + tilt * (exx * exx + exy * exy)
-    out[3] = direct * exy + tilt * exy * (exx + eyy)
-    out[4] = direct * (eyy + passed) + tilt * (eyy * eyy + exy * exy)
+    out[row, 2] = direct * (exx + passed) + tilt * (exx * exx + exy * exy)
+    out[row, 3] = direct * exy + tilt * exy * (exx + eyy)
+    out[row, 4] = direct * (eyy + passed) + tilt * (eyy * eyy + exy * exy)
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _result(sums, light, noise, reach2, x, y, radius, width, height, out):
+def _result(sums, light, noise, reach2, x, y, radius, width, height, out, row):
     """`out` as in `measure_dots` from the sums about (x, y)."""
-    _uncertainty(sums, light, noise, reach2, out)
+    _uncertainty(sums, light, noise, reach2, out, row)
     total = sums[0]
     x, y = x + sums[1] / total, y + sums[2] / total
-    out[0], out[1] = x, y
-    out[5], out[6] = total, light[3]
-    out[7] = sums[3] / (2.0 * math.sqrt(math.pi * total))
-    out[8] = 0.0
+    out[row, 0], out[row, 1] = x, y
+    out[row, 5], out[row, 6] = total, light[3]
+    out[row, 7] = sums[3] / (2.0 * math.sqrt(math.pi * total))
+    out[row, 8] = 0.0
     margin = min(x, width - 1.0 - x, y, height - 1.0 - y) + 0.5
     if margin < 1.15 * radius:
         # what is missing of a disc of the expected size; its centroid lies that much too far inside
         lacking = min(max(1.0 - total / (math.pi * radius * radius), 0.0), 1.0)
         depth = min(max(1.15 - margin / radius, 0.0), 1.0)
-        out[8] = max(lacking, 0.3 * depth)
-        inflation = (0.85 * radius * out[8]) ** 2
-        out[2] += inflation
-        out[4] += inflation
+        out[row, 8] = max(lacking, 0.3 * depth)
+        inflation = (0.85 * radius * out[row, 8]) ** 2
+        out[row, 2] += inflation
+        out[row, 4] += inflation
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _measure_odd(image, weights, x, y, radius, noise, offsets, numbers, samples, buffer, stack, out):
+def _measure_odd(image, weights, x, y, radius, noise, offsets, numbers, samples, buffer, stack, out, row):
     """Any dot, also at the border or with a hole; `out` as in `measure_dots`. False where there is none."""
     height, width = image.shape[0], image.shape[1] // weights.shape[0]
     reach = 1.35 * radius + 1.2
@@ -209,7 +209,7 @@ def _measure_odd(image, weights, x, y, radius, noise, offsets, numbers, samples,
         if attempt == 2 or dx * dx + dy * dy < (0.04 * radius + 0.1) ** 2:
             break
         x, y = x + dx, y + dy
-    _result(sums, light, noise, reach2, x, y, radius, width, height, out)
+    _result(sums, light, noise, reach2, x, y, radius, width, height, out, row)
     return True
 
 
@@ -221,18 +221,18 @@ def _is_inside(x, y, margin, width, height):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _walk_plain(flat, weights, width, height, x, y, radius, walk, count, offset, sample):
+def _walk_plain(flat, weights, width, height, x, y, radius, walk, count, plan, offset, sample):
     """As `walk_to_dot`, in lanes: x, y, and whether the plan still lies within the image."""
     for _ in range(walk):
         here_x, here_y = math.floor(x + 0.5), math.floor(y + 0.5)
-        if not _is_inside(here_x, here_y, count[4], width, height):
+        if not _is_inside(here_x, here_y, count[plan, 4], width, height):
             return x, y, False
         base = (here_y * width + here_x) * weights.shape[0]
         lanes.gather(flat, weights, base, offset, WALK, sample)
         dx, dy = lanes.pull(sample)
         off_x, off_y = here_x + dx - x, here_y + dy - y
         x, y = here_x + dx, here_y + dy
-        if off_x * off_x + off_y * off_y < 0.02 * radius * radius:
+        if off_x * off_x + off_y * off_y < 0.06 * radius * radius:
             break
     return x, y, True
 
@@ -240,24 +240,40 @@ def _walk_plain(flat, weights, width, height, x, y, radius, walk, count, offset,
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _measure_plain(
-    flat, weights, width, height, x, y, radius, noise, count, offset, sample, pixel, figures, out
+    flat,
+    weights,
+    width,
+    height,
+    x,
+    y,
+    radius,
+    noise,
+    count,
+    plan,
+    offset,
+    sample,
+    shape,
+    pixel,
+    light,
+    sums,
+    out,
+    row,
 ):
     """A plain dot in lanes. Returns 1; 0 where there is none; -1 where the dot is not plain."""
     reach = 1.35 * radius + 1.2
-    light, sums = figures[0], figures[1]
-    total = np.int64(count[BLOCKS]) * count[5]
+    total = np.int64(count[plan, BLOCKS]) * count[plan, 5]
     for attempt in range(3):
         here_x, here_y = math.floor(x + 0.5), math.floor(y + 0.5)
-        if not _is_inside(here_x, here_y, count[4], width, height):
+        if not _is_inside(here_x, here_y, count[plan, 4], width, height):
             return -1
         base = (here_y * width + here_x) * weights.shape[0]
         lanes.gather(flat, weights, base, offset, RING, sample)
         lanes.gather(flat, weights, base, offset, CORE, sample)
+        lanes.copy_blocks(flat, weights, base, offset, count[plan, BLOCKS], count[plan, 5], pixel)
         part_x, part_y = np.float32(x - here_x), np.float32(y - here_y)
-        found = lanes.fit_light(sample, count, radius, part_x, part_y, noise, light)
+        found = planes.fit_light(sample, shape, count[plan, CORE], radius, part_x, part_y, noise, light)
         if found < 1:
             return found
-        lanes.copy_blocks(flat, weights, base, offset, count[BLOCKS], count[5], pixel[3])
         if not lanes.moments(pixel, total, light, LOW, GAIN, sums):
             return 0
         dx, dy = sums[1] / sums[0], sums[2] / sums[0]
@@ -267,7 +283,7 @@ def _measure_plain(
         if attempt == 2 or is_near:
             break
         x, y = here_x + dx, here_y + dy
-    _result(sums, light, noise, reach * reach, here_x, here_y, radius, width, height, out)
+    _result(sums, light, noise, reach * reach, here_x, here_y, radius, width, height, out, row)
     return 1
 
 
@@ -290,7 +306,7 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
     offset = np.empty(place.shape[2], dtype=np.int64)
     sample = np.empty(3 * ROWS, dtype=np.float32)
     pixel = np.empty((4, (place.shape[2] - 3 * LANES) * WIDE), dtype=np.float32)
-    figures = np.empty((2, 9))
+    shape, light, sums = np.empty((2, 6)), np.empty(9), np.empty(9)
     plan, planned = -1, 0.0
     for i in range(near.shape[0]):
         out[i] = np.nan
@@ -299,15 +315,15 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
             continue
         if index[i] != plan:
             plan = index[i]
-            lanes.take_plan(radius[i], place[plan], count[plan], width, channels, offset, sample, pixel)
+            take_plan(radius[i], place[plan], count[plan], width, channels, offset, sample, shape, pixel)
         x, y, is_plain = _walk_plain(
-            flat, weights, width, height, x, y, radius[i], walk, count[plan], offset, sample
+            flat, weights, width, height, x, y, radius[i], walk, count, plan, offset, sample
         )
         found = -1
         if is_plain:
             found = _measure_plain(
                 flat, weights, width, height, x, y, radius[i], noise,
-                count[plan], offset, sample, pixel, figures, out[i],
+                count, plan, offset, sample, shape, pixel, light, sums, out, i,
             )  # fmt: skip
         if found == -1:
             if radius[i] != planned:
@@ -321,7 +337,7 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
                 )
             if _measure_odd(
                 image, weights, x, y, radius[i], noise,
-                odd_offsets, numbers, odd_samples, buffer, stack, out[i],
+                odd_offsets, numbers, odd_samples, buffer, stack, out, i,
             ):  # fmt: skip
                 found = 1
         if found != 1:

@@ -9,8 +9,8 @@ from manytouch.detection.appearance import Appearance, appearance_of, radius_in_
 from manytouch.detection.candidates import Workshop, candidates, workshop
 from manytouch.detection.centroid import measured_rows
 from manytouch.detection.condition import First, condition, first_of, middle_of
-from manytouch.detection.lanes import Plans, plans_of
 from manytouch.detection.noise import noise_of
+from manytouch.detection.plans import Plans, plans_of
 from manytouch.detection.selection import pick, plausible, without_doubles
 from manytouch.values import Detections, Frame, Sensor
 from manytouch.values.arrays import Points2, Scalars

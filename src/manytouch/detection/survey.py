@@ -351,12 +351,7 @@ def _surveyed(
     weight = measured.contrast[kept] * measured.area_px2[kept]
     radius_px = np.sqrt(measured.area_px2[kept] / np.pi)
     keep[kept[~without_doubles(measured.centre_px[kept], radius_px, weight, 0.9)]] = False
-    detections = Detections(
-        centre_px=measured.centre_px[keep] + corner,
-        covariance_px2=measured.covariance_px2[keep],
-        area_px2=measured.area_px2[keep],
-        contrast=measured.contrast[keep],
-    )
+    detections = measured.at(keep, corner)
     typical = pattern.alike & keep
     radius_px = np.sqrt(measured.area_px2[typical if typical.any() else keep] / np.pi)
     colour = None

@@ -1,0 +1,215 @@
+"""Light of the ground and of a plain dot from samples in vector lanes, compiled; compare `light`."""
+
+# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
+
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+from manytouch.detection.light import FAST, PLANE_RADIUS
+from manytouch.detection.plans import ALL, CORE, DX, DY, RING, ROWS, USED, VALUE
+
+EVEN = 0.03  # of the contrast: change of light over a radius that is usual
+STEEP = 0.12  # of the contrast: change over a radius from where on a dot is not plain
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+@no_type_check
+def _even_plane(sample, at, shape, part):
+    """Least-squares plane of all samples: a, b, c, variance of the rest, mean and range of the values."""
+    f = np.float32
+    low, high, middle = f(1e9), f(-1e9), sample[at + VALUE]
+    sv = svx = svy = svv = f(0.0)
+    for i in range(ALL):
+        used, value = sample[at + USED + i], sample[at + VALUE + i]
+        under, over = value if used > f(0.0) else f(1e9), value if used > f(0.0) else f(-1e9)
+        low = under if under < low else low
+        high = over if over > high else high
+        rest = used * (value - middle)
+        sv += rest
+        svx += rest * sample[at + DX + i]
+        svy += rest * sample[at + DY + i]
+        svv += rest * rest
+    number, mx, my = shape[part, 0], shape[part, 1], shape[part, 2]
+    cxx, cxy, cyy = shape[part, 3], shape[part, 4], shape[part, 5]
+    mean = sv / number
+    cxv, cyv = svx - sv * mx, svy - sv * my
+    determinant, spread = cxx * cyy - cxy * cxy, cxx + cyy
+    db = dc = variance = 0.0
+    if number >= 6.0 and determinant > 0.0125 * spread * spread:
+        db, dc = (cyy * cxv - cxy * cyv) / determinant, (cxx * cyv - cxy * cxv) / determinant
+    if number > 6.0:
+        variance = max(svv - sv * mean - db * cxv - dc * cyv, 0.0) / (number - 3.0)
+    mean += middle
+    return mean - db * mx - dc * my, db, dc, variance, mean, float(high - low)
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+@no_type_check
+def _quantile(sample, at, quantile, halvings):
+    """Mean of the samples that lie next to a quantile: within the range, halved so many times."""
+    f = np.float32
+    low, high, number = f(1e9), f(-1e9), f(0.0)
+    for i in range(ALL):
+        is_used, value = sample[at + USED + i] > f(0.0), sample[at + VALUE + i]
+        under, over = value if is_used else f(1e9), value if is_used else f(-1e9)
+        low = under if under < low else low
+        high = over if over > high else high
+        number += sample[at + USED + i]
+    rank = f(min(int(number) - 1, int(quantile * number)))
+    high += f(1.0)
+    for _ in range(halvings):
+        middle = f(0.5) * (low + high)
+        lower = f(0.0)
+        for i in range(ALL):
+            lower += sample[at + USED + i] if sample[at + VALUE + i] < middle else f(0.0)
+        if lower <= rank:
+            low = middle
+        else:
+            high = middle
+    total = weight = f(0.0)
+    for i in range(ALL):
+        value = sample[at + VALUE + i]
+        inside = sample[at + USED + i] if low <= value < high else f(0.0)
+        weight += inside
+        total += inside * value
+    return float(total / weight) if weight > f(0.0) else float(low)
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+@no_type_check
+def _plane(sample, at, start_a, start_b, start_c, margin):
+    """Least-squares plane of the samples within `margin` of a given plane (a, b, c).
+
+    Returns a, b, c, number of samples used, variance of the rest, sum of dx^2 + dy^2.
+    """
+    f = np.float32
+    a, b, c, margin = f(start_a), f(start_b), f(start_c), f(margin)
+    s1 = sx = sy = sxx = sxy = syy = sv = svx = svy = svv = f(0.0)
+    for i in range(ALL):
+        dx, dy = sample[at + DX + i], sample[at + DY + i]
+        rest = sample[at + VALUE + i] - (a + b * dx + c * dy)
+        weight = sample[at + USED + i] if abs(rest) <= margin else f(0.0)
+        x, y, v = weight * dx, weight * dy, weight * rest
+        s1 += weight
+        sx += x
+        sy += y
+        sxx += x * dx
+        sxy += x * dy
+        syy += y * dy
+        sv += v
+        svx += v * dx
+        svy += v * dy
+        svv += v * rest
+    if s1 < f(1.0):
+        return start_a, start_b, start_c, 0.0, 0.0, 0.0
+    each = f(1.0) / s1
+    mx, my, mv = sx * each, sy * each, sv * each
+    cxx, cxy, cyy = sxx - sx * mx, sxy - sx * my, syy - sy * my
+    cxv, cyv = svx - sx * mv, svy - sy * mv
+    determinant, spread = cxx * cyy - cxy * cxy, cxx + cyy
+    db = dc = f(0.0)
+    if s1 >= f(6.0) and determinant > f(0.0125) * spread * spread:
+        each = f(1.0) / determinant
+        db, dc = (cyy * cxv - cxy * cyv) * each, (cxx * cyv - cxy * cxv) * each
+    variance = f(0.0)
+    if s1 > f(6.0):
+        variance = max(svv - sv * mv - db * cxv - dc * cyv, f(0.0)) / (s1 - f(3.0))
+    # in double precision from here on
+    return (
+        start_a + mv - db * mx - dc * my,
+        start_b + db,
+        start_c + dc,
+        float(s1),
+        float(variance),
+        float(spread),
+    )
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+@no_type_check
+def _keep_near(sample, at, part_x, part_y, reach, number):
+    """Uses those of the first samples that lie within a radius of a place; returns how many."""
+    f = np.float32
+    count, reach2 = f(0.0), f(reach * reach)
+    for i in range(ALL):
+        x, y = sample[at + DX + i] - part_x, sample[at + DY + i] - part_y
+        inside = f(1.0) if x * x + y * y <= reach2 and i < np.uint64(number) else f(0.0)
+        sample[at + USED + i] = inside
+        count += inside
+    return count
+
+
+@njit(cache=True, error_model="numpy", fastmath=FAST)
+@no_type_check
+def _number_low(sample, at, least):
+    """How many of the used samples are darker than `least`?"""
+    f = np.float32
+    count, least = f(0.0), f(least)
+    for i in range(ALL):
+        count += sample[at + USED + i] if sample[at + VALUE + i] < least else f(0.0)
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _fit_ground(sample, shape, level, noise, light):
+    """The ground around a core of brightness `level`: its part of `light`, and how much darker it is."""
+    ring = np.uint64(RING * ROWS)
+    ga, gb, gc, variance, ground, extent = _even_plane(sample, ring, shape, RING)
+    spread = shape[RING, 3] + shape[RING, 5]
+    contrast = level - ground
+    if extent > max(0.3 * contrast, 2.5 * noise):
+        contrast = level - _quantile(sample, ring, 0.4, 5)
+        margin = max(0.3 * contrast, 2.5 * noise)
+        ga, gb, gc, _, variance, spread = _plane(sample, ring, level - contrast, 0.0, 0.0, margin)
+        ga, gb, gc, _, variance, spread = _plane(sample, ring, ga, gb, gc, margin)
+    light[0], light[1], light[2], light[6], light[7] = ga, gb, gc, variance, spread
+    return contrast
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _fit_small(sample, shape, in_core, radius, part_x, part_y, noise, light):
+    """As `fit_light`, for a dot too small for a plane of its own."""
+    core = np.uint64(CORE * ROWS)
+    if _keep_near(sample, core, part_x, part_y, max(0.5 * radius, 0.9), in_core) < 1.0:
+        return 0
+    level = _quantile(sample, core, 0.55, 8)
+    contrast = _fit_ground(sample, shape, level, noise, light)
+    if not (contrast > 0.0 and level > light[0]):
+        return 0
+    if radius >= 3.0:
+        _keep_near(sample, core, part_x, part_y, radius - 1.0, in_core)
+        if _number_low(sample, core, level - 0.3 * contrast) > 0.0:
+            return -1
+    light[3], light[4], light[5], light[8] = level - light[0], 0.0, 0.0, 0.0
+    return 1
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def fit_light(sample, shape, in_core, radius, part_x, part_y, noise, light):
+    """`light` as `light.fit_light` gives it, about the middle pixel; the dot is at (part_x, part_y) from it.
+
+    Returns 1; 0 where there is no dot; -1 where the dot is not plain.
+    """
+    if radius < PLANE_RADIUS:
+        return _fit_small(sample, shape, in_core, radius, part_x, part_y, noise, light)
+    ka, kb, kc, _, level, extent = _even_plane(sample, np.uint64(CORE * ROWS), shape, CORE)
+    contrast = _fit_ground(sample, shape, level, noise, light)
+    margin, spread = max(0.2 * contrast, 3.0 * noise), shape[CORE, 3] + shape[CORE, 5]
+    used = float(in_core)
+    if contrast > 0.0 and extent > margin:
+        ka, kb, kc, used, _, spread = _plane(sample, np.uint64(CORE * ROWS), ka, kb, kc, margin)
+    height, rise_x, rise_y = ka - light[0], kb - light[1], kc - light[2]
+    is_plain = contrast > 0.0 and height > 0.0 and used >= 0.9 * in_core and spread > 0.0
+    if not is_plain or abs(rise_x) + abs(rise_y) > STEEP / radius * height:
+        return -1
+    # light seldom changes by more than EVEN over a dot's radius: slopes that noise makes are shrunk
+    expected = EVEN * height / radius
+    share = spread * expected * expected
+    share /= share + 2.0 * noise * noise
+    light[3], light[4], light[5], light[8] = height, share * rise_x, share * rise_y, spread / (share * share)
+    return 1

@@ -1,0 +1,155 @@
+"""Which pixels are looked at around a dot of a given radius, so that loops over them run in vector lanes.
+
+In whole pixels from the middle one: 64 of the ground around the dot, 64 of its core, 64 to walk by, and
+blocks of 16 or 32 in a row that cover dot and edge. Similar radii share a plan.
+"""
+
+# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
+
+import math
+from dataclasses import dataclass
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+from manytouch.detection.light import PLANE_RADIUS
+from manytouch.values.arrays import Scalars
+
+LANES = 64  # of each sample
+NARROW, WIDE = 16, 32  # lengths of blocks
+STEP = 1.03  # between the radii that have a plan of their own
+GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
+RING, CORE, WALK, BLOCKS = 0, 1, 2, 3
+# rows of `sample`, LANES long, of ring, core and walk: where a pixel lies, its value, and 1 if it counts
+DX, DY, VALUE, USED = np.uint64(0), np.uint64(LANES), np.uint64(2 * LANES), np.uint64(3 * LANES)
+ROWS = 4 * LANES
+ALL = np.uint64(LANES)  # unsigned numbers need no check for negative ones, so that loops run in lanes
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Plans:
+    """Which pixels are looked at around dots of some radii.
+
+    Attributes:
+        index: (n,) row of the plan of each radius.
+        place: (p, 2, k) x and y: ring, core, walk (64 each), then the blocks' first pixels.
+        count: (p, 6) number in ring, core, walk and blocks (padded to whole sets of 64 pixels), the farthest
+            place, and the blocks' length.
+    """
+
+    index: np.ndarray
+    place: np.ndarray
+    count: np.ndarray
+
+    def at(self, chosen: np.ndarray) -> "Plans":
+        """Those of some of the radii."""
+        return Plans(index=self.index[chosen], place=self.place, count=self.count)
+
+
+def plans_of(radius_px: Scalars) -> Plans:
+    """Plans for some radii (n,); similar ones share a plan."""
+    step = np.rint(np.log(np.maximum(radius_px, 0.3)) / np.log(STEP)).astype(np.int64)
+    steps, index = np.unique(step, return_inverse=True)
+    radii = STEP ** steps.astype(np.float64)
+    most = 1 if len(radii) == 0 else _most_blocks(float(radii[-1]))
+    place = np.zeros((len(radii), 2, 3 * LANES + most), dtype=np.int32)
+    count = np.zeros((len(radii), 6), dtype=np.int32)
+    for row, radius in enumerate(radii):
+        _plan(radius, place[row], count[row])
+    return Plans(index=index.astype(np.int32), place=place, count=count)
+
+
+def _most_blocks(radius: float) -> int:
+    side = 2 * int(1.35 * radius + 2.2) + 1
+    return side * (side // NARROW + 1) + LANES // NARROW
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _spread(inner, outer, place, first):
+    """Up to LANES different pixels, evenly spread between two radii, inner ones first. Returns how many."""
+    count, tries = 0, 2 * LANES
+    area = math.pi * (outer * outer - inner * inner)
+    wanted = min(LANES, int(area) + 1)
+    # twice as many places as lanes are tried, since some fall into the same pixel
+    for trial in range(tries):
+        if count >= wanted:
+            break
+        part = ((trial % LANES) + 0.5 * (1 + trial // LANES)) / LANES
+        distance = math.sqrt(inner * inner + (outer * outer - inner * inner) * min(part, 1.0))
+        u = math.floor(distance * math.cos(trial * GOLDEN) + 0.5)
+        v = math.floor(distance * math.sin(trial * GOLDEN) + 0.5)
+        is_new = True
+        for k in range(count):
+            if place[0, first + k] == u and place[1, first + k] == v:
+                is_new = False
+        if is_new:
+            place[0, first + count], place[1, first + count] = u, v
+            count += 1
+    return count
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def _plan(radius, place, count):
+    """One row of `plans_of`."""
+    count[RING] = _spread(1.3 * radius + 1.0, 1.75 * radius + 1.5, place, RING * LANES)
+    if radius >= PLANE_RADIUS:
+        count[CORE] = _spread(0.0, max(0.5 * radius, min(0.65 * radius, radius - 2.75)), place, CORE * LANES)
+    else:
+        reach = max(0.5 * radius, 0.9) + 0.75
+        number = 0
+        for limit in range(int(reach * reach) + 1):
+            for v in range(-int(reach), int(reach) + 1):
+                for u in range(-int(reach), int(reach) + 1):
+                    if u * u + v * v == limit and number < LANES:
+                        place[0, CORE * LANES + number], place[1, CORE * LANES + number] = u, v
+                        number += 1
+        count[CORE] = number
+    count[WALK] = _spread(0.0, 1.4 * radius + 0.7, place, WALK * LANES)
+    reach = 1.35 * radius + 1.9
+    number, first = 0, BLOCKS * LANES
+    height = int(reach)
+    length = WIDE if NARROW < 2 * height + 1 <= WIDE else NARROW
+    for v in range(-height, height + 1):
+        half = int(math.sqrt(reach * reach - v * v))
+        for u in range(-half, half + 1, length):
+            place[0, first + number], place[1, first + number] = u, v
+            number += 1
+    while number % (LANES // length) != 0:
+        place[0, first + number], place[1, first + number] = 0, height + 1
+        number += 1
+    count[BLOCKS] = number
+    count[4], count[5] = max(int(1.75 * radius + 2.5), height + 2), length
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def take_plan(radius, place, count, width, channels, offset, sample, shape, pixel):
+    """Offsets of a plan's pixels in the flat image, where they lie: `sample` and `pixel` = x, y, inside.
+
+    `shape` = number, mean x, mean y and sums of squares xx, xy, yy about the mean, of ring and of core.
+    """
+    for part in range(3):
+        for k in range(LANES):
+            u, v = place[0, part * LANES + k], place[1, part * LANES + k]
+            sample[part * ROWS + DX + k], sample[part * ROWS + DY + k] = u, v
+            sample[part * ROWS + USED + k] = 1.0 if k < count[part] else 0.0
+            offset[part * LANES + k] = (np.int64(v) * width + u) * channels
+    for part in range(2):
+        x = place[0, part * LANES : part * LANES + count[part]].astype(np.float64)
+        y = place[1, part * LANES : part * LANES + count[part]].astype(np.float64)
+        shape[part, 0] = count[part]
+        shape[part, 1], shape[part, 2] = x.mean(), y.mean()
+        x -= x.mean()
+        y -= y.mean()
+        shape[part, 3], shape[part, 4], shape[part, 5] = (x * x).sum(), (x * y).sum(), (y * y).sum()
+    reach = 1.35 * radius + 1.5
+    for b in range(count[BLOCKS]):
+        u, v = place[0, BLOCKS * LANES + b], place[1, BLOCKS * LANES + b]
+        offset[BLOCKS * LANES + b] = (np.int64(v) * width + u) * channels
+        for k in range(count[5]):
+            i = b * count[5] + k
+            pixel[0, i], pixel[1, i] = u + k, v
+            pixel[2, i] = 1.0 if (u + k) ** 2 + v * v <= reach * reach else 0.0
