@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.geometry.neighbours import Cells
-from manytouch.values.arrays import Covariances2, Covariances3, Points2, Points3, Scalars, read_only
+from manytouch.values.arrays import Covariances2, Covariances3, Points2, Points3, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -44,13 +44,6 @@ class PerimeterLaw:
     pair_place: Int64[np.ndarray, " p"]
     own: Int64[np.ndarray, " m"]
 
-    def cell_depth(self, plane_mm: Points2) -> tuple[Float64[np.ndarray, " c"], Float64[np.ndarray, "c 4 2"]]:
-        """Depth of each cell, and its derivative with respect to its corners in the plane."""
-        perimeter_mm, along = perimeters(plane_mm[self.cells.corner])
-        ratio = self.rest_perimeter_mm / perimeter_mm
-        depth_mm = self.distance_mm * (1.0 - ratio)
-        return depth_mm, (self.distance_mm * ratio / perimeter_mm)[:, None, None] * along
-
     def __call__(
         self, plane_mm: Points2, covariance_mm2: Covariances2
     ) -> tuple[Points3, Covariances3, Float64[np.ndarray, " c"]]:
@@ -63,42 +56,33 @@ class PerimeterLaw:
         A marker at depth m is at the point of its ray that is m nearer to the camera; its covariance is the
         propagated one, with all correlations between a marker's own place and the perimeters around it.
         """
-        count = len(plane_mm)
-        cell_mm, slope = self.cell_depth(plane_mm)
-        depth_mm = self.cells.to_markers(cell_mm, count)
-        shrink = 1.0 - depth_mm / self.distance_mm
-        arm = plane_mm - self.eye_mm
-        displacement = np.column_stack([self.eye_mm + shrink[:, None] * arm - self.rest_mm, -depth_mm])
-        jacobian = self._marker_slopes(slope)
-        return displacement, self._covariance(jacobian, covariance_mm2, shrink, arm), cell_mm
+        from manytouch.estimation.law_kernels import along_rays, cell_depths, depth_noise, marker_depths
 
-    def _marker_slopes(self, slope: Float64[np.ndarray, "c 4 2"]) -> Float64[np.ndarray, "q 2"]:
-        """Derivative of each marker's depth with respect to each marker around it."""
-        part = self.pair_share[:, None] * slope[self.pair_cell, self.pair_place]
-        size = len(self.pair_marker)
-        return np.column_stack([np.bincount(self.pair, part[:, k], minlength=size) for k in range(2)])
-
-    def _covariance(
-        self, jacobian: np.ndarray, covariance_mm2: Covariances2, shrink: Scalars, arm: Points2
-    ) -> Covariances3:
-        count = len(shrink)
-        pushed = np.einsum("qab,qb->qa", covariance_mm2[self.pair_corner], jacobian)
-        variance = np.bincount(self.pair_marker, (jacobian * pushed).sum(axis=1), minlength=count)
-        variance = np.where(self.own >= 0, variance, np.nan)
-        own = np.where((self.own >= 0)[:, None], pushed[self.own] if len(pushed) else np.nan, np.nan)
-        reach = arm / self.distance_mm
-        mixed = shrink[:, None, None] * own[:, :, None] * reach[:, None, :]
-        covariance = np.empty((count, 3, 3))
-        covariance[:, :2, :2] = (
-            shrink[:, None, None] ** 2 * covariance_mm2
-            - mixed
-            - mixed.transpose(0, 2, 1)
-            + variance[:, None, None] * reach[:, :, None] * reach[:, None, :]
+        cells = self.cells
+        cell_mm, slope = cell_depths(plane_mm, cells.corner, self.rest_perimeter_mm, self.distance_mm)
+        depth_mm = marker_depths(cells.marker, cells.cell, cells.share, cell_mm, len(plane_mm))
+        variance, mixed = depth_noise(
+            slope,
+            self.pair,
+            self.pair_share,
+            self.pair_cell,
+            self.pair_place,
+            self.pair_marker,
+            self.pair_corner,
+            self.own,
+            covariance_mm2,
         )
-        covariance[:, :2, 2] = -(shrink[:, None] * own - variance[:, None] * reach)
-        covariance[:, 2, :2] = covariance[:, :2, 2]
-        covariance[:, 2, 2] = variance
-        return covariance
+        displacement, covariance = along_rays(
+            plane_mm,
+            self.rest_mm,
+            self.eye_mm,
+            self.distance_mm,
+            depth_mm,
+            covariance_mm2,
+            variance,
+            mixed,
+        )
+        return displacement, covariance, cell_mm
 
 
 def perimeter_law(

@@ -82,8 +82,10 @@ class DotGrowth:
         """
         if grid.area_px2 is None:
             return None
-        variance_px2 = float(np.median(grid.covariance_px2[grid.is_seen, 0, 0]))
-        return float(np.sqrt(2.0 * np.pi * variance_px2 / np.median(grid.area_px2[grid.is_seen])))
+        from manytouch.estimation.kernels import median
+
+        variance_px2 = median(grid.covariance_px2[:, 0, 0], grid.is_seen)
+        return float(np.sqrt(2.0 * np.pi * variance_px2 / median(grid.area_px2, grid.is_seen)))
 
     def at_rest(self, grid: TrackedGrid, rest: Scalars, frames: int) -> Scalars:
         """Logarithm (m,) of the areas at rest after one more frame at rest; `frames` came before it."""

@@ -39,6 +39,7 @@ from manytouch.values import (
 from manytouch.values.arrays import Covariances2, Covariances3, Points2, Points3, Scalars, read_only
 
 _LEAST_MARKERS = 4
+_DEPTH = ESTIMATES.index("depth")
 _SPILL = 4.0  # what a deep press does to the depth around it, in mean squares of the map
 _FEIGNED = 1.5  # as if the errors of a neighbourhood conspired, since cells share their markers
 
@@ -161,15 +162,16 @@ class PerimeterDepth:
         """Surface and contacts of the next frame. It never raises: a bad frame has a status."""
         if grid.is_seen.sum() < _LEAST_MARKERS:
             return self._blind(state, grid)
+        from manytouch.estimation.kernels import median, turned
+
         law = state.law
         is_seen = grid.is_seen
         seen_mm = onto_plane(state.camera, np.where(is_seen[:, None], grid.position_px, 0.0))[:, :2]
-        to_mm = state.plane_from_px
-        covariance_mm2 = to_mm @ grid.covariance_px2 @ to_mm.transpose(0, 2, 1)
+        covariance_mm2 = turned(state.plane_from_px, grid.covariance_px2)
         moved_mm, covariance_mm2 = self.fill(
             seen_mm - law.rest_mm, covariance_mm2, is_seen, state.neighbours, state.pitch_mm
         )
-        std_mm = float(np.sqrt(np.median(covariance_mm2[is_seen, 0, 0] + covariance_mm2[is_seen, 1, 1]) / 2))
+        std_mm = float(np.sqrt(median(covariance_mm2[:, 0, 0] + covariance_mm2[:, 1, 1], is_seen) / 2))
         view = self.view(law.rest_mm, moved_mm, is_seen, std_mm, state.pairs)
         still_mm = moved_mm - view.displacement(law.rest_mm)
         displacement_mm, propagated_mm2, _ = law(law.rest_mm + still_mm, covariance_mm2)
@@ -227,13 +229,23 @@ class PerimeterDepth:
         displacement_mm: Points3,
         covariance_mm2: Covariances3,
     ) -> Surface:
-        depth_mm = -displacement_mm[:, 2]
-        error_mm2 = law_error(state, depth_mm, covariance_mm2[:, 2, 2]) + (state.scale_std * depth_mm) ** 2
-        # What is wrong in depth moves the marker along its ray.
-        ray = np.column_stack(
-            [-(state.law.rest_mm - state.law.eye_mm) / state.law.distance_mm, -np.ones(len(depth_mm))]
+        from manytouch.estimation.law_kernels import law_errors, widen
+
+        law, depth_mm = state.law, -displacement_mm[:, 2]
+        error_mm2 = law_errors(
+            law.rest_mm,
+            law.eye_mm,
+            law.distance_mm,
+            state.lever_mm,
+            state.neighbours.index,
+            state.neighbours.distance,
+            depth_mm,
+            covariance_mm2[:, 2, 2],
+            _FEIGNED,
         )
-        covariance_mm2 += error_mm2[:, None, None] * ray[:, :, None] * ray[:, None, :]
+        # What is wrong in depth moves the marker along its ray.
+        error_mm2 += (state.scale_std * depth_mm) ** 2
+        widen(covariance_mm2, error_mm2, law.rest_mm, law.eye_mm, law.distance_mm)
         return Surface(
             position_mm=read_only(state.layout.rest_mm + displacement_mm),
             displacement_mm=read_only(displacement_mm),
@@ -247,27 +259,27 @@ class PerimeterDepth:
         """The hills as contacts without identity; depth is the largest of the paper's within the area."""
         if len(found.load) == 0:
             return []
-        depth = state.sampling(-surface.displacement_mm[:, 2])
-        depth_std = state.sampling(np.sqrt(surface.covariance_mm2[:, 2, 2]))
+        row, column = np.nonzero(found.member >= 0)
+        hill_at = found.member[row, column]
+        depth_at = state.sampling.at(-surface.displacement_mm[:, 2], row, column)
+        height = np.where(np.isfinite(depth_at), depth_at, -np.inf)
+        places = [np.flatnonzero(hill_at == hill) for hill in range(len(found.load))]
+        deepest = [int(place[np.argmax(height[place])]) for place in places]
+        depth_std = state.sampling.at(np.sqrt(surface.covariance_mm2[:, 2, 2]), row[deepest], column[deepest])
         here_mm = found.centre_mm + _moved_at(state, moved_mm, found.centre_mm)
         centre_px = project(state.camera, np.column_stack([here_mm, np.zeros(len(here_mm))]))
         contacts = []
         for hill in range(len(found.load)):
-            inside = np.flatnonzero(found.member == hill)
-            inside = inside[np.isfinite(depth.ravel()[inside])]
-            deepest = inside[np.argmax(depth.ravel()[inside])] if len(inside) else None
             covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
             covariance[:2, :2] = found.covariance_mm2[hill] + state.centre_std_mm**2 * np.eye(2)
-            depth_place = ESTIMATES.index("depth")
-            if deepest is not None:
-                covariance[depth_place, depth_place] = float(depth_std.ravel()[deepest]) ** 2
+            covariance[_DEPTH, _DEPTH] = depth_std[hill] ** 2
             contacts.append(
                 Contact(
                     id=-1,
                     phase=Phase.MOVE,
                     centre_mm=read_only(found.centre_mm[hill].copy()),
                     centre_px=read_only(centre_px[hill].copy()),
-                    depth_mm=float("nan") if deepest is None else float(depth.ravel()[deepest]),
+                    depth_mm=float(depth_at[deepest[hill]]),
                     force_N=read_only(np.full(3, np.nan)),
                     torque_Nmm=float("nan"),
                     area_mm2=float(found.area_mm2[hill]),
@@ -277,36 +289,13 @@ class PerimeterDepth:
         return contacts
 
 
-def law_error(state: PerimeterMemory, depth_mm: Scalars, variance_mm2: Scalars) -> Float64[np.ndarray, " m"]:
-    """Variance (m,) of the law about the depth of the sheet, from the slope and curvature of its own map.
-
-    What the noise of the depths, of variance (m,), feigns in slope and curvature is taken off.
-    """
-    index, distance = state.neighbours.index, state.neighbours.distance
-    rest = state.law.rest_mm
-    arm = rest - state.law.eye_mm
-    along = np.einsum("mkd,md->mk", rest[index] - rest[:, None], arm)
-    rise = depth_mm[index] - depth_mm[:, None]
-    noise = variance_mm2[index] + variance_mm2[:, None]
-    total = np.zeros(len(rest))
-    lean = along / distance**2 / index.shape[1]
-    stretch = 2.0 * state.law.distance_mm * state.lever_mm / distance**2 / index.shape[1]
-    for weight in (lean, stretch):
-        feigned = _FEIGNED * (np.abs(weight) * np.sqrt(noise)).sum(axis=1) ** 2
-        total += np.maximum((weight * rise).sum(axis=1) ** 2 - feigned, 0.0)
-    # The map that slope and curvature are taken from holds the error itself: for est = w + e w, e est is too
-    # much by 1 + e, and what the law adds is never more than what it shows.
-    shown = 0.5 * (depth_mm**2 + (depth_mm[index] ** 2).mean(axis=1)) + _SPILL * (depth_mm**2).mean()
-    return np.asarray(total * shown / (np.sqrt(total) + np.sqrt(shown)) ** 2)
-
-
 def _moved_at(state: PerimeterMemory, moved_mm: Float64[np.ndarray, "m 2"], point_mm: Points2) -> Points2:
     """Displacements (n, 2) at the points of the chart nearest to the given ones."""
     x_mm, y_mm = state.chart.x_mm, state.chart.y_mm
     column = np.rint((point_mm[:, 0] - x_mm[0]) / (x_mm[1] - x_mm[0])).astype(int)
     row = np.rint((point_mm[:, 1] - y_mm[0]) / (y_mm[1] - y_mm[0])).astype(int)
-    maps = [state.sampling(np.ascontiguousarray(moved_mm[:, axis])) for axis in range(2)]
-    at = np.column_stack([each[row, column] for each in maps])
+    row, column = np.clip(row, 0, len(y_mm) - 1), np.clip(column, 0, len(x_mm) - 1)
+    at = np.column_stack([state.sampling.at(moved_mm[:, axis], row, column) for axis in range(2)])
     return np.where(np.isfinite(at), at, 0.0)
 
 

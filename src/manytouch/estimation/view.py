@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.values.arrays import Mask, Points2, Scalars, read_only
+from manytouch.values.arrays import Mask, Points2, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -63,13 +63,6 @@ class RobustView:
         best = np.argsort(-far, kind="stable")[: 4 * self.candidates : 4]
         return np.column_stack([first[best], second[best]])
 
-    def weights(self, rest_mm: Points2) -> Scalars:
-        """(m,) from 1 in the middle to `border_weight` at the border."""
-        half = np.maximum(np.ptp(rest_mm, axis=0) / 2, 1e-12)
-        out = np.abs((rest_mm - rest_mm.min(axis=0)) / half - 1.0).max(axis=1)
-        weight: Scalars = 1.0 + (self.border_weight - 1.0) * out**2
-        return weight
-
     def __call__(
         self, rest_mm: Points2, moved_mm: Points2, is_seen: Mask, std_mm: float, pairs: np.ndarray
     ) -> ViewMotion:
@@ -84,50 +77,9 @@ class RobustView:
         """
         if not is_seen.any():
             return ViewMotion(shift_mm=read_only(np.zeros(2)), angle_rad=0.0)
-        place, moved = _as_complex(rest_mm), _as_complex(moved_mm)
-        weight = np.where(is_seen, self.weights(rest_mm), 0.0)
-        moved = np.where(is_seen, moved, 0.0)
-        usable = pairs[is_seen[pairs].all(axis=1)]
-        span = place[usable[:, 1]] - place[usable[:, 0]]
-        usable, span = usable[np.abs(span) > 0], span[np.abs(span) > 0]
-        angle = ((moved[usable[:, 1]] - moved[usable[:, 0]]) / span).imag
-        shift = (moved[usable] - 1j * angle[:, None] * place[usable]).mean(axis=1)
-        middle = np.median(moved[is_seen].real) + 1j * np.median(moved[is_seen].imag)
-        angle, shift = np.append(angle, 0.0), np.append(shift, middle)
-        some = np.flatnonzero(is_seen)
-        some = some[:: max(1, len(some) // self.voters)]
-        residual = np.abs(moved[some] - shift[:, None] - 1j * angle[:, None] * place[some])
-        best = int(np.argmin(self._spread(residual, weight[some])))
-        return self._refined(place, moved, weight, (shift[best], float(angle[best])), std_mm)
+        from manytouch.estimation.view_kernels import border_weights, proposed, refined
 
-    def _spread(self, residual: np.ndarray, weight: Scalars) -> np.ndarray:
-        """(candidates,) distance within which the best-agreeing part lies."""
-        order = np.argsort(residual, axis=1)
-        reached = np.cumsum(weight[order], axis=1) >= self.part * weight.sum()
-        at = np.take_along_axis(order, reached.argmax(axis=1)[:, None], axis=1)
-        return np.asarray(np.take_along_axis(residual, at, axis=1)[:, 0])
-
-    def _refined(
-        self,
-        place: np.ndarray,
-        moved: np.ndarray,
-        weight: Scalars,
-        motion: tuple[complex, float],
-        std_mm: float,
-    ) -> ViewMotion:
-        shift, angle = motion
-        for _ in range(self.refinements):
-            residual = np.abs(moved - shift - 1j * angle * place)
-            gate = 3.0 * max(float(self._spread(residual[None], weight)[0]), std_mm)
-            w = weight * np.maximum(1.0 - (residual / gate) ** 2, 0.0) ** 2
-            total = w.sum()
-            mean, middle = (w * moved).sum() / total, (w * place).sum() / total
-            arm = place - middle
-            lever = (w * np.abs(arm) ** 2).sum()
-            angle = float((w * (arm.conj() * (moved - mean)).imag).sum() / lever) if lever > 0 else 0.0
-            shift = mean - 1j * angle * middle
-        return ViewMotion(shift_mm=read_only(np.array([shift.real, shift.imag])), angle_rad=angle)
-
-
-def _as_complex(point: Points2) -> np.ndarray:
-    return np.asarray(point[:, 0] + 1j * point[:, 1])
+        weight = border_weights(rest_mm, self.border_weight)
+        motion = proposed(rest_mm, moved_mm, is_seen, weight, pairs, self.part, self.voters)
+        motion = refined(rest_mm, moved_mm, is_seen, weight, motion, self.part, std_mm, self.refinements)
+        return ViewMotion(shift_mm=read_only(motion[:2]), angle_rad=float(motion[2]))

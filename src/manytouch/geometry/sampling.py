@@ -27,6 +27,7 @@ Values = Float64[np.ndarray, " m"]
 _EVEN = 1e-6
 _NEAREST = 12
 _REACH = 1.35
+_FEW = 4  # points per row of a grid up to which it is quicker to sample them than the whole grid
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -89,6 +90,17 @@ class GridSampling:
         is_known = np.isfinite(value)[self.nearest] & self.is_inside
         return np.where(is_known, self._product(_filled(self.rest_mm, value), 1), np.nan)
 
+    def at(self, value: Values, row: np.ndarray, column: np.ndarray) -> Float64[np.ndarray, " k"]:
+        """(k,) values at some points of the grid, the same as there on the whole map."""
+        if self.points is not None or len(row) > _FEW * len(self.y_mm):
+            return np.asarray(self(value)[row, column])
+        assert self.along_x is not None
+        assert self.along_y is not None
+        is_known = np.isfinite(value)[self.nearest[row, column]] & self.is_inside[row, column]
+        lattice = self._lattice(_filled(self.rest_mm, value))
+        found = ((self.along_y[row] @ lattice) * self.along_x[column]).sum(axis=1)
+        return np.where(is_known, found, np.nan)
+
     def std(self, std: Values) -> Float64[np.ndarray, "ny nx"]:
         """(ny, nx) standard deviations of the samples when the markers' (m,) are independent."""
         if self.points is not None:
@@ -99,9 +111,14 @@ class GridSampling:
     def _product(self, value: np.ndarray, power: int) -> np.ndarray:
         assert self.along_x is not None
         assert self.along_y is not None
+        return np.asarray(self.along_y**power @ self._lattice(value) @ (self.along_x**power).T)
+
+    def _lattice(self, value: np.ndarray) -> np.ndarray:
+        """(rows, columns) values of the markers."""
+        assert self.along_x is not None
+        assert self.along_y is not None
         assert self.order is not None
-        lattice = value[self.order].reshape(self.along_y.shape[1], self.along_x.shape[1])
-        return np.asarray(self.along_y**power @ lattice @ (self.along_x**power).T)
+        return np.asarray(value[self.order].reshape(self.along_y.shape[1], self.along_x.shape[1]))
 
 
 def sampling_at(layout: Layout, point_mm: Points2) -> PointSampling:

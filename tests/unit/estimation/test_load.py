@@ -1,5 +1,6 @@
 """The estimate of loads: that of the Gaussian process, and affordable for many markers."""
 
+import gc
 import time
 import tracemalloc
 from dataclasses import replace
@@ -10,8 +11,9 @@ import pytest
 from manytouch.estimation.load import LoadModel
 from manytouch.estimation.modes import affordable, best_estimate, products, waves
 from manytouch.estimation.perimeter import PerimeterDepth
+from manytouch.geometry.camera import project
 from manytouch.simulation.sensor import demo_sensor
-from manytouch.values import Layout, Sensor
+from manytouch.values import Layout, Sensor, TrackedGrid
 from manytouch.values.arrays import read_only
 
 
@@ -111,3 +113,42 @@ def test_ten_thousand_markers_start_soon_and_in_little_memory():
     assert len(state.law.rest_mm) == 10_000
     assert peak < 400e6
     assert spent < 15.0  # about 2 s on one core; it was minutes
+
+
+def test_steps_at_a_thousand_markers_keep_no_memory():
+    sensor = lattice(26, 40)
+    assert sensor.layout is not None
+    rest_mm = sensor.layout.rest_mm
+    area_px2 = np.full(len(rest_mm), 80.0)
+    chance = np.random.default_rng(0)
+    estimate = PerimeterDepth()
+    state = estimate.start(sensor)
+
+    def run(frames: int) -> None:
+        nonlocal state
+        for frame in range(frames):
+            offset = rest_mm[:, :2] - [10.0 * np.sin(frame / 5), 4.0]
+            hollow = 3.0 * np.exp(-(offset**2).sum(axis=1) / 72.0)
+            moved = np.column_stack([hollow[:, None] * offset / 24.0, -hollow])
+            position = project(sensor.camera, rest_mm + moved)
+            grid = TrackedGrid(
+                position_px=read_only(position + chance.normal(0, 0.03, position.shape)),
+                covariance_px2=read_only(np.tile(0.03**2 * np.eye(2), (len(rest_mm), 1, 1))),
+                is_seen=read_only(np.ones(len(rest_mm), dtype=np.bool_)),
+                frames_unseen=read_only(np.zeros(len(rest_mm), dtype=np.int64)),
+                area_px2=read_only(area_px2),
+            )
+            state, _, contacts = estimate.step(state, grid)
+        assert len(contacts.touching) == 1
+
+    run(20)
+    tracemalloc.start()
+    run(10)
+    gc.collect()
+    before = tracemalloc.get_traced_memory()[0]
+    run(60)
+    gc.collect()
+    grown = tracemalloc.get_traced_memory()[0] - before
+    tracemalloc.stop()
+    # One array of the markers kept per frame would be 60 x 8 kB.
+    assert grown < 50_000
