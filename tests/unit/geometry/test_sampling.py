@@ -112,3 +112,15 @@ def test_the_deviation_is_that_of_many_trials(some: Layout):
     sampling = sampling_at(some, point)
     trials = np.array([sampling(CHANCE.normal(0, std)) for _ in range(3000)])
     np.testing.assert_allclose(trials.std(axis=0), sampling.std(std), rtol=0.08)
+
+
+@LAYOUTS
+@pytest.mark.parametrize("count", [3, 500])
+def test_some_points_of_a_grid_are_those_of_the_whole(some: Layout, count: int):
+    x_mm, y_mm = np.linspace(-14, 14, 23), np.linspace(-9, 9, 17)
+    on = sampling_on(some, x_mm, y_mm)
+    chance = np.random.default_rng(3)
+    value = chance.normal(size=len(some.rest_mm))
+    value[len(value) // 2] = np.nan
+    row, column = chance.integers(17, size=count), chance.integers(23, size=count)
+    np.testing.assert_allclose(on.at(value, row, column), on(value)[row, column], rtol=1e-12, atol=1e-12)
