@@ -143,8 +143,9 @@ class LoadMap:
     def _spread(self, basis: np.ndarray, noise: tuple[float, float]) -> np.ndarray:
         """Rows (n, q) times the covariance of the modes, which is never formed: it is large."""
         shift, growth = noise
-        spread = shift * (basis @ self.shift_spread)
-        return np.asarray(spread if growth == 0.0 else spread + growth * (basis @ self.growth_spread))
+        single = basis.astype(self.shift_spread.dtype)
+        spread = shift * (single @ self.shift_spread).astype(np.float64)
+        return np.asarray(spread if growth == 0.0 else spread + growth * (single @ self.growth_spread))
 
     def _basis(self, point_mm: Points2) -> np.ndarray:
         return products(point_mm / self.pitch_mm - self.low, self.wave_x, self.wave_y)
@@ -243,8 +244,8 @@ class LoadModel:
             y_mm=read_only(y_mm),
             mode_from_shift=read_only(mode_from_shift),
             mode_from_growth=read_only(mode_from_growth),
-            shift_spread=read_only(shift_spread),
-            growth_spread=read_only(growth_spread),
+            shift_spread=read_only(shift_spread.astype(np.float32)),
+            growth_spread=read_only(growth_spread.astype(np.float32)),
             growth_share=self.growth_share_assumed if assumes_view(sensor) else self.growth_share,
             low=read_only(low),
             wave_x=read_only(depth.wave_x),
