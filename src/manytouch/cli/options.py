@@ -34,6 +34,13 @@ def _roi(_: Any, tokens: Sequence[Token]) -> tuple[int, int, int, int]:
     return x, y, width, height
 
 
+def _frames(_: Any, tokens: Sequence[Token]) -> tuple[int, ...]:
+    words = tokens[0].value.split(",")
+    if not all(word.strip().isdecimal() for word in words):
+        raise ValueError(f"expected numbers of frames N,N,... from 0, found {tokens[0].value}")
+    return tuple(int(word) for word in words)
+
+
 def positive(what: str, below: float | None = None) -> Any:
     """A converter for numbers above 0, and below a limit where there is one."""
 
@@ -98,6 +105,16 @@ RoiPx = Annotated[
         converter=_roi,
         n_tokens=1,
         help="Look only at this part of the image, px.",
+    ),
+]
+PictureFrames = Annotated[
+    Any,
+    Parameter(
+        name="--picture",
+        metavar="N,N,...",
+        converter=_frames,
+        n_tokens=1,
+        help="Also draw the surface in 3-D at these frames, counted from 0.",
     ),
 ]
 Fps = Annotated[

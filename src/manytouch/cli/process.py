@@ -25,6 +25,7 @@ def process(
         bool,
         options.switch("Also draw markers and contacts into the pictures."),
     ] = False,
+    picture: options.PictureFrames = None,
     pitch_mm: options.PitchMm = None,
     hfov_deg: options.HfovDeg = None,
     roi: options.RoiPx = None,
@@ -38,12 +39,14 @@ def process(
     Example: manytouch process press.mp4 --out results --annotate
 
     It leaves results/press/ with contacts.csv, markers.parquet, frames.csv and
-    summary.json; with --annotate annotated.mp4, with --surface surface.zarr.
+    summary.json; with --annotate annotated.mp4, with --surface surface.zarr, with
+    --picture 60 picture-000060.png.
     """
     from manytouch.cli.console import Reporter
     from manytouch.cli.failures import report
     from manytouch.cli.stopping import Stop
     from manytouch.session import prepare, read_into
+    from manytouch.sinks.picture import ChosenMoments
 
     failed = 0
     with Stop() as stop:
@@ -66,8 +69,15 @@ def process(
                     )
                     if stop():
                         break
+                    folder = out / name
                     summary = read_into(
-                        job, out / name, surface=surface, annotate=annotate, progress=reporter, stop=stop
+                        job,
+                        folder,
+                        surface=surface,
+                        annotate=annotate,
+                        sinks=[ChosenMoments(folder, job.sensor, picture)] if picture else [],
+                        progress=reporter,
+                        stop=stop,
                     )
                 reporter.finish(summary, out / name)
             except Exception as error:  # noqa: BLE001 - the other inputs are not to suffer from it

@@ -1,5 +1,6 @@
 """Pictures of the surface in three dimensions, beside what the camera saw (extra `plot`)."""
 
+from collections.abc import Collection
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -116,6 +117,29 @@ class SurfacePicture:
             words = f"#{contact.id}  {self._annotate.depth_words(contact)}"
             label = axes.text(x, y, head, words, ha="center", va="bottom", fontsize=9, zorder=22)
             label.set_bbox({"facecolor": "white", "edgecolor": MARK, "alpha": 0.85, "pad": 1.5})
+
+
+class ChosenMoments:
+    """Draws the surface at chosen frames into `picture-000060.png`, ...; a sink."""
+
+    def __init__(self, folder: Path, sensor: Sensor, frames: Collection[int]) -> None:
+        """Pictures that an earlier run left in the folder are removed.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed.
+        """
+        self._picture = SurfacePicture(sensor)
+        self._folder, self._frames = folder, frozenset(frames)
+        for left in folder.glob("picture-*.png"):
+            left.unlink()
+
+    def write(self, reading: Reading) -> None:
+        """Draw a frame if it was chosen."""
+        if reading.frame.index in self._frames and reading.frame.image is not None:
+            self._picture.save(reading, self._folder / f"picture-{reading.frame.index:06d}.png")
+
+    def close(self) -> None:
+        """Nothing to complete: every picture is whole when it is written."""
 
 
 class BusiestMoment:

@@ -9,7 +9,7 @@ import pytest
 from manytouch.sinks.annotate import AnnotatedPictures, Annotator
 from manytouch.sinks.depth_map import DepthMap
 from manytouch.sinks.drawing import SKY, VERMILION, eight_bit_colour, text_size, write_text
-from manytouch.sinks.picture import BusiestMoment, SurfacePicture
+from manytouch.sinks.picture import BusiestMoment, ChosenMoments, SurfacePicture
 from manytouch.sinks.surface import SurfaceMap
 from manytouch.values import Phase
 
@@ -158,6 +158,17 @@ def test_picture_of_the_moment_with_most_contacts(tmp_path, sensor, reading_of, 
     assert moment.draw(tmp_path / "picture.png") == tmp_path / "picture.png"
     assert [path.name for path in tmp_path.iterdir()] == ["picture.png"]
     assert min(cv2.imread(str(tmp_path / "picture.png")).shape[:2]) > 400
+
+
+def test_pictures_of_chosen_frames_replace_those_of_an_earlier_run(tmp_path, sensor, reading_of, contact_of):
+    pytest.importorskip("matplotlib")
+    (tmp_path / "picture-000007.png").touch()
+    chosen = ChosenMoments(tmp_path, sensor, (1, 5))
+    for index in range(3):
+        chosen.write(reading_of(index, (contact_of(),)))
+    chosen.close()
+    assert [path.name for path in tmp_path.iterdir()] == ["picture-000001.png"]
+    assert min(cv2.imread(str(tmp_path / "picture-000001.png")).shape[:2]) > 400
 
 
 def test_picture_states_units_and_exaggeration(sensor_of, reading_of, contact_of):
