@@ -306,7 +306,7 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
     offset = np.empty(place.shape[2], dtype=np.int64)
     sample = np.empty(3 * ROWS, dtype=np.float32)
     pixel = np.empty((4, (place.shape[2] - 3 * LANES) * WIDE), dtype=np.float32)
-    shape, light, sums = np.empty((2, 6)), np.empty(9), np.empty(9)
+    shape, light, sums = np.empty((2, 7)), np.empty(9), np.empty(9)
     plan, planned = -1, 0.0
     for i in range(near.shape[0]):
         out[i] = np.nan

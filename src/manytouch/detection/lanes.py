@@ -57,15 +57,22 @@ def copy_blocks(flat, weights, base, offset, count, length, pixel):
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def pull(sample):
-    """Centroid of what is lighter than the middle of the extremes of the walk's pixels: x, y."""
+    """Centroid of what is lighter than the middle between the light and the dark half: x, y."""
     f, at = np.float32, np.uint64(WALK * ROWS)
-    low, high = f(1e9), f(-1e9)
+    # least and largest values would not run in lanes
+    number = total = f(0.0)
     for i in range(ALL):
-        is_used, value = sample[at + USED + i] > f(0.0), sample[at + VALUE + i]
-        under, over = value if is_used else f(1e9), value if is_used else f(-1e9)
-        low = under if under < low else low
-        high = over if over > high else high
-    middle = f(0.5) * (low + high)
+        number += sample[at + USED + i]
+        total += sample[at + USED + i] * sample[at + VALUE + i]
+    mean = total / number
+    light = total_light = f(0.0)
+    for i in range(ALL):
+        is_light = sample[at + USED + i] if sample[at + VALUE + i] > mean else f(0.0)
+        light += is_light
+        total_light += is_light * sample[at + VALUE + i]
+    if light <= f(0.0) or light >= number:
+        return 0.0, 0.0
+    middle = f(0.5) * (total_light / light + (total - total_light) / (number - light))
     total = sum_x = sum_y = f(0.0)
     for i in range(ALL):
         weight = sample[at + VALUE + i] - middle

@@ -2,6 +2,7 @@
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
+import math
 from typing import no_type_check
 
 import numpy as np
@@ -17,48 +18,45 @@ STEEP = 0.12  # of the contrast: change over a radius from where on a dot is not
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _even_plane(sample, at, shape, part):
-    """Least-squares plane of all samples: a, b, c, variance of the rest, mean and range of the values."""
+    """Least-squares plane of all samples: a, b, c, sum of the rests' squares, mean of the values."""
     f = np.float32
-    low, high, middle = f(1e9), f(-1e9), sample[at + VALUE]
+    middle = sample[at + VALUE]
     sv = svx = svy = svv = f(0.0)
     for i in range(ALL):
         used, value = sample[at + USED + i], sample[at + VALUE + i]
-        under, over = value if used > f(0.0) else f(1e9), value if used > f(0.0) else f(-1e9)
-        low = under if under < low else low
-        high = over if over > high else high
         rest = used * (value - middle)
         sv += rest
         svx += rest * sample[at + DX + i]
         svy += rest * sample[at + DY + i]
         svv += rest * rest
     number, mx, my = shape[part, 0], shape[part, 1], shape[part, 2]
-    cxx, cxy, cyy = shape[part, 3], shape[part, 4], shape[part, 5]
-    mean = sv / number
+    each = f(1.0) / f(number)
+    mean = float(sv * each)
     cxv, cyv = svx - sv * mx, svy - sv * my
-    determinant, spread = cxx * cyy - cxy * cxy, cxx + cyy
-    db = dc = variance = 0.0
-    if number >= 6.0 and determinant > 0.0125 * spread * spread:
-        db, dc = (cyy * cxv - cxy * cyv) / determinant, (cxx * cyv - cxy * cxv) / determinant
-    if number > 6.0:
-        variance = max(svv - sv * mean - db * cxv - dc * cyv, 0.0) / (number - 3.0)
+    db = shape[part, 4] * cxv + shape[part, 5] * cyv
+    dc = shape[part, 5] * cxv + shape[part, 6] * cyv
+    rests = max(svv - sv * mean - db * cxv - dc * cyv, 0.0)
     mean += middle
-    return mean - db * mx - dc * my, db, dc, variance, mean, float(high - low)
+    return mean - db * mx - dc * my, db, dc, rests, mean
 
 
 @njit(cache=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _quantile(sample, at, quantile, halvings):
-    """Mean of the samples that lie next to a quantile: within the range, halved so many times."""
+    """Mean of the samples next to a middle quantile: within a range that is halved so many times."""
     f = np.float32
-    low, high, number = f(1e9), f(-1e9), f(0.0)
+    start = sample[at + VALUE]
+    number = total = square = f(0.0)
     for i in range(ALL):
-        is_used, value = sample[at + USED + i] > f(0.0), sample[at + VALUE + i]
-        under, over = value if is_used else f(1e9), value if is_used else f(-1e9)
-        low = under if under < low else low
-        high = over if over > high else high
-        number += sample[at + USED + i]
+        used, value = sample[at + USED + i], sample[at + VALUE + i] - start
+        number += used
+        total += used * value
+        square += used * value * value
+    mean = total / number
     rank = f(min(int(number) - 1, int(quantile * number)))
-    high += f(1.0)
+    # a middle quantile is never farther from the mean than about 1.3 deviations (Cantelli)
+    reach = f(2.0) * f(math.sqrt(max(square / number - mean * mean, f(0.0)))) + f(0.01)
+    low, high = start + mean - reach, start + mean + reach
     for _ in range(halvings):
         middle = f(0.5) * (low + high)
         lower = f(0.0)
@@ -157,10 +155,12 @@ def _number_low(sample, at, least):
 def _fit_ground(sample, shape, level, noise, light):
     """The ground around a core of brightness `level`: its part of `light`, and how much darker it is."""
     ring = np.uint64(RING * ROWS)
-    ga, gb, gc, variance, ground, extent = _even_plane(sample, ring, shape, RING)
-    spread = shape[RING, 3] + shape[RING, 5]
+    ga, gb, gc, rests, ground = _even_plane(sample, ring, shape, RING)
+    spread = shape[RING, 3]
+    variance = rests / shape[RING, 0]
     contrast = level - ground
-    if extent > max(0.3 * contrast, 2.5 * noise):
+    # when the squares sum up to less than that of the margin, no sample lies beyond it
+    if rests > max(0.3 * contrast, 2.5 * noise) ** 2:
         contrast = level - _quantile(sample, ring, 0.4, 5)
         margin = max(0.3 * contrast, 2.5 * noise)
         ga, gb, gc, _, variance, spread = _plane(sample, ring, level - contrast, 0.0, 0.0, margin)
@@ -197,11 +197,11 @@ def fit_light(sample, shape, in_core, radius, part_x, part_y, noise, light):
     """
     if radius < PLANE_RADIUS:
         return _fit_small(sample, shape, in_core, radius, part_x, part_y, noise, light)
-    ka, kb, kc, _, level, extent = _even_plane(sample, np.uint64(CORE * ROWS), shape, CORE)
+    ka, kb, kc, rests, level = _even_plane(sample, np.uint64(CORE * ROWS), shape, CORE)
     contrast = _fit_ground(sample, shape, level, noise, light)
-    margin, spread = max(0.2 * contrast, 3.0 * noise), shape[CORE, 3] + shape[CORE, 5]
+    margin, spread = max(0.2 * contrast, 3.0 * noise), shape[CORE, 3]
     used = float(in_core)
-    if contrast > 0.0 and extent > margin:
+    if contrast > 0.0 and rests > margin * margin:
         ka, kb, kc, used, _, spread = _plane(sample, np.uint64(CORE * ROWS), ka, kb, kc, margin)
     height, rise_x, rise_y = ka - light[0], kb - light[1], kc - light[2]
     is_plain = contrast > 0.0 and height > 0.0 and used >= 0.9 * in_core and spread > 0.0

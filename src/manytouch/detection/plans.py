@@ -129,7 +129,8 @@ def _plan(radius, place, count):
 def take_plan(radius, place, count, width, channels, offset, sample, shape, pixel):
     """Offsets of a plan's pixels in the flat image, where they lie: `sample` and `pixel` = x, y, inside.
 
-    `shape` = number, mean x, mean y and sums of squares xx, xy, yy about the mean, of ring and of core.
+    `shape` of ring and of core = number, mean x, mean y, sum of squares about the mean, and the inverse of
+    the matrix of these sums, xx, xy, yy (0 where there are too few for a plane).
     """
     for part in range(3):
         for k in range(LANES):
@@ -144,7 +145,15 @@ def take_plan(radius, place, count, width, channels, offset, sample, shape, pixe
         shape[part, 1], shape[part, 2] = x.mean(), y.mean()
         x -= x.mean()
         y -= y.mean()
-        shape[part, 3], shape[part, 4], shape[part, 5] = (x * x).sum(), (x * y).sum(), (y * y).sum()
+        xx, xy, yy = (x * x).sum(), (x * y).sum(), (y * y).sum()
+        shape[part, 3], determinant = xx + yy, xx * yy - xy * xy
+        shape[part, 4:] = 0.0
+        if count[part] >= 6 and determinant > 0.0125 * (xx + yy) ** 2:
+            shape[part, 4], shape[part, 5], shape[part, 6] = (
+                yy / determinant,
+                -xy / determinant,
+                xx / determinant,
+            )
     reach = 1.35 * radius + 1.5
     for b in range(count[BLOCKS]):
         u, v = place[0, BLOCKS * LANES + b], place[1, BLOCKS * LANES + b]
