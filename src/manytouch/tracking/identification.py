@@ -27,7 +27,7 @@ _REST_PITCHES = 0.25
 _ROUGHER, _ROUGHER_PITCHES, _ROUGHEST_PITCHES = 1.7, 0.004, 0.15
 _VOTES = 3
 _FEW = 2
-_TURNS = 3
+_TURNS = 5
 
 
 @njit(cache=True, error_model="numpy")
@@ -195,7 +195,11 @@ def _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, ow
             break
         fill(nodes, net, moved, owner, lists)
         if doubtful(dot, bins, cell_px, markers, net, moved, owner, bounds, used, later, flag):
-            part(markers, net, owner, flag)
+            # Each time more is taken away on both sides of the rim, until the mistake is parted or gone.
+            for _ in range(turn + 1):
+                part(markers, net, owner, flag)
+                _displace(dot, net[0], owner, nodes, moved, used)
+                doubtful(dot, bins, cell_px, markers, net, moved, owner, bounds, used, later, flag)
             keep_largest(nodes, net, moved, owner, _TEAR, parent, size)
             _displace(dot, net[0], owner, nodes, moved, used)
         elif dropped == 0 or turn > 0:
