@@ -12,7 +12,8 @@ import numpy as np
 from numba import njit
 
 from manytouch.detection import lanes, planes
-from manytouch.detection.light import FAST, PLANE_RADIUS, SAMPLES, choose_offsets, fit_light, walk_to_dot
+from manytouch.detection.compilation import FAST, LEAF
+from manytouch.detection.light import PLANE_RADIUS, SAMPLES, choose_offsets, fit_light, walk_to_dot
 from manytouch.detection.plans import BLOCKS, CORE, LANES, RING, ROWS, WALK, WIDE, take_plan
 
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
@@ -54,7 +55,7 @@ def _fill_holes(share, stack):
                     share[v, u] = 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
 def _tail(z):
     """E[max(n - z, 0)^2] of a standard normal n: noise that passes the soft threshold."""
@@ -139,7 +140,7 @@ def _moments(share, x, y, reach2, sums):
     return sums[0] > 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
 def _uncertainty(sums, light, noise, reach2, out, row):
     """Covariance of the centre, columns 2 to 4 of its row = cxx, cxy, cyy; see `centroid`."""
@@ -160,7 +161,7 @@ def _uncertainty(sums, light, noise, reach2, out, row):
     out[row, 4] = direct * (eyy + passed) + tilt * (eyy * eyy + exy * exy)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
 def _result(sums, light, noise, reach2, x, y, radius, width, height, out, row):
     """`out` as in `measure_dots` from the sums about (x, y)."""
@@ -213,13 +214,13 @@ def _measure_odd(image, weights, x, y, radius, noise, offsets, numbers, samples,
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
 def _is_inside(x, y, margin, width, height):
     return margin <= x < width - margin and margin <= y < height - margin
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
 def _walk_plain(flat, weights, width, height, x, y, radius, walk, count, plan, offset, sample):
     """As `walk_to_dot`, in lanes: x, y, and whether the plan still lies within the image."""
@@ -237,7 +238,7 @@ def _walk_plain(flat, weights, width, height, x, y, radius, walk, count, plan, o
     return x, y, True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
 def _measure_plain(
     flat,

@@ -11,11 +11,11 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from manytouch.detection.light import FAST
+from manytouch.detection.compilation import FAST, LEAF
 from manytouch.detection.plans import ALL, BLOCKS, DX, DY, LANES, ROWS, USED, VALUE, WALK
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(**LEAF, fastmath=FAST)
 @no_type_check
 def gather(flat, weights, base, offset, part, sample):
     """Signed grey levels of the pixels of ring, core or walk."""
@@ -33,7 +33,7 @@ def gather(flat, weights, base, offset, part, sample):
             sample[to + k] = grey + np.float32(flat[at + np.uint64(2)]) * red
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(**LEAF, fastmath=FAST)
 @no_type_check
 def copy_blocks(flat, weights, base, offset, count, length, pixel):
     """Signed grey levels of blocks of pixels in a row, into the last row of `pixel`."""
@@ -54,7 +54,7 @@ def copy_blocks(flat, weights, base, offset, count, length, pixel):
                 pixel[three, to + k] = grey + np.float32(flat[i + two]) * red
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(**LEAF, fastmath=FAST)
 @no_type_check
 def pull(sample):
     """Centroid of what is lighter than the middle between the light and the dark half: x, y."""
@@ -86,7 +86,7 @@ def pull(sample):
     return float(sum_x / total), float(sum_y / total)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(**LEAF, fastmath=FAST)
 @no_type_check
 def moments(pixel, count, light, low, gain, sums):
     """As `kernels._moments`, about the middle pixel, with the share of dot computed on the way."""

@@ -11,10 +11,11 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from manytouch.detection.compilation import FAST
+
 SAMPLES = 80  # of ring and of core
 VOTERS = 20  # of them, for medians
 PLANE_RADIUS = 5.0  # px: smaller cores are all edge
-FAST = {"reassoc", "contract", "nsz", "arcp"}  # lets sums run in lanes; NaN and infinity stay what they are
 
 
 @njit(cache=True, error_model="numpy")

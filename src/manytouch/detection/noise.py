@@ -7,8 +7,10 @@ import numpy as np
 from jaxtyping import Float64
 from numba import njit
 
+from manytouch.detection.compilation import FAST
+
 MIN_NOISE = 0.3  # grey levels: rounding to whole levels has a deviation of 1 / sqrt(12)
-ENOUGH = 8192
+ENOUGH = 4096  # samples: 1.5 % error
 
 
 def noise_of(image: np.ndarray, weights: Float64[np.ndarray, " c"], rows: int = 24) -> float:
@@ -47,7 +49,7 @@ def _second_differences(image, weights, rows, stride, second):
             second[r, k] = abs(total)
 
 
-@njit(cache=True, error_model="numpy", fastmath={"reassoc", "contract", "nsz", "arcp"})
+@njit(cache=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _deviation(second, middle, step):
     """From second differences (n,), of which `middle` is the median; ties count as spread over `step`."""

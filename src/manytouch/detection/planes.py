@@ -8,14 +8,15 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from manytouch.detection.light import FAST, PLANE_RADIUS
+from manytouch.detection.compilation import FAST, LEAF
+from manytouch.detection.light import PLANE_RADIUS
 from manytouch.detection.plans import ALL, CORE, DX, DY, RING, ROWS, USED, VALUE
 
 EVEN = 0.03  # of the contrast: change of light over a radius that is usual
 STEEP = 0.12  # of the contrast: change over a radius from where on a dot is not plain
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(**LEAF, fastmath=FAST)
 @no_type_check
 def _even_plane(sample, at, shape, part):
     """Least-squares plane of all samples: a, b, c, sum of the rests' squares, mean of the values."""
@@ -40,7 +41,7 @@ def _even_plane(sample, at, shape, part):
     return mean - db * mx - dc * my, db, dc, rests, mean
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(**LEAF, fastmath=FAST)
 @no_type_check
 def _quantile(sample, at, quantile, halvings):
     """Mean of the samples next to a middle quantile: within a range that is halved so many times."""
@@ -75,7 +76,7 @@ def _quantile(sample, at, quantile, halvings):
     return float(total / weight) if weight > f(0.0) else float(low)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(**LEAF, fastmath=FAST)
 @no_type_check
 def _plane(sample, at, start_a, start_b, start_c, margin):
     """Least-squares plane of the samples within `margin` of a given plane (a, b, c).
@@ -125,7 +126,7 @@ def _plane(sample, at, start_a, start_b, start_c, margin):
     )
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(**LEAF, fastmath=FAST)
 @no_type_check
 def _keep_near(sample, at, part_x, part_y, reach, number):
     """Uses those of the first samples that lie within a radius of a place; returns how many."""
@@ -139,7 +140,7 @@ def _keep_near(sample, at, part_x, part_y, reach, number):
     return count
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(**LEAF, fastmath=FAST)
 @no_type_check
 def _number_low(sample, at, least):
     """How many of the used samples are darker than `least`?"""
@@ -150,7 +151,7 @@ def _number_low(sample, at, least):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
 def _fit_ground(sample, shape, level, noise, light):
     """The ground around a core of brightness `level`: its part of `light`, and how much darker it is."""
@@ -169,7 +170,7 @@ def _fit_ground(sample, shape, level, noise, light):
     return contrast
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
 def _fit_small(sample, shape, in_core, radius, part_x, part_y, noise, light):
     """As `fit_light`, for a dot too small for a plane of its own."""
@@ -188,7 +189,7 @@ def _fit_small(sample, shape, in_core, radius, part_x, part_y, noise, light):
     return 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
 def fit_light(sample, shape, in_core, radius, part_x, part_y, noise, light):
     """`light` as `light.fit_light` gives it, about the middle pixel; the dot is at (part_x, part_y) from it.

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float32
 from numba import njit
 
-from manytouch.detection.light import FAST
+from manytouch.detection.compilation import FAST
 
 NARROW, WIDE = 5, 9  # taps on each side, three deviations of the Gaussians of the largest reduced dot
 LOWEST = np.float32(-1e9)
