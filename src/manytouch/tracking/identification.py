@@ -197,9 +197,7 @@ def _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, ow
         if doubtful(dot, bins, cell_px, markers, net, moved, owner, bounds, used, later, flag):
             # Each time more is taken away on both sides of the rim, until the mistake is parted or gone.
             for _ in range(turn + 1):
-                part(markers, net, owner, flag)
-                _displace(dot, net[0], owner, nodes, moved, used)
-                doubtful(dot, bins, cell_px, markers, net, moved, owner, bounds, used, later, flag)
+                part(markers, net, owner, flag, later)
             keep_largest(nodes, net, moved, owner, _TEAR, parent, size)
             _displace(dot, net[0], owner, nodes, moved, used)
         elif dropped == 0 or turn > 0:

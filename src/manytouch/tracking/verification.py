@@ -27,6 +27,7 @@ _MOST_TOLERANCE = 0.42
 _FOLD = 0.04
 _ROUNDS = 8
 _REACH = 0.9
+_TORN = 0.6
 
 
 @njit(cache=True, error_model="numpy")
@@ -307,7 +308,7 @@ def doubtful(dot, bins, cell_px, markers, net, moved, owner, bounds, used, free,
                 beside += 1
                 others += free[n] != free[k]
         # One false dot may lie near several missing ones, but it is one dot.
-        if beside >= 2 and others >= 1:
+        if beside >= 2 and others >= 1 and _is_torn(k, spacing, start, near, moved, owner):
             is_doubtful[k] = True
             number += 1
     return number
@@ -337,10 +338,34 @@ def _nearest_free(dot, bins, cell_px, x, y, reach, used):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def part(markers, net, owner, is_doubtful):
-    """Takes the dots from all neighbours of doubtful markers: what they part hangs together no more."""
+def _is_torn(k, spacing, start, near, moved, owner):
+    """Do the displacements around a node differ by most of a pitch?"""
+    left = top = np.inf
+    right = bottom = -np.inf
+    for j in range(start[k], start[k + 1]):
+        n = near[j]
+        if owner[n] >= 0:
+            left, right = min(left, moved[n, 0]), max(right, moved[n, 0])
+            top, bottom = min(top, moved[n, 1]), max(bottom, moved[n, 1])
+    return max(right - left, bottom - top) > _TORN * spacing[k]
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def part(markers, net, owner, is_doubtful, added):
+    """Takes the dots from the neighbours of doubtful markers and makes them doubtful too, to part the rest.
+
+    `added` (N,) is scratch.
+    """
     _, _, _, start, _, near, _, _, _, _ = net
+    number = 0
     for k in range(markers):
         if is_doubtful[k]:
-            for j in range(start[k], start[k + 1]):
-                owner[near[j]] = -1
+            added[number] = k
+            number += 1
+    for c in range(number):
+        k = added[c]
+        for j in range(start[k], start[k + 1]):
+            owner[near[j]] = -1
+            if near[j] < markers:
+                is_doubtful[near[j]] = True

@@ -159,3 +159,13 @@ def test_ghosts_within_the_image_are_closed_and_beyond_it_open():
     for to in mesh.slip[1:]:
         step = (mesh.rest_px[to] - mesh.rest_px)[: mesh.markers][to[: mesh.markers] >= 0]
         np.testing.assert_allclose(step, np.broadcast_to(step[0], step.shape), atol=1e-6)
+
+
+def test_clutter_beside_hidden_markers_shakes_nobody_else():
+    rest, rng = lattice(10, 14), np.random.default_rng(7)
+    follow = FollowGrid()
+    hidden = np.flatnonzero((np.abs(rest - rest[75]) < 1.5 * PITCH).all(axis=1))
+    spots = rest[hidden] + 0.45 * PITCH
+    _, grid = follow.step(follow.start(sensor_of(rest)), shown(rest, rng, hidden, spots)[0])
+    assert wrong(grid, rest) == 0
+    assert grid.is_seen.sum() == len(rest) - len(hidden)
