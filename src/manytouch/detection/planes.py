@@ -191,6 +191,19 @@ def _fit_small(sample, shape, in_core, radius, part_x, part_y, noise, light):
 
 @njit(**LEAF)
 @no_type_check
+def _fit_level(sample, noise, light):
+    """As `fit_light`, for a core that is not flat: one brightness, unless part of it is hardly dot."""
+    core = np.uint64(CORE * ROWS)
+    level = _quantile(sample, core, 0.55, 6)
+    height = level - light[0]
+    if not height > 2.0 * noise or _number_low(sample, core, level - 0.3 * height) > 0.0:
+        return -1
+    light[3], light[4], light[5], light[8] = height, 0.0, 0.0, 0.0
+    return 1
+
+
+@njit(**LEAF)
+@no_type_check
 def fit_light(sample, shape, in_core, radius, part_x, part_y, noise, light):
     """`light` as `light.fit_light` gives it, about the middle pixel; the dot is at (part_x, part_y) from it.
 
@@ -205,9 +218,9 @@ def fit_light(sample, shape, in_core, radius, part_x, part_y, noise, light):
     if contrast > 0.0 and rests > margin * margin:
         ka, kb, kc, used, _, spread = _plane(sample, np.uint64(CORE * ROWS), ka, kb, kc, margin)
     height, rise_x, rise_y = ka - light[0], kb - light[1], kc - light[2]
-    is_plain = contrast > 0.0 and height > 0.0 and used >= 0.9 * in_core and spread > 0.0
-    if not is_plain or abs(rise_x) + abs(rise_y) > STEEP / radius * height:
-        return -1
+    is_flat = contrast > 0.0 and height > 0.0 and used >= 0.9 * in_core and spread > 0.0
+    if not is_flat or abs(rise_x) + abs(rise_y) > STEEP / radius * height:
+        return _fit_level(sample, noise, light)
     # light seldom changes by more than EVEN over a dot's radius: slopes that noise makes are shrunk
     expected = EVEN * height / radius
     share = spread * expected * expected
