@@ -110,7 +110,7 @@ def pairs(first: np.ndarray, second: np.ndarray, gate_px: np.ndarray) -> tuple[n
     return np.flatnonzero(mutual), forth[mutual]
 
 
-def _agreement(centres: list[Points2]) -> np.ndarray:
+def _agreement(centres: list[np.ndarray]) -> np.ndarray:
     """(f, f) do two frames show the same dots at the same places?"""
     number = len(centres)
     agrees = np.eye(number, dtype=bool)
