@@ -132,7 +132,9 @@ def pipeline_for(method: str | None = None, roi_px: Roi | None = None) -> Pipeli
     """
     match method or METHODS[0]:
         case "perimeter":
-            return Pipeline(detect=DotSearch(roi_px=roi_px), track=FollowGrid(roi_px=roi_px), estimate=PerimeterDepth())
+            return Pipeline(
+                detect=DotSearch(roi_px=roi_px), track=FollowGrid(roi_px=roi_px), estimate=PerimeterDepth()
+            )
         case "paper":
             return Pipeline(
                 detect=PaperDetection(roi_px=roi_px), track=PaperTracking(), estimate=PaperEstimate()
