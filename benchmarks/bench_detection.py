@@ -3,7 +3,7 @@
     python benchmarks/bench_detection.py
 
 A frame of 2560 x 1440 px with 1040 dots of 8 px radius, grey and in colour: the search of the whole frame,
-its stages, and the windows around expected places (2 px away). One thread; median and least of `--repeats`
+its stages, and the windows around expected places. One thread; median and least of `--repeats`
 runs of processor time, after compilation.
 """
 
@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 
 from manytouch.detection import DotSearch, measure, noise_of, survey
-from manytouch.detection.candidates import candidates
+from manytouch.detection.candidates import candidates, workshop
 from manytouch.simulation.render import Look, render_discs
 from manytouch.values import Camera, Frame, Layout, Sensor
 
@@ -75,13 +75,15 @@ def stages(name: str, image: np.ndarray, centre_px: np.ndarray, repeats: int) ->
     frame = Frame(index=0, timestamp_ns=0, camera="benchmark", image=image)
     state, found = search.step(search.start(sensor_of(centre_px)), frame, None)
     weights = state.appearance.weights(1 if image.ndim == 2 else 3)
+    kept = workshop(image, RADIUS_PX)
     print(f"{name}: {len(found.centre_px)} dots{'median ms':>24}{'least':>9}")
     pieces: dict[str, Callable[[], object]] = {
         "noise": lambda: noise_of(image, weights),
-        "candidates (with reduced image)": lambda: candidates(image, weights, RADIUS_PX, 5.0),
+        "candidates (with reduced image)": lambda: candidates(image, weights, RADIUS_PX, 5.0, kept),
         "centres": lambda: measure(image, weights, centre_px, radius_px, noise=2.5),
         "whole frame": lambda: search.step(state, frame, None),
-        "windows": lambda: search.step(state, frame, centre_px + 1.4),
+        "windows, 0.6 px away": lambda: search.step(state, frame, centre_px + 0.4),
+        "windows, 2 px away": lambda: search.step(state, frame, centre_px + 1.4),
     }
     for piece, run in pieces.items():
         timed(piece, run, repeats)
