@@ -243,6 +243,11 @@ class PerimeterDepth:
             covariance_mm2[:, 2, 2],
             _FEIGNED,
         )
+        # The map that slope and curvature are taken from holds the error itself, so what the law adds is
+        # never more than what the map shows.
+        around_mm2 = (depth_mm[state.neighbours.index] ** 2).mean(axis=1)
+        shown_mm2 = 0.5 * (depth_mm**2 + around_mm2) + _SPILL * (depth_mm**2).mean()
+        error_mm2 *= shown_mm2 / np.maximum((np.sqrt(error_mm2) + np.sqrt(shown_mm2)) ** 2, 1e-300)
         # What is wrong in depth moves the marker along its ray.
         error_mm2 += (state.scale_std * depth_mm) ** 2
         widen(covariance_mm2, error_mm2, law.rest_mm, law.eye_mm, law.distance_mm)

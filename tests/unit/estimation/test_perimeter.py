@@ -170,6 +170,12 @@ def test_a_scale_that_was_assumed_widens_depth_and_centre():
     assert wider.covariance_mm2[deepest, 2, 2] > known.covariance_mm2[deepest, 2, 2]
 
 
+def test_the_law_is_never_charged_with_more_than_its_map_shows():
+    surface, _ = read(seen(pressed((0.0, 0.0, 3.0, 8.0))))
+    std_mm = np.sqrt(surface.covariance_mm2[:, 2, 2])
+    assert std_mm.max() < 1.5 * np.abs(surface.displacement_mm[:, 2]).max()
+
+
 def test_a_frame_without_markers_is_a_status():
     nothing = TrackedGrid(
         position_px=read_only(np.full((COUNT, 2), np.nan)),
