@@ -1,0 +1,1 @@
+"""From wishes to a sensor, its predicted accuracy and its printable parts."""
