@@ -1,1 +1,1 @@
-"""What estimators may know of the sheet: its shell, the path from its shape to a dot in the image, and the solver."""
+"""What estimators may know of the sheet: its shell, the path from shape to dot in the image, the solver."""
