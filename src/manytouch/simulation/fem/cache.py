@@ -64,10 +64,16 @@ class StateCache:
 
 def step_keys(model: SheetModel, loading: Loading) -> list[str]:
     """A name for each step that changes with everything its state depends on."""
+    return [_hash(code_revision(), _text(_settings()), key) for key in asked_keys(model, loading)]
+
+
+def asked_keys(model: SheetModel, loading: Loading) -> list[str]:
+    """A name for each step that says what is asked: the sheet and the loading up to there.
+
+    Unlike `step_keys` it stays when the solver changes; files that are shipped are looked up by it.
+    """
     key = _hash(
-        code_revision(),
         _text(model),
-        _text(_settings()),
         *(_text(t.indenter) + repr(t.friction) for t in loading.touches),
         *(repr((patch.centre_mm, patch.size_mm, patch.outline)) for patch in loading.patches),
     )

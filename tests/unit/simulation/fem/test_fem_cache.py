@@ -6,8 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import manytouch.simulation.fem.cache as cache_module
 from manytouch.errors import OutputError
-from manytouch.simulation.fem.cache import StateCache, step_keys
+from manytouch.simulation.fem.cache import StateCache, asked_keys, step_keys
 from manytouch.simulation.fem.indenters import Sphere
 from manytouch.simulation.fem.loading import Loading, PressurePatch, press
 from manytouch.simulation.fem.material import NeoHooke
@@ -85,3 +86,11 @@ def test_a_folder_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot keep"):
         list(StateCache(folder=tmp_path / "file").states(MODEL, pressing(0.3)))
+
+
+def test_what_is_asked_keeps_its_name_when_the_solver_changes(monkeypatch: pytest.MonkeyPatch) -> None:
+    asked, solved = asked_keys(MODEL, pressing(0.3, 0.6)), step_keys(MODEL, pressing(0.3, 0.6))
+    monkeypatch.setattr(cache_module, "code_revision", lambda: "another")
+    assert asked_keys(MODEL, pressing(0.3, 0.6)) == asked
+    assert set(step_keys(MODEL, pressing(0.3, 0.6))).isdisjoint(solved)
+    assert asked_keys(MODEL, pressing(0.3, 0.7))[1] != asked[1]

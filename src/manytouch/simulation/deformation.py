@@ -1,0 +1,147 @@
+"""A solved sheet in brief: how its camera-side face has moved, and what touched it.
+
+The face's displacements stand on a lattice: corners, edge middles and middles of its elements, x by y.
+Between them run the quadratic polynomials of the finite elements, so against the solver's own shape
+functions nothing is lost but rounding. (A serendipity element has no middle node; with half the sum of
+the edge middles less a quarter of the sum of the corners there, the nine-node element is the same.)
+"""
+
+from dataclasses import dataclass, replace
+from typing import no_type_check
+
+import numpy as np
+from jaxtyping import Float32, Float64
+from numba import njit
+
+from manytouch.values.arrays import Points2, Points3, read_only
+
+Lattice = Float32[np.ndarray, "a b 3"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class TrueContact:
+    """What one indenter or patch does to the sheet; NaN, with no force, where it does not touch.
+
+    Attributes:
+        force_N: (3,) on the sheet; a press has z < 0, the normal force is -z.
+        torque_Nmm: about z at the force centroid.
+        area_mm2: of the touched face in contact, on undeformed coordinates.
+        centre_mm: (2,) centroid of the normal force over undeformed coordinates.
+        depth_mm: largest depth of the camera-side face within that area.
+    """
+
+    force_N: Float64[np.ndarray, "3"]
+    torque_Nmm: float
+    area_mm2: float
+    centre_mm: Float64[np.ndarray, "2"]
+    depth_mm: float
+
+    @property
+    def is_touching(self) -> bool:
+        """Whether any force is passed on."""
+        return bool(self.force_N[2] != 0.0)
+
+    @property
+    def normal_force_N(self) -> float:
+        """Positive in compression."""
+        return -float(self.force_N[2])
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Deformation:
+    """The camera-side face of a pressed sheet, and its true contacts.
+
+    Attributes:
+        x_mm, y_mm: (a,), (b,) lines of the lattice, every second one between two elements.
+        face_mm: (a, b, 3) displacement there, sheet frame: a press has z < 0.
+        contacts: one for each touch, then one for each patch of the loading, in its order.
+        status: of the solver, "ok" or "not_converged".
+    """
+
+    x_mm: Float64[np.ndarray, " a"]
+    y_mm: Float64[np.ndarray, " b"]
+    face_mm: Lattice
+    contacts: tuple[TrueContact, ...]
+    status: str
+
+    def displacement_mm(self, place_mm: Points2) -> Points3:
+        """Displacement (m, 3) of undeformed places (m, 2); NaN outside the sheet."""
+        return self._sampled(place_mm, np.empty((0, 3, 2)))
+
+    def camera_side(self, place_mm: Points2) -> tuple[Points3, Float64[np.ndarray, "m 3 2"]]:
+        """Displacement (m, 3) and dx/dX in the plane (m, 3, 2), the first columns of F; NaN outside.
+
+        The gradient jumps a little from element to element.
+        """
+        gradient = np.empty((len(place_mm), 3, 2))
+        return self._sampled(place_mm, gradient), gradient
+
+    def _sampled(self, place_mm: Points2, gradient: np.ndarray) -> Points3:
+        found_mm = np.empty((len(place_mm), 3))
+        _sample(self.x_mm, self.y_mm, self.face_mm, np.ascontiguousarray(place_mm), found_mm, gradient)
+        return found_mm
+
+
+def unmoved(like: Deformation) -> Deformation:
+    """The same sheet with nothing on it."""
+    return replace(like, face_mm=read_only(np.zeros_like(like.face_mm)), contacts=(), status="ok")
+
+
+def fill_middles(face_mm: np.ndarray) -> None:
+    """Set the middles of the elements of lattices (..., a, b, 3) to what serendipity elements have there."""
+    edges = face_mm[..., 1::2, :-2:2, :] + face_mm[..., 1::2, 2::2, :]
+    edges += face_mm[..., :-2:2, 1::2, :] + face_mm[..., 2::2, 1::2, :]
+    corners = face_mm[..., ::2, ::2, :]
+    corner_sum = corners[..., :-1, :-1, :] + corners[..., 1:, :-1, :]
+    corner_sum += corners[..., :-1, 1:, :] + corners[..., 1:, 1:, :]
+    face_mm[..., 1::2, 1::2, :] = 0.5 * edges - 0.25 * corner_sum
+
+
+@njit(cache=True)
+@no_type_check
+def _cell(lines: np.ndarray, place: float, value: np.ndarray, slope: np.ndarray) -> int:
+    """First of the three lines around a place, and the quadratics through them; -1 outside."""
+    last = lines.shape[0] - 1
+    margin = 1e-9 * (lines[last] - lines[0])
+    if not (lines[0] - margin <= place <= lines[last] + margin):
+        return -1
+    low, high = 0, last // 2
+    while high - low > 1:
+        middle = (low + high) // 2
+        if place >= lines[2 * middle]:
+            low = middle
+        else:
+            high = middle
+    width = lines[2 * low + 2] - lines[2 * low]
+    t = (place - lines[2 * low]) / width
+    value[0], value[1], value[2] = (1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)
+    slope[0], slope[1], slope[2] = (4 * t - 3) / width, (4 - 8 * t) / width, (4 * t - 1) / width
+    return 2 * low
+
+
+@njit(cache=True)
+@no_type_check
+def _sample(  # noqa: PLR0917 - compiled
+    x: np.ndarray, y: np.ndarray, face: np.ndarray, place: np.ndarray, found: np.ndarray, gradient: np.ndarray
+) -> None:
+    """Fill found (m, 3), and gradient (m, 3, 2) where it has room."""
+    wants_gradient = gradient.shape[0] > 0
+    along_x, steep_x, along_y, steep_y = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for m in range(place.shape[0]):
+        first = _cell(x, place[m, 0], along_x, steep_x)
+        second = _cell(y, place[m, 1], along_y, steep_y)
+        for k in range(3):
+            moved, change_x, change_y = 0.0, 0.0, 0.0
+            if first < 0 or second < 0:
+                moved = np.nan
+            else:
+                for i in range(3):
+                    for j in range(3):
+                        here = face[first + i, second + j, k]
+                        moved += along_x[i] * along_y[j] * here
+                        change_x += steep_x[i] * along_y[j] * here
+                        change_y += along_x[i] * steep_y[j] * here
+            found[m, k] = moved
+            if wants_gradient:
+                gradient[m, k, 0] = moved * 0.0 + change_x + (1.0 if k == 0 else 0.0)
+                gradient[m, k, 1] = moved * 0.0 + change_y + (1.0 if k == 1 else 0.0)
