@@ -10,7 +10,18 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
-from manytouch.values import Contacts, Detections, Frame, Reading, Sensor, Surface, TrackedGrid
+from manytouch.values import (
+    Command,
+    Contacts,
+    Detections,
+    Frame,
+    Health,
+    Reading,
+    Sensor,
+    Surface,
+    TrackedGrid,
+    Truth,
+)
 from manytouch.values.arrays import Points2
 
 
@@ -64,9 +75,46 @@ class Estimate(Protocol):
     def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]: ...
 
 
+@runtime_checkable
+class Controls(Protocol):
+    """What a running session offers to those who watch and steer it; safe from any thread, never blocks."""
+
+    @property
+    def sensor(self) -> Sensor:
+        """The one in use; another one once `Health.sensor_version` has grown."""
+
+    def send(self, command: Command) -> None:
+        """Ask for something; it is done between two frames, and what cannot be done becomes a note."""
+
+    def health(self) -> Health:
+        """How it is doing."""
+
+    def truth(self, frame_index: int) -> Truth | None:
+        """What really happened in a frame of a simulated source; None of others."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Sight:
+    """A frame whose markers are known, and whose sheet is not yet.
+
+    Attributes:
+        frame, detections, grid: as in `Reading`.
+        milliseconds: from the decoded frame to here.
+    """
+
+    frame: Frame
+    detections: Detections
+    grid: TrackedGrid
+    milliseconds: float
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Pipeline:
-    """The three stages in a row."""
+    """The three stages in a row.
+
+    `see` and `tell` are its two halves, which may run in two threads: what `see` remembers, `tell` does not
+    need, and the other way round.
+    """
 
     detect: Detect
     track: Track
@@ -74,9 +122,12 @@ class Pipeline:
 
     def run(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Reading]:
         """One reading per frame, in order."""
+        return self.tell(self.see(frames, sensor), sensor)
+
+    def see(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Sight]:
+        """Dots and markers of each frame, in order."""
         detecting = self.detect.start(sensor)
         tracking = self.track.start(sensor)
-        estimating = self.estimate.start(sensor)
         for frame in frames:
             begun_s = time.perf_counter()
             before = tracking
@@ -86,12 +137,20 @@ class Pipeline:
             if expected_px is not None and self.track.is_lost(tracking):
                 detecting, detections = self.detect.step(detecting, frame, None)
                 tracking, grid = self.track.step(before, detections)
-            estimating, surface, contacts = self.estimate.step(estimating, grid)
+            spent_ms = 1e3 * (time.perf_counter() - begun_s)
+            yield Sight(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
+
+    def tell(self, sights: Iterable[Sight], sensor: Sensor) -> Iterator[Reading]:
+        """Shape and contacts of each frame, in order."""
+        estimating = self.estimate.start(sensor)
+        for sight in sights:
+            begun_s = time.perf_counter()
+            estimating, surface, contacts = self.estimate.step(estimating, sight.grid)
             yield Reading(
-                frame=frame,
-                detections=detections,
-                grid=grid,
+                frame=sight.frame,
+                detections=sight.detections,
+                grid=sight.grid,
                 surface=surface,
                 contacts=contacts,
-                milliseconds=1e3 * (time.perf_counter() - begun_s),
+                milliseconds=sight.milliseconds + 1e3 * (time.perf_counter() - begun_s),
             )

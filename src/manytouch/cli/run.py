@@ -1,19 +1,11 @@
 """`manytouch run`: a source at its own pace, contacts as they come and go."""
 
-import dataclasses
-import time
-from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from cyclopts import Parameter
 
 from manytouch.cli import options
-
-if TYPE_CHECKING:
-    from manytouch.values import Frame
-
-LONGEST_NAP_S = 0.05
 
 
 def run(
@@ -50,7 +42,7 @@ def run(
     from manytouch.cli.console import Reporter
     from manytouch.cli.contact_log import ContactLog
     from manytouch.cli.stopping import Stop
-    from manytouch.session import prepare, read_all, read_into, result_name
+    from manytouch.session import Live, files_in, prepare, result_name
 
     reporter = Reporter(bar=False)
     with Stop() as stop:
@@ -64,24 +56,13 @@ def run(
             fps=fps,
             progress=reporter,
         )
-        job = dataclasses.replace(job, frames=paced(job.frames, stop))
         log = ContactLog(job.sensor, reporter.say, getattr(job.source, "truth", None))
+        live = Live(job)
         if out is None:
-            read_all(job, [log], progress=reporter, stop=stop)
+            live.run([log], progress=reporter, stop=stop)
             return 0
         folder = out / result_name(source)
-        summary = read_into(job, folder, sinks=[log], progress=reporter, stop=stop)
+        files, summary = files_in(folder, job)
+        live.run([*files, log, summary], progress=reporter, stop=stop)
     reporter.finish(summary, folder)
     return 0
-
-
-def paced(frames: Iterable["Frame"], stop: Callable[[], bool]) -> Iterator["Frame"]:
-    """Hold each frame back until its time has come, counted from the first; not after `stop`."""
-    begun_s: float | None = None
-    for frame in frames:
-        due_s = frame.timestamp_ns * 1e-9
-        if begun_s is None:
-            begun_s = time.monotonic() - due_s
-        while (wait_s := begun_s + due_s - time.monotonic()) > 0 and not stop():
-            time.sleep(min(wait_s, LONGEST_NAP_S))
-        yield frame

@@ -1,9 +1,24 @@
 """The nouns of manytouch: immutable values without algorithms, one per arrow of the pipeline."""
 
+from manytouch.values.commands import (
+    Command,
+    Play,
+    Press,
+    Record,
+    Release,
+    Seek,
+    Start,
+    Stop,
+    StopRecording,
+    Tare,
+    Tune,
+    UseMethod,
+)
 from manytouch.values.contacts import ESTIMATES, Contact, Contacts, Phase
 from manytouch.values.detections import Detections
 from manytouch.values.frame import Frame
 from manytouch.values.grid import TrackedGrid
+from manytouch.values.health import Health, Setting
 from manytouch.values.reading import Reading, Truth
 from manytouch.values.sensor import Camera, Layout, LengthUnit, Polarity, Sensor, Sheet
 from manytouch.values.surface import Surface
@@ -11,18 +26,32 @@ from manytouch.values.surface import Surface
 __all__ = [
     "ESTIMATES",
     "Camera",
+    "Command",
     "Contact",
     "Contacts",
     "Detections",
     "Frame",
+    "Health",
     "Layout",
     "LengthUnit",
     "Phase",
+    "Play",
     "Polarity",
+    "Press",
     "Reading",
+    "Record",
+    "Release",
+    "Seek",
     "Sensor",
+    "Setting",
     "Sheet",
+    "Start",
+    "Stop",
+    "StopRecording",
     "Surface",
+    "Tare",
     "TrackedGrid",
     "Truth",
+    "Tune",
+    "UseMethod",
 ]

@@ -15,6 +15,7 @@ class Frame:
         camera: name of the source or camera.
         image: (h, w) or (h, w, 3) in BGR order, uint8 or uint16; None when it could not be decoded.
         encoded: the bytes as the camera gave them, or None.
+        arrived_ns: this machine's `time.monotonic_ns` when all of it had arrived; None where nothing arrives.
     """
 
     index: int
@@ -22,3 +23,4 @@ class Frame:
     camera: str
     image: Image | None
     encoded: bytes | None = None
+    arrived_ns: int | None = None

@@ -7,10 +7,8 @@ import pytest
 
 from manytouch.cli import main
 from manytouch.cli.process import folder_names
-from manytouch.cli.run import paced
 from manytouch.cli.stopping import Stop
 from manytouch.errors import ManytouchError
-from manytouch.values import Frame
 
 
 @pytest.mark.parametrize(
@@ -82,28 +80,6 @@ def test_the_first_ctrl_c_is_a_wish_and_the_second_an_order(capsys):
             signal.raise_signal(signal.SIGINT)
     assert signal.getsignal(signal.SIGINT) is before
     assert "Ctrl-C again" in capsys.readouterr().err
-
-
-def frame(index: int, step_ns: int = 40_000_000) -> Frame:
-    return Frame(index=index, timestamp_ns=index * step_ns, camera="bench", image=None)
-
-
-def test_frames_come_when_their_time_has_come(monkeypatch):
-    clock = [100.0]
-    naps = []
-    monkeypatch.setattr("manytouch.cli.run.time.monotonic", lambda: clock[0])
-
-    def nap(seconds: float) -> None:
-        naps.append(seconds)
-        clock[0] += seconds
-
-    monkeypatch.setattr("manytouch.cli.run.time.sleep", nap)
-    times = [clock[0] for _ in paced([frame(5), frame(6), frame(11)], lambda: False)]
-    assert times == pytest.approx([100.0, 100.04, 100.24])
-    assert max(naps) <= 0.05
-    naps.clear()
-    assert [each.index for each in paced([frame(0), frame(1000)], lambda: True)] == [0, 1000]
-    assert not naps
 
 
 def test_an_interrupt_outside_of_any_run_ends_quietly(capsys, monkeypatch):

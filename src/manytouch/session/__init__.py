@@ -1,0 +1,33 @@
+"""A source, a pipeline and its sinks, put together and run.
+
+    from manytouch import process
+    folder = process("video.mp4", out="out/video")
+
+`prepare` opens an input and finds or fits its sensor. `process` reads every frame of it into tables;
+`Live` reads it at its own pace while people watch and steer.
+"""
+
+from manytouch.session.job import REST_FRAMES, Job, Pitch, Watch, check_region, prepare
+from manytouch.session.live import Live
+from manytouch.session.methods import METHODS, Roi, kernels, pipeline_for
+from manytouch.session.results import RESULTS, files_in, process, read_all, read_into, result_name
+
+__all__ = [
+    "METHODS",
+    "REST_FRAMES",
+    "RESULTS",
+    "Job",
+    "Live",
+    "Pitch",
+    "Roi",
+    "Watch",
+    "check_region",
+    "files_in",
+    "kernels",
+    "pipeline_for",
+    "prepare",
+    "process",
+    "read_all",
+    "read_into",
+    "result_name",
+]

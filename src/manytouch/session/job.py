@@ -1,0 +1,183 @@
+"""An input that is open, with its sensor and the pipeline to read it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import chain, islice
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from manytouch.calibration import refer, sensor_from_rest
+from manytouch.errors import SensorError, SourceError
+from manytouch.pipeline import Pipeline
+from manytouch.session.methods import METHODS, Roi, kernels, pipeline_for
+from manytouch.sources import Source, open_source
+from manytouch.sources.images import ImagesSource
+from manytouch.values import Frame, Reading, Sensor
+from manytouch.values.sensor_file import load_sensor
+
+REST_FRAMES = 15
+
+Pitch = float | tuple[float, float]
+
+
+@runtime_checkable
+class Watch(Protocol):
+    """Somebody who follows a run while it goes on."""
+
+    def say(self, sentence: str) -> None:
+        """Something to tell the user, once."""
+
+    def begin(self, job: "Job") -> None:
+        """The sensor is known; reading starts."""
+
+    def read(self, reading: Reading) -> None:
+        """A frame has been read."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Job:
+    """An input that is open, with the sensor and the pipeline to read it.
+
+    Attributes:
+        text: the input as it was named.
+        source: where the frames come from.
+        frames: all frames, in order; of a live source those from now on. Can be gone through once.
+        samples: the first two frames, to warm up with.
+        sensor: found in the first frames, fitted to them, or the source's own.
+        pipeline, method: what reads the frames.
+        roi_px: x, y, width, height of the part of the image to look at, or None.
+    """
+
+    text: str
+    source: Source
+    frames: Iterator[Frame]
+    samples: tuple[Frame, ...]
+    sensor: Sensor
+    pipeline: Pipeline
+    method: str
+    roi_px: Roi | None = None
+
+    @property
+    def is_video(self) -> bool:
+        """Is the input a moving picture, not single images?"""
+        return not isinstance(self.source, ImagesSource)
+
+    @property
+    def recording(self) -> dict[str, Any]:
+        """What is known of the input, for the record."""
+        source = self.source
+        return {
+            "source": self.text,
+            "name": source.name,
+            "width_px": source.width_px,
+            "height_px": source.height_px,
+            "fps": source.fps,
+            "frame_count": source.frame_count,
+        }
+
+    def warm_up(self) -> None:
+        """Read two frames for nothing, so that compiling and first touches are in no frame's time."""
+        for _ in self.pipeline.run(self.samples, self.sensor):
+            pass
+
+    def readings(self) -> Iterator[Reading]:
+        """Every frame, read, in order. To be called once."""
+        return self.pipeline.run(self.frames, self.sensor)
+
+
+def prepare(
+    input: str | Path | Source,  # noqa: A002 - the word of the command line
+    *,
+    sensor: str | Path | Sensor | None = None,
+    method: str | None = None,
+    pitch_mm: Pitch | None = None,
+    hfov_deg: float | None = None,
+    roi_px: Roi | None = None,
+    fps: float | None = None,
+    progress: Watch | None = None,
+) -> Job:
+    """Open an input and know its sensor.
+
+    Args:
+        input: a source, or what `open_source` takes.
+        sensor: a sensor, or its file; None takes the source's own, or finds the layout in the first frames.
+        method: one of `METHODS`.
+        pitch_mm: distance of neighbouring markers, one number or (x, y); None leaves lengths in pitches.
+        hfov_deg: horizontal field of view of the camera; None assumes 60 degrees.
+        roi_px: x, y, width, height of the part of the image to look at.
+        fps: frame rate to use instead of the source's own.
+        progress: told when something takes long.
+
+    Raises:
+        SourceError: the input cannot be opened, or the region lies outside its image.
+        SensorError: the sensor's file is wrong or does not fit the input.
+        LayoutError: the first frames show no usable arrangement of dots.
+        ManytouchError: there is no such method.
+    """
+    pipeline = pipeline_for(method, roi_px)
+    given = load_sensor(sensor) if isinstance(sensor, str | Path) else sensor
+    if given is not None and (pitch_mm is not None or hfov_deg is not None):
+        raise SensorError(
+            f"the sensor {given.name!r} already says pitch and camera: "
+            "give either a sensor file or --pitch-mm and --hfov-deg"
+        )
+    source, text = _opened(input, fps)
+    if progress is not None and not any(kernels().values()):
+        progress.say("compiling, once: this takes some seconds now, and none in later runs")
+    check_region(source, text, roi_px)
+    if given is not None:
+        _check_fit(source, text, given)
+    frames = iter(source)
+    first = tuple(islice(frames, REST_FRAMES))
+    if not first:
+        raise SourceError(f"{text} holds no frame; give a video or pictures that show the dotted sheet")
+    own = getattr(source, "sensor", None)
+    if given is not None:
+        found = refer(given, first, roi_px=roi_px)
+    elif own is not None:
+        found = own
+    else:
+        found = sensor_from_rest(first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px)
+    return Job(
+        text=text,
+        source=source,
+        frames=frames if source.is_live else chain(first, frames),
+        samples=first[:2],
+        sensor=found,
+        pipeline=pipeline,
+        method=method or METHODS[0],
+        roi_px=roi_px,
+    )
+
+
+def _opened(given: str | Path | Source, fps: float | None) -> tuple[Source, str]:
+    """A source and what to call it."""
+    if isinstance(given, str | Path):
+        return open_source(str(given), fps=fps), str(given)
+    return given, given.name
+
+
+def check_region(source: Source, text: str, roi_px: Roi | None) -> None:
+    """Refuse a region that does not lie inside the images.
+
+    Raises:
+        SourceError: it does not.
+    """
+    if roi_px is None or source.width_px is None or source.height_px is None:
+        return
+    x, y, width, height = roi_px
+    right, bottom = x + width, y + height
+    if min(x, y) < 0 or min(width, height) < 1 or right > source.width_px or bottom > source.height_px:
+        raise SourceError(
+            f"the region {x},{y},{width},{height} (x,y,width,height) does not lie inside the image of "
+            f"{text}, which has {source.width_px} x {source.height_px} px; give one that does, or none"
+        )
+
+
+def _check_fit(source: Source, text: str, sensor: Sensor) -> None:
+    camera = sensor.camera
+    if (camera.width_px, camera.height_px) != (source.width_px, source.height_px):
+        raise SensorError(
+            f"the sensor {sensor.name!r} is for images of {camera.width_px} x {camera.height_px} px, but "
+            f"{text} has {source.width_px} x {source.height_px} px; give this camera's sensor file, or none"
+        )

@@ -1,0 +1,52 @@
+"""The methods that there are, and the pipelines they stand for."""
+
+import sys
+from pathlib import Path
+
+from manytouch.detection import DotSearch
+from manytouch.detection.paper import PaperDetection
+from manytouch.errors import ManytouchError
+from manytouch.estimation import PerimeterDepth
+from manytouch.estimation.paper import PaperEstimate
+from manytouch.pipeline import Pipeline
+from manytouch.tracking import FollowGrid
+from manytouch.tracking.paper import PaperTracking
+
+METHODS = ("perimeter", "paper")
+
+Roi = tuple[int, int, int, int]
+
+
+def kernels() -> dict[str, bool]:
+    """The compiled functions in use by name, and whether the disk holds machine code of each."""
+    found = {}
+    for module in [module for name, module in sys.modules.items() if name.startswith("manytouch.")]:
+        for value in vars(module).values():
+            path = getattr(getattr(value, "stats", None), "cache_path", None)
+            if path is not None:
+                function = value.py_func
+                pattern = f"{Path(function.__code__.co_filename).stem}.{function.__qualname__}-*.nbi"
+                found[f"{function.__module__}.{function.__qualname__}"] = any(Path(path).glob(pattern))
+    return found
+
+
+def pipeline_for(method: str | None = None, roi_px: Roi | None = None) -> Pipeline:
+    """The stages of a method.
+
+    Args:
+        method: one of `METHODS`; None takes the best that there is.
+        roi_px: x, y, width, height of the part of the image to look at, or None.
+
+    Raises:
+        ManytouchError: there is no such method.
+    """
+    match method or METHODS[0]:
+        case "perimeter":
+            return Pipeline(
+                detect=DotSearch(roi_px=roi_px), track=FollowGrid(roi_px=roi_px), estimate=PerimeterDepth()
+            )
+        case "paper":
+            return Pipeline(
+                detect=PaperDetection(roi_px=roi_px), track=PaperTracking(), estimate=PaperEstimate()
+            )
+    raise ManytouchError(f"there is no method {method!r}; there are: {', '.join(METHODS)}")

@@ -1,0 +1,39 @@
+"""The sheet as it is now, taken as the untouched one."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from manytouch.geometry.camera import project
+from manytouch.values import Sensor, TrackedGrid
+from manytouch.values.arrays import read_only
+
+TARE_FRAMES = 15
+_LEAST_SHARE = 0.5
+
+
+def tared(sensor: Sensor, grids: Sequence[TrackedGrid]) -> Sensor | None:
+    """The sensor whose reference places are the medians of the grids'.
+
+    A marker that none of them shows keeps its place, moved as the others are in the median.
+
+    Args:
+        sensor: with a layout.
+        grids: of consecutive frames of the sheet at rest.
+
+    Returns:
+        The sensor, or None when fewer than half of the markers were seen.
+    """
+    layout = sensor.layout
+    if layout is None or not grids:
+        return None
+    before_px = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
+    place_px = np.stack([grid.position_px for grid in grids])
+    seen = np.isfinite(place_px[..., 0]).any(axis=0)
+    if seen.sum() < _LEAST_SHARE * (~layout.is_missing).sum():
+        return None
+    rest_px = np.array(before_px)
+    rest_px[seen] = np.nanmedian(place_px[:, seen], axis=0)
+    rest_px[~seen] += np.median(rest_px[seen] - before_px[seen], axis=0)
+    return replace(sensor, layout=replace(layout, rest_px=read_only(rest_px)))

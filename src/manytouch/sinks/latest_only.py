@@ -1,0 +1,53 @@
+"""A slow sink that does not hold the others up."""
+
+import threading
+
+from manytouch.pipeline import Sink
+from manytouch.values import Reading
+
+
+class LatestOnly:
+    """Writes to a sink from a thread of its own; readings that come while it is busy replace each other.
+
+    An error in the sink ends its part: it gets no more readings, and the error is raised by `close`.
+    """
+
+    def __init__(self, sink: Sink) -> None:
+        self._sink = sink
+        self._change = threading.Condition()
+        self._next: Reading | None = None
+        self._is_closing = False
+        self._error: Exception | None = None
+        self.skipped = 0
+        self._thread = threading.Thread(target=self._run, name="manytouch-latest", daemon=True)
+        self._thread.start()
+
+    def write(self, reading: Reading) -> None:
+        """Leave a reading for the sink; never waits."""
+        with self._change:
+            self.skipped += self._next is not None
+            self._next = reading
+            self._change.notify()
+
+    def close(self) -> None:
+        """Let the sink have the last reading, and close it."""
+        with self._change:
+            self._is_closing = True
+            self._change.notify()
+        self._thread.join()
+        self._sink.close()
+        if self._error is not None:
+            raise self._error
+
+    def _run(self) -> None:
+        while True:
+            with self._change:
+                self._change.wait_for(lambda: self._next is not None or self._is_closing)
+                reading, self._next = self._next, None
+            if reading is None:
+                return
+            try:
+                self._sink.write(reading)
+            except Exception as error:  # noqa: BLE001 - raised by `close`, where somebody can hear it
+                self._error = error
+                return

@@ -1,0 +1,301 @@
+"""A session: readings as offline, commands between frames, dropped frames, an end whatever happens."""
+
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from clips import picture, press_of
+from manytouch.pipeline import Controls
+from manytouch.session import Live, prepare, read_all
+from manytouch.session.handover import HandOver
+from manytouch.sinks.latest_only import LatestOnly
+from manytouch.values import (
+    Command,
+    Frame,
+    Phase,
+    Press,
+    Reading,
+    Release,
+    Seek,
+    Start,
+    Stop,
+    Tare,
+    Tune,
+    UseMethod,
+)
+
+
+@dataclass
+class Pictures:
+    """A source that is drawn while it is read, without a pace; a live one skips some numbers."""
+
+    frames: int = 40
+    is_touched: bool = True
+    is_live: bool = False
+    skips: tuple[int, ...] = ()
+    fails_at: int | None = None
+    name: str = "drawn"
+    fps: float | None = 1000.0
+    width_px: int = 320
+    height_px: int = 240
+    pressed: list[Command] = field(default_factory=list)
+    is_closed: bool = False
+
+    @property
+    def frame_count(self) -> int:
+        return self.frames
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index in range(self.frames):
+            if index == self.fails_at:
+                raise ValueError("the camera fell off the table")
+            if index not in self.skips:
+                image = picture(press_of(index) if self.is_touched else 0.0, seed=index)
+                yield Frame(
+                    index=index,
+                    timestamp_ns=index * 1_000_000,
+                    camera=self.name,
+                    image=image,
+                    arrived_ns=time.monotonic_ns() if self.is_live else None,
+                )
+
+    def press(self, command: Command) -> None:
+        self.pressed.append(command)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+class Seen:
+    """A sink that keeps readings, and says something when it has so many."""
+
+    def __init__(self, live: Live | None = None, **at: Command) -> None:
+        self.readings: list[Reading] = []
+        self.is_closed = False
+        self._live = live
+        self._at = {int(name.removeprefix("at_")): command for name, command in at.items()}
+
+    def write(self, reading: Reading) -> None:
+        self.readings.append(reading)
+        if self._live is not None and len(self.readings) in self._at:
+            self._live.send(self._at[len(self.readings)])
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+def played(source: Pictures, **at: Command) -> tuple[Live, Seen]:
+    live = Live(prepare(source))
+    seen = Seen(live, **at)
+    live.run([seen])
+    return live, seen
+
+
+def test_live_readings_have_the_bits_of_offline_ones() -> None:
+    offline = Seen()
+    read_all(prepare(Pictures()), [offline])
+    live, seen = played(Pictures())
+    assert isinstance(live, Controls)
+    assert len(seen.readings) == len(offline.readings) == 40
+    for one, other in zip(seen.readings, offline.readings, strict=True):
+        assert one.frame.index == other.frame.index
+        np.testing.assert_array_equal(one.grid.position_px, other.grid.position_px)
+        np.testing.assert_array_equal(one.surface.displacement_mm, other.surface.displacement_mm)
+        assert [c.id for c in one.contacts.contacts] == [c.id for c in other.contacts.contacts]
+    assert any(reading.contacts.touching for reading in seen.readings)
+    assert seen.is_closed
+
+
+def test_health_counts_frames_and_latency() -> None:
+    live, _ = played(Pictures(frames=30, is_touched=False))
+    health = live.health()
+    assert (health.frames, health.dropped, health.markers, health.source) == (30, 0, 54, "ok")
+    assert health.markers_seen >= 53
+    assert 0 < health.latency_ms_p50 <= health.latency_ms_p99 < 5000
+    assert health.fps > 0
+
+
+def test_gaps_of_a_live_source_count_as_dropped() -> None:
+    live, seen = played(Pictures(frames=40, is_live=True, skips=(20, 21, 30)))
+    assert live.health().dropped == 3
+    assert seen.readings[0].frame.index == 15, "the frames that the sensor was found in are past"
+    assert len(seen.readings) == 22
+
+
+def test_another_method_begins_between_frames_and_identities_go_on() -> None:
+    live, seen = played(Pictures(frames=60), at_27=UseMethod(method="paper"))
+    assert live.health().method == "paper"
+    indices = [reading.frame.index for reading in seen.readings]
+    assert indices == list(range(60))
+    told = [
+        (reading.frame.index, contact) for reading in seen.readings for contact in reading.contacts.contacts
+    ]
+    begun = {contact.id for index, contact in told if index <= 27}
+    end = {contact.id: index for index, contact in told if contact.phase is Phase.END}
+    assert begun
+    assert begun <= set(end)
+    assert all(index <= end[contact.id] for index, contact in told if contact.id in end)
+
+
+def test_tare_makes_the_present_sheet_the_untouched_one() -> None:
+    class Leaning(Pictures):
+        def __iter__(self) -> Iterator[Frame]:
+            for frame in super().__iter__():
+                lean = 3 if frame.index >= 20 else 0
+                assert frame.image is not None
+                yield Frame(
+                    index=frame.index,
+                    timestamp_ns=frame.timestamp_ns,
+                    camera=frame.camera,
+                    image=np.roll(frame.image, lean, axis=1),
+                )
+
+    live, seen = played(Leaning(frames=70, is_touched=False), at_25=Tare())
+    rest_px = prepare(Leaning(frames=70, is_touched=False)).sensor.layout.rest_px
+    tared_px = live.sensor.layout.rest_px
+    np.testing.assert_allclose(tared_px - rest_px, np.tile([3.0, 0.0], (54, 1)), atol=0.1)
+    assert live.health().sensor_version == 1
+    assert any("tared" in note for note in live.health().notes)
+    assert len(seen.readings) == 70
+
+
+def test_a_parameter_changes_while_it_runs() -> None:
+    live, seen = played(
+        Pictures(frames=40, is_touched=False), at_5=Tune(parameter="detect.least_snr", value=2.5)
+    )
+    assert live.health().parameters["detect.least_snr"] == 2.5
+    assert len(seen.readings) == 40
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        (Tune(parameter="detect.nonsense", value=1.0), "no parameter 'detect.nonsense'; there are: detect."),
+        (Tune(parameter="estimate.identity.confirm_frames", value=1.5), "whole number"),
+        (UseMethod(method="magic"), "no method 'magic'"),
+        (Seek(frame=3), "Seek means nothing"),
+    ],
+)
+def test_what_cannot_be_done_becomes_a_note(command: Command, words: str) -> None:
+    live, seen = played(Pictures(frames=25, is_touched=False), at_2=command)
+    assert any(words in note for note in live.health().notes)
+    assert len(seen.readings) == 25
+
+
+def test_fingers_reach_a_source_that_can_be_pressed() -> None:
+    finger = Press(finger=1, x_mm=2.0, y_mm=3.0, depth_mm=1.0)
+    source = Pictures(frames=25, is_touched=False)
+    live, _ = played(source, at_2=finger, at_4=Release(finger=1))
+    assert source.pressed == [finger, Release(finger=1)]
+    assert live.health().can_press
+
+
+def test_a_file_waits_while_held_and_goes_on() -> None:
+    live = Live(prepare(Pictures(frames=40, is_touched=False)))
+    seen = Seen(live, at_10=Stop())
+    runner = threading.Thread(target=live.run, args=([seen],))
+    runner.start()
+    deadline = time.monotonic() + 20
+    while live.health().is_running and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.3)
+    held = len(seen.readings)
+    assert held < 40
+    time.sleep(0.2)
+    assert len(seen.readings) == held
+    live.send(Start())
+    runner.join(timeout=20)
+    assert len(seen.readings) == 40
+
+
+def test_an_error_of_the_source_ends_the_run_with_sinks_closed() -> None:
+    source = Pictures(fails_at=25)
+    live = Live(prepare(source))
+    seen = Seen()
+    with pytest.raises(ValueError, match="fell off"):
+        live.run([seen])
+    assert seen.is_closed
+    assert source.is_closed
+    assert [reading.frame.index for reading in seen.readings] == list(range(25))
+
+
+def test_stopping_works_while_no_frame_comes() -> None:
+    never = threading.Event()
+
+    def silent() -> Iterator[int]:
+        yield 1
+        never.wait(10)
+
+    asked: list[float] = []
+
+    def stop() -> bool:
+        asked.append(time.monotonic())
+        never.set()
+        return True
+
+    with HandOver(silent(), ahead=1, stop=stop) as stream:
+        assert list(stream) == [1]
+    assert asked
+
+
+def test_the_hand_over_is_never_further_ahead_than_asked() -> None:
+    taken: list[int] = []
+
+    def numbers() -> Iterator[int]:
+        for number in range(20):
+            taken.append(number)
+            yield number
+
+    with HandOver(numbers(), ahead=2) as stream:
+        for number in stream:
+            time.sleep(0.005)
+            assert len(taken) <= number + 5
+    assert taken == list(range(20))
+
+
+class Slow:
+    """A sink that takes its time."""
+
+    def __init__(self, *, fails: bool = False) -> None:
+        self.indices: list[int] = []
+        self.is_closed = False
+        self._fails = fails
+
+    def write(self, reading: Reading) -> None:
+        time.sleep(0.1)
+        if self._fails:
+            raise OSError("the browser has gone")
+        self.indices.append(reading.frame.index)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+def test_a_slow_sink_gets_the_latest_reading_and_holds_nobody_up() -> None:
+    _, seen = played(Pictures(frames=20, is_touched=False))
+    slow = Slow()
+    latest = LatestOnly(slow)
+    begun_s = time.monotonic()
+    for reading in seen.readings:
+        latest.write(reading)
+    assert time.monotonic() - begun_s < 0.1
+    latest.close()
+    assert slow.indices[-1] == 19
+    assert slow.indices == sorted(slow.indices)
+    assert len(slow.indices) + latest.skipped == 20
+    assert len(slow.indices) <= 3
+    assert slow.is_closed
+
+
+def test_a_slow_sink_that_fails_says_so_at_its_end() -> None:
+    _, seen = played(Pictures(frames=20, is_touched=False))
+    slow = Slow(fails=True)
+    latest = LatestOnly(slow)
+    latest.write(seen.readings[0])
+    with pytest.raises(OSError, match="browser has gone"):
+        latest.close()
+    assert slow.is_closed

@@ -1,0 +1,49 @@
+"""Files at the pace of their timestamps."""
+
+import pytest
+
+from manytouch.session.pacing import Pace
+
+STEP_NS = 40_000_000
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
+    """The time, and the naps so far."""
+    told = [100.0]
+    monkeypatch.setattr("manytouch.session.pacing.time.monotonic", lambda: told[0])
+
+    def nap(seconds: float) -> None:
+        told[0] += seconds
+        told.append(seconds)
+
+    monkeypatch.setattr("manytouch.session.pacing.time.sleep", nap)
+    return told
+
+
+def times(pace: Pace, clock: list[float], frames: list[int], *, is_over: bool = False) -> list[float]:
+    found = []
+    for frame in frames:
+        pace.wait_for(frame * STEP_NS, lambda: is_over)
+        found.append(clock[0])
+    return found
+
+
+def test_frames_come_when_their_time_has_come(clock: list[float]) -> None:
+    assert times(Pace(), clock, [5, 6, 11]) == pytest.approx([100.0, 100.04, 100.24])
+    assert max(clock[1:]) <= 0.05
+
+
+def test_twice_the_speed_takes_half_the_time(clock: list[float]) -> None:
+    assert times(Pace(2.0), clock, [0, 10]) == pytest.approx([100.0, 100.2])
+
+
+def test_nobody_waits_once_it_is_over(clock: list[float]) -> None:
+    assert times(Pace(), clock, [0, 1000], is_over=True) == [100.0, 100.0]
+
+
+def test_after_a_reset_the_next_frame_is_due_at_once(clock: list[float]) -> None:
+    pace = Pace()
+    times(pace, clock, [0, 1])
+    pace.reset()
+    assert times(pace, clock, [500, 501]) == pytest.approx([100.04, 100.08])
