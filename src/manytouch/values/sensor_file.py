@@ -8,24 +8,16 @@ from typing import Annotated, Any, Literal
 
 import numpy as np
 import tomlkit
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator, model_validator
+from pydantic import Field, ValidationError, field_validator, model_validator
 from scipy.spatial import KDTree
 
 from manytouch.errors import OutputError, SensorError
 from manytouch.values.arrays import read_only
+from manytouch.values.sections import Count, NonNegative, Number, Positive, Section, all_mistakes
 from manytouch.values.sensor import Camera, Layout, Sensor, Sheet
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Count = Annotated[int, Field(gt=0)]
 
-
-class _Section(BaseModel):
-    model_config = ConfigDict(extra="forbid", strict=True)
-
-
-class _Pose(_Section):
+class _Pose(Section):
     rotation_vector: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     translation_mm: tuple[Number, Number, Positive]
 
@@ -35,7 +27,7 @@ class _Pose(_Section):
         return tuple(value) if isinstance(value, list) else value
 
 
-class _Camera(_Section):
+class _Camera(Section):
     model: Literal["pinhole", "fisheye"] = "pinhole"
     width_px: Count
     height_px: Count
@@ -56,7 +48,7 @@ class _Camera(_Section):
         return self
 
 
-class _Sheet(_Section):
+class _Sheet(Section):
     size_mm: list[Positive] = Field(min_length=2, max_length=2)
     thickness_mm: Positive
     young_MPa: Positive | None = None
@@ -67,7 +59,7 @@ class _Sheet(_Section):
     density_kg_m3: Positive | None = None
 
 
-class _Markers(_Section):
+class _Markers(Section):
     rows: Count | None = None
     columns: Count | None = None
     pitch_mm: Positive | Annotated[list[Positive], Field(min_length=2, max_length=2)] | None = None
@@ -117,11 +109,11 @@ class _Markers(_Section):
         return (self.rows or 0) * (self.columns or 0)
 
 
-class _Noise(_Section):
+class _Noise(Section):
     centre_px: Positive
 
 
-class _File(_Section):
+class _File(Section):
     schema_version: Annotated[int, Field(alias="schema", ge=1, le=1)]
     name: str = Field(default="unnamed sensor", min_length=1)
     camera: _Camera
@@ -158,28 +150,8 @@ def load_sensor(path: str | Path) -> Sensor:
     try:
         checked = _File.model_validate(table)
     except ValidationError as error:
-        raise SensorError(_all_mistakes(path, error)) from None
+        raise SensorError(all_mistakes(f"sensor file {path}", error)) from None
     return _sensor(checked)
-
-
-def _all_mistakes(path: Path, error: ValidationError) -> str:
-    mistakes = []
-    for item in error.errors():
-        key = ".".join(str(part) for part in item["loc"] if not str(part).startswith("function-"))
-        found = item["input"]
-        match item["type"]:
-            case "extra_forbidden":
-                text = f"unknown key {key}"
-            case "missing":
-                text = f"{key} is missing"
-            case "value_error":
-                text = f"{key or 'file'}: {item['msg'].removeprefix('Value error, ')}"
-            case _:
-                shown = repr(found) if len(repr(found)) < 60 else f"{repr(found)[:57]}..."
-                message = item["msg"]
-                text = f"{key} = {shown}: {message[0].lower()}{message[1:]}"
-        mistakes.append(text)
-    return f"sensor file {path} is wrong: " + "; ".join(dict.fromkeys(mistakes))
 
 
 def _vector(values: Sequence[float]) -> Any:
