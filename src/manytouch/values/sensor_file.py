@@ -250,11 +250,12 @@ def _tables(sensor: Sensor) -> dict[str, Any]:
         "cx_px": camera.cx_px,
         "cy_px": camera.cy_px,
         "distortion": camera.distortion.tolist(),
-        "pose": {
+    }
+    if sensor.layout is not None or sensor.sheet is not None:  # a camera alone looks at nothing
+        tables["camera"]["pose"] = {
             "rotation_vector": camera.rotation_vector.tolist(),
             "translation_mm": camera.translation_mm.tolist(),
-        },
-    }
+        }
     sheet = sensor.sheet
     if sheet is not None:
         known = {name: getattr(sheet, name) for name in Sheet.__slots__ if getattr(sheet, name) is not None}

@@ -1,0 +1,180 @@
+"""Boards for calibrating a camera, and how they are found in a picture."""
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Literal, get_args
+
+import cv2
+import numpy as np
+
+from manytouch.errors import ManytouchError
+from manytouch.values.arrays import Points2, Points3, read_only
+
+Kind = Literal["chessboard", "charuco", "circles", "circles-asymmetric"]
+FORMS = "chessboard:9x6 (inner corners), charuco:8x6 (squares), circles:9x6 or circles-asymmetric:4x11"
+
+MARKER_SHARE = 0.75
+"""Side of a ChArUco marker over the side of a square."""
+_SEARCH_WIDTH_PX = 1280  # boards are looked for in pictures of at most this width, then refined
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Board:
+    """A flat board with known points.
+
+    Attributes:
+        kind: what is printed on it.
+        columns, rows: inner corners of a chessboard, squares of a ChArUco board, circles.
+        square_mm: side of a square, or distance of neighbouring circles (in an asymmetric grid half the
+            distance along a row, as OpenCV counts).
+        dictionary: of the ChArUco markers, as OpenCV names it.
+    """
+
+    kind: Kind
+    columns: int
+    rows: int
+    square_mm: float
+    dictionary: str = "DICT_4X4_250"
+
+    def __str__(self) -> str:
+        return f"{self.kind}:{self.columns}x{self.rows}"
+
+    @property
+    def has_corners(self) -> bool:
+        """Are its points corners of squares, which a window around them can refine?"""
+        return self.kind in ("chessboard", "charuco")
+
+    @property
+    def point_mm(self) -> Points3:
+        """(n, 3) its points, z = 0."""
+        if self.kind == "charuco":
+            return np.asarray(_charuco(self).getChessboardCorners(), dtype=np.float64)
+        row, column = (index.ravel().astype(np.float64) for index in np.indices((self.rows, self.columns)))
+        if self.kind == "circles-asymmetric":
+            column = 2 * column + row % 2
+        return np.column_stack([column, row, np.zeros(len(row))]) * self.square_mm
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Sighting:
+    """Points of a board in one picture.
+
+    Attributes:
+        number: (n,) which points.
+        place_px: (n, 2) where they are.
+    """
+
+    number: np.ndarray
+    place_px: Points2
+
+
+def board_of(text: str, square_mm: float) -> Board:
+    """The board that a text such as `chessboard:9x6` names.
+
+    Raises:
+        ManytouchError: no such board, too small, or an impossible size.
+    """
+    kind, _, rest = text.partition(":")
+    size, _, dictionary = rest.partition(":")
+    columns, _, rows = size.partition("x")
+    if kind not in get_args(Kind) or not (columns.isdecimal() and rows.isdecimal()):
+        raise ManytouchError(f"{text!r} is no board: give KIND:COLUMNSxROWS, such as {FORMS}")
+    if min(int(columns), int(rows)) < 3:
+        raise ManytouchError(f"the board {text!r} is too small: at least 3 by 3 points are needed")
+    if not (np.isfinite(square_mm) and square_mm > 0):
+        raise ManytouchError(f"a square of {square_mm:g} mm is impossible: measure one on the printed board")
+    if dictionary and (kind != "charuco" or not hasattr(cv2.aruco, dictionary)):
+        raise ManytouchError(
+            f"{dictionary!r} in {text!r} is no dictionary of ChArUco markers: give one of OpenCV's names, "
+            "such as charuco:8x6:DICT_5X5_100"
+        )
+    options = {"dictionary": dictionary} if dictionary else {}
+    board = Board(kind=kind, columns=int(columns), rows=int(rows), square_mm=square_mm, **options)  # type: ignore[arg-type]
+    if board.kind == "charuco":
+        _charuco(board)
+    return board
+
+
+def find_board(image: np.ndarray, board: Board) -> Sighting | None:
+    """Look for a board in a grey picture; None when it is not there.
+
+    A ChArUco board may be partly hidden (at least six of its corners must be seen); the others only
+    count when they are seen whole.
+    """
+    share = min(1.0, _SEARCH_WIDTH_PX / image.shape[1])
+    small = (
+        image if share == 1.0 else cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
+    )
+    found = _charuco_corners(small, board) if board.kind == "charuco" else _whole(small, board)
+    if found is None:
+        return None
+    number, place = found
+    place = (place + 0.5) / share - 0.5
+    sighting = Sighting(number=read_only(number), place_px=read_only(place))
+    if share < 1.0 and board.has_corners:
+        return refined(image, sighting, max(3, round(1.5 / share)))
+    if share < 1.0:
+        whole = _whole(image, board)
+        return None if whole is None else Sighting(number=read_only(whole[0]), place_px=read_only(whole[1]))
+    return sighting
+
+
+def refined(image: np.ndarray, sighting: Sighting, half_window_px: int) -> Sighting:
+    """Corners moved to where the gradients within a window say they are (Foerstner and Guelch, 1987)."""
+    place = np.ascontiguousarray(sighting.place_px, dtype=np.float32).reshape(-1, 1, 2).copy()
+    stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
+    window = (half_window_px, half_window_px)
+    moved = cv2.cornerSubPix(image, place, window, (-1, -1), stop)
+    return Sighting(
+        number=sighting.number, place_px=read_only(np.asarray(moved, dtype=np.float64).reshape(-1, 2))
+    )
+
+
+def spacing_px(sighting: Sighting) -> float:
+    """Least distance of two points, px."""
+    from scipy.spatial import KDTree
+
+    distance, _ = KDTree(sighting.place_px).query(sighting.place_px, k=2)
+    return float(distance[:, 1].min())
+
+
+def _whole(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:
+    """Boards of which every point must be seen."""
+    size = (board.columns, board.rows)
+    if board.kind == "chessboard":
+        flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
+        is_found, place = cv2.findChessboardCorners(image, size, flags=flags)
+        if not is_found:
+            is_found, place = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
+    else:
+        grid = (
+            cv2.CALIB_CB_SYMMETRIC_GRID if board.kind == "circles" else cv2.CALIB_CB_ASYMMETRIC_GRID
+        ) | cv2.CALIB_CB_CLUSTERING
+        is_found, place = cv2.findCirclesGrid(image, size, flags=grid)
+    if not is_found or place is None:
+        return None
+    place = np.asarray(place, dtype=np.float64).reshape(-1, 2)
+    return (np.arange(len(place)), place) if len(place) == board.columns * board.rows else None
+
+
+def _charuco_corners(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:
+    place, number, _, _ = cv2.aruco.CharucoDetector(_charuco(board)).detectBoard(image)
+    if place is None or number is None or len(number) < 6:
+        return None
+    number, place = np.asarray(number).ravel(), np.asarray(place, dtype=np.float64).reshape(-1, 2)
+    if np.linalg.matrix_rank(board.point_mm[number, :2] - board.point_mm[number[0], :2]) < 2:
+        return None
+    return number, place
+
+
+@lru_cache(maxsize=4)
+def _charuco(board: Board) -> cv2.aruco.CharucoBoard:
+    dictionary = cv2.aruco.getPredefinedDictionary(getattr(cv2.aruco, board.dictionary))
+    needed = board.columns * board.rows // 2
+    if needed > len(dictionary.bytesList):
+        raise ManytouchError(
+            f"the board {board} needs {needed} markers and {board.dictionary} has "
+            f"{len(dictionary.bytesList)}: name a larger dictionary, such as {board}:DICT_5X5_1000"
+        )
+    side = board.square_mm
+    return cv2.aruco.CharucoBoard((board.columns, board.rows), side, MARKER_SHARE * side, dictionary)
