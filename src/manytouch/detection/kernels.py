@@ -12,12 +12,14 @@ import numpy as np
 from numba import njit
 
 from manytouch.detection import lanes, planes
-from manytouch.detection.compilation import FAST, LEAF
+from manytouch.detection.compilation import FAST, LEAF, prefetch
 from manytouch.detection.light import PLANE_RADIUS, SAMPLES, choose_offsets, fit_light, walk_to_dot
 from manytouch.detection.plans import BLOCKS, CORE, LANES, RING, ROWS, WALK, WIDE, take_plan
 
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
 GAIN = 1.0 / (HIGH - LOW)
+AHEAD = 3  # dots
+LINE = 64  # bytes that memory gives at once
 
 
 @njit(cache=True, error_model="numpy")
@@ -288,6 +290,18 @@ def _measure_plain(
     return 1
 
 
+@njit(**LEAF)
+@no_type_check
+def _fetch(flat, channels, width, x, y, reach):
+    """Asks memory for a window that is measured soon: no machine foresees where dots lie."""
+    if not (abs(x) < 1e6 and abs(y) < 1e6):
+        return
+    line, first = LINE // flat.itemsize, (int(y) - reach) * width + int(x) - reach
+    for row in range(first, first + (2 * reach + 1) * width, width):
+        for at in range(row * channels, (row + 2 * reach) * channels + line, line):
+            prefetch(flat, at)
+
+
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def measure_dots(image, weights, near, radius, index, place, count, noise, walk, out):
@@ -310,6 +324,9 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
     shape, light, sums = np.empty((2, 7)), np.empty(9), np.empty(9)
     plan, planned = -1, 0.0
     for i in range(near.shape[0]):
+        if i + AHEAD < near.shape[0]:
+            soon = i + AHEAD
+            _fetch(flat, channels, width, near[soon, 0], near[soon, 1], count[index[soon], 4])
         out[i] = np.nan
         x, y = near[i, 0], near[i, 1]
         if not (x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5):
