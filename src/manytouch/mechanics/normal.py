@@ -1,0 +1,179 @@
+"""One Gauss-Newton step from the dots in the image to the shape of the sheet and the forces on it."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from manytouch.mechanics import band_kernels, shell_kernels
+from manytouch.mechanics.band import BandFactor, factorised
+from manytouch.mechanics.dots import Dots
+from manytouch.mechanics.patch import Nodal
+from manytouch.mechanics.shell import Shell
+
+LEAST_DAMPING = 1e-9  # of the largest diagonal entry, when the matrix cannot be factorised without
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Linearisation:
+    """The sheet at some coefficients.
+
+    Attributes:
+        displacement_px: (m, 2) of the dots' images from rest.
+        force: (nodes, 3) over E, mm^2; a press has force z < 0.
+        balance: (nodes, 3) the same along the deformed sheet: f_u + w,x f_w, f_v + w,y f_w, and f_w.
+    """
+
+    displacement_px: Float64[np.ndarray, "m 2"]
+    force: Nodal
+    balance: Nodal
+
+
+@dataclass(eq=False, kw_only=True)
+class NormalEquations:
+    """The normal equations of the dots' residuals and the weighted forces, with room to build them in.
+
+    Minimised is sum r^T W r + sum weight (T f)^2 (docs/derivations/mechanics.md, "Step"). The object
+    keeps its buffers from one step to the next; what it returns depends on the arguments only. `step`
+    uses the last `linearise`, the read-outs of H use the last `step`.
+
+    Attributes:
+        shell: the sheet.
+        dots: what is seen of it.
+        damping: what had to be added to the diagonal of the last H, over its largest entry.
+    """
+
+    shell: Shell
+    dots: Dots
+    damping: float = field(default=0.0, init=False)
+
+    def __post_init__(self) -> None:
+        patch = self.shell.patch
+        fast = patch.shape[1]
+        reach = 2 * shell_kernels.REACH
+        self._width = 3 * reach * (fast + 1) + 2
+        self._front = 8 * (self._width + 1)
+        unknowns = 3 * patch.node_count
+        self._flat = np.zeros(2 * self._front + unknowns * (self._width + 1))
+        self._tangent = self.shell.empty_tangent()
+        self._force = np.zeros((patch.node_count, 3))
+        self._slope = np.zeros((patch.node_count, 2))
+        self._derivative = np.zeros((len(self.dots.rest_mm), 2, 16, 3))
+        self._at_nodes = patch.at(patch.place_mm)
+        self._first, _ = patch.window(patch.place_mm)
+        self._table_x, self._table_y = (
+            np.ascontiguousarray(table.reshape(-1, 4, 4))
+            * patch.is_free[self._at_nodes.node, 2].reshape(-1, 4, 4)
+            for table in (self._at_nodes.dx, self._at_nodes.dy)
+        )
+        self._held = np.flatnonzero(~patch.is_free.ravel())
+        self._factor: BandFactor | None = None
+
+    def linearise(self, coefficient_mm: Nodal) -> Linearisation:
+        """Work out forces, tangent and dots at these coefficients."""
+        self.shell.forces_and_tangent(coefficient_mm, self._force, self._tangent)
+        self._derivative = self.dots.derivative_px(coefficient_mm)
+        self._derivative *= self.shell.patch.is_free[self.dots.tips.basis.node][:, None]
+        w = coefficient_mm[self._at_nodes.node, 2]
+        self._slope[:, 0] = (self._at_nodes.dx * w).sum(axis=1)
+        self._slope[:, 1] = (self._at_nodes.dy * w).sum(axis=1)
+        force = self._force.copy()
+        balance = force.copy()
+        balance[:, :2] += self._slope * force[:, 2:]
+        balance[~self.shell.patch.is_free] = 0.0
+        return Linearisation(
+            displacement_px=self.dots.displacement_px(coefficient_mm), force=force, balance=balance
+        )
+
+    def step(
+        self,
+        residual_px: Float64[np.ndarray, "m 2"],
+        information_per_px2: Float64[np.ndarray, "m 2 2"],
+        force_weight_per_mm4: Nodal,
+    ) -> Nodal:
+        """The change of the coefficients (mm) that minimises the linearised objective.
+
+        Args:
+            residual_px: predicted minus measured displacement of each dot.
+            information_per_px2: W, inverse covariance times robust weight; 0 for a dot that is not seen.
+            force_weight_per_mm4: of the balance's tangential x and y and of the normal forces.
+        """
+        residual = np.where(information_per_px2[:, [0, 1], [0, 1]] == 0.0, 0.0, residual_px)
+        damping = 0.0
+        while True:
+            gradient = self._assemble(residual, information_per_px2, force_weight_per_mm4, damping)
+            factor = factorised(self._matrix)
+            if factor is not None:
+                break
+            damping = max(LEAST_DAMPING, 10.0 * damping)
+        self._factor, self.damping = factor, damping
+        change: Nodal = -factor.solve(gradient[None])[0].reshape(-1, 3)
+        return change
+
+    def force_change(self, change_mm: Nodal) -> Nodal:
+        """K times a change of the coefficients: the change of the forces over E, mm^2."""
+        return self.shell.product(self._tangent, change_mm)
+
+    def balance_change(self, change_mm: Nodal) -> Nodal:
+        """Change of the balance T f, to first order."""
+        change = self.force_change(change_mm)
+        w = change_mm[self._at_nodes.node, 2]
+        force_z = self._force[:, 2]
+        change[:, 0] += self._slope[:, 0] * change[:, 2] + force_z * (self._at_nodes.dx * w).sum(axis=1)
+        change[:, 1] += self._slope[:, 1] * change[:, 2] + force_z * (self._at_nodes.dy * w).sum(axis=1)
+        change[~self.shell.patch.is_free] = 0.0
+        return change
+
+    def force_row(self, share: Float64[np.ndarray, " nodes"], component: int) -> Nodal:
+        """Derivative of sum_j share_j f_j,component with respect to the coefficients."""
+        chosen = np.zeros((len(share), 3))
+        chosen[:, component] = share
+        return self.force_change(chosen * self.shell.patch.is_free)  # K is symmetric
+
+    def solve(self, right: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k nodes 3"]:
+        """H^-1 times each right-hand side."""
+        return self._last.solve(right.reshape(len(right), -1)).reshape(right.shape)
+
+    def covariance(self, rows: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k k"]:
+        """Covariance of linear read-outs rows . c."""
+        white = self._last.whitened((rows * self.shell.patch.is_free).reshape(len(rows), -1))
+        return np.asarray(white @ white.T)
+
+    def variances(
+        self, node: Int64[np.ndarray, "k 16"], row: Float64[np.ndarray, "k 16 3"]
+    ) -> Float64[np.ndarray, " k"]:
+        """Variances of many read-outs that touch 16 nodes each."""
+        dense = np.zeros((len(node), self.shell.patch.node_count, 3))
+        np.put_along_axis(dense, node[:, :, None], row * self.shell.patch.is_free[node], axis=1)
+        white = self._last.whitened(dense.reshape(len(node), -1))
+        return np.asarray((white**2).sum(axis=1))
+
+    @property
+    def _last(self) -> BandFactor:
+        if self._factor is None:
+            raise ValueError("the normal equations have no matrix yet: call `step` first")
+        return self._factor
+
+    @property
+    def _matrix(self) -> Float64[np.ndarray, "n band"]:
+        return self._flat[self._front : -self._front].reshape(-1, self._width + 1)
+
+    def _assemble(
+        self, residual: np.ndarray, information: np.ndarray, weight: Nodal, damping: float
+    ) -> Float64[np.ndarray, " n"]:
+        """H into the buffer; returns the gradient."""
+        patch = self.shell.patch
+        self._flat[:] = 0.0
+        gradient = np.zeros(3 * patch.node_count)
+        place = (patch.shape, self._front, self._width, self._flat, gradient)
+        band_kernels.add_forces(
+            self._tangent, self._force, self._slope, self._first, self._table_x, self._table_y, weight,
+            patch.shape, patch.is_free, *place[1:],
+        )  # fmt: skip
+        derivative = self._derivative.reshape(-1, 2, 4, 12)
+        band_kernels.add_dots(derivative, residual, information, self.dots.first, *place)
+        diagonal = self._matrix[:, 0]
+        diagonal += damping * diagonal.max()
+        diagonal[self._held] = 1.0
+        gradient[self._held] = 0.0
+        return gradient

@@ -1,0 +1,129 @@
+"""From the bent sheet to the image: signs, the lever, the deformed disc, derivatives."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from manytouch.geometry.camera import project
+from manytouch.mechanics import projection_kernels
+from manytouch.mechanics.dots import Dots, Face
+from manytouch.mechanics.patch import SplinePatch
+from manytouch.mechanics.shell import Shell
+from manytouch.values import Camera
+
+H = 1e-4
+
+
+def cameras(camera: Camera) -> list[Camera]:
+    fisheye = replace(camera, model="fisheye", distortion=np.array([0.05, -0.02, 0.01, 0.003]))
+    return [camera, fisheye]
+
+
+def test_the_kernels_project_as_the_cameras_do(camera: Camera) -> None:
+    point = np.random.default_rng(0).normal(size=(20, 3)) * [20.0, 15.0, 5.0]
+    for each in cameras(camera):
+        flat = projection_kernels.parameters(each)
+        found = np.array([projection_kernels.pixel(flat, *xyz) for xyz in point])
+        np.testing.assert_allclose(found, project(each, point), atol=1e-9)
+
+
+def test_the_slope_of_the_projection(camera: Camera) -> None:
+    out = np.empty((2, 3))
+    for each in cameras(camera):
+        flat = projection_kernels.parameters(each)
+        for xyz in np.random.default_rng(0).normal(size=(5, 3)) * [20.0, 15.0, 5.0]:
+            projection_kernels.slope(flat, *xyz, out)
+            expected = [
+                (project(each, (xyz + h)[None]) - project(each, (xyz - h)[None]))[0] / (2 * H)
+                for h in H * np.eye(3)
+            ]
+            np.testing.assert_allclose(out, np.transpose(expected), rtol=1e-6, atol=1e-6)
+
+
+def test_a_press_comes_nearer_to_the_camera_and_moves_dots_outwards(dots: Dots, patch: SplinePatch) -> None:
+    straight = replace(dots.camera, rotation_vector=np.zeros(3), translation_mm=np.array([0.0, 0.0, 90.0]))
+    seen = replace(dots, camera=replace(straight, distortion=np.zeros(5)))
+    down = np.zeros((patch.node_count, 3))
+    down[:, 2] = -2.0  # in the middle, far from a clamped outline, an even shift
+    moved = seen.displacement_px(down * patch.is_free)
+    middle = np.linalg.norm(dots.rest_mm[:, :2] - np.array(patch.centre_mm), axis=1) < 6.0
+    outwards = (moved * dots.rest_mm[:, :2]).sum(axis=1)[middle]
+    assert (outwards[np.linalg.norm(dots.rest_mm[middle, :2], axis=1) > 0.5] > 0.0).all()
+    depth = -seen.displacement_mm(down * patch.is_free)[middle, 2]
+    np.testing.assert_allclose(depth, 2.0, atol=0.05)
+
+
+@pytest.mark.parametrize("height_mm", [0.0, 0.7])
+def test_the_lever_follows_a_rigid_motion(camera: Camera, height_mm: float) -> None:
+    """A turned sheet carries its dots along as a solid does: the middle surface lies above them."""
+    patch = SplinePatch(size_mm=(40.0, 30.0), elements=(9, 7), boundary="soft")
+    shell = Shell(patch=patch, thickness_mm=3.0)
+    cos, sin = np.cos(0.2), np.sin(0.2)
+    turn = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+    lift = 1.5 + height_mm  # of the middle surface over the dots
+    middle = np.column_stack([patch.place_mm, np.full(patch.node_count, lift)])
+    face = Face(shell=shell, point_mm=np.array([[4.0, 3.0], [-11.0, 2.0]]), height_mm=height_mm)
+    rest = np.column_stack([face.point_mm, np.zeros(2)])
+    np.testing.assert_allclose(face.displacement(middle @ turn.T - middle), rest @ turn.T - rest, atol=1e-12)
+
+
+def test_the_camera_side_of_a_hollow_is_stretched() -> None:
+    """Where the camera-side face bulges to the camera its points spread, and the sheet gets thinner."""
+    patch = SplinePatch(size_mm=(40.0, 30.0), elements=(9, 7), boundary="soft")
+    shell = Shell(patch=patch, thickness_mm=3.0)
+    bowl = np.zeros((patch.node_count, 3))
+    bowl[:, 2] = 0.01 * (patch.place_mm**2).sum(axis=1)
+    face = Face(shell=shell, point_mm=np.array([[-1.0, 0.0], [0.0, 0.0], [1.0, 0.0]]))
+    moved = face.displacement(bowl)
+    curvature = 0.02
+    assert moved[2, 0] - moved[0, 0] == pytest.approx(2.0 * 1.5 * curvature, rel=0.03)
+    thinning = 0.45 / 0.55 * 0.75 * 2.0 * curvature * 1.5
+    assert moved[1, 2] - patch.at(np.zeros((1, 2))).field(bowl)[0, 2] == pytest.approx(thinning, rel=0.01)
+
+
+def test_derivatives_of_the_face(shell: Shell, bent_mm: np.ndarray, dots: Dots) -> None:
+    face = Face(shell=shell, point_mm=np.ascontiguousarray(dots.rest_mm[:, :2]), height_mm=0.4)
+    way = np.random.default_rng(3).normal(size=bent_mm.shape) * shell.patch.is_free
+    expected = (face.displacement(bent_mm + H * way) - face.displacement(bent_mm - H * way)) / (2 * H)
+    found = np.einsum("kinj,knj->ki", face.derivative(bent_mm), way[face.basis.node])
+    np.testing.assert_allclose(found, expected, atol=1e-6)
+
+
+def fine_centroid_px(dots: Dots, coefficient_mm: np.ndarray, number: int) -> np.ndarray:
+    """Image-area centroid of a dot from many small triangles of its disc."""
+    angle = np.linspace(0.0, 2.0 * np.pi, 241)[:-1]
+    ring = np.column_stack([np.cos(angle), np.sin(angle)]) * dots.radius_mm[number]
+    place = dots.rest_mm[number, :2] + np.concatenate([ring, np.zeros((1, 2))])
+    face = Face(shell=dots.shell, point_mm=place)
+    point = np.column_stack([place, np.zeros(len(place))]) + face.displacement(coefficient_mm)
+    pixel = project(dots.camera, point)
+    a, b = pixel[:-1] - pixel[-1], np.roll(pixel[:-1], -1, axis=0) - pixel[-1]
+    area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    return np.asarray(pixel[-1] + (area[:, None] * (a + b)).sum(axis=0) / (3.0 * area.sum()))
+
+
+def test_the_prediction_is_the_centroid_of_the_disc_in_the_image(dots: Dots, bent_mm: np.ndarray) -> None:
+    rest = np.zeros_like(bent_mm)
+    found, centre = dots.displacement_px(bent_mm), dots.displacement_mm(bent_mm)
+    pixel = project(dots.camera, dots.rest_mm + centre) - project(dots.camera, dots.rest_mm)
+    chosen = np.argsort(-np.linalg.norm(found - pixel, axis=1))[:6]
+    expected = np.array(
+        [fine_centroid_px(dots, bent_mm, i) - fine_centroid_px(dots, rest, i) for i in chosen]
+    )
+    wrong_without = np.linalg.norm(pixel[chosen] - expected, axis=1)
+    wrong = np.linalg.norm(found[chosen] - expected, axis=1)
+    assert (wrong < 0.15 * wrong_without).all()
+
+
+def test_the_derivative_is_exact_for_points_and_close_for_discs(dots: Dots, bent_mm: np.ndarray) -> None:
+    way = np.random.default_rng(3).normal(size=bent_mm.shape) * dots.shell.patch.is_free
+    found = np.einsum("manj,mnj->ma", dots.derivative_px(bent_mm), way[dots.tips.basis.node])
+
+    def numeric(seen: Dots) -> np.ndarray:
+        return (seen.displacement_px(bent_mm + H * way) - seen.displacement_px(bent_mm - H * way)) / (2 * H)
+
+    points = replace(dots, radius_mm=dots.radius_mm * 1e-3)
+    size = np.sqrt((found**2).mean())
+    np.testing.assert_allclose(found, numeric(points), atol=1e-4 * size)
+    assert np.sqrt(((found - numeric(dots)) ** 2).mean()) < 0.15 * size
