@@ -190,8 +190,8 @@ def test_one_bad_input_does_not_stop_the_others(run: Run, tmp_path: Path, video:
     assert (tmp_path / "out" / "press" / "summary.json").is_file()
 
 
-def test_cameras_come_later(run: Run) -> None:
-    refused(run("run", "0"), "camera", "not supported")
+def test_a_camera_that_is_not_there(run: Run) -> None:
+    refused(run("run", "97"), "camera", "does not open")
 
 
 def test_debug_shows_where_it_happened(run: Run) -> None:

@@ -8,14 +8,18 @@ from manytouch.cli import options
 
 
 def doctor(
-    source: Annotated[str | None, Parameter(help="Video, image, folder of images, or sim:.")] = None,
+    source: Annotated[
+        str | None,
+        Parameter(help=options.SOURCE_WORDS),
+    ] = None,
     /,
     *,
     roi: options.RoiPx = None,
 ) -> int:
     """Say what works on this machine and, with a source, how well its dots can be read.
 
-    Of a source: dots, contrast, focus, exposure, the arrangement found or why there
+    Of a camera: what it says of size, rate, exposure and focus, and how many
+    pictures really come. Of any source: dots, contrast, focus, exposure, the arrangement found or why there
     is none, noise; each with a remedy where it is poor.
 
     Example: manytouch doctor press.mp4

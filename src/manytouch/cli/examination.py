@@ -7,11 +7,13 @@ import numpy as np
 
 from manytouch import calibration
 from manytouch.calibration import LayoutReport
+from manytouch.cli.camera import rate_in_words, settings_in_words
 from manytouch.detection import Appearance, measure, noise_of, survey
 from manytouch.detection.search import cropped, level_of
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session import REST_FRAMES, Roi, check_region
 from manytouch.sources import Source, open_source
+from manytouch.sources.source import Device
 from manytouch.values import Detections, Frame
 
 LOW_CONTRAST, SMALL_RADIUS_PX, SOFT_EDGE_PX = 20.0, 2.5, 3.5
@@ -26,6 +28,19 @@ def examine(text: str, roi_px: Roi | None = None) -> Iterator[str]:
         SourceError: it cannot be opened, or its first frames cannot be decoded.
     """
     source = open_source(text)
+    if not isinstance(source, Device):
+        yield from _examined(source, text, roi_px)
+        return
+    try:
+        yield from settings_in_words(source.settings)
+        yield rate_in_words(source)
+        source.is_colour = True
+        yield from _examined(source, text, roi_px)
+    finally:
+        source.close()
+
+
+def _examined(source: Source, text: str, roi_px: Roi | None) -> Iterator[str]:
     check_region(source, text, roi_px)
     yield _source_in_words(source)
     frames = [frame for frame in islice(source, REST_FRAMES) if frame.image is not None]

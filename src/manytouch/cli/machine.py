@@ -10,12 +10,18 @@ from pathlib import Path
 import numpy as np
 
 import manytouch
+from manytouch.cli.camera import cameras_in_words
 from manytouch.session import kernels
 from manytouch.sinks.summary import installed
 from manytouch.sources.quiet_opencv import cv2
 
 PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "pyarrow", "pydantic")
-EXTRAS = {"surface": ("zarr", "depth maps, --surface"), "plot": ("matplotlib", "pictures of the surface")}
+EXTRAS = {
+    "surface": ("zarr", "depth maps, --surface"),
+    "plot": ("matplotlib", "pictures of the surface"),
+    "record": ("mcap", "recordings, --record"),
+    "view": ("nicegui", "viewer"),
+}
 CODECS = {"MPEG-4": ("mp4v", ".mp4"), "Xvid": ("XVID", ".avi"), "Motion JPEG": ("MJPG", ".avi")}
 CODECS |= {"FFV1": ("FFV1", ".avi")}
 IMAGES = (".png", ".jpg", ".tif", ".bmp", ".webp")
@@ -30,6 +36,7 @@ def machine_in_words() -> Iterator[str]:
         found = installed(package)
         remedy = f"not installed: pip install 'manytouch[{extra}]'"
         yield f"extra {extra} ({purpose}): {remedy if found is None else f'{package} {found}'}"
+    yield cameras_in_words()
     yield _kernels_in_words()
     yield from _decoding_in_words()
 

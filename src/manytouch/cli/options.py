@@ -1,6 +1,7 @@
 """Options that several verbs share, and how their words become values."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
@@ -41,6 +42,31 @@ def _frames(_: Any, tokens: Sequence[Token]) -> tuple[int, ...]:
     return tuple(int(word) for word in words)
 
 
+def _size(_: Any, tokens: Sequence[Token]) -> tuple[int, int]:
+    words = tokens[0].value.lower().split("x")
+    if len(words) != 2 or not all(word.isdecimal() and int(word) > 0 for word in words):
+        raise ValueError(f"expected WIDTHxHEIGHT in px such as 2560x1440, found {tokens[0].value!r}")
+    return int(words[0]), int(words[1])
+
+
+def _amount(_: Any, tokens: Sequence[Token]) -> float | str:
+    text = tokens[0].value
+    if text == "auto":
+        return text
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"expected a number or auto, found {text!r}") from None
+    if not value >= 0:
+        raise ValueError(f"expected a number from 0, or auto, found {text}")
+    return value
+
+
+def _asked(name: str, metavar: str, words: str, converter: Any = _amount) -> Parameter:
+    """Something to ask a camera for."""
+    return Parameter(name=name, metavar=metavar, converter=converter, n_tokens=1, group="Camera", help=words)
+
+
 def positive(what: str, below: float | None = None) -> Any:
     """A converter for numbers above 0, and below a limit where there is one."""
 
@@ -64,6 +90,7 @@ def folder(words: str) -> Parameter:
     return Parameter(negative=(), metavar="DIR", help=words)
 
 
+SOURCE_WORDS = "Camera (0, /dev/video2), address of a stream, video, image, folder of images, or sim:."
 NoView = Annotated[bool, switch("Without viewer; this release has none, so it changes nothing.")]
 SensorFile = Annotated[
     str | None,
@@ -125,5 +152,29 @@ Fps = Annotated[
         converter=positive("a number of frames per second"),
         n_tokens=1,
         help="Frames per second, where the input does not say or says wrong.",
+    ),
+]
+Size = Annotated[Any, _asked("--size", "WxH", "Size of the camera's pictures, px.", _size)]
+ExposureMs = Annotated[Any, _asked("--exposure-ms", "T|auto", "Exposure time of the camera.")]
+Gain = Annotated[Any, _asked("--gain", "G", "Gain, in the camera's own unit.", positive("a gain"))]
+Focus = Annotated[Any, _asked("--focus", "F|auto", "Focus, in the camera's own unit.")]
+WhiteBalanceK = Annotated[Any, _asked("--white-balance-K", "T|auto", "Colour temperature of the light.")]
+NoMjpg = Annotated[
+    bool,
+    Parameter(
+        name="--no-mjpg",
+        negative=(),
+        show_default=False,
+        group="Camera",
+        help="Do not ask for Motion JPEG; large pictures then come slowly over USB.",
+    ),
+]
+RecordFile = Annotated[
+    Path | None,
+    Parameter(
+        name="--record",
+        negative=(),
+        metavar="FILE.mcap",
+        help="Record the pictures as they come, and the readings, to be replayed or opened in Foxglove.",
     ),
 ]

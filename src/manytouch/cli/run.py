@@ -9,7 +9,10 @@ from manytouch.cli import options
 
 
 def run(
-    source: Annotated[str, Parameter(help="Video, image, folder of images, or sim:.")],
+    source: Annotated[
+        str,
+        Parameter(help=options.SOURCE_WORDS),
+    ],
     /,
     *,
     sensor: options.SensorFile = None,
@@ -22,6 +25,12 @@ def run(
     hfov_deg: options.HfovDeg = None,
     roi: options.RoiPx = None,
     fps: options.Fps = None,
+    size: options.Size = None,
+    exposure_ms: options.ExposureMs = None,
+    gain: options.Gain = None,
+    focus: options.Focus = None,
+    white_balance_K: options.WhiteBalanceK = None,
+    no_mjpg: options.NoMjpg = False,
     no_view: Annotated[
         bool,
         Parameter(
@@ -33,16 +42,19 @@ def run(
 ) -> int:
     """Read a source at its own pace and print contacts as they come and go.
 
-    Files and the simulated sensor in this release, paced at their own rate or at
-    --fps; every frame is read, so a slow machine falls behind instead of dropping
-    any. Ctrl-C ends it, with complete files.
+    A camera is asked for size, rate and light, and what it says is printed. When
+    reading is too slow whole frames of a camera are dropped, and counted; files and
+    the simulated sensor keep their own pace, or --fps, and every frame is read.
+    Ctrl-C ends it, with complete files.
 
-    Example: manytouch run press.mp4 --out results
+    Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
+    from manytouch.cli.camera import settings_in_words
     from manytouch.cli.console import Reporter
     from manytouch.cli.contact_log import ContactLog
     from manytouch.cli.stopping import Stop
     from manytouch.session import Live, files_in, prepare, result_name
+    from manytouch.sources.capture import CameraWishes
 
     reporter = Reporter(bar=False)
     with Stop() as stop:
@@ -54,10 +66,20 @@ def run(
             hfov_deg=hfov_deg,
             roi_px=roi,
             fps=fps,
+            camera=CameraWishes(
+                size_px=size,
+                is_mjpg=not no_mjpg,
+                exposure_ms=exposure_ms,
+                gain=gain,
+                focus=focus,
+                white_balance_K=white_balance_K,
+            ),
             progress=reporter,
         )
         log = ContactLog(job.sensor, reporter.say, getattr(job.source, "truth", None))
         live = Live(job)
+        for line in settings_in_words(live.health().settings):
+            reporter.say(line)
         if out is None:
             live.run([log], progress=reporter, stop=stop)
             return 0

@@ -1,7 +1,7 @@
 """An input that is open, with its sensor and the pipeline to read it."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -11,7 +11,10 @@ from manytouch.errors import SensorError, SourceError
 from manytouch.pipeline import Pipeline
 from manytouch.session.methods import METHODS, Roi, kernels, pipeline_for
 from manytouch.sources import Source, open_source
+from manytouch.sources.camera import without_password
+from manytouch.sources.capture import CameraWishes
 from manytouch.sources.images import ImagesSource
+from manytouch.sources.source import Device
 from manytouch.values import Frame, Reading, Sensor
 from manytouch.values.sensor_file import load_sensor
 
@@ -94,6 +97,7 @@ def prepare(
     hfov_deg: float | None = None,
     roi_px: Roi | None = None,
     fps: float | None = None,
+    camera: CameraWishes | None = None,
     progress: Watch | None = None,
 ) -> Job:
     """Open an input and know its sensor.
@@ -106,6 +110,7 @@ def prepare(
         hfov_deg: horizontal field of view of the camera; None assumes 60 degrees.
         roi_px: x, y, width, height of the part of the image to look at.
         fps: frame rate to use instead of the source's own.
+        camera: what to ask a camera for; the size is the sensor's unless it is asked for.
         progress: told when something takes long.
 
     Raises:
@@ -121,23 +126,14 @@ def prepare(
             f"the sensor {given.name!r} already says pitch and camera: "
             "give either a sensor file or --pitch-mm and --hfov-deg"
         )
-    source, text = _opened(input, fps)
+    source, text = _opened(input, fps, _sized(camera, given))
     if progress is not None and not any(kernels().values()):
         progress.say("compiling, once: this takes some seconds now, and none in later runs")
-    check_region(source, text, roi_px)
-    if given is not None:
-        _check_fit(source, text, given)
-    frames = iter(source)
-    first = tuple(islice(frames, REST_FRAMES))
-    if not first:
-        raise SourceError(f"{text} holds no frame; give a video or pictures that show the dotted sheet")
-    own = getattr(source, "sensor", None)
-    if given is not None:
-        found = refer(given, first, roi_px=roi_px)
-    elif own is not None:
-        found = own
-    else:
-        found = sensor_from_rest(first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px)
+    try:
+        found, first, frames = _met(source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px)
+    except BaseException:
+        close(source)
+        raise
     return Job(
         text=text,
         source=source,
@@ -150,10 +146,55 @@ def prepare(
     )
 
 
-def _opened(given: str | Path | Source, fps: float | None) -> tuple[Source, str]:
+def close(source: Source) -> None:
+    """Let go of the source's device, where it has one."""
+    if isinstance(source, Device):
+        source.close()
+
+
+def _met(
+    source: Source,
+    text: str,
+    given: Sensor | None,
+    *,
+    pitch_mm: Pitch | None,
+    hfov_deg: float | None,
+    roi_px: Roi | None,
+) -> tuple[Sensor, tuple[Frame, ...], Iterator[Frame]]:
+    """The sensor as the first frames show it, these, and the frames after them."""
+    check_region(source, text, roi_px)
+    if given is not None:
+        _check_fit(source, text, given)
+    if isinstance(source, Device):
+        source.is_colour = True  # for the first frames, which tell whether colour is needed
+    frames = iter(source)
+    first = tuple(islice(frames, REST_FRAMES))
+    if not first:
+        raise SourceError(f"{text} holds no frame; give a video or pictures that show the dotted sheet")
+    own = getattr(source, "sensor", None)
+    if given is not None:
+        found = refer(given, first, roi_px=roi_px)
+    elif own is not None:
+        found = own
+    else:
+        found = sensor_from_rest(first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px)
+    if isinstance(source, Device):
+        source.is_colour = found.layout is not None and found.layout.colour_weights is not None
+    return found, first, frames
+
+
+def _sized(camera: CameraWishes | None, sensor: Sensor | None) -> CameraWishes:
+    """The wishes, with the size of the sensor's camera where no size was asked for."""
+    wishes = CameraWishes() if camera is None else camera
+    if sensor is None or wishes.size_px is not None:
+        return wishes
+    return replace(wishes, size_px=(sensor.camera.width_px, sensor.camera.height_px))
+
+
+def _opened(given: str | Path | Source, fps: float | None, camera: CameraWishes) -> tuple[Source, str]:
     """A source and what to call it."""
     if isinstance(given, str | Path):
-        return open_source(str(given), fps=fps), str(given)
+        return open_source(str(given), fps=fps, camera=camera), without_password(str(given))
     return given, given.name
 
 

@@ -12,12 +12,13 @@ from manytouch.errors import ManytouchError
 from manytouch.pipeline import Pipeline, Sight, Sink
 from manytouch.session.continuity import Continuity
 from manytouch.session.handover import HandOver
-from manytouch.session.job import Job, Watch
+from manytouch.session.job import Job, Watch, close
 from manytouch.session.meter import Meter
 from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.tare import TARE_FRAMES, tared
 from manytouch.session.tuning import parameters_of, tuned
+from manytouch.sources.source import Device
 from manytouch.values import (
     Command,
     Frame,
@@ -93,7 +94,7 @@ class Live:
         layout = setup.sensor.layout
         return Health(
             is_running=not self._is_held,
-            source=getattr(source, "status", "ok"),
+            source=source.status if isinstance(source, Device) else "ok",
             fps=self._meter.fps,
             latency_ms_p50=middle,
             latency_ms_p99=late,
@@ -104,7 +105,7 @@ class Live:
             method=setup.method,
             methods=METHODS,
             parameters=parameters_of(setup.pipeline),
-            settings=getattr(source, "settings", ()),
+            settings=source.settings if isinstance(source, Device) else (),
             notes=tuple(self._notes),
             can_press=hasattr(source, "press"),
             sensor_version=setup.version,
@@ -127,6 +128,7 @@ class Live:
         with ExitStack() as closing:
             for sink in reversed(sinks):
                 closing.callback(sink.close)
+            closing.callback(close, self._job.source)
             if progress is not None:
                 self._say = progress.say
                 progress.begin(self._job)
@@ -145,9 +147,7 @@ class Live:
 
     def _end(self) -> None:
         self._is_over.set()
-        close = getattr(self._job.source, "close", None)
-        if close is not None:
-            close()
+        close(self._job.source)
 
     def _told(self, stream: Iterator[Setup | Sight]) -> Iterator[Reading]:
         """Readings, in the calling thread."""

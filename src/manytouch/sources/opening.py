@@ -3,23 +3,33 @@
 import difflib
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 
 from manytouch.errors import SourceError
+from manytouch.sources.capture import CameraWishes
 from manytouch.sources.images import IMAGE_SUFFIXES, folder_source, image_source
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import Source
 from manytouch.sources.video import VIDEO_SUFFIXES, video_source
 
-SUPPORTED = "a video file, an image, a folder of images, or sim: for the simulated sensor"
+SUPPORTED = (
+    "a camera's number or device, the address of a stream, a video file, an image, a folder of images, "
+    "or sim: for the simulated sensor"
+)
 
 
-def open_source(text: str | os.PathLike[str], *, fps: float | None = None) -> Source:
+def open_source(
+    text: str | os.PathLike[str], *, fps: float | None = None, camera: CameraWishes | None = None
+) -> Source:
     """The source of frames that a text names; nothing is read yet but the first picture.
 
     Args:
-        text: path of a video, an image or a folder of images; `sim:` or `sim:SCENE`.
-        fps: rate in frames per second that the timestamps follow instead of the source's own.
+        text: path of a video, an image or a folder of images; number, device or address of a camera; `sim:`
+            or `sim:SCENE`.
+        fps: rate in frames per second that the timestamps follow instead of the source's own; of a camera the
+            rate to ask for.
+        camera: what else to ask a camera for.
 
     Raises:
         SourceError: there is no such thing, or it cannot be decoded.
@@ -34,10 +44,22 @@ def open_source(text: str | os.PathLike[str], *, fps: float | None = None) -> So
     if not text.strip():
         raise SourceError(f"The name of the source is empty: give {SUPPORTED}.")
     path = Path(text).expanduser()
+    if is_camera(text):
+        from manytouch.sources.camera import camera_source
+
+        wishes = CameraWishes() if camera is None else camera
+        return camera_source(text, wishes if fps is None else replace(wishes, fps=fps))
     try:
         return _file_source(text, path, fps)
     except OSError as error:
         raise SourceError(f"{text!r} cannot be read: {error.strerror or error}.") from error
+
+
+def is_camera(text: str) -> bool:
+    """Does a text name a camera or a stream?"""
+    if text.isdigit():
+        return not Path(text).exists()
+    return "://" in text or text.startswith("/dev/video") or Path(text).is_char_device()
 
 
 def _file_source(text: str, path: Path, fps: float | None) -> Source:
@@ -69,10 +91,6 @@ def _folder_source(path: Path, fps: float | None) -> Source:
 def _why_not(text: str, path: Path) -> str:
     """The sentence for something that is neither a file nor a folder that can be opened."""
     later = f"is not supported in this version: give {SUPPORTED}."
-    if text.isdigit() or path.is_char_device() or text.startswith("/dev/video"):
-        return f"The camera {text!r} {later}"
-    if "://" in text:
-        return f"The stream {text!r} {later}"
     if path.suffix.lower() == ".mcap":
         return f"The recording {text!r} {later}"
     parent = next(parent for parent in path.absolute().parents if parent.is_dir())

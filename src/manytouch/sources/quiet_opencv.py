@@ -1,11 +1,13 @@
 """OpenCV without its own messages: what is wrong with a file is said once, by the source.
 
-FFmpeg's level is read from the environment when the first video is opened, so it is set on import.
+FFmpeg's level is read from the environment when the first video is opened, so it is set on import; and so
+is how long a silent camera is waited for on Linux.
 """
 
 import os
 
 os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+os.environ.setdefault("OPENCV_VIDEOIO_V4L_SELECT_TIMEOUT", "2")  # seconds
 
 import cv2
 

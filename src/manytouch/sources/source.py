@@ -1,9 +1,9 @@
 """What every source of frames can be asked."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Protocol, runtime_checkable
 
-from manytouch.values import Frame
+from manytouch.values import Frame, Setting
 
 ASSUMED_FPS = 30.0  # where a source does not say its own rate
 
@@ -39,6 +39,27 @@ class Source(Protocol):
     def is_live(self) -> bool: ...
 
     def __iter__(self) -> Iterator[Frame]: ...
+
+
+@runtime_checkable
+class Device(Source, Protocol):
+    """A source that holds a camera or a connection.
+
+    Attributes:
+        status: "ok", or a sentence about what is wrong.
+        settings: what it was asked for, and what it says.
+        is_colour: decode in colour?
+    """
+
+    status: str
+    settings: tuple[Setting, ...]
+    is_colour: bool
+
+    def listen(self, tap: Callable[[Frame], None] | None) -> None:
+        """Hand every frame to `tap` as it arrives, before any may be dropped; None ends that."""
+
+    def close(self) -> None:
+        """Let go of it; iterations end."""
 
 
 def evenly_timed_ns(index: int, fps: float | None) -> int:

@@ -8,11 +8,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from cameras import Driver
 from clips import picture, press_of
 from manytouch.pipeline import Controls
 from manytouch.session import Live, prepare, read_all
 from manytouch.session.handover import HandOver
 from manytouch.sinks.latest_only import LatestOnly
+from manytouch.sources.camera import CameraSource
+from manytouch.sources.capture import CameraWishes, open_camera
 from manytouch.values import (
     Command,
     Frame,
@@ -43,7 +46,6 @@ class Pictures:
     width_px: int = 320
     height_px: int = 240
     pressed: list[Command] = field(default_factory=list)
-    is_closed: bool = False
 
     @property
     def frame_count(self) -> int:
@@ -65,9 +67,6 @@ class Pictures:
 
     def press(self, command: Command) -> None:
         self.pressed.append(command)
-
-    def close(self) -> None:
-        self.is_closed = True
 
 
 class Seen:
@@ -219,8 +218,52 @@ def test_an_error_of_the_source_ends_the_run_with_sinks_closed() -> None:
     with pytest.raises(ValueError, match="fell off"):
         live.run([seen])
     assert seen.is_closed
-    assert source.is_closed
     assert [reading.frame.index for reading in seen.readings] == list(range(25))
+
+
+class Textured(Driver):
+    """A camera that shows the dotted sheet, ten times a second."""
+
+    def retrieve(self) -> tuple[bool, np.ndarray]:
+        return True, picture(seed=self.number)
+
+    def grab(self) -> bool:
+        time.sleep(0.03)
+        return super().grab()
+
+
+def test_a_camera_that_goes_and_comes_back_goes_on_and_is_let_go_at_the_end() -> None:
+    out = threading.Event()
+    drivers: list[Driver] = []
+
+    def open_with(number: int | str, api: int) -> Driver:
+        drivers.append(Textured(api, period_ms=30.0, gone=out.is_set))
+        drivers[-1].number = drivers[-2].number if len(drivers) > 1 else -1
+        return drivers[-1]
+
+    def again() -> object:
+        wishes = CameraWishes(size_px=(320, 240), is_mjpg=False)
+        return open_camera(0, wishes, open_with, "linux")  # type: ignore[arg-type]
+
+    live = Live(prepare(CameraSource("0", again)))  # type: ignore[arg-type]
+    seen = Seen()
+    heard: list[str] = []
+
+    def stop() -> bool:
+        heard.append(live.health().source)
+        if len(seen.readings) == 8 and not out.is_set() and heard[-1] == "ok":
+            out.set()
+        if "no picture" in heard[-1]:
+            out.clear()
+        return len(seen.readings) >= 16
+
+    live.run([seen], stop=stop)
+    assert any("no picture from camera-0" in word for word in heard)
+    assert live.health().source == "ok"
+    indices = np.array([reading.frame.index for reading in seen.readings])
+    assert live.health().dropped == np.sum(np.diff(indices) - 1)
+    assert len(drivers) >= 2
+    assert all(driver.is_released for driver in drivers)
 
 
 def test_stopping_works_while_no_frame_comes() -> None:

@@ -67,12 +67,15 @@ def test_noise_and_nothing_are_no_videos(tmp_path: Path, capfd: pytest.CaptureFi
 
 
 @pytest.mark.parametrize(
-    "text", ["0", "/dev/video0", "rtsp://10.0.0.1/live", "http://cam/x.mjpg", "run.mcap"]
+    "text", ["97", "/dev/video97", "http://127.0.0.1:9/live.mjpg", "rtsp://127.0.0.1:9/live"]
 )
-def test_what_comes_later_is_said_so(text: str) -> None:
-    sentence = refusal(text)
-    assert "not supported in this version" in sentence
-    assert "sim:" in sentence
+def test_a_camera_that_is_not_there_is_one_sentence(text: str, capfd: pytest.CaptureFixture[str]) -> None:
+    assert "does not open" in refusal(text)
+    assert capfd.readouterr() == ("", "")
+
+
+def test_a_password_is_not_repeated() -> None:
+    assert "secret" not in refusal("http://me:secret@127.0.0.1:9/live.mjpg")
 
 
 def test_a_folder_named_by_a_number_is_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
