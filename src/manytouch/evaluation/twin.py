@@ -7,6 +7,7 @@ import numpy as np
 
 from manytouch.evaluation.bench import true_sensor
 from manytouch.evaluation.cases import RAMP_FRAMES, REST_FRAMES, Case
+from manytouch.simulation.optics import Optics
 from manytouch.simulation.plate import PatchLoad, clamped_plate
 from manytouch.simulation.render import Look
 from manytouch.simulation.scene import Press, Scene
@@ -90,7 +91,7 @@ class PlateTwin:
         scene = Scene(name=case.title, duration_s=case.frame_count / FPS, presses=presses, seed=case.seed)
         look = Look(tilt_x=0.12, tilt_y=-0.08, vignetting=0.25, read_noise=case.noise)
         simulator = Simulator(
-            sensor=sensor, scene=scene, fps=FPS, look=look, blur_px=0.8 * case.width_px / 1280
+            sensor=sensor, scene=scene, fps=FPS, look=look, optics=Optics(blur_px=0.8 * case.width_px / 1280)
         )
         numbers = range(case.frame_count)
         return Recording(

@@ -87,6 +87,22 @@ def unmoved(like: Deformation) -> Deformation:
     return replace(like, face_mm=read_only(np.zeros_like(like.face_mm)), contacts=(), status="ok")
 
 
+def contact_of(row: np.ndarray) -> TrueContact:
+    """A contact from force, torque, area, centre and depth in a row of 8."""
+    return TrueContact(
+        force_N=read_only(row[:3].copy()),
+        torque_Nmm=float(row[3]),
+        area_mm2=float(row[4]),
+        centre_mm=read_only(row[5:7].copy()),
+        depth_mm=float(row[7]),
+    )
+
+
+def row_of(contact: TrueContact) -> list[float]:
+    """The row of `contact_of`."""
+    return [*contact.force_N, contact.torque_Nmm, contact.area_mm2, *contact.centre_mm, contact.depth_mm]
+
+
 def fill_middles(face_mm: np.ndarray) -> None:
     """Set the middles of the elements of lattices (..., a, b, 3) to what serendipity elements have there."""
     edges = face_mm[..., 1::2, :-2:2, :] + face_mm[..., 1::2, 2::2, :]

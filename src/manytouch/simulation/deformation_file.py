@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from manytouch.errors import OutputError, SourceError
-from manytouch.simulation.deformation import Deformation, TrueContact, fill_middles
+from manytouch.simulation.deformation import Deformation, contact_of, fill_middles, row_of
 from manytouch.values.arrays import read_only
 
 STEP_MM = 2e-4
@@ -48,7 +48,7 @@ def write_deformations(
         y_mm=states[0].y_mm,
         keys=np.array(list(deformations)),
         status=np.array([state.status for state in states]),
-        contacts=np.array([[_row(contact) for contact in state.contacts] for state in states]),
+        contacts=np.array([[row_of(contact) for contact in state.contacts] for state in states]),
         faces=np.frombuffer(_squeezed(whole), dtype=np.uint8),
     )
     aside = path.with_name(f".{path.name}.part")
@@ -87,25 +87,11 @@ def read_deformations(path: Path | Traversable) -> dict[str, Deformation]:
             x_mm=x_mm,
             y_mm=y_mm,
             face_mm=face_mm,
-            contacts=tuple(_contact(row) for row in rows.reshape(-1, 8)),
+            contacts=tuple(contact_of(row) for row in rows.reshape(-1, 8)),
             status=str(status),
         )
         for key, face_mm, rows, status in zip(keys, faces_mm, table["contacts"], table["status"], strict=True)
     }
-
-
-def _row(contact: TrueContact) -> list[float]:
-    return [*contact.force_N, contact.torque_Nmm, contact.area_mm2, *contact.centre_mm, contact.depth_mm]
-
-
-def _contact(row: np.ndarray) -> TrueContact:
-    return TrueContact(
-        force_N=read_only(row[:3].copy()),
-        torque_Nmm=float(row[3]),
-        area_mm2=float(row[4]),
-        centre_mm=read_only(row[5:7].copy()),
-        depth_mm=float(row[7]),
-    )
 
 
 def _parts(whole: np.ndarray) -> list[np.ndarray]:

@@ -95,12 +95,13 @@ def add_discs(
     shape: np.ndarray,
     contrast: np.ndarray,
     cut: np.ndarray,
-    blur: float,
+    blurs: np.ndarray,
     table: np.ndarray,
 ) -> None:
     """Lay blurred ellipses over a coverage (h, w), one after the other."""
     rows, columns = coverage.shape
     for dot in range(centre.shape[0]):
+        blur = blurs[dot]
         a, b, c, d = shape[dot, 0, 0], shape[dot, 0, 1], shape[dot, 1, 0], shape[dot, 1, 1]
         area = a * d - b * c
         if not (area != 0.0 and math.isfinite(area + centre[dot, 0] + centre[dot, 1])):
@@ -166,7 +167,7 @@ def photograph(
 ) -> None:
     """Fill pixels (h, w, c) with a coverage (h, w) between ground and dot, lit and noisy.
 
-    light is (tilt_x, tilt_y, vignetting), noise is (variance, variance per level). The noise of a
+    light is (tilt_x, tilt_y, vignetting, gain), noise is (variance, variance per level). The noise of a
     pixel depends on the seed and its place alone.
     """
     rows, columns, channels = pixels.shape
@@ -176,9 +177,8 @@ def photograph(
         y = np.float32((2 * row + 1 - rows) / rows)
         for column in range(columns):
             x = np.float32((2 * column + 1 - columns) / columns)
-            bright = (np.float32(1) + light[0] * x + light[1] * y) * (
-                np.float32(1) - light[2] * np.float32(0.5) * (x * x + y * y)
-            )
+            bright = light[3] * (np.float32(1) + light[0] * x + light[1] * y)
+            bright *= np.float32(1) - light[2] * np.float32(0.5) * (x * x + y * y)
             for spot in range(shadow_x.shape[0]):
                 bright *= np.float32(1) - shadow_x[spot, column] * shadow_y[spot, row]
             added = np.float32(0)

@@ -18,8 +18,10 @@ from manytouch.values.arrays import Scalars, read_only
 
 PARKED_MM = 1.0
 """Height above the undeformed face at which a body waits before and after it presses."""
-APPROACH_S = 0.15
+APPROACH_S = 0.1
 """Time from there to the face."""
+ARM_MM = 10.0
+"""What a turn moves."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -112,29 +114,29 @@ def chained(ways: list[Way]) -> Way:
     )
 
 
-def keyframe_times(bodies: tuple[Body, ...], duration_s: float, *, per_s: float, step_mm: float) -> Scalars:
+def keyframe_times(bodies: tuple[Body, ...], duration_s: float, *, step_mm: float) -> Scalars:
     """Times (k,), from 0 to the end, at which equilibria are enough.
 
-    All waypoints, and between them steps at which nothing that is near the sheet goes further than
-    step_mm, or longer than 1 / per_s while anything near the sheet moves at all.
+    All waypoints on the sheet, and between them steps in which nothing near the sheet goes further than
+    step_mm.
     """
-    waypoints = [body.way.time_s for body in bodies]
+    waypoints = [body.way.time_s[body.way.place_mm[:, 2] >= 0.0] for body in bodies]
     events = np.unique(np.round(np.clip(np.concatenate([[0.0, duration_s], *waypoints]), 0.0, duration_s), 6))
     times = [0.0]
     for begin, end in pairwise(events):
-        travel_mm = max((_travel_mm(body.way, begin, end) for body in bodies), default=0.0)
-        parts = math.ceil(max(1.5 * travel_mm / step_mm, (end - begin) * per_s) - 1e-9) if travel_mm else 1
+        line = np.linspace(begin, end, 33)
+        travel_mm = max((_farthest_mm(body.way, line) for body in bodies), default=0.0)
+        parts = max(1, math.ceil(travel_mm * 32 / step_mm - 1e-9))
         times += (begin + (end - begin) * np.arange(1, parts + 1) / parts).tolist()
     return read_only(np.round(np.array(times), 6))
 
 
-def _travel_mm(way: Way, begin_s: float, end_s: float) -> float:
-    """How far it goes between two neighbouring waypoints; nothing as long as it is in the air."""
-    places, turns = way.at(np.array([begin_s, end_s]))
-    if places[:, 2].max() <= 0.0:
-        return 0.0
-    arm_mm = 10.0  # what a turn moves
-    return float(np.linalg.norm(places[1] - places[0]) + arm_mm * np.linalg.norm(turns[1] - turns[0]))
+def _farthest_mm(way: Way, time_s: Scalars) -> float:
+    """How far it goes at most from one time to the next; nothing as long as it is in the air."""
+    places, turns = way.at(time_s)
+    moved_mm = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    moved_mm += ARM_MM * np.linalg.norm(np.diff(turns, axis=0), axis=1)
+    return float(moved_mm[np.maximum(places[:-1, 2], places[1:, 2]) > 0.0].max(initial=0.0))
 
 
 def loading(bodies: tuple[Body, ...], time_s: Scalars, *, thickness_mm: float) -> Loading:

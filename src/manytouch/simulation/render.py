@@ -46,6 +46,7 @@ class Look:
         shadows: spots that take light away.
         read_noise: standard deviation in grey levels of 255.
         shot_noise: variance per grey level of 255, in grey levels of 255.
+        gain: of the light as a whole.
     """
 
     ground: float | tuple[float, float, float] = 45.0
@@ -57,6 +58,7 @@ class Look:
     shadows: tuple[Spot, ...] = ()
     read_noise: float = 0.0
     shot_noise: float = 0.0
+    gain: float = 1.0
 
 
 LIGHT_DOTS = Look()
@@ -69,7 +71,7 @@ def render_discs(
     *,
     width_px: int,
     height_px: int,
-    blur_px: float = 0.8,
+    blur_px: float | Scalars = 0.8,
     look: Look = LIGHT_DOTS,
     contrast: Scalars | None = None,
     cut: Float64[np.ndarray, "n 3"] | None = None,
@@ -82,7 +84,7 @@ def render_discs(
         centre_px: (n, 2) x, y; (0, 0) is the centre of the first pixel. Rows with NaN are left out.
         shape_px: (n, 2, 2) maps the unit disc to the dot; its columns are conjugate half axes.
         width_px, height_px: size of the image.
-        blur_px: standard deviation of the point spread, lens and pixel together.
+        blur_px: standard deviation of the point spread, lens and pixel together; (n,) where dots differ.
         look: levels, light and noise.
         contrast: (n,) of each dot against the look's; 1 where not given, 0 is invisible.
         cut: (n, 3) a, b, c: only the part with a u_x + b u_y <= c is printed; infinite c prints all.
@@ -110,7 +112,7 @@ def disc_coverage(
     *,
     width_px: int,
     height_px: int,
-    blur_px: float = 0.8,
+    blur_px: float | Scalars = 0.8,
     contrast: Scalars | None = None,
     cut: Float64[np.ndarray, "n 3"] | None = None,
 ) -> np.ndarray:
@@ -124,7 +126,7 @@ def disc_coverage(
         np.ascontiguousarray(shape_px),
         np.ones(count) if contrast is None else np.ascontiguousarray(contrast),
         whole if cut is None else np.ascontiguousarray(cut),
-        float(blur_px),
+        np.broadcast_to(np.asarray(blur_px, dtype=np.float64), count).copy(),
         profile_table(),
     )
     return coverage
@@ -144,7 +146,7 @@ def photographed(
         coverage,
         ground.copy(),
         dot.copy(),
-        np.array([look.tilt_x, look.tilt_y, look.vignetting], dtype=np.float32),
+        np.array([look.tilt_x, look.tilt_y, look.vignetting, look.gain], dtype=np.float32),
         *_separable(look.glare, width, height),
         *_separable(look.shadows, width, height),
         np.array([look.read_noise**2, look.shot_noise], dtype=np.float32),

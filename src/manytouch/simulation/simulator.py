@@ -1,14 +1,16 @@
 """The simulated sensor: a scene, seen by its camera, and what really happened."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
+from jaxtyping import Float32, Float64
 
 from manytouch.geometry.camera import project
-from manytouch.simulation.imaging import displacements, dot_ellipses, outlines
-from manytouch.simulation.plate import PatchLoad, Plate, PlateModes, clamped_plate
-from manytouch.simulation.render import Look, render_discs
-from manytouch.simulation.scene import Scene
+from manytouch.simulation.deformation import TrueContact
+from manytouch.simulation.imaging import CORNERS, dot_ellipses, outlines
+from manytouch.simulation.mechanics import Action, Mechanics, PlateMechanics, Pressing, Watch
+from manytouch.simulation.optics import IN_FOCUS, Faults, Optics, drawn_faults, shadows
+from manytouch.simulation.render import Look, Spot, disc_coverage, photographed
 from manytouch.values import (
     Contact,
     Contacts,
@@ -21,48 +23,58 @@ from manytouch.values import (
     TrackedGrid,
     Truth,
 )
-from manytouch.values.arrays import Covariances2, Points2, Points3, read_only
+from manytouch.values.arrays import Points2, Points3, read_only
 
 DEMO_LOOK = Look(tilt_x=0.12, tilt_y=-0.08, vignetting=0.25, read_noise=1.2, shot_noise=0.02)
-WITHIN_PATCH = np.array(
-    [[0.0, 0.0]]
-    + [
-        [share * np.cos(angle), share * np.sin(angle)]
-        for share in (0.2, 0.4, 0.6, 0.8, 1.0)
-        for angle in 2 * np.pi * np.arange(12) / 12
-    ]
-)
+SMEAR_PX = 0.5
+"""A moving dot is drawn this often along its way during the exposure."""
+MOST_SMEARS = 16
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Simulator:
-    """A sensor under the presses of a scene; any frame can be asked for.
+    """A sensor under a scene; any frame can be asked for.
+
+    The centre of a marker, in the truth as for a perfect camera, is the centroid of the image of its
+    whole printed disc, bent with the sheet and projected; not the image of the disc's middle, from
+    which it differs by some hundredths of a pixel, and not moved by blur, light or a missing half.
 
     Attributes:
-        sensor: true camera, layout and sheet; the sheet's material must be known.
-        scene: what touches it.
+        sensor: true camera, layout and sheet; for plate presses the sheet's material must be known.
+        scene: what touches it: solved states, or forces that press on the linear plate.
         fps: frames per second.
         look: levels, light and noise of the pictures.
-        blur_px: of the lens and pixel.
+        optics: how the camera takes them.
+        faults: of the print and the light; none where not given.
     """
 
     sensor: Sensor
-    scene: Scene
+    scene: Action
     fps: float = 30.0
     look: Look = DEMO_LOOK
-    blur_px: float = 0.8
-    _plate: Plate = field(init=False, repr=False)
-    _marker_modes: PlateModes = field(init=False, repr=False)
+    optics: Optics = IN_FOCUS
+    faults: Faults | None = None
+    _mechanics: Mechanics = field(init=False, repr=False)
+    _faults: Faults = field(init=False, repr=False)
+    _markers: Watch = field(init=False, repr=False)
     _outline_mm: Points3 = field(init=False, repr=False)
-    _outline_modes: PlateModes = field(init=False, repr=False)
+    _outline: Watch = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        layout, plate = self._layout, clamped_plate(self._sheet)
-        outline_mm = outlines(layout.rest_mm, layout.radius_mm)
-        object.__setattr__(self, "_plate", plate)
-        object.__setattr__(self, "_marker_modes", plate.modes_at(layout.rest_mm[:, :2]))
+        layout, sheet = self._layout, self._sheet
+        mechanics = _mechanics(self.scene, sheet)
+        faults = self.faults or drawn_faults(layout, sheet)
+        dust_mm = np.column_stack([faults.dust_mm, np.zeros(len(faults.dust_mm))])
+        outline_mm = np.concatenate(
+            [outlines(layout.rest_mm, layout.radius_mm), outlines(dust_mm, faults.dust_radius_mm)]
+        )
+        rest_mm = np.ascontiguousarray(layout.rest_mm[:, :2])
+        corner_mm = np.ascontiguousarray(outline_mm[:, :2])
+        object.__setattr__(self, "_mechanics", mechanics)
+        object.__setattr__(self, "_faults", faults)
+        object.__setattr__(self, "_markers", mechanics.watch(rest_mm, layout.height_mm))
         object.__setattr__(self, "_outline_mm", outline_mm)
-        object.__setattr__(self, "_outline_modes", plate.modes_at(outline_mm[:, :2]))
+        object.__setattr__(self, "_outline", mechanics.watch(corner_mm, layout.height_mm))
 
     @property
     def frame_count(self) -> int:
@@ -71,42 +83,36 @@ class Simulator:
 
     def frame(self, index: int) -> Frame:
         """The picture of a frame; its noise depends on the scene's seed and the index alone."""
-        camera, layout = self.sensor.camera, self._layout
-        loads = self.scene.loads(self._time_s(index))
-        centre_px, shape_px = self._dots(self._plate.coefficients(tuple(loads.values())))
-        image = render_discs(
-            centre_px,
-            shape_px,
-            width_px=camera.width_px,
-            height_px=camera.height_px,
-            blur_px=self.blur_px,
-            look=self.look,
-            contrast=np.where(layout.is_missing, 0.0, 1.0),
-            seed=(self.scene.seed << 32) + index,
-        )
+        time_s = self._time_s(index)
+        look = self.optics.lit(self.look, time_s)
+        if self._faults.shadow:
+            look = replace(look, shadows=look.shadows + self._shadows(time_s))
+        seed = (self.scene.seed << 32) + index
+        image, encoded = self.optics.compressed(photographed(self._coverage(time_s), look=look, seed=seed))
         return Frame(
             index=index,
             timestamp_ns=round(index * 1e9 / self.fps),
             camera=f"sim-{self.scene.name}",
             image=image,
+            encoded=encoded,
         )
 
     def truth(self, index: int) -> Truth:
         """What really happens in a frame; deviations are 0, because it is the truth."""
-        loads = self.scene.loads(self._time_s(index))
-        coefficients = self._plate.coefficients(tuple(loads.values()))
-        displacement_mm = displacements(self._marker_modes.field(coefficients), self._lever_mm)
+        time_s, layout = self._time_s(index), self._layout
+        displacement_mm = self._markers(time_s)
         count = len(displacement_mm)
         surface = Surface(
-            position_mm=read_only(self._layout.rest_mm + displacement_mm),
+            position_mm=read_only(layout.rest_mm + displacement_mm),
             displacement_mm=read_only(displacement_mm),
             covariance_mm2=read_only(np.zeros((count, 3, 3))),
         )
+        centre_px, _ = dot_ellipses(self.sensor.camera, self._outline_at(time_s)[: count * CORNERS])
         return Truth(
             frame_index=index,
-            grid=self._grid(self._dots(coefficients)[0], index),
+            grid=self._grid(centre_px, index),
             surface=surface,
-            contacts=self._contacts(index, loads),
+            contacts=self._contacts(index),
         )
 
     @property
@@ -121,21 +127,44 @@ class Simulator:
             raise ValueError("a simulated sensor needs a sheet")
         return self.sensor.sheet
 
-    @property
-    def _lever_mm(self) -> float:
-        return self._sheet.thickness_mm / 2 + self._layout.height_mm
-
     def _time_s(self, index: int) -> float:
         return index / self.fps
 
-    def _dots(self, coefficients: np.ndarray) -> tuple[Points2, Covariances2]:
-        moved_mm = displacements(self._outline_modes.field(coefficients), self._lever_mm)
-        return dot_ellipses(self.sensor.camera, self._outline_mm + moved_mm)
+    def _outline_at(self, time_s: float) -> Points3:
+        return self._outline_mm + self._outline(time_s)
+
+    def _coverage(self, time_s: float) -> Float32[np.ndarray, "h w"]:
+        """How much of each pixel's light comes from dots, over the exposure."""
+        outline_mm = self._outline_at(time_s)
+        if self.optics.exposure_s == 0.0:
+            return self._covered(outline_mm)
+        half_s = 0.5 * self.optics.exposure_s
+        ends = [project(self.sensor.camera, self._outline_at(time_s + s)) for s in (-half_s, half_s)]
+        count = int(np.clip(np.ceil(np.abs(ends[1] - ends[0]).max() / SMEAR_PX), 1, MOST_SMEARS))
+        shares = (2.0 * np.arange(count) + 1.0) / count - 1.0
+        total = self._covered(self._outline_at(time_s + half_s * shares[0]))
+        for share in shares[1:]:
+            total += self._covered(self._outline_at(time_s + half_s * share))
+        return np.asarray(total / np.float32(count))
+
+    def _covered(self, outline_mm: Points3) -> Float32[np.ndarray, "h w"]:
+        camera, faults = self.sensor.camera, self._faults
+        dust = len(faults.dust_mm)
+        centre_px, shape_px = dot_ellipses(camera, outline_mm)
+        return disc_coverage(
+            centre_px,
+            shape_px,
+            width_px=camera.width_px,
+            height_px=camera.height_px,
+            blur_px=self.optics.blurs_px(camera, outline_mm[::CORNERS]),
+            contrast=np.concatenate([faults.is_printed, np.ones(dust)]),
+            cut=np.concatenate([faults.cut, np.tile([0.0, 0.0, np.inf], (dust, 1))]),
+        )
 
     def _grid(self, centre_px: Points2, index: int) -> TrackedGrid:
         camera = self.sensor.camera
         last_px = np.array([camera.width_px, camera.height_px]) - 0.5
-        is_seen = np.all((centre_px > -0.5) & (centre_px < last_px), axis=1) & ~self._layout.is_missing
+        is_seen = np.all((centre_px > -0.5) & (centre_px < last_px), axis=1) & self._faults.is_printed
         return TrackedGrid(
             position_px=read_only(np.where(is_seen[:, None], centre_px, np.nan)),
             covariance_px2=read_only(np.where(is_seen[:, None, None], np.zeros((2, 2)), np.nan)),
@@ -143,31 +172,46 @@ class Simulator:
             frames_unseen=read_only(np.where(is_seen, 0, index + 1).astype(np.int64)),
         )
 
-    def _contacts(self, index: int, loads: dict[int, PatchLoad]) -> Contacts:
-        before = self.scene.loads(self._time_s(index - 1)) if index > 0 else {}
-        now = self._described(loads, {id_: Phase.MOVE if id_ in before else Phase.START for id_ in loads})
-        ended = {id_: Phase.END for id_ in before if id_ not in loads}
-        if ended:
-            now += self._described(before, ended)
-        return Contacts(contacts=tuple(sorted(now, key=lambda contact: contact.id)))
+    def _contacts(self, index: int) -> Contacts:
+        time_s, before_s = self._time_s(index), self._time_s(index - 1)
+        now = self._mechanics.contacts(time_s)
+        before = self._mechanics.contacts(before_s) if index > 0 else {}
+        told = [(id_, Phase.MOVE if id_ in before else Phase.START, now[id_], time_s) for id_ in now]
+        told += [(id_, Phase.END, before[id_], before_s) for id_ in before if id_ not in now]
+        return Contacts(contacts=tuple(self._contact(*one) for one in sorted(told, key=lambda one: one[0])))
 
-    def _described(self, loads: dict[int, PatchLoad], phases: dict[int, Phase]) -> list[Contact]:
-        """The contacts of some of the loads while all of them press."""
-        coefficients = self._plate.coefficients(tuple(loads.values()))
-        return [self._contact(id_, phase, loads[id_], coefficients) for id_, phase in phases.items()]
-
-    def _contact(self, id_: int, phase: Phase, load: PatchLoad, coefficients: np.ndarray) -> Contact:
-        centre_mm = np.array(load.centre_mm)
-        sheet_field = self._plate.modes_at(centre_mm + load.radius_mm * WITHIN_PATCH).field(coefficients)
-        face_mm = displacements(sheet_field, self._lever_mm)[:1] + np.array([*load.centre_mm, 0.0])
+    def _contact(self, id_: int, phase: Phase, contact: TrueContact, time_s: float) -> Contact:
         return Contact(
             id=id_,
             phase=phase,
-            centre_mm=read_only(centre_mm),
-            centre_px=read_only(project(self.sensor.camera, face_mm)[0]),
-            depth_mm=float(sheet_field.depth_mm.max()),
-            force_N=read_only(np.array([0.0, 0.0, -load.force_N])),
-            torque_Nmm=0.0,
-            area_mm2=float(np.pi * load.radius_mm**2),
+            centre_mm=contact.centre_mm,
+            centre_px=read_only(self._shown_px(contact.centre_mm[None], time_s)[0]),
+            depth_mm=contact.depth_mm,
+            force_N=contact.force_N,
+            torque_Nmm=contact.torque_Nmm,
+            area_mm2=contact.area_mm2,
             covariance=read_only(np.zeros((8, 8))),
         )
+
+    def _shown_px(self, place_mm: Float64[np.ndarray, "n 2"], time_s: float) -> Points2:
+        """Where undeformed places show at a time."""
+        moved_mm = self._mechanics.watch(place_mm, self._layout.height_mm)(time_s)
+        return project(self.sensor.camera, np.column_stack([place_mm, np.zeros(len(place_mm))]) + moved_mm)
+
+    def _shadows(self, time_s: float) -> tuple[Spot, ...]:
+        contacts = list(self._mechanics.contacts(time_s).values())
+        centre_mm = np.array([contact.centre_mm for contact in contacts]).reshape(-1, 2)
+        camera = self.sensor.camera
+        radius_mm = np.sqrt(np.array([contact.area_mm2 for contact in contacts]) / np.pi)
+        radius_px = 1.0 + radius_mm * camera.fx_px / camera.translation_mm[2]
+        return shadows(self._faults.shadow, self._shown_px(centre_mm, time_s), radius_px)
+
+
+def _mechanics(scene: Action, sheet: Sheet) -> Mechanics:
+    if isinstance(scene, Mechanics):
+        return scene
+    if isinstance(scene, Pressing):
+        return PlateMechanics(sheet=sheet, scene=scene)
+    raise ValueError(
+        f"a scene has loads on a plate or its own mechanics, which {type(scene).__name__} has not"
+    )
