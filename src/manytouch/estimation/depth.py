@@ -24,11 +24,11 @@ class PerimeterLaw:
         eye_mm: (2,) foot of the camera in that plane.
         distance_mm: d of equation 11.
         rest_perimeter_mm: (c,) a of equation 11.
-        pair: (p,) for each marker, cell at it and corner of the cell the number of (marker, corner).
-        pair_marker, pair_corner: (q,) the markers of each number.
-        pair_share: (p,) weight of the cell in the marker's depth.
-        pair_cell, pair_place: (p,) cell, and which of its corners.
-        own: (m,) number of (marker, marker), or -1 where a marker is in no cell.
+        first: (m + 1,) where the corners of the cells at each marker begin in `pair_corner`.
+        pair_corner: (q,) these corners, the marker itself among them.
+        entry_first: (q + 1,) where the cells of each pair of marker and corner begin in `entry`.
+        entry: (p,) the corner's place in these cells: four times the cell, and which of its corners.
+        entry_share: (p,) weight of the cell in the marker's depth.
     """
 
     cells: Cells
@@ -36,13 +36,11 @@ class PerimeterLaw:
     eye_mm: Float64[np.ndarray, "2"]
     distance_mm: float
     rest_perimeter_mm: Float64[np.ndarray, " c"]
-    pair: Int64[np.ndarray, " p"]
-    pair_marker: Int64[np.ndarray, " q"]
+    first: Int64[np.ndarray, " m1"]
     pair_corner: Int64[np.ndarray, " q"]
-    pair_share: Float64[np.ndarray, " p"]
-    pair_cell: Int64[np.ndarray, " p"]
-    pair_place: Int64[np.ndarray, " p"]
-    own: Int64[np.ndarray, " m"]
+    entry_first: Int64[np.ndarray, " q1"]
+    entry: Int64[np.ndarray, " p"]
+    entry_share: Float64[np.ndarray, " p"]
 
     def __call__(
         self, plane_mm: Points2, covariance_mm2: Covariances2
@@ -56,31 +54,25 @@ class PerimeterLaw:
         A marker at depth m is at the point of its ray that is m nearer to the camera; its covariance is the
         propagated one, with all correlations between a marker's own place and the perimeters around it.
         """
-        from manytouch.estimation.law_kernels import along_rays, cell_depths, depth_noise, marker_depths
+        from manytouch.estimation.law_kernels import lawful
 
         cells = self.cells
-        cell_mm, slope = cell_depths(plane_mm, cells.corner, self.rest_perimeter_mm, self.distance_mm)
-        depth_mm = marker_depths(cells.marker, cells.cell, cells.share, cell_mm, len(plane_mm))
-        variance, mixed = depth_noise(
-            slope,
-            self.pair,
-            self.pair_share,
-            self.pair_cell,
-            self.pair_place,
-            self.pair_marker,
-            self.pair_corner,
-            self.own,
-            covariance_mm2,
-        )
-        displacement, covariance = along_rays(
+        displacement, covariance, cell_mm = lawful(
             plane_mm,
             self.rest_mm,
             self.eye_mm,
             self.distance_mm,
-            depth_mm,
+            cells.corner,
+            self.rest_perimeter_mm,
+            cells.marker,
+            cells.cell,
+            cells.share,
+            self.first,
+            self.pair_corner,
+            self.entry_first,
+            self.entry,
+            self.entry_share,
             covariance_mm2,
-            variance,
-            mixed,
         )
         return displacement, covariance, cell_mm
 
@@ -91,30 +83,22 @@ def perimeter_law(
     """The law for cells of markers that rest at (m, 2) in a plane at this distance from the camera."""
     count = len(rest_mm)
     rest_perimeter_mm, _ = perimeters(rest_mm[cells.corner])
-    pair_cell = np.repeat(cells.cell, 4)
-    pair_place = np.tile(np.arange(4), len(cells.cell))
-    pair_share = np.repeat(cells.share, 4)
+    entry = (4 * cells.cell[:, None] + np.arange(4)).ravel()
     # A triangle repeats its last corner; the derivative belongs to the first of the two.
-    corner = cells.corner[pair_cell, pair_place]
-    key = np.repeat(cells.marker, 4) * count + corner
-    number, pair = np.unique(key, return_inverse=True)
-    own = np.full(count, -1, dtype=np.int64)
-    pair_marker, pair_corner = number // count, number % count
-    is_own = pair_marker == pair_corner
-    own[pair_marker[is_own]] = np.flatnonzero(is_own)
+    key = np.repeat(cells.marker, 4) * count + cells.corner.ravel()[entry]
+    order = np.argsort(key, kind="stable")
+    number, entry_first = np.unique(key[order], return_index=True)
     return PerimeterLaw(
         cells=cells,
         rest_mm=read_only(rest_mm),
         eye_mm=read_only(eye_mm),
         distance_mm=distance_mm,
         rest_perimeter_mm=read_only(rest_perimeter_mm),
-        pair=read_only(pair.astype(np.int64)),
-        pair_marker=read_only(pair_marker.astype(np.int64)),
-        pair_corner=read_only(pair_corner.astype(np.int64)),
-        pair_share=read_only(pair_share),
-        pair_cell=read_only(pair_cell.astype(np.int64)),
-        pair_place=read_only(pair_place.astype(np.int64)),
-        own=read_only(own),
+        first=read_only(np.searchsorted(number, np.arange(count + 1) * count).astype(np.int64)),
+        pair_corner=read_only((number % count).astype(np.int64)),
+        entry_first=read_only(np.append(entry_first, len(key)).astype(np.int64)),
+        entry=read_only(entry[order].astype(np.int64)),
+        entry_share=read_only(np.repeat(cells.share, 4)[order]),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def cell_depths(plane, corner, rest_perimeter, distance):
     """Depth (c,) of each cell, and its derivative (c, 4, 2) with respect to its corners in the plane."""
@@ -35,7 +35,7 @@ def cell_depths(plane, corner, rest_perimeter, distance):
     return depth, slope
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def marker_depths(marker, cell, share, cell_depth, count):
     """Mean (count,) of the cells at each marker; NaN where there are none."""
@@ -48,36 +48,38 @@ def marker_depths(marker, cell, share, cell_depth, count):
     return depth
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
-def depth_noise(slope, pair, pair_share, pair_cell, pair_place, pair_marker, pair_corner, own, covariance):
+def depth_noise(slope, first, pair_corner, entry_first, entry, entry_share, covariance):
     """Variance (m,) of the depths, and their covariance (m, 2) with the markers' own places.
 
     Args:
         slope: (c, 4, 2) derivatives of the cells' depths.
-        pair, pair_share, pair_cell, pair_place, pair_marker, pair_corner, own: of the law.
+        first, pair_corner, entry_first, entry, entry_share: of the law.
         covariance: (m, 2, 2) of the places.
     """
-    jacobian = np.zeros((len(pair_marker), 2))
-    for p in range(len(pair)):
-        for axis in range(2):
-            jacobian[pair[p], axis] += pair_share[p] * slope[pair_cell[p], pair_place[p], axis]
-    variance = np.zeros(len(own))
-    mixed = np.full((len(own), 2), np.nan)
-    for q in range(len(pair_marker)):
-        marker, corner = pair_marker[q], pair_corner[q]
-        x = covariance[corner, 0, 0] * jacobian[q, 0] + covariance[corner, 0, 1] * jacobian[q, 1]
-        y = covariance[corner, 1, 0] * jacobian[q, 0] + covariance[corner, 1, 1] * jacobian[q, 1]
-        variance[marker] += jacobian[q, 0] * x + jacobian[q, 1] * y
-        if own[marker] == q:
-            mixed[marker, 0], mixed[marker, 1] = x, y
-    for m in range(len(own)):
-        if own[m] < 0:
-            variance[m] = np.nan
+    flat = slope.reshape(-1, 2)
+    count = len(first) - 1
+    variance, mixed = np.full(count, np.nan), np.full((count, 2), np.nan)
+    for m in range(count):
+        total = 0.0
+        for q in range(first[m], first[m + 1]):
+            along_x = along_y = 0.0
+            for p in range(entry_first[q], entry_first[q + 1]):
+                along_x += entry_share[p] * flat[entry[p], 0]
+                along_y += entry_share[p] * flat[entry[p], 1]
+            corner = pair_corner[q]
+            x = covariance[corner, 0, 0] * along_x + covariance[corner, 0, 1] * along_y
+            y = covariance[corner, 1, 0] * along_x + covariance[corner, 1, 1] * along_y
+            total += along_x * x + along_y * y
+            if corner == m:
+                mixed[m, 0], mixed[m, 1] = x, y
+        if first[m] < first[m + 1]:
+            variance[m] = total
     return variance, mixed
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def along_rays(plane, rest, eye, distance, depth, covariance, variance, mixed):
     """Displacements (m, 3) of markers at some depth on their rays, and their covariances (m, 3, 3)."""
@@ -103,46 +105,77 @@ def along_rays(plane, rest, eye, distance, depth, covariance, variance, mixed):
     return moved, out
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
-def law_errors(rest, eye, distance, lever, index, apart, depth, variance, feigned):
+def lawful(
+    plane,
+    rest,
+    eye,
+    distance,
+    corner,
+    rest_perimeter,
+    marker,
+    cell,
+    share,
+    first,
+    pair_corner,
+    entry_first,
+    entry,
+    entry_share,
+    covariance,
+):
+    """The law in one call: displacements (m, 3), their covariances (m, 3, 3), depths (c,) of cells."""
+    cell_depth, slope = cell_depths(plane, corner, rest_perimeter, distance)
+    depth = marker_depths(marker, cell, share, cell_depth, len(plane))
+    variance, mixed = depth_noise(slope, first, pair_corner, entry_first, entry, entry_share, covariance)
+    moved, spread = along_rays(plane, rest, eye, distance, depth, covariance, variance, mixed)
+    return moved, spread, cell_depth
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def law_errors(depth, variance, index, lean, bend, feigned, spill, scale):
     """Variance (m,) of the law about the depth of the sheet, from the slope and curvature of its own map.
 
     Args:
-        rest: (m, 2) in the plane of the sheet.
-        eye: (2,) foot of the camera.
-        distance: of the camera.
-        lever: half the thickness of the sheet.
-        index, apart: (m, k) the neighbours of each marker and how far they are.
         depth, variance: (m,); what their noise feigns in slope and curvature is taken off.
-        feigned: how much of it.
+        index: (m, k) the neighbours of each marker.
+        lean, bend: (m, k) what a neighbour's depth above the marker's own adds to the two errors of the law.
+        feigned: how much of the noise.
+        spill: mean squares of the whole map that may show up anywhere.
+        scale: relative deviation of all depths.
     """
-    total = np.zeros(len(rest))
-    count = index.shape[1]
-    for m in range(len(rest)):
-        lean = bend = lean_noise = bend_noise = 0.0
+    count, known, square = index.shape[1], 0, 0.0
+    for m in range(len(depth)):
+        if not np.isnan(depth[m]):
+            square += depth[m] * depth[m]
+            known += 1
+    spilt = spill * square / max(known, 1)
+    total = np.empty(len(depth))
+    for m in range(len(depth)):
+        leant = bent = lean_noise = bend_noise = around = 0.0
         for k in range(count):
             n = index[m, k]
-            away = apart[m, k] * apart[m, k] * count
-            along = 0.0
-            for axis in range(2):
-                along += (rest[n, axis] - rest[m, axis]) * (rest[m, axis] - eye[axis])
-            rise = (depth[n] - depth[m]) / away
-            noise = np.sqrt(variance[n] + variance[m]) / away
-            lean += along * rise
-            lean_noise += abs(along) * noise
-            bend += rise
-            bend_noise += noise
-        stretch = 2.0 * distance * lever
-        total[m] = max(lean * lean - feigned * lean_noise * lean_noise, 0.0)
-        total[m] += stretch * stretch * max(bend * bend - feigned * bend_noise * bend_noise, 0.0)
+            rise, noise = depth[n] - depth[m], np.sqrt(variance[n] + variance[m])
+            leant += lean[m, k] * rise
+            lean_noise += abs(lean[m, k]) * noise
+            bent += bend[m, k] * rise
+            bend_noise += bend[m, k] * noise
+            around += depth[n] * depth[n]
+        error = max(leant * leant - feigned * lean_noise * lean_noise, 0.0)
+        error += max(bent * bent - feigned * bend_noise * bend_noise, 0.0)
+        # The map that slope and curvature are taken from holds the error itself, so what the law adds is
+        # never more than what the map shows.
+        shown = 0.5 * (depth[m] * depth[m] + around / count) + spilt
+        error *= shown / max((np.sqrt(error) + np.sqrt(shown)) ** 2, 1e-300)
+        total[m] = error + (scale * depth[m]) ** 2
         # A marker or neighbour in no cell has no depth, and so has its error none.
-        if np.isnan(lean) or np.isnan(lean_noise):
+        if np.isnan(leant) or np.isnan(lean_noise):
             total[m] = np.nan
     return total
 
 
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 @no_type_check
 def widen(covariance, error, rest, eye, distance):
     """Adds errors (m,) of depth, which move markers along their rays, to covariances (m, 3, 3)."""

@@ -20,6 +20,7 @@ from manytouch.estimation.depth import PerimeterLaw, perimeter_law
 from manytouch.estimation.growth import DotGrowth
 from manytouch.estimation.identity import ContactIdentity, Lives
 from manytouch.estimation.load import LoadMap, LoadModel, assumes_view
+from manytouch.estimation.plane import PlaneTable, plane_from_px, plane_table
 from manytouch.estimation.unseen import FillUnseen
 from manytouch.estimation.view import RobustView
 from manytouch.geometry.camera import cam_from_sheet, onto_plane, project
@@ -54,9 +55,11 @@ class PerimeterMemory:
         neighbours: of each marker.
         chart: from displacements to the load.
         sampling: from markers to the points of the chart.
-        plane_from_px: (m, 2, 2) derivative of places in the plane with respect to pixels.
+        plane: from pixels to the plane of the sheet.
+        plane_from_px: (m, 2, 2) its derivative at the markers.
+        lean, bend: (m, k) what neighbours' depths add to the two errors of the law.
         pairs: markers that propose a motion of the view.
-        pitch_mm, lever_mm: geometric mean pitch; half the thickness of the sheet.
+        pitch_mm: geometric mean pitch.
         scale_std, centre_std_mm: relative deviation of depths, and deviation of centres, for what had to be
             assumed.
         settled_mm: (m, 2) where the untouched sheet has crept to, from its rest.
@@ -72,10 +75,12 @@ class PerimeterMemory:
     neighbours: Neighbours
     chart: LoadMap
     sampling: GridSampling
+    plane: PlaneTable
     plane_from_px: Covariances2
+    lean: np.ndarray
+    bend: np.ndarray
     pairs: np.ndarray
     pitch_mm: float
-    lever_mm: float
     scale_std: float
     centre_std_mm: float
     settled_mm: Points2
@@ -138,17 +143,23 @@ class PerimeterDepth:
         chart = self.model(sensor, plane_mm)
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
         is_assumed = assumes_view(sensor)
+        law = perimeter_law(cells, plane_mm, eye_mm[:2], -float(eye_mm[2]))
+        neighbours = nearest_neighbours(plane_mm)
+        lever_mm = 0.5 * (pitch_mm if sensor.sheet is None else sensor.sheet.thickness_mm)
+        lean, bend = _error_weights(law, neighbours, lever_mm)
         return PerimeterMemory(
             camera=camera,
             layout=layout,
-            law=perimeter_law(cells, plane_mm, eye_mm[:2], -float(eye_mm[2])),
-            neighbours=nearest_neighbours(plane_mm),
+            law=law,
+            neighbours=neighbours,
             chart=chart,
             sampling=sampling_on(layout, chart.x_mm, chart.y_mm),
-            plane_from_px=read_only(_plane_from_px(camera, rest_px)),
+            plane=plane_table(camera),
+            plane_from_px=read_only(plane_from_px(camera, rest_px)),
+            lean=lean,
+            bend=bend,
             pairs=self.view.pairs(plane_mm),
             pitch_mm=pitch_mm,
-            lever_mm=0.5 * (pitch_mm if sensor.sheet is None else sensor.sheet.thickness_mm),
             scale_std=self.assumed_scale_std if is_assumed else 0.0,
             centre_std_mm=self.assumed_centre_std_pitch * pitch_mm if is_assumed else 0.0,
             settled_mm=read_only(np.zeros_like(plane_mm)),
@@ -162,20 +173,7 @@ class PerimeterDepth:
         """Surface and contacts of the next frame. It never raises: a bad frame has a status."""
         if grid.is_seen.sum() < _LEAST_MARKERS:
             return self._blind(state, grid)
-        from manytouch.estimation.kernels import median, turned
-
-        law = state.law
-        is_seen = grid.is_seen
-        seen_mm = onto_plane(state.camera, np.where(is_seen[:, None], grid.position_px, 0.0))[:, :2]
-        covariance_mm2 = turned(state.plane_from_px, grid.covariance_px2)
-        moved_mm, covariance_mm2 = self.fill(
-            seen_mm - law.rest_mm, covariance_mm2, is_seen, state.neighbours, state.pitch_mm
-        )
-        std_mm = float(np.sqrt(median(covariance_mm2[:, 0, 0] + covariance_mm2[:, 1, 1], is_seen) / 2))
-        view = self.view(law.rest_mm, moved_mm, is_seen, std_mm, state.pairs)
-        still_mm = moved_mm - view.displacement(law.rest_mm)
-        displacement_mm, propagated_mm2, _ = law(law.rest_mm + still_mm, covariance_mm2)
-        surface = self._surface(state, grid, displacement_mm, propagated_mm2)
+        surface, moved_mm, std_mm = self.shape(state, grid)
         if state.rest_frames == 0:
             state = replace(state, rest_area=self.grow.at_rest(grid, state.rest_area, 0))
         growth = self.grow(grid, state.rest_area, state.neighbours)
@@ -185,7 +183,7 @@ class PerimeterDepth:
         found = self.find(state.chart, modes, shift_modes, noise, state.recent_load)
         if growth is not None and state.centre_std_mm > 0.0 and len(found.load):
             # With an assumed camera, displacements draw a contact to the wrong place; growth is local.
-            centre_mm = self.grow.summit(found.centre_mm, growth, state.layout, law.rest_mm)
+            centre_mm = self.grow.summit(found.centre_mm, growth, state.layout, state.law.rest_mm)
             found = replace(found, centre_mm=centre_mm)
         lives, contacts = self.identity.step(
             state.lives,
@@ -198,6 +196,30 @@ class PerimeterDepth:
         if grid.status == "ok" and not lives.lives and len(found.load) == 0:
             state = self._settled(state, grid, moved_mm)
         return state, surface, contacts
+
+    def shape(self, state: PerimeterMemory, grid: TrackedGrid) -> tuple[Surface, Points2, float]:
+        """The surface alone, without contacts, of a frame that shows at least four markers.
+
+        Returns:
+            The surface; the displacements (m, 2) in the plane at rest, with the motion of the view; and the
+            usual standard deviation of these.
+        """
+        from manytouch.estimation.kernels import median, turned
+
+        law, is_seen = state.law, grid.is_seen
+        covariance_mm2 = turned(state.plane_from_px, grid.covariance_px2)
+        moved_mm, covariance_mm2 = self.fill(
+            state.plane(grid.position_px) - law.rest_mm,
+            covariance_mm2,
+            is_seen,
+            state.neighbours,
+            state.pitch_mm,
+        )
+        std_mm = float(np.sqrt(median(covariance_mm2[:, 0, 0] + covariance_mm2[:, 1, 1], is_seen) / 2))
+        view = self.view(law.rest_mm, moved_mm, is_seen, std_mm, state.pairs)
+        still_mm = moved_mm - view.displacement(law.rest_mm)
+        displacement_mm, propagated_mm2, _ = law(law.rest_mm + still_mm, covariance_mm2)
+        return self._surface(state, grid, displacement_mm, propagated_mm2), moved_mm, std_mm
 
     def _settled(self, state: PerimeterMemory, grid: TrackedGrid, moved_mm: Points2) -> PerimeterMemory:
         """A frame that nothing touches tells a little of where rest is now."""
@@ -231,25 +253,18 @@ class PerimeterDepth:
     ) -> Surface:
         from manytouch.estimation.law_kernels import law_errors, widen
 
-        law, depth_mm = state.law, -displacement_mm[:, 2]
+        law = state.law
         error_mm2 = law_errors(
-            law.rest_mm,
-            law.eye_mm,
-            law.distance_mm,
-            state.lever_mm,
-            state.neighbours.index,
-            state.neighbours.distance,
-            depth_mm,
+            -displacement_mm[:, 2],
             covariance_mm2[:, 2, 2],
+            state.neighbours.index,
+            state.lean,
+            state.bend,
             _FEIGNED,
+            _SPILL,
+            state.scale_std,
         )
-        # The map that slope and curvature are taken from holds the error itself, so what the law adds is
-        # never more than what the map shows.
-        around_mm2 = (depth_mm[state.neighbours.index] ** 2).mean(axis=1)
-        shown_mm2 = 0.5 * (depth_mm**2 + around_mm2) + _SPILL * (depth_mm**2).mean()
-        error_mm2 *= shown_mm2 / np.maximum((np.sqrt(error_mm2) + np.sqrt(shown_mm2)) ** 2, 1e-300)
         # What is wrong in depth moves the marker along its ray.
-        error_mm2 += (state.scale_std * depth_mm) ** 2
         widen(covariance_mm2, error_mm2, law.rest_mm, law.eye_mm, law.distance_mm)
         return Surface(
             position_mm=read_only(state.layout.rest_mm + displacement_mm),
@@ -304,7 +319,11 @@ def _moved_at(state: PerimeterMemory, moved_mm: Float64[np.ndarray, "m 2"], poin
     return np.where(np.isfinite(at), at, 0.0)
 
 
-def _plane_from_px(camera: Camera, pixel: Points2) -> Covariances2:
-    step = 0.5 * np.eye(2)
-    columns = [onto_plane(camera, pixel + h)[:, :2] - onto_plane(camera, pixel - h)[:, :2] for h in step]
-    return np.stack(columns, axis=-1)
+def _error_weights(
+    law: PerimeterLaw, neighbours: Neighbours, lever_mm: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """(m, k) by which the depth of each neighbour above the marker's own adds to R . grad w / 2 and d e."""
+    place_mm, index = law.rest_mm, neighbours.index
+    each = 1.0 / (neighbours.distance**2 * index.shape[1])
+    along = ((place_mm[index] - place_mm[:, None]) * (place_mm - law.eye_mm)[:, None]).sum(axis=2)
+    return read_only(along * each), read_only(2.0 * law.distance_mm * lever_mm * each)
