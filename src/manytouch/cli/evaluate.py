@@ -1,7 +1,8 @@
 """`manytouch evaluate`: how wrong are results, or the methods?"""
 
+import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 from cyclopts import CycloptsError, Parameter
 
@@ -12,6 +13,7 @@ if TYPE_CHECKING:
     from manytouch.evaluation.runner import Evaluation
 
 Group = Literal["nominal", "separation", "stress"]
+GROUPS: tuple[Group, ...] = get_args(Group)
 
 
 def evaluate(
@@ -28,7 +30,7 @@ def evaluate(
     *,
     out: Annotated[Path, Parameter(negative=(), help="Folder for report.html and report.json.")],
     quick: Annotated[
-        bool, Parameter(negative=(), help="Only a dozen cases of the suite, in about two minutes.")
+        bool, Parameter(negative=(), help="Only a dozen cases of the suite, in two or three minutes.")
     ] = False,
     method: Annotated[
         list[options.Method] | None,
@@ -41,6 +43,16 @@ def evaluate(
     tuning: Annotated[
         bool, Parameter(negative=(), help="Leave out the half of the cases that is held out of tuning.")
     ] = False,
+    cache: Annotated[
+        Path | None,
+        Parameter(
+            negative=(),
+            help="Folder of the solved cases; what is not there is solved, in an hour or two for all. "
+            "[default: the user's cache]",
+            show_default=False,
+        ),
+    ] = None,
+    processes: Annotated[int, Parameter(negative=(), help="Cases that are worked on at once.")] = 2,
 ) -> int:
     """Compare results with the truth: dots, depth, contacts, forces, separation, uncertainty, latency.
 
@@ -49,7 +61,7 @@ def evaluate(
     Example: manytouch evaluate results/press simulated/truth --out report
 
     Without folders every method is run on the accuracy suite, which is simulated: manytouch evaluate
-    --quick --out report
+    --quick --out report. A run that was killed goes on where it ended.
     """
     from manytouch.cli.console import Reporter
     from manytouch.evaluation.report import require_packages, write_report
@@ -59,20 +71,27 @@ def evaluate(
         raise CycloptsError(
             msg=f"evaluate takes both RESULT_DIR and TRUTH_DIR or neither, found {len(given)} folder(s)"
         )
-    if given and (quick or method or group or tuning):
-        raise CycloptsError(msg="--quick, --method, --group and --tuning are for the suite, without folders")
+    if given and (quick or method or group or tuning or cache):
+        raise CycloptsError(
+            msg="--quick, --method, --group, --tuning and --cache are for the suite, without folders"
+        )
     require_packages()
     reporter = Reporter(bar=False)
+    kept = out / ".trials"
     if given:
         from manytouch.evaluation.own import evaluate_folders
 
         evaluation = evaluate_folders(given[0], given[1])
     else:
-        evaluation = _suite(quick=quick, methods=method, groups=group, tuning=tuning)
+        from manytouch.evaluation.suite import cases
+
+        chosen = cases(tuple(group or GROUPS), quick=quick, tuning=tuning)
+        evaluation = _suite(chosen, method, cache=cache, processes=max(processes, 1), kept=kept)
         if not evaluation.trials:
             reporter.say("nothing was measured, so there is no report")
             return 0
     page = write_report(evaluation, out)
+    shutil.rmtree(kept, ignore_errors=True)
     for sentence in _results_in_words(evaluation):
         reporter.say(sentence)
     reporter.say(f"report in {page}")
@@ -80,32 +99,40 @@ def evaluate(
 
 
 def _suite(
-    *,
-    quick: bool,
+    chosen: "tuple[Case, ...]",
     methods: list[options.Method] | None,
-    groups: list[Group] | None,
-    tuning: bool,
+    *,
+    cache: Path | None,
+    processes: int,
+    kept: Path,
 ) -> "Evaluation":
     from manytouch.cli.stopping import Stop
-    from manytouch.evaluation.cases import GROUPS
     from manytouch.evaluation.runner import run_suite
-    from manytouch.evaluation.suite import cases
-    from manytouch.evaluation.twin import PlateTwin
+    from manytouch.evaluation.solutions import Solutions, solve_missing, user_cache
+    from manytouch.evaluation.twin import FemTwin
     from manytouch.session import METHODS, pipeline_for
     from manytouch.sinks.summary import parameters, versions
 
     pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}
-    chosen = cases(tuple(groups or GROUPS), quick=quick, tuning=tuning)
-    twin = PlateTwin()
+    solutions = Solutions(folder=cache or user_cache())
     settings = {
         "parameters": {name: parameters(pipeline) for name, pipeline in pipelines.items()},
         "versions": versions(),
+        "processes": processes,
     }
     with Stop() as stop, _Progress() as progress:
-        progress.say(
-            f"accuracy suite: {len(chosen)} cases on the {twin.name}, read by {', '.join(pipelines)}"
+        progress.say(f"accuracy suite: {len(chosen)} cases, read by {', '.join(pipelines)}")
+        solve_missing(chosen, solutions, watch=progress, stop=stop, processes=processes)
+        return run_suite(
+            chosen,
+            pipelines,
+            FemTwin(solutions=solutions),
+            settings=settings,
+            watch=progress,
+            stop=stop,
+            processes=processes,
+            kept=kept,
         )
-        return run_suite(chosen, pipelines, twin, settings=settings, watch=progress, stop=stop)
 
 
 class _Progress:
@@ -113,10 +140,11 @@ class _Progress:
 
     def __init__(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TimeRemainingColumn
+        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
         self._console = Console(highlight=False, soft_wrap=True)
         self._bar = Progress(
+            TextColumn("  {task.description}"),
             BarColumn(),
             MofNCompleteColumn(),
             TimeRemainingColumn(),
@@ -125,7 +153,7 @@ class _Progress:
             disable=not self._console.is_terminal,
         )
         self._task = self._bar.add_task("cases", total=None)
-        self._count = self._total = 0
+        self._work, self._count, self._total = "", 0, 0
 
     def __enter__(self) -> "_Progress":
         self._bar.start()
@@ -134,17 +162,17 @@ class _Progress:
     def __exit__(self, *_: object) -> None:
         self._bar.stop()
 
-    def begin(self, case_count: int) -> None:
-        self._total = case_count
-        self._bar.update(self._task, total=case_count)
+    def begin(self, work: str, count: int) -> None:
+        self._work, self._count, self._total = work, 0, count
+        self._bar.reset(self._task, total=count, description=work)
 
     def say(self, sentence: str) -> None:
         self._console.print(sentence, markup=False)
 
-    def done(self, case: "Case", sentence: str) -> None:
+    def done(self, title: str, sentence: str) -> None:
         self._count += 1
         self._bar.advance(self._task)
-        self.say(f"  {self._count} of {self._total}  {case.title}: {sentence}")
+        self.say(f"  {self._work} {self._count} of {self._total}  {title}: {sentence}")
 
 
 def _results_in_words(evaluation: "Evaluation") -> list[str]:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-REST_FRAMES, RAMP_FRAMES, HOLD_FRAMES = 15, 12, 3
+REST_FRAMES, RAMP_FRAMES, HOLD_FRAMES = 15, 8, 4
 GROUPS = ("nominal", "separation", "stress")
 
 
@@ -41,7 +41,7 @@ class Misinformation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One recording to be made and read: 15 frames at rest, 12 of growing pressure, 3 held.
+    """One recording to be made and read: 15 frames at rest, 8 of growing pressure, 4 held.
 
     Attributes:
         group: one of `GROUPS`.

@@ -1,12 +1,18 @@
 """Runs the suite: every case played once and read by every method."""
 
+import hashlib
+import os
+import pickle
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol, runtime_checkable
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+import manytouch
 from manytouch.calibration.rest import refer
 from manytouch.errors import ManytouchError
 from manytouch.evaluation.bench import told_sensor
@@ -17,27 +23,15 @@ from manytouch.evaluation.live import record_of_readings, record_of_truths
 from manytouch.evaluation.record import Record, contact_rows
 from manytouch.evaluation.touches import contact_figures
 from manytouch.evaluation.twin import Recording, Twin
+from manytouch.evaluation.workers import Watch, worked
 from manytouch.pipeline import Pipeline
+from manytouch.sinks.staging import told
 from manytouch.values.arrays import read_only
 
 CONTACT_COLUMNS = (
     *("frame", "id", "x", "y", "depth", "normal_force", "shear_x", "shear_y", "x_std", "y_std"),
     *("depth_std", "force_std", "shear_x_std", "shear_y_std"),
 )
-
-
-@runtime_checkable
-class Watch(Protocol):
-    """Somebody who follows a run."""
-
-    def begin(self, case_count: int) -> None:
-        """So many cases will be played."""
-
-    def say(self, sentence: str) -> None:
-        """Something that happened."""
-
-    def done(self, case: Case, sentence: str) -> None:
-        """A case has been read by all methods."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -86,6 +80,8 @@ def run_suite(
     settings: Mapping[str, Any],
     watch: Watch | None = None,
     stop: Callable[[], bool] | None = None,
+    processes: int = 1,
+    kept: Path | None = None,
 ) -> Evaluation:
     """Play cases and compare what the methods read with what was true.
 
@@ -95,34 +91,65 @@ def run_suite(
         twin: who plays the cases.
         settings: for the record.
         watch: told what happens.
-        stop: asked after each case; once it says True the rest is left out.
+        stop: asked before each case; once it says True the rest is left out.
+        processes: cases that are read at once.
+        kept: folder in which each trial is kept, so that a run that was killed goes on; None: nowhere.
     """
     begun_s = time.monotonic()
-    trials: list[Trial] = []
     left_out = {case.title: reason for case in cases if (reason := twin.refusal(case)) is not None}
     playable = [case for case in cases if case.title not in left_out]
     if watch is not None:
-        watch.begin(len(playable))
+        watch.begin("reading", len(playable))
         for reason in dict.fromkeys(left_out.values()):
             count = list(left_out.values()).count(reason)
-            watch.say(f"left out: {count} {'case' if count == 1 else 'cases'}, for {reason}")
-    for case in playable:
-        if stop is not None and stop():
-            left_out[case.title] = "the run was stopped"
-            continue
-        trial = try_case(case, methods, twin.play(case))
-        trials.append(trial)
+            watch.say(f"left out: {count} {'case' if count == 1 else 'cases'}, since {reason}")
+    trials: dict[int, Trial] = {}
+    read = partial(kept_trial, methods=methods, twin=twin, kept=kept)
+    for number, trial in worked(read, playable, processes=processes, stop=stop):
+        trials[number] = trial
         if watch is not None:
-            watch.done(case, in_words(trial))
+            watch.done(playable[number].title, in_words(trial))
+    left_out |= {
+        case.title: "the run was stopped" for number, case in enumerate(playable) if number not in trials
+    }
     return Evaluation(
         title="Accuracy suite",
         truth_in_words=twin.in_words,
         methods=tuple(methods),
-        trials=tuple(trials),
+        trials=tuple(trials[number] for number in sorted(trials)),
         left_out=left_out,
         settings=settings,
         seconds=time.monotonic() - begun_s,
     )
+
+
+def kept_trial(case: Case, *, methods: Mapping[str, Pipeline], twin: Twin, kept: Path | None) -> Trial:
+    """A case's trial: the one that is kept where nothing has changed since, else a new one, which is kept."""
+    if kept is None:
+        return try_case(case, methods, twin.play(case))
+    depends = (code_of_the_package(), repr(case), repr(dict(methods)), repr(twin))
+    path = kept / f"{hashlib.sha256(chr(10).join(depends).encode()).hexdigest()[:24]}.trial"
+    try:
+        trial = pickle.loads(path.read_bytes())
+    except (OSError, pickle.UnpicklingError, EOFError):
+        trial = None
+    if isinstance(trial, Trial):
+        return trial
+    trial = try_case(case, methods, twin.play(case))
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    with told(path):
+        kept.mkdir(parents=True, exist_ok=True)
+        aside.write_bytes(pickle.dumps(trial))
+        aside.replace(path)
+    return trial
+
+
+@cache
+def code_of_the_package() -> str:
+    """A hash of every line of manytouch: any of them may change what a method says."""
+    package = Path(manytouch.__file__).parent
+    sources = (path.read_bytes() for path in sorted(package.rglob("*.py")))
+    return hashlib.sha256(b"\0".join(sources)).hexdigest()
 
 
 def try_case(case: Case, methods: Mapping[str, Pipeline], recording: Recording) -> Trial:
@@ -163,7 +190,7 @@ def silent(truth: Record, method: str) -> Record:
 
 def in_words(trial: Trial) -> str:
     """One line: what each method made of a recording."""
-    parts = []
+    parts: list[str] = []
     for comparison in trial.comparisons:
         rmse = depth_figures(comparison.depth)["rmse_median_mm"]
         depth = f"depth RMSE {rmse:.3f} {comparison.unit}" if np.isfinite(rmse) else "no depth"

@@ -9,9 +9,11 @@ from cyclopts import App, CycloptsError
 
 from manytouch.cli.evaluate import evaluate
 from manytouch.errors import ManytouchError
-from manytouch.evaluation import own, runner
+from manytouch.evaluation import own, runner, solutions
 from manytouch.evaluation.cases import Case
 from manytouch.evaluation.runner import Evaluation, Trial
+from manytouch.evaluation.solutions import user_cache
+from manytouch.session import METHODS
 
 app = App(name="manytouch")
 app.command(evaluate)
@@ -50,6 +52,18 @@ def test_folders_that_are_not_there_are_one_sentence(tmp_path: Path) -> None:
 
 
 @pytest.fixture
+def solved(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, Path]]:
+    """How many cases would be solved, and kept where, instead of solving them."""
+    asked: list[tuple[int, Path]] = []
+
+    def solve(cases: Any, solutions: Any, **more: Any) -> None:
+        asked.append((len(cases), solutions.folder))
+
+    monkeypatch.setattr(solutions, "solve_missing", solve)
+    return asked
+
+
+@pytest.fixture
 def written(monkeypatch: pytest.MonkeyPatch) -> list[Evaluation]:
     """What would be reported, instead of a report."""
     from manytouch.evaluation import report
@@ -65,11 +79,12 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[Evaluation]:
 
 
 def played(chosen: list[tuple[Case, ...]]) -> Callable[..., Evaluation]:
-    def suite(cases: Any, methods: Any, twin: Any, *, settings: Any, watch: Any, stop: Any) -> Evaluation:
+    def suite(cases: Any, methods: Any, twin: Any, *, settings: Any, watch: Any, **more: Any) -> Evaluation:
         chosen.append(cases)
-        watch.begin(len(cases))
+        watch.begin("reading", len(cases))
         for case in cases:
-            watch.done(case, "read")
+            watch.done(case.title, "read")
+        more["kept"].mkdir(parents=True)
         return Evaluation(
             title="suite",
             truth_in_words=twin.in_words,
@@ -83,6 +98,7 @@ def played(chosen: list[tuple[Case, ...]]) -> Callable[..., Evaluation]:
 
 def test_the_suite_takes_its_options(
     written: list[Evaluation],
+    solved: list[tuple[int, Path]],
     monkeypatch: pytest.MonkeyPatch,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
@@ -90,24 +106,30 @@ def test_the_suite_takes_its_options(
     chosen: list[tuple[Case, ...]] = []
     monkeypatch.setattr(runner, "run_suite", played(chosen))
     words = ("--quick", "--tuning", "--method", "paper", "--group", "stress", "--group", "nominal")
-    assert run(*words, "--out", str(tmp_path)) == 0
+    assert run(*words, "--cache", str(tmp_path / "cache"), "--out", str(tmp_path)) == 0
+    assert solved == [(len(chosen[0]), tmp_path / "cache")]
+    assert not (tmp_path / ".trials").exists()  # the report is written, nothing is left to go on with
     assert {case.group for case in chosen[0]} == {"stress", "nominal"}
     assert all(case.looked_at and case.is_quick for case in chosen[0])
     assert written[0].methods == ("paper",)
-    assert set(written[0].settings) == {"parameters", "versions"}
+    assert set(written[0].settings) == {"parameters", "versions", "processes"}
     out = capsys.readouterr().out
-    assert f"{len(chosen[0])} of {len(chosen[0])}  {chosen[0][-1].title}: read" in out
+    assert f"reading {len(chosen[0])} of {len(chosen[0])}  {chosen[0][-1].title}: read" in out
     assert f"report in {tmp_path / 'report.html'}" in out
 
 
 def test_without_options_every_method_reads_every_case(
-    written: list[Evaluation], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    written: list[Evaluation],
+    solved: list[tuple[int, Path]],
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
 ) -> None:
     chosen: list[tuple[Case, ...]] = []
     monkeypatch.setattr(runner, "run_suite", played(chosen))
     assert run("--out", str(tmp_path)) == 0
     assert len(chosen[0]) == 126
-    assert {"perimeter", "paper"} <= set(written[0].methods)
+    assert written[0].methods == METHODS
+    assert solved == [(126, user_cache())]
 
 
 def test_two_folders_are_compared(

@@ -1,4 +1,4 @@
-"""The cases of the suite, the sensor of a case, and the linear plate that plays it."""
+"""The cases of the suite, and the sensor of a case."""
 
 from collections import Counter
 from dataclasses import replace
@@ -19,7 +19,6 @@ from manytouch.evaluation.cases import (
 )
 from manytouch.evaluation.record import EvaluationError
 from manytouch.evaluation.suite import APART_MM, RIM_MM, cases
-from manytouch.evaluation.twin import PlateTwin, Twin, plate_forces_N
 
 SMALL = Case(
     group="nominal",
@@ -136,46 +135,3 @@ def test_what_the_methods_are_told_is_wrong_as_the_case_says() -> None:
     assert wrong.camera.cx_px - true.camera.cx_px == pytest.approx(1.25)  # 5 px at 2560 px width
     assert not wrong.camera.distortion.any()
     assert not wrong.layout.is_missing.any()
-
-
-# the plate
-
-
-def test_the_plate_is_a_twin_and_refuses_friction() -> None:
-    assert isinstance(PlateTwin(), Twin)
-    assert PlateTwin().refusal(SMALL) is None
-    assert "friction" in str(PlateTwin().refusal(replace(SMALL, friction=0.3)))
-
-
-def test_the_plate_is_as_deep_as_the_case_asks() -> None:
-    recording = PlateTwin().play(SMALL)
-    assert len(recording.frames) == len(recording.truths) == SMALL.frame_count
-    rest, last = recording.truths[REST_FRAMES - 1], recording.truths[-1]
-    assert not rest.contacts.touching
-    assert np.abs(rest.surface.displacement_mm).max() == 0
-    (contact,) = last.contacts.touching
-    assert contact.depth_mm == pytest.approx(1.0, rel=0.05)
-    assert contact.centre_mm == pytest.approx([5.0, -3.0])
-    middle = recording.truths[REST_FRAMES + 5].contacts.touching[0]
-    assert middle.depth_mm / contact.depth_mm == pytest.approx(pressure_share(REST_FRAMES + 5), abs=0.02)
-
-
-def test_force_shares_keep_their_ratio_and_reach_the_depth() -> None:
-    touches = tuple(Touch(at_mm=(x, 0.0), radius_mm=2.0, strength=s) for x, s in ((-8.0, 1.0), (8.0, 0.3)))
-    case = replace(SMALL, touches=touches, strength_is="force", deepest_mm=2.0)
-    sheet = true_sensor(case).sheet
-    assert sheet is not None
-    force = plate_forces_N(case, sheet)
-    assert force[1] / force[0] == pytest.approx(0.3)
-    last = PlateTwin().play(case).truths[-1]
-    assert max(contact.depth_mm for contact in last.contacts.touching) == pytest.approx(2.0, rel=0.05)
-
-
-def test_a_touch_that_its_neighbour_presses_deeper_does_not_touch() -> None:
-    touches = tuple(Touch(at_mm=(x, 0.0), radius_mm=2.0, strength=s) for x, s in ((0.0, 3.0), (4.0, 0.1)))
-    case = replace(SMALL, touches=touches, deepest_mm=3.0)
-    sheet = true_sensor(case).sheet
-    assert sheet is not None
-    assert plate_forces_N(case, sheet)[1] == 0
-    (only,) = PlateTwin().play(case).truths[-1].contacts.touching
-    assert only.depth_mm == pytest.approx(3.0, rel=0.05)

@@ -1,0 +1,77 @@
+"""Work shared out to processes, one task after the other, that can be stopped between tasks."""
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from typing import Protocol, TypeVar, runtime_checkable
+
+from manytouch.errors import ManytouchError
+
+Task = TypeVar("Task")
+Result = TypeVar("Result")
+
+
+@runtime_checkable
+class Watch(Protocol):
+    """Somebody who follows a run."""
+
+    def begin(self, work: str, count: int) -> None:
+        """So many cases will be solved, or read."""
+
+    def say(self, sentence: str) -> None:
+        """Something that happened."""
+
+    def done(self, title: str, sentence: str) -> None:
+        """That is finished for a case."""
+
+
+def worked(
+    work: Callable[[Task], Result],
+    tasks: Sequence[Task],
+    *,
+    processes: int = 1,
+    stop: Callable[[], bool] | None = None,
+) -> Iterator[tuple[int, Result]]:
+    """The results with the numbers of their tasks, as they come.
+
+    One process is this one. With more, `work` and everything it holds must be picklable.
+
+    Args:
+        work: done for each task.
+        tasks: in the order in which they are begun.
+        processes: how many at once.
+        stop: asked before each task; once it says True no other is begun.
+
+    Raises:
+        ManytouchError: a process was killed.
+    """
+    if processes == 1 or len(tasks) < 2:
+        for number, task in enumerate(tasks):
+            if stop is not None and stop():
+                return
+            yield number, work(task)
+        return
+    begun = 0
+    waiting: dict[Future[Result], int] = {}
+    context = multiprocessing.get_context("spawn")  # compiled code and OpenCV do not survive a fork
+    with ProcessPoolExecutor(processes, mp_context=context, initializer=_deaf_to_ctrl_c) as pool:
+        try:
+            while True:
+                while begun < len(tasks) and len(waiting) < processes and not (stop and stop()):
+                    waiting[pool.submit(work, tasks[begun])] = begun
+                    begun += 1
+                if not waiting:
+                    return
+                for done in wait(waiting, return_when=FIRST_COMPLETED).done:
+                    yield waiting.pop(done), done.result()
+        except BrokenProcessPool:
+            raise ManytouchError(
+                "a process was killed, perhaps for want of memory; the same command goes on where it ended"
+            ) from None
+
+
+def _deaf_to_ctrl_c() -> None:
+    """The first process is told, and lets the others finish what they have begun."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
