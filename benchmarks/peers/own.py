@@ -12,6 +12,7 @@ from rounds import Answer, Footage, Method
 sys.path.append(str(Path(__file__).parents[1]))
 
 from bench_paper import plain_idw
+from plain_paper import PlainChain
 
 from manytouch.detection.paper import PaperDetection
 from manytouch.estimation.paper import PaperEstimate, perimeter_depth
@@ -23,6 +24,7 @@ from manytouch.values import Detections, Frame, Sensor, TrackedGrid
 
 MAP_POINTS = (200, 120)
 PAPER_MAP = (100, 60)
+IDENTITIES, SURFACE, CONTACTS = "identities", "surface", "contacts"
 Run = Callable[[int], Answer]
 
 
@@ -34,21 +36,24 @@ def map_of(sensor: Sensor) -> GridSampling:
 
 
 class Tracked:
-    """The method `perimeter` frame after frame: dots, identities, estimate, and the map of depth."""
+    """The method `perimeter` frame after frame, as `Pipeline.run` does it, up to some `end`.
 
-    def __init__(self, sensor: Sensor, *, estimate: bool = True) -> None:
+    IDENTITIES: dots and which marker each is. SURFACE: also undistorted places, the sheet's surface at the
+    markers, and its depth on the map. CONTACTS: also contacts.
+    """
+
+    def __init__(self, sensor: Sensor, end: str = SURFACE) -> None:
         self.stages = pipeline_for("perimeter")
         self.detecting = self.stages.detect.start(sensor)
         self.tracking = self.stages.track.start(sensor)
-        self.estimate = estimate
-        if estimate:
+        self.end = end
+        if end != IDENTITIES:
             self.estimating = self.stages.estimate.start(sensor)
             self.map = map_of(sensor)
-        self.surface = None
+        self.depth_mm = None
 
     def __call__(self, frame: Frame) -> TrackedGrid:
-        """One frame, as `Pipeline.run` does it."""
-        detect, track = self.stages.detect, self.stages.track
+        detect, track, estimate = self.stages.detect, self.stages.track, self.stages.estimate
         before = self.tracking
         expected_px = track.expected_px(before)
         self.detecting, detections = detect.step(self.detecting, frame, expected_px)
@@ -56,44 +61,45 @@ class Tracked:
         if expected_px is not None and track.is_lost(self.tracking):
             self.detecting, detections = detect.step(self.detecting, frame, None)
             self.tracking, grid = track.step(before, detections)
-        if self.estimate:
-            self.estimating, surface, _ = self.stages.estimate.step(self.estimating, grid)
-            self.surface = self.map(-surface.displacement_mm[:, 2])
+        if self.end == SURFACE:
+            surface, _, _ = estimate.shape(self.estimating, grid)
+        elif self.end == CONTACTS:
+            self.estimating, surface, _ = estimate.step(self.estimating, grid)
+        if self.end != IDENTITIES:
+            self.depth_mm = self.map(-surface.displacement_mm[:, 2])
         return grid
 
 
-def tracked(footage: Footage) -> Run:
-    """A frame of a sheet that is followed, from pixels to contacts and the map."""
-    follow = Tracked(footage.course.sensor)
+def tracked(end: str) -> Callable[[Footage], Run]:
+    """Frames of a sheet that is followed."""
 
-    def run(index: int) -> Answer:
-        return answer_of(follow(footage.frames[index]))
+    def prepare(footage: Footage) -> Run:
+        follow = Tracked(footage.course.sensor, end)
 
-    return run
+        def run(index: int) -> Answer:
+            return answer_of(follow(footage.frames[index]))
 
+        return run
 
-def numbered(footage: Footage) -> Run:
-    """A frame of a sheet that is followed, from pixels to identities."""
-    follow = Tracked(footage.course.sensor, estimate=False)
-
-    def run(index: int) -> Answer:
-        return answer_of(follow(footage.frames[index]))
-
-    return run
+    return prepare
 
 
-def from_nothing(footage: Footage) -> Run:
-    """A frame of which nothing is known but the sensor: the whole image is searched, identities told anew."""
-    follow = Tracked(footage.course.sensor)
-    first = follow.tracking
+def from_nothing(end: str) -> Callable[[Footage], Run]:
+    """Frames of which nothing is known but the sensor: the whole image is searched, identities told anew."""
 
-    def run(index: int) -> Answer:
-        follow.tracking = first
-        if follow.stages.track.expected_px(first) is not None:
-            raise RuntimeError("the tracker's first state asks for windows: then this is not from nothing")
-        return answer_of(follow(footage.frames[index]))
+    def prepare(footage: Footage) -> Run:
+        follow = Tracked(footage.course.sensor, end)
+        first = follow.tracking
 
-    return run
+        def run(index: int) -> Answer:
+            follow.tracking = first
+            if follow.stages.track.expected_px(first) is not None:
+                raise RuntimeError("the tracker's first state asks for windows: this is not from nothing")
+            return answer_of(follow(footage.frames[index]))
+
+        return run
+
+    return prepare
 
 
 def decoding(footage: Footage) -> Run:
@@ -108,7 +114,7 @@ def decoding(footage: Footage) -> Run:
 
 def from_jpeg(footage: Footage) -> Run:
     """A JPEG picture to identities."""
-    follow = Tracked(footage.course.sensor, estimate=False)
+    follow = Tracked(footage.course.sensor, IDENTITIES)
 
     def run(index: int) -> Answer:
         image = cv2.imdecode(np.frombuffer(footage.jpeg[index], dtype=np.uint8), cv2.IMREAD_GRAYSCALE)
@@ -136,6 +142,29 @@ def paper_with_map(footage: Footage) -> Run:
         known = np.isfinite(depth_mm)
         x_mm, y_mm = (chain.rest_mm[known, axis].tolist() for axis in (0, 1))
         plain_idw(x_mm, y_mm, depth_mm[known].tolist(), iterations=chain.side, radius_mm=chain.radius_mm)
+        return answer
+
+    return run
+
+
+def plain_chain(footage: Footage) -> Run:
+    """The paper's chain as its text describes it, with plain loops over the markers."""
+    chain = PlainChain(footage)
+
+    def run(index: int) -> Answer:
+        return chain(index)[0]
+
+    return run
+
+
+def plain_chain_with_map(footage: Footage) -> Run:
+    """The same, and inverse distance weighting in plain Python."""
+    chain, quick = PlainChain(footage), _Paper(footage)
+    x_mm, y_mm = (quick.rest_mm[:, axis].tolist() for axis in (0, 1))
+
+    def run(index: int) -> Answer:
+        answer, depth_mm = chain(index)
+        plain_idw(x_mm, y_mm, depth_mm, iterations=quick.side, radius_mm=quick.radius_mm)
         return answer
 
     return run
@@ -219,6 +248,17 @@ def stage_methods(footage_sensor: Sensor) -> list[Method]:
 
         return run
 
+    def shaping(footage: Footage) -> Run:
+        estimate = pipeline_for("perimeter").estimate
+        memory = estimate.start(footage_sensor)
+        given = [_seen(footage, index) for index in range(len(footage.frames))]
+
+        def run(index: int) -> Answer:
+            estimate.shape(memory, given[index])
+            return Answer()
+
+        return run
+
     def mapping(footage: Footage) -> Run:
         sample = map_of(footage_sensor)
         moved = footage.course.centre_px - footage.course.centre_px[0]
@@ -233,7 +273,8 @@ def stage_methods(footage_sensor: Sensor) -> list[Method]:
         Method(name="stage: dots in windows", does="detection around expected places", prepare=windows),
         Method(name="stage: dots everywhere", does="detection in the whole image", prepare=everywhere),
         Method(name="stage: identities", does="tracking of given dots", prepare=identities),
-        Method(name="stage: estimate", does="depth, view and contacts", prepare=estimating),
+        Method(name="stage: surface", does="undistorted places, view, depth, errors", prepare=shaping),
+        Method(name="stage: surface and contacts", does="the same and contacts", prepare=estimating),
         Method(name="stage: map", does="200 x 120 points", prepare=mapping),
     ]
 
@@ -263,16 +304,33 @@ def _seen(footage: Footage, index: int) -> TrackedGrid:
 def own_methods(sensor: Sensor) -> list[Method]:
     """manytouch and the paper's chain."""
     return [
-        Method(name="manytouch: tracked frame", does="pixels to contacts and map", prepare=tracked),
-        Method(name="manytouch: tracked, identities", does="pixels to identities", prepare=numbered),
-        Method(name="manytouch: frame from nothing", does="pixels to contacts and map", prepare=from_nothing),
+        Method(name="manytouch: tracked frame", does="pixels to surface and map", prepare=tracked(SURFACE)),
+        Method(
+            name="manytouch: tracked, identities", does="pixels to identities", prepare=tracked(IDENTITIES)
+        ),
+        Method(
+            name="manytouch: tracked, contacts",
+            does="pixels to surface, map and contacts",
+            prepare=tracked(CONTACTS),
+        ),
+        Method(
+            name="manytouch: frame from nothing",
+            does="pixels to surface and map",
+            prepare=from_nothing(SURFACE),
+        ),
         Method(name="JPEG to grey", does="decoding alone", prepare=decoding),
         Method(name="manytouch: JPEG to identities", does="decoding and tracking", prepare=from_jpeg),
-        Method(name="paper's chain", does="undistorted image to depth", prepare=paper),
+        Method(name="paper's chain, quick", does="as in --method paper, to depth", prepare=paper),
         Method(
-            name="paper's chain and plain map",
+            name="paper's chain, quick, plain map",
             does="the same and 6000 points by a loop",
             prepare=paper_with_map,
+        ),
+        Method(name="paper's chain", does="as in its text, by plain loops", prepare=plain_chain),
+        Method(
+            name="paper's chain and map",
+            does="the same and 6000 points by a loop",
+            prepare=plain_chain_with_map,
         ),
         *stage_methods(sensor),
     ]

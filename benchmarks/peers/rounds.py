@@ -133,6 +133,17 @@ def interleaved(methods: Sequence[Method], footage: Footage, rounds: int) -> dic
     return timings
 
 
+def in_a_row(method: Method, footage: Footage, frames: int) -> Timing:
+    """Time one method alone, frame after frame, as it runs on a sensor of its own."""
+    run, timing = method.prepare(footage), Timing()
+    for turn, index in enumerate(to_and_fro(len(footage.frames), frames + WARM)):
+        spent_ms, cpu_ms, _ = _timed(run, int(index))
+        if turn >= WARM:
+            timing.spent_ms.append(spent_ms)
+            timing.cpu_ms.append(cpu_ms)
+    return timing
+
+
 def _timed(run: Callable[[int], Answer], index: int) -> tuple[float, float, Answer]:
     begun_s, begun_cpu_s = time.perf_counter(), time.thread_time()
     answer = run(index)

@@ -29,7 +29,7 @@ from others import others
 from own import own_methods
 from plot import plotted
 from profiled import profile_of, profile_text
-from rounds import Footage, Timing, interleaved
+from rounds import Footage, Timing, in_a_row, interleaved
 from scaling import scaling_of, scaling_text
 from sequences import COUNTS, SIZES, Sequence, course_of, jpegs, pictures
 from two import two_sensors, two_text
@@ -99,7 +99,8 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     options.add_argument("--out", type=Path, required=True, help="folder for peers.txt, .json and .png")
-    options.add_argument("--rounds", type=int, default=300, help="1000 for the p99 of the goals")
+    options.add_argument("--rounds", type=int, default=300, help="of all methods")
+    options.add_argument("--row", type=int, default=1000, help="tracked frames one after the other, for p99")
     options.add_argument("--dots", type=int, default=1040, choices=list(COUNTS))
     options.add_argument("--size", default="1440p", choices=list(SIZES))
     options.add_argument("--step", type=float, default=0.25, help="fastest motion, pitches per frame")
@@ -119,6 +120,8 @@ def main() -> None:
     ]
     does = {method.name: method.does for method in methods}
     timings = interleaved(methods, footage, chosen.rounds)
+    (own,) = (each for each in methods if each.name == TRACKED)
+    row = in_a_row(own, footage, chosen.row)
     jpeg_kB = np.mean([len(each) for each in footage.jpeg]) / 1e3
     texts = [
         f"{chosen.dots} dots, {chosen.size}, {chosen.step:g} pitches per frame, one thread, "
@@ -127,12 +130,18 @@ def main() -> None:
         *missing,
     ]
     result: dict[str, object] = {"machine": machine(), "methods": plain(timings, does), "missing": missing}
+    texts.append(
+        f"{len(row.spent_ms)} tracked frames one after the other: median {row.median_ms:.3f} ms, "
+        f"p99 {row.p99_ms or np.nan:.3f}, worst {max(row.spent_ms):.3f}; of the processor "
+        f"{row.median_cpu_ms:.3f}"
+    )
+    result["row"] = {"median_ms": row.median_ms, "p99_ms": row.p99_ms, "worst_ms": max(row.spent_ms)}
     if not chosen.brief:
         result["two_sensors"] = pair = two_sensors(sequence)
         texts.append(two_text(pair))
         result["scaling"] = scaling = scaling_of()
         texts.append(scaling_text(scaling))
-    goals = goals_of(timings, result.get("two_sensors"))
+    goals = goals_of(timings, row, result.get("two_sensors"))
     result["goals"] = goals
     texts.append("\n".join(["goals (processor time)", *(f"  {each}" for each in goals)]))
     profiles = {kind: profile_of(footage, kind) for kind in ("tracked", "from nothing")}
@@ -144,7 +153,7 @@ def main() -> None:
     print(text)
     (chosen.out / "peers.txt").write_text(text + "\n", encoding="utf-8")
     (chosen.out / "peers.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
-    plotted(timings, chosen.out / "peers.png", title=texts[0].split(", JPEG")[0])
+    plotted(timings, chosen.out / "peers.png", result.get("scaling"), title=texts[0].split(", JPEG")[0])
 
 
 if __name__ == "__main__":

@@ -14,7 +14,7 @@ if not BENCHMARKS.is_dir():
 sys.path += [str(BENCHMARKS), str(BENCHMARKS / "peers")]
 
 from goals import TRACKED, goals_of  # noqa: E402
-from rounds import SHARE_MS, Answer, Footage, Method, Timing, interleaved  # noqa: E402
+from rounds import SHARE_MS, Answer, Footage, Method, Timing, in_a_row, interleaved  # noqa: E402
 from sequences import Sequence, course_of  # noqa: E402
 
 from manytouch.values import Frame  # noqa: E402
@@ -91,10 +91,24 @@ def test_goals_compare_with_the_fastest_tuned_chain_on_the_whole_image() -> None
         "trackpy.locate": 100.0,
     }
     timings = {name: Timing(spent_ms=[ms] * 120, cpu_ms=[ms] * 120) for name, ms in spent.items()}
-    said = goals_of(timings, None)
+    row = Timing(spent_ms=[1.0] * 970 + [2.5] * 30, cpu_ms=[1.0] * 1000)
+    said = goals_of(timings, row, None)
     numbers = {line.split("  ")[0].strip(): line for line in said}
     assert "5.00" in numbers["times faster than tuned OpenCV"]
     assert numbers["times faster than tuned OpenCV"].endswith(": reached")
     assert numbers["times faster than trackpy.locate"].endswith("NOT reached")
     assert numbers["tracked frame, ms"].endswith(": reached")
     assert "4.00" in numbers["tracked frame, copies"]
+    assert "2.50" in numbers["p99 / median of 1000 tracked frames"]
+
+
+def test_frames_in_a_row_are_neighbours_and_the_first_ones_are_not_counted(footage: Footage) -> None:
+    seen: list[int] = []
+
+    def run(footage: Footage, index: int) -> Answer:
+        seen.append(index)
+        return Answer()
+
+    assert len(in_a_row(method("alone", run), footage, 20).spent_ms) == 20
+    assert len(seen) > 20
+    assert (np.abs(np.diff(seen)) == 1).all()
