@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token
 
-Method = Literal["perimeter", "paper"]
+Method = Literal["mechanics", "perimeter", "paper"]
 
 
 def _numbers(tokens: Sequence[Token], counts: tuple[int, ...], form: str) -> list[float]:

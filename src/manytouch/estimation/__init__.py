@@ -7,8 +7,16 @@ paper's own system.
 
 from manytouch.estimation.contacts import ContactFinder
 from manytouch.estimation.identity import ContactIdentity
+from manytouch.estimation.inversion import MechanicalInversion
 from manytouch.estimation.load import LoadModel
 from manytouch.estimation.perimeter import PerimeterDepth
 from manytouch.estimation.view import RobustView
 
-__all__ = ["ContactFinder", "ContactIdentity", "LoadModel", "PerimeterDepth", "RobustView"]
+__all__ = [
+    "ContactFinder",
+    "ContactIdentity",
+    "LoadModel",
+    "MechanicalInversion",
+    "PerimeterDepth",
+    "RobustView",
+]

@@ -1,5 +1,7 @@
 """Compiled loops of the estimators, over flat arrays."""
 
+# ruff: noqa: PLR0917 - compiled functions hold whole loops and take positional arguments
+
 from typing import no_type_check
 
 import numpy as np
@@ -93,3 +95,31 @@ def turned(matrix, covariance):
         out[m, 0, 0], out[m, 0, 1] = top_x * a + top_y * b, top_x * c + top_y * d
         out[m, 1, 0], out[m, 1, 1] = low_x * a + low_y * b, low_x * c + low_y * d
     return out
+
+
+@njit(cache=True)
+@no_type_check
+def loners(innovation, std, is_seen, neighbour, stds, spreads):
+    """Weights (m,) from 0 to 1 of vectors (m, 2) by how far each is from the median of its neighbours'."""
+    count, around = neighbour.shape
+    weight = np.zeros(count)
+    x, y, off = np.empty(around), np.empty(around), np.empty(around)
+    for m in range(count):
+        if not is_seen[m]:
+            continue
+        known = 0
+        for k in neighbour[m]:
+            if is_seen[k]:
+                x[known], y[known] = innovation[k, 0], innovation[k, 1]
+                known += 1
+        if known < 3:
+            weight[m] = 1.0
+            continue
+        middle_x, middle_y = np.median(x[:known]), np.median(y[:known])
+        for k in range(known):
+            off[k] = np.hypot(x[k] - middle_x, y[k] - middle_y)
+        scale = stds * std[m] + spreads * np.median(off[:known])
+        far = np.hypot(innovation[m, 0] - middle_x, innovation[m, 1] - middle_y) / scale
+        if far < 1.0:
+            weight[m] = (1.0 - far * far) ** 2
+    return weight

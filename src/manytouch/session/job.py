@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 from manytouch.calibration import refer, sensor_from_rest
 from manytouch.errors import SensorError, SourceError
 from manytouch.pipeline import Pipeline
-from manytouch.session.methods import METHODS, Roi, kernels, pipeline_for
+from manytouch.session.methods import DEFAULT, Roi, kernels, pipeline_for
 from manytouch.sources import Source, open_source
 from manytouch.sources.camera import without_password
 from manytouch.sources.capture import CameraWishes
@@ -141,7 +141,7 @@ def prepare(
         samples=first[:2],
         sensor=found,
         pipeline=pipeline,
-        method=method or METHODS[0],
+        method=method or DEFAULT,
         roi_px=roi_px,
     )
 

@@ -6,13 +6,14 @@ from pathlib import Path
 from manytouch.detection import DotSearch
 from manytouch.detection.paper import PaperDetection
 from manytouch.errors import ManytouchError
-from manytouch.estimation import PerimeterDepth
+from manytouch.estimation import MechanicalInversion, PerimeterDepth
 from manytouch.estimation.paper import PaperEstimate
 from manytouch.pipeline import Pipeline
 from manytouch.tracking import FollowGrid
 from manytouch.tracking.paper import PaperTracking
 
-METHODS = ("perimeter", "paper")
+METHODS = ("mechanics", "perimeter", "paper")
+DEFAULT = "perimeter"
 
 Roi = tuple[int, int, int, int]
 
@@ -40,7 +41,13 @@ def pipeline_for(method: str | None = None, roi_px: Roi | None = None) -> Pipeli
     Raises:
         ManytouchError: there is no such method.
     """
-    match method or METHODS[0]:
+    match method or DEFAULT:
+        case "mechanics":
+            return Pipeline(
+                detect=DotSearch(roi_px=roi_px),
+                track=FollowGrid(roi_px=roi_px),
+                estimate=MechanicalInversion(),
+            )
         case "perimeter":
             return Pipeline(
                 detect=DotSearch(roi_px=roi_px), track=FollowGrid(roi_px=roi_px), estimate=PerimeterDepth()

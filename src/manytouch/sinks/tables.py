@@ -78,9 +78,6 @@ class ContactTable:
     """contacts.csv: one line per contact per frame."""
 
     def __init__(self, folder: Path, sensor: Sensor) -> None:
-        self._young_MPa = sensor.sheet.young_MPa if sensor.sheet is not None else None
-        if sensor.length_unit != "mm":
-            self._young_MPa = None
         self._table = _CsvTable(folder / "contacts.csv", contact_columns(sensor.length_unit))
 
     def write(self, reading: Reading) -> None:
@@ -93,7 +90,6 @@ class ContactTable:
 
     def _row(self, reading: Reading, contact: Contact) -> list[object]:
         normal_force_N = -float(contact.force_N[2])
-        over_E_mm2 = normal_force_N / self._young_MPa if self._young_MPa else math.nan
         return [
             *(reading.frame.index, number(time_s(reading.frame.timestamp_ns), 6)),
             *(contact.id, contact.phase.value),
@@ -103,10 +99,11 @@ class ContactTable:
             number(contact.area_mm2, 4),
             *(number(contact.std(name), 4) for name in ("x", "y", "normal_force")),
             *(number(float(value), 2) for value in contact.centre_px),
-            *(number(contact.std("depth"), 4), number(over_E_mm2, 5)),
+            *(number(contact.std("depth"), 4), number(contact.normal_force_over_E_mm2, 5)),
             *(number(contact.std(name), 4) for name in ("shear_x", "shear_y")),
             *(number(contact.torque_Nmm, 4), number(contact.std("torque"), 4)),
-            *(number(contact.std("area"), 4), ""),
+            number(contact.std("area"), 4),
+            "" if contact.slip is None else int(contact.slip),
         ]
 
 

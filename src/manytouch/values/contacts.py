@@ -32,6 +32,8 @@ class Contact:
         torque_Nmm: about the sheet's normal.
         area_mm2: size of the contact.
         covariance: (8, 8) of the estimates in the order of `ESTIMATES`, NaN where not known.
+        normal_force_over_E_mm2: normal force over Young's modulus, which needs no stiffness.
+        slip: does it slide over the sheet? None where nobody can tell.
     """
 
     id: int
@@ -43,6 +45,8 @@ class Contact:
     torque_Nmm: float
     area_mm2: float
     covariance: Float64[np.ndarray, "8 8"]
+    normal_force_over_E_mm2: float = float("nan")
+    slip: bool | None = None
 
     def std(self, estimate: str) -> float:
         """Standard deviation of one of `ESTIMATES`, in its own unit; NaN where not known."""

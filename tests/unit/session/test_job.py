@@ -87,7 +87,7 @@ def test_every_method_reads_every_frame_in_order(method: str) -> None:
 
 
 def test_an_unknown_method_lists_those_there_are() -> None:
-    with pytest.raises(ManytouchError, match=r"magic.*perimeter, paper"):
+    with pytest.raises(ManytouchError, match=r"magic.*mechanics, perimeter, paper"):
         pipeline_for("magic")
 
 

@@ -62,12 +62,13 @@ def test_what_is_not_known_is_empty_and_the_rest_is_there(tmp_path, sensor, read
 
 
 def test_a_press_has_positive_normal_force_and_force_over_young(tmp_path, sensor_of, reading_of, contact_of):
-    contact = contact_of(force_N=np.array([0.5, 0.0, -3.0]))
-    for unit, young, over in (("mm", 2.0, "1.50000"), ("mm", None, ""), ("pitch", 2.0, "")):
-        write(ContactTable(tmp_path, sensor_of(unit, young)), reading_of(0, (contact,)))
+    for unit, over in (("mm", 1.5), ("mm", np.nan), ("pitch", 0.25)):
+        contact = contact_of(force_N=np.array([0.5, 0.0, -3.0]), normal_force_over_E_mm2=over, slip=True)
+        write(ContactTable(tmp_path, sensor_of(unit)), reading_of(0, (contact,)))
         (row,) = rows_of(tmp_path / "contacts.csv")
         assert (row["normal_force_N"], row["shear_x_N"], row["shear_y_N"]) == ("3.0000", "0.5000", "0.0000")
-        assert row[f"normal_force_over_E_{unit}2"] == over
+        assert row[f"normal_force_over_E_{unit}2"] == ("" if np.isnan(over) else f"{over:.5f}")
+        assert row["slip"] == "1"
 
 
 def test_frames_have_a_line_each_also_when_they_failed(tmp_path, reading_of, contact_of):

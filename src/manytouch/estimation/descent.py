@@ -1,0 +1,177 @@
+"""The shape of the sheet that explains the dots with few forces: damped Gauss-Newton steps.
+
+    sum_i w_i |p_i(c) - y_i|^2 / s_i^2  +  sum_j g_j(c)^2 / (su^2 + (mu_f f_j)^2)  +  sum_j b_j f_j(c)^2
+
+with c the spline coefficients, p the displacement of the dots in the image, g the nodal forces tangential
+to the bent sheet, f the normal ones, and b_j = 1 / (max(f_j, 0)^2 + eps^2) taken anew after each step, which
+makes the forces sparse and keeps them from pulling (M. E. Tipping 2001, "Sparse Bayesian learning").
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from manytouch.estimation.sheet_model import SheetModel
+from manytouch.mechanics.patch import Nodal
+from manytouch.values.arrays import Covariances2, Points2, read_only
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SheetShape:
+    """A shape of the sheet and the forces that hold it there.
+
+    Attributes:
+        coefficient_mm: (n, 3) of the displacement of the middle surface.
+        force_mm2: (n, 3) nodal forces over E of what touches the sheet; a press has z < 0.
+    """
+
+    coefficient_mm: Nodal
+    force_mm2: Nodal
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Fit:
+    """What the steps of a frame came to.
+
+    Attributes:
+        shape: the last shape that lowered the sum.
+        weight_mm4: (n, 3) of the balance in the last step.
+        chi2: mean square of the residuals over their deviation, of the dots that count.
+        steps: that were taken.
+        status: "ok" or "not_converged".
+    """
+
+    shape: SheetShape
+    weight_mm4: Nodal
+    chi2: float
+    steps: int
+    status: str
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SparseDescent:
+    """Parameters of the descent; forces are parts of pitch times thickness, the sheet's force unit.
+
+    Attributes:
+        tangential: su, what is left over of tangential forces.
+        friction: mu_f, share of a normal force that may be tangential.
+        sparse: eps, normal force of a node that is as good as none.
+        alert: a node without force may take this much in the next frame.
+        far_chi2: above it the shape is far off, and steps go on as long as each lowers it by the share
+            `least_gain`, up to `most_steps`.
+        lost_chi2: above it nothing is explained.
+        usual_steps, most_steps: in a frame.
+        longest_pitch: no coefficient changes by more in a step.
+        outside: weight of forces where the sheet is not known, against the others.
+        halvings: of a step that does not help, before it is given up.
+    """
+
+    tangential: float = 2.0e-4
+    friction: float = 0.05
+    sparse: float = 8.0e-5
+    alert: float = 1.7e-4
+    far_chi2: float = 4.0
+    lost_chi2: float = 400.0
+    least_gain: float = 0.3
+    usual_steps: int = 1
+    most_steps: int = 6
+    longest_pitch: float = 1.5
+    halvings: int = 3
+    outside: float = 1e-4
+
+    def __call__(
+        self, model: SheetModel, start: SheetShape, measured_px: Points2, information: Covariances2
+    ) -> Fit:
+        """Steps from the shape of the frame before.
+
+        Args:
+            model: of the sheet.
+            start: where to begin.
+            measured_px: (m, 2) displacements of the dots from rest; anything finite where not seen.
+            information: (m, 2, 2) per px^2; 0 where not seen.
+        """
+        shape, steps, status = start, 0, "ok"
+        at = _Place.of(model, shape.coefficient_mm, measured_px, information)
+        while True:
+            weight = self._weights(model, shape.force_mm2, first=steps == 0)
+            before = at.cost(weight)
+            model.normal.linearise(shape.coefficient_mm)
+            change_mm = model.normal.step(at.residual_px, information, weight)
+            change_mm /= max(float(np.abs(change_mm).max()) / (self.longest_pitch * model.pitch_mm), 1.0)
+            for _ in range(self.halvings + 1):
+                tried_mm = shape.coefficient_mm + change_mm
+                tried = _Place.of(model, tried_mm, measured_px, information)
+                if tried.cost(weight) <= before:
+                    break
+                change_mm *= 0.5
+            else:
+                status = "not_converged"
+                break
+            gain, at = at.chi2 - tried.chi2, tried
+            shape = SheetShape(coefficient_mm=read_only(tried_mm), force_mm2=read_only(at.force_mm2))
+            steps += 1
+            is_near = at.chi2 <= self.far_chi2 or gain <= self.least_gain * at.chi2
+            if steps >= self.most_steps or (steps >= self.usual_steps and is_near):
+                break
+        if at.chi2 <= self.far_chi2:
+            status = "ok"
+        elif at.chi2 > self.lost_chi2:
+            status = "not_converged"
+        return Fit(shape=shape, weight_mm4=weight, chi2=at.chi2, steps=steps, status=status)
+
+    def _weights(self, model: SheetModel, force_mm2: Nodal, first: bool) -> Nodal:
+        """(n, 3) weights of tangential and normal forces."""
+        unit = model.lattice.force_unit_mm2
+        press = np.maximum(-force_mm2[:, 2], 0.0)
+        # At a frame's first step new contacts may appear.
+        least = self.alert * unit if first else 0.0
+        weight = np.empty_like(force_mm2)
+        tangential = (self.tangential * unit) ** 2 + (self.friction * press) ** 2
+        weight[:, :2] = (1.0 / tangential)[:, None]
+        weight[:, 2] = 1.0 / np.maximum(press**2 + (self.sparse * unit) ** 2, least**2)
+        weight[model.is_outside] *= self.outside
+        return weight
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Place:
+    """Where the descent is: residuals, forces and their balance along the bent sheet."""
+
+    residual_px: Points2
+    information: Covariances2
+    force_mm2: Nodal
+    balance_mm2: Nodal
+
+    @staticmethod
+    def of(
+        model: SheetModel, coefficient_mm: Nodal, measured_px: Points2, information: Covariances2
+    ) -> "_Place":
+        force_mm2 = model.shell.forces(coefficient_mm)
+        return _Place(
+            residual_px=model.dots.displacement_px(coefficient_mm) - measured_px,
+            information=information,
+            force_mm2=force_mm2,
+            balance_mm2=balance(model, coefficient_mm, force_mm2),
+        )
+
+    @property
+    def misfit(self) -> float:
+        return float(np.einsum("mi,mij,mj->", self.residual_px, self.information, self.residual_px))
+
+    @property
+    def chi2(self) -> float:
+        """Mean square of the residuals that count, over their deviation."""
+        return self.misfit / max(2.0 * float((self.information[:, 0, 0] > 0.0).sum()), 1.0)
+
+    def cost(self, weight: Nodal) -> float:
+        return self.misfit + float((weight * self.balance_mm2**2).sum())
+
+
+def balance(model: SheetModel, coefficient_mm: Nodal, force_mm2: Nodal) -> Nodal:
+    """(n, 3) nodal forces along the bent sheet, x and y, and the normal ones."""
+    w_mm = coefficient_mm[model.nodes.node, 2]
+    along = force_mm2.copy()
+    along[:, 0] += (model.nodes.dx * w_mm).sum(axis=1) * force_mm2[:, 2]
+    along[:, 1] += (model.nodes.dy * w_mm).sum(axis=1) * force_mm2[:, 2]
+    along[~model.patch.is_free] = 0.0
+    return along

@@ -1,0 +1,156 @@
+"""The method `mechanics`: depth, contacts and forces from one inversion of the sheet's mechanics.
+
+Of all shapes of the sheet that explain where the dots are, the one is taken that is held by the fewest
+forces, which press and do not pull (`descent`). Depth is read from the shape, contacts from the forces
+(`force_clusters`), deviations from the normal matrix of the last step and the model's error.
+"""
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from manytouch.estimation.descent import Fit, SheetShape, SparseDescent
+from manytouch.estimation.force_clusters import ForceClusters
+from manytouch.estimation.identity import ContactIdentity, Lives
+from manytouch.estimation.innovation import InnovationGate
+from manytouch.estimation.sheet_model import NominalSheet, SheetModel
+from manytouch.estimation.touching import Touching
+from manytouch.geometry.camera import project
+from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
+from manytouch.values import Contact, Contacts, Sensor, Surface, TrackedGrid
+from manytouch.values.arrays import Covariances2, Points2, read_only
+
+_LEAST_MARKERS = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class InversionMemory:
+    """What stays the same between frames, and what is remembered.
+
+    Attributes:
+        model: of the sheet.
+        neighbours: of each marker.
+        reference_px: (m, 2) dots of the untouched sheet.
+        model_px: what the model does not explain of a dot's place.
+        rest_variance_mm2: (m, 3) of the displacements of the dots for centres of variance 1 px^2.
+        shape: of the frame before.
+        lives: contacts that last.
+    """
+
+    model: SheetModel
+    neighbours: Neighbours
+    reference_px: Points2
+    model_px: float
+    shape: SheetShape
+    lives: Lives
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MechanicalInversion:
+    """Shape and forces of the sheet by mechanics.
+
+    Attributes:
+        nominal: what is assumed of the sheet.
+        gate: which dots to believe.
+        descend: to the shape.
+        cluster: forces to contacts.
+        touch: contacts with their deviations.
+        identity: which contact is which of the frame before.
+        model_std_pitch, nominal_std_pitch: of a dot's place, what the model does not explain, when the
+            sheet is known and when it was assumed.
+        firm: least normal force of a new contact, in units of that which lets one last.
+    """
+
+    nominal: NominalSheet = field(default_factory=NominalSheet)
+    gate: InnovationGate = field(default_factory=InnovationGate)
+    descend: SparseDescent = field(default_factory=SparseDescent)
+    cluster: ForceClusters = field(default_factory=ForceClusters)
+    touch: Touching = field(default_factory=Touching)
+    identity: ContactIdentity = field(default_factory=ContactIdentity)
+    model_std_pitch: float = 4.2e-4
+    nominal_std_pitch: float = 5e-3
+    firm: float = 1.5
+
+    def start(self, sensor: Sensor) -> InversionMemory:
+        """Works out everything that only the sensor decides.
+
+        Raises:
+            SensorError: the sensor has no layout.
+            LayoutError: it has too few markers.
+        """
+        model = self.nominal(sensor)
+        layout = model.layout
+        rest_px = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
+        focal_px = float(np.sqrt(sensor.camera.fx_px * sensor.camera.fy_px))
+        px_per_mm = focal_px / float(sensor.camera.translation_mm[2])
+        share = self.nominal_std_pitch if model.is_nominal else self.model_std_pitch
+        still = read_only(np.zeros((model.patch.node_count, 3)))
+        return InversionMemory(
+            model=model,
+            neighbours=nearest_neighbours(layout.rest_mm[:, :2]),
+            reference_px=read_only(rest_px.copy()),
+            model_px=share * model.pitch_mm * px_per_mm,
+            shape=SheetShape(coefficient_mm=still, force_mm2=still),
+            lives=self.identity.start(sensor),
+        )
+
+    def step(self, state: InversionMemory, grid: TrackedGrid) -> tuple[InversionMemory, Surface, Contacts]:
+        """Surface and contacts of the next frame. It never raises: a bad frame has a status."""
+        if grid.is_seen.sum() < _LEAST_MARKERS:
+            return self._blind(state, grid)
+        model = state.model
+        measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
+        information = self._information(state, grid, measured_px)
+        fit = self.descend(model, state.shape, measured_px, information)
+        status = grid.status if grid.status != "ok" else fit.status
+        surface = self._surface(state, fit, status)
+        found, is_firm = self._contacts(state, fit)
+        lives, contacts = self.identity.step(
+            state.lives,
+            found,
+            is_firm=is_firm,
+            is_there=None,
+            status=status,
+        )
+        return replace(state, shape=fit.shape, lives=lives), surface, contacts
+
+    def _information(self, state: InversionMemory, grid: TrackedGrid, measured_px: Points2) -> Covariances2:
+        """(m, 2, 2) inverse covariances of the displacements times the trust in them."""
+        noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
+        variance_px2 = noise_px2 + state.model_px**2
+        expected_px = state.model.dots.displacement_px(state.shape.coefficient_mm)
+        trust = self.gate(
+            measured_px - expected_px, np.sqrt(variance_px2), grid.is_seen, state.neighbours.index
+        )
+        return np.asarray((trust / variance_px2)[:, None, None] * np.eye(2))
+
+    def _blind(self, state: InversionMemory, grid: TrackedGrid) -> tuple[InversionMemory, Surface, Contacts]:
+        """A frame that shows nothing."""
+        status = "few_markers" if grid.status == "ok" else grid.status
+        count = len(state.reference_px)
+        surface = Surface(
+            position_mm=read_only(np.full((count, 3), np.nan)),
+            displacement_mm=read_only(np.full((count, 3), np.nan)),
+            covariance_mm2=read_only(np.full((count, 3, 3), np.nan)),
+            status=status,
+        )
+        lives, contacts = self.identity.step(state.lives, (), status=status)
+        return replace(state, lives=lives), surface, contacts
+
+    def _surface(self, state: InversionMemory, fit: Fit, status: str) -> Surface:
+        displacement_mm = state.model.dots.displacement_mm(fit.shape.coefficient_mm)
+        count = len(displacement_mm)
+        return Surface(
+            position_mm=read_only(state.model.layout.rest_mm + displacement_mm),
+            displacement_mm=read_only(displacement_mm),
+            covariance_mm2=read_only(np.full((count, 3, 3), np.nan)),
+            status=status,
+        )
+
+    def _contacts(self, state: InversionMemory, fit: Fit) -> tuple[list[Contact], list[bool]]:
+        model = state.model
+        force_mm2 = np.where(model.is_outside[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
+        clusters = self.cluster(model.lattice, force_mm2)
+        found = self.touch(model, clusters, fit.shape.coefficient_mm, force_mm2)
+        least = self.firm * self.cluster.least * model.lattice.force_unit_mm2
+        return found, (clusters.normal_mm2 >= least).tolist()

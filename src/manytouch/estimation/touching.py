@@ -1,0 +1,157 @@
+"""From clusters of nodal forces to contacts with their deviations."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.force_clusters import Clusters
+from manytouch.estimation.sheet_model import SheetModel
+from manytouch.geometry.camera import project
+from manytouch.mechanics.dots import Face
+from manytouch.mechanics.patch import Nodal
+from manytouch.values import ESTIMATES, Contact, Phase
+from manytouch.values.arrays import read_only
+
+_FORCES = ("shear_x", "shear_y", "normal_force", "torque")
+_RINGS = np.array(
+    [[0.0, 0.0]]
+    + [
+        [share * np.cos(angle), share * np.sin(angle)]
+        for share, count in ((0.4, 6), (0.8, 10))
+        for angle in 2.0 * np.pi * np.arange(count) / count
+    ]
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ModelError:
+    """What the model does not explain, in addition to the noise of the centres.
+
+    Attributes:
+        position_pitch: of a centre along each axis,
+        position_radius: and in radii of the contact.
+        depth_share, depth_pitch: of the depth of a contact, and in pitches.
+        force_share, force_unit: of the normal force, and in force units.
+        shear_share: of the normal force, along each axis.
+        torque_share: of the normal force times the contact's radius.
+        area_share: of the area.
+        nominal: all of it is so many times larger where the sheet was assumed.
+    """
+
+    position_pitch: float = 0.04
+    position_radius: float = 0.05
+    depth_share: float = 0.012
+    depth_pitch: float = 0.002
+    force_share: float = 0.06
+    force_unit: float = 1.0e-3
+    shear_share: float = 0.03
+    torque_share: float = 0.1
+    area_share: float = 0.4
+    nominal: float = 4.0
+
+    def variances(self, model: SheetModel, press_mm2: float, depth_mm: float, area_mm2: float) -> np.ndarray:
+        """(8,) in the order of `ESTIMATES`, forces over E."""
+        radius_mm = np.sqrt(area_mm2 / np.pi)
+        place = np.hypot(self.position_pitch * model.pitch_mm, self.position_radius * radius_mm)
+        std = [
+            *(place, place),
+            np.hypot(self.depth_share * depth_mm, self.depth_pitch * model.pitch_mm),
+            *(self.shear_share * press_mm2, self.shear_share * press_mm2),
+            np.hypot(self.force_share * press_mm2, self.force_unit * model.lattice.force_unit_mm2),
+            self.torque_share * press_mm2 * max(radius_mm, 0.5 * model.pitch_mm),
+            self.area_share * max(area_mm2, model.pitch_mm**2),
+        ]
+        return np.asarray(np.square(std) * (self.nominal if model.is_nominal else 1.0) ** 2)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Touching:
+    """Turns clusters into contacts; needs the last Gauss-Newton step to be that of their frame.
+
+    Attributes:
+        error: of the model.
+    """
+
+    error: ModelError = ModelError()
+
+    def __call__(
+        self, model: SheetModel, clusters: Clusters, coefficient_mm: Nodal, force_mm2: Nodal
+    ) -> list[Contact]:
+        """Contacts without identity."""
+        if len(clusters) == 0:
+            return []
+        count = len(clusters)
+        radius_mm = np.sqrt(np.maximum(clusters.area_mm2, (0.5 * model.pitch_mm) ** 2) / np.pi)
+        around_mm = clusters.centre_mm[:, None] + radius_mm[:, None, None] * _RINGS
+        face = Face(shell=model.shell, point_mm=around_mm.reshape(-1, 2))
+        moved_mm = face.displacement(coefficient_mm).reshape(count, len(_RINGS), 3)
+        deepest = np.argmin(moved_mm[:, :, 2], axis=1)
+        here_mm = moved_mm[:, 0] + np.column_stack([clusters.centre_mm, np.zeros(count)])
+        centre_px = project(model.camera, here_mm)
+        slope = face.derivative(coefficient_mm)
+        contacts = []
+        for number in range(count):
+            point = number * len(_RINGS) + int(deepest[number])
+            rows = _rows(model, clusters, number, force_mm2)
+            rows[2] = 0.0
+            rows[2, face.basis.node[point]] = -slope[point, 2]
+            noise = model.normal.covariance(rows)
+            depth_mm = -float(moved_mm[number, deepest[number], 2])
+            contacts.append(
+                self._contact(model, clusters, number, depth_mm=depth_mm, centre_px=centre_px, noise=noise)
+            )
+        return contacts
+
+    def _contact(
+        self,
+        model: SheetModel,
+        clusters: Clusters,
+        number: int,
+        *,
+        depth_mm: float,
+        centre_px: np.ndarray,
+        noise: Float64[np.ndarray, "8 8"],
+    ) -> Contact:
+        press_mm2, area_mm2 = float(clusters.normal_mm2[number]), float(clusters.area_mm2[number])
+        covariance = noise + np.diag(self.error.variances(model, press_mm2, depth_mm, area_mm2))
+        young_MPa = np.nan if model.young_MPa is None else model.young_MPa
+        unit = np.where([name in _FORCES for name in ESTIMATES], young_MPa, 1.0)
+        return Contact(
+            id=-1,
+            phase=Phase.MOVE,
+            centre_mm=read_only(clusters.centre_mm[number].copy()),
+            centre_px=read_only(centre_px[number].copy()),
+            depth_mm=depth_mm,
+            force_N=read_only(young_MPa * clusters.force_mm2[number]),
+            torque_Nmm=float(young_MPa * clusters.torque_mm3[number]),
+            area_mm2=area_mm2,
+            covariance=read_only(covariance * np.outer(unit, unit)),
+            normal_force_over_E_mm2=press_mm2,
+        )
+
+
+def _rows(model: SheetModel, clusters: Clusters, number: int, force_mm2: Nodal) -> np.ndarray:
+    """(8, n, 3) derivatives of the estimates by the coefficients; that of the depth is left out."""
+    inside = clusters.label == number
+    pressing = inside & (force_mm2[:, 2] < 0.0)
+    arm = np.where(inside[:, None], model.lattice.place_mm - clusters.centre_mm[number], 0.0)
+    press_mm2 = clusters.normal_mm2[number]
+    spread = clusters.spread_mm2[number] + 1e-3 * model.pitch_mm**2 * np.eye(2)
+    swell = np.einsum("ni,ij,nj->n", arm, np.linalg.inv(spread), arm)
+    raw = float((np.maximum(-force_mm2[:, 2], 0.0) * swell).sum()) / press_mm2
+    share = pressing.astype(np.float64)
+    row = model.normal.force_row
+    area = 0.5 * clusters.area_mm2[number] / press_mm2 * (swell - raw) * share
+    return np.stack(
+        [
+            row(-share * arm[:, 0] / press_mm2, 2),
+            row(-share * arm[:, 1] / press_mm2, 2),
+            np.zeros_like(force_mm2),
+            row(inside.astype(np.float64), 0),
+            row(inside.astype(np.float64), 1),
+            row(-share, 2),
+            row(arm[:, 0], 1) - row(arm[:, 1], 0),
+            row(-area, 2),
+        ]
+    )

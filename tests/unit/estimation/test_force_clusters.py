@@ -1,0 +1,106 @@
+"""Clusters of nodal forces: force, place and size of loads whose nodal forces are known exactly."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+from manytouch.estimation.force_clusters import Clusters, ForceClusters, ForceLattice
+
+ELEMENT_MM = (4.0, 5.0)
+COUNT = (22, 15)
+FIND = ForceClusters()
+
+
+def knots(axis: int) -> np.ndarray:
+    half = 0.5 * COUNT[axis] * ELEMENT_MM[axis]
+    inner = np.linspace(-half, half, COUNT[axis] + 1)
+    return np.concatenate([np.full(3, -half), inner, np.full(3, half)])
+
+
+def greville(axis: int) -> np.ndarray:
+    knot = knots(axis)
+    return (knot[1:-3] + knot[2:-2] + knot[3:-1]) / 3.0
+
+
+SHAPE = (COUNT[0] + 3, COUNT[1] + 3)
+LATTICE = ForceLattice(
+    shape=SHAPE,
+    place_mm=np.stack(np.meshgrid(greville(0), greville(1), indexing="ij"), axis=-1).reshape(-1, 2),
+    element_mm=np.array(ELEMENT_MM),
+    inner_mm=0.5 * np.array(COUNT) * ELEMENT_MM - 6.0,
+    force_unit_mm2=12.0,
+)
+
+
+def pressed(*discs: tuple[float, float, float, float], shear: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
+    """Nodal forces of discs x, y, radius, force over E under even pressure."""
+    force = np.zeros((*SHAPE, 3))
+    for x, y, radius, press in discs:
+        ring = radius * np.sqrt((np.arange(40) + 0.5) / 40)
+        angle = 2 * np.pi * np.arange(60) / 60
+        at_x = (x + ring[:, None] * np.cos(angle)).ravel()
+        at_y = (y + ring[:, None] * np.sin(angle)).ravel()
+        along_x = BSpline.design_matrix(at_x, knots(0), 3).toarray()
+        along_y = BSpline.design_matrix(at_y, knots(1), 3).toarray()
+        nodal = along_x.T @ along_y * press / len(at_x)
+        force += nodal[..., None] * [*shear, -1.0]
+    return force.reshape(-1, 3)
+
+
+def test_one_press_has_exactly_its_force_place_and_area() -> None:
+    found = FIND(LATTICE, pressed((7.3, -4.1, 4.5, 0.8), shear=(0.2, -0.1)))
+    assert len(found) == 1
+    np.testing.assert_allclose(found.centre_mm[0], [7.3, -4.1], atol=1e-9)
+    np.testing.assert_allclose(found.force_mm2[0], [0.16, -0.08, -0.8], atol=1e-12)
+    assert found.area_mm2[0] == pytest.approx(np.pi * 4.5**2, rel=2e-3)
+    assert found.torque_mm3[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_couple_of_tangential_forces_is_a_torque() -> None:
+    force = pressed((-8.0, 3.0, 4.0, 1.0))
+    arm = LATTICE.place_mm[:, 0] + 8.0
+    force[:, 1] = 0.1 * -force[:, 2] * arm
+    inertia = float((-force[:, 2] * arm**2).sum())
+    found = FIND(LATTICE, force)
+    assert found.torque_mm3[0] == pytest.approx(0.1 * inertia, rel=1e-9)
+
+
+def test_the_strongest_comes_first_and_two_that_are_apart_are_two() -> None:
+    found = FIND(LATTICE, pressed((-16.0, 0.0, 3.0, 0.5), (12.0, 8.0, 3.0, 1.5)))
+    np.testing.assert_allclose(-found.force_mm2[:, 2], [1.5, 0.5], rtol=1e-6)
+    np.testing.assert_allclose(found.centre_mm, [[12.0, 8.0], [-16.0, 0.0]], atol=1e-6)
+    assert set(np.unique(found.label)) == {-1, 0, 1}
+
+
+@pytest.mark.parametrize(("gap_mm", "count"), [(5.0, 1), (14.0, 2)])
+def test_a_shallow_saddle_joins(gap_mm: float, count: int) -> None:
+    force = pressed((-gap_mm / 2, 0.0, 3.0, 1.0), (gap_mm / 2, 0.0, 3.0, 1.0))
+    found = FIND(LATTICE, force)
+    assert len(found) == count
+    assert -found.force_mm2[:, 2].sum() == pytest.approx(2.0)
+
+
+def test_what_is_weak_or_at_the_rim_is_no_contact() -> None:
+    strong, weak, ghost = (0.0, 0.0, 3.0, 2.0), (20.0, 20.0, 3.0, 0.05), (41.0, 0.0, 2.0, 0.5)
+    found = FIND(LATTICE, pressed(strong, weak, ghost))
+    assert len(found) == 1
+    assert set(np.unique(found.label)) == {-1, 0}
+
+
+def test_nothing_presses() -> None:
+    found = FIND(LATTICE, np.zeros((SHAPE[0] * SHAPE[1], 3)))
+    assert isinstance(found, Clusters)
+    assert len(found) == 0
+    assert len(FIND(LATTICE, -pressed((0.0, 0.0, 4.0, 1.0)))) == 0
+
+
+def test_both_orders_of_the_nodes_are_treated_alike() -> None:
+    turn = np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE).T.ravel()
+    turned = replace(LATTICE, shape=SHAPE[::-1], place_mm=LATTICE.place_mm[turn])
+    force = pressed((-16.0, 4.0, 3.0, 0.5), (12.0, 8.0, 5.0, 1.5))
+    found, other = FIND(LATTICE, force), FIND(turned, force[turn])
+    np.testing.assert_allclose(other.centre_mm, found.centre_mm)
+    np.testing.assert_allclose(other.area_mm2, found.area_mm2)
+    np.testing.assert_array_equal(other.label, found.label[turn])

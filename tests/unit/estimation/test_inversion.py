@@ -1,0 +1,203 @@
+"""The inversion on sheets bent by its own mechanics: this shows the algebra, not the accuracy."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation import ContactIdentity, MechanicalInversion
+from manytouch.estimation.sheet_model import SheetModel
+from manytouch.mechanics.dots import Face
+from manytouch.mechanics.equilibrium import equilibrium
+from manytouch.values import Camera, Layout, Sensor, Sheet, TrackedGrid
+from manytouch.values.arrays import read_only
+
+ROWS, COLUMNS, PITCH_MM = 12, 16, 4.0
+YOUNG_MPA = 2.0
+ESTIMATE = MechanicalInversion(identity=ContactIdentity(confirm_frames=1))
+
+
+def sensor_of(**sheet: float | None) -> Sensor:
+    row, column = (index.ravel() for index in np.indices((ROWS, COLUMNS)))
+    rest_mm = np.zeros((ROWS * COLUMNS, 3))
+    rest_mm[:, 0] = (column - (COLUMNS - 1) / 2) * PITCH_MM
+    rest_mm[:, 1] = (row - (ROWS - 1) / 2) * PITCH_MM
+    known = {"young_MPa": YOUNG_MPA, "poisson": 0.45, "pretension_N_per_mm": 0.2, "bending_factor": 1.0}
+    return Sensor(
+        name="test",
+        camera=Camera(
+            width_px=1600,
+            height_px=1200,
+            fx_px=2000.0,
+            fy_px=2000.0,
+            cx_px=799.5,
+            cy_px=599.5,
+            distortion=np.zeros(5),
+            rotation_vector=np.zeros(3),
+            translation_mm=np.array([0.0, 0.0, 100.0]),
+        ),
+        layout=Layout(
+            rest_mm=rest_mm,
+            row_column=np.column_stack([row, column]).astype(np.int64),
+            pitch_mm=np.array([PITCH_MM, PITCH_MM]),
+            radius_mm=np.full(len(rest_mm), 1.0),
+            polarity="light",
+            is_missing=np.zeros(len(rest_mm), dtype=bool),
+        ),
+        sheet=Sheet(size_mm=np.array([64.0, 48.0]), thickness_mm=3.0, **{**known, **sheet}),
+    )
+
+
+def bent(model: SheetModel, *presses: tuple[float, float, float]) -> np.ndarray:
+    """Coefficients of the sheet under presses x, y, force over E on discs of 3 mm."""
+    angle = 2 * np.pi * np.arange(24) / 24
+    ring = np.sqrt((np.arange(8) + 0.5) / 8) * 3.0
+    disc = np.stack([np.outer(ring, np.cos(angle)), np.outer(ring, np.sin(angle))], axis=-1).reshape(-1, 2)
+    load = np.zeros((model.patch.node_count, 3))
+    for x, y, press in presses:
+        load[:, 2] -= model.patch.load(disc + np.array([x, y]), np.full(len(disc), press / len(disc)))
+    return equilibrium(model.shell, load).coefficient_mm
+
+
+def grid_of(model: SheetModel, shape: np.ndarray, noise_px: float = 0.02, seed: int = 0) -> TrackedGrid:
+    from manytouch.geometry.camera import project
+
+    centre = project(model.camera, model.layout.rest_mm) + model.dots.displacement_px(shape)
+    centre += np.random.default_rng(seed).normal(0, noise_px, centre.shape)
+    count = len(centre)
+    return TrackedGrid(
+        position_px=read_only(centre),
+        covariance_px2=read_only(np.tile(noise_px**2 * np.eye(2), (count, 1, 1))),
+        is_seen=read_only(np.ones(count, dtype=bool)),
+        frames_unseen=read_only(np.zeros(count, dtype=np.int64)),
+    )
+
+
+def without(grid: TrackedGrid, lost: np.ndarray) -> TrackedGrid:
+    return replace(
+        grid,
+        is_seen=read_only(grid.is_seen & ~lost),
+        position_px=read_only(np.where(lost[:, None], np.nan, grid.position_px)),
+        covariance_px2=read_only(np.where(lost[:, None, None], np.nan, grid.covariance_px2)),
+    )
+
+
+@pytest.fixture(scope="module")
+def model() -> SheetModel:
+    return ESTIMATE.start(sensor_of()).model
+
+
+@pytest.fixture(scope="module")
+def shape(model: SheetModel) -> np.ndarray:
+    return bent(model, (-12.0, -6.0, 0.6), (10.0, 5.0, 0.9))
+
+
+def read(grids: list[TrackedGrid], sensor: Sensor | None = None):
+    state = ESTIMATE.start(sensor_of() if sensor is None else sensor)
+    for grid in grids:
+        state, surface, contacts = ESTIMATE.step(state, grid)
+    return state, surface, contacts
+
+
+def test_two_presses_are_read_with_place_force_and_depth(model: SheetModel, shape: np.ndarray) -> None:
+    _, surface, contacts = read([grid_of(model, shape, seed=k) for k in range(4)])
+    assert surface.status == contacts.status == "ok"
+    true_mm = model.dots.displacement_mm(shape)
+    assert np.sqrt(np.mean((surface.displacement_mm - true_mm)[:, 2] ** 2)) < 0.01
+    first, second = sorted(contacts.touching, key=lambda contact: contact.centre_mm[0])
+    for contact, (x, y, press) in ((first, (-12.0, -6.0, 0.6)), (second, (10.0, 5.0, 0.9))):
+        np.testing.assert_allclose(contact.centre_mm, [x, y], atol=0.3)
+        assert contact.normal_force_over_E_mm2 == pytest.approx(press, rel=0.06)
+        assert -contact.force_N[2] == pytest.approx(press * YOUNG_MPA, rel=0.06)
+        (there_mm,) = Face(shell=model.shell, point_mm=np.array([[x, y]])).displacement(shape)
+        assert contact.depth_mm == pytest.approx(-there_mm[2], abs=0.08)
+        assert 0.0 < contact.std("x") < 1.0
+        assert 0.0 < contact.std("normal_force") < 0.3 * press * YOUNG_MPA
+
+
+def test_lost_and_wrong_dots_change_little(model: SheetModel, shape: np.ndarray) -> None:
+    chance = np.random.default_rng(1)
+    lost, wrong = chance.random(ROWS * COLUMNS) < 0.2, chance.random(ROWS * COLUMNS) < 0.03
+    grids = []
+    for k in range(4):
+        grid = grid_of(model, shape, seed=k)
+        astray = np.where(wrong[:, None], grid.position_px + np.array([5.0, -5.0]), grid.position_px)
+        grids.append(without(replace(grid, position_px=astray), lost))
+    _, surface, contacts = read(grids)
+    error = (surface.displacement_mm - model.dots.displacement_mm(shape))[:, 2]
+    assert wrong.sum() >= 3
+    assert np.sqrt(np.mean(error**2)) < 0.02
+    assert len(contacts.touching) == 2
+
+
+def test_the_same_frames_give_the_same_bits(model: SheetModel, shape: np.ndarray) -> None:
+    grids = [grid_of(model, shape, seed=k) for k in range(3)]
+    (one, _, _), (other, _, _) = read(grids), read(grids)
+    np.testing.assert_array_equal(one.shape.coefficient_mm, other.shape.coefficient_mm)
+    # A state can be stepped from again, whatever was computed in between.
+    before, _, _ = read(grids[:2])
+    read(grids)
+    again, _, _ = ESTIMATE.step(before, grids[2])
+    np.testing.assert_array_equal(one.shape.coefficient_mm, again.shape.coefficient_mm)
+
+
+def test_nobody_touches(model: SheetModel) -> None:
+    flat = np.zeros((model.patch.node_count, 3))
+    state = ESTIMATE.start(sensor_of())
+    for k in range(30):
+        state, _, contacts = ESTIMATE.step(state, grid_of(model, flat, noise_px=0.05, seed=k))
+        assert not contacts.touching
+
+
+def test_a_frame_without_markers_has_a_status_and_the_next_goes_on(
+    model: SheetModel, shape: np.ndarray
+) -> None:
+    grid = grid_of(model, shape)
+    state, _, _ = read([grid, grid])
+    state, surface, contacts = ESTIMATE.step(state, without(grid, np.ones(len(grid.is_seen), dtype=bool)))
+    assert surface.status == contacts.status == "few_markers"
+    assert np.isnan(surface.displacement_mm).all()
+    assert len(contacts.touching) == 2
+    _, surface, contacts = ESTIMATE.step(state, grid)
+    assert surface.status == "ok"
+    assert len(contacts.touching) == 2
+
+
+def test_nonsense_is_told_and_forgotten(model: SheetModel, shape: np.ndarray) -> None:
+    grid = grid_of(model, shape)
+    chance = np.random.default_rng(0)
+    torn = replace(grid, position_px=grid.position_px + chance.normal(0, 40.0, grid.position_px.shape))
+    state, surface, _ = read([grid, grid, torn])
+    assert np.isfinite(surface.displacement_mm).all()
+    assert surface.status == "not_converged"
+    for _ in range(4):
+        state, surface, contacts = ESTIMATE.step(state, grid)
+    assert surface.status == "ok"
+    assert len(contacts.touching) == 2
+
+
+def test_without_stiffness_forces_are_relative(shape: np.ndarray) -> None:
+    sensor = sensor_of(young_MPa=None, pretension_N_per_mm=None)
+    model = ESTIMATE.start(sensor).model
+    _, _, contacts = read([grid_of(model, bent(model, (5.0, 5.0, 0.5)))] * 3, sensor)
+    (contact,) = contacts.touching
+    assert np.isnan(contact.force_N).all()
+    assert np.isnan(contact.std("normal_force"))
+    assert contact.normal_force_over_E_mm2 == pytest.approx(0.5, rel=0.1)
+
+
+def test_a_sensor_that_says_too_little_is_refused() -> None:
+    sensor = sensor_of()
+    assert sensor.layout is not None
+    with pytest.raises(SensorError, match="calibrate rest"):
+        ESTIMATE.start(replace(sensor, layout=None))
+    few = replace(
+        sensor.layout,
+        rest_mm=sensor.layout.rest_mm[:6],
+        row_column=None,
+        radius_mm=np.ones(6),
+        is_missing=np.zeros(6, dtype=bool),
+    )
+    with pytest.raises(LayoutError, match=r"6 markers.*at least 12"):
+        ESTIMATE.start(replace(sensor, layout=few))
