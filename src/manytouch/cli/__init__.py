@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 import manytouch
-from manytouch.cli import calibrate, demo, doctor, evaluate, process, run
+from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, run
 from manytouch.cli.failures import DEBUG_FLAG, one_line, report
 
 DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
@@ -36,6 +36,7 @@ app.command(run.run)
 app.command(doctor.doctor)
 app.command(evaluate.evaluate)
 app.command(calibrate.app)
+app.command(design.design)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

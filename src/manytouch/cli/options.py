@@ -27,6 +27,20 @@ def _pitch(_: Any, tokens: Sequence[Token]) -> float | tuple[float, float]:
     return found[0] if len(found) == 1 else (found[0], found[1])
 
 
+def numbers(count: int, form: str) -> Any:
+    """A converter for some numbers with commas between them."""
+
+    def convert(_: Any, tokens: Sequence[Token]) -> tuple[float, ...]:
+        return tuple(_numbers(tokens, (count,), form))
+
+    return convert
+
+
+def pair(form: str) -> Any:
+    """A converter for two numbers."""
+    return numbers(2, form)
+
+
 def _roi(_: Any, tokens: Sequence[Token]) -> tuple[int, int, int, int]:
     found = _numbers(tokens, (4,), "X,Y,W,H in whole px")
     if any(value != int(value) for value in found):

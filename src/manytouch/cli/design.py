@@ -1,0 +1,90 @@
+"""`manytouch design`: from wishes to a sensor file and its parts."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter
+
+from manytouch.cli import options
+
+Pair = Annotated[Any, Parameter(converter=options.pair("X,Y"), n_tokens=1, metavar="X,Y")]
+
+
+def design(
+    *,
+    out: Annotated[Path, options.folder("Folder for the design.")],
+    area_mm: Annotated[Pair, Parameter(help="Area that can be touched.")] = (100.0, 60.0),
+    deepest_mm: Annotated[float, Parameter(metavar="MM", help="Deepest press.")] = 10.0,
+    force_N: Annotated[
+        Pair, Parameter(name="--force-N", help="Smallest and largest force of a fingertip.")
+    ] = (0.1, 10.0),
+    separation_mm: Annotated[
+        float, Parameter(metavar="MM", help="Contacts this far apart are told apart.")
+    ] = 8.0,
+    resolution_px: Annotated[Pair, Parameter(help="Picture of the camera.")] = (2560.0, 1440.0),
+    hfov_deg: Annotated[float, Parameter(metavar="A", help="Its horizontal field of view.")] = 63.7,
+    focus_mm: Annotated[
+        float, Parameter(metavar="MM", help="Least distance at which it is in focus.")
+    ] = 100.0,
+    fps: Annotated[float, Parameter(metavar="F", help="Its pictures per second.")] = 30.0,
+    nozzle_mm: Annotated[float, Parameter(metavar="MM", help="Of the printer.")] = 0.4,
+    bed_mm: Annotated[
+        Any,
+        Parameter(converter=options.numbers(3, "X,Y,Z"), n_tokens=1, metavar="X,Y,Z", help="Of the printer."),
+    ] = (220.0, 220.0, 250.0),
+    marker_height_mm: Annotated[float, Parameter(metavar="MM", help="0: flush, in a second colour.")] = 0.0,
+    material: Annotated[str | None, Parameter(help="Of the sheet; chosen when not given.")] = None,
+    thickness_mm: Annotated[float | None, Parameter(metavar="MM", help="Chosen when not given.")] = None,
+    parts: Annotated[Literal["none", "mesh", "step"], Parameter(help="step: STEP files too.")] = "mesh",
+    explain: Annotated[bool, options.switch("Print the reason for each choice.")] = False,
+) -> int:
+    """Choose a sheet, its markers and where the camera stands; write a sensor file and the parts to print.
+
+    The folder holds sensor.toml, design.md with all reasons, parts/ (STL, 3MF), patterns/ (SVG, PDF in
+    true size, a chessboard for calibrating), bill_of_materials.csv and assembly.md.
+
+    Example: manytouch design --area-mm 100,60 --force-N 0.1,10 --out my-sensor --explain
+    """
+    from rich.console import Console
+
+    from manytouch.design.build import explained, write_design
+    from manytouch.design.choose import design as chosen
+    from manytouch.design.wishes import Optics, Printer, Wishes
+
+    console = Console(highlight=False, soft_wrap=True, markup=False)
+    wishes = Wishes(
+        area_mm=area_mm,
+        deepest_mm=deepest_mm,
+        force_N=force_N,
+        separation_mm=separation_mm,
+        camera=Optics(
+            width_px=round(resolution_px[0]),
+            height_px=round(resolution_px[1]),
+            hfov_deg=hfov_deg,
+            least_focus_mm=focus_mm,
+            fps=fps,
+        ),
+        printer=Printer(nozzle_mm=nozzle_mm, bed_mm=bed_mm),
+        marker_height_mm=marker_height_mm,
+        material=material,
+        thickness_mm=thickness_mm,
+    )
+    found = chosen(wishes, say=lambda text: console.print(f"  {text}"))
+    for reason in found.reasons:
+        console.print(f"  {reason.about}: {reason.chosen}")
+        if explain:
+            console.print(f"      {reason.why}")
+    if parts == "none":
+        from manytouch.values.sensor_file import save_sensor
+
+        out.mkdir(parents=True, exist_ok=True)
+        save_sensor(found.sensor, out / "sensor.toml")
+        (out / "design.md").write_text(explained(found), encoding="utf-8")
+        against: tuple[str, ...] = ()
+    else:
+        say = console.print
+        against = write_design(found, out, step=parts == "step", say=lambda text: say(f"  {text}"))
+    for sentence in against:
+        console.print(f"  odd: {sentence}")
+    console.print(f"  design in {out}")
+    return 0

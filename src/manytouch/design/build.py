@@ -1,0 +1,87 @@
+"""Everything of a design as files: sensor, reasons, parts, patterns, what to buy, how to put it together."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+from manytouch.design.casing import CasingChoices, Part, parts_of
+from manytouch.design.choose import Design
+from manytouch.design.guide import assembly, bill_of_materials
+from manytouch.design.meshing import PartMesh, mesh_of, write_3mf, write_stl
+from manytouch.design.patterns import write_chessboard, write_pattern
+from manytouch.design.printability import objections
+from manytouch.design.step import write_step
+from manytouch.errors import OutputError
+from manytouch.values.sensor_file import save_sensor
+
+BOARD = (9, 6, 25.0)  # inner corners and square of the chessboard that comes with a design
+
+
+def write_design(
+    found: Design,
+    folder: Path,
+    *,
+    choices: CasingChoices | None = None,
+    step: bool = False,
+    say: Callable[[str], object] | None = None,
+) -> tuple[str, ...]:
+    """Write sensor.toml, design.md, parts/, patterns/, bill_of_materials.csv and assembly.md.
+
+    Args:
+        found: from `design`.
+        folder: where to.
+        choices: measures of the casing.
+        step: write STEP files of casing and clamp too (extra `step`; takes some seconds).
+        say: told what is being made.
+
+    Returns:
+        What stands against printing the parts.
+
+    Raises:
+        OutputError: something cannot be written.
+        MissingExtraError: a package of the extras `parts`, `plot` or `step` is missing.
+    """
+    choices = choices or CasingChoices()
+    parts = parts_of(found.sensor, found.material.name, choices)
+    try:
+        for name in ("parts", "patterns"):
+            (folder / name).mkdir(parents=True, exist_ok=True)
+        save_sensor(found.sensor, folder / "sensor.toml")
+        (folder / "design.md").write_text(explained(found), encoding="utf-8")
+        meshes = _write_parts(parts, folder / "parts", step=step, say=say)
+        write_pattern(found.sensor, folder / "patterns" / "markers")
+        columns, rows, square_mm = BOARD
+        write_chessboard(
+            folder / "patterns" / f"chessboard-{columns}x{rows}",
+            columns=columns,
+            rows=rows,
+            square_mm=square_mm,
+        )
+        bill = bill_of_materials(found, parts, meshes, choices)
+        (folder / "bill_of_materials.csv").write_text(bill, encoding="utf-8")
+        (folder / "assembly.md").write_text(assembly(found, choices), encoding="utf-8")
+    except OSError as error:
+        raise OutputError(f"cannot write the design into {folder}: {error.strerror}") from None
+    return objections(found.sensor, found.wishes.printer, choices, meshes)
+
+
+def explained(found: Design) -> str:
+    """The choices and their reasons, as Markdown."""
+    lines = [f"# {found.sensor.name}", "", "| what | chosen | why |", "|---|---|---|"]
+    lines += [f"| {item.about} | {item.chosen} | {item.why} |" for item in found.reasons]
+    return "\n".join([*lines, ""])
+
+
+def _write_parts(
+    parts: tuple[Part, ...], folder: Path, *, step: bool, say: Callable[[str], object] | None
+) -> dict[str, PartMesh]:
+    meshes = {}
+    for part in parts:
+        if say is not None:
+            say(f"making the {part.name}")
+        meshes[part.name] = mesh_of(part.solid)
+        write_stl(meshes[part.name], folder / f"{part.name}.stl")
+        if step and part.name in ("casing", "clamp"):
+            write_step(part.solid, folder / f"{part.name}.step")
+    two = [part for part in parts if part.name in ("sheet", "markers")]
+    write_3mf([(part.name, meshes[part.name], part.colour) for part in two], folder / "sheet.3mf")
+    return meshes

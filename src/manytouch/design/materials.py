@@ -1,0 +1,59 @@
+"""Materials a sheet is printed or cast from, and their stiffness from the Shore hardness on the package."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Material:
+    """A soft material. Its stiffness is nominal (a factor of 1.3 either way is usual): calibrate it.
+
+    Attributes:
+        name: as a shop says it.
+        shore_A: hardness.
+        strength_MPa: stress at break.
+        density_kg_m3: for its own weight.
+        process: how a sheet of it is made.
+    """
+
+    name: str
+    shore_A: float
+    strength_MPa: float
+    density_kg_m3: float
+    process: str
+
+    @property
+    def young_MPa(self) -> float:
+        """From the hardness; see `young_MPa`."""
+        return young_MPa(self.shore_A)
+
+
+POISSON = 0.45  # as the paper takes it; rubbers lie between 0.45 and 0.5
+
+MATERIALS = (
+    Material(
+        name="silicone, Shore A 20", shore_A=20.0, strength_MPa=3.0, density_kg_m3=1080.0, process="cast"
+    ),
+    Material(
+        name="silicone, Shore A 40", shore_A=40.0, strength_MPa=6.0, density_kg_m3=1120.0, process="cast"
+    ),
+    Material(
+        name="TPU, Shore A 60", shore_A=60.0, strength_MPa=20.0, density_kg_m3=1100.0, process="printed"
+    ),
+    Material(
+        name="TPU, Shore A 70", shore_A=70.0, strength_MPa=25.0, density_kg_m3=1120.0, process="printed"
+    ),
+    Material(
+        name="TPU, Shore A 85", shore_A=85.0, strength_MPa=35.0, density_kg_m3=1150.0, process="printed"
+    ),
+    Material(
+        name="TPU, Shore A 95", shore_A=95.0, strength_MPa=40.0, density_kg_m3=1210.0, process="printed"
+    ),
+)
+
+
+def young_MPa(shore_A: float) -> float:
+    """Young's modulus of a rubber from its Shore A hardness (A. N. Gent, doi:10.5254/1.3542351).
+
+    E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)); good within some 20 % for S from 20 to 80.
+    """
+    return 0.0981 * (56 + 7.62336 * shore_A) / (0.137505 * (254 - 2.54 * shore_A))

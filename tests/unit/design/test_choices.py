@@ -1,0 +1,145 @@
+"""Equations 1 to 4, the sheet's deflection, and choices from wishes."""
+
+import math
+
+import numpy as np
+import pytest
+
+from manytouch.cli import main
+from manytouch.design.choose import LEAST_GAP_PX, RIM_MM, design
+from manytouch.design.deflection import deflection_curve
+from manytouch.design.materials import MATERIALS, young_MPa
+from manytouch.design.spacing import gap_mm, least_pitch_mm, most_height_mm
+from manytouch.design.standoff import focal_px, stand_off, vfov_rad
+from manytouch.design.wishes import DesignError, Optics, Printer, Wishes
+from manytouch.values.sensor_file import load_sensor
+
+
+def tips_apart(d: float, r: float, h: float, slope: float, turn: float) -> float:
+    """Equation 1 by turning two drawn markers, instead of by its formula."""
+
+    def placed(x: float, angle: float, corner: tuple[float, float]) -> float:
+        return x + corner[0] * math.cos(angle) - corner[1] * math.sin(angle)
+
+    return placed(d * math.cos(slope + turn), slope + turn, (-r, h)) - placed(0.0, slope, (r, h))
+
+
+@pytest.mark.parametrize("slope", [-0.3, 0.0, 0.2])
+@pytest.mark.parametrize("turn", [-0.15, 0.0, 0.25])
+def test_equation_1_is_the_distance_of_two_turned_markers(slope, turn):
+    found = gap_mm(pitch_mm=4.0, radius_mm=1.1, height_mm=1.7, slope_rad=slope, turn_rad=turn)
+    assert found == pytest.approx(tips_apart(4.0, 1.1, 1.7, slope, turn))
+
+
+def test_equation_1_of_a_flat_sheet_is_the_pitch_without_two_radii():
+    assert gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=3.0, slope_rad=0.0, turn_rad=0.0) == pytest.approx(
+        2.0
+    )
+
+
+def test_equation_1_is_solved_for_pitch_and_height():
+    shape = {"slope_rad": 0.1, "turn_rad": 0.2}
+    pitch = least_pitch_mm(gap_mm=0.5, radius_mm=1.0, height_mm=2.0, **shape)
+    assert gap_mm(pitch_mm=pitch, radius_mm=1.0, height_mm=2.0, **shape) == pytest.approx(0.5)
+    height = most_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, **shape)
+    assert gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=height, **shape) == pytest.approx(0.5)
+    assert most_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, slope_rad=0.2, turn_rad=-0.2) == math.inf
+
+
+def test_the_stand_off_is_the_greatest_of_three():
+    angles = {"hfov_rad": math.radians(90.0), "vfov_rad": math.radians(60.0)}
+    wide = stand_off(view_mm=(200.0, 50.0), least_focus_mm=30.0, **angles)
+    assert (wide.distance_mm, wide.limit) == (pytest.approx(100.0), "width")
+    high = stand_off(view_mm=(20.0, 100.0), least_focus_mm=30.0, **angles)
+    assert (high.distance_mm, high.limit) == (pytest.approx(50.0 * math.sqrt(3.0)), "height")
+    near = stand_off(view_mm=(20.0, 10.0), least_focus_mm=30.0, **angles)
+    assert (near.distance_mm, near.limit) == (30.0, "focus")
+
+
+def test_fields_of_view_belong_to_square_pixels():
+    assert focal_px(2000, math.radians(90.0)) == pytest.approx(1000.0)
+    assert vfov_rad(2000, 1000, math.radians(90.0)) == pytest.approx(2 * math.atan(0.5))
+
+
+def test_stiffness_follows_from_hardness():
+    assert young_MPa(60.0) == pytest.approx(3.6, rel=0.02)
+    stiffness = [item.young_MPa for item in MATERIALS]
+    assert stiffness == sorted(stiffness)
+
+
+def test_ten_newtons_press_the_papers_sheet_one_centimetre_at_about_three_megapascals():
+    curve = deflection_curve(size_mm=(120.0, 80.0), thickness_mm=3.0, poisson=0.45, deepest_mm=10.1)
+    young = 10.0 / curve.force_over_E_at(10.1)
+    assert 2.7 < young < 3.3
+    assert curve.depth_at(10.0 / young) == pytest.approx(10.1)
+    assert np.all(np.diff(curve.depth_mm) > 0)
+    assert np.all(np.diff(curve.strain) > 0)
+    # a deep press grows with the cube root of the force, as a membrane does
+    assert curve.depth_at(8.0 * curve.force_over_E_mm2[-1]) / curve.depth_mm[-1] == pytest.approx(
+        2.0, rel=0.35
+    )
+
+
+@pytest.fixture(scope="module")
+def usual():
+    return design(Wishes())
+
+
+def test_a_design_fulfils_its_wishes(usual):
+    wishes, sensor = usual.wishes, usual.sensor
+    assert sensor.sheet.size_mm.tolist() == [100.0 + 2 * RIM_MM, 60.0 + 2 * RIM_MM]
+    assert usual.depth_at_most_mm <= wishes.deepest_mm
+    assert sensor.layout.pitch_mm[0] <= wishes.separation_mm / 2
+    half_px = sensor.camera.fx_px * sensor.sheet.size_mm / 2 / sensor.camera.translation_mm[2]
+    assert np.all(half_px <= [sensor.camera.width_px / 2, sensor.camera.height_px / 2])
+    reach = np.abs(sensor.layout.rest_mm[:, :2]).max(axis=0) + sensor.layout.radius_mm[0]
+    assert np.all(reach < sensor.sheet.size_mm / 2)
+    gap = usual.curve.least_gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=0.0, depth_mm=10.0)
+    assert LEAST_GAP_PX * usual.mm_per_px < gap < 2.0
+
+
+def test_a_softer_or_stiffer_wish_changes_the_sheet(usual):
+    gentle = design(Wishes(force_N=(0.01, 0.2), deepest_mm=5.0))
+    assert gentle.material.young_MPa < usual.material.young_MPa
+    assert 2.0 < gentle.depth_at_most_mm <= 5.0
+
+
+def test_markers_on_pins_must_not_touch_when_pressed(usual):
+    steepest, turn = usual.curve.steepest(4.0, 10.0)
+    assert 0.1 < steepest < 0.6
+    assert turn > 0
+    with pytest.raises(DesignError, match=r"make them at most .* mm high"):
+        design(Wishes(marker_height_mm=60.0))
+
+
+@pytest.mark.parametrize(
+    ("wishes", "sentence"),
+    [
+        ({"separation_mm": 1.0}, "ask for a larger separation, a smaller area, or a camera with more pixels"),
+        (
+            {"force_N": (1.0, 5000.0)},
+            "no sheet holds 5000 N on 1 cm² within 10 mm: the stiffest, TPU, Shore A 95, 4 mm",
+        ),
+        ({"force_N": (5.0, 1.0)}, "the force range 5 to 1 N is empty"),
+        ({"area_mm": (-1.0, 2.0), "deepest_mm": 0.0}, "area_mm\\[0\\] = -1.0, deepest_mm = 0.0"),
+        ({"camera": Optics(hfov_deg=150.0, least_focus_mm=5.0)}, "comes too near to a camera"),
+        ({"camera": Optics(hfov_deg=175.0)}, "no pinhole"),
+        ({"printer": Printer(nozzle_mm=3.0)}, "the printer prints"),
+        ({"material": "wood"}, "there is no material 'wood'; there are: silicone"),
+    ],
+)
+def test_impossible_wishes_name_what_is_in_the_way(wishes, sentence):
+    with pytest.raises(DesignError, match=sentence):
+        design(Wishes(**wishes))
+
+
+def test_the_verb_writes_a_sensor_that_loads(tmp_path, capsys):
+    words = ["design", "--out", str(tmp_path), "--parts", "none", "--explain", "--thickness-mm", "3"]
+    assert main(words) == 0
+    sensor = load_sensor(tmp_path / "sensor.toml")
+    assert sensor.sheet.thickness_mm == 3.0
+    said = capsys.readouterr().out
+    assert "equation 4, read as d > F" in said
+    assert "| clamped outline |" in (tmp_path / "design.md").read_text()
+    assert main([*words, "--separation-mm", "0.5"]) == 1
+    assert "ask for a larger separation" in capsys.readouterr().err

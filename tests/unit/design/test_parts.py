@@ -1,0 +1,231 @@
+"""Parts: closed, of the right volume in independent readers, printable; patterns in true size."""
+
+import csv
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from pypdf import PdfReader
+
+from manytouch.design.build import write_design
+from manytouch.design.casing import (
+    SCREW_RADIUS_MM,
+    CasingChoices,
+    clamp,
+    ledge_mm,
+    parts_of,
+    screw_places,
+    sheet_parts,
+)
+from manytouch.design.choose import design
+from manytouch.design.guide import screw_length_mm
+from manytouch.design.meshing import mesh_of, write_stl
+from manytouch.design.patterns import MARGIN_MM, write_chessboard, write_pattern
+from manytouch.design.printability import hanging_mm2, objections, open_edges
+from manytouch.design.solids import Bore, Box, Solid, Taper, block, pins
+from manytouch.design.step import write_step
+from manytouch.design.wishes import Printer, Wishes
+from manytouch.errors import OutputError
+from manytouch.values.sensor_file import load_sensor
+
+POINTS_PER_MM = 72 / 25.4
+CHOICES = CasingChoices()
+
+
+@pytest.fixture(scope="module")
+def found():
+    return design(Wishes(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.1, 5.0)))
+
+
+SOLIDS = {
+    "block": (Solid(joined=(Box(x_mm=(1.0, 4.0), y_mm=(-2.0, 2.0), z_mm=(0.0, 5.0)),)), 60.0),
+    "taper": (Solid(joined=(Taper(lower_mm=(4.0, 2.0), upper_mm=(2.0, 1.0), z_mm=(0.0, 3.0)),)), 14.0),
+    "pin": (Solid(joined=(pins(np.array([[3.0, 1.0]]), 2.0, (0.0, 1.5)),)), 6.0 * np.pi),
+    "cone": (
+        Solid(joined=(pins(np.zeros((1, 2)), 2.0, (0.0, 3.0), upper_radius_mm=1.0),)),
+        np.pi * 3.0 / 3.0 * (4.0 + 2.0 + 1.0),
+    ),
+    "bored": (
+        Solid(
+            joined=(block((10.0, 10.0), (0.0, 4.0)),),
+            removed=(Bore(x_mm=0.0, z_mm=2.0, y_mm=(-6.0, 6.0), radius_mm=1.0),),
+        ),
+        400.0 - 10.0 * np.pi,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", SOLIDS)
+def test_a_solid_has_its_volume_as_mesh_and_as_step(name, tmp_path: Path):
+    solid, volume = SOLIDS[name]
+    mesh = mesh_of(solid)
+    assert open_edges(mesh) == 0
+    assert mesh.volume_mm3 == pytest.approx(volume, rel=2e-3)
+    write_stl(mesh, tmp_path / "solid.stl")
+    read = trimesh.load(tmp_path / "solid.stl")
+    assert read.is_watertight
+    assert read.volume == pytest.approx(volume, rel=2e-3)
+    assert read.bounds == pytest.approx(np.array([mesh.vertex_mm.min(axis=0), mesh.vertex_mm.max(axis=0)]))
+    import build123d
+
+    write_step(solid, tmp_path / "solid.step")
+    read = build123d.import_step(tmp_path / "solid.step")
+    assert read.volume == pytest.approx(volume, rel=1e-6)
+    box = read.bounding_box()
+    assert [*box.min] == pytest.approx(mesh.vertex_mm.min(axis=0), abs=0.02)
+
+
+def test_a_torn_mesh_has_open_edges():
+    mesh = mesh_of(SOLIDS["block"][0])
+    assert open_edges(replace(mesh, triangle=mesh.triangle[1:])) == 3
+
+
+def test_a_wide_roof_hangs_and_a_chamfer_does_not():
+    roof = Solid(joined=(block((4.0, 4.0), (0.0, 10.0)), block((40.0, 30.0), (10.0, 12.0))))
+    assert hanging_mm2(mesh_of(roof)) == pytest.approx(40.0 * 30.0 - 16.0)
+    chamfer = Solid(joined=(Taper(lower_mm=(4.0, 4.0), upper_mm=(24.0, 24.0), z_mm=(0.0, 10.0)),))
+    assert hanging_mm2(mesh_of(chamfer)) == 0.0
+    steeper = Solid(joined=(Taper(lower_mm=(4.0, 4.0), upper_mm=(24.0, 24.0), z_mm=(0.0, 8.0)),))
+    assert hanging_mm2(mesh_of(steeper)) > 0.0
+
+
+def test_flush_markers_fill_their_holes(found):
+    sheet, markers = (mesh_of(part.solid) for part in sheet_parts(found.sensor, "TPU", CHOICES))
+    layout, t = found.sensor.layout, found.sensor.sheet.thickness_mm
+    dots = len(layout.rest_mm) * np.pi * layout.radius_mm[0] ** 2 * CHOICES.flush_mm
+    assert markers.volume_mm3 == pytest.approx(dots, rel=1e-6)
+    holes = len(screw_places(found.sensor, CHOICES)) * np.pi * SCREW_RADIUS_MM**2 * t
+    plate = np.prod(found.sensor.sheet.size_mm + 2 * CHOICES.flange_mm) * t
+    assert sheet.volume_mm3 + markers.volume_mm3 == pytest.approx(plate - holes, rel=1e-6)
+    assert markers.vertex_mm[:, 2].max() == pytest.approx(t)
+
+
+def test_pins_stand_off_the_sheet(found):
+    high = replace(found.sensor, layout=replace(found.sensor.layout, height_mm=1.5))
+    _, markers = (mesh_of(part.solid) for part in sheet_parts(high, "TPU", CHOICES))
+    t = found.sensor.sheet.thickness_mm
+    assert [markers.vertex_mm[:, 2].min(), markers.vertex_mm[:, 2].max()] == pytest.approx([t, t + 1.5])
+
+
+def test_the_sheet_is_turned_over_so_that_the_camera_sees_the_layout(found):
+    layout = found.sensor.layout
+    alone = np.zeros(len(layout.rest_mm), dtype=bool)
+    alone[1:] = True
+    _, markers = sheet_parts(replace(found.sensor, layout=replace(layout, is_missing=alone)), "TPU", CHOICES)
+    middle = mesh_of(markers.solid).vertex_mm[:, :2].mean(axis=0)
+    # camera side up means z towards the camera: x stays, y turns round
+    assert middle == pytest.approx(layout.rest_mm[0, :2] * [1.0, -1.0], abs=1e-6)
+
+
+def test_all_parts_can_be_printed_and_screwed_together(found):
+    parts = parts_of(found.sensor, "TPU", CHOICES)
+    meshes = {part.name: mesh_of(part.solid) for part in parts}
+    assert objections(found.sensor, Printer(), CHOICES, meshes) == ()
+    tall = np.ptp(meshes["casing"].vertex_mm[:, 2])
+    assert tall == pytest.approx(found.sensor.camera.translation_mm[2] + CHOICES.board_depth_mm)
+    against = " ".join(
+        objections(found.sensor, Printer(nozzle_mm=1.2, bed_mm=(50.0, 50.0, 50.0)), CHOICES, meshes)
+    )
+    assert "larger than the printer's" in against
+    assert "less than three lines" in against
+    assert "less than two lines" in against
+
+
+def test_the_ledge_does_not_hide_the_sheet(found):
+    """A ray from any marker at rest to the camera passes inside the ledge."""
+    distance = found.sensor.camera.translation_mm[2]
+    at_ledge = found.sensor.layout.rest_mm[:, :2] * (
+        1 - (CHOICES.ledge_drop_mm + CHOICES.clamp_mm) / distance
+    )
+    ledge = ledge_mm(found.sensor, CHOICES)
+    assert 4.0 < ledge < CHOICES.ledge_mm
+    room = found.sensor.sheet.size_mm / 2 - ledge
+    assert np.all(np.abs(at_ledge) < room)
+
+
+def test_the_clamp_leaves_the_outline_free(found):
+    mesh = mesh_of(clamp(found.sensor, CHOICES))
+    inside = np.abs(mesh.vertex_mm[:, :2]) < found.sensor.sheet.size_mm / 2 - 1e-6
+    assert not inside.all(axis=1).any()
+
+
+def test_the_screw_reaches_the_nut(found):
+    assert screw_length_mm(found, CHOICES) == 12
+    assert screw_length_mm(found, replace(CHOICES, clamp_mm=6.0)) == 16
+
+
+def test_patterns_have_their_true_size(found, tmp_path: Path):
+    svg, pdf = write_pattern(found.sensor, tmp_path / "markers")
+    page = PdfReader(pdf).pages[0]
+    size = found.sensor.sheet.size_mm + 2 * MARGIN_MM
+    assert [float(page.mediabox.width), float(page.mediabox.height)] == pytest.approx(
+        (size * POINTS_PER_MM).tolist(), abs=0.01
+    )
+    assert f'width="{size[0] * POINTS_PER_MM:.6f}pt"'[:14] in svg.read_text()
+    text = page.get_contents().get_data().decode("latin1")
+    lines = [
+        tuple(map(float, pair))
+        for pair in re.findall(r"([\d.]+) ([\d.]+) m\n([\d.]+) ([\d.]+) l", text)
+        for pair in [pair]
+    ]
+    lengths = [np.hypot(x1 - x0, y1 - y0) / POINTS_PER_MM for x0, y0, x1, y1 in lines]
+    assert any(abs(length - 50.0) < 0.01 for length in lengths), lengths
+
+
+def test_markers_are_printed_where_they_belong(found, tmp_path: Path):
+    _, pdf = write_pattern(found.sensor, tmp_path / "markers")
+    text = PdfReader(pdf).pages[0].get_contents().get_data().decode("latin1")
+    layout = found.sensor.layout
+    size = found.sensor.sheet.size_mm + 2 * MARGIN_MM
+    # every circle is a path of eight curves that starts at its least y
+    starts = re.findall(r"([\d.]+) ([\d.]+) m\n(?:[-\d. ]+ c\n){8}", text)
+    low = np.array(starts, dtype=float) / POINTS_PER_MM
+    place = np.column_stack([low[:, 0] - size[0] / 2, size[1] / 2 - low[:, 1]])
+    place[:, 1] += layout.radius_mm[0]
+    assert len(place) == len(layout.rest_mm)
+    order = np.lexsort(np.round(place, 2).T)
+    wanted = layout.rest_mm[np.lexsort(np.round(layout.rest_mm[:, :2], 2).T), :2]
+    assert place[order] == pytest.approx(wanted, abs=0.02)
+
+
+def test_a_chessboard_has_true_squares_and_fits_the_page(tmp_path: Path):
+    _, pdf = write_chessboard(tmp_path / "board", columns=9, rows=6, square_mm=25.0)
+    page = PdfReader(pdf).pages[0]
+    assert float(page.mediabox.width) == pytest.approx(297.0 * POINTS_PER_MM, abs=0.01)
+    text = page.get_contents().get_data().decode("latin1")
+    squares = re.findall(
+        r"([\d.]+) ([\d.]+) m\n([\d.]+) ([\d.]+) l\n([\d.]+) ([\d.]+) l\n([\d.]+) ([\d.]+) l\nh", text
+    )
+    corners = np.array(squares, dtype=float).reshape(-1, 4, 2) / POINTS_PER_MM
+    sides = np.ptp(corners, axis=1)
+    black = np.isclose(sides, 25.0, atol=0.01).all(axis=1).sum()
+    assert black == 35
+    with pytest.raises(OutputError, match="does not fit an A4 page"):
+        write_chessboard(tmp_path / "board", columns=12, rows=9, square_mm=25.0)
+
+
+def test_a_design_comes_with_everything(found, tmp_path: Path):
+    assert write_design(found, tmp_path, step=True) == ()
+    names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert names >= {
+        *("sensor.toml", "design.md", "assembly.md", "bill_of_materials.csv"),
+        *(f"parts/{name}" for name in ("sheet.stl", "markers.stl", "clamp.stl", "casing.stl", "sheet.3mf")),
+        *("parts/casing.step", "parts/clamp.step", "patterns/markers.pdf", "patterns/chessboard-9x6.svg"),
+    }
+    assert load_sensor(tmp_path / "sensor.toml").layout.shape == found.sensor.layout.shape
+    read = trimesh.load(tmp_path / "parts" / "sheet.3mf")
+    assert sorted(read.geometry) == ["markers", "sheet"]
+    assert read.units == "millimeter"
+    items = {
+        row["item"]: row
+        for row in csv.DictReader((tmp_path / "bill_of_materials.csv").read_text().splitlines())
+    }
+    assert items["nut"]["count"] == str(len(screw_places(found.sensor, CHOICES)))
+    import build123d
+
+    casing = next(part for part in parts_of(found.sensor, "TPU", CHOICES) if part.name == "casing")
+    step = build123d.import_step(tmp_path / "parts" / "casing.step")
+    assert step.volume == pytest.approx(mesh_of(casing.solid).volume_mm3, rel=1e-4)
