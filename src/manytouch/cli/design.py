@@ -36,18 +36,22 @@ def design(
     material: Annotated[str | None, Parameter(help="Of the sheet; chosen when not given.")] = None,
     thickness_mm: Annotated[float | None, Parameter(metavar="MM", help="Chosen when not given.")] = None,
     parts: Annotated[Literal["none", "mesh", "step"], Parameter(help="step: STEP files too.")] = "mesh",
+    predict: Annotated[
+        bool, options.switch("Also predict how accurate it will be, and draw it (about a minute).")
+    ] = False,
     explain: Annotated[bool, options.switch("Print the reason for each choice.")] = False,
 ) -> int:
-    """Choose a sheet, its markers and where the camera stands; write a sensor file and the parts to print.
+    """Choose a sheet, its markers and where the camera stands; write a sensor file and parts.
 
     The folder holds sensor.toml, design.md with all reasons, parts/ (STL, 3MF), patterns/ (SVG, PDF in
-    true size, a chessboard for calibrating), bill_of_materials.csv and assembly.md.
+    true size, a chessboard for calibrating), bill_of_materials.csv and assembly.md; with --predict
+    accuracy.csv, accuracy.png and tradeoff.png too.
 
     Example: manytouch design --area-mm 100,60 --force-N 0.1,10 --out my-sensor --explain
     """
     from rich.console import Console
 
-    from manytouch.design.build import explained, write_design
+    from manytouch.design.build import explained, write_design, write_prediction
     from manytouch.design.choose import design as chosen
     from manytouch.design.wishes import Optics, Printer, Wishes
 
@@ -84,6 +88,8 @@ def design(
     else:
         say = console.print
         against = write_design(found, out, step=parts == "step", say=lambda text: say(f"  {text}"))
+    if predict:
+        write_prediction(found, out, say=lambda text: console.print(f"  {text}"))
     for sentence in against:
         console.print(f"  odd: {sentence}")
     console.print(f"  design in {out}")

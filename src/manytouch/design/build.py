@@ -3,11 +3,13 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from manytouch.design.accuracy import predicted_accuracy
 from manytouch.design.casing import CasingChoices, Part, parts_of
 from manytouch.design.choose import Design
 from manytouch.design.guide import assembly, bill_of_materials
 from manytouch.design.meshing import PartMesh, mesh_of, write_3mf, write_stl
 from manytouch.design.patterns import write_chessboard, write_pattern
+from manytouch.design.pictures import draw_accuracy, draw_tradeoff
 from manytouch.design.printability import objections
 from manytouch.design.step import write_step
 from manytouch.errors import OutputError
@@ -62,6 +64,33 @@ def write_design(
     except OSError as error:
         raise OutputError(f"cannot write the design into {folder}: {error.strerror}") from None
     return objections(found.sensor, found.wishes.printer, choices, meshes)
+
+
+def write_prediction(found: Design, folder: Path, *, say: Callable[[str], object] | None = None) -> None:
+    """Write accuracy.csv, accuracy.png and tradeoff.png: what the method `mechanics` will tell how well.
+
+    Raises:
+        OutputError: something cannot be written.
+        MissingExtraError: matplotlib is not installed.
+    """
+    predicted = predicted_accuracy(found, say=say)
+    columns = {
+        "x_mm": predicted.place_mm[:, 0],
+        "y_mm": predicted.place_mm[:, 1],
+        "depth_mm": predicted.depth_mm,
+        "position_std_mm": predicted.position_std_mm,
+        "depth_std_mm": predicted.depth_std_mm,
+        "force_std_N": predicted.force_std_N,
+    }
+    lines = [",".join(columns)]
+    lines += [",".join(f"{value:.5g}" for value in row) for row in zip(*columns.values(), strict=True)]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "accuracy.csv").write_text("\n".join([*lines, ""]), encoding="utf-8")
+        draw_accuracy(found, predicted, folder / "accuracy.png")
+        draw_tradeoff(found, folder / "tradeoff.png", say=say)
+    except OSError as error:
+        raise OutputError(f"cannot write the prediction into {folder}: {error.strerror}") from None
 
 
 def explained(found: Design) -> str:

@@ -108,7 +108,7 @@ def design(wishes: Wishes, *, say: Callable[[str], object] | None = None) -> Des
     sensor = Sensor(
         name=f"designed sheet {size[0]:g} x {size[1]:g} mm",
         camera=_camera(wishes, focal, distance_mm),
-        layout=_layout(wishes, size, pitch, radius),
+        layout=lattice(size, pitch, radius, wishes.marker_height_mm),
         sheet=sheet,
         provenance={"origin": "designed", "material": f"{material.name} (nominal stiffness; calibrate it)"},
     )
@@ -214,7 +214,8 @@ def _camera(wishes: Wishes, focal: float, distance_mm: float) -> Camera:
     )
 
 
-def _layout(wishes: Wishes, size: tuple[float, float], pitch: float, radius: float) -> Layout:
+def lattice(size: tuple[float, float], pitch: float, radius: float, height: float) -> Layout:
+    """As many light markers as a sheet holds, mm."""
     columns, rows = (int(side / pitch + 1e-9) for side in size)
     row, column = (index.ravel() for index in np.indices((rows, columns)))
     rest = np.zeros((rows * columns, 3))
@@ -225,7 +226,7 @@ def _layout(wishes: Wishes, size: tuple[float, float], pitch: float, radius: flo
         row_column=read_only(np.column_stack([row, column]).astype(np.int64)),
         pitch_mm=read_only(np.array([pitch, pitch])),
         radius_mm=read_only(np.full(len(rest), radius)),
-        height_mm=wishes.marker_height_mm,
+        height_mm=height,
         polarity="light",
         is_missing=read_only(np.zeros(len(rest), dtype=np.bool_)),
     )

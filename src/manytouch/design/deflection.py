@@ -103,7 +103,7 @@ def deflection_curve(
     elements = tuple(max(8, round(size / ELEMENT_MM)) for size in size_mm)
     patch = SplinePatch(size_mm=size_mm, elements=(elements[0], elements[1]), boundary="clamped")
     shell = Shell(patch=patch, thickness_mm=thickness_mm, poisson=poisson)
-    place, weight = _disc(np.sqrt(FINGERTIP_MM2 / np.pi))
+    place, weight = fingertip(np.sqrt(FINGERTIP_MM2 / np.pi))
     share = np.zeros((patch.node_count, 3))
     share[:, 2] = -patch.load(place, weight)
     middle = Face(shell=shell, point_mm=np.zeros((1, 2)), height_mm=0.0)
@@ -132,7 +132,7 @@ def deflection_curve(
     )
 
 
-def _disc(radius_mm: float) -> tuple[np.ndarray, np.ndarray]:
+def fingertip(radius_mm: float) -> tuple[np.ndarray, np.ndarray]:
     """Points of equal weight that fill a disc round the origin; the weights sum to 1."""
     number = np.arange(60) + 0.5
     angle = np.pi * (1 + np.sqrt(5)) * number
