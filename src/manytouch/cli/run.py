@@ -20,6 +20,7 @@ def run(
         Path | None,
         options.folder("Also write the tables, into a folder in this one."),
     ] = None,
+    record: options.RecordFile = None,
     method: options.MethodName = None,
     pitch_mm: options.PitchMm = None,
     hfov_deg: options.HfovDeg = None,
@@ -81,10 +82,10 @@ def run(
         for line in settings_in_words(live.health().settings):
             reporter.say(line)
         if out is None:
-            live.run([log], progress=reporter, stop=stop)
+            live.run([log], record=record, progress=reporter, stop=stop)
             return 0
         folder = out / result_name(source)
         files, summary = files_in(folder, job)
-        live.run([*files, log, summary], progress=reporter, stop=stop)
+        live.run([*files, log, summary], record=record, progress=reporter, stop=stop)
     reporter.finish(summary, folder)
     return 0

@@ -4,12 +4,13 @@
     folder = process("video.mp4", out="out/video")
 
 `prepare` opens an input and finds or fits its sensor. `process` reads every frame of it into tables;
-`Live` reads it at its own pace while people watch and steer.
+`Live` reads it at its own pace while people watch and steer, `Playback` shows a recording again.
 """
 
 from manytouch.session.job import REST_FRAMES, Job, Pitch, Watch, check_region, prepare
 from manytouch.session.live import Live
 from manytouch.session.methods import METHODS, Roi, kernels, pipeline_for
+from manytouch.session.playback import Playback
 from manytouch.session.results import RESULTS, files_in, process, read_all, read_into, result_name
 
 __all__ = [
@@ -19,6 +20,7 @@ __all__ = [
     "Job",
     "Live",
     "Pitch",
+    "Playback",
     "Roi",
     "Watch",
     "check_region",

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from manytouch.errors import ManytouchError
 from manytouch.pipeline import Pipeline, Sight, Sink
@@ -16,6 +17,7 @@ from manytouch.session.job import Job, Watch, close
 from manytouch.session.meter import Meter
 from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
+from manytouch.session.taping import Taping
 from manytouch.session.tare import TARE_FRAMES, tared
 from manytouch.session.tuning import parameters_of, tuned
 from manytouch.sources.source import Device
@@ -25,10 +27,12 @@ from manytouch.values import (
     Health,
     Press,
     Reading,
+    Record,
     Release,
     Sensor,
     Start,
     Stop,
+    StopRecording,
     Tare,
     TrackedGrid,
     Truth,
@@ -57,7 +61,13 @@ class Live:
     A source that does not wait drops whole frames when reading is too slow; they are counted.
     """
 
-    def __init__(self, job: Job) -> None:
+    def __init__(self, job: Job, *, recordings: Path = Path()) -> None:
+        """Prepare; nothing runs yet.
+
+        Args:
+            job: from `prepare`.
+            recordings: folder for recordings that are begun without a name.
+        """
         self._job = job
         self._wanted = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
         self._present = self._wanted
@@ -72,6 +82,7 @@ class Live:
         self._pace = Pace()
         self._taring: list[TrackedGrid] | None = None
         self._markers_seen = 0
+        self._taping = Taping(job, recordings, self._note)
 
     @property
     def sensor(self) -> Sensor:
@@ -106,6 +117,7 @@ class Live:
             methods=METHODS,
             parameters=parameters_of(setup.pipeline),
             settings=source.settings if isinstance(source, Device) else (),
+            recording=self._taping.name,
             notes=tuple(self._notes),
             can_press=hasattr(source, "press"),
             sensor_version=setup.version,
@@ -115,6 +127,7 @@ class Live:
         self,
         sinks: Sequence[Sink],
         *,
+        record: Path | None = None,
         progress: Watch | None = None,
         stop: Callable[[], bool] | None = None,
     ) -> None:
@@ -122,8 +135,12 @@ class Live:
 
         Args:
             sinks: shall see every reading, in this order.
+            record: a recording of all of it.
             progress: told what happens, and every note.
             stop: asked after each frame, and while none comes.
+
+        Raises:
+            OutputError: the recording cannot be written.
         """
         with ExitStack() as closing:
             for sink in reversed(sinks):
@@ -133,11 +150,15 @@ class Live:
                 self._say = progress.say
                 progress.begin(self._job)
             self._job.warm_up()
+            closing.callback(self._taping.end)
+            if record is not None:
+                self._record(record)
             stream = closing.enter_context(HandOver(self._seen(), ahead=AHEAD, stop=stop))
             closing.callback(self._end)
             for reading in self._told(iter(stream)):
                 for sink in sinks:
                     sink.write(reading)
+                self._taping.write(reading)
                 self._meter.count(reading.frame.arrived_ns)
                 self._markers_seen = int(reading.grid.is_seen.sum())
                 if progress is not None:
@@ -201,6 +222,7 @@ class Live:
     def _paced(self, frame: Frame) -> Frame:
         """The frame, held back until its time has come."""
         self._pace.wait_for(frame.timestamp_ns, self._is_over.is_set)
+        self._taping.take(frame)
         return replace(frame, arrived_ns=time.monotonic_ns())
 
     def _obey(self) -> None:
@@ -229,10 +251,18 @@ class Live:
             case Tune(parameter=parameter, value=value):
                 self._change(pipeline=tuned(self._wanted.pipeline, parameter, value))
                 self._note(f"{parameter} = {value:g}")
+            case Record(path=path):
+                self._record(path)
+            case StopRecording():
+                self._taping.end()
             case Press() | Release():
                 self._press(command)
             case _:
                 self._note(f"{type(command).__name__} means nothing to a live source")
+
+    def _record(self, path: Path | None) -> None:
+        setup = self._wanted
+        self._taping.begin(path, setup.sensor, setup.pipeline, setup.method)
 
     def _press(self, command: Press | Release) -> None:
         press = getattr(self._job.source, "press", None)
@@ -256,7 +286,8 @@ class Live:
             self._note("tared: the sheet as it is now counts as untouched")
 
     def _change(self, **fields: object) -> None:
-        self._wanted = replace(self._wanted, **fields)  # type: ignore[arg-type]
+        self._wanted = setup = replace(self._wanted, **fields)  # type: ignore[arg-type]
+        self._taping.describe(setup.sensor, setup.pipeline, setup.method)
 
     def _note(self, sentence: str) -> None:
         self._notes.append(sentence)

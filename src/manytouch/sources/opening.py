@@ -15,7 +15,7 @@ from manytouch.sources.video import VIDEO_SUFFIXES, video_source
 
 SUPPORTED = (
     "a camera's number or device, the address of a stream, a video file, an image, a folder of images, "
-    "or sim: for the simulated sensor"
+    "an .mcap recording, or sim: for the simulated sensor"
 )
 
 
@@ -25,8 +25,8 @@ def open_source(
     """The source of frames that a text names; nothing is read yet but the first picture.
 
     Args:
-        text: path of a video, an image or a folder of images; number, device or address of a camera; `sim:`
-            or `sim:SCENE`.
+        text: path of a video, an image, a folder of images or an .mcap recording; number, device or address
+            of a camera; `sim:` or `sim:SCENE`.
         fps: rate in frames per second that the timestamps follow instead of the source's own; of a camera the
             rate to ask for.
         camera: what else to ask a camera for.
@@ -65,10 +65,14 @@ def is_camera(text: str) -> bool:
 def _file_source(text: str, path: Path, fps: float | None) -> Source:
     if path.is_dir():
         return _folder_source(path, fps)
-    if not path.is_file() or path.suffix.lower() == ".mcap":
+    if not path.is_file():
         raise SourceError(_why_not(text, path))
     if path.stat().st_size == 0:
         raise SourceError(f"{text!r} is empty: copy or record it again.")
+    if path.suffix.lower() == ".mcap":
+        from manytouch.sources.replay import replay_source
+
+        return replay_source(path)
     if path.suffix.lower() in IMAGE_SUFFIXES or (
         path.suffix.lower() != ".gif" and cv2.haveImageReader(str(path))
     ):
@@ -90,9 +94,6 @@ def _folder_source(path: Path, fps: float | None) -> Source:
 
 def _why_not(text: str, path: Path) -> str:
     """The sentence for something that is neither a file nor a folder that can be opened."""
-    later = f"is not supported in this version: give {SUPPORTED}."
-    if path.suffix.lower() == ".mcap":
-        return f"The recording {text!r} {later}"
     parent = next(parent for parent in path.absolute().parents if parent.is_dir())
     if parent != path.absolute().parent:
         return f"There is no {text!r}: the path is good up to the folder {str(parent)!r}."

@@ -1,0 +1,130 @@
+"""Messages of a recording: frames, readings, sessions, in the schemas of the package's docstring."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from manytouch.recording.packing import packed, unpacked
+from manytouch.values import Contact, Frame, Reading, Sensor
+
+_NUMBER = {"type": ["number", "null"]}
+_VALUE = {"type": "object", "description": "a value of manytouch, to the last bit"}
+READING_SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "title": "manytouch.Reading",
+    "required": ["frame", "time_s", "status", "milliseconds", "markers_seen", "contacts", "values"],
+    "properties": {
+        "frame": {"type": "integer"},
+        "time_s": {"type": "number"},
+        "status": {"type": "string"},
+        "milliseconds": {"type": "number"},
+        "markers_seen": {"type": "integer"},
+        "contacts": {
+            "type": "array",
+            "items": {
+                "type": "object",
+                "properties": {
+                    "contact": {"type": "integer"},
+                    "phase": {"type": "string"},
+                    **dict.fromkeys(
+                        ("x_mm", "y_mm", "depth_mm", "normal_force_N", "shear_x_N", "shear_y_N"), _NUMBER
+                    ),
+                    **dict.fromkeys(("area_mm2", "torque_Nmm", "depth_std_mm"), _NUMBER),
+                },
+            },
+        },
+        "values": {
+            "type": "object",
+            "properties": dict.fromkeys(("detections", "grid", "surface", "contacts"), _VALUE),
+        },
+    },
+}
+SESSION_SCHEMA: dict[str, Any] = {
+    "type": "object",
+    "title": "manytouch.Session",
+    "required": ["schema", "started_unix_ns", "source", "method", "parameters", "versions", "sensor"],
+    "properties": {
+        "schema": {"type": "integer"},
+        "started_unix_ns": {"type": "integer"},
+        "source": {"type": "object"},
+        "method": {"type": "string"},
+        "parameters": {"type": "object"},
+        "versions": {"type": "object"},
+        "sensor": _VALUE,
+    },
+}
+
+
+def reading_bytes(reading: Reading) -> bytes:
+    """A reading without its frame."""
+    return _bytes(
+        {
+            "frame": reading.frame.index,
+            "time_s": reading.frame.timestamp_ns * 1e-9,
+            "status": reading.status,
+            "milliseconds": reading.milliseconds,
+            "markers_seen": int(reading.grid.is_seen.sum()),
+            "contacts": [_contact(contact) for contact in reading.contacts.contacts],
+            "values": {
+                "detections": packed(reading.detections),
+                "grid": packed(reading.grid),
+                "surface": packed(reading.surface),
+                "contacts": packed(reading.contacts),
+            },
+        }
+    )
+
+
+def reading_of(message: bytes, frame: Frame) -> Reading:
+    """The reading of a frame.
+
+    Raises:
+        SourceError: it cannot be understood.
+    """
+    held = json.loads(message)
+    values = {name: unpacked(each) for name, each in held["values"].items()}
+    return Reading(frame=frame, milliseconds=float(held["milliseconds"]), **values)
+
+
+def session_bytes(sensor: Sensor, about: Mapping[str, Any]) -> bytes:
+    """What made the readings; `about` holds what the schema asks for but the sensor."""
+    return _bytes({**about, "sensor": packed(sensor)})
+
+
+def surface_message(reading: Reading, log_ns: int) -> Any:
+    """The markers in the sheet's frame as a foxglove.PointCloud: x, y, z, depth in float32."""
+    from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
+    from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
+
+    surface = reading.surface
+    points = np.column_stack([surface.position_mm, -surface.displacement_mm[:, 2]]).astype("<f4")
+    cloud = PointCloud(frame_id="sheet", point_stride=16, data=points.tobytes())
+    cloud.timestamp.FromNanoseconds(log_ns)
+    cloud.pose.orientation.w = 1.0
+    for place, name in enumerate(("x", "y", "z", "depth")):
+        cloud.fields.add(name=name, offset=4 * place, type=PackedElementField.FLOAT32)
+    return cloud
+
+
+def _contact(contact: Contact) -> dict[str, Any]:
+    x, y = contact.centre_mm
+    shear_x, shear_y, press = contact.force_N
+    numbers = {
+        "x_mm": x,
+        "y_mm": y,
+        "depth_mm": contact.depth_mm,
+        "normal_force_N": -press,
+        "shear_x_N": shear_x,
+        "shear_y_N": shear_y,
+        "area_mm2": contact.area_mm2,
+        "torque_Nmm": contact.torque_Nmm,
+        "depth_std_mm": contact.std("depth"),
+    }
+    known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+    return {"contact": contact.id, "phase": contact.phase.value, **known}
+
+
+def _bytes(held: Any) -> bytes:
+    return json.dumps(held, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode("utf-8")

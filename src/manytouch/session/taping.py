@@ -1,0 +1,85 @@
+"""The recording of a session: begun, fed and ended while it runs."""
+
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from manytouch.errors import ManytouchError
+from manytouch.pipeline import Pipeline
+from manytouch.session.job import Job
+from manytouch.sinks.recorder import Recorder
+from manytouch.sources.source import Device
+from manytouch.values import Frame, Reading, Sensor
+
+NAME = "recording-%Y%m%d-%H%M%S.mcap"
+
+
+class Taping:
+    """At most one recording at a time; a camera's frames are taken as they arrive, before any is dropped."""
+
+    def __init__(self, job: Job, folder: Path, note: Callable[[str], None]) -> None:
+        """Nothing is recorded yet.
+
+        Args:
+            job: of the session.
+            folder: for recordings without a name.
+            note: told what begins and ends.
+        """
+        self._job = job
+        self._folder = folder
+        self._note = note
+        self._recorder: Recorder | None = None
+        self._change = threading.Lock()
+
+    @property
+    def name(self) -> str | None:
+        """Of the file that is being written."""
+        recorder = self._recorder
+        return None if recorder is None else recorder.path.name
+
+    def begin(self, path: Path | None, sensor: Sensor, pipeline: Pipeline, method: str) -> None:
+        """Record what comes from now on.
+
+        Raises:
+            ManytouchError: something is being recorded; OutputError: the file cannot be written.
+        """
+        if self._recorder is not None:
+            raise ManytouchError(f"{self.name} is being recorded; stop it first")
+        path = path or self._folder / time.strftime(NAME)
+        recorder = Recorder(path, source=self._job.recording, fps=self._job.source.fps)
+        recorder.describe(sensor, pipeline, method)
+        self._recorder = recorder
+        if isinstance(self._job.source, Device):
+            self._job.source.listen(recorder.take)
+        self._note(f"recording {path.name}")
+
+    def describe(self, sensor: Sensor, pipeline: Pipeline, method: str) -> None:
+        """Readings are made otherwise from now on."""
+        if self._recorder is not None:
+            self._recorder.describe(sensor, pipeline, method)
+
+    def take(self, frame: Frame) -> None:
+        """A frame of a source that waits; a camera's are taken as they arrive."""
+        if self._recorder is not None and not isinstance(self._job.source, Device):
+            self._recorder.take(frame, waits=True)
+
+    def write(self, reading: Reading) -> None:
+        """A reading; a recording that has ended by itself is told about."""
+        recorder = self._recorder
+        if recorder is None:
+            return
+        recorder.write(reading)
+        if recorder.ended is not None:
+            self.end()
+
+    def end(self) -> None:
+        """End the recording, if there is one."""
+        with self._change:
+            recorder, self._recorder = self._recorder, None
+        if recorder is None:
+            return
+        if isinstance(self._job.source, Device):
+            self._job.source.listen(None)
+        recorder.close()
+        self._note(recorder.ended or f"recorded {recorder.path.name}")

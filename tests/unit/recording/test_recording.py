@@ -1,0 +1,452 @@
+"""Recordings: to the last bit, in well-known schemas, good up to where they were cut off, replayed."""
+
+import errno
+import json
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cameras import jpeg
+from clips import picture, press_of
+from manytouch.errors import OutputError, SourceError
+from manytouch.recording.packing import packed, unpacked
+from manytouch.recording.reader import Recording
+from manytouch.session import Live, Playback, prepare, process, read_all
+from manytouch.sinks import recorder as recorder_module
+from manytouch.sinks.recorder import DirectFile, Recorder
+from manytouch.sources import open_source
+from manytouch.sources.encoded import decoded
+from manytouch.values import (
+    Command,
+    Contact,
+    Frame,
+    Phase,
+    Play,
+    Reading,
+    Record,
+    Seek,
+    Start,
+    Stop,
+    StopRecording,
+    UseMethod,
+)
+
+pytest.importorskip("mcap")
+
+
+@dataclass
+class Pictures:
+    """A source of dotted pictures, JPEG as a camera gives them or plain."""
+
+    frames: int = 40
+    is_jpeg: bool = True
+    name: str = "drawn"
+    fps: float | None = 200.0
+    width_px: int = 320
+    height_px: int = 240
+    is_live: bool = False
+
+    @property
+    def frame_count(self) -> int:
+        return self.frames
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index in range(self.frames):
+            image = picture(press_of(index), seed=index)
+            encoded = jpeg(image[..., 0]) if self.is_jpeg else None
+            frame = Frame(
+                index=index,
+                timestamp_ns=index * 5_000_000,
+                camera=self.name,
+                image=None if self.is_jpeg else image,
+                encoded=encoded,
+            )
+            yield decoded(frame, is_colour=False)
+
+
+class Seen:
+    """A sink that keeps readings, and says something after so many."""
+
+    def __init__(self, controls: Live | Playback | None = None, **at: Command) -> None:
+        self.readings: list[Reading] = []
+        self._controls = controls
+        self._at = {int(name.removeprefix("at_")): command for name, command in at.items()}
+
+    def write(self, reading: Reading) -> None:
+        self.readings.append(reading)
+        if self._controls is not None and len(self.readings) in self._at:
+            self._controls.send(self._at[len(self.readings)])
+
+    def close(self) -> None:
+        pass
+
+
+def same(one: Any, other: Any) -> bool:
+    """Are two values the same to the last bit?"""
+    if is_dataclass(one):
+        return type(one) is type(other) and all(
+            same(getattr(one, field.name), getattr(other, field.name)) for field in fields(one)
+        )
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and one.shape == other.shape and one.tobytes() == other.tobytes()
+    if isinstance(one, dict):
+        return one.keys() == other.keys() and all(same(one[key], other[key]) for key in one)
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(same, one, other))
+    return one == other or (one != one and other != other)  # noqa: PLR0124 - NaN
+
+
+def without_time(reading: Reading) -> tuple[Any, ...]:
+    """What must be the same when a frame is read again."""
+    return (reading.frame.index, reading.detections, reading.grid, reading.surface, reading.contacts)
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["jpeg", "png"])
+def recorded(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> tuple[Path, Seen, Live]:
+    """A recording of a whole run, what was read in it, and its session."""
+    path = tmp_path_factory.mktemp("recorded") / "press.mcap"
+    live = Live(prepare(Pictures(is_jpeg=request.param)))
+    seen = Seen()
+    live.run([seen], record=path)
+    return path, seen, live
+
+
+def test_sensors_and_contacts_come_back_to_the_last_bit(recorded: tuple[Path, Seen, Live]) -> None:
+    _, seen, live = recorded
+    for value in (live.sensor, seen.readings[30].contacts, seen.readings[30].surface, seen.readings[0].grid):
+        assert same(unpacked(json.loads(json.dumps(packed(value), allow_nan=False))), value)
+    with pytest.raises(TypeError):
+        packed(object())
+    with pytest.raises(SourceError, match="later version"):
+        unpacked({"type": "Contact", "charm": 3})
+    with pytest.raises(SourceError, match="later version"):
+        unpacked({"type": "Popen", "args": "true"})
+
+
+def test_stored_readings_are_those_of_the_run(recorded: tuple[Path, Seen, Live]) -> None:
+    path, seen, _ = recorded
+    playback = Playback(path)
+    again = Seen()
+    playback.run([again])
+    assert len(again.readings) == len(seen.readings) == 40
+    for one, other in zip(again.readings, seen.readings, strict=True):
+        assert same(without_time(one), without_time(other))
+        assert one.milliseconds == other.milliseconds
+        assert one.frame.timestamp_ns == other.frame.timestamp_ns
+        assert one.frame.encoded == other.frame.encoded or other.frame.encoded is None
+        np.testing.assert_array_equal(one.frame.image, other.frame.image)
+    assert any(reading.contacts.touching for reading in again.readings)
+
+
+def test_reading_the_frames_again_gives_the_same_bits(recorded: tuple[Path, Seen, Live]) -> None:
+    path, seen, _ = recorded
+    again = Seen()
+    read_all(prepare(str(path)), [again])
+    assert len(again.readings) == 40
+    for one, other in zip(again.readings, seen.readings, strict=True):
+        assert same(without_time(one), without_time(other))
+
+
+def test_another_method_reads_the_same_frames(recorded: tuple[Path, Seen, Live], tmp_path: Path) -> None:
+    path, _, _ = recorded
+    playback = Playback(path, method="paper")
+    again = Seen()
+    playback.run([again])
+    assert playback.health().method == "paper"
+    assert [reading.frame.index for reading in again.readings] == list(range(40))
+    folder = process(path, out=tmp_path, method="paper")
+    assert (folder / "summary.json").is_file()
+    assert folder.name == "press"
+
+
+def test_other_programs_read_it_in_well_known_schemas(recorded: tuple[Path, Seen, Live]) -> None:
+    from mcap.reader import make_reader
+    from mcap_protobuf.decoder import DecoderFactory
+
+    path, seen, _ = recorded
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()], validate_crcs=True)
+        summary = reader.get_summary()
+        assert summary is not None
+        counts = {
+            summary.channels[number].topic: count
+            for number, count in summary.statistics.channel_message_counts.items()
+        }
+        assert counts == {"/camera": 40, "/reading": 40, "/surface": 40, "/session": 1}
+        names = {schema.name for schema in summary.schemas.values()}
+        assert {"foxglove.CompressedImage", "foxglove.PointCloud", "manytouch.Reading"} <= names
+        images = list(reader.iter_decoded_messages(topics=["/camera"]))
+        assert {image.decoded_message.format for image in images} <= {"jpeg", "png"}
+        cloud = next(reader.iter_decoded_messages(topics=["/surface"])).decoded_message
+        assert len(cloud.data) == 16 * len(seen.readings[0].surface.position_mm)
+        session = json.loads(next(reader.iter_messages(topics=["/session"]))[2].data)
+        assert session["method"] == "perimeter"
+        assert session["versions"]["manytouch"]
+        assert session["parameters"]["detect"]["type"] == "DotSearch"
+        deepest = max(
+            (json.loads(message.data) for _, _, message in reader.iter_messages(topics=["/reading"])),
+            key=lambda reading: len(reading["contacts"]),
+        )
+        assert deepest["contacts"][0]["depth_mm"] > 0
+
+
+def test_a_file_that_was_cut_off_is_good_up_to_there(
+    recorded: tuple[Path, Seen, Live], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path, seen, _ = recorded
+    whole = path.read_bytes()
+    last = 0
+    for share in (0.3, 0.55, 0.8, 0.999):
+        cut = tmp_path / f"cut{share}.mcap"
+        cut.write_bytes(whole[: int(share * len(whole))])
+        recording = Recording(cut)
+        assert len(recording) >= last
+        last = len(recording)
+        assert recording.is_whole == (share == 0.999), "of the last only the index is cut"
+        again = Seen()
+        playback = Playback(cut)
+        playback.run([again])
+        assert len(again.readings) >= max(last - 4, 1), "readings follow their frames"
+        for one, other in zip(again.readings, seen.readings, strict=False):
+            assert same(without_time(one), without_time(other))
+        if share < 0.999:
+            assert any("was cut off" in note for note in playback.health().notes)
+    assert last == 40
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [(b"", "empty"), (b"not an mcap at all", "no MCAP file"), (b"\x89MCAP0\r\n", "cut off too early")],
+)
+def test_what_is_no_recording_is_one_sentence(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+    with pytest.raises(SourceError, match=words):
+        open_source(str(path))
+
+
+KILLED = """
+import sys, time
+sys.path.insert(0, {tests!r})
+from pathlib import Path
+from dataclasses import replace
+from clips import picture
+from cameras import jpeg
+from manytouch.session import prepare
+from manytouch.sinks.recorder import Recorder
+from manytouch.values import Frame
+
+class One:
+    name, fps, frame_count, width_px, height_px, is_live = "one", 30.0, 1, 320, 240, False
+    def __iter__(self):
+        yield Frame(index=0, timestamp_ns=0, camera="one", image=picture())
+
+job = prepare(One())
+reading = next(iter(job.pipeline.run(job.samples, job.sensor)))
+recorder = Recorder(Path({path!r}), source={{}}, fps=30.0)
+recorder.describe(job.sensor, job.pipeline, job.method)
+encoded = jpeg(picture())
+index = 0
+while True:
+    frame = Frame(index=index, timestamp_ns=index * 33_333_333, camera="one", image=None, encoded=encoded)
+    recorder.take(frame)
+    recorder.write(replace(reading, frame=frame))
+    print(index, time.monotonic(), flush=True)
+    index += 1
+    time.sleep(1 / 30)
+"""
+
+
+def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path) -> None:
+    path = tmp_path / "killed.mcap"
+    tests = str(Path(__file__).parents[2])
+    code = KILLED.format(tests=tests, path=str(path))
+    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    assert child.stdout is not None
+    said: list[tuple[int, float]] = []
+    for line in child.stdout:
+        index, at_s = line.split()
+        said.append((int(index), float(at_s)))
+        if len(said) == 45:
+            break
+    killed_s = time.monotonic()
+    os.kill(child.pid, signal.SIGKILL)
+    child.wait()
+    said += [(int(line.split()[0]), float(line.split()[1])) for line in child.stdout if line.endswith("\n")]
+    child.stdout.close()
+    recording = Recording(path)
+    assert not recording.is_whole
+    kept = recording.frames[-1].sequence
+    assert [place.sequence for place in recording.frames] == list(range(kept + 1))
+    lost = [at_s for index, at_s in said if index > kept]
+    assert killed_s - min(lost, default=killed_s) < 0.2
+    again = Seen()
+    Playback(path).run([again])
+    assert len(again.readings) >= kept
+
+
+class FullDisk(DirectFile):
+    """A disk with room for so many bytes."""
+
+    def __init__(self, path: Path, room: int) -> None:
+        super().__init__(path)
+        self._room = room
+
+    def write(self, data: bytes) -> int:
+        if self.tell() + len(data) > self._room:
+            part = max(self._room - self.tell(), 0)
+            super().write(bytes(data)[:part])
+            raise OSError(errno.ENOSPC, "No space left on device")
+        return super().write(data)
+
+
+def test_a_disk_that_fills_up_ends_the_recording_and_nothing_else(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recorder_module, "DirectFile", lambda path: FullDisk(path, 700_000))
+    path = tmp_path / "full.mcap"
+    live = Live(prepare(Pictures(frames=60)))
+    seen = Seen()
+    live.run([seen], record=path)
+    assert len(seen.readings) == 60, "sensing goes on"
+    assert live.health().recording is None
+    (note,) = [note for note in live.health().notes if "disk is full" in note]
+    kept = int(note.split(";")[1].split()[0])
+    assert 3 < kept < 60
+    recording = Recording(path)
+    assert len(recording) == kept
+    assert path.stat().st_size <= 700_000
+    again = Seen()
+    Playback(path).run([again])
+    assert len(again.readings) >= kept - 1
+
+
+def test_room_is_kept_for_the_end_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[Path] = []
+
+    def free(folder: Path) -> int:
+        asked.append(folder)
+        return 0 if len(asked) > 1 else 2**40
+
+    monkeypatch.setattr(recorder_module, "free_bytes", free)
+    path = tmp_path / "nearly.mcap"
+    live = Live(prepare(Pictures(frames=60)))
+    seen = Seen()
+    live.run([seen], record=path)
+    assert len(seen.readings) == 60
+    assert any("disk is full" in note for note in live.health().notes)
+    recording = Recording(path)
+    assert recording.is_whole, "with its index"
+    assert 3 < len(recording) < 60
+
+
+def test_a_recording_that_cannot_begin_is_one_sentence(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("in the way")
+    live = Live(prepare(Pictures(frames=20)))
+    with pytest.raises(OutputError, match="cannot be written"):
+        live.run([Seen()], record=tmp_path / "file" / "x.mcap")
+
+
+def test_a_button_begins_and_ends_a_recording(tmp_path: Path) -> None:
+    live = Live(prepare(Pictures(frames=60)), recordings=tmp_path)
+    seen = Seen(live, at_10=Record(), at_20=Record(), at_30=UseMethod(method="paper"), at_45=StopRecording())
+    live.run([seen])
+    (path,) = tmp_path.glob("recording-*.mcap")
+    assert any("stop it first" in note for note in live.health().notes)
+    recording = Recording(path)
+    assert recording.is_whole
+    assert 30 <= len(recording) <= 45
+    assert recording.frames[0].sequence >= 10
+    assert recording.was_read(0)
+
+
+def test_frames_that_nobody_reads_are_recorded_and_noted(tmp_path: Path) -> None:
+    job = prepare(Pictures(frames=20))
+    readings = list(job.readings())
+    path = tmp_path / "some.mcap"
+    recorder = Recorder(path, source=job.recording, fps=30.0)
+    recorder.describe(job.sensor, job.pipeline, job.method)
+    recorder.write(readings[0])  # its frame came before the recording began
+    for reading in readings[2:]:
+        recorder.take(reading.frame)
+        if reading.frame.index % 2:
+            recorder.write(reading)
+    recorder.close()
+    recording = Recording(path)
+    assert [place.sequence for place in recording.frames] == list(range(2, 20))
+    assert [recording.was_read(place) for place in range(18)] == [bool(index % 2) for index in range(2, 20)]
+
+
+def test_what_the_disk_is_too_slow_for_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    gate = threading.Event()
+
+    class Stuck(DirectFile):
+        def write(self, data: bytes) -> int:
+            gate.wait(10)
+            return super().write(data)
+
+    monkeypatch.setattr(recorder_module, "DirectFile", Stuck)
+    monkeypatch.setattr(recorder_module, "MOST_WAITING_BYTES", 100_000)
+    job = prepare(Pictures(frames=15))
+    recorder = Recorder(tmp_path / "slow.mcap", source={}, fps=30.0)
+    recorder.describe(job.sensor, job.pipeline, job.method)
+    for index in range(20):
+        recorder.take(Frame(index=index, timestamp_ns=index, camera="x", image=None, encoded=bytes(30_000)))
+    gate.set()
+    recorder.close()
+    assert recorder.lost == 17
+    assert recorder.frames == 3
+    assert "17 were lost" in (recorder.ended or "")
+
+
+def test_a_timeline_is_scrubbed(recorded: tuple[Path, Seen, Live]) -> None:
+    path, seen, _ = recorded
+    playback = Playback(path, stays=True)
+    again = Seen(playback, at_5=Stop(), at_6=Seek(frame=33))
+    is_over = threading.Event()
+    runner = threading.Thread(target=lambda: playback.run([again], stop=is_over.is_set))
+    runner.start()
+
+    def wait(until: Any) -> None:
+        deadline = time.monotonic() + 20
+        while not until() and time.monotonic() < deadline:
+            time.sleep(0.01)
+        assert until()
+
+    wait(lambda: not playback.health().is_running)
+    playback.send(Seek(frame=33))
+    wait(lambda: again.readings[-1].frame.index == 33)
+    playback.send(Seek(frame=12))
+    wait(lambda: again.readings[-1].frame.index == 12)
+    assert playback.health().frame == 12
+    assert playback.health().frame_count == 40
+    assert same(without_time(again.readings[-1]), without_time(seen.readings[12]))
+    playback.send(Seek(frame=4000))
+    wait(lambda: any("0 to 39" in note for note in playback.health().notes))
+    playback.send(Play(speed=10.0))
+    playback.send(Start())
+    wait(lambda: again.readings[-1].frame.index == 39)
+    playback.send(Seek(frame=38))
+    wait(lambda: again.readings[-2].frame.index == 38)
+    is_over.set()
+    runner.join(timeout=10)
+    assert not runner.is_alive()
+
+
+def test_phases_are_their_own_type_again(recorded: tuple[Path, Seen, Live]) -> None:
+    contacts = [c for reading in recorded[1].readings for c in reading.contacts.contacts]
+    back = unpacked(packed(contacts[0]))
+    assert isinstance(back, Contact)
+    assert back.phase is Phase(contacts[0].phase)
