@@ -294,7 +294,7 @@ def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path) -> None:
     assert killed_s - min(lost, default=killed_s) < 0.2
     again = Seen()
     Playback(path).run([again])
-    assert len(again.readings) >= kept
+    assert len(again.readings) >= kept - 1
 
 
 class FullDisk(DirectFile):
@@ -330,7 +330,7 @@ def test_a_disk_that_fills_up_ends_the_recording_and_nothing_else(
     assert path.stat().st_size <= 700_000
     again = Seen()
     Playback(path).run([again])
-    assert len(again.readings) >= kept - 1
+    assert len(again.readings) >= kept - 5, "readings follow their frames"
 
 
 def test_room_is_kept_for_the_end_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
