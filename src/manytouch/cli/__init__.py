@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 import manytouch
-from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, run
+from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, run, simulate
 from manytouch.cli.failures import DEBUG_FLAG, one_line, report
 
 DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
@@ -35,6 +35,7 @@ app.command(process.process)
 app.command(run.run)
 app.command(doctor.doctor)
 app.command(evaluate.evaluate)
+app.command(simulate.simulate)
 app.command(calibrate.app)
 app.command(design.design)
 

@@ -1,9 +1,10 @@
 """What a run says while it goes on: a bar on a terminal, plain lines elsewhere."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import TypeVar
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
@@ -14,6 +15,7 @@ from manytouch.sinks.summary import Summary
 from manytouch.values import Reading
 
 PLAIN_EVERY_S = 5.0
+Step = TypeVar("Step")
 
 
 class Reporter:
@@ -78,6 +80,46 @@ class Reporter:
         for sentence in results_in_words(summary):
             self.say(sentence)
         self.say(f"results in {folder}")
+
+
+class Steps:
+    """Follows work that goes in steps: a bar on a terminal, a line now and then elsewhere."""
+
+    def __init__(self) -> None:
+        self._console = Console(highlight=False, soft_wrap=True)
+        self._bar = Progress(
+            TextColumn("  {task.description}"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TimeRemainingColumn(),
+            console=self._console,
+            transient=True,
+            disable=not self._console.is_terminal,
+        )
+
+    def __enter__(self) -> "Steps":
+        self._bar.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._bar.stop()
+
+    def say(self, sentence: str) -> None:
+        """Print a line."""
+        self._console.print(sentence, markup=False)
+
+    def through(self, noun: str, steps: Iterable[Step], total: int) -> Iterator[Step]:
+        """The steps one by one, counted."""
+        task, said_s = self._bar.add_task(noun, total=total), time.monotonic()
+        for number, step in enumerate(steps, start=1):
+            self._bar.advance(task)
+            if not self._console.is_terminal and time.monotonic() - said_s > PLAIN_EVERY_S:
+                said_s = time.monotonic()
+                self.say(f"  {number} of {total} {noun}")
+            yield step
+        self._bar.remove_task(task)
 
 
 def results_in_words(summary: Summary) -> Sequence[str]:

@@ -11,7 +11,7 @@ import os
 import zipfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import cache
 from pathlib import Path
 
@@ -88,7 +88,7 @@ def asked_keys(model: SheetModel, loading: Loading) -> list[str]:
 
 def _settings() -> dict[str, object]:
     """The defaults of the solver's parameters."""
-    return {item.name: repr(item.default) for item in fields(Solver)}
+    return {item.name: repr(item.default) for item in fields(Solver) if item.default is not MISSING}
 
 
 def _hash(*texts: str) -> str:

@@ -1,5 +1,7 @@
 """Kept states: the same as solved ones, and found only for the same question."""
 
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -86,6 +88,28 @@ def test_a_folder_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="cannot keep"):
         list(StateCache(folder=tmp_path / "file").states(MODEL, pressing(0.3)))
+
+
+def test_another_process_finds_the_same_keys() -> None:
+    code = (
+        "import numpy as np; from manytouch.simulation.fem import cache;"
+        "from manytouch.simulation.fem.indenters import Sphere;"
+        "from manytouch.simulation.fem.loading import Loading, press;"
+        "from manytouch.simulation.fem.material import NeoHooke;"
+        "from manytouch.simulation.fem.sheet import SheetModel;"
+        "rubber = NeoHooke(young_MPa=1.0, poisson=0.45);"
+        "model = SheetModel(size_mm=(12.0, 10.0), thickness_mm=3.0, material=rubber);"
+        "path = np.array([[0.2, 0.1, 0.3]]);"
+        "ball = press(Sphere(radius_mm=4.0), thickness_mm=3.0, path_mm=path, friction=0.2);"
+        "print(cache.step_keys(model, Loading(touches=(ball,)))[0])"
+    )
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True
+        ).stdout.strip()
+        for _ in range(2)
+    ]
+    assert said == [step_keys(MODEL, pressing(0.3))[0]] * 2
 
 
 def test_what_is_asked_keeps_its_name_when_the_solver_changes(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,141 @@
+"""`manytouch simulate` from outside."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pyarrow.parquet as pq
+
+from manytouch.sinks.tables import contact_columns, marker_columns
+from manytouch.values.sensor_file import load_sensor
+from results import rows_of
+
+SENSOR = """
+schema = 1
+name = "small sheet"
+[camera]
+width_px = 320
+height_px = 240
+fx_px = 300.0
+fy_px = 300.0
+cx_px = 159.5
+cy_px = 119.5
+[camera.pose]
+translation_mm = [0.0, 0.0, 60.0]
+[sheet]
+size_mm = [48.0, 36.0]
+thickness_mm = 3.0
+young_MPa = 1.0
+poisson = 0.45
+[markers]
+rows = 8
+columns = 11
+pitch_mm = 4.0
+radius_mm = 1.0
+polarity = "light"
+"""
+SCENE = """
+schema = 1
+name = "closing in"
+seconds = 1.0
+fps = 10.0
+sensor = "sensor.toml"
+seed = 3
+[solid]
+element_mm = 4.0
+step_mm = 2.0
+[faults]
+missing = 1
+[[bodies]]
+shape = { kind = "sphere", radius_mm = 5.0 }
+friction = 0.3
+[[bodies.motions]]
+kind = "close_in"
+centre_mm = [0.0, 0.0]
+direction_deg = 0.0
+from_distance_mm = 20.0
+to_distance_mm = 16.0
+depth_mm = 2.0
+start_s = 0.2
+end_s = 0.85
+ramp_s = 0.2
+"""
+FILES = {"frames", "sensor.toml", "truth"}
+
+
+def written(folder: Path, scene: str = SCENE) -> list[str]:
+    (folder / "sensor.toml").write_text(SENSOR)
+    (folder / "scene.toml").write_text(scene)
+    words = ["simulate", "scene.toml", "--out", "out", "--states", "states"]
+    return [sys.executable, "-m", "manytouch", *words]
+
+
+def simulate(folder: Path, scene: str = SCENE) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        written(folder, scene), cwd=folder, capture_output=True, text=True, timeout=300, check=False
+    )
+
+
+def test_it_leaves_pictures_sensor_and_truth_and_solves_nothing_twice(tmp_path: Path) -> None:
+    done = simulate(tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "10 frames" in done.stdout
+    out = tmp_path / "out"
+    assert {path.name for path in out.iterdir()} == FILES
+    frames = sorted(path.name for path in (out / "frames").iterdir())
+    assert frames == [f"{index:06d}.png" for index in range(10)]
+    assert cv2.imread(str(out / "frames" / frames[0]), cv2.IMREAD_UNCHANGED).shape == (240, 320)
+    assert load_sensor(out / "sensor.toml").name == "small sheet"
+
+    contacts = rows_of(out / "truth" / "contacts.csv")
+    assert tuple(contacts[0]) == contact_columns("mm")
+    assert {row["contact"] for row in contacts} == {"0", "1"}
+    assert [row["phase"] for row in contacts if row["contact"] == "0"][:2] == ["start", "move"]
+    pressed = [row for row in contacts if row["frame"] == "5"]
+    assert [np.sign(float(row["x_mm"])) for row in pressed] == [-1.0, 1.0]
+    assert all(float(row["normal_force_N"]) > 0.2 for row in pressed)
+    assert all(1.0 < float(row["depth_mm"]) < 2.0 for row in pressed)
+
+    markers = pq.read_table(out / "truth" / "markers.parquet")
+    assert tuple(markers.column_names) == marker_columns("mm")
+    assert markers.num_rows == 10 * 88
+    assert np.sum(~markers["seen"].to_numpy(zero_copy_only=False)) == 10
+    still = {path: path.stat().st_mtime_ns for path in (tmp_path / "states").iterdir()}
+    first = (out / "frames" / "000007.png").read_bytes()
+    assert simulate(tmp_path).returncode == 0
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "states").iterdir()} == still
+    assert (out / "frames" / "000007.png").read_bytes() == first
+
+
+def test_ctrl_c_leaves_what_is_whole_and_the_same_command_goes_on(tmp_path: Path) -> None:
+    slow = SCENE.replace("element_mm = 4.0", "element_mm = 2.0").replace("step_mm = 2.0", "step_mm = 0.5")
+    surroundings = os.environ | {"PYTHONUNBUFFERED": "1"}
+    running = subprocess.Popen(
+        written(tmp_path, slow), cwd=tmp_path, env=surroundings, stdout=subprocess.PIPE, text=True
+    )
+    states = tmp_path / "states"
+    deadline = time.monotonic() + 240
+    while not states.is_dir() or len(list(states.glob("[!.]*.npz"))) < 2:
+        assert time.monotonic() < deadline
+        assert running.poll() is None
+        time.sleep(0.05)
+    running.send_signal(signal.SIGINT)
+    said, _ = running.communicate(timeout=240)
+    assert running.returncode == 0
+    assert "run it again to go on" in said
+    assert not (tmp_path / "out").exists()
+    kept = {path.name for path in states.iterdir()}
+    assert all(name.endswith(".npz") and not name.startswith(".") for name in kept)
+
+
+def test_what_is_wrong_is_one_line(tmp_path: Path) -> None:
+    done = simulate(tmp_path, SCENE.replace("fps = 10.0", "fsp = 10.0"))
+    assert done.returncode == 1
+    assert "unknown key fsp" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not (tmp_path / "out").exists()

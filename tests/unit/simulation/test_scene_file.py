@@ -1,0 +1,203 @@
+"""Scene files: what they say, and what is wrong with them."""
+
+# ruff: noqa: E501 - inline tables of TOML stand on one line
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from manytouch.errors import SensorError, SourceError
+from manytouch.simulation.fem.indenters import ConvexBody, Fingertip, LyingCylinder, RoundPunch, SquarePunch
+from manytouch.simulation.playing import question, simulator
+from manytouch.simulation.scene_bodies import mesh_corners
+from manytouch.simulation.scene_file import BUILT_IN, built_in_scenes, load_scene
+from manytouch.values.sensor_file import save_sensor
+
+TETRAHEDRON = "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 3 3 6\nf 1 2 3\n"
+EVERYTHING = """
+schema = 1
+name = "everything"
+seconds = 6.0
+fps = 12.5
+seed = 7
+sensor = "demo"
+width_px = 640
+
+[solid]
+element_mm = 4.0
+layers = 2
+step_mm = 2.0
+
+[light]
+ground = [30.0, 40.0, 50.0]
+dot = 220.0
+tilt_x = 0.1
+vignetting = 0.2
+glare = [{ centre_px = [100.0, 80.0], radius_px = 20.0, amount = 50.0 }]
+shadows = [{ centre_px = [10.0, 8.0], radius_px = 5.0, amount = 0.5 }]
+read_noise = 1.5
+shot_noise = 0.03
+flicker = 0.1
+flicker_Hz = 100.0
+
+[lens]
+blur_px = 0.6
+aperture_mm = 2.0
+focus_mm = 115.0
+exposure_s = 0.004
+jpeg_quality = 85
+
+[faults]
+missing = 3
+half_printed = 2
+dust = 12
+body_shadow = 0.3
+
+[[bodies]]
+shape = { kind = "fingertip", semi_axes_mm = [6.0, 8.0, 5.0] }
+friction = 0.4
+motions = [
+  { kind = "press", at_mm = [0.0, 0.0], depth_mm = 2.0, start_s = 0.5, end_s = 1.5, turn_deg = [0.0, 0.0, 90.0] },
+  { kind = "slide", from_mm = [0.0, 0.0], to_mm = [9.0, 0.0], depth_mm = 2.0, start_s = 2.0, end_s = 3.0 },
+  { kind = "tap", at_mm = [4.0, 4.0], depth_mm = 1.0, start_s = 3.5, times = 2 },
+]
+
+[[bodies]]
+shape = { kind = "cylinder", radius_mm = 5.0, length_mm = 12.0 }
+motions = [{ kind = "roll", at_mm = [20.0, 0.0], direction_deg = 90.0, angle_deg = 60.0, depth_mm = 2.0, start_s = 1.0, end_s = 3.0 }]
+
+[[bodies]]
+shape = { kind = "round_punch", radius_mm = 4.0 }
+motions = [{ kind = "close_in", centre_mm = [0.0, 20.0], direction_deg = 0.0, from_distance_mm = 30.0, to_distance_mm = 10.0, depth_mm = 2.0, start_s = 1.0, end_s = 3.0 }]
+
+[[bodies]]
+shape = { kind = "square_punch", side_mm = [6.0, 8.0] }
+motions = [{ kind = "path", points = [[0.0, 0.0, -20.0, -1.0], [1.0, 0.0, -20.0, 2.0], [2.0, 5.0, -20.0, 0.0]] }]
+
+[[bodies]]
+shape = { kind = "mesh", file = "body.obj" }
+motions = [{ kind = "press", at_mm = [-30.0, 0.0], depth_mm = 1.0, start_s = 0.5, end_s = 1.5 }]
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_says_everything(tmp_path: Path) -> None:
+    (tmp_path / "body.obj").write_text(TETRAHEDRON)
+    scene = load_scene(written(tmp_path, EVERYTHING))
+    assert (scene.name, scene.duration_s, scene.fps, scene.seed) == ("everything", 6.0, 12.5, 7)
+    assert scene.sensor.camera.width_px == 640
+    kinds = [type(body.indenter) for body in scene.bodies]
+    assert kinds == [Fingertip, LyingCylinder, RoundPunch, RoundPunch, SquarePunch, ConvexBody]
+    assert scene.bodies[0].friction == 0.4
+    assert scene.look.ground == (30.0, 40.0, 50.0)
+    assert (scene.look.glare[0].amount, scene.look.shadows[0].amount) == (50.0, 0.5)
+    assert (scene.optics.jpeg_quality, scene.optics.flicker_Hz, scene.optics.exposure_s) == (85, 100.0, 0.004)
+    assert (~scene.faults.is_printed).sum() == 3
+    assert len(scene.faults.dust_mm) == 12
+    model = question(scene).model
+    assert (model.element_mm, model.layers, model.pretension_N_per_mm) == (4.0, 2, 0.4)
+    assert model.size_mm == (120.0, 80.0)
+
+
+def test_motions_go_where_they_say(tmp_path: Path) -> None:
+    (tmp_path / "body.obj").write_text(TETRAHEDRON)
+    finger, roller, left, right, punch, _ = load_scene(written(tmp_path, EVERYTHING)).bodies
+
+    def at(body: object, time_s: float) -> list[float]:
+        return body.way.at(np.array([time_s]))[0][0].tolist()  # type: ignore[attr-defined]
+
+    assert at(finger, 1.0) == pytest.approx([0.0, 0.0, 2.0])
+    assert at(finger, 2.5) == pytest.approx([4.5, 0.0, 2.0])
+    assert at(finger, 4.25) == pytest.approx([4.0, 4.0, 1.0])
+    assert finger.way.at(np.array([1.0]))[1][0] == pytest.approx([0.0, 0.0, np.pi / 2])
+    half_arc_mm = 0.5 * np.radians(60.0) * 5.0
+    assert at(roller, 1.25) == pytest.approx([20.0, -half_arc_mm, 2.0])
+    assert at(roller, 2.75) == pytest.approx([20.0, half_arc_mm, 2.0])
+    assert roller.way.at(np.array([2.75]))[1][0] == pytest.approx([-np.radians(30.0), 0.0, 0.0])
+    assert (at(left, 1.25)[0], at(right, 1.25)[0]) == (-15.0, 15.0)
+    assert (at(left, 2.75)[0], at(right, 2.75)[0]) == (-5.0, 5.0)
+    assert at(punch, 1.0) == pytest.approx([0.0, -20.0, 2.0])
+
+
+def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
+    text = EVERYTHING.replace("seconds = 6.0", "seconds = -6.0").replace("blur_px", "blurr_px")
+    text = text.replace('kind = "cylinder"', 'kind = "cone"').replace(
+        "depth_mm = 1.0, start", "depth_mm = 0, start"
+    )
+    with pytest.raises(SourceError) as caught:
+        load_scene(written(tmp_path, text))
+    said = str(caught.value)
+    for words in ("seconds = -6.0", "unknown key lens.blurr_px", "cone", "depth_mm = 0"):
+        assert words in said
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("end_s = 1.5, turn", "end_s = 0.6, turn", "do not fit"),
+        ("start_s = 2.0, end_s = 3.0", "start_s = 1.2, end_s = 3.0", "overlap"),
+        ("[1.0, 0.0, -20.0, 2.0]", "[0.0, 0.0, -20.0, 2.0]", "must increase"),
+        ("missing = 3", "missing = 700", "more than the 600"),
+        ('sensor = "demo"', 'sensor = "nowhere.toml"', "no sensor file"),
+        ('file = "body.obj"', 'file = "none.obj"', "cannot read the mesh"),
+        ("schema = 1", "schema = [", "not valid TOML"),
+    ],
+)
+def test_a_mistake_is_said_so(tmp_path: Path, old: str, new: str, words: str) -> None:
+    (tmp_path / "body.obj").write_text(TETRAHEDRON)
+    assert old in EVERYTHING
+    with pytest.raises((SourceError, SensorError), match=words):
+        load_scene(written(tmp_path, EVERYTHING.replace(old, new)))
+
+
+def test_no_file_no_scene(tmp_path: Path) -> None:
+    with pytest.raises(SourceError, match="no scene file"):
+        load_scene(tmp_path / "none.toml")
+
+
+def test_a_sensor_file_beside_the_scene_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "body.obj").write_text(TETRAHEDRON)
+    path = written(tmp_path, EVERYTHING)
+    save_sensor(load_scene(path).sensor, tmp_path / "my.toml")
+    text = EVERYTHING.replace('sensor = "demo"\nwidth_px = 640', 'sensor = "my.toml"')
+    assert load_scene(written(tmp_path, text)).sensor.camera.width_px == 640
+    with pytest.raises(SensorError, match="640 px"):
+        load_scene(written(tmp_path, text.replace("seed = 7", "seed = 7\nwidth_px = 500")))
+
+
+@pytest.mark.parametrize("is_binary", [True, False])
+def test_meshes_of_both_kinds_of_stl(tmp_path: Path, is_binary: bool) -> None:
+    corner = np.array([[0, 0, 0], [9, 0, 0], [0, 9, 0], [3, 3, 6]], dtype="<f4")
+    facets = corner[[[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 2, 3]]]
+    path = tmp_path / "body.stl"
+    if is_binary:
+        rows = b"".join(bytes(12) + facet.tobytes() + bytes(2) for facet in facets)
+        path.write_bytes(bytes(80) + (4).to_bytes(4, "little") + rows)
+    else:
+        lines = [f"vertex {x} {y} {z}" for facet in facets for x, y, z in facet.tolist()]
+        path.write_text("solid x\n" + "\n".join(lines))
+    assert {tuple(row) for row in mesh_corners(path).tolist()} == {tuple(row) for row in corner.tolist()}
+    path.write_text("nothing")
+    with pytest.raises(SourceError, match="no mesh of a solid"):
+        mesh_corners(path)
+
+
+def test_built_in_scenes_are_there_and_sound() -> None:
+    assert built_in_scenes() == ("fingers", "one", "rest")
+    for name in built_in_scenes():
+        scene = load_scene(BUILT_IN / f"{name}.toml", width_px=1280)
+        assert scene.name == name
+        assert (scene.sensor.camera.width_px, scene.fps) == (1280, 30.0)
+
+
+def test_a_scene_on_the_plate_needs_no_states(tmp_path: Path) -> None:
+    (tmp_path / "body.obj").write_text(TETRAHEDRON)
+    text = EVERYTHING.replace('sensor = "demo"', 'sensor = "demo"\nmechanics = "plate"')
+    truth = simulator(load_scene(written(tmp_path, text)), ()).truth(12)
+    assert len(truth.contacts.touching) >= 3
