@@ -6,7 +6,7 @@ functions nothing is lost but rounding. (A serendipity element has no middle nod
 the edge middles less a quarter of the sum of the corners there, the nine-node element is the same.)
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import no_type_check
 
 import numpy as np
@@ -82,7 +82,12 @@ class Deformation:
         return found_mm
 
 
-def unmoved(size_mm: tuple[float, float]) -> Deformation:
+def unmoved(like: Deformation) -> Deformation:
+    """The same sheet with nothing on it."""
+    return replace(like, face_mm=read_only(np.zeros_like(like.face_mm)), contacts=(), status="ok")
+
+
+def flat(size_mm: tuple[float, float]) -> Deformation:
     """A sheet of that outline with nothing on it."""
     x_mm, y_mm = (read_only(np.array([-0.5, 0.0, 0.5]) * size) for size in size_mm)
     face_mm = read_only(np.zeros((3, 3, 3), dtype=np.float32))

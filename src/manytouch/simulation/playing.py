@@ -9,7 +9,7 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.simulation.bodies_on_plate import BodiesOnPlate
 from manytouch.simulation.condensed import condensed
-from manytouch.simulation.deformation import Deformation, unmoved
+from manytouch.simulation.deformation import Deformation, flat
 from manytouch.simulation.deformation_file import read_deformations
 from manytouch.simulation.fem.cache import StateCache, asked_keys
 from manytouch.simulation.fem.loading import Loading
@@ -142,7 +142,7 @@ def _action(scene: SceneFile, states: tuple[Deformation, ...]) -> Action:
     time_s = question(scene).time_s
     if not scene.bodies:
         x, y = (float(size) for size in scene.sheet.size_mm)
-        states = (unmoved((x, y)),) * len(time_s)
+        states = (flat((x, y)),) * len(time_s)
     return SolidScene(
         name=scene.name, time_s=time_s, states=states, seed=scene.seed, duration_s=scene.duration_s
     )

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.simulation.deformation import Deformation, contact_of, unmoved
+from manytouch.simulation.deformation import Deformation, contact_of, flat
 from manytouch.simulation.mechanics import Mechanics
 from manytouch.simulation.solid_scene import SolidScene, monotone
 
@@ -15,17 +15,17 @@ FORCE_N = np.array([[0.0, 0.0, 2.0, 1.0, 0.0], [0.0, 1.0, 0.0, 3.0, 0.0]])
 
 def bent(number: int) -> Deformation:
     """A face that tilts about y and sinks, under two bodies."""
-    flat = unmoved((8.0, 6.0))
-    face_mm = flat.face_mm.copy()
+    rest = flat((8.0, 6.0))
+    face_mm = rest.face_mm.copy()
     sink_mm = (0.0, 1.0, 3.0, 4.0, 0.0)[number]
-    face_mm[:, :, 2] = -sink_mm - 0.1 * sink_mm * flat.x_mm[:, None]
+    face_mm[:, :, 2] = -sink_mm - 0.1 * sink_mm * rest.x_mm[:, None]
     contacts = tuple(
         contact_of(np.array([0.0, 0.0, -force, 0.5, 2.0 * force, number, body, sink_mm]))
         if force
         else contact_of(np.array([0.0, 0.0, -0.0, np.nan, 0.0, np.nan, np.nan, np.nan]))
         for body, force in enumerate(FORCE_N[:, number])
     )
-    return replace(flat, face_mm=face_mm, contacts=contacts)
+    return replace(rest, face_mm=face_mm, contacts=contacts)
 
 
 SCENE = SolidScene(name="x", time_s=TIME_S, states=tuple(bent(number) for number in range(5)), duration_s=3.0)
