@@ -3,8 +3,12 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float, Float64
 from scipy.linalg import get_lapack_funcs
+
+from manytouch.mechanics import band_kernels
+
+PADDING_ROWS = 16
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -15,26 +19,35 @@ class BandFactor:
         lower: (n, width + 1): row p holds L[p, p], L[p + 1, p], ... of its column p.
     """
 
-    lower: Float64[np.ndarray, "n band"]
+    lower: Float[np.ndarray, "n band"]
 
     def solve(self, right: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
         """H^-1 times each row of `right`."""
         (solve,) = get_lapack_funcs(("pbtrs",), (self.lower,))
-        solution, _ = solve(self.lower.T, np.asfortranarray(right.T), lower=1)
-        return np.ascontiguousarray(solution.T)
+        solution, _ = solve(self.lower.T, np.asfortranarray(right.T, dtype=self.lower.dtype), lower=1)
+        return np.ascontiguousarray(solution.T, dtype=np.float64)
 
     def whitened(self, right: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
         """L^-1 times each row: the products of these rows are those of `right` with H^-1 between."""
         (solve,) = get_lapack_funcs(("tbtrs",), (self.lower,))
-        solution, _ = solve(self.lower.T, np.asfortranarray(right.T), uplo="L")
-        return np.ascontiguousarray(solution.T)
+        solution, _ = solve(self.lower.T, np.asfortranarray(right.T, dtype=self.lower.dtype), uplo="L")
+        return np.ascontiguousarray(solution.T, dtype=np.float64)
 
 
-def factorised(band: Float64[np.ndarray, "n band"]) -> BandFactor | None:
-    """The factor of a matrix whose row p holds H[p, p], H[p, p + 1], ...; overwrites it.
+def factorised(flat: Float[np.ndarray, " k"], *, front: int, unknowns: int, width: int) -> BandFactor | None:
+    """The factor of a flat band (see `band_kernels`), which it overwrites.
 
     None when the matrix is not positive definite.
     """
-    (factorise,) = get_lapack_funcs(("pbtrf",), (band,))
-    lower, info = factorise(band.T, lower=1, overwrite_ab=1)
-    return BandFactor(lower=lower.T) if info == 0 else None
+    if not band_kernels.factorise(flat, front, unknowns, width):
+        return None
+    stored = flat[front : front + unknowns * (width + 1)]
+    return BandFactor(lower=stored.reshape(unknowns, width + 1))
+
+
+def empty_band(
+    unknowns: int, width: int, precision: type[np.floating]
+) -> tuple[Float[np.ndarray, " k"], int]:
+    """Room for a flat band, and where in it the matrix begins: tiles reach over both ends."""
+    front = PADDING_ROWS * (width + 1)
+    return np.zeros(2 * front + unknowns * (width + 1), precision), front

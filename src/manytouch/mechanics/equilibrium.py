@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.mechanics import shell_kernels
-from manytouch.mechanics.band import BandFactor, factorised
+from manytouch.mechanics.band import BandFactor, empty_band, factorised
 from manytouch.mechanics.patch import Nodal
 from manytouch.mechanics.shell import Shell
 
@@ -41,10 +41,12 @@ def tangent_factor(shell: Shell, tangent: np.ndarray) -> BandFactor:
     width = 3 * shell_kernels.REACH * (patch.shape[1] + 1) + 2
     stiffened = 0.0
     while True:
-        band = np.zeros((3 * patch.node_count, width + 1))
+        unknowns = 3 * patch.node_count
+        flat, front = empty_band(unknowns, width, np.float64)
+        band = flat[front:-front].reshape(unknowns, width + 1)
         shell_kernels.band_of(tangent, patch.shape, patch.is_free, band)
         band[:, 0] += stiffened * band[:, 0].max()
-        factor = factorised(band)
+        factor = factorised(flat, front=front, unknowns=unknowns, width=width)
         if factor is not None:
             return factor
         stiffened = max(STIFFENED_BY, 10.0 * stiffened)

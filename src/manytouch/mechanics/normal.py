@@ -3,15 +3,15 @@
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float, Float64, Int64
 
 from manytouch.mechanics import band_kernels, shell_kernels
-from manytouch.mechanics.band import BandFactor, factorised
+from manytouch.mechanics.band import BandFactor, empty_band, factorised
 from manytouch.mechanics.dots import Dots
 from manytouch.mechanics.patch import Nodal
 from manytouch.mechanics.shell import Shell
 
-LEAST_DAMPING = 1e-9  # of the largest diagonal entry, when the matrix cannot be factorised without
+LEAST_DAMPING = 1e-7  # of the largest diagonal entry, when the matrix cannot be factorised without
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -40,22 +40,26 @@ class NormalEquations:
     Attributes:
         shell: the sheet.
         dots: what is seen of it.
+        precision: of matrices; forces, pixels and steps are float64 whatever it is. When not given, single
+            for a clamped patch, where a step is right to 1e-4, and double for a soft one, whose outside is
+            hardly determined.
         damping: what had to be added to the diagonal of the last H, over its largest entry.
     """
 
     shell: Shell
     dots: Dots
+    precision: type[np.floating] | None = None
     damping: float = field(default=0.0, init=False)
 
     def __post_init__(self) -> None:
         patch = self.shell.patch
         fast = patch.shape[1]
+        if self.precision is None:
+            self.precision = np.float32 if patch.boundary == "clamped" else np.float64
         reach = 2 * shell_kernels.REACH
         self._width = 3 * reach * (fast + 1) + 2
-        self._front = 8 * (self._width + 1)
-        unknowns = 3 * patch.node_count
-        self._flat = np.zeros(2 * self._front + unknowns * (self._width + 1))
-        self._tangent = self.shell.empty_tangent()
+        self._flat, self._front = empty_band(3 * patch.node_count, self._width, self.precision)
+        self._tangent = self.shell.empty_tangent(self.precision)
         self._force = np.zeros((patch.node_count, 3))
         self._slope = np.zeros((patch.node_count, 2))
         self._derivative = np.zeros((len(self.dots.rest_mm), 2, 16, 3))
@@ -102,7 +106,7 @@ class NormalEquations:
         damping = 0.0
         while True:
             gradient = self._assemble(residual, information_per_px2, force_weight_per_mm4, damping)
-            factor = factorised(self._matrix)
+            factor = factorised(self._flat, front=self._front, unknowns=gradient.size, width=self._width)
             if factor is not None:
                 break
             damping = max(LEAST_DAMPING, 10.0 * damping)
@@ -155,7 +159,7 @@ class NormalEquations:
         return self._factor
 
     @property
-    def _matrix(self) -> Float64[np.ndarray, "n band"]:
+    def _matrix(self) -> Float[np.ndarray, "n band"]:
         return self._flat[self._front : -self._front].reshape(-1, self._width + 1)
 
     def _assemble(
@@ -165,12 +169,13 @@ class NormalEquations:
         patch = self.shell.patch
         self._flat[:] = 0.0
         gradient = np.zeros(3 * patch.node_count)
+        information = information.astype(self.precision)
         place = (patch.shape, self._front, self._width, self._flat, gradient)
         band_kernels.add_forces(
             self._tangent, self._force, self._slope, self._first, self._table_x, self._table_y, weight,
             patch.shape, patch.is_free, *place[1:],
         )  # fmt: skip
-        derivative = self._derivative.reshape(-1, 2, 4, 12)
+        derivative = self._derivative.reshape(-1, 2, 4, 12).astype(self.precision)
         band_kernels.add_dots(derivative, residual, information, self.dots.first, *place)
         diagonal = self._matrix[:, 0]
         diagonal += damping * diagonal.max()

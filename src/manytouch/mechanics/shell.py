@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float, Float64
 
 from manytouch.mechanics import basis, shell_kernels
 from manytouch.mechanics.patch import Nodal, SplinePatch
@@ -60,21 +60,21 @@ class Shell:
         return force
 
     def forces_and_tangent(self, coefficient_mm: Nodal, force: Nodal, tangent: np.ndarray) -> None:
-        """The same into `force`, and its derivative into `tangent` (nodes, 3, 7, 24), per E (mm).
+        """The same into `force`, and its derivative into `tangent` (nodes, 3, 3, 7, 8), per E (mm).
 
-        tangent[p, i, a, 3 b + j] = d force[p, i] / d coefficient[q, j], where node q lies a - 3 further
+        tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q lies a - 3 further
         along the slow and b - 3 further along the fast axis.
         """
         shell_kernels.forces_and_tangent(coefficient_mm, *self._arguments, force, tangent)
         force += self._spring_mm[:, None] * coefficient_mm - self._at_rest
         middle = shell_kernels.REACH
         for i in range(3):
-            tangent[:, i, middle, 3 * middle + i] += self._spring_mm
+            tangent[:, i, i, middle, middle] += self._spring_mm
         shell_kernels.hold(self.patch.is_free, self.patch.shape, force, tangent)
 
-    def empty_tangent(self) -> Float64[np.ndarray, "nodes 3 7 24"]:
-        """Room for a tangent."""
-        return np.zeros((self.patch.node_count, 3, shell_kernels.ROW, shell_kernels.STRIP))
+    def empty_tangent(self, precision: type[np.floating] = np.float64) -> Float[np.ndarray, "nodes 3 3 7 8"]:
+        """Room for a tangent; its precision is that of the work on it."""
+        return np.zeros((self.patch.node_count, 3, 3, shell_kernels.ROW, shell_kernels.STRIP), precision)
 
     def product(self, tangent: np.ndarray, nodal: Nodal) -> Nodal:
         """Tangent times a vector."""

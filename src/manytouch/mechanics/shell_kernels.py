@@ -13,10 +13,11 @@ import numpy as np
 from numba import njit
 
 from manytouch.mechanics.material_kernels import energy_density, stress, stress_and_tangent
+from manytouch.mechanics.tile import ROWS, add_product_16
 
 REACH = 3  # nodes that share an element are at most so far apart along each axis
 ROW = 2 * REACH + 1
-STRIP = 24  # numbers kept per row of 7 nodes: 21 and padding, so that vectors fill whole lanes
+STRIP = 8  # numbers kept per row of 7 nodes; one more than needed fills whole lanes
 POINTS = 9  # of 3 x 3 Gauss
 LOCAL = 16
 
@@ -157,81 +158,73 @@ def _scatter_force(element, es, ef, shape, dropped, force):
 
 @njit(cache=True, fastmath=True)
 @no_type_check
-def _scatter_tangent(element, es, ef, shape, dropped, tangent):
-    """Add the six parts (i <= j) of an element's matrix and their transposes."""
-    for a in range(4):
-        s = es + a - dropped
-        if not 0 <= s < shape[0]:
-            continue
-        for b in range(4):
-            f = ef + b - dropped
-            if not 0 <= f < shape[1]:
-                continue
-            node, k = s * shape[1] + f, 4 * a + b
-            for c in range(max(dropped - es, 0), min(4, shape[0] - es + dropped)):
-                for d in range(max(dropped - ef, 0), min(4, shape[1] - ef + dropped)):
-                    place, m = 3 * (d - b + REACH), 4 * c + d
-                    row = c - a + REACH
-                    tangent[node, 0, row, place] += element[0, k, m]
-                    tangent[node, 0, row, place + 1] += element[1, k, m]
-                    tangent[node, 0, row, place + 2] += element[2, k, m]
-                    tangent[node, 1, row, place] += element[1, m, k]
-                    tangent[node, 1, row, place + 1] += element[3, k, m]
-                    tangent[node, 1, row, place + 2] += element[4, k, m]
-                    tangent[node, 2, row, place] += element[2, m, k]
-                    tangent[node, 2, row, place + 1] += element[4, m, k]
-                    tangent[node, 2, row, place + 2] += element[5, k, m]
+def _scatter_tangent(matrix, i, j, es, ef, shape, dropped, tangent):
+    """Add a part of an element's matrix to the flat tangent."""
+    for a in range(max(dropped - es, 0), min(4, shape[0] - es + dropped)):
+        for b in range(max(dropped - ef, 0), min(4, shape[1] - ef + dropped)):
+            node = (es + a - dropped) * shape[1] + ef + b - dropped
+            begin = (9 * node + 3 * i + j) * ROW * STRIP + (REACH - a) * STRIP + REACH - b
+            for c in range(4):
+                for d in range(4):
+                    # unsigned: numba then knows that the place is not counted from the end
+                    tangent[np.uintp(begin + STRIP * c + d)] += matrix[4 * a + b, 4 * c + d]
 
 
 @njit(cache=True, fastmath=True)
 @no_type_check
-def _accumulate(first, second, nx, ny, part):
-    """part[k, l] = sum over points of first[k] nx[l] + second[k] ny[l]."""
-    for k in range(LOCAL):
-        for m in range(LOCAL):
-            total = 0.0
-            for at in range(POINTS):
-                total += first[k, at] * nx[at, m] + second[k, at] * ny[at, m]
-            part[k, m] = total
+def _clear_outside(shape, tangent):
+    """Elements at the outline have nodes outside the grid; what these would get is removed."""
+    for node in range(len(tangent)):
+        s0, f0 = node // shape[1], node % shape[1]
+        for a in range(ROW):
+            for b in range(ROW):
+                if not (0 <= s0 + a - REACH < shape[0] and 0 <= f0 + b - REACH < shape[1]):
+                    for i in range(3):
+                        for j in range(3):
+                            tangent[node, i, j, a, b] = 0.0
 
 
 @njit(cache=True, fastmath=True)
 @no_type_check
-def _weigh(factor, nx, ny, first, second):
-    """first[k, at] and second[k, at]: what multiplies nx[l] and ny[l] in the element's matrix."""
+def _membrane_factors(factor, right, left):
+    """What multiplies nx[l] (first 9 rows of `left`) and ny[l] (next 9) in an element's matrix."""
     for at in range(POINTS):
         xx, xy, yx, yy = factor[at, 0], factor[at, 1], factor[at, 2], factor[at, 3]
+        nx, ny, first, second = right[at], right[POINTS + at], left[at], left[POINTS + at]
         for k in range(LOCAL):
-            first[k, at] = xx * nx[at, k] + yx * ny[at, k]
-            second[k, at] = xy * nx[at, k] + yy * ny[at, k]
+            first[k] = xx * nx[k] + yx * ny[k]
+            second[k] = xy * nx[k] + yy * ny[k]
 
 
 @njit(cache=True, fastmath=True)
 @no_type_check
-def _add_bending(weight, d11, d12, d33, nxx, nyy, nxy, part):
-    for k in range(LOCAL):
-        for at in range(POINTS):
-            m1 = weight[at] * (d11 * nxx[at, k] + d12 * nyy[at, k])
-            m2 = weight[at] * (d12 * nxx[at, k] + d11 * nyy[at, k])
-            m3 = weight[at] * 4.0 * d33 * nxy[at, k]
-            for m in range(LOCAL):
-                part[k, m] += m1 * nxx[at, m] + m2 * nyy[at, m] + m3 * nxy[at, m]
+def _bending_factors(weight, d11, d12, d33, nxx, nyy, nxy, left):
+    """What multiplies nxx[l], nyy[l] and nxy[l] there (the last 27 rows)."""
+    for at in range(POINTS):
+        w = weight[at]
+        for k in range(LOCAL):
+            left[2 * POINTS + at, k] = w * (d11 * nxx[at, k] + d12 * nyy[at, k])
+            left[3 * POINTS + at, k] = w * (d12 * nxx[at, k] + d11 * nyy[at, k])
+            left[4 * POINTS + at, k] = w * 4.0 * d33 * nxy[at, k]
 
 
 @njit(cache=True, fastmath=True)
 @no_type_check
 def forces_and_tangent(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet, force, tangent):
-    """`forces`, and their derivative into `tangent` (nodes, 3, 7, 24).
+    """`forces`, and their derivative into `tangent` (nodes, 3, 3, 7, 8), in the precision of `tangent`.
 
-    tangent[p, i, a, 3 b + j] = d force[p, i] / d coefficient[q, j], where q is a - 3 further along the slow
+    tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where q is a - 3 further along the slow
     and b - 3 further along the fast axis.
     """
     t, mu, bulk, tension, d11, d12, d33 = sheet
+    kind = tangent.dtype
     nx, ny, nxx = np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL))
     nyy, nxy, local = np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL)), np.empty((3, LOCAL))
-    element, matrix = np.empty((3, LOCAL)), np.empty((6, LOCAL, LOCAL))
-    factor = np.empty((6, POINTS, 4))
-    first, second = np.empty((LOCAL, POINTS)), np.empty((LOCAL, POINTS))
+    element, matrix = np.empty((3, LOCAL)), np.empty((LOCAL, LOCAL), kind)
+    left, right = np.empty((5 * POINTS, LOCAL), kind), np.empty((5 * POINTS, LOCAL), kind)
+    flat, flat_left, flat_right = matrix.reshape(-1), left.reshape(-1), right.reshape(-1)
+    flat_tangent = tangent.reshape(-1)
+    factor = np.empty((3, 3, POINTS, 4), kind)
     a1, a2 = np.empty(3), np.empty(3)
     force[:] = 0.0
     tangent[:] = 0.0
@@ -261,22 +254,29 @@ def forces_and_tangent(coefficient, slow, fast, weight, shape, dropped, x_is_slo
                 for k in range(LOCAL):
                     element[2, k] += m1 * nxx[at, k] + m2 * nyy[at, k] + m3 * nxy[at, k]
                 w *= t
-                part = 0
                 for i in range(3):
-                    for j in range(i, 3):
+                    for j in range(3):
                         p, q, r, s = a1[i] * a1[j], a1[i] * a2[j], a2[i] * a1[j], a2[i] * a2[j]
                         same = 1.0 if i == j else 0.0
-                        factor[part, at, 0] = w * (c11 * p + c13 * (q + r) + c33 * s) + same * s1
-                        factor[part, at, 1] = w * (c12 * q + c13 * p + c23 * s + c33 * r) + same * s3
-                        factor[part, at, 2] = w * (c12 * r + c13 * p + c23 * s + c33 * q) + same * s3
-                        factor[part, at, 3] = w * (c22 * s + c23 * (q + r) + c33 * p) + same * s2
-                        part += 1
-            for part in range(6):
-                _weigh(factor[part], nx, ny, first, second)
-                _accumulate(first, second, nx, ny, matrix[part])
-            _add_bending(weight, d11, d12, d33, nxx, nyy, nxy, matrix[5])
+                        factor[i, j, at, 0] = w * (c11 * p + c13 * (q + r) + c33 * s) + same * s1
+                        factor[i, j, at, 1] = w * (c12 * q + c13 * p + c23 * s + c33 * r) + same * s3
+                        factor[i, j, at, 2] = w * (c12 * r + c13 * p + c23 * s + c33 * q) + same * s3
+                        factor[i, j, at, 3] = w * (c22 * s + c23 * (q + r) + c33 * p) + same * s2
+            for row, table in enumerate((nx, ny, nxx, nyy, nxy)):
+                right[row * POINTS : (row + 1) * POINTS] = table
+            _bending_factors(weight, d11, d12, d33, nxx, nyy, nxy, left)
+            for i in range(3):
+                for j in range(3):
+                    _membrane_factors(factor[i, j], right, left)
+                    count = 5 * POINTS if i == 2 and j == 2 else 2 * POINTS
+                    matrix[:] = 0.0
+                    for row in range(0, LOCAL, ROWS):
+                        add_product_16(
+                            flat, row * LOCAL, LOCAL, flat_left, row, LOCAL, flat_right, 0, LOCAL, count
+                        )
+                    _scatter_tangent(matrix, i, j, es, ef, shape, dropped, flat_tangent)
             _scatter_force(element, es, ef, shape, dropped, force)
-            _scatter_tangent(matrix, es, ef, shape, dropped, tangent)
+    _clear_outside(shape, tangent)
 
 
 @njit(cache=True, fastmath=True)
@@ -289,7 +289,8 @@ def hold(is_free, shape, force, tangent):
             if is_free[node, i]:
                 continue
             force[node, i] = 0.0
-            tangent[node, i] = 0.0
+            for j in range(3):
+                tangent[node, i, j] = 0.0
             for a in range(ROW):
                 s = s0 + a - REACH
                 if not 0 <= s < shape[0]:
@@ -299,7 +300,7 @@ def hold(is_free, shape, force, tangent):
                     if 0 <= f < shape[1]:
                         other = s * shape[1] + f
                         for j in range(3):
-                            tangent[other, j, ROW - 1 - a, 3 * (ROW - 1 - b) + i] = 0.0
+                            tangent[other, j, i, ROW - 1 - a, ROW - 1 - b] = 0.0
 
 
 @njit(cache=True, fastmath=True)
@@ -314,9 +315,8 @@ def product(tangent, shape, vector, result):
             for a in range(max(REACH - s0, 0), min(ROW, shape[0] - s0 + REACH)):
                 start = (s0 + a - REACH) * shape[1]
                 for f in range(low, high):
-                    place = 3 * (f - f0 + REACH)
                     for j in range(3):
-                        total += tangent[node, i, a, place + j] * vector[start + f, j]
+                        total += tangent[node, i, j, a, f - f0 + REACH] * vector[start + f, j]
             result[node, i] = total
 
 
@@ -333,6 +333,8 @@ def band_of(tangent, shape, is_free, band):
                 continue
             for a in range(REACH, min(ROW, shape[0] - s0 + REACH)):
                 start = 3 * ((s0 + a - REACH) * shape[1] + f0 - REACH)
-                for b in range(3 * max(REACH - f0, 0), 3 * min(ROW, shape[1] - f0 + REACH)):
-                    if start + b >= p:
-                        band[p, start + b - p] = tangent[node, i, a, b]
+                for b in range(max(REACH - f0, 0), min(ROW, shape[1] - f0 + REACH)):
+                    for j in range(3):
+                        q = start + 3 * b + j
+                        if q >= p:
+                            band[p, q - p] = tangent[node, i, j, a, b]

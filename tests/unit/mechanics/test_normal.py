@@ -39,7 +39,7 @@ def dense_jacobians(
 
 
 def test_balance_and_its_change(dots: Dots, bent_mm: np.ndarray) -> None:
-    normal = NormalEquations(shell=dots.shell, dots=dots)
+    normal = NormalEquations(shell=dots.shell, dots=dots, precision=np.float64)
     way = np.random.default_rng(3).normal(size=bent_mm.shape) * dots.shell.patch.is_free
     change = (normal.linearise(bent_mm + H * way).balance - normal.linearise(bent_mm - H * way).balance) / (
         2 * H
@@ -52,7 +52,7 @@ def test_balance_and_its_change(dots: Dots, bent_mm: np.ndarray) -> None:
 
 def test_a_step_solves_the_normal_equations(dots: Dots, bent_mm: np.ndarray) -> None:
     residual, information, weight = problem(dots)
-    normal = NormalEquations(shell=dots.shell, dots=dots)
+    normal = NormalEquations(shell=dots.shell, dots=dots, precision=np.float64)
     here = normal.linearise(bent_mm)
     found = normal.step(residual, information, weight)
     assert normal.damping == 0.0
@@ -79,8 +79,23 @@ def test_a_step_solves_the_normal_equations(dots: Dots, bent_mm: np.ndarray) -> 
     )
 
 
+def test_single_precision_is_enough_for_a_step(dots: Dots, bent_mm: np.ndarray) -> None:
+    if dots.shell.patch.boundary == "soft":
+        assert NormalEquations(shell=dots.shell, dots=dots).precision == np.float64
+        return
+    residual, information, weight = problem(dots)
+    steps, variances = [], []
+    for precision in (np.float32, np.float64):
+        normal = NormalEquations(shell=dots.shell, dots=dots, precision=precision)
+        normal.linearise(bent_mm)
+        steps.append(normal.step(residual, information, weight))
+        variances.append(normal.variances(dots.tips.basis.node, dots.derivative_px(bent_mm)[:, 0]))
+    np.testing.assert_allclose(steps[0], steps[1], atol=1e-3 * np.abs(steps[1]).max())
+    np.testing.assert_allclose(variances[0], variances[1], rtol=1e-3)
+
+
 def test_a_force_row_reads_forces(dots: Dots, bent_mm: np.ndarray) -> None:
-    normal = NormalEquations(shell=dots.shell, dots=dots)
+    normal = NormalEquations(shell=dots.shell, dots=dots, precision=np.float64)
     normal.linearise(bent_mm)
     way = np.random.default_rng(3).normal(size=bent_mm.shape) * dots.shell.patch.is_free
     share = np.random.default_rng(8).uniform(size=len(bent_mm)) * dots.shell.patch.is_free[:, 2]
@@ -90,7 +105,7 @@ def test_a_force_row_reads_forces(dots: Dots, bent_mm: np.ndarray) -> None:
 
 def test_steps_depend_on_their_arguments_only(dots: Dots, bent_mm: np.ndarray) -> None:
     residual, information, weight = problem(dots)
-    used, fresh = (NormalEquations(shell=dots.shell, dots=dots) for _ in range(2))
+    used, fresh = (NormalEquations(shell=dots.shell, dots=dots, precision=np.float64) for _ in range(2))
     used.linearise(0.3 * bent_mm)
     used.step(residual + 1.0, information, 2.0 * weight)
     results = []
@@ -102,7 +117,7 @@ def test_steps_depend_on_their_arguments_only(dots: Dots, bent_mm: np.ndarray) -
 
 def test_a_matrix_without_any_weight_is_damped(dots: Dots, bent_mm: np.ndarray) -> None:
     residual, information, weight = problem(dots)
-    normal = NormalEquations(shell=dots.shell, dots=dots)
+    normal = NormalEquations(shell=dots.shell, dots=dots, precision=np.float64)
     normal.linearise(bent_mm)
     nothing = np.zeros_like(weight)
     only_few = np.where(np.arange(len(information))[:, None, None] < 5, information, 0.0)
@@ -111,7 +126,7 @@ def test_a_matrix_without_any_weight_is_damped(dots: Dots, bent_mm: np.ndarray) 
 
 
 def test_a_read_out_before_the_first_step_is_refused(dots: Dots) -> None:
-    normal = NormalEquations(shell=dots.shell, dots=dots)
+    normal = NormalEquations(shell=dots.shell, dots=dots, precision=np.float64)
     with pytest.raises(ValueError, match="call `step` first"):
         normal.covariance(np.zeros((1, dots.shell.patch.node_count, 3)))
 
