@@ -257,6 +257,8 @@ def _measure_plain(
     sample,
     shape,
     pixel,
+    raw,
+    grey,
     light,
     sums,
     out,
@@ -272,12 +274,17 @@ def _measure_plain(
         base = (here_y * width + here_x) * weights.shape[0]
         lanes.gather(flat, weights, base, offset, RING, sample)
         lanes.gather(flat, weights, base, offset, CORE, sample)
-        lanes.copy_blocks(flat, weights, base, offset, count[plan, BLOCKS], count[plan, 5], pixel)
         part_x, part_y = np.float32(x - here_x), np.float32(y - here_y)
         found = planes.fit_light(sample, shape, count[plan, CORE], radius, part_x, part_y, noise, light)
         if found < 1:
             return found
-        if not lanes.moments(pixel, total, light, LOW, GAIN, sums):
+        if weights.shape[0] == 1:
+            lanes.copy_blocks(flat, base, offset, count[plan, BLOCKS], count[plan, 5], raw)
+            is_dot = lanes.moments(pixel, raw, weights[0], total, light, LOW, GAIN, sums)
+        else:
+            lanes.weigh_blocks(flat, weights, base, offset, count[plan, BLOCKS], count[plan, 5], grey)
+            is_dot = lanes.moments(pixel, grey, 1.0, total, light, LOW, GAIN, sums)
+        if not is_dot:
             return 0
         dx, dy = sums[1] / sums[0], sums[2] / sums[0]
         is_near = max(abs(dx), abs(dy)) < 0.04 * radius + 0.6
@@ -320,7 +327,9 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
     stack, buffer = np.empty(side * side, dtype=np.int64), np.empty(side * side, dtype=np.float32)
     offset = np.empty(place.shape[2], dtype=np.int64)
     sample = np.empty(3 * ROWS, dtype=np.float32)
-    pixel = np.empty((4, (place.shape[2] - 3 * LANES) * WIDE), dtype=np.float32)
+    pixels = (place.shape[2] - 3 * LANES) * WIDE
+    pixel, grey = np.empty((3, pixels), dtype=np.float32), np.empty(pixels, dtype=np.float32)
+    raw = np.empty(pixels, dtype=flat.dtype)
     shape, light, sums = np.empty((2, 7)), np.empty(9), np.empty(9)
     plan, planned = -1, 0.0
     for i in range(near.shape[0]):
@@ -341,7 +350,7 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
         if is_plain:
             found = _measure_plain(
                 flat, weights, width, height, x, y, radius[i], noise,
-                count, plan, offset, sample, shape, pixel, light, sums, out, i,
+                count, plan, offset, sample, shape, pixel, raw, grey, light, sums, out, i,
             )  # fmt: skip
         if found == -1:
             if radius[i] != planned:

@@ -11,7 +11,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from manytouch.detection.compilation import FAST, LEAF
+from manytouch.detection.compilation import FAST, LEAF, copy_16
 from manytouch.detection.plans import ALL, BLOCKS, DX, DY, LANES, ROWS, USED, VALUE, WALK
 
 
@@ -33,25 +33,31 @@ def gather(flat, weights, base, offset, part, sample):
             sample[to + k] = grey + np.float32(flat[at + np.uint64(2)]) * red
 
 
+@njit(**LEAF)
+@no_type_check
+def copy_blocks(flat, base, offset, count, length, raw):
+    """Blocks of pixels in a row, as they are, one after the other."""
+    to = np.uint64(0)
+    for b in range(np.uint64(count)):
+        at = np.uint64(base + offset[np.uint64(BLOCKS * LANES) + b])
+        for _ in range(np.uint64(length // 16)):
+            copy_16(flat, at, raw, to)
+            at += np.uint64(16)
+            to += np.uint64(16)
+
+
 @njit(**LEAF, fastmath=FAST)
 @no_type_check
-def copy_blocks(flat, weights, base, offset, count, length, pixel):
-    """Signed grey levels of blocks of pixels in a row, into the last row of `pixel`."""
+def weigh_blocks(flat, weights, base, offset, count, length, grey):
+    """Signed grey levels of blocks of coloured pixels in a row."""
     three, one, two = np.uint64(3), np.uint64(1), np.uint64(2)
-    if weights.shape[0] == 1:
-        weight = weights[0]
-        for b in range(np.uint64(count)):
-            at, to = np.uint64(base + offset[np.uint64(BLOCKS * LANES) + b]), b * np.uint64(length)
-            for k in range(np.uint64(length)):
-                pixel[three, to + k] = np.float32(flat[at + k]) * weight
-    else:
-        blue, green, red = weights[0], weights[1], weights[2]
-        for b in range(np.uint64(count)):
-            at, to = np.uint64(base + offset[np.uint64(BLOCKS * LANES) + b]), b * np.uint64(length)
-            for k in range(np.uint64(length)):
-                i = at + three * k
-                grey = np.float32(flat[i]) * blue + np.float32(flat[i + one]) * green
-                pixel[three, to + k] = grey + np.float32(flat[i + two]) * red
+    blue, green, red = weights[0], weights[1], weights[2]
+    for b in range(np.uint64(count)):
+        at, to = np.uint64(base + offset[np.uint64(BLOCKS * LANES) + b]), b * np.uint64(length)
+        for k in range(np.uint64(length)):
+            i = at + three * k
+            value = np.float32(flat[i]) * blue + np.float32(flat[i + one]) * green
+            grey[to + k] = value + np.float32(flat[i + two]) * red
 
 
 @njit(**LEAF, fastmath=FAST)
@@ -88,22 +94,25 @@ def pull(sample):
 
 @njit(**LEAF, fastmath=FAST)
 @no_type_check
-def moments(pixel, count, light, low, gain, sums):
-    """As `kernels._moments`, about the middle pixel, with the share of dot computed on the way."""
+def moments(pixel, value, scale, count, light, low, gain, sums):
+    """As `kernels._moments`, about the middle pixel, with the share of dot computed on the way.
+
+    `value` (times `scale`) are signed grey levels; `pixel` = x, y, inside.
+    """
     f = np.float32
     below, slope_x, slope_y = f(light[0]), f(light[1]), f(light[2])
-    # w = gain (value - ground) / height - gain low; 1 / height as a series in the small slopes of the dot
-    inverse, start = f(gain / light[3]), f(gain * low)
-    rise_x, rise_y = f(light[4] / light[3]), f(light[5] / light[3])
+    # w = gain (value - ground) / height - gain low; 1 / height to first order in the slopes of the dot, since
+    # what comes next is the same on both sides
+    inverse, start, scale = f(gain / light[3]), f(gain * low), f(scale)
+    fall_x, fall_y = f(light[4] / light[3]) * inverse, f(light[5] / light[3]) * inverse
     zero, one = f(0.0), f(1.0)
     s0 = sx = sy = sxx = sxy = syy = edges = f(0.0)
     for i in range(np.uint64(count)):
         x, y = pixel[0, i], pixel[1, i]
-        more = rise_x * x + rise_y * y
-        brightness = inverse - inverse * more * (one - more)
-        weight = (pixel[3, i] - (below + slope_x * x + slope_y * y)) * brightness - start
-        weight = weight if weight > zero else zero
-        weight = weight if weight < one else one
+        brightness = inverse - fall_x * x - fall_y * y
+        weight = (f(value[i]) * scale - (below + slope_x * x + slope_y * y)) * brightness - start
+        weight = zero if zero > weight else weight
+        weight = one if one < weight else weight
         weight *= pixel[2, i]
         edges += one if zero < weight < one else zero
         wx, wy = weight * x, weight * y

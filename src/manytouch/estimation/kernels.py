@@ -16,9 +16,7 @@ def _root(parent, hill):
     return hill
 
 
-@njit(cache=True)
-@no_type_check
-def hills(height, floor, merge):
+def hills(height: np.ndarray, floor: float, merge: float) -> tuple[np.ndarray, np.ndarray]:
     """Hills of a map: where does each point above a floor belong, and how high is each hill's peak?
 
     The map is flooded from its highest point down (the watershed); where two hills meet, the lower one is
@@ -32,10 +30,18 @@ def hills(height, floor, merge):
     Returns:
         (rows, columns) number of the hill or -1, and (h,) flat places of the peaks, the highest first.
     """
-    rows, columns = height.shape
     flat = height.ravel()
     above = np.flatnonzero(flat > floor)
-    order = above[np.argsort(-flat[above])]
+    # numpy sorts in lanes, compiled loops do not
+    label, peak = _flooded(flat, above[np.argsort(-flat[above])], height.shape[1], merge)
+    return label.reshape(height.shape), peak
+
+
+@njit(cache=True)
+@no_type_check
+def _flooded(flat, order, columns, merge):
+    """As `hills`, from the points (n,) that belong to hills, the highest first."""
+    rows = len(flat) // columns
     label = np.full(rows * columns, -1, np.int64)
     parent = np.empty(len(order), np.int64)
     peak = np.empty(len(order), np.int64)
@@ -72,7 +78,7 @@ def hills(height, floor, merge):
             kept += 1
     for i in order:
         label[i] = number[_root(parent, label[i])]
-    return label.reshape(rows, columns), peak[:kept].copy()
+    return label, peak[:kept].copy()
 
 
 @njit(cache=True)

@@ -87,6 +87,11 @@ class GridSampling:
         """(ny, nx) values from the markers' (m,); NaN outside, and where the nearest marker has none."""
         if self.points is not None:
             return np.asarray(self.points(value).reshape(len(self.y_mm), len(self.x_mm)))
+        if np.isfinite(value).all():
+            whole = self._product(value, 1)
+            if not self.is_inside.all():
+                whole[~self.is_inside] = np.nan
+            return whole
         is_known = np.isfinite(value)[self.nearest] & self.is_inside
         return np.where(is_known, self._product(_filled(self.rest_mm, value), 1), np.nan)
 
