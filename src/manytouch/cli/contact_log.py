@@ -28,7 +28,7 @@ class ContactLog:
         self,
         sensor: Sensor,
         write_line: Callable[[str], None],
-        truth: Callable[[int], Truth] | None = None,
+        truth: Callable[[int], Truth | None] | None = None,
     ) -> None:
         self._unit = sensor.length_unit
         self._line = write_line

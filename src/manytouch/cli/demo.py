@@ -1,11 +1,16 @@
 """`manytouch demo`: the main job on the simulated sensor."""
 
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from manytouch.cli import options
+
+if TYPE_CHECKING:
+    from manytouch.cli.console import Reporter
+    from manytouch.cli.viewing import Place
 
 DEFAULT_SECONDS = 10.0
 
@@ -17,28 +22,42 @@ def demo(
         Parameter(
             converter=options.positive("a number of seconds"),
             n_tokens=1,
-            help="Sensor time to run. [default: 10]",
+            help="Sensor time to run. [default: until Ctrl-C; 10 without viewer]",
             show_default=False,
         ),
-    ] = DEFAULT_SECONDS,
-    no_view: Annotated[
-        bool,
-        Parameter(
-            negative=(),
-            show_default=False,
-            help="Without viewer; this release has none, so it changes nothing.",
-        ),
-    ] = False,
+    ] = None,
+    no_view: options.NoView = False,
     out: Annotated[Path, options.folder("Folder for tables and pictures.")] = Path("out/demo"),
+    host: options.Host = "127.0.0.1",
+    port: options.Port = 0,
+    token: options.ViewToken = None,
 ) -> int:
-    """Press a simulated sensor with several fingers; print the contacts and draw the deepest moment.
+    """Press a simulated sensor with several fingers, and watch what is read from its pictures.
 
-    The true contact stands beside each estimate. Tables as from manytouch process,
-    an annotated video and a picture are in the output folder at the end.
+    The viewer shows surface and contacts in the browser, the truth beside them, and
+    the mouse presses the sheet. With --no-view or --seconds it ends by itself, with
+    tables as from manytouch process and a picture in the output folder.
 
     Example: manytouch demo --seconds 5
     """
     from manytouch.cli.console import Reporter
+
+    reporter = Reporter(bar=False)
+    reporter.say("the simulated sensor, pressed by several fingers at once", heading=True)
+    if not no_view and find_spec("nicegui") is None:
+        reporter.say("no viewer: it needs the package nicegui: pip install 'manytouch[view]'")
+        no_view = True
+    if no_view:
+        _read(seconds or DEFAULT_SECONDS, out, reporter)
+    else:
+        from manytouch.cli.viewing import Place
+
+        _watch(seconds, out, Place(host=host, port=port, token=token), reporter)
+    return 0
+
+
+def _read(seconds: float, out: Path, reporter: "Reporter") -> None:
+    """Read every frame of some seconds, as quickly as it goes."""
     from manytouch.cli.contact_log import ContactLog
     from manytouch.cli.stopping import Stop
     from manytouch.errors import MissingExtraError
@@ -46,8 +65,6 @@ def demo(
     from manytouch.sinks.picture import BusiestMoment
     from manytouch.sources.simulated import simulated_source
 
-    reporter = Reporter(bar=False)
-    reporter.say("the simulated sensor, pressed by several fingers at once", heading=True)
     with Stop() as stop:
         source = simulated_source().lasting(seconds)
         job = prepare(source, progress=reporter)
@@ -61,4 +78,25 @@ def demo(
         reporter.say(f"no picture: {error}")
     else:
         reporter.say(f"picture of the moment with most contacts in {picture}")
-    return 0
+
+
+def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter") -> None:
+    """Serve the viewer; tables are written where there is an end, so that no disk fills unseen."""
+    from manytouch.cli.contact_log import ContactLog
+    from manytouch.cli.stopping import Stop
+    from manytouch.cli.viewing import viewers
+    from manytouch.session import Live, files_in, prepare
+    from manytouch.sources.pressed import pressed_source
+
+    with Stop() as stop:
+        source = pressed_source(seconds=seconds)
+        job = prepare(source, progress=reporter)
+        live = Live(job)
+        log = ContactLog(job.sensor, reporter.say, source.truth)
+        shown = viewers(live, place, reporter.say)
+        if seconds is None:
+            live.run([log, *shown], progress=reporter, stop=stop)
+            return
+        files, summary = files_in(out, job)
+        live.run([*files, log, *shown, summary], progress=reporter, stop=stop)
+    reporter.finish(summary, out)

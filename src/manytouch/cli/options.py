@@ -1,10 +1,11 @@
 """Options that several verbs share, and how their words become values."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from cyclopts import Parameter, Token
+from cyclopts import Parameter, Token, validators
 
 Method = Literal["mechanics", "perimeter", "paper"]
 
@@ -81,6 +82,11 @@ def _asked(name: str, metavar: str, words: str, converter: Any = _amount) -> Par
     return Parameter(name=name, metavar=metavar, converter=converter, n_tokens=1, group="Camera", help=words)
 
 
+def _is_token(_: Any, value: str | None) -> None:
+    if value is not None and not re.fullmatch(r"[A-Za-z0-9_~.-]{8,200}", value):
+        raise ValueError("a token has 8 to 200 letters, digits, or - _ ~ . characters")
+
+
 def positive(what: str, below: float | None = None) -> Any:
     """A converter for numbers above 0, and below a limit where there is one."""
 
@@ -105,7 +111,32 @@ def folder(words: str) -> Parameter:
 
 
 SOURCE_WORDS = "Camera (0, /dev/video2), address of a stream, video, image, folder of images, or sim:."
-NoView = Annotated[bool, switch("Without viewer; this release has none, so it changes nothing.")]
+NoView = Annotated[bool, switch("Without the viewer.")]
+Host = Annotated[
+    str,
+    Parameter(
+        name="--host",
+        metavar="ADDRESS",
+        help="Address that the viewer listens on; others than this machine's own get a token.",
+    ),
+]
+Port = Annotated[
+    int,
+    Parameter(
+        name="--port",
+        validator=validators.Number(gte=0, lte=65535),
+        help="Port of the viewer. [default: a free one]",
+        show_default=False,
+    ),
+]
+ViewToken = Annotated[
+    str | None,
+    Parameter(
+        name="--token",
+        validator=_is_token,
+        help="Word that the viewer asks visitors for. Without one it is made where others can reach it.",
+    ),
+]
 SensorFile = Annotated[
     str | None,
     Parameter(

@@ -32,14 +32,10 @@ def run(
     focus: options.Focus = None,
     white_balance_K: options.WhiteBalanceK = None,
     no_mjpg: options.NoMjpg = False,
-    no_view: Annotated[
-        bool,
-        Parameter(
-            negative=(),
-            show_default=False,
-            help="Without viewer; this release has none, so it changes nothing.",
-        ),
-    ] = False,
+    no_view: options.NoView = False,
+    host: options.Host = "127.0.0.1",
+    port: options.Port = 0,
+    token: options.ViewToken = None,
 ) -> int:
     """Read a source at its own pace and print contacts as they come and go.
 
@@ -54,6 +50,7 @@ def run(
     from manytouch.cli.console import Reporter
     from manytouch.cli.contact_log import ContactLog
     from manytouch.cli.stopping import Stop
+    from manytouch.cli.viewing import Place, viewers
     from manytouch.session import Live, files_in, prepare, result_name
     from manytouch.sources.capture import CameraWishes
 
@@ -81,11 +78,13 @@ def run(
         live = Live(job)
         for line in settings_in_words(live.health().settings):
             reporter.say(line)
+        place = None if no_view else Place(host=host, port=port, token=token)
         if out is None:
-            live.run([log], record=record, progress=reporter, stop=stop)
+            live.run([log, *viewers(live, place, reporter.say)], record=record, progress=reporter, stop=stop)
             return 0
         folder = out / result_name(source)
         files, summary = files_in(folder, job)
-        live.run([*files, log, summary], record=record, progress=reporter, stop=stop)
+        shown = viewers(live, place, reporter.say)
+        live.run([*files, log, *shown, summary], record=record, progress=reporter, stop=stop)
     reporter.finish(summary, folder)
     return 0

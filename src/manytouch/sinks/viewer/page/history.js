@@ -1,0 +1,73 @@
+// Depth and force of each contact in the last seconds: rings of fixed size, so memory stays flat.
+
+import { contactColour, styled } from "./colours.js";
+import { inForce, inLength, niceCeiling, units } from "./numbers.js";
+import { plot } from "./plot.js";
+
+export const SPAN_S = 20;
+const SIZE = 1024, MOST = 24;
+
+class Ring {
+  constructor(id) {
+    Object.assign(this, { id, count: 0, start: 0, last: -Infinity });
+    for (const name of ["time", "depth", "force"]) this[name] = new Float32Array(SIZE);
+  }
+
+  add(time, depth, force) {
+    const at = (this.start + this.count) % SIZE;
+    this.time[at] = time; this.depth[at] = depth ?? NaN; this.force[at] = force ?? NaN;
+    if (this.count < SIZE) this.count++; else this.start = (this.start + 1) % SIZE;
+    this.last = time;
+  }
+}
+
+export class History {
+  constructor(depthCanvas, forceCanvas) {
+    Object.assign(this, { depthCanvas, forceCanvas, rings: new Map(), now: 0, hasForce: false });
+  }
+
+  add(head) {
+    if (head.time_s < this.now - 1e-6 || head.time_s > this.now + SPAN_S) this.rings.clear();
+    this.now = head.time_s;
+    this.keep("", head.contacts);
+    if (head.truth) this.keep("truth ", head.truth);
+    for (const [key, ring] of this.rings) if (ring.last < this.now - SPAN_S) this.rings.delete(key);
+    while (this.rings.size > MOST) this.rings.delete(this.rings.keys().next().value);
+  }
+
+  keep(kind, contacts) {
+    for (const contact of contacts) {
+      const key = kind + contact.id;
+      if (!this.rings.has(key)) this.rings.set(key, new Ring(contact.id));
+      this.rings.get(key).add(this.now, contact.depth_mm, contact.force_N);
+    }
+  }
+
+  draw(showTruth) {
+    const xs = [-SPAN_S, 0];
+    const xWords = (x) => (Math.abs(x) < 0.5 ? "now" : `−${Math.round(-x)} s`);
+    const all = [...this.rings].filter(([key]) => showTruth || !key.startsWith("truth"));
+    for (const [canvas, name, title, unit, convert] of [
+      [this.depthCanvas, "depth", "depth", units.length, inLength],
+      [this.forceCanvas, "force", "normal force", units.force, inForce],
+    ]) {
+      let most = 0, hasAny = false, isEstimated = false;
+      const lines = all.map(([key, ring]) => {
+        const y = new Float32Array(SIZE);
+        const x = ring.time.map((at) => at - this.now);
+        for (let i = 0; i < SIZE; i++) y[i] = convert(ring[name][i]);
+        for (let i = 0; i < ring.count; i++) {
+          const value = y[(ring.start + i) % SIZE];
+          if (value === value) { hasAny = true; most = Math.max(most, value); isEstimated ||= !key.startsWith("truth"); }
+        }
+        const isTruth = key.startsWith("truth");
+        return { x, y, count: ring.count, start: ring.start,
+          colour: isTruth ? styled("--quiet") : contactColour(ring.id), dash: isTruth ? [4, 4] : [],
+          label: !isTruth && ring.last === this.now ? `#${ring.id}` : "" };
+      });
+      const none = this.rings.size ? "this method tells no force" : "nothing has touched the sheet yet";
+      const empty = name === "force" && !isEstimated && all.length ? none : hasAny ? "" : "nothing has touched the sheet yet";
+      plot(canvas, { lines, xs, xWords, empty, ys: [0, niceCeiling(Math.max(1.12 * most, convert(0.5)))], title: `${title} (${unit})` });
+    }
+  }
+}

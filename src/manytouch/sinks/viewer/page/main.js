@@ -1,0 +1,274 @@
+// The page: joins the stream, the panes and the controls.
+
+import { CameraPane } from "./camera.js";
+import { DIVERGING, MAPS, styled, table } from "./colours.js";
+import { Connection } from "./connection.js";
+import { History } from "./history.js";
+import { Marks } from "./marks.js";
+import { fixed, inLength, length, lengthUnits, niceCeiling, niceStep, units } from "./numbers.js";
+import { showContacts, showHealth, showMeasure } from "./panels.js";
+import { Pointer } from "./pointer.js";
+import { bindSettings, fillSettings } from "./settings.js";
+import { SurfacePane } from "./surface.js";
+
+const find = (id) => document.getElementById(id);
+const LAYERS = { depth: "depth", strain: "largest strain", pressure: "pressure", error: "estimate − truth" };
+const EASE = 0.995; // of the colour range from one update to the next
+
+const state = {
+  scenery: null, health: null, update: null, measured: null, points: [], connected: false, ended: false,
+  layer: "depth", map: "cividis", peak: 0, scale: "", holdRange: false, count: 0, paints: 0, isDirty: false, seeking: false,
+};
+const pane = new SurfacePane(find("scene"));
+const marks = new Marks(pane);
+const camera = new CameraPane(find("camera"));
+const history = new History(find("depth-plot"), find("force-plot"));
+const connection = new Connection({ hear, see, state: setConnected });
+const wish = (kind, more = {}) => connection.wish({ wish: kind, ...more });
+const pointer = new Pointer(pane, { wish, choose: choosePoint });
+
+function hear(sentence) {
+  const listeners = {
+    scenery: setScenery, health: setHealth, note: ({ text }) => toast(text),
+    measure: (found) => { state.measured = found; state.isDirty = true; },
+    end: () => { state.ended = true; showState(); },
+  };
+  listeners[sentence.kind]?.(sentence);
+}
+
+function see(update) {
+  state.update = update;
+  state.count++;
+  state.ended = false;
+  history.add(update.head);
+  if (update.parts.image) camera.show(update.parts.image, () => { state.isDirty = true; });
+  state.isDirty = true;
+}
+
+function setScenery(scenery) {
+  state.scenery = camera.scenery = scenery;
+  if (!lengthUnits(scenery.unit).includes(units.length)) units.length = scenery.unit;
+  find("sensor").textContent = scenery.sensor;
+  pane.build(scenery);
+  pane.recolour();
+  fillSettings(state);
+  state.isDirty = true;
+}
+
+function setHealth(health) {
+  const before = state.health;
+  state.health = health;
+  document.body.classList.toggle("recording", health.recording !== null);
+  find("record-words").textContent = health.recording ? "End recording" : "Record";
+  find("record").title = health.recording ? `Recording ${health.recording} (R)` : "Begin a recording (R)";
+  find("run-words").textContent = health.is_running ? "Stop" : "Go on";
+  document.querySelector("#run .glyph").className = `glyph ${health.is_running ? "pause" : "play"}`;
+  find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
+  find("timeline").hidden = health.frame_count === null;
+  if (health.frame_count !== null && !state.seeking) {
+    find("seek").max = Math.max(health.frame_count - 1, 0);
+    find("seek").value = health.frame ?? 0;
+    find("seek-words").textContent = `frame ${health.frame ?? 0} of ${health.frame_count}`;
+    find("play").textContent = health.is_running ? "hold" : "play";
+  }
+  const note = health.notes.at(-1);
+  if (before && note && note !== before.notes.at(-1)) toast(note);
+  if (!before || before.method !== health.method || before.methods.length !== health.methods.length) fillSettings(state);
+  showState();
+  state.isDirty = true;
+}
+
+function setConnected(is) {
+  state.connected = is;
+  if (is) { show(); if (state.points.length) sendPoints(); }
+  showState();
+}
+
+function showState() {
+  const { health, connected, ended } = state, status = state.update?.head.status;
+  const [kind, words] = !connected ? [ended ? "" : "bad", ended ? "the session has ended" : "not connected, trying again"]
+    : !health ? ["", "waiting"]
+    : health.source !== "ok" ? ["bad", health.source]
+    : !health.is_running ? ["warn", "held"]
+    : !state.update ? ["", "waiting for the first frame"]
+    : status !== "ok" ? ["warn", status.replaceAll("_", " ")]
+    : ["good", health.recording ? `recording ${health.recording}` : health.frame_count === null ? "live" : "replay"];
+  find("state").className = `state ${kind}`;
+  find("state-words").textContent = words;
+}
+
+function toast(text) {
+  const box = find("toast");
+  box.textContent = text; box.hidden = false;
+  clearTimeout(toast.timer);
+  toast.timer = setTimeout(() => { box.hidden = true; }, 4000);
+}
+
+// What is drawn, at most once per frame of the screen and only when something has changed.
+
+function paint() {
+  requestAnimationFrame(paint);
+  if (state.isDirty && state.scenery) {
+    state.isDirty = false;
+    draw();
+  }
+  if (pane.render()) state.paints++;
+}
+
+function draw() {
+  const { update, health } = state, head = update?.head, showTruth = find("show-truth").checked;
+  const hasTruth = Boolean(head?.truth);
+  find("truth-tick").hidden = !hasTruth;
+  find("camera-empty").hidden = Boolean(camera.picture);
+  const contacts = head?.contacts ?? [], truth = hasTruth && showTruth ? head.truth : [];
+  if (update) drawSurface(update);
+  marks.update(contacts, truth, state.points, state.measured);
+  camera.options.truth = showTruth;
+  camera.draw(update?.parts.markers, contacts, truth);
+  showContacts(contacts, truth.length ? truth : null);
+  showMeasure(state.points, state.measured);
+  history.draw(showTruth);
+  if (health) showHealth(health, head);
+  showState();
+}
+
+function drawSurface({ head, parts }) {
+  for (const option of find("layer").options) option.disabled = option.value !== "depth" && option.value !== state.layer && !head.layers.includes(option.value);
+  const value = parts[state.layer] ?? parts.depth, layer = parts[state.layer] ? state.layer : "depth";
+  const isError = layer === "error", percent = layer === "strain" ? 100 : 1;
+  let most = 0;
+  for (let i = 0; i < value.length; i++) if (value[i] > most || (isError && -value[i] > most)) most = Math.abs(value[i]);
+  most *= percent;
+  const least = layer === "strain" ? 1 : layer === "pressure" ? 1 : isError ? 0.1 : 0.5;
+  state.peak = state.holdRange ? state.peak || most : Math.max(most, least, state.peak * EASE);
+  const high = niceCeiling(state.peak), low = isError ? -high : 0, contour = niceStep(high, 6);
+  pane.update(parts.depth, percent === 1 ? value : value.map((v) => v * percent), low, high, contour);
+  const isLength = layer === "depth" || isError;
+  const unit = isLength ? units.length : layer === "strain" ? "%" : "kPa";
+  drawScale(isError ? DIVERGING : state.map, low, high, contour, `${LAYERS[layer]} (${unit})`, isLength ? inLength : (v) => v);
+}
+
+function drawScale(map, low, high, step, title, convert) {
+  const now = `${map} ${low} ${high} ${title}`;
+  if (state.scale === now) return;
+  if (state.scale.split(" ")[0] !== map) pane.setMap(map);
+  state.scale = now;
+  find("scale-title").textContent = title;
+  const context = find("ramp").getContext("2d"), bytes = table(map), image = context.createImageData(1, 256);
+  for (let i = 0; i < 256; i++) image.data.set(bytes.subarray(4 * (255 - i), 4 * (255 - i) + 4), 4 * i);
+  context.putImageData(image, 0, 0);
+  const ticks = [];
+  const digits = Math.max(0, -Math.floor(Math.log10(convert(step)) + 1e-9));
+  for (let at = Math.ceil(low / step) * step; at <= high * 1.0001; at += step) {
+    const tick = document.createElement("span");
+    tick.style.top = `${(100 * (high - at)) / (high - low)}%`;
+    tick.textContent = fixed(convert(at), digits);
+    ticks.push(tick);
+  }
+  find("scale-ticks").replaceChildren(...ticks);
+}
+
+// What the user does.
+
+function show() { wish("show", { layer: state.layer, image: true }); }
+function sendPoints() { wish("measure", { point_mm: state.points }); }
+
+function choosePoint(point) {
+  state.points = state.points.length === 1 ? [...state.points, point] : [point];
+  state.measured = null;
+  sendPoints();
+  state.isDirty = true;
+}
+
+function clearPoints() { state.points = []; state.measured = null; sendPoints(); state.isDirty = true; }
+
+function setLayer(layer) {
+  if (find("layer").querySelector(`[value=${layer}]`).disabled) return;
+  state.layer = find("layer").value = layer;
+  state.peak = 0; state.scale = "";
+  show();
+  state.isDirty = true;
+}
+
+function setMap(map) {
+  state.map = find("map").value = map;
+  localStorage.setItem("map", map);
+  state.isDirty = true;
+}
+
+function setStretch(value) {
+  pane.stretch = Math.min(Math.max(value, 1), 20);
+  find("stretch").value = pane.stretch;
+  find("stretch-words").textContent = `×${pane.stretch}`;
+  state.isDirty = true;
+}
+
+function flipSide() {
+  pane.setSide(-pane.side);
+  find("side").textContent = pane.side > 0 ? "camera side" : "finger side";
+  state.isDirty = true;
+}
+
+function setTheme(theme) {
+  document.documentElement.dataset.theme = theme;
+  localStorage.setItem("theme", theme);
+  pane.recolour();
+  state.isDirty = true;
+}
+
+function flipTheme() { setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"); }
+function flipRun() { wish(state.health?.is_running ? "stop" : "start"); }
+function flipRecord() { wish(state.health?.recording ? "stop_recording" : "record"); }
+function flip(id) { const box = find(id); box.checked = !box.checked; box.dispatchEvent(new Event("change")); }
+function seek(frame) { find("seek").value = frame; wish("seek", { frame: Math.max(0, Math.round(frame)) }); }
+
+function bind() {
+  const click = { run: flipRun, tare: () => wish("tare"), record: flipRecord, theme: flipTheme, side: flipSide, play: flipRun,
+    home: () => pane.home(), "measure-clear": clearPoints, "lift-all": () => pointer.liftAll(),
+    "settings-open": () => find("settings").showModal(), "help-open": () => find("help").showModal() };
+  for (const [id, act] of Object.entries(click)) find(id).addEventListener("click", act);
+  for (const close of document.querySelectorAll("dialog .close")) close.addEventListener("click", () => close.closest("dialog").close());
+  for (const button of find("mode").children) button.addEventListener("click", () => pointer.setMode(button.dataset.mode));
+  find("map").replaceChildren(...MAPS.map((name) => new Option(name, name)));
+  const change = {
+    layer: ({ value }) => setLayer(value), map: ({ value }) => setMap(value),
+    "show-ids": ({ checked }) => { camera.options.ids = checked; }, "show-arrows": ({ checked }) => { camera.options.arrows = checked; },
+    "arrow-gain": ({ value }) => { camera.options.gain = Number(value); }, "show-truth": () => {},
+    speed: ({ value }) => wish("play", { speed: Number(value) }), seek: ({ value }) => { state.seeking = false; seek(Number(value)); },
+  };
+  for (const [id, act] of Object.entries(change)) find(id).addEventListener("change", ({ target }) => { act(target); state.isDirty = true; });
+  find("stretch").addEventListener("input", ({ target }) => setStretch(Number(target.value)));
+  find("seek").addEventListener("input", ({ target }) => { state.seeking = true; seek(Number(target.value)); });
+  bindSettings(state, wish, () => { state.scale = ""; state.isDirty = true; });
+  addEventListener("keydown", onKey);
+  addEventListener("resize", () => { state.isDirty = true; });
+}
+
+function onKey(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+  const isOpen = document.querySelector("dialog[open]");
+  if (isOpen && event.key !== "?") return;
+  const step = (by) => state.health?.frame_count != null && seek((state.health.frame ?? 0) + by);
+  const keys = {
+    " ": flipRun, z: () => wish("tare"), r: flipRecord, i: () => flip("show-ids"), a: () => flip("show-arrows"), v: () => pane.home(),
+    f: flipSide, c: () => setMap(MAPS[(MAPS.indexOf(state.map) + 1) % MAPS.length]), d: flipTheme, m: () => pointer.setMode(pointer.mode === "look" ? "press" : "look"),
+    s: () => find("settings").showModal(), "?": () => (isOpen ? find("help").close() : find("help").showModal()), Escape: clearPoints,
+    "+": () => setStretch(pane.stretch + 1), "=": () => setStretch(pane.stretch + 1), "-": () => setStretch(pane.stretch - 1),
+    1: () => setLayer("depth"), 2: () => setLayer("strain"), 3: () => setLayer("pressure"), 4: () => setLayer("error"),
+    ArrowLeft: () => step(-1), ArrowRight: () => step(1),
+  };
+  const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
+  if (!act) return;
+  event.preventDefault();
+  if (event.target.tagName === "BUTTON") event.target.blur();
+  act();
+}
+
+bind();
+setTheme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
+setMap(MAPS.includes(localStorage.getItem("map")) ? localStorage.getItem("map") : "cividis");
+setStretch(4);
+requestAnimationFrame(paint);
+
+/** For people at the console, and for tests: what is shown now, and where. */
+window.manytouch = { state, pane, pointer, length, styled };

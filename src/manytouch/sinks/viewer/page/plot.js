@@ -1,0 +1,102 @@
+// Lines over an axis on a canvas: round ticks, light grid, nothing else.
+
+import { styled } from "./colours.js";
+import { fixed, niceStep } from "./numbers.js";
+
+/** Fit a canvas's pixels to its place on the screen; gives its context in CSS pixels, and its size. */
+export function sized(canvas) {
+  const ratio = Math.min(devicePixelRatio || 1, 2);
+  const width = canvas.clientWidth, height = canvas.clientHeight;
+  if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
+    canvas.width = Math.round(width * ratio);
+    canvas.height = Math.round(height * ratio);
+  }
+  const context = canvas.getContext("2d");
+  context.setTransform(ratio, 0, 0, ratio, 0, 0);
+  context.clearRect(0, 0, width, height);
+  return { context, width, height };
+}
+
+/**
+ * Draw lines. `lines`: [{ x, y, count, start, colour, dash, label, band }], arrays may be rings begun at `start`.
+ * `xs`, `ys`: [low, high]; `title` above; `empty` is said where there is nothing to draw.
+ */
+export function plot(canvas, { lines, xs, ys, title, xWords, empty, marks = [] }) {
+  const { context, width, height } = sized(canvas);
+  if (width < 40 || height < 40) return;
+  const left = 46, right = lines.some((line) => line.label) ? 30 : 14, top = 24, bottom = 22;
+  const ink = styled("--ink"), quiet = styled("--quiet"), rule = styled("--line");
+  const toX = (x) => left + ((x - xs[0]) / (xs[1] - xs[0])) * (width - left - right);
+  const toY = (y) => height - bottom - ((y - ys[0]) / (ys[1] - ys[0])) * (height - top - bottom);
+  context.font = "11.5px system-ui, sans-serif";
+  context.lineWidth = 1;
+  context.textBaseline = "middle";
+  const stepY = niceStep(ys[1] - ys[0], Math.max(2, (height - top - bottom) / 34));
+  const digits = Math.max(0, -Math.floor(Math.log10(stepY) + 1e-9));
+  context.textAlign = "right";
+  for (let y = Math.ceil(ys[0] / stepY - 1e-9) * stepY; y <= ys[1] + 1e-9 * stepY; y += stepY) {
+    context.strokeStyle = rule;
+    context.beginPath(); context.moveTo(left, toY(y)); context.lineTo(width - right, toY(y)); context.stroke();
+    context.fillStyle = quiet;
+    context.fillText(fixed(y, digits), left - 6, toY(y));
+  }
+  const stepX = niceStep(xs[1] - xs[0], Math.max(2, (width - left - right) / 80));
+  context.textAlign = "center";
+  context.fillStyle = quiet;
+  for (let x = Math.ceil(xs[0] / stepX - 1e-9) * stepX; x <= xs[1] + 1e-9 * stepX; x += stepX) {
+    context.fillText(xWords(x, stepX), Math.min(Math.max(toX(x), left), width - right - 8), height - 10);
+  }
+  context.textAlign = "left";
+  context.fillStyle = ink;
+  context.font = "600 12px system-ui, sans-serif";
+  context.fillText(title, 10, 13);
+  context.font = "11.5px system-ui, sans-serif";
+  if (empty) {
+    context.textAlign = "center";
+    context.fillStyle = quiet;
+    context.fillText(empty, (left + width - right) / 2, (top + height - bottom) / 2);
+  }
+  context.save();
+  context.beginPath(); context.rect(left, top - 6, width - left - right, height - top - bottom + 12); context.clip();
+  const ends = lines.map((line) => drawLine(context, line, toX, toY)).filter(Boolean);
+  for (const { x, text } of marks) {
+    context.strokeStyle = quiet; context.setLineDash([3, 3]);
+    context.beginPath(); context.moveTo(toX(x), top); context.lineTo(toX(x), height - bottom); context.stroke();
+    context.setLineDash([]); context.fillStyle = ink; context.textAlign = "center";
+    context.fillText(text, toX(x), top - 1);
+  }
+  context.restore();
+  writeEnds(context, ends, top, height - bottom);
+}
+
+/** Names at the ends of lines, pushed apart where they would cover each other. */
+function writeEnds(context, ends, top, bottom) {
+  const apart = 12;
+  ends.sort((a, b) => a.y - b.y);
+  for (let i = 0, last = top - apart; i < ends.length; i++) last = ends[i].y = Math.max(ends[i].y, last + apart);
+  for (let i = ends.length - 1, next = bottom + apart; i >= 0; i--) next = ends[i].y = Math.min(ends[i].y, next - apart);
+  context.font = "600 11.5px system-ui, sans-serif"; context.textAlign = "left"; context.textBaseline = "middle";
+  for (const { x, y, label, colour } of ends) { context.fillStyle = colour; context.fillText(label, x + 4, y); }
+}
+
+function drawLine(context, { x, y, count, start = 0, colour, dash = [], label, std }, toX, toY) {
+  const size = x.length;
+  if (std) {
+    context.fillStyle = colour; context.globalAlpha = 0.2; context.beginPath();
+    for (let i = 0; i < count; i++) context.lineTo(toX(x[i]), toY(y[i] + std[i]));
+    for (let i = count - 1; i >= 0; i--) context.lineTo(toX(x[i]), toY(y[i] - std[i]));
+    context.fill(); context.globalAlpha = 1;
+  }
+  context.strokeStyle = colour; context.lineWidth = 1.8; context.setLineDash(dash); context.lineJoin = "round";
+  context.beginPath();
+  let isDown = false, last = null;
+  for (let i = 0; i < count; i++) {
+    const at = (start + i) % size;
+    if (Number.isNaN(y[at])) { isDown = false; continue; }
+    const place = [toX(x[at]), toY(y[at])];
+    if (isDown) context.lineTo(...place); else context.moveTo(...place);
+    isDown = true; last = place;
+  }
+  context.stroke(); context.setLineDash([]);
+  return label && last ? { x: last[0], y: last[1], label, colour } : null;
+}

@@ -1,0 +1,93 @@
+// What mouse, pen and fingers do on the surface: turn and measure, or press the simulated sheet.
+
+import { THREE } from "./three.js";
+import { length, units } from "./numbers.js";
+
+const STILL_PX = 5;
+const HINTS = {
+  look: "drag turns · wheel zooms · right drag moves · click measures",
+  press: "press and drag with the mouse or your fingers · wheel: deeper · right drag turns",
+};
+
+export class Pointer {
+  constructor(pane, { wish, choose }) {
+    Object.assign(this, { pane, wish, choose, mode: "look", down: null, fingers: new Map(), last: 0, stayed: [] });
+    const canvas = pane.renderer.domElement, find = (id) => document.getElementById(id);
+    Object.assign(this, { tools: find("press-tools"), depth: find("press-depth"), stay: find("press-stay"), hint: find("hint") });
+    // On the stage and while the event still falls, so that a press does not turn the view as well.
+    pane.stage.addEventListener("pointerdown", (event) => event.target === canvas && this.onDown(event), { capture: true });
+    canvas.addEventListener("pointermove", (event) => this.onMove(event));
+    for (const kind of ["pointerup", "pointercancel"]) addEventListener(kind, (event) => this.onUp(event));
+    pane.stage.addEventListener("wheel", (event) => this.onWheel(event), { capture: true, passive: false });
+    this.depth.addEventListener("input", () => this.sayDepth());
+    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
+    addEventListener("pagehide", () => this.liftAll());
+    this.setMode("look");
+  }
+
+  setMode(mode) {
+    const button = document.querySelector(`[data-mode=${mode}]`);
+    if (button.hidden) return;
+    this.mode = mode;
+    for (const other of button.parentElement.children) other.classList.toggle("on", other === button);
+    this.tools.hidden = mode !== "press";
+    this.pane.stage.classList.toggle("press", mode === "press");
+    this.hint.textContent = HINTS[mode];
+    const { controls } = this.pane;
+    controls.mouseButtons = mode === "press" ? { LEFT: null, MIDDLE: THREE.MOUSE.PAN, RIGHT: THREE.MOUSE.ROTATE }
+      : { LEFT: THREE.MOUSE.ROTATE, MIDDLE: THREE.MOUSE.DOLLY, RIGHT: THREE.MOUSE.PAN };
+    this.sayDepth();
+  }
+
+  sayDepth() { document.getElementById("press-depth-words").textContent = `${length(Number(this.depth.value))} ${units.length}`; }
+
+  onDown(event) {
+    if (event.button !== 0) return;
+    if (this.mode === "look") { this.down = event.isPrimary ? [event.clientX, event.clientY] : null; return; }
+    const place = this.pane.pick(event);
+    if (!place) return;
+    event.stopPropagation();
+    this.pane.renderer.domElement.setPointerCapture(event.pointerId);
+    const finger = this.last = (this.last + 1) % 1000;
+    this.fingers.set(event.pointerId, { finger, place });
+    this.press(finger, place);
+  }
+
+  onMove(event) {
+    const held = this.fingers.get(event.pointerId);
+    if (!held) return;
+    const place = this.pane.pick(event);
+    if (!place) return;
+    held.place = place;
+    this.press(held.finger, place);
+  }
+
+  onUp(event) {
+    const held = this.fingers.get(event.pointerId);
+    if (held) {
+      this.fingers.delete(event.pointerId);
+      if (this.stay.checked) this.stayed.push(held.finger); else this.wish("release", { finger: held.finger });
+    }
+    if (!this.down || this.mode !== "look" || event.type !== "pointerup") return;
+    const [x, y] = this.down;
+    this.down = null;
+    if (Math.hypot(event.clientX - x, event.clientY - y) > STILL_PX || event.target !== this.pane.renderer.domElement) return;
+    const place = this.pane.pick(event);
+    if (place) this.choose(place);
+  }
+
+  onWheel(event) {
+    if (!this.fingers.size) return;
+    event.preventDefault(); event.stopPropagation();
+    this.depth.value = Number(this.depth.value) - Math.sign(event.deltaY) * 0.2;
+    this.sayDepth();
+    for (const { finger, place } of this.fingers.values()) this.press(finger, place);
+  }
+
+  press(finger, [x_mm, y_mm]) { this.wish("press", { finger, x_mm, y_mm, depth_mm: Number(this.depth.value) }); }
+
+  liftAll() {
+    for (const finger of [...this.stayed, ...[...this.fingers.values()].map((held) => held.finger)]) this.wish("release", { finger });
+    this.stayed = []; this.fingers.clear();
+  }
+}

@@ -1,0 +1,230 @@
+// The 3-D surface: x to the right, y (down in the image) to the front, depth upwards, all in the sensor's unit.
+// Seen from the finger's side everything is turned half around y, so that a press is a dent.
+
+import { CSS2DRenderer, OrbitControls, THREE } from "./three.js";
+import { styled, table } from "./colours.js";
+import { Axes } from "./axes.js";
+
+const VERTEX = `
+  attribute float value; attribute float known;
+  varying float vValue; varying float vKnown; varying vec3 vNormal; varying vec3 vPlace; varying vec3 vEye;
+  void main() {
+    vValue = value; vKnown = known; vPlace = position; vNormal = normalMatrix * normal;
+    vec4 eye = modelViewMatrix * vec4(position, 1.0);
+    vEye = eye.xyz; gl_Position = projectionMatrix * eye;
+  }`;
+const FRAGMENT = `
+  uniform sampler2D map; uniform float low; uniform float high; uniform float contour; uniform float pitch; uniform vec3 blank;
+  varying float vValue; varying float vKnown; varying vec3 vNormal; varying vec3 vPlace; varying vec3 vEye;
+  float line(float at, float width) { float w = fwidth(at); return 1.0 - smoothstep(0.0, width * w, abs(fract(at - 0.5) - 0.5)); }
+  void main() {
+    float share = clamp((vValue - low) / (high - low), 0.0, 1.0);
+    vec3 colour = texture2D(map, vec2(share * 0.996 + 0.002, 0.5)).rgb;
+    float iso = line(vValue / contour, 1.3) * step(0.5 * contour, abs(vValue));
+    float grid = max(line(vPlace.x / pitch, 1.1), line(vPlace.z / pitch, 1.1));
+    float bright = dot(colour, vec3(0.3, 0.59, 0.11));
+    vec3 mark = bright > 0.45 ? vec3(0.0) : vec3(1.0);
+    colour = mix(colour, mark, 0.10 * grid);
+    colour = mix(colour, mark, 0.28 * iso);
+    colour = mix(blank, colour, step(0.99, vKnown));
+    vec3 n = normalize(vNormal); vec3 eye = normalize(-vEye);
+    n = faceforward(n, -eye, n);
+    float lit = max(dot(n, normalize(vec3(-0.45, 0.75, 0.55))), 0.0);
+    float shine = pow(max(dot(n, normalize(normalize(vec3(-0.45, 0.75, 0.55)) + eye)), 0.0), 36.0);
+    gl_FragColor = vec4(colour * (0.56 + 0.52 * lit) + 0.10 * shine, 1.0);
+  }`;
+
+export class SurfacePane {
+  constructor(stage) {
+    Object.assign(this, { stage, stretch: 6, side: 1, isDirty: true, depth: null, x: [], y: [], overlays: [] });
+    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, powerPreference: "low-power" });
+    this.renderer.setPixelRatio(Math.min(devicePixelRatio || 1, 2));
+    this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
+    stage.append(this.renderer.domElement);
+    this.labels = new CSS2DRenderer();
+    this.labels.domElement.className = "labels";
+    stage.append(this.labels.domElement);
+    this.scene = new THREE.Scene();
+    this.sheet = new THREE.Group();
+    this.scene.add(this.sheet);
+    this.camera = new THREE.PerspectiveCamera(32, 1, 1, 5000);
+    this.controls = new OrbitControls(this.camera, this.renderer.domElement);
+    this.controls.maxPolarAngle = 0.52 * Math.PI;
+    this.controls.addEventListener("change", () => { this.isDirty = true; });
+    this.material = new THREE.ShaderMaterial({
+      vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide,
+      uniforms: { map: { value: null }, low: { value: 0 }, high: { value: 1 }, contour: { value: 0.5 }, pitch: { value: 10 }, blank: { value: new THREE.Color() } },
+    });
+    this.setMap("cividis");
+    this.axes = new Axes(this.sheet);
+    this.ray = new THREE.Raycaster();
+    new ResizeObserver(() => this.resize()).observe(stage);
+  }
+
+  /** Take a sensor's grid. */
+  build({ x_mm, y_mm, unit }) {
+    const isSame = this.mesh && this.x.length === x_mm.length && this.y.length === y_mm.length && this.x.every((x, i) => x === x_mm[i]);
+    if (isSame) return;
+    Object.assign(this, { x: x_mm, y: y_mm, unit });
+    const nx = x_mm.length, ny = y_mm.length, count = nx * ny;
+    const geometry = new THREE.BufferGeometry();
+    this.position = new Float32Array(3 * count); this.normal = new Float32Array(3 * count);
+    this.value = new Float32Array(count); this.known = new Float32Array(count).fill(1);
+    for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
+      const at = 3 * (j * nx + i);
+      this.position[at] = x_mm[i]; this.position[at + 2] = y_mm[j]; this.normal[at + 1] = 1;
+    }
+    for (const [name, array, size] of [["position", this.position, 3], ["normal", this.normal, 3], ["value", this.value, 1], ["known", this.known, 1]]) {
+      geometry.setAttribute(name, new THREE.BufferAttribute(array, size).setUsage(THREE.DynamicDrawUsage));
+    }
+    const index = new Uint32Array(6 * (nx - 1) * (ny - 1));
+    for (let j = 0, at = 0; j < ny - 1; j++) for (let i = 0; i < nx - 1; i++) {
+      const a = j * nx + i, c = a + nx;
+      index.set([a, c, a + 1, a + 1, c, c + 1], at); at += 6;
+    }
+    geometry.setIndex(new THREE.BufferAttribute(index, 1));
+    const reach = Math.hypot(x_mm[nx - 1] - x_mm[0], y_mm[ny - 1] - y_mm[0]);
+    geometry.boundingSphere = new THREE.Sphere(new THREE.Vector3((x_mm[0] + x_mm[nx - 1]) / 2, 0, (y_mm[0] + y_mm[ny - 1]) / 2), 2 * reach);
+    if (this.mesh) { this.sheet.remove(this.mesh); this.mesh.geometry.dispose(); }
+    this.mesh = new THREE.Mesh(geometry, this.material);
+    this.mesh.frustumCulled = false;
+    this.sheet.add(this.mesh);
+    this.reach = reach;
+    this.material.uniforms.pitch.value = this.axes.build(x_mm, y_mm, unit) / 2;
+    this.home();
+  }
+
+  /** A new moment: `depth` shapes it, `value` colours it from `low` to `high` with lines every `contour`. */
+  update(depth, value, low, high, contour) {
+    const nx = this.x.length, ny = this.y.length, { position, normal, known } = this;
+    if (!this.mesh || depth.length !== nx * ny) return;
+    this.depth = depth;
+    for (let at = 0; at < depth.length; at++) {
+      const isKnown = depth[at] === depth[at] && value[at] === value[at];
+      known[at] = isKnown ? 1 : 0;
+      this.value[at] = isKnown ? value[at] : 0;
+      position[3 * at + 1] = depth[at] === depth[at] ? depth[at] * this.stretch : 0;
+    }
+    const dx = 1 / (this.x[1] - this.x[0]), dy = 1 / (this.y[1] - this.y[0]);
+    for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
+      const at = j * nx + i, l = i > 0 ? at - 1 : at, r = i < nx - 1 ? at + 1 : at, u = j > 0 ? at - nx : at, d = j < ny - 1 ? at + nx : at;
+      normal[3 * at] = (position[3 * l + 1] - position[3 * r + 1]) * dx / (r - l || 1);
+      normal[3 * at + 1] = 1;
+      normal[3 * at + 2] = (position[3 * u + 1] - position[3 * d + 1]) * dy / ((d - u) / nx || 1);
+    }
+    Object.values(this.mesh.geometry.attributes).forEach((attribute) => { attribute.needsUpdate = true; });
+    const { uniforms } = this.material;
+    uniforms.low.value = low; uniforms.high.value = high; uniforms.contour.value = contour;
+    this.axes.setHeight(high, this.stretch);
+    this.isDirty = true;
+  }
+
+  setMap(name) {
+    const map = new THREE.DataTexture(table(name), 256, 1, THREE.RGBAFormat);
+    map.minFilter = map.magFilter = THREE.LinearFilter; map.needsUpdate = true;
+    this.material?.uniforms.map.value?.dispose();
+    this.material.uniforms.map.value = map;
+    this.isDirty = true;
+  }
+
+  recolour() {
+    this.material.uniforms.blank.value.set(styled("--line"));
+    this.axes.recolour();
+    this.isDirty = true;
+  }
+
+  setSide(side) {
+    this.side = side;
+    this.sheet.rotation.z = side > 0 ? 0 : Math.PI;
+    this.isDirty = true;
+  }
+
+  home() {
+    if (!this.mesh) return;
+    const [x, z] = this.middle();
+    this.camera.near = 0.02 * this.reach; this.camera.far = 20 * this.reach;
+    this.resize();
+    this.controls.target.set(x * this.side, 0, z);
+    const towards = new THREE.Vector3(-0.1, 0.72, 0.82).normalize();
+    let far = 2 * this.reach;
+    for (let round = 0; round < 4; round++) {
+      this.camera.position.copy(this.controls.target).addScaledVector(towards, far);
+      this.controls.update();
+      far *= this.extent();
+    }
+    this.camera.position.copy(this.controls.target).addScaledVector(towards, far);
+    this.controls.update();
+    this.isDirty = true;
+  }
+
+  /** How much of the pane the sheet and what stands on it take, 1 when they just fill it. */
+  extent() {
+    this.scene.updateMatrixWorld(); this.camera.updateMatrixWorld();
+    const [x0, x1, y0, y1] = [this.x[0], this.x[this.x.length - 1], this.y[0], this.y[this.y.length - 1]];
+    let most = 0;
+    for (const x of [x0, x1]) for (const y of [y0, y1]) for (const up of [0, 0.16 * this.reach]) {
+      const seen = this.sheet.localToWorld(new THREE.Vector3(x, up, y)).project(this.camera);
+      most = Math.max(most, Math.abs(seen.x) / 0.8, seen.y / 0.82, -seen.y / 0.72);
+    }
+    return most;
+  }
+
+  middle() {
+    return [(this.x[0] + this.x[this.x.length - 1]) / 2, (this.y[0] + this.y[this.y.length - 1]) / 2];
+  }
+
+  resize() {
+    const { clientWidth: width, clientHeight: height } = this.stage;
+    if (!width || !height) return;
+    this.camera.aspect = width / height;
+    this.camera.updateProjectionMatrix();
+    this.renderer.setSize(width, height);
+    this.labels.setSize(width, height);
+    this.isDirty = true;
+  }
+
+  /** Depth at a place between the grid's points; 0 where not known. */
+  depthAt(x, y) {
+    if (!this.depth) return 0;
+    const nx = this.x.length, ny = this.y.length;
+    const u = Math.min(Math.max((x - this.x[0]) / (this.x[nx - 1] - this.x[0]), 0), 1) * (nx - 1);
+    const v = Math.min(Math.max((y - this.y[0]) / (this.y[ny - 1] - this.y[0]), 0), 1) * (ny - 1);
+    const i = Math.min(Math.floor(u), nx - 2), j = Math.min(Math.floor(v), ny - 2), a = u - i, b = v - j;
+    const d = this.depth, at = j * nx + i;
+    const found = (1 - b) * ((1 - a) * d[at] + a * d[at + 1]) + b * ((1 - a) * d[at + nx] + a * d[at + nx + 1]);
+    return Number.isNaN(found) ? 0 : found;
+  }
+
+  /** Where a sheet's point is drawn. */
+  place(x, y, above = 0) {
+    return new THREE.Vector3(x, this.depthAt(x, y) * this.stretch + above, y);
+  }
+
+  /** The undeformed x, y under a mouse event, or null. */
+  pick(event) {
+    if (!this.mesh) return null;
+    const box = this.renderer.domElement.getBoundingClientRect();
+    const at = new THREE.Vector2(((event.clientX - box.left) / box.width) * 2 - 1, 1 - ((event.clientY - box.top) / box.height) * 2);
+    this.ray.setFromCamera(at, this.camera);
+    const hit = this.ray.intersectObject(this.mesh, false)[0];
+    if (!hit) return null;
+    const local = this.sheet.worldToLocal(hit.point.clone());
+    return [local.x, local.z];
+  }
+
+  /** Where a sheet's point is on the screen, in the page's pixels. */
+  onScreen(x, y) {
+    this.scene.updateMatrixWorld(); this.camera.updateMatrixWorld();
+    const seen = this.sheet.localToWorld(this.place(x, y)).project(this.camera);
+    const box = this.renderer.domElement.getBoundingClientRect();
+    return [box.left + ((seen.x + 1) / 2) * box.width, box.top + ((1 - seen.y) / 2) * box.height];
+  }
+
+  render() {
+    if (!this.isDirty) return false;
+    this.isDirty = false;
+    this.renderer.render(this.scene, this.camera);
+    this.labels.render(this.scene, this.camera);
+    return true;
+  }
+}
