@@ -40,9 +40,9 @@ def viewers(controls: Controls, place: Place | None, say: Callable[[str], None])
     """
     if place is None:
         return []
-    from manytouch.sinks.viewer import Viewer
-
     try:
+        from manytouch.sinks.viewer import Viewer
+
         viewer = Viewer(controls, host=place.host, port=place.port, token=place.token)
     except MissingExtraError as error:
         say(f"no viewer: {error}")

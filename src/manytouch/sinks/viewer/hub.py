@@ -38,6 +38,11 @@ class Browser:
         self._sentences.append(json.dumps(sentence, allow_nan=False, separators=(",", ":")))
         self._wake.set()
 
+    @property
+    def is_waiting(self) -> bool:
+        """Is something said and not yet sent?"""
+        return bool(self._sentences)
+
     def offer(self, number: int, message: bytes) -> None:
         """Replace the update that waits."""
         self._update = (number, message)
@@ -100,6 +105,14 @@ class Hub:
         """Tell all."""
         for browser in self._browsers:
             browser.say(sentence)
+
+    async def end(self) -> None:
+        """Tell all that nothing more comes, and give them a moment to hear it."""
+        self.say({"kind": "end"})
+        for _ in range(50):
+            if not any(browser.is_waiting for browser in self._browsers):
+                break
+            await asyncio.sleep(0.01)
 
     def offer(self, number: int, message: bytes, layout: Layout, surface: Surface, frame: int) -> None:
         """Show all a new moment, with each one's own measures."""

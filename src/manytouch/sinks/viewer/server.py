@@ -1,22 +1,23 @@
 """The viewer's web server: a fixed set of files and one websocket, in a thread of its own."""
 
+import asyncio
 import importlib.util
 import socket
 import threading
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from contextlib import asynccontextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
+
+import uvicorn
+from starlette.applications import Starlette
+from starlette.requests import Request
+from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.routing import Route, WebSocketRoute
+from starlette.websockets import WebSocket
 
 from manytouch.errors import MissingExtraError, OutputError
 from manytouch.sinks.viewer.access import COOKIE, Access
-
-if TYPE_CHECKING:
-    import asyncio
-
-    from starlette.applications import Starlette
-    from starlette.requests import Request
-    from starlette.responses import Response
-    from starlette.websockets import WebSocket
 
 PAGE = Path(__file__).parent / "page"
 TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
@@ -49,7 +50,7 @@ def page_files() -> dict[str, tuple[str, bytes]]:
 
 
 def listening_socket(host: str, port: int) -> socket.socket:
-    """A bound socket; port 0 takes a free one.
+    """A socket that others can connect to from now on; port 0 takes a free one.
 
     Raises:
         OutputError: the address cannot be had.
@@ -59,6 +60,7 @@ def listening_socket(host: str, port: int) -> socket.socket:
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listening.bind((host, port))
+        listening.listen()
     except (OSError, OverflowError) as error:
         listening.close()
         raise OutputError(
@@ -75,12 +77,10 @@ class Server:
         self,
         listening: socket.socket,
         access: Access,
-        visit: "Callable[[WebSocket], Awaitable[None]]",
+        visit: Callable[[WebSocket], Awaitable[None]],
         background: Callable[[], Coroutine[Any, Any, None]],
     ) -> None:
         """`visit` serves a websocket, `background` runs beside it on the server's loop."""
-        import uvicorn
-
         self._files = page_files()
         self._access, self._visit, self._background = access, visit, background
         self._has_begun = threading.Event()
@@ -112,21 +112,19 @@ class Server:
         if self.loop is not None and not self._server.should_exit:
             self.loop.call_soon_threadsafe(function, *arguments)
 
-    def stop(self) -> None:
-        """Close all connections and end the thread."""
+    def stop(self, farewell: Coroutine[Any, Any, None]) -> None:
+        """Run a last task, close all connections and end the thread; nothing the second time."""
+        if self.loop is None or self._server.should_exit:
+            farewell.close()
+            return
+        asyncio.run_coroutine_threadsafe(farewell, self.loop).result(STOP_S)
         self._server.should_exit = True
         self._thread.join(STOP_S)
         self._socket.close()
 
-    def _application(self) -> "Starlette":
-        import asyncio
-        from contextlib import asynccontextmanager
-
-        from starlette.applications import Starlette
-        from starlette.routing import Route, WebSocketRoute
-
+    def _application(self) -> Starlette:
         @asynccontextmanager
-        async def lifespan(_: Starlette) -> Any:
+        async def lifespan(_: Starlette) -> AsyncIterator[None]:
             self.loop = asyncio.get_running_loop()
             task = asyncio.create_task(self._background())
             self._has_begun.set()
@@ -143,10 +141,8 @@ class Server:
             lifespan=lifespan,
         )
 
-    async def _page(self, request: "Request") -> "Response":
+    async def _page(self, request: Request) -> Response:
         """The page; a token in its address becomes a cookie, so that it does not stay in the history."""
-        from starlette.responses import RedirectResponse
-
         given = request.query_params.get("token")
         if given is None or not self._access.has_token(given):
             return self._answer(request, "index.html")
@@ -154,12 +150,10 @@ class Server:
         answer.set_cookie(COOKIE, given, httponly=True, samesite="strict")
         return answer
 
-    async def _file(self, request: "Request") -> "Response":
+    async def _file(self, request: Request) -> Response:
         return self._answer(request, str(request.path_params["name"]))
 
-    def _answer(self, request: "Request", name: str) -> "Response":
-        from starlette.responses import PlainTextResponse, Response
-
+    def _answer(self, request: Request, name: str) -> Response:
         if not self._access.is_known_host(request.headers):
             return PlainTextResponse("this viewer is not known by that name\n", 421, headers=RULES)
         if not self._access.has_token(request.cookies.get(COOKIE)):
@@ -170,7 +164,7 @@ class Server:
         kind, content = self._files[name]
         return Response(content, media_type=kind, headers=RULES)
 
-    async def _stream(self, socket: "WebSocket") -> None:
+    async def _stream(self, socket: WebSocket) -> None:
         access = self._access
         given = socket.cookies.get(COOKIE) or socket.query_params.get("token")
         is_welcome = access.is_known_host(socket.headers) and access.is_own_origin(socket.headers)

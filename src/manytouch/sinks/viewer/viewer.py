@@ -4,9 +4,10 @@ import asyncio
 import threading
 from collections import deque
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from starlette.websockets import WebSocket
 
 from manytouch.pipeline import Controls
 from manytouch.sinks.viewer.access import Access, token_for
@@ -16,9 +17,6 @@ from manytouch.sinks.viewer.server import Server, listening_socket, page_files
 from manytouch.sinks.viewer.shot import Photographer, Shot
 from manytouch.sinks.viewer.wishes import Order, Wish
 from manytouch.values import Health, Reading
-
-if TYPE_CHECKING:
-    from starlette.websockets import WebSocket
 
 HEALTH_EVERY_S = 0.25
 LATENCIES = 300
@@ -76,8 +74,7 @@ class Viewer:
 
     def close(self) -> None:
         """Tell the browsers that this was the end, and stop serving."""
-        self._server.call(self._hub.say, {"kind": "end"})
-        self._server.stop()
+        self._server.stop(self._hub.end())
 
     def _show(self, reading: Reading) -> None:
         with self._one_at_a_time:
@@ -113,7 +110,7 @@ class Viewer:
         if isinstance(wish, Order):
             self._controls.send(wish.command())
 
-    async def _visit(self, socket: "WebSocket") -> None:
+    async def _visit(self, socket: WebSocket) -> None:
         greeting = [self._scenery(), self._health(self._controls.health())]
         await self._hub.serve(socket, greeting)
 
