@@ -14,6 +14,7 @@ from manytouch.estimation.force_clusters import ForceClusters
 from manytouch.estimation.identity import ContactIdentity, Lives
 from manytouch.estimation.innovation import InnovationGate
 from manytouch.estimation.sheet_model import NominalSheet, SheetModel
+from manytouch.estimation.split import SplitByMoments
 from manytouch.estimation.touching import Touching
 from manytouch.geometry.camera import project
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
@@ -54,6 +55,7 @@ class MechanicalInversion:
         gate: which dots to believe.
         descend: to the shape.
         cluster: forces to contacts.
+        split: clusters that are two contacts.
         touch: contacts with their deviations.
         identity: which contact is which of the frame before.
         model_std_pitch, nominal_std_pitch: of a dot's place, what the model does not explain, when the
@@ -65,6 +67,7 @@ class MechanicalInversion:
     gate: InnovationGate = field(default_factory=InnovationGate)
     descend: SparseDescent = field(default_factory=SparseDescent)
     cluster: ForceClusters = field(default_factory=ForceClusters)
+    split: SplitByMoments = field(default_factory=SplitByMoments)
     touch: Touching = field(default_factory=Touching)
     identity: ContactIdentity = field(default_factory=ContactIdentity)
     model_std_pitch: float = 4.2e-4
@@ -151,6 +154,8 @@ class MechanicalInversion:
         model = state.model
         force_mm2 = np.where(model.is_outside[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
         clusters = self.cluster(model.lattice, force_mm2)
+        held_mm = np.array([contact.centre_mm for contact in state.lives.held]).reshape(-1, 2)
+        clusters = self.split(model.lattice, force_mm2, clusters, held_mm)
         found = self.touch(model, clusters, fit.shape.coefficient_mm, force_mm2)
         least = self.firm * self.cluster.least * model.lattice.force_unit_mm2
         return found, (clusters.normal_mm2 >= least).tolist()
