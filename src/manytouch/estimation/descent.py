@@ -101,7 +101,7 @@ class SparseDescent:
             for _ in range(self.halvings + 1):
                 tried_mm = shape.coefficient_mm + change_mm
                 tried = _Place.of(model, tried_mm, measured_px, information)
-                if tried.cost(weight) <= before:
+                if tried.cost(weight) <= before * (1.0 + 1e-6):
                     break
                 change_mm *= 0.5
             else:
