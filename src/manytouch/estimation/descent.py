@@ -73,7 +73,7 @@ class SparseDescent:
     far_chi2: float = 4.0
     lost_chi2: float = 400.0
     least_gain: float = 0.3
-    usual_steps: int = 1
+    usual_steps: int = 2
     most_steps: int = 6
     longest_pitch: float = 1.5
     halvings: int = 3
