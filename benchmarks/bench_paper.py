@@ -3,7 +3,7 @@
     OMP_NUM_THREADS=1 python benchmarks/bench_paper.py [--frames 30] [--iterations 100] [--width 2560]
 
 The paper reports less than one frame per second (2560 x 1440, 8th generation Core i7) once the surface
-is interpolated. `plain_idw` is that interpolation as it is usually written down, point by point and
+is interpolated. `plain_map` is that interpolation as it is usually written down, point by point and
 marker by marker; the same numbers come out.
 """
 
@@ -15,30 +15,11 @@ import numpy as np
 
 from manytouch.detection.paper import PaperDetection
 from manytouch.estimation.paper import PaperEstimate, PaperMemory
+from manytouch.evaluation.published.speed import plain_map
 from manytouch.simulation.scene import SCENES
 from manytouch.simulation.sensor import demo_sensor
 from manytouch.simulation.simulator import Simulator
 from manytouch.tracking.paper import PaperTracking
-
-
-def plain_idw(x_mm, y_mm, z_mm, *, iterations, radius_mm, power=2.0):
-    """Inverse distance weighting in plain Python: rows of depths over the markers' bounding box."""
-    columns = [min(x_mm) + k * (max(x_mm) - min(x_mm)) / (iterations - 1) for k in range(iterations)]
-    rows = [min(y_mm) + k * (max(y_mm) - min(y_mm)) / (iterations - 1) for k in range(iterations)]
-    surface = []
-    for row in rows:
-        line = []
-        for column in columns:
-            share = total = 0.0
-            for x, y, z in zip(x_mm, y_mm, z_mm, strict=True):
-                distance = ((x - column) ** 2 + (y - row) ** 2) ** 0.5
-                if distance <= radius_mm:
-                    weight = max(distance, 1e-6 * radius_mm) ** -power
-                    share += weight * z
-                    total += weight
-            line.append(share / total if total > 0.0 else float("nan"))
-        surface.append(line)
-    return np.array(surface)
 
 
 def measured(
@@ -84,7 +65,7 @@ def main() -> None:
         print(f"{name:>12}: p50 {np.median(values):8.2f} ms   p99 {np.percentile(values, 99):8.2f} ms")
     pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
     begun_s = time.perf_counter()
-    plain = plain_idw(
+    plain = plain_map(
         *(layout.rest_mm[:, axis].tolist() for axis in (0, 1)),
         depth_mm.tolist(),
         iterations=chosen.iterations,

@@ -43,6 +43,14 @@ def evaluate(
     tuning: Annotated[
         bool, Parameter(negative=(), help="Leave out the half of the cases that is held out of tuning.")
     ] = False,
+    paper: Annotated[
+        bool,
+        Parameter(
+            negative=(),
+            help="Instead, do the published paper's own experiments again: its material, marker spacing, "
+            "Table 3 and frames per second, as paper.html and paper.json.",
+        ),
+    ] = False,
     cache: Annotated[
         Path | None,
         Parameter(
@@ -71,12 +79,16 @@ def evaluate(
         raise CycloptsError(
             msg=f"evaluate takes both RESULT_DIR and TRUTH_DIR or neither, found {len(given)} folder(s)"
         )
-    if given and (quick or method or group or tuning or cache):
+    if given and (quick or method or group or tuning or cache or paper):
         raise CycloptsError(
-            msg="--quick, --method, --group, --tuning and --cache are for the suite, without folders"
+            msg="--quick, --method, --group, --tuning, --paper and --cache are for the suite, without folders"
         )
+    if paper and (quick or group or tuning):
+        raise CycloptsError(msg="--paper is not the suite: without --quick, --group and --tuning")
     require_packages()
     reporter = Reporter(bar=False)
+    if paper:
+        return _paper(method, cache=cache, processes=max(processes, 1), out=out)
     kept = out / ".trials"
     if given:
         from manytouch.evaluation.own import evaluate_folders
@@ -95,6 +107,28 @@ def evaluate(
     for sentence in _results_in_words(evaluation):
         reporter.say(sentence)
     reporter.say(f"report in {page}")
+    return 0
+
+
+def _paper(methods: list[options.Method] | None, *, cache: Path | None, processes: int, out: Path) -> int:
+    from manytouch.cli.stopping import Stop
+    from manytouch.evaluation.published.page import experiments, row, write_page
+    from manytouch.evaluation.solutions import user_cache
+    from manytouch.session import METHODS, pipeline_for
+
+    pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}
+    with Stop() as stop, _Progress() as progress:
+        progress.say("the paper's experiments: material, spacing, places, speed")
+        found = experiments(pipelines, cache or user_cache(), watch=progress, stop=stop, processes=processes)
+        if found is None:
+            progress.say("stopped, so there is no page; the same command goes on")
+            return 0
+        for name, presses in found.presses.items():
+            first_mm, second_mm, depth_mm = row(presses)
+            progress.say(f"  {name}: {first_mm:.2f} and {second_mm:.2f} mm, {depth_mm:.2f} mm deep")
+        for words, fps in found.speed.frames_per_second.items():
+            progress.say(f"  paper's chain {words}: {fps:.2f} frames per second")
+        progress.say(f"  page in {write_page(found, out)}")
     return 0
 
 

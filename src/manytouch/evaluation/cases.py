@@ -9,11 +9,11 @@ GROUPS = ("nominal", "separation", "stress")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Touch:
-    """One finger.
+    """One ball.
 
     Attributes:
-        at_mm: x, y on the sheet at rest.
-        radius_mm: of its patch or tip.
+        at_mm: x, y of its middle.
+        radius_mm: of the ball.
         strength: at the end of the ramp; what it means says the case.
     """
 
@@ -44,25 +44,26 @@ class Case:
     """One recording to be made and read: 15 frames at rest, 8 of growing pressure, 4 held.
 
     Attributes:
-        group: one of `GROUPS`.
+        group: one of `GROUPS`; "published" are the paper's presses, which belong to no group of the suite.
         name: within the group.
         seed: of the image noise and of what is missing.
         looked_at: may it be looked at while a method is tuned? Half of each group may not.
         is_quick: does it belong to the short run?
         touches: what presses.
-        strength_is: "depth": of the sheet under each touch, mm; "force": in shares of the strongest,
-            and the sheet is `deepest_mm` deep.
-        deepest_mm: largest depth of the sheet.
+        strength_is: "depth": of the ball's lowest point, mm; "force": in shares of the strongest, whose
+            ball is `deepest_mm` deep.
+        deepest_mm: of the deepest ball. The camera-side face is shallower by as much as the solid is
+            pressed together.
         size_mm, thickness_mm, young_MPa, poisson, pretension_N_per_mm: of the clamped sheet.
         pitch_mm: of the dots, whose radius is a quarter of it.
         missing_share: of the dots that were not printed, which nobody knows.
         noise: standard deviation of a pixel in grey levels of 255.
-        friction: Coulomb's coefficient; the fingers are dragged by that share of their force.
+        friction: Coulomb's coefficient; the balls are dragged along the sheet until they slip.
         told: what the methods are told wrongly.
         width_px: of the 16:9 picture.
     """
 
-    group: Literal["nominal", "separation", "stress"]
+    group: Literal["nominal", "separation", "stress", "published"]
     name: str
     seed: int
     looked_at: bool

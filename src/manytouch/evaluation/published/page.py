@@ -1,0 +1,169 @@
+"""The paper's experiments side by side with ours: one HTML page that needs nothing else, and JSON."""
+
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from manytouch.evaluation.contents import plain
+from manytouch.evaluation.ink import INK, METHODS, SOFT, figure, svg
+from manytouch.evaluation.published import material, places, spacing
+from manytouch.evaluation.published.speed import Speed, speed
+from manytouch.evaluation.solutions import Solutions, solve_missing
+from manytouch.evaluation.twin import FemTwin
+from manytouch.evaluation.workers import Watch
+from manytouch.pipeline import Pipeline
+from manytouch.simulation.fem.cache import StateCache
+from manytouch.sinks.staging import Staged, told
+
+PAGE = "published.html.jinja"
+HEIGHTS_MM = (0.0, 1.0, 2.0)
+MODULI_MPA = (0.01, 1.0, 3.1, 5.0, 10.0)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Experiments:
+    """What came out.
+
+    Attributes:
+        deflections: Table 1 and Figure 2, one for each sheet.
+        sag_mm: of the 120 x 80 mm sheet of the printed modulus under its own weight.
+        gaps: Figure 3 and equation 1, for some heights of the markers.
+        gap_MPa: modulus of the sheet that they stand on.
+        presses: Table 3 by method; "truth" is the simulated press.
+        speed: frames per second.
+    """
+
+    deflections: tuple[material.Deflection, ...]
+    sag_mm: float
+    gaps: tuple[spacing.Gaps, ...]
+    gap_MPa: float
+    presses: dict[str, tuple[places.Press, places.Press]]
+    speed: Speed
+
+
+def experiments(
+    methods: Mapping[str, Pipeline],
+    folder: Path,
+    *,
+    watch: Watch | None = None,
+    stop: Callable[[], bool] | None = None,
+    processes: int = 1,
+) -> Experiments | None:
+    """Do them all; solved states are kept in a folder. None when it was stopped."""
+    solutions, cache = Solutions(folder=folder), StateCache(folder=folder)
+    solve_missing(places.presses(), solutions, watch=watch, stop=stop, processes=processes)
+    if watch is not None:
+        watch.begin("solving", len(material.SHEETS_MM))
+    deflections = []
+    for size_mm in material.SHEETS_MM:
+        if stop is not None and stop():
+            return None
+        deflections.append(material.deflection(size_mm, cache))
+        if watch is not None:
+            young_MPa = deflections[-1].young_MPa
+            watch.done(f"{size_mm[0]:g} x {size_mm[1]:g} mm", f"10.1 mm deep with {young_MPa:.2f} MPa")
+    pressed, gap_MPa = material.printed_press(cache)
+    twin = FemTwin(solutions=solutions)
+    return Experiments(
+        deflections=tuple(deflections),
+        sag_mm=material.sag_mm(cache),
+        gaps=tuple(spacing.gaps(pressed, height_mm) for height_mm in HEIGHTS_MM),
+        gap_MPa=gap_MPa,
+        presses=places.table(methods, twin),
+        speed=speed(twin.play(places.presses()[0])),
+    )
+
+
+def contents(found: Experiments) -> dict[str, Any]:
+    """All figures; None where one is not known."""
+    told_all: dict[str, Any] = plain(
+        {
+            "material": [
+                {
+                    "size_mm": one.size_mm,
+                    "linear_young_MPa": one.linear_young_MPa,
+                    "young_MPa": one.young_MPa,
+                    "linear_depth_at_printed_modulus_mm": one.linear_depth_mm(material.PRINTED_MPA),
+                    "depth_mm": {f"{young:g}": one.depth_of_10_N_mm(young) for young in MODULI_MPA},
+                    "curve": {
+                        "force_over_E_mm2": one.force_over_E_mm2.tolist(),
+                        "depth_mm": one.depth_mm.tolist(),
+                    },
+                }
+                for one in found.deflections
+            ],
+            "sag_mm": found.sag_mm,
+            "gap_young_MPa": found.gap_MPa,
+            "gaps": [asdict(one) for one in found.gaps],
+            "table_3": {
+                **{name: list(values) for name, values in places.PUBLISHED.items()},
+                **{name: row(presses) for name, presses in found.presses.items()},
+            },
+            "speed": asdict(found.speed) | {"frames_per_second": found.speed.frames_per_second},
+        }
+    )
+    return told_all
+
+
+def row(presses: tuple[places.Press, places.Press]) -> list[float]:
+    """The three columns of Table 3: both places, and the mean of both depths."""
+    return [*(one.along_mm for one in presses), float(np.mean([one.depth_mm for one in presses]))]
+
+
+def write_page(found: Experiments, folder: Path) -> Path:
+    """Write paper.html and paper.json; each is complete or absent. Gives the page."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(
+        loader=PackageLoader("manytouch.evaluation", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    told_all = contents(found)
+    text = environment.get_template(PAGE).render(
+        told=told_all,
+        moduli=[f"{young:g}" for young in MODULI_MPA],
+        chart=Markup(deflection_chart(found.deflections)),
+        truth=told_all["table_3"]["truth"],
+    )
+    page = folder / "paper.html"
+    for path, content in (
+        (folder / "paper.json", json.dumps(told_all, indent=1, allow_nan=False) + "\n"),
+        (page, text),
+    ):
+        staged = Staged(path)
+        with told(path):
+            staged.aside.write_text(content, encoding="utf-8")
+        staged.finish()
+    return page
+
+
+def deflection_chart(deflections: tuple[material.Deflection, ...]) -> str:
+    """Depth of 10 N against the modulus, with large deflection and linear."""
+    with figure(7.4, 3.6) as drawn:
+        axes = drawn.add_subplot()
+        for number, one in enumerate(deflections):
+            young_MPa = material.FORCE_N / one.force_over_E_mm2[1:]
+            label = f"{one.size_mm[0]:g} × {one.size_mm[1]:g} mm"
+            axes.plot(young_MPa, one.depth_mm[1:], color=METHODS[number], label=label)
+            linear = [one.linear_depth_mm(float(young)) for young in young_MPa]
+            axes.plot(young_MPa, linear, color=METHODS[number], linestyle=":", linewidth=1.2)
+        axes.axhline(material.PRINTED_DEPTH_MM, color=INK, linewidth=0.8)
+        axes.text(41, material.PRINTED_DEPTH_MM + 0.2, "printed: 10.1 mm", color=SOFT, ha="right")
+        axes.set_xscale("log")
+        axes.set_xlim(1.6, 42)
+        axes.set_ylim(0, 14)
+        axes.set_xticks([2, 5, 10, 20, 40], ["2", "5", "10", "20", "40"])
+        axes.minorticks_off()
+        axes.set_xlabel("Young's modulus (MPa)")
+        axes.set_ylabel("depth under 10 N on 1 cm² (mm)")
+        axes.set_title("Large deflection (lines) and what a linear model says (dots)")
+        axes.legend(loc="upper right")
+        return svg(drawn, "Depth of a pressed sheet against its Young's modulus")

@@ -1,0 +1,113 @@
+"""Frames per second of the paper's chain with and without its 3-D map, one thread."""
+
+import time
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from manytouch.detection.paper import PaperDetection
+from manytouch.estimation.paper import PaperEstimate
+from manytouch.evaluation.twin import Recording
+from manytouch.tracking.paper import PaperTracking
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Speed:
+    """Median milliseconds of a frame of 2560 x 1440 px.
+
+    Attributes:
+        markers: in the picture.
+        points: of the map.
+        chain_ms: detection, tracking and depths, without the map.
+        table_ms: the map with weights that are computed once, as it is in manytouch.
+        plain_ms: the map in loops over points and markers, as it is usually written down.
+    """
+
+    markers: int
+    points: int
+    chain_ms: float
+    table_ms: float
+    plain_ms: float
+
+    @property
+    def frames_per_second(self) -> dict[str, float]:
+        """Without the map, with it from a table, with it in plain loops."""
+        return {
+            "without the map": 1e3 / self.chain_ms,
+            "with the map, weights kept": 1e3 / (self.chain_ms + self.table_ms),
+            "with the map in plain loops": 1e3 / (self.chain_ms + self.plain_ms),
+        }
+
+
+def speed(recording: Recording) -> Speed:
+    """Time the stages of `--method paper` on a recording."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(1)
+    try:
+        return _timed(recording)
+    finally:
+        cv2.setNumThreads(threads)
+
+
+def _timed(recording: Recording) -> Speed:
+    detect, track, estimate = PaperDetection(), PaperTracking(), PaperEstimate()
+    detecting, tracking = detect.start(recording.sensor), track.start(recording.sensor)
+    estimating = estimate.start(recording.sensor)
+    chain_ms, table_ms = [], []
+    for frame in recording.frames:
+        begun_s = time.perf_counter()
+        detecting, detections = detect.step(detecting, frame, None)
+        tracking, grid = track.step(tracking, detections)
+        estimating, surface, _ = estimate.step(estimating, grid)
+        whole_ms = 1e3 * (time.perf_counter() - begun_s)
+        begun_s = time.perf_counter()
+        estimating.surface(-surface.displacement_mm[:, 2])
+        table_ms.append(1e3 * (time.perf_counter() - begun_s))
+        chain_ms.append(whole_ms - table_ms[-1])
+    layout = estimating.layout
+    depth_mm = -surface.displacement_mm[:, 2]
+    begun_s = time.perf_counter()
+    plain_map(
+        layout.rest_mm[:, 0].tolist(),
+        layout.rest_mm[:, 1].tolist(),
+        depth_mm.tolist(),
+        iterations=estimate.iterations,
+        radius_mm=estimate.search_radius_pitch * float(np.sqrt(np.prod(layout.pitch_mm))),
+        power=estimate.power,
+    )
+    return Speed(
+        markers=len(layout.rest_mm),
+        points=estimate.iterations**2,
+        chain_ms=float(np.median(chain_ms)),
+        table_ms=float(np.median(table_ms)),
+        plain_ms=1e3 * (time.perf_counter() - begun_s),
+    )
+
+
+def plain_map(
+    x_mm: list[float],
+    y_mm: list[float],
+    z_mm: list[float],
+    *,
+    iterations: int,
+    radius_mm: float,
+    power: float = 2.0,
+) -> np.ndarray:
+    """Inverse distance weighting in plain Python: rows of depths over the markers' bounding box."""
+    columns = [min(x_mm) + k * (max(x_mm) - min(x_mm)) / (iterations - 1) for k in range(iterations)]
+    rows = [min(y_mm) + k * (max(y_mm) - min(y_mm)) / (iterations - 1) for k in range(iterations)]
+    surface = []
+    for row in rows:
+        line = []
+        for column in columns:
+            share = total = 0.0
+            for x, y, z in zip(x_mm, y_mm, z_mm, strict=True):
+                distance = ((x - column) ** 2 + (y - row) ** 2) ** 0.5
+                if distance <= radius_mm:
+                    weight = max(distance, 1e-6 * radius_mm) ** -power
+                    share += weight * z
+                    total += weight
+            line.append(share / total if total > 0.0 else float("nan"))
+        surface.append(line)
+    return np.array(surface)
