@@ -138,8 +138,8 @@ def main() -> None:
             found = compare(element, element_mm=element_mm, folder=folder)
             own, other = found.depth_mm
             print(
-                f"{element:<6} of {element_mm:<4} mm: manytouch {own:.4f} mm, CalculiX {other:.4f} mm ({found.percent:+.2f} %), "
-                f"nodes at most {found.apart_mm:.4f} mm apart"
+                f"{element:<6} of {element_mm:<4} mm: manytouch {own:.4f} mm, CalculiX {other:.4f} mm "
+                f"({found.percent:+.2f} %), nodes at most {found.apart_mm:.4f} mm apart"
             )
 
 

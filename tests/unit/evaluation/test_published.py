@@ -1,0 +1,128 @@
+"""The paper's experiments: each figure on something whose answer is known by hand."""
+
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hollows import bumps
+from manytouch.estimation.paper import inverse_distance
+from manytouch.evaluation.cases import GROUPS, Case
+from manytouch.evaluation.published import material, places, spacing
+from manytouch.evaluation.published.page import Experiments, contents, row, write_page
+from manytouch.evaluation.published.speed import Speed, plain_map
+from manytouch.evaluation.twin import Recording, played
+from manytouch.session import pipeline_for
+from manytouch.simulation.fem.cache import StateCache
+
+STIFFENING = material.Deflection(
+    size_mm=(120.0, 80.0),
+    force_over_E_mm2=np.array([0.001, 1.0, 2.0, 4.0]),
+    depth_mm=np.array([0.02, 8.0, 9.1, 11.1]),
+)
+FOUND = Experiments(
+    deflections=(STIFFENING,) * 4,
+    sag_mm=10.9,
+    gaps=(
+        spacing.Gaps(
+            height_mm=1.0, steepest_deg=30.0, true_mm=1.5, mended_mm=1.4, printed_mm=0.6, off_mm=0.1
+        ),
+    ),
+    gap_MPa=3.3,
+    presses={
+        "truth": (places.Press(along_mm=60.0, depth_mm=10.0), places.Press(along_mm=115.0, depth_mm=10.2)),
+        "paper": (places.Press(along_mm=61.0, depth_mm=14.0), places.Press(along_mm=113.0, depth_mm=np.nan)),
+    },
+    speed=Speed(markers=960, points=10_000, chain_ms=50.0, table_ms=2.0, plain_ms=1950.0),
+)
+
+
+def test_the_modulus_is_the_one_at_which_10_N_press_as_deep_as_printed() -> None:
+    assert STIFFENING.young_MPa == pytest.approx(10.0 / 3.0)  # 10.1 mm lies half-way from 2 to 4 mm^2
+    assert STIFFENING.linear_young_MPa == pytest.approx(20.0 * 10.0 / 10.1)
+    assert STIFFENING.linear_depth_mm(0.01) == pytest.approx(20_000.0)
+    assert STIFFENING.depth_of_10_N_mm(5.0) == pytest.approx(9.1)
+    assert np.isnan(STIFFENING.depth_of_10_N_mm(0.01))
+
+
+def test_the_mended_gap_of_a_flat_sheet_is_the_pitch_less_two_radii_and_the_printed_one_is_not() -> None:
+    flat = np.zeros(1)
+    assert spacing.mended_gap_mm(np.array([4.0]), 0.7, flat, flat) == pytest.approx([2.0])
+    assert spacing.printed_gap_mm(np.array([4.0]), 0.7, flat, flat) == pytest.approx([1.3])
+
+
+def test_tips_on_a_sheet_that_turns_away_from_them_come_closer() -> None:
+    level, steep = np.zeros(1), np.full(1, np.deg2rad(30.0))
+    assert spacing.mended_gap_mm(np.array([4.0]), 2.0, level, steep) == pytest.approx(
+        [4 * np.sqrt(0.75) - 1.0 - 1.0 - np.sqrt(0.75)]
+    )
+
+
+def test_the_gaps_of_a_solved_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("skfem")
+    monkeypatch.setattr(material, "SHEETS_MM", ((40.0, 30.0),))
+    monkeypatch.setattr(material, "PRINTED_DEPTH_MM", 2.0)
+    monkeypatch.setattr(material, "ENOUGH_MM", 2.2)
+    cache = StateCache(folder=tmp_path)
+    pressed, young_MPa = material.printed_press(cache)
+    found = [spacing.gaps(pressed, height_mm) for height_mm in (0.0, 2.0)]
+    assert young_MPa in {10.0 / force for force in material.FORCE_OVER_E_MM2}
+    for one in found:
+        assert one.mended_mm == pytest.approx(one.true_mm, abs=0.3)
+        assert one.off_mm < 0.3
+    assert found[1].printed_mm < found[1].true_mm - 1.0
+    deflection = material.deflection((40.0, 30.0), cache)
+    assert (np.diff(deflection.depth_mm) > 0).all()
+    assert deflection.depth_mm[-1] >= 2.0
+    assert deflection.linear_young_MPa > deflection.young_MPa  # stretching makes it stiffer
+
+
+def test_the_presses_are_at_60_and_115_mm_and_in_no_group_of_the_suite() -> None:
+    first, second = places.presses()
+    assert [case.touches[0].at_mm[0] + 80.0 for case in (first, second)] == pytest.approx([60.0, 115.0])
+    assert first.group not in GROUPS
+
+
+def test_each_method_reads_the_press_where_it_is_and_the_truth_stands_beside_it() -> None:
+    class Hollow:
+        in_words = "a hollow"
+
+        def refusal(self, case: Case) -> str | None:
+            return None
+
+        def play(self, case: Case) -> Recording:
+            deep = replace(case, deepest_mm=4.0, width_px=1280)
+            return played(deep, bumps(deep))
+
+    small = replace(places.presses()[0], width_px=1280)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(places, "presses", lambda: (small, small))
+        found = places.table({"perimeter": pipeline_for("perimeter")}, Hollow())
+    assert row(found["truth"]) == pytest.approx([60.0, 60.0, 4.0])
+    assert found["perimeter"][0].along_mm == pytest.approx(60.0, abs=4.0)
+    assert found["perimeter"][0].depth_mm > 1.0
+
+
+def test_the_map_in_plain_loops_is_the_map() -> None:
+    chance = np.random.default_rng(1)
+    place_mm, depth_mm = chance.uniform(0, 20, (30, 2)), chance.normal(size=30)
+    fast = inverse_distance(place_mm, 9, 6.0, 2.0)(depth_mm)
+    plain = plain_map(
+        place_mm[:, 0].tolist(), place_mm[:, 1].tolist(), depth_mm.tolist(), iterations=9, radius_mm=6.0
+    )
+    np.testing.assert_allclose(plain, fast, atol=1e-12)
+
+
+def test_the_page_says_what_fits_and_what_does_not(tmp_path: Path) -> None:
+    page = write_page(FOUND, tmp_path).read_text(encoding="utf-8")
+    assert "0.01 N/mm² does not fit" in page
+    assert "3.33" in page
+    assert "59.69" in page
+    assert "+1.00, -2.00, –" in page  # the paper's method against the truth; a depth that is not given
+    assert "0.50" in page  # frames per second with the map in loops
+    assert "<svg" in page
+    assert not re.findall(r'(?:src|href)="(?!#)', page)
+    assert json.loads((tmp_path / "paper.json").read_text()) == contents(FOUND)
