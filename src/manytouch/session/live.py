@@ -281,12 +281,27 @@ class Live:
         self._taring = None
         if sensor is None:
             self._note("not tared: fewer than half of the markers are seen")
-        else:
+            return
+        try:
             self._change(sensor=sensor, version=self._wanted.version + 1)
+        except ManytouchError as error:
+            self._note(f"not tared: {error}")
+        else:
             self._note("tared: the sheet as it is now counts as untouched")
 
     def _change(self, **fields: object) -> None:
-        self._wanted = setup = replace(self._wanted, **fields)  # type: ignore[arg-type]
+        """Begin anew with the next frame, if two frames can be read so.
+
+        Raises:
+            ManytouchError: they cannot.
+        """
+        setup = replace(self._wanted, **fields)  # type: ignore[arg-type]
+        try:
+            for _ in setup.pipeline.run(self._job.samples, setup.sensor):
+                pass
+        except (ArithmeticError, ValueError) as error:
+            raise ManytouchError(f"this cannot be read with: {error}") from error
+        self._wanted = setup
         self._taping.describe(setup.sensor, setup.pipeline, setup.method)
 
     def _note(self, sentence: str) -> None:

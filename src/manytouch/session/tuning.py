@@ -1,5 +1,6 @@
 """The numbers among a pipeline's parameters, by name, to be seen and changed while it runs."""
 
+import math
 from collections.abc import Iterator
 from dataclasses import fields, is_dataclass, replace
 from typing import Any
@@ -17,11 +18,13 @@ def tuned(pipeline: Pipeline, parameter: str, value: float) -> Pipeline:
     """The pipeline with another value of a parameter.
 
     Raises:
-        ManytouchError: there is no such parameter, or it is a whole number and the value is not.
+        ManytouchError: there is no such parameter, or the value does not suit it.
     """
     known = parameters_of(pipeline)
     if parameter not in known:
         raise ManytouchError(f"there is no parameter {parameter!r}; there are: {', '.join(sorted(known))}")
+    if not math.isfinite(value):
+        raise ManytouchError(f"{parameter} is a number, not {value}")
     if isinstance(known[parameter], int):
         if value != int(value):
             raise ManytouchError(f"{parameter} is a whole number, not {value:g}")

@@ -176,12 +176,27 @@ def test_a_parameter_changes_while_it_runs() -> None:
         (Tune(parameter="detect.nonsense", value=1.0), "no parameter 'detect.nonsense'; there are: detect."),
         (Tune(parameter="estimate.identity.confirm_frames", value=1.5), "whole number"),
         (UseMethod(method="magic"), "no method 'magic'"),
+        (Tune(parameter="detect.least_share", value=float("nan")), "not nan"),
         (Seek(frame=3), "Seek means nothing"),
     ],
 )
 def test_what_cannot_be_done_becomes_a_note(command: Command, words: str) -> None:
     live, seen = played(Pictures(frames=25, is_touched=False), at_2=command)
     assert any(words in note for note in live.health().notes)
+    assert len(seen.readings) == 25
+
+
+def test_what_cannot_be_read_with_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Fails:
+        def run(self, frames: object, sensor: object) -> Iterator[Reading]:
+            raise ValueError("a window of no size")
+            yield
+
+    monkeypatch.setattr("manytouch.session.live.tuned", lambda *_: Fails())
+    live, seen = played(
+        Pictures(frames=25, is_touched=False), at_2=Tune(parameter="detect.least_snr", value=0.0)
+    )
+    assert any("a window of no size" in note for note in live.health().notes)
     assert len(seen.readings) == 25
 
 
