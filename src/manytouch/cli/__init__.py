@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError
 
 import manytouch
-from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, run, simulate
+from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, run, simulate, view
 from manytouch.cli.failures import DEBUG_FLAG, one_line, report
 
 DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
@@ -33,6 +33,7 @@ app = App(
 app.command(demo.demo)
 app.command(process.process)
 app.command(run.run)
+app.command(view.view)
 app.command(doctor.doctor)
 app.command(evaluate.evaluate)
 app.command(simulate.simulate)

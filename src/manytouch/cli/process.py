@@ -10,7 +10,10 @@ from manytouch.cli import options
 
 def process(
     inputs: Annotated[
-        list[str], Parameter(name="INPUT", negative=(), help="Video, image, folder of images, or sim:.")
+        list[str],
+        Parameter(
+            name="INPUT", negative=(), help="Video, image, folder of images, .mcap recording, or sim:."
+        ),
     ],
     /,
     *,
@@ -57,6 +60,7 @@ def process(
             try:
                 with reporter:
                     reporter.say(text, heading=True)
+                    refuse_endless(text)
                     job = prepare(
                         text,
                         sensor=sensor,
@@ -84,6 +88,23 @@ def process(
                 report(error)
                 failed += 1
     return 1 if failed else 0
+
+
+def refuse_endless(text: str) -> None:
+    """Cameras and streams have no end.
+
+    Raises:
+        SourceError: it is one.
+    """
+    from manytouch.errors import SourceError
+    from manytouch.sources.camera import without_password
+    from manytouch.sources.opening import is_camera
+
+    if is_camera(text):
+        raise SourceError(
+            f"{without_password(text)!r} is a camera or a stream, which has no end: use manytouch run, and "
+            "record it with --record to process it later"
+        )
 
 
 def folder_names(inputs: list[str]) -> list[str]:

@@ -42,7 +42,8 @@ def run(
     A camera is asked for size, rate and light, and what it says is printed. When
     reading is too slow whole frames of a camera are dropped, and counted; files and
     the simulated sensor keep their own pace, or --fps, and every frame is read.
-    Ctrl-C ends it, with complete files.
+    A recording gives its stored readings; with any option about reading or files
+    its frames are read anew. Ctrl-C ends it, with complete files.
 
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
@@ -51,11 +52,17 @@ def run(
     from manytouch.cli.contact_log import ContactLog
     from manytouch.cli.stopping import Stop
     from manytouch.cli.viewing import Place, viewers
-    from manytouch.session import Live, files_in, prepare, result_name
+    from manytouch.session import Live, Playback, files_in, prepare, result_name
     from manytouch.sources.capture import CameraWishes
 
     reporter = Reporter(bar=False)
+    place = None if no_view else Place(host=host, port=port, token=token)
     with Stop() as stop:
+        if is_stored(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps):
+            playback = Playback(Path(source))
+            log = ContactLog(playback.sensor, reporter.say)
+            playback.run([log, *viewers(playback, place, reporter.say)], progress=reporter, stop=stop)
+            return 0
         job = prepare(
             source,
             sensor=sensor,
@@ -78,7 +85,6 @@ def run(
         live = Live(job)
         for line in settings_in_words(live.health().settings):
             reporter.say(line)
-        place = None if no_view else Place(host=host, port=port, token=token)
         if out is None:
             live.run([log, *viewers(live, place, reporter.say)], record=record, progress=reporter, stop=stop)
             return 0
@@ -88,3 +94,8 @@ def run(
         live.run([*files, log, *shown, summary], record=record, progress=reporter, stop=stop)
     reporter.finish(summary, folder)
     return 0
+
+
+def is_stored(source: str, *asked: object) -> bool:
+    """Is it a recording of which nothing is asked but what it holds?"""
+    return source.lower().endswith(".mcap") and not any(asked)

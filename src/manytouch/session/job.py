@@ -14,6 +14,7 @@ from manytouch.sources import Source, open_source
 from manytouch.sources.camera import without_password
 from manytouch.sources.capture import CameraWishes
 from manytouch.sources.images import ImagesSource
+from manytouch.sources.replay import ReplaySource
 from manytouch.sources.source import Device
 from manytouch.values import Frame, Reading, Sensor
 from manytouch.values.sensor_file import load_sensor
@@ -127,6 +128,8 @@ def prepare(
             "give either a sensor file or --pitch-mm and --hfov-deg"
         )
     source, text = _opened(input, fps, _sized(camera, given))
+    if progress is not None and isinstance(source, ReplaySource) and source.warning is not None:
+        progress.say(source.warning)
     if progress is not None and not any(kernels().values()):
         progress.say("compiling, once: this takes some seconds now, and none in later runs")
     try:

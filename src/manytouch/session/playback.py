@@ -16,7 +16,8 @@ from manytouch.session.meter import Meter
 from manytouch.session.methods import METHODS
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.tuning import parameters_of
-from manytouch.sources.replay import ReplaySource, replay_source
+from manytouch.sources import open_source
+from manytouch.sources.replay import ReplaySource
 from manytouch.values import Command, Health, Play, Reading, Seek, Sensor, Start, Stop, Truth
 
 
@@ -43,10 +44,13 @@ class Playback:
             stays: wait at the end for somebody to seek, instead of ending.
 
         Raises:
-            SourceError: it is no recording that can be replayed.
+            SourceError: it is not there, or no recording that can be replayed.
             ManytouchError: see `prepare`.
         """
-        self._source: ReplaySource = replay_source(path)
+        source = open_source(path)
+        if not isinstance(source, ReplaySource):
+            raise SourceError(f"{str(path)!r} is no recording; manytouch run shows other sources")
+        self._source = source
         self._is_anew = method is not None or sensor is not None
         recorded = str(self._source.recording.about["method"])
         known = method or (recorded if recorded in METHODS else None)

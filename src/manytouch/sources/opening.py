@@ -72,7 +72,7 @@ def _file_source(text: str, path: Path, fps: float | None) -> Source:
     if path.suffix.lower() == ".mcap":
         from manytouch.sources.replay import replay_source
 
-        return replay_source(path)
+        return replay_source(path, fps)
     if path.suffix.lower() in IMAGE_SUFFIXES or (
         path.suffix.lower() != ".gif" and cv2.haveImageReader(str(path))
     ):

@@ -1,11 +1,13 @@
 """A recording as a source of frames."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 from manytouch.errors import SourceError
 from manytouch.recording.reader import Recording
 from manytouch.sources.encoded import decoded
+from manytouch.sources.source import evenly_timed_ns
 from manytouch.values import Frame, Reading, Sensor
 
 
@@ -17,8 +19,18 @@ class ReplaySource:
         is_colour: decode JPEG in colour.
     """
 
-    def __init__(self, recording: Recording) -> None:
+    def __init__(self, recording: Recording, fps: float | None = None) -> None:
+        """Find the size of its frames.
+
+        Args:
+            recording: the file.
+            fps: rate that the timestamps follow instead of the recorded times.
+
+        Raises:
+            SourceError: none of its frames can be decoded.
+        """
         self.recording = recording
+        self._fps = fps
         layout = recording.sensor.layout
         self.is_colour = layout is not None and layout.colour_weights is not None
         first = next(
@@ -41,7 +53,9 @@ class ReplaySource:
 
     @property
     def fps(self) -> float | None:
-        """From first to last frame, by the middle step, so that gaps do not count."""
+        """As given, else by the middle step from frame to frame, so that gaps do not count."""
+        if self._fps is not None:
+            return self._fps
         steps = [
             self.recording.timestamp_ns(place + 1) - self.recording.timestamp_ns(place)
             for place in range(len(self.recording) - 1)
@@ -74,18 +88,19 @@ class ReplaySource:
 
     def frame(self, place: int) -> Frame:
         """The frame at a place, decoded."""
-        return decoded(self.recording.frame(place), is_colour=self.is_colour)
+        frame = decoded(self.recording.frame(place), is_colour=self.is_colour)
+        return frame if self._fps is None else replace(frame, timestamp_ns=evenly_timed_ns(place, self._fps))
 
     def reading(self, place: int) -> Reading | None:
         """The stored reading of the frame at a place; None when it was not read."""
         return self.recording.reading(self.frame(place)) if self.recording.was_read(place) else None
 
 
-def replay_source(path: Path) -> ReplaySource:
+def replay_source(path: Path, fps: float | None = None) -> ReplaySource:
     """A recording as a source.
 
     Raises:
         SourceError: it is none, or none of its frames can be decoded.
         MissingExtraError: the packages for recordings are not installed.
     """
-    return ReplaySource(Recording(path))
+    return ReplaySource(Recording(path), fps)

@@ -159,6 +159,12 @@ def test_reading_the_frames_again_gives_the_same_bits(recorded: tuple[Path, Seen
         assert same(without_time(one), without_time(other))
 
 
+def test_a_rate_can_be_given_instead_of_the_recorded_times(recorded: tuple[Path, Seen, Live]) -> None:
+    source = open_source(recorded[0], fps=50.0)
+    assert [frame.timestamp_ns for frame in source][:3] == [0, 20_000_000, 40_000_000]
+    assert open_source(recorded[0]).fps == pytest.approx(200.0)
+
+
 def test_another_method_reads_the_same_frames(recorded: tuple[Path, Seen, Live], tmp_path: Path) -> None:
     path, _, _ = recorded
     playback = Playback(path, method="paper")

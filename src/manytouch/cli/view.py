@@ -1,0 +1,40 @@
+"""`manytouch view`: a recording, shown again in the browser."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from manytouch.cli import options
+
+
+def view(
+    recording: Annotated[Path, Parameter(metavar="FILE.mcap", help="Recording of manytouch run --record.")],
+    /,
+    *,
+    sensor: options.SensorFile = None,
+    method: options.MethodName = None,
+    host: options.Host = "127.0.0.1",
+    port: options.Port = 0,
+    token: options.ViewToken = None,
+) -> int:
+    """Show a recording again: its stored readings, with a timeline, until Ctrl-C.
+
+    With --method or --sensor its frames are read anew instead.
+
+    Example: manytouch view press.mcap --method paper
+    """
+    from manytouch.cli.console import Reporter
+    from manytouch.cli.stopping import Stop
+    from manytouch.cli.viewing import Place, viewers
+    from manytouch.errors import MissingExtraError
+    from manytouch.session import Playback
+
+    reporter = Reporter(bar=False)
+    with Stop() as stop:
+        playback = Playback(recording, method=method, sensor=sensor, stays=True)
+        shown = viewers(playback, Place(host=host, port=port, token=token), reporter.say)
+        if not shown:
+            raise MissingExtraError("the viewer", "nicegui", "view")
+        playback.run(shown, progress=reporter, stop=stop)
+    return 0

@@ -1,0 +1,90 @@
+"""Recordings from the command line: made, replayed, read anew, cut off."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from clips import pressed_video
+from results import rows_of
+
+pytest.importorskip("mcap")
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, str]:
+    """A recording of a run, and what the run printed."""
+    folder = tmp_path_factory.mktemp("made")
+    video = pressed_video(folder / "press.mp4")
+    done = manytouch(
+        "run", video, "--no-view", "--fps", "60", "--record", folder / "x.mcap", "--out", folder / "live"
+    )
+    assert done.returncode == 0, done.stderr
+    return folder / "x.mcap", done.stdout
+
+
+def manytouch(*words: object) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "manytouch", *map(str, words)], capture_output=True, text=True, check=False
+    )
+
+
+def contact_lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if "#0 touches" in line or "#0 gone" in line]
+
+
+def test_a_run_is_recorded_and_replayed_as_it_was(made: tuple[Path, str]) -> None:
+    path, printed = made
+    assert "recording x.mcap" in printed
+    assert "recorded x.mcap; 60 frames are kept" in printed
+    again = manytouch("run", path, "--no-view")
+    assert again.returncode == 0, again.stderr
+    assert len(contact_lines(printed)) == 2
+    assert contact_lines(again.stdout) == contact_lines(printed)
+
+
+def test_a_recording_processed_gives_the_tables_of_the_run(made: tuple[Path, str], tmp_path: Path) -> None:
+    path, _ = made
+    done = manytouch("process", path, "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    live = path.parent / "live" / "press"
+    assert (tmp_path / "x" / "contacts.csv").read_bytes() == (live / "contacts.csv").read_bytes()
+    assert (tmp_path / "x" / "markers.parquet").read_bytes() == (live / "markers.parquet").read_bytes()
+
+
+def test_a_recording_that_was_cut_off_says_so_and_gives_what_is_whole(
+    made: tuple[Path, str], tmp_path: Path
+) -> None:
+    path, _ = made
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    done = manytouch("process", cut, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    assert "cut.mcap was cut off" in done.stdout
+    assert 10 < len(rows_of(tmp_path / "out" / "cut" / "frames.csv")) < 60
+    again = manytouch("run", cut, "--no-view")
+    assert again.returncode == 0, again.stderr
+    assert "cut.mcap was cut off" in again.stdout
+
+
+def test_another_method_is_named(made: tuple[Path, str], tmp_path: Path) -> None:
+    path, _ = made
+    done = manytouch("run", path, "--method", "paper", "--no-view", "--fps", "200", "--out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert '"method": "paper"' in (tmp_path / "x" / "summary.json").read_text()
+
+
+@pytest.mark.parametrize(
+    "words", [("view", "absent.mcap"), ("run", "absent.mcap"), ("process", "0", "--out", "o")]
+)
+def test_what_cannot_be_is_one_sentence(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = manytouch(*words)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert "Traceback" not in done.stderr
