@@ -244,6 +244,9 @@ def conditions() -> dict[str, Sequence]:
         tried[f"view shifted {shift:g}, no rim, even"] = Sequence(
             shift_pitches=shift, margin=1.15, jitter_pitches=0.0
         )
+        tried[f"view shifted {shift:g}, no rim, even, all alike"] = Sequence(
+            shift_pitches=shift, margin=1.15, jitter_pitches=0.0, radius_spread=0.0, contrast_spread=0.0
+        )
     for fault in ("black", "blurred", "saturated", "hidden", "flash"):
         tried[f"{fault}, step 0.25"] = Sequence(fault=fault, false_share=0.02)
         tried[f"{fault}, step 0.8"] = Sequence(fault=fault, step_pitches=0.8, false_share=0.02)

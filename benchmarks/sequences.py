@@ -29,7 +29,7 @@ LEAST_PITCH_PX = 5.0
 STEEPEST = 0.6  # largest strain of the sheet's image, so that it does not fold
 FINGERS = 2
 TOUCHING = 2  # first steps, of half the length: a sheet at rest must be touched before it can swing
-_VERSION = 3  # of the pictures, for the cache
+_VERSION = 4  # of the pictures, for the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,6 +51,7 @@ class Sequence:
         is_clamped: the outermost dots stay where they are.
         margin: extent of the pattern against the image; above 1 its rim is never seen.
         jitter_pitches: deviation of the printed dots from the lattice; the sensor knows it.
+        radius_spread, contrast_spread: of the printed dots, against the usual; nobody knows them.
         seed: of everything that is chance.
     """
 
@@ -70,6 +71,8 @@ class Sequence:
     is_clamped: bool = True
     margin: float = 0.94
     jitter_pitches: float = 0.02
+    radius_spread: float = 0.015
+    contrast_spread: float = 0.08
     seed: int = 0
 
 
@@ -121,6 +124,8 @@ def course_of(sequence: Sequence) -> Course:
     centre_px, shape_px = _moved(_sheet_of(sequence), sequence.frames, sequence.step_pitches)
     shift_px = _shifts(sequence, pitch_px, chance)
     centre_px = centre_px + shift_px[:, None]
+    printed = np.random.default_rng([sequence.seed, 4]).standard_normal(len(rest_px))
+    size = 1.0 + np.clip(sequence.radius_spread * printed, -0.2, 0.2)
     is_faulty = np.zeros(sequence.frames, dtype=bool)
     if sequence.fault != "none":
         length = 1 if sequence.fault == "flash" else sequence.fault_frames
@@ -138,8 +143,8 @@ def course_of(sequence: Sequence) -> Course:
         pitch_px=pitch_px,
         radius_px=radius_px,
         centre_px=centre_px,
-        shape_px=radius_px * shape_px,
-        contrast=np.clip(1.0 + 0.08 * chance.standard_normal(len(rest_px)), 0.7, 1.2),
+        shape_px=radius_px * size[:, None, None] * shape_px,
+        contrast=np.clip(1.0 + sequence.contrast_spread * chance.standard_normal(len(rest_px)), 0.7, 1.2),
         is_visible=is_visible,
         is_faulty=is_faulty,
         is_jump=np.concatenate([[False], (np.diff(shift_px, axis=0) != 0.0).any(axis=1)]),
@@ -403,8 +408,8 @@ def _false_spots(
 def dots_in(course: Course, index: int, *, noise_px: float = 0.015) -> Detections:
     """The dots of a frame as a detection gives them: unordered, each with its own noise, false ones too.
 
-    Each dot's noise is drawn from its own covariance, between 0.7 and 1.4 times `noise_px`. A blurred frame
-    shows half of its dots, with ten times the noise.
+    Each dot's noise is drawn from its own covariance, between 0.7 and 1.4 times `noise_px`; areas and
+    contrasts are off by up to 2 %. A blurred frame shows half of its dots, with ten times the noise.
     """
     sequence = course.sequence
     chance = np.random.default_rng([sequence.seed, 3, index])
@@ -413,19 +418,22 @@ def dots_in(course: Course, index: int, *, noise_px: float = 0.015) -> Detection
     if is_blurred:
         shown = shown & (chance.random(len(shown)) < 0.5)
     true_px = np.concatenate([course.centre_px[index][shown], course.false_px[index]])
-    true_px = true_px[chance.permutation(len(true_px))]
+    order = chance.permutation(len(true_px))
+    true_px = true_px[order]
     std_px = noise_px * chance.uniform(0.7, 1.4, len(true_px)) * (10.0 if is_blurred else 1.0)
     status = "ok"
     if course.is_faulty[index]:
         status = {"black": "dark", "saturated": "saturated", "flash": "saturated", "blurred": "blurred"}.get(
             sequence.fault, "ok"
         )
-    area_px2 = np.pi * course.radius_px**2 * chance.uniform(0.9, 1.1, len(true_px))
+    spots = np.ones(len(course.false_px[index]))
+    area_px2 = np.concatenate([np.linalg.det(course.shape_px[index][shown]), course.radius_px**2 * spots])
+    contrast = np.concatenate([course.contrast[shown], spots])
     return Detections(
         centre_px=true_px + std_px[:, None] * chance.standard_normal(true_px.shape),
         covariance_px2=std_px[:, None, None] ** 2 * np.eye(2),
-        area_px2=area_px2,
-        contrast=160.0 * chance.uniform(0.9, 1.1, len(true_px)),
+        area_px2=np.pi * area_px2[order] * chance.uniform(0.98, 1.02, len(true_px)),
+        contrast=160.0 * contrast[order] * chance.uniform(0.98, 1.02, len(true_px)),
         status=status,
     )
 

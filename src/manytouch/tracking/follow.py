@@ -11,13 +11,14 @@ import numpy as np
 
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import project
-from manytouch.tracking.identity import Identified, Past, Scratch, identified, presence_of, slack
+from manytouch.tracking.identity import SIGNS, Identified, Past, Scratch, identified, presence_of, slack
 from manytouch.tracking.mesh import Mesh, mesh_of
 from manytouch.values import Detections, Layout, Sensor, TrackedGrid
 from manytouch.values.arrays import Counts, Points2, read_only
 
 _WINDOW_LIMIT_PITCHES = 0.3
-_LONG_GAP = 2  # frames without a marker after which the view may have moved by a pitch
+_LEAST_LEARNT = 4  # frames: looks known from fewer are mostly noise
+_LEARNT, _LEARNT_OFTEN, _LEARNT_EACH = 0.05, 20, 4
 _WHOLE_RADII = 1.5
 
 
@@ -33,10 +34,14 @@ class Following:
         frames_unseen: (m,).
         presence: (N,) share of recent frames in which each node of the mesh had a dot.
         seen: number of markers that were seen in the last frame that showed any.
-        roughness: mean second difference of displacements then, in spacings.
+        roughness: median second difference of displacements then, in spacings.
         motion_pitches: motion that 95 % of the seen markers stayed below, in spacings; inf after a bad frame.
         is_locked: the last frame was a good one.
-        is_anchored: outline or irregularities have been found to tell slips along the lattice apart.
+        is_open: the view moved, unseen or too fast, so that the numbers may have slipped along the lattice,
+            and neither outline nor irregularities have told since.
+        look: (m, 2) area and contrast of each marker's dot against the adjacent ones'; NaN: not known.
+        unlike: (2,) mean difference of a frame's looks from that.
+        learnt: number of frames that looks were learnt from.
         lost: fewer or faster than windows can follow.
     """
 
@@ -50,7 +55,10 @@ class Following:
     roughness: float
     motion_pitches: float
     is_locked: bool
-    is_anchored: bool
+    is_open: bool
+    look: np.ndarray
+    unlike: np.ndarray
+    learnt: int
     lost: bool
 
 
@@ -102,7 +110,10 @@ class FollowGrid:
             roughness=0.0,
             motion_pitches=np.inf,
             is_locked=False,
-            is_anchored=False,
+            is_open=False,
+            look=read_only(np.full((len(rest), SIGNS), np.nan)),
+            unlike=read_only(np.full(SIGNS, np.nan)),
+            learnt=0,
             lost=False,
         )
 
@@ -125,18 +136,23 @@ class FollowGrid:
             seen=state.seen,
             roughness=state.roughness,
             is_next=state.is_locked,
-            is_anchored=state.is_anchored,
+            is_open=state.is_open,
+            look=state.look,
+            unlike=state.unlike if state.learnt >= _LEAST_LEARNT else np.full(SIGNS, np.nan),
         )
+        appearance = np.empty((len(detections.centre_px), SIGNS))
+        appearance[:, 0], appearance[:, 1] = detections.area_px2, detections.contrast
         answer = identified(
-            *(state.mesh, detections.centre_px, past), noise_px=_noise_px(detections), scratch=state.scratch
+            *(state.mesh, detections.centre_px, appearance, past),
+            noise_px=_noise_px(detections),
+            scratch=state.scratch,
         )
         if answer.found == 0:
-            after, is_seen = _blind(state), np.zeros(state.mesh.markers, dtype=bool)
+            after, is_seen = _blind(state, answer), np.zeros(state.mesh.markers, dtype=bool)
         else:
-            after, is_seen = _moved(state, detections.centre_px, answer)
-        gap = int(state.frames_unseen.min(initial=0))
-        may_slip = _may_slip(after) and gap > _LONG_GAP and state.seen > 0
-        return after, self._grid(after, detections, answer, is_seen, may_slip=may_slip)
+            learnt = _learnt(state, appearance, answer, is_good=detections.status == "ok")
+            after, is_seen = _moved(state, detections.centre_px, answer, learnt)
+        return after, self._grid(after, detections, answer, is_seen)
 
     def expected_px(self, state: Following) -> Points2 | None:
         """Places (m, 2) in the next frame, NaN for those known to be missing; None asks for all dots."""
@@ -156,21 +172,27 @@ class FollowGrid:
         detections: Detections,
         answer: Identified,
         is_seen: np.ndarray,
-        *,
-        may_slip: bool,
     ) -> TrackedGrid:
+        from manytouch.tracking.registration import place_dots
+
         markers = after.mesh.markers
-        position = np.full((markers, 2), np.nan)
-        covariance = np.full((markers, 2, 2), np.nan)
-        dots = answer.owner[:markers][is_seen]
-        position[is_seen] = detections.centre_px[dots]
-        covariance[is_seen] = detections.covariance_px2[dots]
-        area = np.full(markers, np.nan)
-        area[is_seen] = detections.area_px2[dots]
+        position, covariance = np.empty((markers, 2)), np.empty((markers, 2, 2))
+        area = np.empty(markers)
+        place_dots(
+            answer.owner,
+            is_seen,
+            np.array(detections.centre_px),
+            np.array(detections.covariance_px2),
+            np.array(detections.area_px2),
+            position,
+            covariance,
+            area,
+        )
+        seen = int(is_seen.sum())
         status = detections.status
-        if status == "ok" and (answer.is_slipping or (len(dots) and may_slip)):
+        if status == "ok" and (answer.is_slipping or (seen and after.is_open)):
             status = "ambiguous_shift"
-        if status == "ok" and len(dots) < self.least_share * after.mesh.present:
+        if status == "ok" and seen < self.least_share * after.mesh.present:
             status = "few_markers"
         return TrackedGrid(
             position_px=read_only(position),
@@ -182,11 +204,6 @@ class FollowGrid:
         )
 
 
-def _may_slip(state: Following) -> bool:
-    """Has the image never told slips along the lattice apart? From a good frame on, motion is followed."""
-    return len(state.mesh.slip) > 1 and not state.is_anchored
-
-
 def _noise_px(detections: Detections) -> float:
     """Usual standard deviation of a centre."""
     if len(detections.centre_px) == 0:
@@ -195,7 +212,7 @@ def _noise_px(detections: Detections) -> float:
     return float(np.sqrt(mean_px2)) if 0.0 < mean_px2 < np.inf else 0.0
 
 
-def _blind(state: Following) -> Following:
+def _blind(state: Following, answer: Identified) -> Following:
     """The state after a frame in which no marker could be told: nothing is known of the motion."""
     return replace(
         state,
@@ -203,11 +220,37 @@ def _blind(state: Following) -> Following:
         frames_unseen=read_only(state.frames_unseen + 1),
         motion_pitches=np.inf,
         is_locked=False,
+        is_open=answer.is_open,
         lost=True,
     )
 
 
-def _moved(state: Following, centre_px: Points2, answer: Identified) -> tuple[Following, np.ndarray]:
+def _learnt(
+    state: Following, appearance: np.ndarray, answer: Identified, *, is_good: bool
+) -> tuple[np.ndarray, np.ndarray, int]:
+    """Looks, how unlike them dots usually are, and number of frames, with this one where it teaches."""
+    from manytouch.tracking.looks import learn
+
+    if not is_good or answer.is_open or (state.learnt > _LEARNT_OFTEN and state.learnt % _LEARNT_EACH):
+        return state.look, state.unlike, state.learnt + int(is_good)
+    look, unlike = np.empty_like(state.look), np.empty_like(state.unlike)
+    learn(
+        answer.owner,
+        appearance,
+        state.mesh.net,
+        state.look,
+        state.unlike,
+        answer.unlike,
+        max(_LEARNT, 1.0 / (state.learnt + 1)),
+        look,
+        unlike,
+    )
+    return read_only(look), read_only(unlike), state.learnt + 1
+
+
+def _moved(
+    state: Following, centre_px: Points2, answer: Identified, learnt: tuple[np.ndarray, np.ndarray, int]
+) -> tuple[Following, np.ndarray]:
     """The state after a frame that showed markers, and which were seen."""
     from manytouch.tracking.registration import settle
 
@@ -238,7 +281,10 @@ def _moved(state: Following, centre_px: Points2, answer: Identified) -> tuple[Fo
         roughness=answer.roughness,
         motion_pitches=float(motion),
         is_locked=True,
-        is_anchored=answer.is_anchored,
+        is_open=answer.is_open,
+        look=learnt[0],
+        unlike=learnt[1],
+        learnt=learnt[2],
         lost=bool(seen < state.seen - slack(mesh) or motion > _WINDOW_LIMIT_PITCHES),
     )
     return after, is_seen

@@ -10,7 +10,8 @@ from numba import njit
 
 from manytouch.tracking.bins import match, nearest_two
 from manytouch.tracking.growth import fill, grow, keep_largest
-from manytouch.tracking.slips import vote
+from manytouch.tracking.looks import LOOKS, SIGNS, looks, stride, unlike
+from manytouch.tracking.slips import jumped, vote
 from manytouch.tracking.verification import doubtful, part, unfold, verify
 
 _GATE = 0.45
@@ -24,10 +25,14 @@ _GHOST_GATE = 0.25
 _LEAST_MARGIN = 8.0
 _NEAR_PITCHES = 0.35
 _REST_PITCHES = 0.25
-_ROUGHER, _ROUGHER_PITCHES, _ROUGHEST_PITCHES = 1.7, 0.004, 0.15
+_ROUGHER, _ROUGHER_PITCHES = 1.3, 0.001
+_ROUGH_BIN_PITCHES, _ROUGH_BINS = 0.0005, 300
+_UNLIKE, _UNLIKE_LEAST = 1.25, 0.004
 _VOTES = 3
 _FEW = 2
 _TURNS = 5
+_LONG_GAP = 2  # frames without a marker after which the view may have moved by a pitch
+UNKNOWN, ASSUMED, FOLLOWED, TOLD = -1, 1, 2, 3
 
 
 @njit(cache=True, error_model="numpy")
@@ -125,8 +130,8 @@ def _on_ghosts(dot, bins, cell_px, rest, moved, spacing, kind, presence, used):
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def rough(moved, owner, markers, spacing, opposite):
-    """Mean second difference of displacements along the lattice, clipped, in spacings; NaN: there is none."""
-    total = 0.0
+    """Median second difference of displacements along the lattice, in spacings; NaN: there is none."""
+    count = np.zeros(_ROUGH_BINS + 1, np.int64)
     number = 0
     for k in range(markers):
         if owner[k] < 0:
@@ -137,9 +142,15 @@ def rough(moved, owner, markers, spacing, opposite):
                 continue
             x = moved[a, 0] + moved[b, 0] - 2.0 * moved[k, 0]
             y = moved[a, 1] + moved[b, 1] - 2.0 * moved[k, 1]
-            total += min(_ROUGHEST_PITCHES, np.sqrt(x * x + y * y) / spacing[k])
+            off = np.sqrt(x * x + y * y) / (_ROUGH_BIN_PITCHES * spacing[k])
+            count[min(_ROUGH_BINS, int(off))] += 1
             number += 1
-    return total / number if number else np.nan
+    below = 0
+    for b in range(_ROUGH_BINS + 1):
+        below += count[b]
+        if number and 2 * below >= number:
+            return (b + 0.5) * _ROUGH_BIN_PITCHES
+    return np.nan
 
 
 @njit(cache=True, error_model="numpy")
@@ -159,7 +170,7 @@ def _median_motion(dot, owner, base, spacing):
 @no_type_check
 def _seeded(dot, bins, cell_px, guess, past, net, owner, moved, scratch):
     """Matches dots to a guess and keeps what can be believed: how many are they, and is the frame calm?"""
-    last, unseen, _, before, _, is_next, _ = past
+    last, unseen, _, before, _, is_next = past[:6]
     _, kind, spacing, start, adjacent_end, near, _, _, _, _ = net
     taker, _, _, parent, size, flag, queue, _, _, _, _ = scratch
     owner[len(guess) :] = -1
@@ -206,13 +217,19 @@ def _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, ow
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _is_doubtful(dot, bins, cell_px, is_calm, fresh, past, net, owner, moved, used, lists):
-    """Could the numbers have slipped since the last frame?"""
-    _, unseen, presence, _, level, _, _ = past
+def _is_doubtful(dot, bins, cell_px, is_calm, fresh, level, past, net, owner, moved, used, lists):
+    """Could the numbers have slipped since the last frame?
+
+    `level` (2,) is how unlike the known looks the dots are.
+    """
+    _, unseen, presence, _, usual, _, is_open, _, usual_look = past
     rest, kind, spacing, _, _, _, _, _, _, _ = net
     markers = len(unseen)
-    if not is_calm or fresh > _ROUGHER * level + _ROUGHER_PITCHES:
+    if not is_calm or is_open or fresh > _ROUGHER * usual + _ROUGHER_PITCHES:
         return True
+    for sign in range(SIGNS):
+        if level[sign] > _UNLIKE * usual_look[sign] + _UNLIKE_LEAST:
+            return True
     if len(rest) == markers or _newly(owner, unseen, kind) <= _FEW:
         return False
     fill(len(rest), net, moved, owner, lists)
@@ -221,12 +238,15 @@ def _is_doubtful(dot, bins, cell_px, is_calm, fresh, past, net, owner, moved, us
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def _unslipped(dot, bins, cell_px, is_calm, past, net, extent, noise_px, owner, moved, scratch):
+def _unslipped(
+    dot, bins, cell_px, appearance, is_calm, has_jumped, past, net, extent, noise_px, owner, moved, scratch
+):
     """Gives the nodes the dots of the likeliest slip.
 
-    Returns whether the image tells it, and whether it does or the motion excludes all others.
+    Returns how well it is known: `TOLD` by the image, `FOLLOWED` as the motion excludes all others,
+    `ASSUMED` as the sheet is near its rest, or `UNKNOWN`.
     """
-    last, _, presence, _, _, is_next, _ = past
+    last, unseen, presence, _, _, is_next, _, look, usual = past
     slip, _, bounds = extent
     rest, _, spacing, _, _, _, _, _, _, _ = net
     _, used, excess, _, _, flag, queue, later, is_waiting, tried, place = scratch
@@ -241,7 +261,7 @@ def _unslipped(dot, bins, cell_px, is_calm, past, net, extent, noise_px, owner, 
         for k in range(nodes):
             place[k, 0], place[k, 1] = rest[k, 0] + moved[k, 0], rest[k, 1] + moved[k, 1]
         best, margin, by_roughness, motion = vote(
-            owner, place, net, slip, presence, last, bounds, noise_px, is_next
+            owner, appearance, place, net, slip, presence, look, usual, last, bounds, noise_px, is_next
         )
         if best == 0:
             break
@@ -251,58 +271,79 @@ def _unslipped(dot, bins, cell_px, is_calm, past, net, extent, noise_px, owner, 
             if queue[k] >= 0 and slip[best, k] >= 0:
                 owner[slip[best, k]] = queue[k]
         _displace(dot, rest, owner, nodes, moved, used)
-        grow(dot, bins, cell_px, nodes, net, moved, owner, used, lists)
-        verify(nodes, net, past, moved, owner, 3.0 * noise_px, False, used, excess, flag, queue)
+        _grown(dot, bins, cell_px, len(last), False, past, net, bounds, noise_px, owner, moved, scratch)
     if margin >= _LEAST_MARGIN:
-        return True, True
-    if by_roughness < -_LEAST_MARGIN:
-        return False, False
-    is_near = is_next and motion < _NEAR_PITCHES
-    return False, is_near or _median_motion(dot, owner, rest[: len(last)], spacing) < _REST_PITCHES
+        return TOLD
+    if by_roughness < -_LEAST_MARGIN or has_jumped:
+        return UNKNOWN
+    if unseen.min() <= _LONG_GAP and motion < _NEAR_PITCHES:
+        return FOLLOWED
+    is_near_rest = _median_motion(dot, owner, rest[: len(last)], spacing) < _REST_PITCHES
+    return ASSUMED if is_near_rest else UNKNOWN
 
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def identify(dot, bins, cell_px, guess, past, net, extent, noise_px, owner, moved, scratch):
+def identify(
+    dot, bins, cell_px, appearance, guess, past, net, extent, noise_px, owner, moved, scratch, level
+):
     """Fills `owner` (N,) and `moved` (N, 2) from a guess of the markers' places.
 
     Args:
         dot: (n, 2) centres.
         bins, cell_px: of `bin_dots`.
+        appearance: (n, 2) area and contrast.
         guess: (m, 2) places to begin from, right for some part of the pattern up to a slip.
         past: places (m, 2) in the last good frame, frames unseen (m,), presence (N,), number seen then,
-            roughness then, whether the frame before was good and whether the outline or irregularities
-            have been found to tell slips apart.
+            roughness then, whether the frame before was good, whether a slip before it was left open, looks
+            (m, 2), how unlike them the dots usually are (2,).
         net: of `Mesh`.
         extent: slips, triangles, bounds.
         noise_px: standard deviation of a centre.
+        level: (2,) written: how unlike the known looks the dots are.
 
     Returns:
-        verdict (1: ok, 0: nothing found, -1: the numbers may have slipped), markers found, dots explained,
-        whether slips can be told, roughness.
+        verdict (3: the image tells the numbers, 2: they are followed, 1: assumed as the sheet is near its
+        rest, 0: nothing found, -1: they may have slipped), markers found, dots explained, roughness.
     """
     slip, triangle, bounds = extent
     rest, kind, spacing, _, _, _, _, _, _, opposite = net
-    _, used, excess, parent, size, _, queue, later, is_waiting, tried, _ = scratch
-    level, is_anchored = past[4], past[6]
+    _, used, excess, parent, size, _, queue, later, is_waiting, tried, place = scratch
+    last, unseen, is_next, look = past[0], past[1], past[5], past[7]
     nodes, markers = len(rest), len(guess)
     lists = (queue, later, is_waiting, tried)
     good, is_calm = _seeded(dot, bins, cell_px, guess, past, net, owner, moved, scratch)
     if good == 0:
-        return 0, 0, 0, is_anchored, level
+        return 0, 0, 0, past[4]
     _displace(dot, rest, owner, nodes, moved, used)
     _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, owner, moved, scratch)
     fresh = rough(moved, owner, markers, spacing, opposite)
-    verdict = 1
-    if len(slip) > 1 and _is_doubtful(
-        dot, bins, cell_px, is_calm, fresh, past, net, owner, moved, used, lists
+    looks(markers, stride(markers, LOOKS), owner, appearance, net, place)
+    unlike(place, look, level)
+    verdict = FOLLOWED if is_next else ASSUMED
+    has_jumped = is_calm and jumped(dot, owner, slip, last, unseen, noise_px)
+    if has_jumped or (
+        len(slip) > 1
+        and _is_doubtful(dot, bins, cell_px, is_calm, fresh, level, past, net, owner, moved, used, lists)
     ):
-        is_told, is_sure = _unslipped(
-            dot, bins, cell_px, is_calm, past, net, extent, noise_px, owner, moved, scratch
+        verdict = _unslipped(
+            dot,
+            bins,
+            cell_px,
+            appearance,
+            is_calm,
+            has_jumped,
+            past,
+            net,
+            extent,
+            noise_px,
+            owner,
+            moved,
+            scratch,
         )
-        is_anchored = is_anchored or is_told
-        verdict = 1 if is_sure else -1
         fresh = rough(moved, owner, markers, spacing, opposite)
+        looks(markers, stride(markers, LOOKS), owner, appearance, net, place)
+        unlike(place, look, level)
     if not is_calm:
         unfold(dot, net, triangle, owner, excess, used)
         keep_largest(nodes, net, moved, owner, _TEAR, parent, size)
@@ -311,4 +352,4 @@ def identify(dot, bins, cell_px, guess, past, net, extent, noise_px, owner, move
         if owner[k] >= 0:
             explained += 1
             found += k < markers and kind[k] == 0
-    return verdict, found, explained, is_anchored, fresh
+    return verdict, found, explained, fresh

@@ -15,6 +15,7 @@ _SLACK = 0.25
 _EXPLAINED = 0.75
 _FOUND = 0.5
 _LEAST_FOUND, _LEAST_SHARE = 4, 0.1
+SIGNS = 2  # of a look: area and contrast
 _PRESENCE = {PRESENT: 0.95, MISSING: 0.01, CLOSED: 0.003, OPEN: 0.3}
 
 
@@ -30,7 +31,9 @@ class Past:
         seen: how many markers were seen in the last good frame; 0 when there was none.
         roughness: mean second difference of their displacements then, in spacings.
         is_next: the last good frame is the one before this one.
-        is_anchored: the image has been found to tell slips along the lattice apart.
+        is_open: the numbers may have slipped along the lattice before; nothing has settled it yet.
+        look: (m, 2) area and contrast of each marker's dot against the adjacent ones'; NaN: not known.
+        unlike: (2,) how unlike that the dots usually are.
     """
 
     guess_px: Markers2
@@ -40,7 +43,9 @@ class Past:
     seen: int
     roughness: float
     is_next: bool
-    is_anchored: bool
+    is_open: bool
+    look: np.ndarray
+    unlike: np.ndarray
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -52,15 +57,17 @@ class Identified:
         found: number of markers that have one; 0 when nothing is believed.
         explained: number of dots that are believed to be markers or ghosts.
         is_slipping: a pattern was found, but its numbers may have slipped: nothing is believed.
-        is_anchored, roughness: as in `Past`, after this frame.
+        is_open, roughness: as in `Past`, after this frame.
+        unlike: (2,) how unlike the known looks this frame's dots are.
     """
 
     owner: np.ndarray
     found: int
     explained: int
     is_slipping: bool
-    is_anchored: bool
+    is_open: bool
     roughness: float
+    unlike: np.ndarray
 
 
 @dataclass(slots=True, eq=False)
@@ -97,8 +104,18 @@ def slack(mesh: Mesh) -> float:
     return float(1.0 + _SLACK * np.sqrt(mesh.present))
 
 
+def _can_slip(mesh: Mesh) -> bool:
+    return len(mesh.slip) > 1
+
+
 def identified(
-    mesh: Mesh, centre_px: Points2, past: Past, *, noise_px: float, scratch: Scratch
+    mesh: Mesh,
+    centre_px: Points2,
+    appearance: np.ndarray,
+    past: Past,
+    *,
+    noise_px: float,
+    scratch: Scratch,
 ) -> Identified:
     """Dots of the markers.
 
@@ -108,6 +125,7 @@ def identified(
     Args:
         mesh: of the layout.
         centre_px: (n, 2) dots in any order.
+        appearance: (n, 2) their areas and contrasts.
         past: what is known from before.
         noise_px: standard deviation of a centre.
         scratch: of `mesh`.
@@ -120,7 +138,9 @@ def identified(
 
     dot = np.array(centre_px, dtype=np.float64)  # a copy: the kernels meet one type of array
     bins = bin_dots(dot, mesh.usual_px)
-    first = _tried(mesh, dot, bins, past.guess_px, past, noise_px=noise_px, scratch=scratch)
+    first = _tried(
+        mesh, dot, bins, past.guess_px, past, appearance=appearance, noise_px=noise_px, scratch=scratch
+    )
     if _is_enough(first, len(dot), present):
         return _believed(mesh, past, first, len(dot), present)
     best = first
@@ -132,7 +152,9 @@ def identified(
             for shift in shifts(dot, bins, mesh.usual_px, begin, mesh.is_present, mesh.usual_px)[:3]
         ]
     for begin in begins:
-        answer = _tried(mesh, dot, bins, begin, past, noise_px=noise_px, scratch=scratch)
+        answer = _tried(
+            mesh, dot, bins, begin, past, appearance=appearance, noise_px=noise_px, scratch=scratch
+        )
         if (answer.found, answer.explained) > (best.found, best.explained):
             best = answer
         if _is_enough(best, len(dot), present):
@@ -159,8 +181,9 @@ def _nothing(mesh: Mesh, past: Past) -> Identified:
         found=0,
         explained=0,
         is_slipping=False,
-        is_anchored=past.is_anchored,
+        is_open=past.is_open,
         roughness=past.roughness,
+        unlike=past.unlike,
     )
 
 
@@ -171,21 +194,24 @@ def _tried(
     guess_px: np.ndarray,
     past: Past,
     *,
+    appearance: np.ndarray,
     noise_px: float,
     scratch: Scratch,
 ) -> Identified:
-    from manytouch.tracking.identification import identify
+    from manytouch.tracking.identification import ASSUMED, TOLD, UNKNOWN, identify
 
     owner = np.empty(len(mesh.rest_px), dtype=np.int64)
     moved = np.empty((len(mesh.rest_px), 2))
-    verdict, found, explained, is_anchored, roughness = identify(
+    unlike = np.empty(SIGNS)
+    verdict, found, explained, roughness = identify(
         dot,
         bins,
         mesh.usual_px,
+        appearance,
         guess_px,
         (
             *(past.place_px, past.frames_unseen, past.presence),
-            *(past.seen, past.roughness, past.is_next, past.is_anchored),
+            *(past.seen, past.roughness, past.is_next, past.is_open, past.look, past.unlike),
         ),
         mesh.net,
         (mesh.slip, mesh.triangle, mesh.bounds_px),
@@ -193,6 +219,7 @@ def _tried(
         owner,
         moved,
         scratch.for_dots(len(dot)),
+        unlike,
     )
     if verdict < 0:
         owner.fill(-1)
@@ -201,6 +228,7 @@ def _tried(
         found=int(found) if verdict > 0 else 0,
         explained=int(explained),
         is_slipping=verdict < 0,
-        is_anchored=bool(is_anchored),
+        is_open=_can_slip(mesh) and verdict != TOLD and (past.is_open or verdict in {UNKNOWN, ASSUMED}),
         roughness=float(roughness),
+        unlike=unlike,
     )

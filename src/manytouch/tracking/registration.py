@@ -143,3 +143,16 @@ def settle(dot, owner, markers, past, net, bounds, lists, after):
         if below >= _MOST_MARKERS * seen:
             return (b + 1) / _BINS_PER_MOTION
     return np.inf
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def place_dots(owner, is_seen, dot, dot_covariance, dot_area, position, covariance, area):
+    """Writes centres (m, 2), covariances (m, 2, 2) and areas (m,) of the seen markers' dots, else NaN."""
+    for k in range(len(is_seen)):
+        i = owner[k] if is_seen[k] else -1
+        area[k] = dot_area[i] if i >= 0 else np.nan
+        for a in range(2):
+            position[k, a] = dot[i, a] if i >= 0 else np.nan
+            for b in range(2):
+                covariance[k, a, b] = dot_covariance[i, a, b] if i >= 0 else np.nan

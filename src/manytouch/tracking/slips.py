@@ -13,6 +13,8 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from manytouch.tracking.looks import LOOKS, looks, slipped_looks, stride
+
 _BEYOND = 0.003  # share of places beyond the ghosts that hold a dot by chance
 _UNKNOWN = float(np.log(2.0))  # of a place that the image did not show at rest
 _LEAST_FOUND = 0.05
@@ -22,6 +24,7 @@ _FINEST = 0.003
 _CLOSENESS, _CONTINUITY, _MOST_MOTION = 10.0, 25.0, 1.5
 _NEAR = 0.35
 _SAMPLES = 300
+_RIGID, _RIGID_NOISES, _RIGID_SAMPLES, _LEAST_SAMPLES = 0.1, 4.0, 80, 16
 
 
 @njit(cache=True, error_model="numpy")
@@ -52,19 +55,12 @@ def _occupation(owner, place, slip, kind, presence, bounds, cost):
                 cost[s] += empty[t]
 
 
-@njit(cache=True)
-@no_type_check
-def _stride(nodes):
-    """Odd, so that samples do not line up with the rows of most layouts."""
-    return nodes // _SAMPLES | 1
-
-
 @njit(cache=True, error_model="numpy")
 @no_type_check
 def _deviation(place, owner, rest, spacing, opposite, slip, bend):
     """Median second difference of displacements along the lattice, in spacings, and how many there are."""
     number = 0
-    for k in range(0, len(owner), _stride(len(owner))):
+    for k in range(0, len(owner), stride(len(owner), _SAMPLES)):
         t = slip[k]
         if owner[k] < 0 or t < 0:
             continue
@@ -87,7 +83,7 @@ def _deviation(place, owner, rest, spacing, opposite, slip, bend):
 def _motion(place, owner, last, spacing, slip, buffer):
     """Median distance of the dots from where their markers were, in spacings."""
     number = 0
-    for k in range(0, len(owner), _stride(len(owner))):
+    for k in range(0, len(owner), stride(len(owner), _SAMPLES)):
         t = slip[k]
         if owner[k] >= 0 and 0 <= t < len(last):
             x, y = place[k, 0] - last[t, 0], place[k, 1] - last[t, 1]
@@ -98,20 +94,56 @@ def _motion(place, owner, last, spacing, slip, buffer):
 
 @njit(cache=True, error_model="numpy")
 @no_type_check
-def vote(owner, place, net, slip, presence, last, bounds, noise_px, is_next):
+def jumped(dot, owner, slip, last, unseen, noise_px):
+    """Would the dots have moved as one body if the numbers had slipped, and not as they are?
+
+    A sheet that jumps by a pitch in front of the camera keeps its shape; with the old numbers, unevenness of
+    the lattice in the image and dents look like motion.
+    """
+    markers = len(last)
+    step = markers // _RIGID_SAMPLES | 1
+    own = 0.0
+    for s in range(len(slip)):
+        x = y = square = 0.0
+        number = 0
+        for k in range(0, markers, step):
+            t = slip[s, k]
+            if owner[k] < 0 or t < 0 or t >= markers or unseen[t] > 0:
+                continue
+            dx, dy = dot[owner[k], 0] - last[t, 0], dot[owner[k], 1] - last[t, 1]
+            x += dx
+            y += dy
+            square += dx * dx + dy * dy
+            number += 1
+        if number < _LEAST_SAMPLES:
+            continue
+        spread = (square - (x * x + y * y) / number) / number
+        if s == 0:
+            own = spread
+            if own < (_RIGID_NOISES * noise_px) ** 2:
+                return False
+        elif spread < _RIGID * own:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+@no_type_check
+def vote(owner, appearance, place, net, slip, presence, look, usual_look, last, bounds, noise_px, is_next):
     """The likeliest slip, by how many nats the image prefers it to all others, and its median motion.
 
     Args:
         owner: (N,) dot of each node.
+        appearance: (n, 2) area and contrast of the dots.
         place: (N, 2) of all nodes in the image, also of those without a dot.
         presence: (N,) share of recent frames in which each node had a dot.
+        look, usual_look: (m, 2) how the markers' dots look, (2,) how unlike that they usually are.
         last: (m, 2) where the markers were in the last good frame.
         noise_px: standard deviation of a centre.
-
         is_next: `last` is of the frame before this one.
 
     Returns:
-        slip (row of `slip`), margin, what roughness contributes to it, motion in spacings.
+        slip (row of `slip`), margin, what roughness and looks contribute to it, motion in spacings.
     """
     rest, _, spacing, _, _, _, _, _, _, opposite = net
     slips, nodes = len(slip), len(owner)
@@ -130,6 +162,9 @@ def vote(owner, place, net, slip, presence, last, bounds, noise_px, is_next):
             if number < bends // 2:
                 deviation = usual
             rough[s] = bends / _INDEPENDENT * np.log(finest + deviation)
+    now = np.empty((nodes, 2))
+    looks(nodes, stride(nodes, LOOKS), owner, appearance, net, now)
+    slipped_looks(now, slip, look, usual_look, rough)
     closeness = _CONTINUITY if is_next and motion[0] < _NEAR else _CLOSENESS
     best = 0
     for s in range(slips):

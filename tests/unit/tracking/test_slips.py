@@ -42,17 +42,23 @@ def lattice(rows, columns, jitter=0.0):
     return PITCH * (place + jitter * rng.standard_normal(place.shape)) + np.array([WIDTH, HEIGHT]) / 2
 
 
-def shown(true_px, rng, hidden=(), extra_px=()):
+def shown(true_px, rng, *, hidden=(), extra_px=(), contrast=None, area=None):
     """Detections of whole dots in the image, and which markers they come from."""
     inside = ((true_px > RADIUS) & (true_px < np.array([WIDTH, HEIGHT]) - RADIUS)).all(axis=1)
     inside[list(hidden)] = False
     dots = np.concatenate([true_px[inside], np.reshape(extra_px, (-1, 2))])
-    dots = rng.permutation(dots + rng.normal(0.0, 0.02, dots.shape))
+    order = rng.permutation(len(dots))
+    dots = (dots + rng.normal(0.0, 0.02, dots.shape))[order]
+    looks = np.ones((len(dots), 2))
+    for sign, each in enumerate((area, contrast)):
+        if each is not None:
+            looks[: inside.sum(), sign] = each[inside]
+    looks = (looks * rng.uniform(0.98, 1.02, looks.shape))[order]
     found = Detections(
         centre_px=dots,
         covariance_px2=np.tile(4e-4 * np.eye(2), (len(dots), 1, 1)),
-        area_px2=np.full(len(dots), 200.0),
-        contrast=np.full(len(dots), 60.0),
+        area_px2=200.0 * looks[:, 0],
+        contrast=60.0 * looks[:, 1],
     )
     return found, inside
 
@@ -103,6 +109,86 @@ def test_an_even_pattern_that_fills_the_view_and_jumped_is_not_told():
     state, grid = follow.step(state, shown(rest, rng)[0])
     assert grid.is_seen.any()
     assert wrong(grid, rest) == 0
+
+
+def bulged(rest_px, curvature=0.02):
+    """What a lens makes of a lattice."""
+    away = (rest_px - [WIDTH / 2, HEIGHT / 2]) / WIDTH
+    return rest_px - curvature * (rest_px - [WIDTH / 2, HEIGHT / 2]) * (away**2).sum(axis=1, keepdims=True)
+
+
+@pytest.mark.parametrize("sign", ["area", "contrast"])
+@pytest.mark.parametrize("steps", [(1.0, 0.0), (0.0, -1.0), (0.6, 0.0)])
+def test_looks_tell_where_an_even_pattern_that_fills_the_view_jumped(sign, steps):
+    rest, rng = lattice(19, 25), np.random.default_rng(7)
+    looks = {sign: 1.0 + 0.04 * rng.standard_normal(len(rest))}
+    follow = FollowGrid()
+    state = follow.start(sensor_of(rest))
+    for k in range(6):
+        state, grid = follow.step(state, shown(rest + 0.01 * k, rng, **looks)[0])
+        assert grid.status == "ok"
+    for away in (PITCH * np.array(steps), np.zeros(2)):
+        for _ in range(2):
+            dots, inside = shown(rest + away, rng, **looks)
+            state, grid = follow.step(state, dots)
+            assert grid.status == "ok"
+            assert wrong(grid, rest + away) == 0
+            assert (grid.is_seen & inside).sum() > 0.9 * inside.sum()
+
+
+def test_dots_all_alike_that_jump_a_pitch_with_the_view_are_ambiguous_ever_after():
+    rest, rng = bulged(lattice(19, 25)), np.random.default_rng(8)
+    follow = FollowGrid()
+    state = follow.start(sensor_of(rest))
+    for _ in range(4):
+        state, grid = follow.step(state, shown(rest, rng)[0])
+        assert grid.status == "ok"
+    for _ in range(6):
+        state, grid = follow.step(state, shown(rest + np.array([PITCH, 0.0]), rng)[0])
+        assert grid.status == "ambiguous_shift"
+
+
+def test_slow_motion_of_dots_all_alike_is_not_ambiguous():
+    rest, rng = bulged(lattice(19, 25)), np.random.default_rng(9)
+    follow = FollowGrid()
+    state = follow.start(sensor_of(rest))
+    bell = np.exp(-0.5 * ((rest - rest.mean(axis=0)) ** 2).sum(axis=1, keepdims=True) / (3 * PITCH) ** 2)
+    for k in range(20):
+        true = rest + 0.2 * PITCH * np.sin(0.5 * k) * bell + 0.1 * PITCH * np.sin(0.3 * k)
+        state, grid = follow.step(state, shown(true, rng)[0])
+        assert grid.status == "ok"
+        assert wrong(grid, true) == 0
+
+
+@pytest.mark.parametrize(("rows", "status"), [(19, "ambiguous_shift"), (9, "ok")])
+def test_after_a_blackout_numbers_are_open_until_the_outline_tells_them(rows, status):
+    rest, rng = lattice(rows, 25 if rows > 10 else 13), np.random.default_rng(10)
+    follow = FollowGrid()
+    state = follow.start(sensor_of(rest))
+    for _ in range(3):
+        state, _ = follow.step(state, shown(rest, rng)[0])
+    for _ in range(5):
+        state, _ = follow.step(state, shown(rest, rng, hidden=range(len(rest)))[0])
+    for _ in range(4):
+        state, grid = follow.step(state, shown(rest, rng)[0])
+        assert grid.status == status
+        assert grid.is_seen.sum() > 0.55 * len(rest)
+
+
+def test_after_a_blackout_looks_tell_the_numbers_where_the_outline_is_out_of_view():
+    rest, rng = lattice(19, 25), np.random.default_rng(11)
+    contrast = 1.0 + 0.08 * rng.standard_normal(len(rest))
+    follow = FollowGrid()
+    state = follow.start(sensor_of(rest))
+    for _ in range(5):
+        state, _ = follow.step(state, shown(rest, rng, contrast=contrast)[0])
+    for _ in range(5):
+        state, _ = follow.step(state, shown(rest, rng, hidden=range(len(rest)))[0])
+    for away in (np.array([PITCH, 0.0]), np.zeros(2)):
+        state, grid = follow.step(state, shown(rest + away, rng, contrast=contrast)[0])
+        assert grid.status == "ok"
+        assert wrong(grid, rest + away) == 0
+        assert grid.is_seen.sum() > 0.55 * len(rest)
 
 
 def test_a_spot_beside_a_hidden_marker_is_not_that_marker():
@@ -166,6 +252,6 @@ def test_clutter_beside_hidden_markers_shakes_nobody_else():
     follow = FollowGrid()
     hidden = np.flatnonzero((np.abs(rest - rest[75]) < 1.5 * PITCH).all(axis=1))
     spots = rest[hidden] + 0.45 * PITCH
-    _, grid = follow.step(follow.start(sensor_of(rest)), shown(rest, rng, hidden, spots)[0])
+    _, grid = follow.step(follow.start(sensor_of(rest)), shown(rest, rng, hidden=hidden, extra_px=spots)[0])
     assert wrong(grid, rest) == 0
     assert grid.is_seen.sum() == len(rest) - len(hidden)
