@@ -93,7 +93,7 @@ class SparseDescent:
         shape, steps, status = start, 0, "ok"
         at = _Place.of(model, shape.coefficient_mm, measured_px, information)
         while True:
-            weight = self._weights(model, shape.force_mm2, first=steps == 0)
+            weight = self.weights(model, shape.force_mm2, first=steps == 0)
             before = at.cost(weight)
             model.normal.linearise(shape.coefficient_mm)
             change_mm = model.normal.step(at.residual_px, information, weight)
@@ -119,7 +119,7 @@ class SparseDescent:
             status = "not_converged"
         return Fit(shape=shape, weight_mm4=weight, chi2=at.chi2, steps=steps, status=status)
 
-    def _weights(self, model: SheetModel, force_mm2: Nodal, first: bool) -> Nodal:
+    def weights(self, model: SheetModel, force_mm2: Nodal, *, first: bool) -> Nodal:
         """(n, 3) weights of tangential and normal forces."""
         unit = model.lattice.force_unit_mm2
         press = np.maximum(-force_mm2[:, 2], 0.0)

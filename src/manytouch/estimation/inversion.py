@@ -13,10 +13,13 @@ from manytouch.estimation.descent import Fit, SheetShape, SparseDescent
 from manytouch.estimation.force_clusters import ForceClusters
 from manytouch.estimation.identity import ContactIdentity, Lives
 from manytouch.estimation.innovation import InnovationGate
+from manytouch.estimation.settling import Settling
 from manytouch.estimation.sheet_model import NominalSheet, SheetModel
+from manytouch.estimation.slip import Grips, SlipWatch
 from manytouch.estimation.split import SplitByMoments
 from manytouch.estimation.touching import Touching
-from manytouch.geometry.camera import project
+from manytouch.estimation.trust import MarkerTrust, SurfaceError
+from manytouch.geometry.camera import mm_per_px, project
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.values import Contact, Contacts, Sensor, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, Points2, read_only
@@ -31,18 +34,23 @@ class InversionMemory:
     Attributes:
         model: of the sheet.
         neighbours: of each marker.
-        reference_px: (m, 2) dots of the untouched sheet.
-        model_px: what the model does not explain of a dot's place.
-        rest_variance_mm2: (m, 3) of the displacements of the dots for centres of variance 1 px^2.
+        trust: in the displacements of markers.
+        began_px, reference_px: (m, 2) dots of the untouched sheet, at the start and now.
+        pitch_px, model_px: pitch in the image, and what the model does not explain of a dot's place.
         shape: of the frame before.
+        grips: of the contacts on the sheet.
         lives: contacts that last.
     """
 
     model: SheetModel
     neighbours: Neighbours
+    trust: MarkerTrust
+    began_px: Points2
     reference_px: Points2
+    pitch_px: float
     model_px: float
     shape: SheetShape
+    grips: Grips
     lives: Lives
 
 
@@ -58,8 +66,12 @@ class MechanicalInversion:
         split: clusters that are two contacts.
         touch: contacts with their deviations.
         identity: which contact is which of the frame before.
+        error: of the displacements of markers.
+        settle: reference while nothing touches.
+        slip: which contacts slide.
         model_std_pitch, nominal_std_pitch: of a dot's place, what the model does not explain, when the
             sheet is known and when it was assumed.
+        usual_noise_px: of centres where the sensor does not say it.
         firm: least normal force of a new contact, in units of that which lets one last.
     """
 
@@ -70,9 +82,13 @@ class MechanicalInversion:
     split: SplitByMoments = field(default_factory=SplitByMoments)
     touch: Touching = field(default_factory=Touching)
     identity: ContactIdentity = field(default_factory=ContactIdentity)
+    error: SurfaceError = field(default_factory=SurfaceError)
+    settle: Settling = field(default_factory=Settling)
+    slip: SlipWatch = field(default_factory=SlipWatch)
     model_std_pitch: float = 4.2e-4
     nominal_std_pitch: float = 5e-3
     firm: float = 1.5
+    usual_noise_px: float = 0.05
 
     def start(self, sensor: Sensor) -> InversionMemory:
         """Works out everything that only the sensor decides.
@@ -84,16 +100,21 @@ class MechanicalInversion:
         model = self.nominal(sensor)
         layout = model.layout
         rest_px = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
-        focal_px = float(np.sqrt(sensor.camera.fx_px * sensor.camera.fy_px))
-        px_per_mm = focal_px / float(sensor.camera.translation_mm[2])
-        share = self.nominal_std_pitch if model.is_nominal else self.model_std_pitch
+        pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
+        model_px = pitch_px * (self.nominal_std_pitch if model.is_nominal else self.model_std_pitch)
         still = read_only(np.zeros((model.patch.node_count, 3)))
+        weight_mm4 = self.descend.weights(model, still, first=True)
+        std_px = float(np.hypot(model_px, sensor.centre_noise_px or self.usual_noise_px))
         return InversionMemory(
             model=model,
             neighbours=nearest_neighbours(layout.rest_mm[:, :2]),
+            trust=self.error.start(model, weight_mm4, std_px),
+            began_px=read_only(rest_px.copy()),
             reference_px=read_only(rest_px.copy()),
-            model_px=share * model.pitch_mm * px_per_mm,
+            pitch_px=pitch_px,
+            model_px=model_px,
             shape=SheetShape(coefficient_mm=still, force_mm2=still),
+            grips=Grips(),
             lives=self.identity.start(sensor),
         )
 
@@ -106,7 +127,7 @@ class MechanicalInversion:
         information = self._information(state, grid, measured_px)
         fit = self.descend(model, state.shape, measured_px, information)
         status = grid.status if grid.status != "ok" else fit.status
-        surface = self._surface(state, fit, status)
+        surface = self._surface(state, grid, fit, status)
         found, is_firm = self._contacts(state, fit)
         lives, contacts = self.identity.step(
             state.lives,
@@ -115,7 +136,12 @@ class MechanicalInversion:
             is_there=None,
             status=status,
         )
-        return replace(state, shape=fit.shape, lives=lives), surface, contacts
+        grips, contacts = self.slip(state.grips, contacts, model.pitch_mm)
+        reference_px = state.reference_px
+        if status == "ok" and not lives.lives and not found:
+            reference_px = self.settle(reference_px, state.began_px, grid, state.pitch_px)
+        after = replace(state, shape=fit.shape, lives=lives, grips=grips, reference_px=reference_px)
+        return after, surface, contacts
 
     def _information(self, state: InversionMemory, grid: TrackedGrid, measured_px: Points2) -> Covariances2:
         """(m, 2, 2) inverse covariances of the displacements times the trust in them."""
@@ -140,13 +166,15 @@ class MechanicalInversion:
         lives, contacts = self.identity.step(state.lives, (), status=status)
         return replace(state, lives=lives), surface, contacts
 
-    def _surface(self, state: InversionMemory, fit: Fit, status: str) -> Surface:
-        displacement_mm = state.model.dots.displacement_mm(fit.shape.coefficient_mm)
-        count = len(displacement_mm)
+    def _surface(self, state: InversionMemory, grid: TrackedGrid, fit: Fit, status: str) -> Surface:
+        model, shape = state.model, fit.shape
+        displacement_mm = model.dots.displacement_mm(shape.coefficient_mm)
+        covariance_mm2 = self.error(model, state.trust, displacement_mm, shape.force_mm2, grid.is_seen)
         return Surface(
-            position_mm=read_only(state.model.layout.rest_mm + displacement_mm),
+            position_mm=read_only(model.layout.rest_mm + displacement_mm),
             displacement_mm=read_only(displacement_mm),
-            covariance_mm2=read_only(np.full((count, 3, 3), np.nan)),
+            covariance_mm2=read_only(covariance_mm2),
+            spline=model.spline(shape.coefficient_mm, shape.force_mm2),
             status=status,
         )
 

@@ -8,9 +8,9 @@ from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.force_clusters import ForceLattice
 from manytouch.mechanics.dots import Dots
 from manytouch.mechanics.normal import NormalEquations
-from manytouch.mechanics.patch import PointBasis, SplinePatch
+from manytouch.mechanics.patch import Nodal, PointBasis, SplinePatch
 from manytouch.mechanics.shell import Shell
-from manytouch.values import Camera, Layout, Sensor, Sheet
+from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Mask, read_only
 
 _LEAST_MARKERS = 12
@@ -45,6 +45,20 @@ class SheetModel:
     young_MPa: float | None
     is_outside: Mask
     is_nominal: bool
+
+    def spline(self, coefficient_mm: Nodal, force_mm2: Nodal) -> SheetSpline:
+        """Shape and forces as a value."""
+        return SheetSpline(
+            size_mm=self.patch.size_mm,
+            centre_mm=self.patch.centre_mm,
+            elements=self.patch.elements,
+            is_clamped=self.patch.boundary == "clamped",
+            thickness_mm=self.thickness_mm,
+            poisson=self.shell.poisson,
+            coefficient_mm=coefficient_mm,
+            force_over_E_mm2=force_mm2,
+            young_MPa=self.young_MPa,
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -128,6 +128,7 @@ class Touching:
             area_mm2=area_mm2,
             covariance=read_only(covariance * np.outer(unit, unit)),
             normal_force_over_E_mm2=press_mm2,
+            shear_over_E_mm2=(float(clusters.force_mm2[number, 0]), float(clusters.force_mm2[number, 1])),
         )
 
 

@@ -130,9 +130,10 @@ class NormalEquations:
 
     def force_row(self, share: Float64[np.ndarray, " nodes"], component: int) -> Nodal:
         """Derivative of sum_j share_j f_j,component with respect to the coefficients."""
-        chosen = np.zeros((len(share), 3))
-        chosen[:, component] = share
-        return self.force_change(chosen * self.shell.patch.is_free)  # K is symmetric
+        patch, row = self.shell.patch, np.zeros((len(share), 3))
+        held = np.where(patch.is_free[:, component], share, 0.0)
+        shell_kernels.row_sum(self._tangent, patch.shape, held, component, row)
+        return row
 
     def solve(self, right: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k nodes 3"]:
         """H^-1 times each right-hand side."""

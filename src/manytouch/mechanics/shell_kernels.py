@@ -320,6 +320,20 @@ def product(tangent, shape, vector, result):
             result[node, i] = total
 
 
+@njit(cache=True, fastmath=True)
+@no_type_check
+def row_sum(tangent, shape, share, component, result):
+    """Add the sum over nodes of share times the tangent's row of one component to `result` (nodes, 3)."""
+    for node in np.flatnonzero(share):
+        s0, f0 = node // shape[1], node % shape[1]
+        low, high = max(f0 - REACH, 0), min(f0 + REACH + 1, shape[1])
+        for a in range(max(REACH - s0, 0), min(ROW, shape[0] - s0 + REACH)):
+            start = (s0 + a - REACH) * shape[1]
+            for f in range(low, high):
+                for j in range(3):
+                    result[start + f, j] += share[node] * tangent[node, component, j, a, f - f0 + REACH]
+
+
 @njit(cache=True)
 @no_type_check
 def band_of(tangent, shape, is_free, band):

@@ -21,7 +21,7 @@ from manytouch.values.grid import TrackedGrid
 from manytouch.values.health import Health, Setting
 from manytouch.values.reading import Reading, Truth
 from manytouch.values.sensor import Camera, Layout, LengthUnit, Polarity, Sensor, Sheet
-from manytouch.values.surface import Surface
+from manytouch.values.surface import SheetSpline, Surface
 
 __all__ = [
     "ESTIMATES",
@@ -45,6 +45,7 @@ __all__ = [
     "Sensor",
     "Setting",
     "Sheet",
+    "SheetSpline",
     "Start",
     "Stop",
     "StopRecording",

@@ -33,6 +33,7 @@ class Contact:
         area_mm2: size of the contact.
         covariance: (8, 8) of the estimates in the order of `ESTIMATES`, NaN where not known.
         normal_force_over_E_mm2: normal force over Young's modulus, which needs no stiffness.
+        shear_over_E_mm2: (2,) the shear force likewise.
         slip: does it slide over the sheet? None where nobody can tell.
     """
 
@@ -46,6 +47,7 @@ class Contact:
     area_mm2: float
     covariance: Float64[np.ndarray, "8 8"]
     normal_force_over_E_mm2: float = float("nan")
+    shear_over_E_mm2: tuple[float, float] = (float("nan"), float("nan"))
     slip: bool | None = None
 
     def std(self, estimate: str) -> float:
