@@ -90,8 +90,8 @@ def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter
 
     with Stop() as stop:
         source = pressed_source(seconds=seconds)
-        job = prepare(source, progress=reporter)
-        live = Live(job)
+        job = prepare(source, method="mechanics", progress=reporter)
+        live = Live(job, recordings=out)
         log = ContactLog(job.sensor, reporter.say, source.truth)
         shown = viewers(live, place, reporter.say)
         if seconds is None:

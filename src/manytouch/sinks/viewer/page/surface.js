@@ -145,7 +145,7 @@ export class SurfacePane {
     this.camera.near = 0.02 * this.reach; this.camera.far = 20 * this.reach;
     this.resize();
     this.controls.target.set(x * this.side, 0, z);
-    const towards = new THREE.Vector3(-0.1, 0.72, 0.82).normalize();
+    const towards = new THREE.Vector3(-0.12, 0.84, 0.72).normalize();
     let far = 2 * this.reach;
     for (let round = 0; round < 4; round++) {
       this.camera.position.copy(this.controls.target).addScaledVector(towards, far);
@@ -164,7 +164,7 @@ export class SurfacePane {
     let most = 0;
     for (const x of [x0, x1]) for (const y of [y0, y1]) for (const up of [0, 0.16 * this.reach]) {
       const seen = this.sheet.localToWorld(new THREE.Vector3(x, up, y)).project(this.camera);
-      most = Math.max(most, Math.abs(seen.x) / 0.8, seen.y / 0.82, -seen.y / 0.72);
+      most = Math.max(most, Math.abs(seen.x) / 0.86, seen.y / 0.84, -seen.y / 0.74);
     }
     return most;
   }
