@@ -15,7 +15,7 @@ from manytouch.detection.compilation import FAST
 
 SAMPLES = 80  # of ring and of core
 VOTERS = 20  # of them, for medians
-PLANE_RADIUS = 5.0  # px: smaller cores are all edge
+PLANE_RADIUS = 6.2  # px: smaller cores are all edge, or too small for a plane of their own
 
 
 @njit(cache=True, error_model="numpy")
