@@ -248,6 +248,29 @@ def test_forces_by_hand(contact_table: Table) -> None:
     assert found["normal_given_percent"] == found["shear_given_percent"] == 100
 
 
+def test_the_worst_twentieth_by_hand(contact_table: Table, sheet: Sheet) -> None:
+    """Errors of 0, 1, ... 20 %: the 95th percentile is the twentieth of them, 19 %."""
+    frames = range(21)
+    truth = contact_table([(frame, 1, 0, 0, 2.0, 10.0, 5.0, 0.0) for frame in frames])
+    wrong = contact_table(
+        [(f, 1, 0, 0, 2.0 + 0.02 * f, 10.0 + 0.1 * f, 5.0 + 0.03 * f, 0.04 * f) for f in frames]
+    )
+    samples = contact_samples(truth, wrong)
+    assert contact_figures(samples)["depth_error_p95_mm"] == pytest.approx(0.38)
+    found = force_figures(samples)
+    assert found["normal_p95_N"] == pytest.approx(1.9)
+    assert found["normal_p95_percent"] == pytest.approx(19)
+    assert found["shear_p95_N"] == pytest.approx(0.95)
+    assert found["shear_p95_percent"] == pytest.approx(19)
+    depth_mm = np.zeros((21, 15))
+    depth_mm[:, 7] = 2.0
+    true = sheet(21, depth_mm=depth_mm, contacts=[(frame, 1, 0.0, 0.0, 2.0) for frame in frames])
+    factor = 1.0 + 0.01 * np.arange(21.0)[:, None]
+    peaks = depth_figures(depth_samples(true, replace(true, depth_mm=depth_mm * factor)))
+    assert peaks["peak_p95_percent"] == pytest.approx(19)
+    assert peaks["peak_percent"] == pytest.approx(10)
+
+
 def test_a_force_that_is_not_given_is_no_error(contact_table: Table) -> None:
     truth = contact_table([(0, 1, 0, 0, 2, 10.0, 0.0, 0.0), (1, 1, 0, 0, 2, 10.0, 0.0, 0.0)])
     estimated = contact_table([(0, 1, 0, 0, 2, 11.0), (1, 1, 0, 0, 2)])
@@ -328,6 +351,13 @@ def test_latency_by_hand() -> None:
     assert found["frames"] == 101
     assert found["frames_per_second"] == pytest.approx(1000 / 51)
     assert np.isnan(latency_figures(np.array([np.nan]))["p50_ms"])
+
+
+def test_a_frame_that_stalls_shows_in_the_slowest_hundredth_and_the_rate_not_in_the_median() -> None:
+    stalled = latency_figures(np.array([*np.full(50, 2.0), 1000.0]))
+    assert stalled["p50_ms"] == 2
+    assert stalled["p99_ms"] > 400
+    assert stalled["frames_per_second"] < 50
 
 
 # uncertainty
