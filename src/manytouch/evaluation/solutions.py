@@ -21,6 +21,7 @@ from manytouch.simulation.condensed import condensed
 from manytouch.simulation.deformation import Deformation
 from manytouch.simulation.deformation_file import read_deformations, write_deformations
 from manytouch.simulation.fem.cache import code_revision
+from manytouch.simulation.fem.mesh import reference_nodes
 
 SHIPPED = "deformations"
 
@@ -71,10 +72,16 @@ def solve_missing(
     stop: Callable[[], bool] | None = None,
     processes: int = 1,
 ) -> None:
-    """Solve the cases that are not known; one that was begun is kept when it is whole."""
+    """Solve the cases that are not known; one that was begun is kept when it is whole.
+
+    Raises:
+        OutputError: the folder cannot be written.
+        MissingExtraError: scikit-fem is not installed.
+    """
     missing = [case for case in cases if solutions.known(case) is None]
     if not missing:
         return
+    reference_nodes()  # says what is missing here, before others are asked to solve
     if watch is not None:
         watch.say(f"{len(missing)} of {len(cases)} cases are to be solved first; kept in {solutions.folder}")
         watch.begin("solving", len(missing))

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from manytouch.errors import MissingExtraError
 from manytouch.evaluation import solutions as module
 from manytouch.evaluation.cases import RAMP_FRAMES, Case, Touch
 from manytouch.evaluation.pressing import Pressed, pressed
@@ -87,6 +88,18 @@ def test_a_damaged_file_is_solved_again(tmp_path: Path, solved: list[str]) -> No
     solve_missing((CASE,), solutions)
     assert len(solved) == 2
     assert solutions.known(CASE) is not None
+
+
+def test_without_the_finite_elements_one_sentence_says_what_to_install(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def absent() -> np.ndarray:
+        raise MissingExtraError("solving the sheet", "scikit-fem", "simulation")
+
+    monkeypatch.setattr(module, "reference_nodes", absent)
+    with pytest.raises(MissingExtraError, match="scikit-fem"):
+        solve_missing((CASE, replace(CASE, thickness_mm=2.0)), Solutions(folder=tmp_path), processes=2)
+    solve_missing(cases(quick=True), Solutions(folder=tmp_path), processes=2)  # these ship
 
 
 def test_a_case_without_equilibrium_is_left_out_and_not_solved_again(
