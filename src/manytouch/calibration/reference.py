@@ -54,7 +54,7 @@ def refer(sensor: Sensor, frames: Sequence[Frame], *, roi_px: RestRegion | None 
 
 def _searched(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:
     still = still_dots(searched_frames(sensor, frames[:MOST_FRAMES], roi_px))
-    return referred(sensor, still.centre_px, still_frames=len(still.frames))
+    return referred(sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px)
 
 
 def _as_seen(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:
@@ -67,11 +67,13 @@ def _as_seen(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None)
     return replace(sensor, layout=layout)
 
 
-def referred(sensor: Sensor, centre_px: np.ndarray, *, still_frames: int = 1) -> Sensor:
+def referred(
+    sensor: Sensor, centre_px: np.ndarray, *, still_frames: int = 1, roi_px: RestRegion | None = None
+) -> Sensor:
     """As `refer`, from the (n, 2) centres of dots at rest."""
     assert sensor.layout is not None
     layout = sensor.layout
-    follow = FollowGrid()
+    follow = FollowGrid(roi_px=roi_px)
     nominal = follow.start(replace(sensor, layout=replace(layout, rest_px=None)))
     # The nominal pose stands for a frame before: what is near it has not slipped by a pitch.
     state, grid = follow.step(replace(nominal, is_locked=True), _plain(centre_px))

@@ -4,13 +4,14 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.calibration import examine, refer, sensor_from_rest
+from manytouch.calibration import examine, refer, reference, sensor_from_rest
 from manytouch.calibration.flatness import bulge_in_pitches
 from manytouch.calibration.reference import referred
 from manytouch.calibration.rest import sensor_from_dots
 from manytouch.calibration.still import confirmed, still_dots
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import mm_per_px, project
+from manytouch.tracking import FollowGrid
 from manytouch.tracking.arrangement import arrange
 from manytouch.values import Detections, Frame
 
@@ -160,6 +161,20 @@ def test_a_known_sensor_is_referred_though_its_pose_is_off(degrees, shift):
     rest = np.delete(found.layout.rest_px, 20, axis=0)
     np.testing.assert_allclose(rest, np.delete(moved, 20, axis=0), atol=1e-9)
     np.testing.assert_allclose(found.layout.rest_px[20], moved[20], atol=2.0)
+
+
+def test_tracking_is_told_the_region_in_which_a_sensor_is_referred(monkeypatch):
+    asked = []
+
+    def spied(**options):
+        asked.append(options["roi_px"])
+        return FollowGrid(**options)
+
+    monkeypatch.setattr(reference, "FollowGrid", spied)
+    sensor = sensor_of(grid_px())
+    assert sensor.layout is not None
+    referred(sensor, sensor.layout.rest_px, roi_px=(10, 20, 600, 380))
+    assert asked == [(10, 20, 600, 380)]
 
 
 def test_a_recording_of_another_sheet_is_refused():
