@@ -1,4 +1,4 @@
-"""Cameras in words: those there are, and what one was asked for and says."""
+"""Cameras and live sessions in words: what was asked for, what is there, how late readings are."""
 
 import sys
 import time
@@ -7,7 +7,7 @@ from itertools import islice
 from pathlib import Path
 
 from manytouch.sources.source import Device
-from manytouch.values import Setting
+from manytouch.values import Health, Setting
 
 MEASURED_FRAMES = 45
 _DEVICES = Path("/sys/class/video4linux")
@@ -23,6 +23,14 @@ def settings_in_words(settings: Sequence[Setting]) -> Iterator[str]:
             continue
         says = "this driver does not tell" if setting.found is None else f"it says {setting.found}"
         yield f"camera: {setting.name} {setting.asked} was asked for; {says}"
+
+
+def pace_in_words(health: Health) -> str:
+    """How late readings were, and what was left out."""
+    late = (
+        f"{health.latency_ms_p50:.0f} ms in the median, {health.latency_ms_p99:.0f} ms for the latest of 100"
+    )
+    return f"from frame to reading {late}; {health.frames} frames read, {health.dropped} dropped"
 
 
 def rate_in_words(source: Device) -> str:

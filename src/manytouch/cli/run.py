@@ -47,7 +47,7 @@ def run(
 
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
-    from manytouch.cli.camera import settings_in_words
+    from manytouch.cli.camera import pace_in_words, settings_in_words
     from manytouch.cli.console import Reporter
     from manytouch.cli.contact_log import ContactLog
     from manytouch.cli.stopping import Stop
@@ -87,11 +87,13 @@ def run(
             reporter.say(line)
         if out is None:
             live.run([log, *viewers(live, place, reporter.say)], record=record, progress=reporter, stop=stop)
+            reporter.say(pace_in_words(live.health()))
             return 0
         folder = out / result_name(source)
         files, summary = files_in(folder, job)
         shown = viewers(live, place, reporter.say)
         live.run([*files, log, *shown, summary], record=record, progress=reporter, stop=stop)
+    reporter.say(pace_in_words(live.health()))
     reporter.finish(summary, folder)
     return 0
 

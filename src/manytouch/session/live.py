@@ -40,7 +40,7 @@ from manytouch.values import (
     UseMethod,
 )
 
-AHEAD = 2  # frames whose markers are known and whose sheet is not
+AHEAD = 1  # frames whose markers are known and whose sheet is not
 NOTES = 20
 
 

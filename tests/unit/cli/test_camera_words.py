@@ -1,0 +1,63 @@
+"""What is said about cameras."""
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from manytouch.cli.camera import cameras_in_words, rate_in_words, settings_in_words
+from manytouch.values import Frame, Setting
+
+
+def test_what_a_camera_does_otherwise_is_named() -> None:
+    lines = list(
+        settings_in_words(
+            [
+                Setting(name="size", asked="2560 x 1440 px", found="1280 x 720 px"),
+                Setting(name="exposure", asked="8 ms", found=None),
+                Setting(name="focus", asked="auto", found="12"),
+                Setting(name="gain", asked="3", found="3"),
+            ]
+        )
+    )
+    assert lines == [
+        "camera: size 1280 x 720 px, focus 12, gain 3",
+        "camera: size 2560 x 1440 px was asked for; it says 1280 x 720 px",
+        "camera: exposure 8 ms was asked for; this driver does not tell",
+    ]
+    assert list(settings_in_words([])) == []
+
+
+class Steady:
+    """A camera that gives every second picture of a hundred a second, and says two hundred."""
+
+    name, fps, frame_count, width_px, height_px, is_live = "steady", 200.0, None, 8, 6, True
+    status, is_colour = "ok", False
+    settings: tuple[Setting, ...] = ()
+
+    def __iter__(self) -> Iterator[Frame]:
+        for index in range(100):
+            image = np.zeros((6, 8), np.uint8)
+            yield Frame(index=2 * index, timestamp_ns=index, camera="steady", image=image)
+
+    def listen(self, tap: object) -> None: ...
+
+    def close(self) -> None: ...
+
+
+def test_the_rate_is_measured_and_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([10.0, 10.89])
+    monkeypatch.setattr("manytouch.cli.camera.time.monotonic", lambda: next(clock))
+    words = rate_in_words(Steady())
+    assert "100.0 frames per second arrive, 50.6 are decoded here; the camera says 200" in words
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems do not list cameras")
+def test_cameras_are_listed(tmp_path: Path) -> None:
+    assert cameras_in_words(tmp_path) == "cameras: none found"
+    for number, name in ((10, "Second\n"), (2, "First\n")):
+        (tmp_path / f"video{number}").mkdir()
+        (tmp_path / f"video{number}" / "name").write_text(name)
+    assert cameras_in_words(tmp_path) == "cameras: /dev/video2 (First), /dev/video10 (Second)"
