@@ -1,9 +1,10 @@
-"""`manytouch calibrate`: the camera from views of a board."""
+"""`manytouch calibrate`: the camera from views of a board, the sheet at rest, and the sheet under presses."""
 
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
@@ -17,6 +18,7 @@ app = App(name="calibrate", help="From pictures to a sensor that is known: camer
 
 VIDEO_STEP_S = 0.2
 SAY_EVERY_S = 2.0
+REST_FRAMES = 90
 
 
 @app.command
@@ -81,6 +83,155 @@ def camera(
     }
     save_sensor(Sensor(name=name, camera=found.intrinsics.camera, provenance=provenance), out)
     console.print(f"  camera in {out}", markup=False)
+    return 0
+
+
+@app.command
+def rest(
+    source: Annotated[str, Parameter(name="SOURCE", negative=(), help="Recording of the untouched sheet.")],
+    /,
+    *,
+    sensor: Annotated[
+        str, Parameter(metavar="FILE", help="Sensor file: a camera, with or without [markers] and [sheet].")
+    ],
+    out: Annotated[Path, Parameter(metavar="FILE", help="The sensor file to write.")],
+    pitch_mm: options.PitchMm = None,
+    sheet_mm: Annotated[
+        Any,
+        Parameter(
+            converter=options.pair("X,Y"),
+            n_tokens=1,
+            metavar="X,Y",
+            help="Clamped outline, if the file has none.",
+        ),
+    ] = None,
+    thickness_mm: Annotated[
+        float | None, Parameter(metavar="MM", help="Of the sheet, with --sheet-mm.")
+    ] = None,
+    roi: options.RoiPx = None,
+) -> int:
+    """Find the pose of the sheet, its markers and their noise from a few untouched seconds.
+
+    Says how far the markers are from a flat lattice, which are missing, how much they jitter, and
+    what is odd: a sheet that is not flat, markers cut off, a scale that does not fit.
+
+    Example: manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm 4 --out sensor.toml
+    """
+    from itertools import islice
+
+    import numpy as np
+    from rich.console import Console
+
+    from manytouch.calibration.rest_pose import calibrate_rest
+    from manytouch.errors import SensorError
+    from manytouch.sources import open_source
+    from manytouch.values import Sheet
+    from manytouch.values.sensor_file import load_sensor, save_sensor
+
+    console = Console(highlight=False, soft_wrap=True, markup=False)
+    if (sheet_mm is None) != (thickness_mm is None):
+        raise SensorError("--sheet-mm and --thickness-mm belong together: give both, or neither")
+    sheet = (
+        None
+        if sheet_mm is None
+        else Sheet(size_mm=np.array(sheet_mm), thickness_mm=float(thickness_mm or 0.0))
+    )
+    frames = list(islice(iter(open_source(source)), REST_FRAMES))
+    found = calibrate_rest(load_sensor(sensor), frames, pitch_mm=pitch_mm, sheet=sheet, roi_px=roi)
+    layout, camera = found.sensor.layout, found.sensor.camera
+    assert layout is not None
+    shape = "a table" if layout.shape is None else f"{layout.shape[0]} x {layout.shape[1]}"
+    turn, shift = np.rad2deg(camera.rotation_vector), camera.translation_mm
+    std_turn, std_shift = np.rad2deg(found.pose_std[:3]), found.pose_std[3:]
+    for line in (
+        f"{shape} markers, {int(layout.is_missing.sum())} missing, seen in {found.frames} frames",
+        f"the sheet is {shift[2]:.2f} ± {std_shift[2]:.2f} mm away, off the axis by {shift[0]:.2f} and "
+        f"{shift[1]:.2f} mm",
+        f"turned by {turn[0]:.3f}, {turn[1]:.3f}, {turn[2]:.3f} ± {std_turn.max():.3f} degrees about x, y, z",
+        f"markers {found.rms_px:.3f} px (RMS) from a flat lattice, noise {found.noise_px:.3f} px, contrast "
+        f"{found.contrast:.0f} grey levels",
+        *(f"odd: {sentence}" for sentence in found.odd),
+    ):
+        console.print(f"  {line}")
+    provenance = {
+        **found.sensor.provenance,
+        "rest": f"calibrated from {found.frames} frames of {Path(source).name}",
+        "rest_rms_px": round(found.rms_px, 4),
+        "rest_odd": list(found.odd),
+    }
+    save_sensor(replace(found.sensor, provenance=provenance), out)
+    console.print(f"  sensor in {out}")
+    return 0
+
+
+@app.command
+def sheet(
+    presses: Annotated[
+        Path | None, Parameter(name="PRESSES", negative=(), help="CSV table; absent with --plan.")
+    ] = None,
+    /,
+    *,
+    sensor: Annotated[str, Parameter(metavar="FILE", help="Sensor file with [markers] and [sheet].")],
+    out: Annotated[Path | None, Parameter(metavar="FILE", help="The sensor file to write.")] = None,
+    plan: Annotated[
+        Path | None,
+        options.folder("Instead, write presses.csv for weights and probing.gcode for a printer here."),
+    ] = None,
+) -> int:
+    """Find pretension, bending factor, thickness and stiffness from presses at known places.
+
+    The table has the columns input, time_s, x_mm, y_mm, radius_mm, normal_force_N. Each recording
+    begins untouched; time_s says when a press is held (empty: at the end). At least one force in N is
+    needed for stiffness. --plan writes such a table for weights of 50, 100 and 200 g.
+
+    Example: manytouch calibrate sheet presses.csv --sensor sensor.toml --out calibrated.toml
+    """
+    import numpy as np
+    from rich.console import Console
+
+    from manytouch.calibration.press_table import press_rows
+    from manytouch.calibration.press_table import presses as watched_presses
+    from manytouch.calibration.protocol import probing_gcode, weight_table
+    from manytouch.calibration.sheet import calibrate_sheet
+    from manytouch.errors import ManytouchError
+    from manytouch.values.sensor_file import load_sensor, save_sensor
+
+    console = Console(highlight=False, soft_wrap=True, markup=False)
+    known = load_sensor(sensor)
+    if plan is not None:
+        plan.mkdir(parents=True, exist_ok=True)
+        (plan / "presses.csv").write_text(weight_table(known), encoding="utf-8")
+        (plan / "probing.gcode").write_text(probing_gcode(known), encoding="utf-8")
+        console.print(f"  plan in {plan}")
+        return 0
+    if presses is None or out is None:
+        raise ManytouchError("give a table of presses and --out FILE, or --plan DIR to get one to fill in")
+    found = calibrate_sheet(known, watched_presses(known, press_rows(presses), presses.parent))
+    told, std = found.sheet, found.std
+    lines = [
+        f"thickness {told.thickness_mm:.3f} ± {std['thickness_mm']:.3f} mm",
+        f"bending factor {told.bending_factor:.3f} ± {std['bending_factor']:.3f}",
+    ]
+    if told.pretension_N_per_mm is not None:
+        lines.append(f"pretension {told.pretension_N_per_mm:.4f} ± {std['pretension_N_per_mm']:.4f} N/mm")
+    if "young_MPa" in std:
+        lines.append(f"stiffness E {told.young_MPa:.3f} ± {std['young_MPa']:.3f} MPa")
+    lines.append(f"left over {found.residual_px.max():.3f} px at most (RMS of a press)")
+    off = found.left_out[np.isfinite(found.left_out)]
+    if len(off):
+        lines.append(
+            f"forces told from the other presses alone are {100 * off.mean():+.1f} % off on average, at most "
+            f"{100 * np.abs(off).max():.1f} %"
+        )
+    for line in [*lines, *found.not_told]:
+        console.print(f"  {line}")
+    provenance = {
+        **known.provenance,
+        "sheet": f"calibrated from {len(found.residual_px)} presses in {presses.name}",
+        **{f"sheet_std_{name}": value for name, value in std.items()},
+    }
+    save_sensor(replace(known, sheet=told, provenance=provenance), out)
+    console.print(f"  sensor in {out}")
     return 0
 
 

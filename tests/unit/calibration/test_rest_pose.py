@@ -1,0 +1,127 @@
+"""The untouched sheet before a known camera: pose, layout, noise, and what is odd."""
+
+from dataclasses import replace
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from manytouch.calibration.rest_pose import calibrate_rest, fitted_pose
+from manytouch.cli import main
+from manytouch.errors import LayoutError, SensorError
+from manytouch.geometry.camera import project
+from manytouch.simulation.scene import rest
+from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.simulator import Simulator
+from manytouch.values import Sheet
+from manytouch.values.sensor_file import load_sensor, save_sensor
+
+TURN = np.array([0.05, -0.03, 0.02])
+SHIFT = np.array([2.0, -1.5, 121.0])
+
+
+def tilted_sensor(missing: int = 0):
+    sensor = demo_sensor(1280)
+    is_missing = np.zeros(len(sensor.layout.rest_mm), dtype=bool)
+    is_missing[100 : 100 + 7 * missing : 7] = True
+    return replace(
+        sensor,
+        camera=replace(sensor.camera, rotation_vector=TURN, translation_mm=SHIFT),
+        layout=replace(sensor.layout, is_missing=is_missing),
+    )
+
+
+def frames_of(sensor, count: int = 8):
+    simulator = Simulator(sensor=sensor, scene=rest())
+    return [simulator.frame(index) for index in range(count)]
+
+
+@pytest.fixture(scope="module")
+def tilted_frames():
+    return frames_of(tilted_sensor(missing=5))
+
+
+def camera_only(sensor):
+    nowhere = {"rotation_vector": np.zeros(3), "translation_mm": np.array([0.0, 0.0, 1.0])}
+    return replace(sensor, camera=replace(sensor.camera, **nowhere), layout=None, sheet=None)
+
+
+def test_pose_and_layout_are_found_from_the_camera_and_the_pitch(tilted_frames):
+    found = calibrate_rest(camera_only(tilted_sensor()), tilted_frames, pitch_mm=4.0)
+    camera, layout = found.sensor.camera, found.sensor.layout
+    assert camera.rotation_vector == pytest.approx(TURN, abs=5e-4)
+    assert camera.translation_mm == pytest.approx(SHIFT, abs=0.05)
+    assert layout.shape == (20, 30)
+    assert np.flatnonzero(layout.is_missing).tolist() == [100, 107, 114, 121, 128]
+    assert layout.radius_mm[0] == pytest.approx(1.0, abs=0.05)
+    assert found.rms_px < 0.05
+    assert 0.002 < found.noise_px < 0.05
+
+
+def test_a_layout_that_is_known_keeps_its_numbers_and_gets_the_pose(tilted_frames):
+    near = tilted_sensor()
+    near = replace(near, camera=replace(near.camera, translation_mm=SHIFT + np.array([0.4, -0.3, 2.0])))
+    found = calibrate_rest(near, tilted_frames)
+    assert found.sensor.camera.translation_mm == pytest.approx(SHIFT, abs=0.05)
+    assert found.sensor.layout.rest_mm == pytest.approx(near.layout.rest_mm)
+    assert "5 markers were not seen and count as missing" in found.odd
+
+
+def test_the_pose_deviations_tell_how_wrong_the_pose_is():
+    sensor = tilted_sensor()
+    place = project(sensor.camera, sensor.layout.rest_mm)
+    chance = np.random.default_rng(2)
+    errors = []
+    for _ in range(20):
+        camera, std = fitted_pose(
+            sensor.camera, sensor.layout.rest_mm, place + chance.normal(0.0, 0.3, place.shape)
+        )
+        wrong = np.concatenate([camera.rotation_vector - TURN, camera.translation_mm - SHIFT])
+        errors.append(wrong / std)
+    assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+def test_a_wrong_scale_is_odd(tilted_frames):
+    found = calibrate_rest(tilted_sensor(), tilted_frames, pitch_mm=4.4)
+    assert any("9 % farther than the file says" in sentence for sentence in found.odd), found.odd
+    assert found.sensor.camera.translation_mm[2] == pytest.approx(1.1 * SHIFT[2], rel=2e-3)
+
+
+def test_unequal_pitches_told_as_equal_do_not_look_flat(tilted_frames):
+    told = tilted_sensor()
+    rest_mm = told.layout.rest_mm * [1.0, 1.06, 1.0]
+    found = calibrate_rest(replace(told, layout=replace(told.layout, rest_mm=rest_mm)), tilted_frames)
+    assert any("off a flat lattice" in sentence for sentence in found.odd)
+
+
+def test_markers_outside_the_clamp_are_odd(tilted_frames):
+    small = Sheet(size_mm=np.array([100.0, 80.0]), thickness_mm=3.0)
+    found = calibrate_rest(tilted_sensor(), tilted_frames, sheet=small)
+    assert any("lie outside the clamped outline of 100 x 80 mm" in sentence for sentence in found.odd)
+    assert found.sensor.sheet is small
+
+
+def test_what_cannot_be_known_is_refused(tilted_frames):
+    with pytest.raises(SensorError, match="give --pitch-mm"):
+        calibrate_rest(camera_only(tilted_sensor()), tilted_frames)
+    with pytest.raises(SensorError, match="calibrate it at this size"):
+        calibrate_rest(camera_only(demo_sensor(640)), tilted_frames, pitch_mm=4.0)
+    dark = [replace(frame, image=np.zeros_like(frame.image)) for frame in tilted_frames]
+    with pytest.raises(LayoutError):
+        calibrate_rest(camera_only(tilted_sensor()), dark, pitch_mm=4.0)
+
+
+def test_the_verb_writes_a_sensor_that_process_can_use(tmp_path, capsys):
+    lens = tmp_path / "camera.toml"
+    save_sensor(camera_only(next(iter([demo_sensor(1280)]))), lens)
+    out = tmp_path / "sensor.toml"
+    words = ["calibrate", "rest", "sim:rest", "--sensor", str(lens), "--pitch-mm", "4", "--out", str(out)]
+    assert main([*words, "--sheet-mm", "120,80", "--thickness-mm", "3"]) == 0
+    sensor = load_sensor(out)
+    assert sensor.camera.translation_mm == pytest.approx([0.0, 0.0, 116.3], abs=0.05)
+    assert sensor.sheet.size_mm.tolist() == [120.0, 80.0]
+    assert sensor.centre_noise_px == pytest.approx(0.008, abs=0.006)
+    assert "px (RMS) from a flat lattice" in capsys.readouterr().out
+    assert main([*words, "--sheet-mm", "120,80"]) == 1
+    assert "belong together" in capsys.readouterr().err
+    assert len(list(islice(tmp_path.iterdir(), 5))) == 2

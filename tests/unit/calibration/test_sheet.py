@@ -1,0 +1,187 @@
+"""A sheet from presses: what was put in comes out, deviations hold, and what cannot be told is said."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from manytouch.calibration.press_table import press_rows, presses
+from manytouch.calibration.protocol import places_mm, probing_gcode, weight_table
+from manytouch.calibration.sheet import Press, _disc, calibrate_sheet
+from manytouch.cli import main
+from manytouch.errors import SensorError, SourceError
+from manytouch.mechanics.dots import Dots
+from manytouch.mechanics.equilibrium import equilibrium
+from manytouch.mechanics.patch import SplinePatch
+from manytouch.mechanics.shell import Shell
+from manytouch.simulation.sensor import demo_sensor
+from manytouch.values.sensor_file import save_sensor
+
+YOUNG_MPA, THICKNESS_MM, PRETENSION_N_PER_MM = 2.4, 3.3, 0.15
+PLACES = (
+    (0.0, 0.0, 6.0),
+    (18.0, 8.0, 3.0),
+    (-18.0, 8.0, 1.0),
+    (5.0, -10.0, 2.0),
+    (-12.0, -9.0, 4.0),
+    (20.0, -8.0, 1.5),
+)
+SIZE_MM = (60.0, 40.0)
+
+
+def small_sensor():
+    """The demo's camera before a quarter of its sheet; told 3 mm thick, without stiffness or pretension."""
+    sensor = demo_sensor(1280)
+    near = (np.abs(sensor.layout.rest_mm[:, :2]) < np.array(SIZE_MM) / 2).all(axis=1)
+    layout = replace(
+        sensor.layout,
+        rest_mm=sensor.layout.rest_mm[near],
+        row_column=None,
+        radius_mm=sensor.layout.radius_mm[near],
+        is_missing=sensor.layout.is_missing[near],
+    )
+    sheet = replace(
+        sensor.sheet,
+        size_mm=np.array(SIZE_MM),
+        thickness_mm=3.0,
+        young_MPa=None,
+        pretension_N_per_mm=None,
+        bending_factor=None,
+    )
+    return replace(sensor, layout=layout, sheet=sheet)
+
+
+def pressed(sensor, *, noise_px: float = 0.02, forces: bool = True) -> list[Press]:
+    """Presses on a finer shell than the one that is fitted."""
+    patch = SplinePatch(size_mm=SIZE_MM, elements=(20, 14), boundary="clamped")
+    shell = Shell(
+        patch=patch,
+        thickness_mm=THICKNESS_MM,
+        poisson=0.45,
+        pretension_over_E_mm=PRETENSION_N_PER_MM / YOUNG_MPA,
+    )
+    layout = sensor.layout
+    dots = Dots(
+        shell=shell, camera=sensor.camera, rest_mm=layout.rest_mm, radius_mm=layout.radius_mm, height_mm=0.0
+    )
+    chance = np.random.default_rng(5)
+    found = []
+    for number, (x, y, force) in enumerate(PLACES):
+        place, weight = _disc(np.array([x, y]), 4.0)
+        load = np.zeros((patch.node_count, 3))
+        load[:, 2] = -patch.load(place, weight) * force / YOUNG_MPA
+        moved = dots.displacement_px(equilibrium(shell, load).coefficient_mm)
+        found.append(
+            Press(
+                name=f"press {number}",
+                place_mm=np.array([x, y]),
+                radius_mm=4.0,
+                displacement_px=moved + chance.normal(0.0, noise_px, moved.shape),
+                is_seen=np.ones(len(moved), dtype=bool),
+                noise_px=noise_px,
+                force_N=force if forces else None,
+            )
+        )
+    return found
+
+
+@pytest.fixture(scope="module")
+def fitted():
+    sensor = small_sensor()
+    return calibrate_sheet(sensor, pressed(sensor))
+
+
+def test_presses_tell_thickness_pretension_and_forces(fitted):
+    assert fitted.sheet.thickness_mm == pytest.approx(THICKNESS_MM, rel=0.04)
+    young = fitted.sheet.young_MPa
+    assert fitted.sheet.pretension_N_per_mm == pytest.approx(PRETENSION_N_PER_MM, abs=0.06)
+    force_N = young * fitted.force_over_E_mm2
+    assert force_N == pytest.approx([force for *_, force in PLACES], rel=0.03)
+    assert np.abs(fitted.left_out).max() < 0.06
+    assert fitted.residual_px.max() < 0.04
+
+
+def test_the_truth_lies_within_three_deviations(fitted):
+    off = {
+        "thickness_mm": fitted.sheet.thickness_mm - THICKNESS_MM,
+        "bending_factor": fitted.sheet.bending_factor - 1.0,
+        "pretension_N_per_mm": fitted.sheet.pretension_N_per_mm - PRETENSION_N_PER_MM,
+        "young_MPa": fitted.sheet.young_MPa - YOUNG_MPA,
+    }
+    for name, error in off.items():
+        assert abs(error) < 3 * fitted.std[name], (name, error, fitted.std[name])
+        assert fitted.std[name] > 0
+
+
+def test_without_a_force_stiffness_stays_unknown():
+    sensor = small_sensor()
+    found = calibrate_sheet(sensor, pressed(sensor, forces=False)[:4])
+    assert found.sheet.young_MPa is None
+    assert "young_MPa" not in found.std
+    assert any("no force was read" in sentence for sentence in found.not_told)
+    assert np.isnan(found.left_out).all()
+
+
+def test_presses_that_tell_nothing_are_refused():
+    sensor = small_sensor()
+    held = pressed(sensor)
+    with pytest.raises(SensorError, match="3 presses are too few"):
+        calibrate_sheet(sensor, held[:3])
+    still = replace(held[2], displacement_px=np.zeros_like(held[2].displacement_px))
+    with pytest.raises(SensorError, match="hardly move a marker: press 2;"):
+        calibrate_sheet(sensor, [*held[:2], still, *held[3:]])
+    with pytest.raises(SensorError, match=r"has no \[sheet\]"):
+        calibrate_sheet(replace(sensor, sheet=None), held)
+
+
+def test_a_table_of_presses_names_each_mistake(tmp_path):
+    table = tmp_path / "presses.csv"
+    table.write_text("input,x_mm,y_mm\na.mp4,1,2\n")
+    (row,) = press_rows(table)
+    assert (row.input, row.x_mm, row.radius_mm, row.force_N, row.time_s) == ("a.mp4", 1.0, 5.0, None, None)
+    table.write_text("input,x_mm,why\na.mp4,1,2\n")
+    with pytest.raises(SourceError, match="missing: y_mm; unknown: why"):
+        press_rows(table)
+    table.write_text("input,x_mm,y_mm,normal_force_N\n,one,,-2\n")
+    with pytest.raises(
+        SensorError, match=r"input is empty.*x_mm = 'one' is no number; y_mm is empty; normal_force_N = -2"
+    ):
+        press_rows(table)
+    with pytest.raises(SourceError, match="cannot be read"):
+        press_rows(tmp_path / "nothing.csv")
+
+
+def test_presses_are_read_from_a_recording(tmp_path):
+    sensor = demo_sensor(1280)
+    table = tmp_path / "presses.csv"
+    table.write_text("input,time_s,x_mm,y_mm\nsim:one,3.0,14,-8\n")
+    (press,) = presses(sensor, press_rows(table), tmp_path)
+    reach = np.linalg.norm(press.displacement_px, axis=1)
+    assert press.is_seen.sum() > 590
+    assert reach.max() > 3.0
+    near = np.linalg.norm(sensor.layout.rest_mm[reach > 0.7 * reach.max(), :2] - press.place_mm, axis=1)
+    assert near.max() < 25.0
+    assert 0.01 <= press.noise_px < 0.05
+    table.write_text("input,time_s,x_mm,y_mm\nsim:one,60,14,-8\n")
+    with pytest.raises(SourceError, match="correct time_s"):
+        presses(sensor, press_rows(table), tmp_path)
+
+
+def test_the_plan_is_a_table_that_can_be_read_and_gcode_that_presses(tmp_path, capsys):
+    sensor = demo_sensor(1280)
+    save_sensor(sensor, tmp_path / "sensor.toml")
+    words = ["calibrate", "sheet", "--sensor", str(tmp_path / "sensor.toml")]
+    assert main([*words, "--plan", str(tmp_path / "plan")]) == 0
+    rows = press_rows(tmp_path / "plan" / "presses.csv")
+    assert len(rows) == 7
+    assert {round(row.force_N / 9.81 * 1000) for row in rows} == {50, 100, 200}
+    assert {(row.x_mm, row.y_mm) for row in rows} == {tuple(place) for place in places_mm(sensor).tolist()}
+    code = (tmp_path / "plan" / "probing.gcode").read_text()
+    assert code == probing_gcode(sensor)
+    assert code.count("G1 Z-2.5") == 5
+    assert "G1 X-30 Y-20" in code
+    assert weight_table(sensor).startswith("# Put a weight")
+    assert main([*words, "--out", "x.toml"]) == 1
+    assert "or --plan DIR" in capsys.readouterr().err
+    with pytest.raises(SensorError, match="size_mm"):
+        places_mm(replace(sensor, sheet=None))
