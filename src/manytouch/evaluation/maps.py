@@ -19,20 +19,27 @@ DEPTH_COLOURS, ERROR_COLOURS, SIZE_COLOURS = "cividis", "PuOr_r", "magma"
 
 
 def error_maps(compared: Mapping[str, Comparison]) -> list[str]:
-    """For each method where on the sheet it errs: RMS of the depth error, one scale for all."""
+    """For each method where on the sheet it errs: RMS of the depth error, one scale by factors for all."""
     found = {
         method: error_map(one.depth.place, one.depth.error_mm, CELLS) for method, one in compared.items()
     }
-    known = np.concatenate([values[np.isfinite(values)] for values in found.values()] or [np.zeros(0)])
-    largest = float(np.percentile(known, 98)) if len(known) else 1.0
-    return [_error_map(method, values, largest, compared[method].unit) for method, values in found.items()]
+    known = np.concatenate([values[values > 0.0] for values in found.values()] or [np.zeros(0)])
+    low, high = np.percentile(known, [2, 98]).tolist() if len(known) else (0.1, 1.0)
+    limits = (min(low, high / 2), high)
+    return [_error_map(method, values, limits, compared[method].unit) for method, values in found.items()]
 
 
-def _error_map(method: str, values: np.ndarray, largest: float, unit: str) -> str:
+def _error_map(method: str, values: np.ndarray, limits: tuple[float, float], unit: str) -> str:
+    from matplotlib.colors import LogNorm
+
     with figure(4.7, 3.0) as drawn:
         axes = drawn.add_subplot()
         shown = axes.imshow(
-            values, vmin=0.0, vmax=largest or 1.0, cmap=SIZE_COLOURS, extent=(-1, 1, 1, -1), aspect=0.66
+            np.where(values > 0.0, values, np.where(values == 0.0, limits[0], np.nan)),
+            norm=LogNorm(*limits, clip=True),
+            cmap=SIZE_COLOURS,
+            extent=(-1, 1, 1, -1),
+            aspect=0.66,
         )
         if not np.isfinite(values).any():
             nothing(axes, "no depth is given")
