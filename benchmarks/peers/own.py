@@ -11,11 +11,11 @@ from rounds import Answer, Footage, Method
 
 sys.path.append(str(Path(__file__).parents[1]))
 
-from bench_paper import plain_idw
 from plain_paper import PlainChain
 
 from manytouch.detection.paper import PaperDetection
 from manytouch.estimation.paper import PaperEstimate, perimeter_depth
+from manytouch.evaluation.published.speed import plain_map
 from manytouch.geometry.camera import onto_plane
 from manytouch.geometry.sampling import GridSampling, sampling_on
 from manytouch.session import pipeline_for
@@ -141,7 +141,7 @@ def paper_with_map(footage: Footage) -> Run:
         answer, depth_mm = chain(index)
         known = np.isfinite(depth_mm)
         x_mm, y_mm = (chain.rest_mm[known, axis].tolist() for axis in (0, 1))
-        plain_idw(x_mm, y_mm, depth_mm[known].tolist(), iterations=chain.side, radius_mm=chain.radius_mm)
+        plain_map(x_mm, y_mm, depth_mm[known].tolist(), iterations=chain.side, radius_mm=chain.radius_mm)
         return answer
 
     return run
@@ -164,7 +164,7 @@ def plain_chain_with_map(footage: Footage) -> Run:
 
     def run(index: int) -> Answer:
         answer, depth_mm = chain(index)
-        plain_idw(x_mm, y_mm, depth_mm, iterations=quick.side, radius_mm=quick.radius_mm)
+        plain_map(x_mm, y_mm, depth_mm, iterations=quick.side, radius_mm=quick.radius_mm)
         return answer
 
     return run
