@@ -242,8 +242,8 @@ def test_record_and_replay_with_a_timeline(
     page.click("#record")
     wait(page, "!manytouch.state.health.recording")
     replay = Session(Playback(session.recordings / name, stays=True))
+    again = opened(replay.viewer.url)
     try:
-        again = opened(replay.viewer.url)
         assert again.is_visible("#timeline")
         total = again.evaluate("manytouch.state.health.frame_count")
         assert total > 20
@@ -259,6 +259,7 @@ def test_record_and_replay_with_a_timeline(
             wait(again, f"Math.abs(manytouch.state.health.frame - {frame}) <= 1")
         assert "frame" in again.inner_text("#seek-words")
     finally:
+        again.close()
         replay.end()
 
 

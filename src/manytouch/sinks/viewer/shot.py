@@ -12,11 +12,13 @@ from manytouch.geometry.sampling import BEYOND_PITCH, GridSampling, sampling_on
 from manytouch.sinks.description import layout_of, rest_px
 from manytouch.sinks.viewer.health import PictureHealth, residual_mm
 from manytouch.sinks.viewer.messages import number, pack
+from manytouch.sinks.viewer.pressure import PressureMap
 from manytouch.values import ESTIMATES, Contact, Contacts, Layout, Reading, Sensor, Surface, Truth
 
 LONGEST, SHORTEST_OF_LONG = 100, 60  # points of the grid along the longer side, and at most along the shorter
 FEWEST = 16
 PICTURE_PX, JPEG_QUALITY = 960, 78
+LARGEST_JPEG, JPEG_START = 200_000, b"\xff\xd8"  # bytes of a camera's own picture that is sent on as it is
 _OF_PLACE = [ESTIMATES.index("x"), ESTIMATES.index("y")]
 
 
@@ -38,6 +40,7 @@ class Photographer:
         self.sensor, self.layout = sensor, layout
         self._sampling = viewer_grid(layout)
         self._rest_px = rest_px(sensor)
+        self._pressure = PressureMap(self._sampling.x_mm, self._sampling.y_mm)
         self._picture = PictureHealth()
 
     def scenery(self) -> dict[str, Any]:
@@ -84,11 +87,15 @@ class Photographer:
         if truth is not None:
             parts["true_depth"] = self._sampling(-truth.surface.displacement_mm[:, 2]).astype("<f4")
         if shot.is_image_wanted and picture is not None:
-            parts["image"] = reading.frame.encoded or jpeg(picture)
-        head["layers"] = ["depth", "strain"] if truth is None else ["depth", "strain", "error"]
+            encoded = reading.frame.encoded
+            is_fit = encoded is not None and len(encoded) <= LARGEST_JPEG and encoded.startswith(JPEG_START)
+            parts["image"] = encoded if encoded is not None and is_fit else jpeg(picture)
+        spline = surface.spline
+        has_pressure = spline is not None and spline.young_MPa is not None
+        head["layers"] = ["depth", "strain", *has_pressure * ["pressure"], *(truth is not None) * ["error"]]
         arrived_ns = reading.frame.arrived_ns
         latency_ms = None if arrived_ns is None else (time.monotonic_ns() - arrived_ns) * 1e-6
-        head["latency_ms"] = number(latency_ms, 2)
+        head["latency_ms"], head["arrived_ns"] = number(latency_ms, 2), arrived_ns
         return pack(head, parts), latency_ms
 
     def _layer(
@@ -96,6 +103,8 @@ class Photographer:
     ) -> np.ndarray | None:
         if layer == "strain":
             return self._strain(surface, depth)
+        if layer == "pressure" and surface.spline is not None:
+            return self._pressure(surface.spline)
         if layer == "error" and truth is not None:
             return np.asarray(depth - self._sampling(-truth.surface.displacement_mm[:, 2]))
         return None
