@@ -147,7 +147,11 @@ SensorFile = Annotated[
 ]
 MethodName = Annotated[
     Method | None,
-    Parameter(name="--method", help="How depth is told. [default: perimeter]", show_default=False),
+    Parameter(
+        name="--method",
+        help="How depth is told. [default: mechanics; perimeter without a sheet]",
+        show_default=False,
+    ),
 ]
 PitchMm = Annotated[
     Any,

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from manytouch.estimation.descent import Fit, SheetShape, SparseDescent
-from manytouch.estimation.force_clusters import ForceClusters
+from manytouch.estimation.force_clusters import Clusters, ForceClusters
 from manytouch.estimation.identity import ContactIdentity, Lives
 from manytouch.estimation.innovation import InnovationGate
 from manytouch.estimation.settling import Settling
@@ -22,7 +22,7 @@ from manytouch.estimation.trust import MarkerTrust, SurfaceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.values import Contact, Contacts, Sensor, Surface, TrackedGrid
-from manytouch.values.arrays import Covariances2, Points2, read_only
+from manytouch.values.arrays import Covariances2, Mask, Points2, read_only
 
 _LEAST_MARKERS = 12
 
@@ -71,6 +71,8 @@ class MechanicalInversion:
         slip: which contacts slide.
         model_std_pitch, nominal_std_pitch: of a dot's place, what the model does not explain, when the
             sheet is known and when it was assumed.
+        firm_at_rim: so many times that within `rim_thickness` thicknesses of the part without a rim.
+        most_friction: shear over normal force that a new contact may have.
         usual_noise_px: of centres where the sensor does not say it.
         firm: least normal force of a new contact, in units of that which lets one last.
     """
@@ -88,6 +90,9 @@ class MechanicalInversion:
     model_std_pitch: float = 4.2e-4
     nominal_std_pitch: float = 5e-3
     firm: float = 1.5
+    firm_at_rim: float = 3.0
+    rim_thickness: float = 2.0
+    most_friction: float = 1.5
     usual_noise_px: float = 0.05
 
     def start(self, sensor: Sensor) -> InversionMemory:
@@ -138,7 +143,7 @@ class MechanicalInversion:
         )
         grips, contacts = self.slip(state.grips, contacts, model.pitch_mm)
         reference_px = state.reference_px
-        if status == "ok" and not lives.lives and not found:
+        if status == "ok" and not lives.lives and not any(is_firm):
             reference_px = self.settle(reference_px, state.began_px, grid, state.pitch_px)
         after = replace(state, shape=fit.shape, lives=lives, grips=grips, reference_px=reference_px)
         return after, surface, contacts
@@ -185,5 +190,17 @@ class MechanicalInversion:
         held_mm = np.array([contact.centre_mm for contact in state.lives.held]).reshape(-1, 2)
         clusters = self.split(model.lattice, force_mm2, clusters, held_mm)
         found = self.touch(model, clusters, fit.shape.coefficient_mm, force_mm2)
-        least = self.firm * self.cluster.least * model.lattice.force_unit_mm2
-        return found, (clusters.normal_mm2 >= least).tolist()
+        return found, self._is_firm(model, clusters).tolist()
+
+    def _is_firm(self, model: SheetModel, clusters: Clusters) -> Mask:
+        """(c,) clusters that are clear enough to begin a contact.
+
+        A camera that moves a little seems to drag the whole sheet along, against which the clamped outline
+        pulls: that makes small forces near it, mostly tangential ones.
+        """
+        least_mm2 = self.firm * self.cluster.least * model.lattice.force_unit_mm2
+        left_mm = (model.lattice.inner_mm - np.abs(clusters.centre_mm)).min(axis=1, initial=np.inf)
+        is_near_rim = left_mm < self.rim_thickness * model.thickness_mm
+        shear_mm2 = np.linalg.norm(clusters.force_mm2[:, :2], axis=1)
+        is_strong = clusters.normal_mm2 >= np.where(is_near_rim, self.firm_at_rim * least_mm2, least_mm2)
+        return np.asarray(is_strong & (shear_mm2 <= self.most_friction * clusters.normal_mm2))

@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 from manytouch.calibration import refer, sensor_from_rest
 from manytouch.errors import SensorError, SourceError
 from manytouch.pipeline import Pipeline
-from manytouch.session.methods import DEFAULT, Roi, kernels, pipeline_for
+from manytouch.session.methods import Roi, default_method, kernels, pipeline_for
 from manytouch.sources import Source, open_source
 from manytouch.sources.camera import without_password
 from manytouch.sources.capture import CameraWishes
@@ -106,7 +106,7 @@ def prepare(
     Args:
         input: a source, or what `open_source` takes.
         sensor: a sensor, or its file; None takes the source's own, or finds the layout in the first frames.
-        method: one of `METHODS`.
+        method: one of `METHODS`; None takes `mechanics` where the sheet is known, else `perimeter`.
         pitch_mm: distance of neighbouring markers, one number or (x, y); None leaves lengths in pitches.
         hfov_deg: horizontal field of view of the camera; None assumes 60 degrees.
         roi_px: x, y, width, height of the part of the image to look at.
@@ -120,7 +120,8 @@ def prepare(
         LayoutError: the first frames show no usable arrangement of dots.
         ManytouchError: there is no such method.
     """
-    pipeline = pipeline_for(method, roi_px)
+    if method is not None:
+        pipeline_for(method, roi_px)  # a name that is wrong is told before anything is opened
     given = load_sensor(sensor) if isinstance(sensor, str | Path) else sensor
     if given is not None and (pitch_mm is not None or hfov_deg is not None):
         raise SensorError(
@@ -137,14 +138,15 @@ def prepare(
     except BaseException:
         close(source)
         raise
+    chosen = method or default_method(found)
     return Job(
         text=text,
         source=source,
         frames=frames if source.is_live else chain(first, frames),
         samples=first[:2],
         sensor=found,
-        pipeline=pipeline,
-        method=method or DEFAULT,
+        pipeline=pipeline_for(chosen, roi_px),
+        method=chosen,
         roi_px=roi_px,
     )
 

@@ -8,12 +8,15 @@ from manytouch.detection.paper import PaperDetection
 from manytouch.errors import ManytouchError
 from manytouch.estimation import MechanicalInversion, PerimeterDepth
 from manytouch.estimation.paper import PaperEstimate
+from manytouch.estimation.sheet_model import assumes_sheet
 from manytouch.pipeline import Pipeline
 from manytouch.tracking import FollowGrid
 from manytouch.tracking.paper import PaperTracking
+from manytouch.values import Sensor
 
 METHODS = ("mechanics", "perimeter", "paper")
-DEFAULT = "perimeter"
+ANYWHERE = "perimeter"
+"""What needs to know nothing of the sheet."""
 
 Roi = tuple[int, int, int, int]
 
@@ -31,17 +34,24 @@ def kernels() -> dict[str, bool]:
     return found
 
 
+def default_method(sensor: Sensor) -> str:
+    """The best method for a sensor: mechanics where its sheet is known."""
+    if sensor.sheet is None or assumes_sheet(sensor):
+        return ANYWHERE
+    return "mechanics"
+
+
 def pipeline_for(method: str | None = None, roi_px: Roi | None = None) -> Pipeline:
     """The stages of a method.
 
     Args:
-        method: one of `METHODS`; None takes the best that there is.
+        method: one of `METHODS`; None takes the one that works anywhere.
         roi_px: x, y, width, height of the part of the image to look at, or None.
 
     Raises:
         ManytouchError: there is no such method.
     """
-    match method or DEFAULT:
+    match method or ANYWHERE:
         case "mechanics":
             return Pipeline(
                 detect=DotSearch(roi_px=roi_px),

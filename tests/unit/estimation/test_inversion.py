@@ -150,6 +150,38 @@ def test_nobody_touches(model: SheetModel) -> None:
         assert not contacts.touching
 
 
+def test_creep_is_learnt_at_rest_and_a_steady_press_is_not(model: SheetModel) -> None:
+    flat, pressed = np.zeros((model.patch.node_count, 3)), bent(model, (3.0, -4.0, 0.12))
+    state = ESTIMATE.start(sensor_of())
+    for k in range(40):
+        crept = grid_of(model, flat, seed=k)
+        crept = replace(crept, position_px=crept.position_px + np.array([0.1, 0.0]))
+        state, _, contacts = ESTIMATE.step(state, crept)
+        assert not contacts.touching
+    learnt_px = state.reference_px - state.began_px
+    assert 0.01 < learnt_px[:, 0].mean() < 0.1
+    for k in range(60):
+        state, _, contacts = ESTIMATE.step(state, grid_of(model, pressed, seed=k))
+    np.testing.assert_array_equal(state.reference_px - state.began_px, learnt_px)
+    assert len(contacts.touching) == 1
+    assert contacts.touching[0].normal_force_over_E_mm2 == pytest.approx(0.12, rel=0.3)
+
+
+def test_markers_have_deviations_and_the_surface_a_shape(model: SheetModel, shape: np.ndarray) -> None:
+    grid = grid_of(model, shape)
+    lost = np.arange(len(grid.is_seen)) == 40
+    _, surface, _ = read([grid, grid, without(grid, lost)])
+    std_mm = np.sqrt(surface.covariance_mm2[:, 2, 2])
+    near = np.linalg.norm(model.layout.rest_mm[:, :2] - [10.0, 5.0], axis=1) < 3.0
+    assert (std_mm > 0.0).all()
+    assert std_mm[near].min() > 2.0 * np.median(std_mm)
+    assert std_mm[40] > 1.5 * std_mm[39]
+    spline = surface.spline
+    assert spline is not None
+    assert spline.young_MPa == YOUNG_MPA
+    assert -spline.force_over_E_mm2[:, 2].sum() == pytest.approx(1.5, rel=0.1)
+
+
 def test_a_frame_without_markers_has_a_status_and_the_next_goes_on(
     model: SheetModel, shape: np.ndarray
 ) -> None:

@@ -182,3 +182,9 @@ def test_kernels_are_known_by_name() -> None:
     found = kernels()
     assert found
     assert all(name.startswith("manytouch.") for name in found)
+
+
+def test_the_default_method_is_mechanics_where_the_sheet_is_known() -> None:
+    assert prepare(Pictures()).method == "perimeter"
+    assert prepare("sim:").method == "mechanics"
+    assert prepare("sim:", method="paper").method == "paper"

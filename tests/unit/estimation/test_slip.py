@@ -1,0 +1,50 @@
+"""A contact slips when it moves and its shear no longer grows."""
+
+import numpy as np
+
+from manytouch.estimation.slip import Grips, SlipWatch
+from manytouch.values import Contact, Contacts, Phase
+
+WATCH = SlipWatch()
+
+
+def contact(x_mm: float, shear: float, *, id_: int = 3, phase: Phase = Phase.MOVE) -> Contact:
+    return Contact(
+        id=id_,
+        phase=phase,
+        centre_mm=np.array([x_mm, 0.0]),
+        centre_px=np.zeros(2),
+        depth_mm=1.0,
+        force_N=np.full(3, np.nan),
+        torque_Nmm=np.nan,
+        area_mm2=10.0,
+        covariance=np.full((8, 8), np.nan),
+        normal_force_over_E_mm2=1.0,
+        shear_over_E_mm2=(0.6 * shear, 0.8 * shear),
+    )
+
+
+def flags(course: list[tuple[float, float]]) -> list[bool | None]:
+    state, told = Grips(), []
+    for x_mm, shear in course:
+        state, contacts = WATCH(state, Contacts(contacts=(contact(x_mm, shear),)), 4.0)
+        told.append(contacts.contacts[0].slip)
+    return told
+
+
+def test_a_drag_sticks_while_it_rests_and_slips_once_it_moves_at_full_shear() -> None:
+    sticking = [(0.0, 0.1 * k) for k in range(5)]
+    sliding = [(0.6 * k, 0.4) for k in range(1, 6)]
+    assert flags(sticking + sliding) == [False] * 5 + [True] * 5
+
+
+def test_rolling_without_shear_and_easing_off_are_no_slip() -> None:
+    assert not any(flags([(0.6 * k, 0.02) for k in range(8)]))
+    assert not any(flags([(0.0, 0.5)] + [(0.6 * k, 0.2) for k in range(1, 6)]))
+
+
+def test_contacts_that_end_or_are_not_known_have_no_flag() -> None:
+    ended = Contacts(contacts=(contact(0.0, 0.5, phase=Phase.END),))
+    state, told = WATCH(Grips(), ended, 4.0)
+    assert told.contacts[0].slip is None
+    assert not state.ratio
