@@ -9,7 +9,7 @@ from manytouch.estimation.force_clusters import ForceLattice
 from manytouch.mechanics.dots import Dots
 from manytouch.mechanics.normal import NormalEquations
 from manytouch.mechanics.patch import Nodal, PointBasis, SplinePatch
-from manytouch.mechanics.shell import Shell
+from manytouch.mechanics.shell import THICK_BENDING, Shell
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Mask, read_only
 
@@ -173,7 +173,7 @@ class NominalSheet:
             thickness_mm=thickness_mm,
             poisson=poisson,
             pretension_over_E_mm=stretched_mm,
-            bending_factor=bending,
+            bending_factor=THICK_BENDING * bending,
         )
 
 

@@ -29,15 +29,16 @@ def integrals(length: float, elements: int) -> Float64[np.ndarray, " k"]:
 
 def values(
     length: float, elements: int, place: Along
-) -> tuple[Int64[np.ndarray, " n"], Float64[np.ndarray, "n 3 4"]]:
-    """First of the four functions that are not 0 at each place, and their value, slope and curvature.
+) -> tuple[Int64[np.ndarray, " n"], Float64[np.ndarray, "n 4 4"]]:
+    """First of the four functions that are not 0 at each place; their value and three derivatives.
 
-    Places outside [0, length] are moved to its ends.
+    The third derivative at a knot is that of the element beyond it. Places outside [0, length] are moved
+    to its ends.
     """
     held = np.clip(place, 0.0, length)
     first = np.clip((held * (elements / length)).astype(np.int64), 0, elements - 1)
     knot = knots(length, elements)
     splines = BSpline(knot, np.eye(elements + DEGREE), DEGREE)
     chosen = first[:, None] + np.arange(DEGREE + 1)
-    table = [np.take_along_axis(splines(held, order), chosen, axis=1) for order in range(3)]
+    table = [np.take_along_axis(splines(held, order), chosen, axis=1) for order in range(4)]
     return first, np.ascontiguousarray(np.stack(table, axis=1))

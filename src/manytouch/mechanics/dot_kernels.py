@@ -1,7 +1,8 @@
 """Where the dots of a bent sheet show in the image, and how that changes with its shape, compiled.
 
 Derivation: docs/derivations/mechanics.md, "Dots". A place on the sheet comes as (slow, fast) of the first
-of its 4 x 4 nodes and the basis functions' value, slope and curvature along both axes.
+of its 4 x 4 nodes and the basis functions' value and three derivatives along both axes. `sheet`: thickness t,
+nu, height of the points off the face, and `shear_mm2` of the shell.
 """
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
@@ -56,25 +57,36 @@ def surface_frame(coefficient, columns, first, table, x_is_slow, out):
 
 @njit(cache=True, fastmath=True)
 @no_type_check
-def thickness_ratio(coefficient, columns, first, table, frame, thickness, nu):
-    """Thickness of the camera-side half of the sheet over that at rest, and if it is within its bounds."""
+def _tilt(coefficient, columns, first, table, x_is_slow, shear):
+    """shear grad lap w along x and y: what the slopes that fibres stand on have more than those of w."""
+    along_slow = along_fast = 0.0
+    for a in range(4):
+        start = (first[0] + a) * columns + first[1]
+        s0, s1, s2, s3 = table[0, 0, a], table[0, 1, a], table[0, 2, a], table[0, 3, a]
+        for b in range(4):
+            w = coefficient[start + b, 2]
+            along_slow += w * (s3 * table[1, 0, b] + s1 * table[1, 2, b])
+            along_fast += w * (s2 * table[1, 1, b] + s0 * table[1, 3, b])
+    if x_is_slow:
+        return shear * along_slow, shear * along_fast
+    return shear * along_fast, shear * along_slow
+
+
+@njit(cache=True, fastmath=True)
+@no_type_check
+def _lever(frame, thickness, nu, height):
+    """Distance from the middle surface, whether it varies with the shape; before the frame is tilted."""
     trace = -1.0
     for j in range(3):
         trace += 0.5 * (frame[1, j] ** 2 + frame[2, j] ** 2)
-    bend = 0.0
-    for a in range(4):
-        start = (first[0] + a) * columns + first[1]
-        for b in range(4):
-            both = table[0, 2, a] * table[1, 0, b] + table[0, 0, a] * table[1, 2, b]
-            bend += both * coefficient[start + b, 2]
-    ratio = 1.0 - nu / (1.0 - nu) * (trace + 0.25 * thickness * bend)
-    return min(max(ratio, THINNEST), THICKEST), THINNEST < ratio < THICKEST
+    ratio = 1.0 - nu / (1.0 - nu) * trace
+    return 0.5 * thickness * min(max(ratio, THINNEST), THICKEST) + height, THINNEST < ratio < THICKEST
 
 
 @njit(cache=True, fastmath=True)
 @no_type_check
 def _normal(frame, out):
-    """Unit normal of the middle surface into `out`, and |a1 x a2|."""
+    """Unit vector along a1 x a2 into `out`, and |a1 x a2|."""
     out[0] = frame[1, 1] * frame[2, 2] - frame[1, 2] * frame[2, 1]
     out[1] = frame[1, 2] * frame[2, 0] - frame[1, 0] * frame[2, 2]
     out[2] = frame[1, 0] * frame[2, 1] - frame[1, 1] * frame[2, 0]
@@ -86,52 +98,54 @@ def _normal(frame, out):
 
 @njit(cache=True, fastmath=True)
 @no_type_check
-def face_displacement(coefficient, columns, first, table, x_is_slow, thickness, nu, height, out):
-    """Displacement (k, 3) of points that stand `height` off the camera-side face."""
+def _displaced(coefficient, columns, first, table, tilt_x, tilt_y, x_is_slow, sheet, frame, normal, out):
+    """Displacement (3,) of one point that stands off the camera-side face."""
+    thickness, nu, height, _ = sheet
+    surface_frame(coefficient, columns, first, table, x_is_slow, frame)
+    lever, _ = _lever(frame, thickness, nu, height)
+    frame[1, 2] += tilt_x
+    frame[2, 2] += tilt_y
+    _normal(frame, normal)
+    for j in range(3):
+        out[j] = frame[0, j] - lever * normal[j]
+    out[2] += 0.5 * thickness + height
+
+
+@njit(cache=True, fastmath=True)
+@no_type_check
+def face_displacement(coefficient, columns, first, table, x_is_slow, sheet, out):
+    """Displacement (k, 3) of points that stand off the camera-side face."""
     frame, normal = np.empty((3, 3)), np.empty(3)
     for k in range(len(first)):
-        surface_frame(coefficient, columns, first[k], table[k], x_is_slow, frame)
-        ratio, _ = thickness_ratio(coefficient, columns, first[k], table[k], frame, thickness, nu)
-        _normal(frame, normal)
-        lever = 0.5 * thickness * ratio + height
-        for j in range(3):
-            out[k, j] = frame[0, j] - lever * normal[j]
-        out[k, 2] += 0.5 * thickness + height
+        dx, dy = _tilt(coefficient, columns, first[k], table[k], x_is_slow, sheet[3])
+        _displaced(coefficient, columns, first[k], table[k], dx, dy, x_is_slow, sheet, frame, normal, out[k])
 
 
 @njit(cache=True, fastmath=True)
 @no_type_check
 def centroids(
-    coefficient,
-    columns,
-    first,
-    table,
-    place_mm,
-    x_is_slow,
-    thickness,
-    nu,
-    height,
-    camera,
-    out,
+    coefficient, columns, first, table, edge_first, edge_table, edge_mm, x_is_slow, sheet, camera, out
 ):
     """Pixels (m, 2) of the centroids of the images of the dots' deformed discs.
 
-    first, table, place_mm: at (m, k) places on the outlines.
+    first, table: at the centres; edge_first, edge_table, edge_mm: at (m, k) places on the outlines. The
+    fibres of a dot have the tilt of that at its centre: third derivatives jump between elements.
     """
-    frame, normal = np.empty((3, 3)), np.empty(3)
-    count = first.shape[1]
+    frame, normal, moved = np.empty((3, 3)), np.empty(3), np.empty(3)
+    count = edge_first.shape[1]
     u, v = np.empty(count), np.empty(count)
-    for i in range(len(first)):
+    for i in range(len(edge_first)):
+        dx, dy = _tilt(coefficient, columns, first[i], table[i], x_is_slow, sheet[3])
         for k in range(count):
-            surface_frame(coefficient, columns, first[i, k], table[i, k], x_is_slow, frame)
-            ratio, _ = thickness_ratio(coefficient, columns, first[i, k], table[i, k], frame, thickness, nu)
-            lever = 0.5 * thickness * ratio + height
-            _normal(frame, normal)
+            _displaced(
+                coefficient, columns, edge_first[i, k], edge_table[i, k], dx, dy, x_is_slow, sheet,
+                frame, normal, moved,
+            )  # fmt: skip
             u[k], v[k] = pixel(
                 camera,
-                place_mm[i, k, 0] + frame[0, 0] - lever * normal[0],
-                place_mm[i, k, 1] + frame[0, 1] - lever * normal[1],
-                place_mm[i, k, 2] + frame[0, 2] - lever * normal[2] + 0.5 * thickness + height,
+                edge_mm[i, k, 0] + moved[0],
+                edge_mm[i, k, 1] + moved[1],
+                edge_mm[i, k, 2] + moved[2],
             )
         area = up = right = 0.0
         for k in range(1, count - 1):  # triangles from the first point
@@ -146,46 +160,53 @@ def centroids(
 
 @njit(cache=True, fastmath=True)
 @no_type_check
-def _face_derivative(frame, normal, length, lever, thinning, nx, ny, bend, value, thickness, out):
-    """Derivative (3, 3) of a point off the face with respect to the coefficients of one node."""
+def _turning(frame, tilted, normal, share, thinning, nx, ny, tx, ty, value, out):
+    """Derivative (3, 3) of a point off the face with respect to the coefficients of one node.
+
+    frame: a1 and a2 of the middle surface; tilted: those that the normal belongs to. share: lever over
+    |a1 x a2|. nx, ny: slopes of the node's function; tx, ty: those of w on which fibres stand.
+    """
     for j in range(3):  # of a unit change of component j
-        # d(a1 x a2) = e_j x a2 nx + a1 x e_j ny
+        # d(a1 x a2) = e_j x a2 dx + a1 x e_j dy
         k, m = (j + 1) % 3, (j + 2) % 3
-        d_k = -nx * frame[2, m] + ny * frame[1, m]
-        d_m = nx * frame[2, k] - ny * frame[1, k]
-        along = normal[k] * d_k + normal[m] * d_m
-        thicker = nx * frame[1, j] + ny * frame[2, j]
-        if j == 2:
-            thicker += 0.25 * thickness * bend
-        share = lever / length * along + thinning * thicker
+        dx, dy = (tx, ty) if j == 2 else (nx, ny)
+        d_k = -dx * tilted[2, m] + dy * tilted[1, m]
+        d_m = dx * tilted[2, k] - dy * tilted[1, k]
+        along = share * (normal[k] * d_k + normal[m] * d_m)
+        along += thinning * (nx * frame[1, j] + ny * frame[2, j])
         for i in range(3):
-            out[i, j] = share * normal[i]
+            out[i, j] = along * normal[i]
         out[j, j] += value
-        out[k, j] -= lever / length * d_k
-        out[m, j] -= lever / length * d_m
+        out[k, j] -= share * d_k
+        out[m, j] -= share * d_m
 
 
 @njit(cache=True, fastmath=True)
 @no_type_check
-def face_derivatives(coefficient, columns, first, table, x_is_slow, thickness, nu, height, out):
+def face_derivatives(coefficient, columns, first, table, x_is_slow, sheet, out):
     """Derivative (k, 3, 16, 3) of `face_displacement` with respect to the 4 x 4 nodes of each place."""
-    frame, normal, block = np.empty((3, 3)), np.empty(3), np.empty((3, 3))
+    thickness, nu, height, shear = sheet
+    frame, tilted, normal, block = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty((3, 3))
     for k in range(len(first)):
+        slow, fast = table[k, 0], table[k, 1]
         surface_frame(coefficient, columns, first[k], table[k], x_is_slow, frame)
-        ratio, varies = thickness_ratio(coefficient, columns, first[k], table[k], frame, thickness, nu)
+        lever, varies = _lever(frame, thickness, nu, height)
         thinning = 0.5 * thickness * nu / (1.0 - nu) if varies else 0.0
-        length = _normal(frame, normal)
-        lever = 0.5 * thickness * ratio + height
+        tilted[:] = frame
+        dx, dy = _tilt(coefficient, columns, first[k], table[k], x_is_slow, shear)
+        tilted[1, 2] += dx
+        tilted[2, 2] += dy
+        share = lever / _normal(tilted, normal)
         for a in range(4):
             for b in range(4):
-                value = table[k, 0, 0, a] * table[k, 1, 0, b]
-                along_slow = table[k, 0, 1, a] * table[k, 1, 0, b]
-                along_fast = table[k, 0, 0, a] * table[k, 1, 1, b]
-                bend = table[k, 0, 2, a] * table[k, 1, 0, b] + table[k, 0, 0, a] * table[k, 1, 2, b]
-                nx, ny = (along_slow, along_fast) if x_is_slow else (along_fast, along_slow)
-                _face_derivative(
-                    frame, normal, length, lever, thinning, nx, ny, bend, value, thickness, block
-                )
+                value = slow[0, a] * fast[0, b]
+                ds, df = slow[1, a] * fast[0, b], slow[0, a] * fast[1, b]
+                ts = ds + shear * (slow[3, a] * fast[0, b] + slow[1, a] * fast[2, b])
+                tf = df + shear * (slow[2, a] * fast[1, b] + slow[0, a] * fast[3, b])
+                if x_is_slow:
+                    _turning(frame, tilted, normal, share, thinning, ds, df, ts, tf, value, block)
+                else:
+                    _turning(frame, tilted, normal, share, thinning, df, ds, tf, ts, value, block)
                 for i in range(3):
                     for j in range(3):
                         out[k, i, 4 * a + b, j] = block[i, j]

@@ -52,8 +52,8 @@ class Face:
     def _arguments(self) -> tuple[object, ...]:
         patch = self.shell.patch
         first, table = patch.window(self.point_mm)
-        sheet = (self.shell.thickness_mm, self.shell.poisson, self.height_mm)
-        return (patch.shape[1], first, table, patch.is_x_slow, *sheet)
+        sheet = (self.shell.thickness_mm, self.shell.poisson, self.height_mm, self.shell.shear_mm2)
+        return (patch.shape[1], first, table, patch.is_x_slow, sheet)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -126,16 +126,19 @@ class Dots:
         circle = OUTLINE_RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(OUTLINE_POINTS)])
         edge_mm = self.rest_mm[:, None] + self.radius_mm[:, None, None] * circle
         patch = self.shell.patch
+        first, table = patch.window(self.face.point_mm)
         edge_first, edge_table = patch.window(edge_mm[..., :2].reshape(-1, 2))
         shape = edge_mm.shape[:2]
-        sheet = (self.shell.thickness_mm, self.shell.poisson, self.height_mm)
+        sheet = (self.shell.thickness_mm, self.shell.poisson, self.height_mm, self.shell.shear_mm2)
         return (
             patch.shape[1],
+            first,
+            table,
             edge_first.reshape(*shape, 2),
-            edge_table.reshape(*shape, 2, 3, 4),
+            edge_table.reshape(*shape, 2, 4, 4),
             edge_mm,
             patch.is_x_slow,
-            *sheet,
+            sheet,
             self._camera,
         )
 

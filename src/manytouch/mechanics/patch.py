@@ -154,11 +154,11 @@ class SplinePatch:
 
     def window(
         self, point_mm: Float64[np.ndarray, "k 2"]
-    ) -> tuple[Int64[np.ndarray, "k 2"], Float64[np.ndarray, "k 2 3 4"]]:
+    ) -> tuple[Int64[np.ndarray, "k 2"], Float64[np.ndarray, "k 2 4 4"]]:
         """The same as factors, in the order slow, fast.
 
         Returns:
-            (k, 2) indices of the first of 4 x 4 nodes; (k, 2, 3, 4) value, slope and curvature of the
+            (k, 2) indices of the first of 4 x 4 nodes; (k, 2, 4, 4) value and three derivatives of the
             basis functions along each axis.
         """
         found = [self._window(axis, point_mm[:, axis]) for axis in self.axes]
@@ -168,7 +168,7 @@ class SplinePatch:
 
     def _window(
         self, axis: int, place_mm: Float64[np.ndarray, " k"]
-    ) -> tuple[Int64[np.ndarray, " k"], Float64[np.ndarray, "k 3 4"]]:
+    ) -> tuple[Int64[np.ndarray, " k"], Float64[np.ndarray, "k 4 4"]]:
         """First of 4 nodes along an axis and their basis functions; dropped ones are left out."""
         local_mm = place_mm - self.corner_mm[axis]
         first, table = basis.values(self.size_mm[axis], self.elements[axis], local_mm)
