@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from manytouch.evaluation.cases import RAMP_FRAMES, REST_FRAMES, Case, Touch, pressure_share
-from manytouch.evaluation.pressing import DRAG_MM, FORCE_TOLERANCE, Pressed, pressed, sheet_model
+from manytouch.evaluation.pressing import DRAG_MM, Pressed, pressed, sheet_model
 
 pytest.importorskip("skfem")
 
@@ -60,7 +60,7 @@ def test_the_solid_has_the_sheet_of_the_case() -> None:
 def test_forces_stand_in_their_ratio_all_along() -> None:
     for step in steps(PAIR):
         strong_N, weak_N = forces_N(step)
-        assert weak_N == pytest.approx(0.3 * strong_N, rel=FORCE_TOLERANCE)
+        assert weak_N == pytest.approx(0.3 * strong_N, rel=0.02)
     deep_mm, other_mm = depths_mm(steps(PAIR)[-1])
     assert deep_mm == pytest.approx(1.2)
     assert 0.0 < other_mm < deep_mm

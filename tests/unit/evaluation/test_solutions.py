@@ -71,8 +71,11 @@ def test_another_sheet_depth_or_seed_of_a_drag_is_another_case(tmp_path: Path) -
         replace(CASE, thickness_mm=2.0),
         replace(CASE, pretension_N_per_mm=0.0),
         replace(CASE, touches=(replace(CASE.touches[0], strength=0.9),)),
+        replace(CASE, strength_is="force"),
+        replace(CASE, deepest_mm=0.9),
         rough,
         replace(rough, seed=6),
+        replace(rough, friction=0.6),
     ]
     assert len({shipped_name(case) for case in different}) == len(different)
     alike = (CASE, replace(CASE, seed=6), replace(CASE, noise=9.0), replace(CASE, pitch_mm=3.0))
