@@ -12,7 +12,7 @@ from manytouch.simulation.plate import PlateField
 from manytouch.values import Camera
 from manytouch.values.arrays import Covariances2, Points2, Points3, Scalars
 
-CORNERS = 12
+CORNERS = 24
 SAME_MOMENT = float(
     np.sqrt(3 / (2 + np.cos(2 * np.pi / CORNERS)))
 )  # the polygon's second moment is the disc's

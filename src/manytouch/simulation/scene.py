@@ -1,4 +1,4 @@
-"""What happens to the sheet: presses in time, as values.
+"""Presses of given force on the linear plate in time, as values: any of them, at once.
 
 Forces suit the linear plate of `simulation.plate` and the demo sheet: 4 N in its middle press 3 mm deep.
 """
@@ -48,7 +48,7 @@ class Scene:
     """Presses in a span of time.
 
     Attributes:
-        name: for people, and after `sim:`.
+        name: for people.
         duration_s: of the whole.
         presses: in the order of their starts; a contact's id is its index.
         seed: of the image noise.

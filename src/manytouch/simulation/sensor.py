@@ -13,8 +13,8 @@ DESIGNED_WIDTH_PX = 2560
 def demo_sensor(width_px: int = DESIGNED_WIDTH_PX) -> Sensor:
     """The demo sensor with its camera read out at a width; 16:9, 2560 x 1440 as designed.
 
-    Stretched on its frame, the sheet gives each finger a dent of its own; slack, a linear plate of
-    this thickness would join four fingers in one hollow. The lens has a mild barrel distortion, about
+    Stretched on its frame, the sheet gives each finger a dent of its own; slack, a sheet of this
+    thickness joins four fingers in one hollow. The lens has a mild barrel distortion, about
     17 px in the corners of the lattice at 2560 px.
     """
     share = width_px / DESIGNED_WIDTH_PX
@@ -57,5 +57,5 @@ def demo_sensor(width_px: int = DESIGNED_WIDTH_PX) -> Sensor:
         layout=layout,
         sheet=sheet,
         centre_noise_px=0.03,
-        provenance={"origin": "simulated: linear clamped plate"},
+        provenance={"origin": "designed, for the simulated sensor"},
     )

@@ -2,12 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from manytouch.errors import SourceError
-from manytouch.simulation.scene import SCENES
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.playing import simulator, solving, states_folder
+from manytouch.simulation.scene_file import BUILT_IN, built_in_scenes, load_scene
 from manytouch.simulation.simulator import Simulator
-from manytouch.sources.source import ASSUMED_FPS
 from manytouch.values import Frame, Sensor, Truth
 
 WIDTH_PX = 1280  # of the demo sensor's camera, so that a picture takes less time than it shows
@@ -65,13 +65,32 @@ class SimulatedSource:
         return SimulatedSource(simulator=replace(self.simulator, scene=scene))
 
 
-def simulated_source(scene: str = "", *, fps: float | None = None, seed: int = 0) -> SimulatedSource:
-    """The demo sensor under a scene of that name; `fingers` where none is given."""
+def simulated_source(
+    scene: str = "",
+    *,
+    fps: float | None = None,
+    seed: int | None = None,
+) -> SimulatedSource:
+    """The simulated sensor under a scene: one that the package has solved, or a file of one's own.
+
+    Args:
+        scene: the name of a built-in scene, or the path of a scene file; `fingers` where none is given.
+        fps: frames per second instead of the scene's.
+        seed: of the noise instead of the scene's.
+
+    Raises:
+        SourceError: there is no such scene, or its file is wrong.
+    """
     name = scene or "fingers"
-    if name not in SCENES:
+    if name.endswith(".toml"):
+        said = load_scene(Path(name).expanduser())
+    elif name in built_in_scenes():
+        said = load_scene(BUILT_IN / f"{name}.toml", width_px=WIDTH_PX)
+    else:
         raise SourceError(
-            f"There is no simulated scene {name!r}: there are {', '.join(SCENES)}, as in 'sim:one'."
+            f"There is no simulated scene {name!r}: there are {', '.join(built_in_scenes())}, as in "
+            "'sim:one'; or give the path of a scene file (.toml)."
         )
-    return SimulatedSource(
-        simulator=Simulator(sensor=demo_sensor(WIDTH_PX), scene=SCENES[name](seed), fps=fps or ASSUMED_FPS)
-    )
+    said = replace(said, fps=fps or said.fps, seed=said.seed if seed is None else seed)
+    states = tuple(solving(said, states_folder()))
+    return SimulatedSource(simulator=simulator(said, states))
