@@ -23,6 +23,7 @@ from manytouch.values import (
     Phase,
     Sensor,
     Sheet,
+    SheetSpline,
     Surface,
     TrackedGrid,
 )
@@ -30,7 +31,18 @@ from manytouch.values.arrays import read_only
 
 _VALUES: dict[str, Any] = {
     each.__name__: each
-    for each in (Camera, Contact, Contacts, Detections, Layout, Sensor, Sheet, Surface, TrackedGrid)
+    for each in (
+        Camera,
+        Contact,
+        Contacts,
+        Detections,
+        Layout,
+        Sensor,
+        Sheet,
+        SheetSpline,
+        Surface,
+        TrackedGrid,
+    )
 }
 _ARRAYS = ("float64", "float32", "int64", "int32", "uint8", "bool")
 

@@ -131,6 +131,8 @@ class Recorder:
                     self._put(item)
                 except OSError as error:
                     self._fail(error)
+                except Exception as error:  # noqa: BLE001 - told in `ended`; sensing goes on without a recording
+                    self._finish(f"{type(error).__name__}: {error}: {self.path.name} ended")
             if size:
                 with self._room:
                     self._waiting_bytes -= size

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+import typing
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
@@ -133,6 +134,17 @@ def test_sensors_and_contacts_come_back_to_the_last_bit(recorded: tuple[Path, Se
         unpacked({"type": "Contact", "charm": 3})
     with pytest.raises(SourceError, match="later version"):
         unpacked({"type": "Popen", "args": "true"})
+
+
+def test_whatever_a_reading_may_hold_can_be_recorded() -> None:
+    from manytouch import values
+    from manytouch.recording import packing
+
+    asked = {kind.__name__ for kind in typing.get_args(values.Command)}
+    others = {"Frame", "Reading", "Truth", "Health", "Setting"}
+    held = {name for name in values.__all__ if is_dataclass(getattr(values, name))} - asked - others
+    assert held
+    assert held <= set(packing._VALUES)
 
 
 def test_stored_readings_are_those_of_the_run(recorded: tuple[Path, Seen, Live]) -> None:
@@ -337,6 +349,25 @@ def test_a_disk_that_fills_up_ends_the_recording_and_nothing_else(
     again = Seen()
     Playback(path).run([again])
     assert len(again.readings) >= kept - 5, "readings follow their frames"
+
+
+def test_what_cannot_be_packed_ends_the_recording_in_words(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def no_value(reading: Reading) -> bytes:
+        if reading.frame.index == 20:
+            raise TypeError("Ghost is no value")
+        return b"{}"
+
+    monkeypatch.setattr("manytouch.recording.writer.reading_bytes", no_value)
+    live = Live(prepare(Pictures(frames=40)))
+    seen = Seen()
+    live.run([seen], record=tmp_path / "x.mcap")
+    assert len(seen.readings) == 40
+    assert any("Ghost is no value: x.mcap ended" in note for note in live.health().notes)
+    recording = Recording(tmp_path / "x.mcap")
+    assert recording.is_whole
+    assert len(recording) >= 20
 
 
 def test_room_is_kept_for_the_end_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
