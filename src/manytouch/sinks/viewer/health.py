@@ -40,10 +40,12 @@ class PictureHealth:
 
 
 def residual_mm(reading: Reading) -> float:
-    """How deep the sheet seems to be where nothing touches: the median of |depth|; NaN when not known.
+    """How deep the sheet seems to be while nothing touches: the median of |depth|; NaN while something does.
 
     At rest it should be as small as the deviation of a depth; more says that the sheet has crept or the
     camera has moved, and that it is time to tare.
     """
+    if reading.contacts.touching:
+        return float("nan")
     depth_mm = np.abs(reading.surface.displacement_mm[:, 2])
     return float(np.nanmedian(depth_mm)) if np.isfinite(depth_mm).any() else float("nan")

@@ -125,7 +125,7 @@ function draw() {
   marks.update(contacts, truth, state.points, state.measured);
   camera.options.truth = showTruth;
   camera.draw(update?.parts.markers, contacts, truth);
-  showContacts(contacts, truth.length ? truth : null);
+  showContacts(contacts, truth, pane.reach);
   showMeasure(state.points, state.measured);
   history.draw(showTruth);
   if (health) showHealth(health, head);
@@ -239,6 +239,7 @@ function bind() {
   for (const [id, act] of Object.entries(change)) find(id).addEventListener("change", ({ target }) => { act(target); state.isDirty = true; });
   find("stretch").addEventListener("input", ({ target }) => setStretch(Number(target.value)));
   find("seek").addEventListener("input", ({ target }) => { state.seeking = true; seek(Number(target.value)); });
+  find("camera").addEventListener("click", () => { document.querySelector(".camera").classList.toggle("big"); state.isDirty = true; });
   bindSettings(state, wish, () => { state.scale = ""; state.isDirty = true; });
   addEventListener("keydown", onKey);
   addEventListener("resize", () => { state.isDirty = true; });
@@ -267,7 +268,7 @@ function onKey(event) {
 bind();
 setTheme(localStorage.getItem("theme") ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"));
 setMap(MAPS.includes(localStorage.getItem("map")) ? localStorage.getItem("map") : "cividis");
-setStretch(4);
+setStretch(5);
 requestAnimationFrame(paint);
 
 /** For people at the console, and for tests: what is shown now, and where. */

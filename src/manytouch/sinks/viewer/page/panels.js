@@ -9,12 +9,12 @@ const small = (value, std, write) => (isKnown(std) ? `${write(value)} <small>± 
 const write = (element, html) => { if (element.dataset.html !== html) { element.dataset.html = html; element.innerHTML = html; } };
 
 /** One line per contact, and the nearest true one under it where the truth is known. */
-export function showContacts(contacts, truth) {
+export function showContacts(contacts, truth, reach) {
   write(find("contacts").tHead, `<tr><th></th><th>x<br>${units.length}</th><th>y<br>${units.length}</th><th>depth<br>${units.length}</th><th>force<br>${units.force}</th></tr>`);
   const rows = contacts.map((contact) => {
     const own = `<tr><td><i style="background:${contactColour(contact.id)}"></i><b>${contact.id}</b></td><td>${length(contact.x_mm)}</td><td>${length(contact.y_mm)}</td>` +
       `<td>${small(contact.depth_mm, contact.depth_std_mm, length)}</td><td>${small(contact.force_N, contact.force_std_N, force)}</td></tr>`;
-    const near = nearest(contact, truth ?? []);
+    const near = nearest(contact, truth ?? [], 0.1 * reach);
     if (!near) return own;
     return own + `<tr class="truth"><td>truth</td><td>${length(near.x_mm)}</td><td>${length(near.y_mm)}</td><td>${length(near.depth_mm)}</td><td>${force(near.force_N)}</td></tr>`;
   });
@@ -24,9 +24,9 @@ export function showContacts(contacts, truth) {
   find("contact-count").textContent = contacts.length;
 }
 
-function nearest(contact, truth) {
+function nearest(contact, truth, within) {
   const away = ({ x_mm, y_mm }) => Math.hypot(x_mm - contact.x_mm, y_mm - contact.y_mm);
-  return truth.reduce((best, other) => (!best || away(other) < away(best) ? other : best), null);
+  return truth.reduce((best, other) => (away(other) < (best ? away(best) : within) ? other : best), null);
 }
 
 /** What is measured at the chosen points, and the profile between two. */
@@ -78,7 +78,7 @@ export function showHealth(health, head) {
     ["markers seen", `${health.markers_seen} of ${health.markers}`, seen < 0.8 ? "bad" : seen < 0.95 ? "warn" : ""],
     ["focus", picture ? `${fixed(100 * picture.focus, 0)} % of best` : "–", picture && picture.focus < 0.6 ? "warn" : ""],
     ["exposure", picture ? `${fixed(100 * picture.level, 0)} %, ${fixed(100 * picture.clipped, 1)} % clipped` : "–", picture && picture.clipped > 0.3 ? "warn" : ""],
-    ["residual off contact", `${length(head?.residual_mm, 1)} ${units.length}`, ""],
+    ["residual at rest", isKnown(head?.residual_mm) ? `${length(head.residual_mm, 1)} ${units.length}` : "touched", ""],
   ];
   write(find("health"), rows.map(([name, value, kind]) => `<dt>${name}</dt><dd class="${kind}">${value}</dd>`).join(""));
   const notes = find("notes"), last = health.notes.slice(-4);

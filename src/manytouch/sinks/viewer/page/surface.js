@@ -3,6 +3,7 @@
 
 import { CSS2DRenderer, OrbitControls, THREE } from "./three.js";
 import { styled, table } from "./colours.js";
+import { niceCeiling } from "./numbers.js";
 import { Axes } from "./axes.js";
 
 const VERTEX = `
@@ -115,7 +116,9 @@ export class SurfacePane {
     Object.values(this.mesh.geometry.attributes).forEach((attribute) => { attribute.needsUpdate = true; });
     const { uniforms } = this.material;
     uniforms.low.value = low; uniforms.high.value = high; uniforms.contour.value = contour;
-    this.axes.setHeight(high, this.stretch);
+    this.deepest = Math.max(0.9, 0.995 * (this.deepest ?? 0));
+    for (let at = 0; at < depth.length; at++) if (depth[at] > this.deepest) this.deepest = depth[at];
+    this.axes.setHeight(niceCeiling(this.deepest), this.stretch);
     this.isDirty = true;
   }
 
