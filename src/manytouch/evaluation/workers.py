@@ -1,7 +1,9 @@
 """Work shared out to processes, one task after the other, that can be stopped between tasks."""
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -56,7 +58,7 @@ def worked(
     begun = 0
     waiting: dict[Future[Result], int] = {}
     context = multiprocessing.get_context("spawn")  # compiled code and OpenCV do not survive a fork
-    with ProcessPoolExecutor(processes, mp_context=context, initializer=_deaf_to_ctrl_c) as pool:
+    with ProcessPoolExecutor(processes, mp_context=context, initializer=_serve) as pool:
         try:
             while True:
                 while begun < len(tasks) and len(waiting) < processes and not (stop and stop()):
@@ -72,6 +74,14 @@ def worked(
             ) from None
 
 
-def _deaf_to_ctrl_c() -> None:
-    """The first process is told, and lets the others finish what they have begun."""
+def _serve() -> None:
+    """Leave Ctrl-C to the first process, which lets the others finish; end when it was killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_the_first, daemon=True).start()
+
+
+def _end_with_the_first() -> None:
+    first = multiprocessing.parent_process()
+    if first is not None:
+        first.join()
+        os._exit(1)
