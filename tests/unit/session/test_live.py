@@ -134,10 +134,14 @@ def test_another_method_begins_between_frames_and_identities_go_on() -> None:
         (reading.frame.index, contact) for reading in seen.readings for contact in reading.contacts.contacts
     ]
     begun = {contact.id for index, contact in told if index <= 27}
-    end = {contact.id: index for index, contact in told if contact.phase is Phase.END}
+    end: dict[int, int] = {}
+    for index, contact in told:
+        if contact.phase is Phase.END:
+            end.setdefault(contact.id, index)
     assert begun
     assert begun <= set(end)
     assert all(index <= end[contact.id] for index, contact in told if contact.id in end)
+    assert {contact.id for index, contact in told if index > max(end[number] for number in begun)} - begun
 
 
 def test_tare_makes_the_present_sheet_the_untouched_one() -> None:
