@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from manytouch.calibration.reference import refer
-from manytouch.calibration.sheet import Press
+from manytouch.calibration.sheet_fit import Press
 from manytouch.calibration.watched import Watched, watched
 from manytouch.errors import SensorError, SourceError
 from manytouch.sources import open_source

@@ -7,7 +7,8 @@ import pytest
 
 from manytouch.calibration.press_table import press_rows, presses
 from manytouch.calibration.protocol import places_mm, probing_gcode, weight_table
-from manytouch.calibration.sheet import Press, _disc, calibrate_sheet
+from manytouch.calibration.sheet import calibrate_sheet
+from manytouch.calibration.sheet_fit import Press, disc
 from manytouch.cli import main
 from manytouch.errors import SensorError, SourceError
 from manytouch.mechanics.dots import Dots
@@ -67,7 +68,7 @@ def pressed(sensor, *, noise_px: float = 0.02, forces: bool = True) -> list[Pres
     chance = np.random.default_rng(5)
     found = []
     for number, (x, y, force) in enumerate(PLACES):
-        place, weight = _disc(np.array([x, y]), 4.0)
+        place, weight = disc(np.array([x, y]), 4.0)
         load = np.zeros((patch.node_count, 3))
         load[:, 2] = -patch.load(place, weight) * force / YOUNG_MPA
         moved = dots.displacement_px(equilibrium(shell, load).coefficient_mm)
