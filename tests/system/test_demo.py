@@ -1,8 +1,11 @@
 """`manytouch demo` and `manytouch doctor` from outside."""
 
 import os
+import re
+import signal
 import subprocess
 import sys
+import urllib.request
 from pathlib import Path
 
 import cv2
@@ -84,3 +87,22 @@ def test_help_answers_within_0_3_s_and_loads_nothing_heavy() -> None:
         seconds.append(sum(after[2:4]) - sum(before[2:4]))
     assert done.stdout.splitlines()[-1] == "[]"
     assert min(seconds) < 0.3
+
+
+def test_demo_serves_the_viewer_until_ctrl_c(tmp_path: Path) -> None:
+    pytest.importorskip("nicegui")
+    words = [sys.executable, "-m", "manytouch", "demo"]
+    with subprocess.Popen(
+        words, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as demo:
+        assert demo.stdout is not None
+        url = next(
+            found[0] for line in demo.stdout if (found := re.search(r"http://127\.0\.0\.1:\d+/", line))
+        )
+        with urllib.request.urlopen(url, timeout=60) as answer:
+            assert b"<title>manytouch</title>" in answer.read()
+        demo.send_signal(signal.SIGINT)
+        _, complaints = demo.communicate(timeout=300)
+    assert demo.returncode == 0, complaints
+    assert "Traceback" not in complaints
+    assert not (tmp_path / "out" / "demo" / "markers.parquet").exists()
