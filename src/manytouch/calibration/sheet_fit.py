@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float64
 from manytouch.mechanics.dots import Dots
 from manytouch.mechanics.equilibrium import equilibrium, tangent_factor
 from manytouch.mechanics.patch import SplinePatch
-from manytouch.mechanics.shell import Shell
+from manytouch.mechanics.shell import THICK_BENDING, Shell
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 
@@ -176,7 +176,7 @@ class PressFit:
             thickness_mm=float(np.exp(common[2])),
             poisson=self.poisson,
             pretension_over_E_mm=float(common[0]),
-            bending_factor=float(np.exp(common[1])),
+            bending_factor=THICK_BENDING * float(np.exp(common[1])),
         )
         dots = Dots(
             shell=shell,

@@ -14,7 +14,7 @@ from manytouch.errors import SensorError, SourceError
 from manytouch.mechanics.dots import Dots
 from manytouch.mechanics.equilibrium import equilibrium
 from manytouch.mechanics.patch import SplinePatch
-from manytouch.mechanics.shell import Shell
+from manytouch.mechanics.shell import THICK_BENDING, Shell
 from manytouch.simulation.sensor import demo_sensor
 from manytouch.values.sensor_file import save_sensor
 
@@ -60,6 +60,7 @@ def pressed(sensor, *, noise_px: float = 0.02, forces: bool = True) -> list[Pres
         thickness_mm=THICKNESS_MM,
         poisson=0.45,
         pretension_over_E_mm=PRETENSION_N_PER_MM / YOUNG_MPA,
+        bending_factor=THICK_BENDING,
     )
     layout = sensor.layout
     dots = Dots(
