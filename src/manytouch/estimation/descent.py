@@ -56,6 +56,7 @@ class SparseDescent:
         tangential: su, what is left over of tangential forces.
         friction: mu_f, share of a normal force that may be tangential.
         sparse: eps, normal force of a node that is as good as none.
+        prior: weight of the normal forces against the dots.
         alert: a node without force may take this much in the next frame.
         far_chi2: above it the shape is far off, and steps go on as long as each lowers it by the share
             `least_gain`, up to `most_steps`.
@@ -69,6 +70,7 @@ class SparseDescent:
     tangential: float = 2.0e-4
     friction: float = 0.05
     sparse: float = 8.0e-5
+    prior: float = 3.0
     alert: float = 1.7e-4
     far_chi2: float = 4.0
     lost_chi2: float = 400.0
@@ -128,7 +130,7 @@ class SparseDescent:
         weight = np.empty_like(force_mm2)
         tangential = (self.tangential * unit) ** 2 + (self.friction * press) ** 2
         weight[:, :2] = (1.0 / tangential)[:, None]
-        weight[:, 2] = 1.0 / np.maximum(press**2 + (self.sparse * unit) ** 2, least**2)
+        weight[:, 2] = self.prior / np.maximum(press**2 + (self.sparse * unit) ** 2, least**2)
         weight[model.is_outside] *= self.outside
         return weight
 

@@ -38,6 +38,7 @@ class InversionMemory:
         began_px, reference_px: (m, 2) dots of the untouched sheet, at the start and now.
         pitch_px, model_px: pitch in the image, and what the model does not explain of a dot's place.
         shape: of the frame before.
+        seen_mm: (k, 2) where forces stood in the frame before, contacts or not.
         grips: of the contacts on the sheet.
         lives: contacts that last.
     """
@@ -50,6 +51,7 @@ class InversionMemory:
     pitch_px: float
     model_px: float
     shape: SheetShape
+    seen_mm: Points2
     grips: Grips
     lives: Lives
 
@@ -74,7 +76,8 @@ class MechanicalInversion:
         firm_at_rim: so many times that within `rim_thickness` thicknesses of the part without a rim.
         most_friction: shear over normal force that a new contact may have.
         usual_noise_px: of centres where the sensor does not say it.
-        firm: least normal force of a new contact, in units of that which lets one last.
+        firm, clear: least normal force of a new contact, in units of that which lets one last: where
+            there was a force in the frame before, and where there was none.
     """
 
     nominal: NominalSheet = field(default_factory=NominalSheet)
@@ -83,13 +86,14 @@ class MechanicalInversion:
     cluster: ForceClusters = field(default_factory=ForceClusters)
     split: SplitByMoments = field(default_factory=SplitByMoments)
     touch: Touching = field(default_factory=Touching)
-    identity: ContactIdentity = field(default_factory=ContactIdentity)
+    identity: ContactIdentity = field(default_factory=lambda: ContactIdentity(confirm_frames=1))
     error: SurfaceError = field(default_factory=SurfaceError)
     settle: Settling = field(default_factory=Settling)
     slip: SlipWatch = field(default_factory=SlipWatch)
-    model_std_pitch: float = 4.2e-4
+    model_std_pitch: float = 8.4e-4
     nominal_std_pitch: float = 5e-3
     firm: float = 1.5
+    clear: float = 6.0
     firm_at_rim: float = 3.0
     rim_thickness: float = 2.0
     most_friction: float = 1.5
@@ -119,6 +123,7 @@ class MechanicalInversion:
             pitch_px=pitch_px,
             model_px=model_px,
             shape=SheetShape(coefficient_mm=still, force_mm2=still),
+            seen_mm=read_only(np.zeros((0, 2))),
             grips=Grips(),
             lives=self.identity.start(sensor),
         )
@@ -134,6 +139,7 @@ class MechanicalInversion:
         status = grid.status if grid.status != "ok" else fit.status
         surface = self._surface(state, grid, fit, status)
         found, is_firm = self._contacts(state, fit)
+        seen_mm = read_only(np.array([contact.centre_mm for contact in found]).reshape(-1, 2))
         lives, contacts = self.identity.step(
             state.lives,
             found,
@@ -145,7 +151,9 @@ class MechanicalInversion:
         reference_px = state.reference_px
         if status == "ok" and not lives.lives and not any(is_firm):
             reference_px = self.settle(reference_px, state.began_px, grid, state.pitch_px)
-        after = replace(state, shape=fit.shape, lives=lives, grips=grips, reference_px=reference_px)
+        after = replace(
+            state, shape=fit.shape, lives=lives, grips=grips, reference_px=reference_px, seen_mm=seen_mm
+        )
         return after, surface, contacts
 
     def _information(self, state: InversionMemory, grid: TrackedGrid, measured_px: Points2) -> Covariances2:
@@ -190,15 +198,18 @@ class MechanicalInversion:
         held_mm = np.array([contact.centre_mm for contact in state.lives.held]).reshape(-1, 2)
         clusters = self.split(model.lattice, force_mm2, clusters, held_mm)
         found = self.touch(model, clusters, fit.shape.coefficient_mm, force_mm2)
-        return found, self._is_firm(model, clusters).tolist()
+        return found, self._is_firm(model, clusters, state.seen_mm).tolist()
 
-    def _is_firm(self, model: SheetModel, clusters: Clusters) -> Mask:
+    def _is_firm(self, model: SheetModel, clusters: Clusters, seen_mm: Points2) -> Mask:
         """(c,) clusters that are clear enough to begin a contact.
 
         A camera that moves a little seems to drag the whole sheet along, against which the clamped outline
         pulls: that makes small forces near it, mostly tangential ones.
         """
-        least_mm2 = self.firm * self.cluster.least * model.lattice.force_unit_mm2
+        away_mm = np.linalg.norm(clusters.centre_mm[:, None] - seen_mm, axis=2).min(axis=1, initial=np.inf)
+        is_new = away_mm > self.identity.gate_pitch * model.pitch_mm
+        unit_mm2 = self.cluster.least * model.lattice.force_unit_mm2
+        least_mm2 = unit_mm2 * np.where(is_new, self.clear, self.firm)
         left_mm = (model.lattice.inner_mm - np.abs(clusters.centre_mm)).min(axis=1, initial=np.inf)
         is_near_rim = left_mm < self.rim_thickness * model.thickness_mm
         shear_mm2 = np.linalg.norm(clusters.force_mm2[:, :2], axis=1)

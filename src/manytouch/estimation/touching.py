@@ -39,11 +39,11 @@ class ModelError:
         nominal: all of it is so many times larger where the sheet was assumed.
     """
 
-    position_pitch: float = 0.04
+    position_pitch: float = 0.05
     position_radius: float = 0.05
-    depth_share: float = 0.012
+    depth_share: float = 0.028
     depth_pitch: float = 0.002
-    force_share: float = 0.06
+    force_share: float = 0.07
     force_unit: float = 1.0e-3
     shear_share: float = 0.03
     torque_share: float = 0.1

@@ -43,7 +43,7 @@ class SurfaceError:
 
     reach_thickness: float = 0.9
     dent: float = 0.12
-    depth_share: float = 0.004
+    depth_share: float = 0.016
     along: float = 0.5
     unseen: float = 2.0
     nominal_share: float = 0.35
