@@ -12,7 +12,7 @@ from manytouch.design.spacing import gap_mm
 from manytouch.mechanics.dots import Face
 from manytouch.mechanics.equilibrium import equilibrium
 from manytouch.mechanics.patch import SplinePatch
-from manytouch.mechanics.shell import Shell
+from manytouch.mechanics.shell import THICK_BENDING, Shell
 
 FINGERTIP_MM2 = 100.0  # 1 cm², as in Table 1 of the paper
 ELEMENT_MM = 5.0
@@ -102,7 +102,7 @@ def deflection_curve(
     """
     elements = tuple(max(8, round(size / ELEMENT_MM)) for size in size_mm)
     patch = SplinePatch(size_mm=size_mm, elements=(elements[0], elements[1]), boundary="clamped")
-    shell = Shell(patch=patch, thickness_mm=thickness_mm, poisson=poisson)
+    shell = Shell(patch=patch, thickness_mm=thickness_mm, poisson=poisson, bending_factor=THICK_BENDING)
     place, weight = fingertip(np.sqrt(FINGERTIP_MM2 / np.pi))
     share = np.zeros((patch.node_count, 3))
     share[:, 2] = -patch.load(place, weight)

@@ -70,7 +70,7 @@ def test_stiffness_follows_from_hardness():
 def test_ten_newtons_press_the_papers_sheet_one_centimetre_at_about_three_megapascals():
     curve = deflection_curve(size_mm=(120.0, 80.0), thickness_mm=3.0, poisson=0.45, deepest_mm=10.1)
     young = 10.0 / curve.force_over_E_at(10.1)
-    assert 2.7 < young < 3.3
+    assert 2.8 < young < 3.5
     assert curve.depth_at(10.0 / young) == pytest.approx(10.1)
     assert np.all(np.diff(curve.depth_mm) > 0)
     assert np.all(np.diff(curve.strain) > 0)
