@@ -60,7 +60,7 @@ class SparseDescent:
         alert: a node without force may take this much in the next frame.
         far_chi2: above it the shape is far off, and steps go on as long as each lowers it by the share
             `least_gain`, up to `most_steps`.
-        lost_chi2: above it nothing is explained.
+        lost_chi2: above it nothing is explained, and the shape stays that of the frame before.
         usual_steps, most_steps: in a frame.
         longest_pitch: no coefficient changes by more in a step.
         outside: weight of forces where the sheet is not known, against the others.
@@ -118,7 +118,7 @@ class SparseDescent:
         if at.chi2 <= self.far_chi2:
             status = "ok"
         elif at.chi2 > self.lost_chi2:
-            status = "not_converged"
+            shape, status = start, "not_converged"
         return Fit(shape=shape, weight_mm4=weight, chi2=at.chi2, steps=steps, status=status)
 
     def weights(self, model: SheetModel, force_mm2: Nodal, *, first: bool) -> Nodal:

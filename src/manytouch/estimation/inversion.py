@@ -8,6 +8,7 @@ forces, which press and do not pull (`descent`). Depth is read from the shape, c
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.estimation.descent import Fit, SheetShape, SparseDescent
 from manytouch.estimation.force_clusters import Clusters, ForceClusters
@@ -51,7 +52,7 @@ class InversionMemory:
     pitch_px: float
     model_px: float
     shape: SheetShape
-    seen_mm: Points2
+    seen_mm: Float64[np.ndarray, "k 2"]
     grips: Grips
     lives: Lives
 
@@ -143,7 +144,7 @@ class MechanicalInversion:
         lives, contacts = self.identity.step(
             state.lives,
             found,
-            is_firm=is_firm,
+            is_firm=is_firm if fit.status == "ok" else [False] * len(found),
             is_there=None,
             status=status,
         )
@@ -200,7 +201,7 @@ class MechanicalInversion:
         found = self.touch(model, clusters, fit.shape.coefficient_mm, force_mm2)
         return found, self._is_firm(model, clusters, state.seen_mm).tolist()
 
-    def _is_firm(self, model: SheetModel, clusters: Clusters, seen_mm: Points2) -> Mask:
+    def _is_firm(self, model: SheetModel, clusters: Clusters, seen_mm: Float64[np.ndarray, "k 2"]) -> Mask:
         """(c,) clusters that are clear enough to begin a contact.
 
         A camera that moves a little seems to drag the whole sheet along, against which the clamped outline

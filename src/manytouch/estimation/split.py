@@ -51,7 +51,7 @@ class SplitByMoments:
     held: float = 0.7
 
     def __call__(
-        self, lattice: ForceLattice, force_mm2: Nodal, clusters: Clusters, held_mm: Points2
+        self, lattice: ForceLattice, force_mm2: Nodal, clusters: Clusters, held_mm: Float64[np.ndarray, "k 2"]
     ) -> Clusters:
         """The clusters, those that are two contacts as two; the strongest first.
 
@@ -100,7 +100,7 @@ class SplitByMoments:
         return _Parts(centre_mm=centre + ends[:, None] * axis, share=share, own_mm2=own_mm2)
 
 
-def _held_within(clusters: Clusters, number: int, held_mm: Points2) -> int:
+def _held_within(clusters: Clusters, number: int, held_mm: Float64[np.ndarray, "k 2"]) -> int:
     """How many of some places belong to a cluster: nearer to its centre than to any other's."""
     if len(held_mm) == 0:
         return 0
