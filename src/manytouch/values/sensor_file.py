@@ -3,6 +3,7 @@
 import os
 import tomllib
 from collections.abc import Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -15,6 +16,8 @@ from manytouch.errors import OutputError, SensorError
 from manytouch.values.arrays import read_only
 from manytouch.values.sections import Count, NonNegative, Number, Positive, Section, all_mistakes
 from manytouch.values.sensor import Camera, Layout, Sensor, Sheet
+
+SENSORS = files("manytouch") / "sensors"
 
 
 class _Pose(Section):
@@ -129,8 +132,16 @@ class _File(Section):
         return self
 
 
+def known_sensors() -> list[str]:
+    """Names of the sensors that the package describes, from public figures."""
+    return sorted(item.name.removesuffix(".toml") for item in SENSORS.iterdir())
+
+
 def load_sensor(path: str | Path) -> Sensor:
     """Read a sensor file.
+
+    Args:
+        path: of the file, or the name of a known sensor (`known_sensors`) where there is no such file.
 
     Raises:
         SensorError: the file is missing, is no TOML, or has unknown keys, wrong types or impossible
@@ -138,9 +149,14 @@ def load_sensor(path: str | Path) -> Sensor:
     """
     path = Path(path)
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        is_known = str(path) in known_sensors() and not path.exists()
+        text = (SENSORS / f"{path}.toml" if is_known else path).read_text(encoding="utf-8")
+        table = tomllib.loads(text)
     except FileNotFoundError:
-        raise SensorError(f"there is no sensor file {path}: give the path of an existing .toml") from None
+        raise SensorError(
+            f"there is no sensor file {path}: give the path of an existing .toml, or one of the known "
+            f"sensors {', '.join(known_sensors())}"
+        ) from None
     except IsADirectoryError:
         raise SensorError(f"{path} is a folder, expected a sensor file (.toml)") from None
     except (UnicodeDecodeError, OSError) as error:

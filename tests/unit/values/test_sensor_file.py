@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from manytouch.errors import OutputError, SensorError
-from manytouch.values.sensor_file import load_sensor, save_sensor
+from manytouch.geometry.camera import project
+from manytouch.values.sensor_file import known_sensors, load_sensor, save_sensor
 
 TEXT = """
 schema = 1
@@ -143,6 +144,41 @@ def test_all_mistakes_are_named_at_once(written: Path) -> None:
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
     with pytest.raises(SensorError, match="there is no sensor file"):
         load_sensor(tmp_path / "nowhere.toml")
+
+
+def test_a_known_sensor_loads_by_its_name_and_says_what_is_assumed() -> None:
+    assert known_sensors() == ["a4-dots", "gelsight-fots", "gelsight-mini"]
+    for name in known_sensors():
+        sensor = load_sensor(name)
+        assert sensor.layout is not None
+        place = project(sensor.camera, sensor.layout.rest_mm)
+        middle = place.mean(axis=0)
+        assert middle == pytest.approx([sensor.camera.cx_px, sensor.camera.cy_px], abs=0.01)
+        assert (place > 0).all()
+        assert (place < [sensor.camera.width_px, sensor.camera.height_px]).all()
+        assert sensor.sheet is None
+        assert sensor.provenance["sources"]
+        assert sensor.provenance["assumed"]
+
+
+@pytest.mark.parametrize(
+    ("name", "pitch_px"),
+    [("gelsight-mini", (31.0, 32.0)), ("gelsight-fots", (29.0, 26.0)), ("a4-dots", (64.0, 80.0))],
+)
+def test_the_dots_of_a_known_sensor_are_as_far_apart_as_published(name: str, pitch_px) -> None:
+    sensor = load_sensor(name)
+    rows, columns = sensor.layout.shape
+    place = project(sensor.camera, sensor.layout.rest_mm).reshape(rows, columns, 2)
+    assert np.diff(place[0, :2, 0])[0] == pytest.approx(pitch_px[0], rel=2e-3)
+    assert abs(np.diff(place[:2, 0, 1])[0]) == pytest.approx(pitch_px[1], rel=2e-3)
+
+
+def test_a_file_goes_before_a_known_name(written: Path, tmp_path: Path, monkeypatch) -> None:
+    (tmp_path / "gelsight-mini").write_text(written.read_text())
+    monkeypatch.chdir(tmp_path)
+    assert load_sensor("gelsight-mini").name != "GelSight Mini with markers (nominal)"
+    with pytest.raises(SensorError, match=r"known sensors a4-dots, gelsight-fots, gelsight-mini"):
+        load_sensor("gelsight-maxi")
 
 
 def test_an_unwritable_place_is_said(written: Path, tmp_path: Path) -> None:
