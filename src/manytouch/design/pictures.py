@@ -94,7 +94,7 @@ def _map(axes: "Axes", place_mm: np.ndarray, values: np.ndarray, name: str) -> N
     both = [np.concatenate([-side[:0:-1], side]) for side in (x, y)]
     drawn = axes.pcolormesh(*both, whole, shading="gouraud", cmap="cividis_r", vmin=0.0)
     for (here_x, here_y), value in zip(place_mm, values, strict=True):
-        shown = "not found" if np.isnan(value) else f"{value:.2g}"
+        shown = "not found" if np.isnan(value) else f"{value:.0f}" if value >= 10 else f"{value:.2g}"
         axes.text(
             here_x,
             here_y,

@@ -210,6 +210,22 @@ def test_the_verb_writes_a_sensor_file_that_can_be_read(pictures, tmp_path: Path
     assert "There is no" in capsys.readouterr().err
 
 
+def test_the_verb_takes_a_video_and_looks_five_times_per_second(pictures, tmp_path: Path, capsys):
+    film = cv2.VideoWriter(
+        str(tmp_path / "board.mp4"), cv2.VideoWriter.fourcc(*"mp4v"), 10.0, (WIDTH_PX, HEIGHT_PX)
+    )
+    for image in pictures:
+        for _ in range(2):  # every view lasts for 0.2 s
+            film.write(cv2.cvtColor(image, cv2.COLOR_GRAY2BGR))
+    film.release()
+    out = tmp_path / "camera.toml"
+    words = ["--board", "chessboard:8x5", "--square-mm", "20", "--out", str(out)]
+    assert main(["calibrate", "camera", str(tmp_path / "board.mp4"), *words]) == 0
+    camera = load_sensor(out).camera
+    assert (camera.fx_px, camera.cx_px) == (pytest.approx(430.0, abs=4.0), pytest.approx(246.0, abs=4.0))
+    assert f"{len(pictures)} views of a chessboard" in capsys.readouterr().out
+
+
 @pytest.mark.skipif(not DATA.is_dir(), reason="the recordings in ../shared/data are not here")
 def test_real_chessboards_give_the_published_camera(tmp_path: Path):
     out = tmp_path / "camera.toml"

@@ -81,6 +81,20 @@ def test_the_pose_deviations_tell_how_wrong_the_pose_is():
     assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.3
 
 
+def test_the_pose_is_found_through_a_fisheye_lens():
+    sensor = tilted_sensor()
+    lens = replace(sensor.camera, model="fisheye", distortion=np.array([0.08, -0.03, 0.01, 0.0]))
+    found = calibrate_rest(
+        camera_only(replace(sensor, camera=lens)), frames_of(replace(sensor, camera=lens)), pitch_mm=4.0
+    )
+    camera, layout = found.sensor.camera, found.sensor.layout
+    assert camera.model == "fisheye"
+    assert camera.rotation_vector == pytest.approx(TURN, abs=5e-4)
+    assert camera.translation_mm == pytest.approx(SHIFT, abs=0.05)
+    assert layout.shape == (20, 30)
+    assert found.rms_px < 0.05
+
+
 def test_a_wrong_scale_is_odd(tilted_frames):
     found = calibrate_rest(tilted_sensor(), tilted_frames, pitch_mm=4.4)
     assert any("9 % farther than the file says" in sentence for sentence in found.odd), found.odd
