@@ -1,0 +1,135 @@
+"""A design goes all the way: designed, pressed in 3-D, calibrated, and as accurate as it was predicted."""
+
+import csv
+import math
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from manytouch.cli import main
+from manytouch.design.accuracy import predicted_at
+from manytouch.design.choose import design
+from manytouch.design.wishes import Optics, Printer, Wishes
+from manytouch.values import Sensor
+from manytouch.values.sensor_file import save_sensor
+
+WISHES = Wishes(
+    area_mm=(60.0, 40.0),
+    deepest_mm=8.0,
+    force_N=(0.2, 5.5),
+    separation_mm=8.0,
+    camera=Optics(width_px=1280, height_px=720, hfov_deg=63.7, least_focus_mm=100.0, fps=30.0),
+    printer=Printer(nozzle_mm=0.4, bed_mm=(220.0, 220.0, 250.0)),
+    marker_height_mm=0.0,
+    material="silicone, Shore A 40",
+    thickness_mm=3.0,
+)
+HEAD = """schema = 1
+name = "{name}"
+seconds = {seconds}
+fps = {fps}
+sensor = "designed.toml"
+[light]
+vignetting = 0.25
+read_noise = 1.5
+shot_noise = 0.02
+"""
+BODY = """[solid]
+element_mm = 2.5
+step_mm = 3.1
+[[bodies]]
+shape = {shape}
+motions = [
+"""
+MOTION = (
+    '{{ kind = "press", at_mm = [{x}, {y}], depth_mm = {depth}, start_s = {start}, '
+    "end_s = {end:.1f}, ramp_s = 0.3 }},\n"
+)
+PRESSES = (
+    (0, 0, 1.5),
+    (-20, -15, 1.0),
+    (20, -15, 1.0),
+    (-20, 15, 1.5),
+    (20, 15, 1.5),
+    (0, 0, 3.0),
+    (15, 0, 2.0),
+    (-15, 5, 2.5),
+)
+TOUCHES = ((1, 1, 3.0), (10, -1, 3.0), (-15, 6, 2.8), (-9, -8, 3.0))
+
+
+def simulated(folder: Path, name: str, *, fps: float, every_s: int, first_s: int, held_s: float) -> None:
+    """Press the designed sheet at some places, one after the other."""
+    shape, places = {
+        "presses": ('{ kind = "round_punch", radius_mm = 5.0 }', PRESSES),
+        "touches": ('{ kind = "sphere", radius_mm = 8.0 }', TOUCHES),
+    }[name]
+    motions = "".join(
+        MOTION.format(x=x, y=y, depth=depth, start=start, end=start + held_s)
+        for (x, y, depth), start in zip(places, range(first_s, 99, every_s), strict=False)
+    )
+    head = HEAD.format(name=name, seconds=float(first_s + every_s * len(places)), fps=fps)
+    (folder / f"{name}.toml").write_text(head + BODY.format(shape=shape) + motions + "]\n")
+    assert main(["simulate", str(folder / f"{name}.toml"), "--out", str(folder / name)]) == 0
+
+
+def film(folder: Path, name: str, fps: float) -> None:
+    images = [cv2.imread(str(path)) for path in sorted((folder / name / "frames").glob("*.png"))]
+    size = (images[0].shape[1], images[0].shape[0])
+    writer = cv2.VideoWriter(str(folder / f"{name}.avi"), cv2.VideoWriter.fourcc(*"MJPG"), fps, size)
+    for image in images:
+        writer.write(image)
+    writer.release()
+
+
+def contacts_at(table: Path, time_s: float) -> np.ndarray:
+    """(n, 4) x, y, depth and force of the contacts at a time."""
+    names = ("x_mm", "y_mm", "depth_mm", "normal_force_N")
+    with table.open(newline="") as file:
+        rows = [row for row in csv.DictReader(file) if abs(float(row["time_s"]) - time_s) < 0.01]
+    return np.array([[float(row[name]) for name in names] for row in rows if row["phase"] != "end"])
+
+
+def calibrated(folder: Path, designed: Sensor) -> None:
+    """From the camera alone, an untouched second and eight presses of known force to sensor.toml."""
+    save_sensor(designed, folder / "designed.toml")
+    text = (folder / "designed.toml").read_text()
+    (folder / "camera.toml").write_text(text[: text.index("[camera.pose]")])
+    (folder / "rest.toml").write_text(HEAD.format(name="untouched", seconds=2.0, fps=30.0))
+    words = ["--pitch-mm", "4", "--sheet-mm", "80,60", "--thickness-mm", "3"]
+    words += ["--sensor", str(folder / "camera.toml"), "--out", str(folder / "rested.toml")]
+    assert main(["calibrate", "rest", f"sim:{folder / 'rest.toml'}", *words]) == 0
+    simulated(folder, "presses", fps=5.0, every_s=3, first_s=2, held_s=2.6)
+    film(folder, "presses", 5.0)
+    rows = ["input,time_s,x_mm,y_mm,radius_mm,normal_force_N"]
+    for number, (x, y, _) in enumerate(PRESSES):
+        time_s = 3.4 + 3 * number
+        ((*_, force_N),) = contacts_at(folder / "presses/truth/contacts.csv", time_s)
+        rows.append(f"presses.avi,{time_s:.1f},{x},{y},5,{force_N}")
+    (folder / "presses.csv").write_text("\n".join(rows) + "\n")
+    words = ["--sensor", str(folder / "rested.toml"), "--out", str(folder / "sensor.toml")]
+    assert main(["calibrate", "sheet", str(folder / "presses.csv"), *words]) == 0
+
+
+@pytest.mark.slow
+def test_a_design_is_as_accurate_as_it_was_predicted(tmp_path: Path) -> None:
+    found = design(WISHES)
+    position_mm, depth_um, force_percent = predicted_at(found.sensor, WISHES)
+    calibrated(tmp_path, found.sensor)
+    simulated(tmp_path, "touches", fps=10.0, every_s=2, first_s=1, held_s=1.4)
+    words = ["--sensor", str(tmp_path / "sensor.toml"), "--method", "mechanics", "--fps", "10"]
+    assert main(["process", str(tmp_path / "touches/frames"), *words, "--out", str(tmp_path / "read")]) == 0
+    off = []
+    for number in range(len(TOUCHES)):
+        time_s = 2.1 + 2 * number
+        (true,) = contacts_at(tmp_path / "touches/truth/contacts.csv", time_s)
+        (told,) = contacts_at(tmp_path / "read/frames/contacts.csv", time_s)
+        off.append([*(told - true)[:3], told[3] / true[3] - 1])
+    x, y, depth, force = np.sqrt(np.mean(np.square(off), axis=0))
+    measured = math.hypot(x, y) / math.sqrt(2), 1e3 * depth, 100 * force
+    said = f"measured {measured}, predicted {(position_mm, depth_um, force_percent)}"
+    assert position_mm / 1.5 < measured[0] < 1.5 * position_mm, said
+    assert depth_um / 1.5 < measured[1] < 1.5 * depth_um, said
+    assert measured[2] < 1.5 * force_percent, said
