@@ -24,7 +24,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial import cKDTree
-from sequences import Course, Sequence, course_of, dots_in, pictures
+from sequences import Course, FoldError, Sequence, can_move, course_of, dots_in, pictures
 
 from manytouch.detection import DotSearch
 from manytouch.pipeline import Detect, Pipeline, Track
@@ -35,6 +35,7 @@ GATE_PITCHES = 0.1
 NEAR_PITCHES = 0.25
 LOCKED = 0.99
 CLEAR_FRAMES = 2
+SEEDS_PER_RUN = 4  # tried at most
 GOALS = {
     "wrong per 100 000": "0 (aim: 0 in 10^6)",
     "lost %": "0.5 to 1.2 pitches, 3 at 2.0 (aim: 0.1)",
@@ -281,12 +282,26 @@ def pictured() -> dict[str, Sequence]:
 
 
 def runs_of(sequence: Sequence, markers: int) -> Iterator[Sequence]:
-    """The same condition with other seeds, until there are enough markers."""
+    """The same condition with other seeds, until there are enough markers.
+
+    Seeds whose sheet cannot make the steps without folding are passed over.
+
+    Raises:
+        FoldError: most seeds are such.
+    """
     frames = 60 if sequence.fault != "none" else 50
     if sequence.dots > 1040:
         frames = 20
-    for seed in range(-(-markers // (frames * sequence.dots))):
-        yield replace(sequence, frames=frames, seed=seed)
+    wanted = -(-markers // (frames * sequence.dots))
+    made = 0
+    for seed in range(SEEDS_PER_RUN * wanted):
+        run = replace(sequence, frames=frames, seed=seed)
+        if can_move(run):
+            yield run
+            made += 1
+            if made == wanted:
+                return
+    raise FoldError(f"of {SEEDS_PER_RUN * wanted} seeds only {made} make this step: a smaller one")
 
 
 def together(scores: list[Score]) -> Score:

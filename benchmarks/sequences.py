@@ -152,6 +152,19 @@ def course_of(sequence: Sequence) -> Course:
     )
 
 
+class FoldError(ValueError):
+    """A sheet that would fold before its dots move as far as they are asked to."""
+
+
+def can_move(sequence: Sequence) -> bool:
+    """Can the sheet of a sequence make all its steps without folding? That depends on its seed."""
+    try:
+        _moved(_sheet_of(sequence), sequence.frames, sequence.step_pitches)
+    except FoldError:
+        return False
+    return True
+
+
 def sensor_of(sequence: Sequence) -> tuple[Sensor, float, float]:
     """The sensor of a sequence, the pitch and the radius of its dots in px."""
     columns, rows = COUNTS[sequence.dots]
@@ -338,9 +351,7 @@ def _time_to_move(
     while moved_px(high) < target_px:
         low, high = high, high + min(0.3 * high, 0.2)
         if high > 20.0:
-            raise ValueError(
-                f"this sheet would fold before a dot moves by {target_px:.1f} px: a smaller step"
-            )
+            raise FoldError(f"this sheet would fold before a dot moves by {target_px:.1f} px: a smaller step")
     while high - low > 1e-4 * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if moved_px(middle) < target_px else (low, middle)

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from manytouch.calibration.evenness import CANNOT_BE_NOTICED, jumps_unseen
 from manytouch.calibration.first_frames import MOST_FRAMES, RestRegion, image_size, searched_frames
 from manytouch.calibration.still import still_dots
 from manytouch.errors import LayoutError, SensorError
@@ -54,7 +55,10 @@ def refer(sensor: Sensor, frames: Sequence[Frame], *, roi_px: RestRegion | None 
 
 def _searched(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:
     still = still_dots(searched_frames(sensor, frames[:MOST_FRAMES], roi_px))
-    return referred(sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px)
+    found = referred(sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px)
+    if jumps_unseen(found, still, roi_px=roi_px):
+        return replace(found, assumptions=(*found.assumptions, CANNOT_BE_NOTICED))
+    return found
 
 
 def _as_seen(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from manytouch.calibration.evenness import CANNOT_BE_NOTICED, jumps_unseen
 from manytouch.calibration.first_frames import RestRegion, arranged, image_size, rest_dots
 from manytouch.calibration.flatness import bulge_in_pitches
 from manytouch.calibration.reference import refer
@@ -98,7 +99,7 @@ def sensor_from_dots(
         colour_weights=colour_weights,
     )
     noise = still.noise_px[np.isfinite(still.noise_px)]
-    return Sensor(
+    sensor = Sensor(
         name=name,
         camera=camera,
         layout=layout,
@@ -112,6 +113,9 @@ def sensor_from_dots(
             "still_frames": list(still.frames),
         },
     )
+    if jumps_unseen(sensor, still, roi_px=roi_px):
+        return replace(sensor, assumptions=(*sensor.assumptions, CANNOT_BE_NOTICED))
+    return sensor
 
 
 def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float | None) -> None:

@@ -1,10 +1,13 @@
 """A sensor from frames at rest."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
 
 from manytouch.calibration import examine, refer, reference, sensor_from_rest
+from manytouch.calibration.evenness import CANNOT_BE_NOTICED
 from manytouch.calibration.flatness import bulge_in_pitches
 from manytouch.calibration.reference import referred
 from manytouch.calibration.rest import sensor_from_dots
@@ -245,3 +248,29 @@ def test_glints_beyond_the_pattern_and_doubles_are_not_confirmed():
     assert len(found.centre_px) == 70
     np.testing.assert_array_equal(np.sort(distance.argmin(axis=1)), np.arange(70))
     assert distance.min(axis=1).max() < 0.5
+
+
+def overflowing():
+    return grid_px(rows=11, columns=13, pitch=(50.0, 40.0), corner=(20.0, 10.0))
+
+
+def test_an_even_pattern_of_like_dots_that_fills_the_view_says_what_cannot_be_noticed():
+    assert CANNOT_BE_NOTICED in sensor_of(overflowing()).assumptions
+
+
+@pytest.mark.parametrize("odd", ["rim", "gap", "print", "area", "contrast"])
+def test_whatever_tells_a_jump_by_a_pitch_spares_the_remark(odd):
+    points = grid_px() if odd == "rim" else overflowing()
+    chance = np.random.default_rng(5)
+    if odd == "gap":
+        points = np.delete(points, 70, axis=0)
+    elif odd == "print":
+        points = points + chance.normal(0.0, 1.0, points.shape)
+    still = still_dots(noisy(points))
+    unlike = 1.0 + 0.08 * chance.standard_normal(len(still.centre_px))
+    if odd == "area":
+        still = replace(still, area_px2=still.area_px2 * unlike)
+    elif odd == "contrast":
+        still = replace(still, contrast=still.contrast * unlike)
+    sensor = sensor_from_dots(still, name="any", width_px=WIDTH, height_px=HEIGHT, polarity="dark")
+    assert CANNOT_BE_NOTICED not in sensor.assumptions

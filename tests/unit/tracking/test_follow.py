@@ -279,6 +279,26 @@ def test_a_table_without_rows_is_followed_too():
     assert judge.grid.is_seen.all()
 
 
+@pytest.mark.parametrize("share", [0.6, 1.0])
+def test_an_irregular_table_that_jumps_by_a_spacing_takes_no_wrong_number(share):
+    # No two places of it have like surroundings: a slip fits nowhere, and none is tried.
+    chance = np.random.default_rng(3)
+    rest = rectangle() + chance.uniform(-0.3 * PITCH, 0.3 * PITCH, (150, 2))
+    judge = judge_of(rest)
+    assert len(judge.state.mesh.slip) == 1
+    for k in range(30):
+        angle = 0.4 * k
+        away = share * PITCH * np.array([np.cos(angle), np.sin(angle)]) if k % 10 >= 5 else np.zeros(2)
+        judge.show(rest + away)
+    assert judge.wrong == 0
+    assert judge.lost < 0.005 * judge.visible
+
+
+def test_a_lattice_given_as_a_table_can_slip_and_is_asked():
+    judge = judge_of(rectangle(), row_column=None)
+    assert len(judge.state.mesh.slip) > 1
+
+
 def test_a_bad_picture_keeps_its_status():
     follow = FollowGrid()
     state = follow.start(sensor_of(rectangle()))
