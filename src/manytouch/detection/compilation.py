@@ -14,7 +14,7 @@ FAST = {"reassoc", "contract", "nsz", "arcp"}
 
 # Counting references to arrays at each call costs as much as the work itself, and these kernels only read
 # and write arrays that their caller holds. The switch is numba's own: without it they are right, but slower.
-LEAF: dict[str, Any] = {"cache": True, "error_model": "numpy", "forceinline": True}
+LEAF: dict[str, Any] = {"cache": True, "nogil": True, "error_model": "numpy", "forceinline": True}
 if hasattr(DefaultOptions, "_nrt"):
     LEAF["_nrt"] = False
 

@@ -22,7 +22,7 @@ AHEAD = 3  # dots
 LINE = 64  # bytes that memory gives at once
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _fill_holes(share, stack):
     """Make dot (share 1) of what the dot encloses: a glint inside it belongs to it."""
@@ -67,7 +67,7 @@ def _tail(z):
     return (1.0 + z * z) * 0.5 * math.erfc(z / math.sqrt(2.0)) - z * density
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _share(image, weights, x, y, x0, y0, light, share):
     """Share of dot in each pixel of the window `share`, whose first pixel is (x0, y0)."""
@@ -104,7 +104,7 @@ def _share(image, weights, x, y, x0, y0, light, share):
                 dx += f(1.0)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _moments(share, x, y, reach2, sums):
     """`sums` = weight, its moments x, y, edge pixels, their moments x, y, xx, xy, yy, about (x, y)."""
@@ -185,7 +185,7 @@ def _result(sums, light, noise, reach2, x, y, radius, width, height, out, row):
         out[row, 4] += inflation
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _measure_odd(image, weights, x, y, radius, noise, offsets, numbers, samples, buffer, stack, out, row):
     """Any dot, also at the border or with a hole; `out` as in `measure_dots`. False where there is none."""
@@ -309,7 +309,7 @@ def _fetch(flat, channels, width, x, y, reach):
             prefetch(flat, at)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def measure_dots(image, weights, near, radius, index, place, count, noise, walk, out):
     """Rows of `out`: x, y, cxx, cxy, cyy, area, contrast, edge width, cut share; NaN without a dot.

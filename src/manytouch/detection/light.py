@@ -18,7 +18,7 @@ VOTERS = 20  # of them, for medians
 PLANE_RADIUS = 6.2  # px: smaller cores are all edge, or too small for a plane of their own
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _grey(image, weights, y, x):
     channels = weights.shape[0]
@@ -28,7 +28,7 @@ def _grey(image, weights, y, x):
     return value
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def choose_offsets(inner, outer, offset):
     """Every few pixels between two radii: rows of `offset` are x, y. Returns how many."""
@@ -44,7 +44,7 @@ def choose_offsets(inner, outer, offset):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _sample(image, weights, x, y, offset, number, reach, samples):
     """Pixels at offsets from the one nearest to (x, y), at most `reach` away: `samples` = dx, dy, value.
@@ -70,7 +70,7 @@ def _sample(image, weights, x, y, offset, number, reach, samples):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _quantile(samples, count, quantile):
     """Quantile of about VOTERS of the sampled values, sorted by insertion; the last row is scratch."""
@@ -88,7 +88,7 @@ def _quantile(samples, count, quantile):
     return chosen[min(number - 1, int(quantile * number))]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _pull(dx, dy, value):
     """Centroid of what is lighter than the middle of the extremes: x, y; 0 where all is equal."""
@@ -110,7 +110,7 @@ def _pull(dx, dy, value):
     return float(sum_x / total), float(sum_y / total)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def walk_to_dot(image, weights, x, y, radius, steps, offset, number, samples):
     """A few mean-shift steps on some of the pixels; returns x, y."""
@@ -125,7 +125,7 @@ def walk_to_dot(image, weights, x, y, radius, steps, offset, number, samples):
     return x, y
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _sums(dx, dy, value, a, b, c, margin):
     """Sums over the samples within `margin` of the plane a + b dx + c dy."""
@@ -147,7 +147,7 @@ def _sums(dx, dy, value, a, b, c, margin):
     return s1, sx, sy, sxx, sxy, syy, sv, svx, svy, svv
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _plane(samples, count, a, b, c, margin):
     """Least-squares plane a + b dx + c dy of the samples within `margin` of a given plane.
@@ -174,7 +174,7 @@ def _plane(samples, count, a, b, c, margin):
     return a + mv - db * mx - dc * my, b + db, c + dc, float(s1), variance, cxx + cyy
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def fit_light(image, weights, x, y, radius, noise, offsets, numbers, samples, light):
     """Planes of ground and core: `light` = ground a, b, c, contrast a, b, c, variance and spreads.

@@ -35,7 +35,7 @@ def noise_of(image: np.ndarray, weights: Float64[np.ndarray, " c"], rows: int = 
     return max(float(_deviation(flat, middle, step)), MIN_NOISE)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _second_differences(image, weights, rows, stride, second):
     for r in range(rows.shape[0]):
@@ -49,7 +49,7 @@ def _second_differences(image, weights, rows, stride, second):
             second[r, k] = abs(total)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _deviation(second, middle, step):
     """From second differences (n,), of which `middle` is the median; ties count as spread over `step`."""

@@ -77,7 +77,7 @@ def outlines(pyramid: list[np.ndarray], place_px: Points2, radius_px: Scalars, s
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _bilinear(image, x, y):
     height, width = image.shape
@@ -89,7 +89,7 @@ def _bilinear(image, x, y):
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _sample(image, x, y, radius, sign, values, known):
     """Values (RAYS, STEPS) along rays; `known` = number of steps of each ray within the image."""
@@ -105,7 +105,7 @@ def _sample(image, x, y, radius, sign, values, known):
             values[ray, step] = sign * _bilinear(image, u, v)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _trace_one(image, x, y, radius, sign, values, known, lengths, row):
     """One outline: row as in `Outlines`, fill last."""
@@ -195,7 +195,7 @@ def _trace_one(image, x, y, radius, sign, values, known, lengths, row):
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _shape(lengths, row):
     """Aspect and roughness from the lengths' harmonics: 1st is a shift, 2nd an ellipse."""
@@ -223,7 +223,7 @@ def _shape(lengths, row):
     row[6] = math.sqrt(rest / RAYS) / mean
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _trace_all(image, place, radius, sign, rows):
     values, known, lengths = np.empty((RAYS, STEPS)), np.empty(RAYS, dtype=np.int64), np.empty(RAYS)

@@ -65,7 +65,7 @@ def _most_blocks(radius: float) -> int:
     return side * (side // NARROW + 1) + LANES // NARROW
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _spread(inner, outer, place, first):
     """Up to LANES different pixels, evenly spread between two radii, inner ones first. Returns how many."""
@@ -90,7 +90,7 @@ def _spread(inner, outer, place, first):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _plan(radius, place, count):
     """One row of `plans_of`."""
@@ -124,7 +124,7 @@ def _plan(radius, place, count):
     count[4], count[5] = max(int(1.75 * radius + 2.5), height + 2), length
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def take_plan(radius, place, count, width, channels, offset, sample, shape, pixel):
     """Offsets of a plan's pixels in the flat image, where they lie: `sample` and `pixel` = x, y, inside.

@@ -17,7 +17,7 @@ NARROW, WIDE = 5, 9  # taps on each side, three deviations of the Gaussians of t
 LOWEST = np.float32(-1e9)
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _add_rows(rows, first, factor, total):
     """Sum of some rows."""
@@ -28,7 +28,7 @@ def _add_rows(rows, first, factor, total):
             total[x] += rows[first + v, x]
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _weigh(total, weights, grey):
     """One value of three channels."""
@@ -40,7 +40,7 @@ def _weigh(total, weights, grey):
         grey[x] += np.float32(total[at + two]) * red
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _add_columns(total, factor, scale, out):
     """Sums of `factor` neighbours, scaled; the usual factors in lanes."""
@@ -66,7 +66,7 @@ def _add_columns(total, factor, scale, out):
             out[x] = here * scale
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def reduce_rows(rows, weights, factor, total, grey, small):
     """Means of whole blocks of a (h, w * channels) image, weighted; `total` and `grey` are scratch."""
@@ -86,7 +86,7 @@ def taps(deviation: float, number: int) -> Float32[np.ndarray, " k"]:
     return np.asarray(half / (2.0 * half.sum() - half[0]), dtype=np.float32)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _mirrored(place, size):
     """The border is a mirror between two pixels."""
@@ -95,7 +95,7 @@ def _mirrored(place, size):
     return place if place < size else period - 1 - place
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _columns(near, narrow, wide, inner, outer):
     """Weighted sums of 2 WIDE + 1 rows (near), for both Gaussians."""
@@ -112,7 +112,7 @@ def _columns(near, narrow, wide, inner, outer):
         outer[x] = high
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _along(inner, outer, narrow, wide, smooth, answer):
     """The same along a row whose ends are padded by WIDE; `answer` is the difference."""
@@ -128,7 +128,7 @@ def _along(inner, outer, narrow, wide, smooth, answer):
         answer[x] = low - high
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def respond(small, narrow, wide, row, smooth, answer):
     """Blurs by both Gaussians: `smooth` is the narrow one, `answer` their difference.
@@ -150,7 +150,7 @@ def respond(small, narrow, wide, row, smooth, answer):
         _along(row[0], row[1], narrow, wide, smooth[y], answer[y + 1, 1:-1])
 
 
-@njit(cache=True, error_model="numpy", fastmath=FAST)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _mark_peaks(above, here, below, least, mark):
     """1 where no neighbour is higher; of equal ones the first in reading order is the peak."""
@@ -163,7 +163,7 @@ def _mark_peaks(above, here, below, least, mark):
         mark[x] = np.uint8(1) if is_peak else np.uint8(0)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _is_enclosed(image, y, x, offset, fall):
     """Does the brightness fall by a third of its mean fall in nearly all directions?"""
@@ -190,7 +190,7 @@ def _is_enclosed(image, y, x, offset, fall):
     return open_directions <= 0.2 * known
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _part(before, value, after):
     """Where between -0.5 and 0.5 px the parabola through three values has its top."""
@@ -198,7 +198,7 @@ def _part(before, value, after):
     return min(max(0.5 * (after - before) / bend, -0.5), 0.5)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def peaks(smooth, answer, least, offset, mark, found):
     """Enclosed local maxima of the padded `answer`, at parts of pixels: rows x, y, height. Returns how many.

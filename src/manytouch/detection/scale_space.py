@@ -91,7 +91,7 @@ def _noise_contrast(noise: float, sigma: float) -> float:
     return SIGNIFICANT * noise * math.sqrt(max(variance, 0.0)) / BEST_ANSWER
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _extrema(answers, thresholds, rows):
     """Extrema over place and scale; rows x, y, scale index (all with parts), answer. Returns how many."""

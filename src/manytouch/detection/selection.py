@@ -11,7 +11,7 @@ from numba import njit
 CELL = 4.0  # of the largest reach: most cells then hold one dot
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _sorted_into_cells(place, keep, cell, left, top, columns, head, following):
     """Linked lists of the kept dots of each cell."""
@@ -23,7 +23,7 @@ def _sorted_into_cells(place, keep, cell, left, top, columns, head, following):
             head[at] = i
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def drop_doubles(place, radius, weight, share, keep):
     """Keeps no dot with a heavier one within `share` of the larger radius of the two."""
@@ -72,7 +72,7 @@ def without_doubles(place: np.ndarray, radius: np.ndarray, weight: np.ndarray, s
     return keep
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def plausible(rows, radius, least_contrast, least_product, share, keep):
     """Which rows of `kernels.measure_dots` are dots: contrast, size, and each only once. Returns how many."""
@@ -94,7 +94,7 @@ def plausible(rows, radius, least_contrast, least_product, share, keep):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def pick(rows, keep, left, top, centre, covariance, area, contrast, edge):
     """Columns of the kept rows, in whole-image coordinates."""

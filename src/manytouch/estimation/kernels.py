@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 @no_type_check
 def _root(parent, hill):
     while parent[hill] != hill:
@@ -37,7 +37,7 @@ def hills(height: np.ndarray, floor: float, merge: float) -> tuple[np.ndarray, n
     return label.reshape(height.shape), peak
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 @no_type_check
 def _flooded(flat, order, columns, merge):
     """As `hills`, from the points (n,) that belong to hills, the highest first."""
@@ -81,14 +81,14 @@ def _flooded(flat, order, columns, merge):
     return label, peak[:kept].copy()
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 @no_type_check
 def median(value, is_known):
     """The median of the values (m,) that are known."""
     return np.median(value[is_known])
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 @no_type_check
 def turned(matrix, covariance):
     """Covariances (m, 2, 2) after linear maps (m, 2, 2)."""
@@ -103,7 +103,7 @@ def turned(matrix, covariance):
     return out
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 @no_type_check
 def loners(innovation, std, is_seen, neighbour, stds, spreads):
     """Weights (m,) from 0 to 1 of vectors (m, 2) by how far each is from the median of its neighbours'."""

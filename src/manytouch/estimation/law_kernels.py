@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def cell_depths(plane, corner, rest_perimeter, distance):
     """Depth (c,) of each cell, and its derivative (c, 4, 2) with respect to its corners in the plane."""
@@ -35,7 +35,7 @@ def cell_depths(plane, corner, rest_perimeter, distance):
     return depth, slope
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def marker_depths(marker, cell, share, cell_depth, count):
     """Mean (count,) of the cells at each marker; NaN where there are none."""
@@ -48,7 +48,7 @@ def marker_depths(marker, cell, share, cell_depth, count):
     return depth
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def depth_noise(slope, first, pair_corner, entry_first, entry, entry_share, covariance):
     """Variance (m,) of the depths, and their covariance (m, 2) with the markers' own places.
@@ -79,7 +79,7 @@ def depth_noise(slope, first, pair_corner, entry_first, entry, entry_share, cova
     return variance, mixed
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def along_rays(plane, rest, eye, distance, depth, covariance, variance, mixed):
     """Displacements (m, 3) of markers at some depth on their rays, and their covariances (m, 3, 3)."""
@@ -105,7 +105,7 @@ def along_rays(plane, rest, eye, distance, depth, covariance, variance, mixed):
     return moved, out
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def lawful(
     plane,
@@ -132,7 +132,7 @@ def lawful(
     return moved, spread, cell_depth
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def law_errors(depth, variance, index, lean, bend, feigned, spill, scale):
     """Variance (m,) of the law about the depth of the sheet, from the slope and curvature of its own map.
@@ -175,7 +175,7 @@ def law_errors(depth, variance, index, lean, bend, feigned, spill, scale):
     return total
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def widen(covariance, error, rest, eye, distance):
     """Adds errors (m,) of depth, which move markers along their rays, to covariances (m, 3, 3)."""

@@ -6,7 +6,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 @no_type_check
 def _hermite(t, out):
     """Weights of value and slope at both ends of a unit interval, at t: value, slope, value, slope."""
@@ -15,7 +15,7 @@ def _hermite(t, out):
     out[2], out[3] = t * t * (3.0 - 2.0 * t), -t * t * rest
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def looked_up(pixel, node, step, low):
     """(n, 2) places of pixels (n, 2) by a `plane.PlaneTable`."""

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def border_weights(rest, border_weight):
     """(m,) from 1 in the middle to `border_weight` at the border of points (m, 2)."""
@@ -21,7 +21,7 @@ def border_weights(rest, border_weight):
     return 1.0 + (border_weight - 1.0) * weight**2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _residuals(x, y, u, v, motion, out):
     for m in range(len(x)):
@@ -30,7 +30,7 @@ def _residuals(x, y, u, v, motion, out):
         out[m] = np.sqrt(a * a + b * b)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def reach(residual, weight, goal):
     """The least residual (m,) within which the weight (m,) is at least `goal`; both arrays are reordered.
@@ -61,7 +61,7 @@ def reach(residual, weight, goal):
     return residual[low]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def proposed(rest, moved, is_seen, weight, pairs, part, voters):
     """The motion (3,) of x, y and angle, of those that pairs of markers propose, that fits part of them best.
@@ -105,7 +105,7 @@ def proposed(rest, moved, is_seen, weight, pairs, part, voters):
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def refined(rest, moved, is_seen, weight, motion, part, std, rounds):
     """The motion (3,) after rounds of least squares with Tukey's weight, from the one that was proposed."""

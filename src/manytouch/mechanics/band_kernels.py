@@ -20,7 +20,7 @@ GROUP = 3  # nodes side by side whose rows are added at once: together they reac
 LANES = 32  # numbers kept per row of those 9 nodes: 27, and padding
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def balance_rows(node, tangent, force_z, slope, first, table_x, table_y, shape, shift, rows):
     """Derivative of T f at one node, into `rows` (3, 7, 32), all of it `shift` nodes further along.
@@ -46,7 +46,7 @@ def balance_rows(node, tangent, force_z, slope, first, table_x, table_y, shape, 
                 rows[1, start + a, place] += force_z * table_y[a, b]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _add_group(rows, weighted, begin, low, high, columns, front, width, band, tile):
     """Add rows^T weighted to the band; `begin` is the unknown of the first column of slow offset 0."""
@@ -71,7 +71,7 @@ def _add_group(rows, weighted, begin, low, high, columns, front, width, band, ti
                 band[np.uintp(to + q - p)] += tile[p, q]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def add_forces(
     tangent, force, slope, first, table_x, table_y, weight, shape, is_free, front, width, band, gradient
@@ -109,7 +109,7 @@ def add_forces(
             _add_group(rows, weighted, begin, low, high, columns, front, width, band, tile)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def add_dots(derivative, residual, information, first, shape, front, width, band, gradient):
     """Add J^T W J to the band and J^T W r to the gradient; `derivative` (m, 2, 4, 12)."""
@@ -141,7 +141,7 @@ def add_dots(derivative, residual, information, first, shape, front, width, band
 BLOCK = 32  # unknowns that are eliminated at once
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _eliminate_corner(panel, size, inverse):
     """Cholesky of the corner of `panel` in place (upper), and its inverse; False when it is not positive."""
@@ -170,7 +170,7 @@ def _eliminate_corner(panel, size, inverse):
     return True
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def factorise(band, front, unknowns, width):
     """Cholesky of the band in place: H = U^T U, U stored as H was. False when H is not positive definite.

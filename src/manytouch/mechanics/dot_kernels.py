@@ -19,7 +19,7 @@ from manytouch.mechanics.projection_kernels import pixel, slope
 THINNEST, THICKEST = 0.5, 1.3  # bounds of the thickness ratio, far beyond any press that is meant
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def surface_frame(coefficient, columns, first, table, x_is_slow, out):
     """Displacement, a1 and a2 of the middle surface at a place, into `out` (3, 3)."""
@@ -55,7 +55,7 @@ def surface_frame(coefficient, columns, first, table, x_is_slow, out):
         out[2, 0], out[2, 1], out[2, 2] = s0, 1.0 + s1, s2
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _tilt(coefficient, columns, first, table, x_is_slow, shear):
     """shear grad lap w along x and y: what the slopes that fibres stand on have more than those of w."""
@@ -72,7 +72,7 @@ def _tilt(coefficient, columns, first, table, x_is_slow, shear):
     return shear * along_fast, shear * along_slow
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _lever(frame, thickness, nu, height):
     """Distance from the middle surface, whether it varies with the shape; before the frame is tilted."""
@@ -83,7 +83,7 @@ def _lever(frame, thickness, nu, height):
     return 0.5 * thickness * min(max(ratio, THINNEST), THICKEST) + height, THINNEST < ratio < THICKEST
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _normal(frame, out):
     """Unit vector along a1 x a2 into `out`, and |a1 x a2|."""
@@ -96,7 +96,7 @@ def _normal(frame, out):
     return length
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _displaced(coefficient, columns, first, table, tilt_x, tilt_y, x_is_slow, sheet, frame, normal, out):
     """Displacement (3,) of one point that stands off the camera-side face."""
@@ -111,7 +111,7 @@ def _displaced(coefficient, columns, first, table, tilt_x, tilt_y, x_is_slow, sh
     out[2] += 0.5 * thickness + height
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def face_displacement(coefficient, columns, first, table, x_is_slow, sheet, out):
     """Displacement (k, 3) of points that stand off the camera-side face."""
@@ -121,7 +121,7 @@ def face_displacement(coefficient, columns, first, table, x_is_slow, sheet, out)
         _displaced(coefficient, columns, first[k], table[k], dx, dy, x_is_slow, sheet, frame, normal, out[k])
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def centroids(
     coefficient, columns, first, table, edge_first, edge_table, edge_mm, x_is_slow, sheet, camera, out
@@ -158,7 +158,7 @@ def centroids(
         out[i, 1] = v[0] + up / (3.0 * area)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _turning(frame, tilted, normal, share, thinning, nx, ny, tx, ty, value, out):
     """Derivative (3, 3) of a point off the face with respect to the coefficients of one node.
@@ -181,7 +181,7 @@ def _turning(frame, tilted, normal, share, thinning, nx, ny, tx, ty, value, out)
         out[m, j] -= share * d_m
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def face_derivatives(coefficient, columns, first, table, x_is_slow, sheet, out):
     """Derivative (k, 3, 16, 3) of `face_displacement` with respect to the 4 x 4 nodes of each place."""
@@ -212,7 +212,7 @@ def face_derivatives(coefficient, columns, first, table, x_is_slow, sheet, out):
                         out[k, i, 4 * a + b, j] = block[i, j]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def centre_derivatives(position, camera, face, out):
     """Derivative (m, 2, 16, 3) of the centres' pixels from `position` (m, 3) and `face` (m, 3, 16, 3)."""

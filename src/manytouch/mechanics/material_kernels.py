@@ -10,7 +10,7 @@ NEWTON_STEPS = 5
 LEAST_AREA_RATIO_2 = 1e-3  # of det C: a surface that is folded further has lost its meaning
 
 
-@njit(cache=True, fastmath=True, inline="always")
+@njit(cache=True, nogil=True, fastmath=True, inline="always")
 @no_type_check
 def stretched(e1, e2, e3, mu, bulk):
     """Cube root y of the volume ratio for which the stress through the thickness is 0.
@@ -37,7 +37,7 @@ def stretched(e1, e2, e3, mu, bulk):
     return y, slope, d, tr
 
 
-@njit(cache=True, fastmath=True, inline="always")
+@njit(cache=True, nogil=True, fastmath=True, inline="always")
 @no_type_check
 def energy_density(e1, e2, e3, mu, bulk):
     """Energy per volume for the strains E11, E22 and 2 E12."""
@@ -47,7 +47,7 @@ def energy_density(e1, e2, e3, mu, bulk):
     return 0.5 * mu * ((tr + z) / (y * y) - 3.0) + 0.5 * bulk * (y3 - 1.0) ** 2
 
 
-@njit(cache=True, fastmath=True, inline="always")
+@njit(cache=True, nogil=True, fastmath=True, inline="always")
 @no_type_check
 def stress(e1, e2, e3, mu, bulk):
     """S11, S22, S12 (second Piola-Kirchhoff)."""
@@ -61,7 +61,7 @@ def stress(e1, e2, e3, mu, bulk):
     )
 
 
-@njit(cache=True, fastmath=True, inline="always")
+@njit(cache=True, nogil=True, fastmath=True, inline="always")
 @no_type_check
 def stress_and_tangent(e1, e2, e3, mu, bulk):
     """S11, S22, S12 and D11, D22, D33, D12, D13, D23 = dS / d(E11, E22, 2 E12)."""

@@ -32,7 +32,7 @@ def parameters(camera: Camera) -> Float64[np.ndarray, "22"]:
     return np.concatenate([intrinsics, rotation.ravel(), translation, distortion, is_fisheye])
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 @no_type_check
 def _in_camera(camera, x, y, z):
     """Normalised coordinates and 1 / distance of a point of the sheet frame."""
@@ -43,7 +43,7 @@ def _in_camera(camera, x, y, z):
     return px * inverse, py * inverse, inverse
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 @no_type_check
 def pixel(camera, x, y, z):
     """Pixel (u, v) of a point of the sheet frame."""
@@ -64,7 +64,7 @@ def pixel(camera, x, y, z):
     return camera[0] * u + camera[2], camera[1] * v + camera[3]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 @no_type_check
 def slope(camera, x, y, z, out):
     """Derivative (2, 3) of the pixel with respect to the point, into `out`."""

@@ -22,7 +22,7 @@ POINTS = 9  # of 3 x 3 Gauss
 LOCAL = 16
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _gather(coefficient, es, ef, shape, dropped, local):
     for a in range(4):
@@ -34,7 +34,7 @@ def _gather(coefficient, es, ef, shape, dropped, local):
                 local[i, 4 * a + b] = coefficient[s * shape[1] + f, i] if inside else 0.0
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _tabulate(slow, fast, x_is_slow, nx, ny, nxx, nyy, nxy):
     """Derivatives of the 16 functions at the 9 points of an element."""
@@ -53,7 +53,7 @@ def _tabulate(slow, fast, x_is_slow, nx, ny, nxx, nyy, nxy):
                     nxy[at, k] = s1 * f1
 
 
-@njit(cache=True, fastmath=True, inline="always")
+@njit(cache=True, nogil=True, fastmath=True, inline="always")
 @no_type_check
 def _strain(local, nx, ny, nxx, nyy, nxy):
     """Components of a1 and a2, and the curvatures, at one point."""
@@ -73,7 +73,7 @@ def _strain(local, nx, ny, nxx, nyy, nxy):
     return a10, a11, a12, a20, a21, a22, k1, k2, k3
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def energy(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet):
     """Energy divided by E. `sheet`: t, mu, bulk, N0, D11, D12, D33 (all divided by E)."""
@@ -99,7 +99,7 @@ def energy(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet):
     return total
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def forces(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet, force):
     """Derivative of `energy` with respect to the coefficients, into `force`."""
@@ -143,7 +143,7 @@ def forces(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet, fo
             _scatter_force(element, es, ef, shape, dropped, force)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _scatter_force(element, es, ef, shape, dropped, force):
     for a in range(4):
@@ -156,7 +156,7 @@ def _scatter_force(element, es, ef, shape, dropped, force):
                         force[s * shape[1] + f, i] += element[i, 4 * a + b]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _scatter_tangent(matrix, i, j, es, ef, shape, dropped, tangent):
     """Add a part of an element's matrix to the flat tangent."""
@@ -170,7 +170,7 @@ def _scatter_tangent(matrix, i, j, es, ef, shape, dropped, tangent):
                     tangent[np.uintp(begin + STRIP * c + d)] += matrix[4 * a + b, 4 * c + d]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _clear_outside(shape, tangent):
     """Elements at the outline have nodes outside the grid; what these would get is removed."""
@@ -184,7 +184,7 @@ def _clear_outside(shape, tangent):
                             tangent[node, i, j, a, b] = 0.0
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _membrane_factors(factor, right, left):
     """What multiplies nx[l] (first 9 rows of `left`) and ny[l] (next 9) in an element's matrix."""
@@ -196,7 +196,7 @@ def _membrane_factors(factor, right, left):
             second[k] = xy * nx[k] + yy * ny[k]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def _bending_factors(weight, d11, d12, d33, nxx, nyy, nxy, left):
     """What multiplies nxx[l], nyy[l] and nxy[l] there (the last 27 rows)."""
@@ -208,7 +208,7 @@ def _bending_factors(weight, d11, d12, d33, nxx, nyy, nxy, left):
             left[4 * POINTS + at, k] = w * 4.0 * d33 * nxy[at, k]
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def forces_and_tangent(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet, force, tangent):
     """`forces`, and their derivative into `tangent` (nodes, 3, 3, 7, 8), in the precision of `tangent`.
@@ -279,7 +279,7 @@ def forces_and_tangent(coefficient, slow, fast, weight, shape, dropped, x_is_slo
     _clear_outside(shape, tangent)
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def hold(is_free, shape, force, tangent):
     """Remove what acts on and comes from unknowns that are held."""
@@ -303,7 +303,7 @@ def hold(is_free, shape, force, tangent):
                             tangent[other, j, i, ROW - 1 - a, ROW - 1 - b] = 0.0
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def product(tangent, shape, vector, result):
     """result = tangent times vector, both (nodes, 3)."""
@@ -320,7 +320,7 @@ def product(tangent, shape, vector, result):
             result[node, i] = total
 
 
-@njit(cache=True, fastmath=True)
+@njit(cache=True, nogil=True, fastmath=True)
 @no_type_check
 def row_sum(tangent, shape, share, component, result):
     """Add the sum over nodes of share times the tangent's row of one component to `result` (nodes, 3)."""
@@ -334,7 +334,7 @@ def row_sum(tangent, shape, share, component, result):
                     result[start + f, j] += share[node] * tangent[node, component, j, a, f - f0 + REACH]
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 @no_type_check
 def band_of(tangent, shape, is_free, band):
     """A tangent as a band: row p of `band` holds K[p, p], K[p, p + 1], ...; held unknowns get 1."""

@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def bin_dots(dot, cell_px):
     """Hash grid of dots: origin x, y, shape, start of each cell, dots in the order of their cells."""
@@ -37,7 +37,7 @@ def bin_dots(dot, cell_px):
     return left, top, columns, rows, start, binned
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def nearest_two(dot, bins, cell_px, x, y, gate_px):
     """Nearest dot within a gate or -1, its squared distance, and of the second nearest within 1.7 gates."""
@@ -62,7 +62,7 @@ def nearest_two(dot, bins, cell_px, x, y, gate_px):
     return best, first, second
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def match(dot, bins, cell_px, guess, kind, spacing, gate, owner, taker):
     """Fills `owner` with the mutually nearest pairs of guessed markers and dots, within `gate` spacings.

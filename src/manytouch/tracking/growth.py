@@ -25,7 +25,7 @@ _LEAST_LEVEL, _MOST_LEVEL = 1, 4
 _LEAST_APART = 5
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _root(parent, k):
     while parent[k] != k:
@@ -34,7 +34,7 @@ def _root(parent, k):
     return k
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def keep_largest(nodes, net, shift, owner, limit, parent, size):
     """Drops all but the largest set of adjacent nodes whose `shift` (N, 2) differs by less than `limit`.
@@ -68,7 +68,7 @@ def keep_largest(nodes, net, shift, owner, limit, parent, size):
     return size[largest]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def affine(k, rest, moved, owner, spacing, start, adjacent_end, near, weight, former, robust):
     """Affine fit of the known displacements around node k.
@@ -118,13 +118,13 @@ def affine(k, rest, moved, owner, spacing, start, adjacent_end, near, weight, fo
     return (mu - gxx * mx - gxy * my, mv - gyx * mx - gyy * my, gxx, gxy, gyx, gyy), adjacent, used
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True, nogil=True, inline="always")
 @no_type_check
 def _squared_error(x, y, u, v, fit):
     return (u - fit[0] - fit[2] * x - fit[3] * y) ** 2 + (v - fit[1] - fit[4] * x - fit[5] * y) ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def roughness(k, rest, moved, owner, spacing, start, near, weight, fit, robust):
     """Weighted rms of a fit's residuals in px."""
@@ -144,7 +144,7 @@ def roughness(k, rest, moved, owner, spacing, start, near, weight, fit, robust):
     return np.sqrt(total / all_weight)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def least_stretch(gxx, gxy, gyx, gyy):
     """By how much the lattice is compressed where it is most, from a displacement gradient; 0.35 to 1.2."""
@@ -155,7 +155,7 @@ def least_stretch(gxx, gxy, gyx, gyy):
     return min(1.2, max(0.35, np.sqrt(max(0.0, least))))
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _begin(nodes, start, adjacent_end, near, owner, queue, is_waiting, tried):
     """Queues the nodes without a dot that are adjacent to one with a dot; returns how many."""
@@ -174,7 +174,7 @@ def _begin(nodes, start, adjacent_end, near, owner, queue, is_waiting, tried):
     return waiting
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def grow(dot, bins, cell_px, nodes, net, moved, owner, used, scratch):
     """Gives those of the first `nodes` nodes that have no dot the one at their predicted place.
@@ -304,7 +304,7 @@ def grow(dot, bins, cell_px, nodes, net, moved, owner, used, scratch):
                 is_waiting[n] = True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def fill(nodes, net, moved, owner, scratch):
     """Gives nodes without a dot the weighted mean displacement of neighbours, going outward from the dots."""

@@ -35,7 +35,7 @@ _LONG_GAP = 2  # frames without a marker after which the view may have moved by 
 UNKNOWN, ASSUMED, FOLLOWED, TOLD = -1, 1, 2, 3
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _alike(dot, guess, owner, spacing, start, adjacent_end, near, shift, is_odd):
     """Fills `shift`, dot minus guess, and which matches have few adjacent ones that moved alike.
@@ -64,7 +64,7 @@ def _alike(dot, guess, owner, spacing, start, adjacent_end, near, shift, is_odd)
     return good, odd
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _trouble(dot, last, unseen, owner, kind, spacing, start, adjacent_end, near, is_odd, points):
     """Is there a place where neighbours are odd, or moved far, or vanished together?
@@ -91,7 +91,7 @@ def _trouble(dot, last, unseen, owner, kind, spacing, start, adjacent_end, near,
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _displace(dot, rest, owner, nodes, moved, used):
     """Fills the displacements of owned nodes, and which dots are used."""
@@ -103,7 +103,7 @@ def _displace(dot, rest, owner, nodes, moved, used):
             used[i] = True
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _newly(owner, unseen, kind):
     """Markers that show no dot but did in the last frame."""
@@ -113,7 +113,7 @@ def _newly(owner, unseen, kind):
     return number
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _on_ghosts(dot, bins, cell_px, rest, moved, spacing, kind, presence, used):
     """How many ghosts that are usually empty have a dot near them."""
@@ -127,7 +127,7 @@ def _on_ghosts(dot, bins, cell_px, rest, moved, spacing, kind, presence, used):
     return number
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def rough(moved, owner, markers, spacing, opposite):
     """Median second difference of displacements along the lattice, in spacings; NaN: there is none."""
@@ -153,7 +153,7 @@ def rough(moved, owner, markers, spacing, opposite):
     return np.nan
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _median_motion(dot, owner, base, spacing):
     buffer = np.empty(len(base))
@@ -166,7 +166,7 @@ def _median_motion(dot, owner, base, spacing):
     return np.sqrt(np.median(buffer[:number])) if number else np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _seeded(dot, bins, cell_px, guess, past, net, owner, moved, scratch):
     """Matches dots to a guess and keeps what can be believed: how many are they, and is the frame calm?"""
@@ -191,7 +191,7 @@ def _seeded(dot, bins, cell_px, guess, past, net, owner, moved, scratch):
     return good, is_calm
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, owner, moved, scratch):
     """Grows and verifies; where a part was mistaken, takes its rim away and grows again from what is left."""
@@ -215,7 +215,7 @@ def _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, ow
             break
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _is_doubtful(dot, bins, cell_px, is_calm, fresh, level, past, net, owner, moved, used, lists):
     """Could the numbers have slipped since the last frame?
@@ -236,7 +236,7 @@ def _is_doubtful(dot, bins, cell_px, is_calm, fresh, level, past, net, owner, mo
     return _on_ghosts(dot, bins, cell_px, rest, moved, spacing, kind, presence, used) > _FEW
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _unslipped(
     dot, bins, cell_px, appearance, is_calm, has_jumped, past, net, extent, noise_px, owner, moved, scratch
@@ -282,7 +282,7 @@ def _unslipped(
     return ASSUMED if is_near_rest else UNKNOWN
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def identify(
     dot, bins, cell_px, appearance, guess, past, net, extent, noise_px, owner, moved, scratch, level

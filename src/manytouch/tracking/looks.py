@@ -22,14 +22,14 @@ _MOST_SQUARE = 9.0
 _INDEPENDENT = 8.0  # neighbouring looks share dots: so many count as one
 
 
-@njit(cache=True)
+@njit(cache=True, nogil=True)
 @no_type_check
 def stride(nodes, samples):
     """Every how many nodes are sampled: odd, so that samples do not line up with the rows of most layouts."""
     return nodes // samples | 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def looks(nodes, step, owner, appearance, net, now):
     """Writes, for every `step`-th node, area and contrast over the mean of the adjacent nodes', less 1."""
@@ -51,7 +51,7 @@ def looks(nodes, step, owner, appearance, net, now):
             now[k, 1] = appearance[owner[k], 1] * number / contrast - 1.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def unlike(now, look, level):
     """Fills `level` (2,) with the mean difference of sampled looks from the known ones (m, 2); NaN: none."""
@@ -67,7 +67,7 @@ def unlike(now, look, level):
         level[sign] = total / number if number else np.nan
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def learn(owner, appearance, net, look, usual, level, rate, after, usual_after):
     """Writes looks (m, 2), and how unlike them dots usually are (2,), with a frame's blended in by `rate`.
@@ -89,7 +89,7 @@ def learn(owner, appearance, net, look, usual, level, rate, after, usual_after):
                 after[k, sign] = known + rate * (now - known)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def slipped_looks(now, slip, look, usual, cost):
     """Adds to `cost` (s,) how unlike the known looks (m, 2) the sampled ones of each slip are, in nats.

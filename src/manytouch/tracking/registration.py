@@ -21,7 +21,7 @@ _MOTION_BINS = 400
 _MOST_MARKERS = 0.95
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _votes(dot, bins, cell_px, guess, present, bin_px, half):
     """(2 half + 1)^2 histogram of dot minus guess."""
@@ -49,7 +49,7 @@ def _votes(dot, bins, cell_px, guess, present, bin_px, half):
     return count
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def shifts(dot, bins, cell_px, guess, present, spacing_px):
     """(p, 2) likely shifts of the whole view in px, p <= `PEAKS`, the one with the most votes first.
@@ -92,7 +92,7 @@ def shifts(dot, bins, cell_px, guess, present, spacing_px):
     return found[:number]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def settle(dot, owner, markers, past, net, bounds, lists, after):
     """Writes what is kept of a frame that showed markers, and returns the motion of 95 % of them in spacings.
@@ -145,7 +145,7 @@ def settle(dot, owner, markers, past, net, bounds, lists, after):
     return np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def place_dots(owner, is_seen, dot, dot_covariance, dot_area, position, covariance, area):
     """Writes centres (m, 2), covariances (m, 2, 2) and areas (m,) of the seen markers' dots, else NaN."""

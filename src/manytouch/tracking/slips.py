@@ -27,7 +27,7 @@ _SAMPLES = 300
 _RIGID, _RIGID_NOISES, _RIGID_SAMPLES, _LEAST_SAMPLES = 0.1, 4.0, 80, 16
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _occupation(owner, place, slip, kind, presence, bounds, cost):
     """Adds to `cost` (s,) what dots in unlikely places and empty likely places in view amount to."""
@@ -55,7 +55,7 @@ def _occupation(owner, place, slip, kind, presence, bounds, cost):
                 cost[s] += empty[t]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _deviation(place, owner, rest, spacing, opposite, slip, bend):
     """Median second difference of displacements along the lattice, in spacings, and how many there are."""
@@ -78,7 +78,7 @@ def _deviation(place, owner, rest, spacing, opposite, slip, bend):
     return (np.sqrt(np.median(bend[:number])) if number else np.nan), number
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _motion(place, owner, last, spacing, slip, buffer):
     """Median distance of the dots from where their markers were, in spacings."""
@@ -92,7 +92,7 @@ def _motion(place, owner, last, spacing, slip, buffer):
     return np.sqrt(np.median(buffer[:number])) if number else np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def jumped(dot, owner, slip, last, unseen, noise_px):
     """Would the dots have moved as one body if the numbers had slipped, and not as they are?
@@ -127,7 +127,7 @@ def jumped(dot, owner, slip, last, unseen, noise_px):
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def vote(owner, appearance, place, net, slip, presence, look, usual_look, last, bounds, noise_px, is_next):
     """The likeliest slip, by how many nats the image prefers it to all others, and its median motion.

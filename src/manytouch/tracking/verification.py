@@ -30,7 +30,7 @@ _REACH = 0.9
 _TORN = 0.6
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _unsettled(nodes, net, moved, owner, noise_px, is_changed, excess):
     """Forgets the excess of changed nodes; leaves as changed those whose neighbours moved otherwise."""
@@ -56,7 +56,7 @@ def _unsettled(nodes, net, moved, owner, noise_px, is_changed, excess):
         is_changed[k] = count < 3 or x * x + y * y >= (mean * count) ** 2 or worst >= most * most
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _went_along(k, rest, moved, owner, start, adjacent_end, near, last, unseen, most):
     """Did a marker that was seen in the last frame move as those around it did, on average within `most`?"""
@@ -74,7 +74,7 @@ def _went_along(k, rest, moved, owner, start, adjacent_end, near, last, unseen, 
     return count >= 3 and x * x + y * y < (most * count) ** 2
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _off_lines(k, moved, owner, opposite, off):
     """Lower median of a marker's distances from what quadratics and cubics along lines give; 0: no line.
@@ -114,7 +114,7 @@ def _off_lines(k, moved, owner, opposite, off):
     return 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _off_blend(k, moved, owner, start, near, blend):
     """Distance of a marker's displacement from the blend of its neighbours'; inf where one is not known."""
@@ -129,7 +129,7 @@ def _off_blend(k, moved, owner, start, near, blend):
     return np.sqrt(x * x + y * y)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _excess(
     k,
@@ -185,7 +185,7 @@ def _excess(
     return max(by_line, off / allowed)
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def verify(nodes, net, past, moved, owner, noise_px, is_calm, used, excess, is_changed, chosen):
     """Drops what neighbours contradict, the worst of a neighbourhood first; returns how many were dropped.
@@ -250,7 +250,7 @@ def verify(nodes, net, past, moved, owner, noise_px, is_calm, used, excess, is_c
     return dropped
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def unfold(dot, net, triangle, owner, excess, used):
     """Drops, of each triangle that turned over or collapsed, the corner its neighbours contradict most."""
@@ -276,7 +276,7 @@ def unfold(dot, net, triangle, owner, excess, used):
             owner[worst] = -1
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def doubtful(dot, bins, cell_px, markers, net, moved, owner, bounds, used, free, is_doubtful):
     """Marks markers without a dot that have dots without a marker near them, several side by side.
@@ -314,7 +314,7 @@ def doubtful(dot, bins, cell_px, markers, net, moved, owner, bounds, used, free,
     return number
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _nearest_free(dot, bins, cell_px, x, y, reach, used):
     """The nearest unused dot within reach, or -1."""
@@ -336,7 +336,7 @@ def _nearest_free(dot, bins, cell_px, x, y, reach, used):
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _is_torn(k, spacing, start, near, moved, owner):
     """Do the displacements around a node differ by most of a pitch?"""
@@ -350,7 +350,7 @@ def _is_torn(k, spacing, start, near, moved, owner):
     return max(right - left, bottom - top) > _TORN * spacing[k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def part(markers, net, owner, is_doubtful, added):
     """Takes the dots from the neighbours of doubtful markers and makes them doubtful too, to part the rest.
