@@ -182,7 +182,9 @@ def _sheet(layout: Layout, pitch: float) -> Sheet:
     """A sheet that ends one pitch beyond its outer markers."""
     extent = layout.rest_mm[:, :2].max(axis=0) - layout.rest_mm[:, :2].min(axis=0)
     return Sheet(
-        size_mm=read_only(extent + 2.0 * layout.pitch_mm), thickness_mm=ASSUMED_THICKNESS_PITCHES * pitch
+        is_assumed=True,
+        size_mm=read_only(extent + 2.0 * layout.pitch_mm),
+        thickness_mm=ASSUMED_THICKNESS_PITCHES * pitch,
     )
 
 

@@ -101,7 +101,7 @@ class NominalSheet:
                 f"needs at least {_LEAST_MARKERS}: give a region with more of them, or --method perimeter"
             )
         sheet, pitch_mm = sensor.sheet, float(np.sqrt(np.prod(layout.pitch_mm)))
-        is_nominal = sheet is None or assumes_sheet(sensor)
+        is_nominal = sheet is None or sheet.is_assumed
         thickness_mm = self.thickness_pitch * pitch_mm if sheet is None else sheet.thickness_mm
         patch = self._patch(layout, None if is_nominal else sheet, thickness_mm, pitch_mm)
         shell = self._shell(patch, sheet, thickness_mm)
@@ -175,8 +175,3 @@ class NominalSheet:
             pretension_over_E_mm=stretched_mm,
             bending_factor=THICK_BENDING * bending,
         )
-
-
-def assumes_sheet(sensor: Sensor) -> bool:
-    """Were the sheet's thickness and outline assumed?"""
-    return any("pitches thick" in sentence for sentence in sensor.assumptions)

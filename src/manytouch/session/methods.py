@@ -8,7 +8,6 @@ from manytouch.detection.paper import PaperDetection
 from manytouch.errors import ManytouchError
 from manytouch.estimation import MechanicalInversion, PerimeterDepth
 from manytouch.estimation.paper import PaperEstimate
-from manytouch.estimation.sheet_model import assumes_sheet
 from manytouch.pipeline import Pipeline
 from manytouch.tracking import FollowGrid
 from manytouch.tracking.paper import PaperTracking
@@ -36,7 +35,7 @@ def kernels() -> dict[str, bool]:
 
 def default_method(sensor: Sensor) -> str:
     """The best method for a sensor: mechanics where its sheet is known."""
-    if sensor.sheet is None or assumes_sheet(sensor):
+    if sensor.sheet is None or sensor.sheet.is_assumed:
         return ANYWHERE
     return "mechanics"
 

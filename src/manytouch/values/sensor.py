@@ -84,6 +84,7 @@ class Sheet:
         boundary: how its outline is held.
         pretension_N_per_mm: calibrated, never guessed.
         bending_factor: calibrated factor on the bending stiffness.
+        is_assumed: were size and thickness assumed, because nothing said them? Never so in a sensor file.
     """
 
     size_mm: Float64[np.ndarray, "2"]
@@ -94,6 +95,7 @@ class Sheet:
     pretension_N_per_mm: float | None = None
     bending_factor: float | None = None
     density_kg_m3: float | None = None
+    is_assumed: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -274,7 +274,10 @@ def _tables(sensor: Sensor) -> dict[str, Any]:
         }
     sheet = sensor.sheet
     if sheet is not None:
-        known = {name: getattr(sheet, name) for name in Sheet.__slots__ if getattr(sheet, name) is not None}
+        named = [
+            name for name in Sheet.__slots__ if name != "is_assumed" and getattr(sheet, name) is not None
+        ]
+        known = {name: getattr(sheet, name) for name in named}
         tables["sheet"] = known | {"size_mm": sheet.size_mm.tolist()}
     if sensor.layout is not None:
         tables["markers"] = _markers_table(sensor.layout)
