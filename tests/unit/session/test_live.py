@@ -3,7 +3,7 @@
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
@@ -11,19 +11,21 @@ import pytest
 from cameras import Driver
 from clips import picture, press_of
 from manytouch.pipeline import Controls
-from manytouch.session import Live, prepare, read_all
+from manytouch.session import Live, pipeline_for, prepare, read_all
 from manytouch.session.handover import HandOver
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sources.camera import CameraSource
 from manytouch.sources.capture import CameraWishes, open_camera
 from manytouch.values import (
     Command,
+    Detections,
     Frame,
     Phase,
     Press,
     Reading,
     Release,
     Seek,
+    Sensor,
     Start,
     Stop,
     Tare,
@@ -192,11 +194,14 @@ def test_what_cannot_be_done_becomes_a_note(command: Command, words: str) -> Non
 
 def test_what_cannot_be_read_with_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     class Fails:
-        def run(self, frames: object, sensor: object) -> Iterator[Reading]:
-            raise ValueError("a window of no size")
-            yield
+        def start(self, sensor: Sensor) -> None:
+            return None
 
-    monkeypatch.setattr("manytouch.session.live.tuned", lambda *_: Fails())
+        def step(self, state: None, frame: Frame, expected_px: object) -> tuple[None, Detections]:
+            raise ValueError("a window of no size")
+
+    fails = replace(pipeline_for(), detect=Fails())
+    monkeypatch.setattr("manytouch.session.live.tuned", lambda *_: fails)
     live, seen = played(
         Pictures(frames=25, is_touched=False), at_2=Tune(parameter="detect.least_snr", value=0.0)
     )
