@@ -82,20 +82,25 @@ class Reporter:
         self.say(f"results in {folder}")
 
 
+def bar(console: Console) -> Progress:
+    """A bar that goes when it is done, and is not there at all where nobody could see it move."""
+    return Progress(
+        TextColumn("  {task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+
+
 class Steps:
     """Follows work that goes in steps: a bar on a terminal, a line now and then elsewhere."""
 
     def __init__(self) -> None:
         self._console = Console(highlight=False, soft_wrap=True)
-        self._bar = Progress(
-            TextColumn("  {task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=self._console,
-            transient=True,
-            disable=not self._console.is_terminal,
-        )
+        self._bar = bar(self._console)
 
     def __enter__(self) -> "Steps":
         self._bar.start()

@@ -174,18 +174,11 @@ class _Progress:
 
     def __init__(self) -> None:
         from rich.console import Console
-        from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+        from manytouch.cli.console import bar
 
         self._console = Console(highlight=False, soft_wrap=True)
-        self._bar = Progress(
-            TextColumn("  {task.description}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeRemainingColumn(),
-            console=self._console,
-            transient=True,
-            disable=not self._console.is_terminal,
-        )
+        self._bar = bar(self._console)
         self._task = self._bar.add_task("cases", total=None)
         self._work, self._count, self._total = "", 0, 0
 
