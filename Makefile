@@ -2,6 +2,7 @@
 PYTHON ?= $(shell for p in python3.14 python3.13 python3.12 python3.11 python3; do \
 	$$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo $$p; break; }; done)
 BIN := .venv/bin
+KERNELS := $(shell grep -rl --include='*.py' njit src)
 CHECKED := --jaxtyping-packages=manytouch,beartype.beartype
 
 .DEFAULT_GOAL := help
@@ -25,13 +26,18 @@ setup: .venv/ready
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 	@touch .venv/ready
 
-demo: setup
+# Compiled code is kept beside its source, but does not notice changes in the modules it calls.
+.venv/compiled: .venv/ready $(KERNELS)
+	@find src -name '*.nb[ic]' -delete
+	@touch .venv/compiled
+
+demo: .venv/compiled
 	@$(BIN)/manytouch demo $(ARGS)
 
-test: setup
+test: .venv/compiled
 	@$(BIN)/python -m pytest -m "not slow" $(CHECKED) $(ARGS)
 
-slow: setup
+slow: .venv/compiled
 	@$(BIN)/python -m pytest $(CHECKED) $(ARGS)
 
 check: setup
