@@ -51,7 +51,7 @@ def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray | bytes
     return head, parts
 
 
-def number(value: float | None, digits: int = 4) -> float | None:
+def number(value: float | int | None, digits: int = 4) -> float | None:
     """A number for a head: rounded, None where not known."""
     return None if value is None or not math.isfinite(value) else round(float(value), digits)
 
