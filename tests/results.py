@@ -1,6 +1,7 @@
 """Reading back what `manytouch process` wrote, for the tests."""
 
 import csv
+import warnings
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -44,7 +45,8 @@ class Tracks:
 
     def swapped(self, before: slice, after: slice, pitch_px: float) -> int:
         """Markers that do not come home: further than half a pitch from where they were, view motion off."""
-        with np.errstate(all="ignore"):
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # a marker that is not seen has no median
             there = np.nanmedian(self.position_px[before], axis=0)
             back = np.nanmedian(self.position_px[after], axis=0)
         moved = back - there
