@@ -3,8 +3,8 @@
 Each press is a smooth patch of load on the shell of `mechanics`. What the dots outside it show decides
 the shape, hence pretension over E, bending factor, thickness and the force over E of every press; readings
 of a force scale decide E. All unknowns are fitted together by Gauss-Newton steps with exact
-sensitivities. Deviations are those of the normal matrix and those of leaving one press out at a time
-(jackknife) together, so that some of what the shell does not explain is in them.
+sensitivities. Deviations are those of the normal matrix, of leaving one press out at a time (jackknife)
+and of what the shell was seen to differ from a solid, together.
 
 On a sheet that hardly stretches, pretension, bending and E can grow together without a change of any
 force: forces are then known much better than each of the three (docs/derivations/calibration.md).
@@ -21,6 +21,10 @@ from manytouch.errors import SensorError
 from manytouch.values import Sensor, Sheet
 
 LEAST_PRESSES = 4
+MODEL_THICKNESS = 0.04
+"""The shell's thickness that explains a solid sheet differs from the sheet's own by about this share."""
+MODEL_STRAIN = 0.002
+"""And its pretension by about this strain: both seen on presses of 3-D finite elements."""
 PARAMETERS = ("pretension_over_E_mm", "bending_factor", "thickness_mm")
 
 
@@ -89,8 +93,10 @@ def _read(
     spread = np.array([fit.step(best, told, left_out=number)[:4] for number in range(count)])
     normal, _ = fit.normal(best, told)
     jackknife = (count - 1) / count * ((spread - spread.mean(axis=0)) ** 2).sum(axis=0)
-    std = np.sqrt(jackknife + np.diag(np.linalg.inv(normal))[:4])
-    bending, thickness = float(np.exp(best.common[1])), float(np.exp(best.common[2]))
+    thickness = float(np.exp(best.common[2]))
+    model = np.array([MODEL_STRAIN * thickness, 0.0, MODEL_THICKNESS, 0.0])
+    std = np.sqrt(jackknife + np.diag(np.linalg.inv(normal))[:4] + model**2)
+    bending = float(np.exp(best.common[1]))
     deviations = {
         "pretension_over_E_mm": float(std[0]),
         "bending_factor": bending * float(std[1]),
