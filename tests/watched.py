@@ -7,6 +7,7 @@ import numpy as np
 
 from manytouch.simulation.sensor import demo_sensor
 from manytouch.values import (
+    Beside,
     Command,
     Contact,
     Contacts,
@@ -18,7 +19,6 @@ from manytouch.values import (
     Sensor,
     Surface,
     TrackedGrid,
-    Truth,
 )
 
 HEALTH = Health(
@@ -44,6 +44,7 @@ class Desk:
         self.sensor: Sensor = demo_sensor(320)
         self.commands: list[Command] = []
         self.now = HEALTH
+        self.other: Beside | None = None
 
     def send(self, command: Command) -> None:
         self.commands.append(command)
@@ -51,8 +52,8 @@ class Desk:
     def health(self) -> Health:
         return self.now
 
-    def truth(self, frame_index: int) -> Truth | None:
-        return None
+    def beside(self, frame_index: int) -> Beside | None:
+        return self.other
 
     def change_sensor(self, sensor: Sensor) -> None:
         self.sensor = sensor

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from manytouch.values import (
+    Beside,
     Command,
     Contacts,
     Detections,
@@ -20,7 +21,6 @@ from manytouch.values import (
     Sensor,
     Surface,
     TrackedGrid,
-    Truth,
 )
 from manytouch.values.arrays import Points2
 
@@ -89,8 +89,8 @@ class Controls(Protocol):
     def health(self) -> Health:
         """How it is doing."""
 
-    def truth(self, frame_index: int) -> Truth | None:
-        """What really happened in a frame of a simulated source; None of others."""
+    def beside(self, frame_index: int) -> Beside | None:
+        """What to show beside the estimate of a frame: a simulated source's truth, or what was recorded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

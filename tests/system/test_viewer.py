@@ -155,7 +155,7 @@ def test_the_mouse_presses_the_surface_moves_and_a_click_reads_the_estimate(
 ) -> None:
     page = opened(session.viewer.url)
     press(page, AT_MM)
-    (truth, *_) = page.evaluate("manytouch.state.update.head.truth")
+    (truth, *_) = page.evaluate("manytouch.state.update.head.beside.contacts")
     assert math.dist((truth["x_mm"], truth["y_mm"]), AT_MM) < 1.5
     deepest = page.evaluate("Math.max(...manytouch.state.update.parts.depth)")
     assert deepest > 1.0
@@ -258,6 +258,14 @@ def test_record_and_replay_with_a_timeline(
             )
             wait(again, f"Math.abs(manytouch.state.health.frame - {frame}) <= 1")
         assert "frame" in again.inner_text("#seek-words")
+        assert again.evaluate("manytouch.state.update.head.beside") is None
+        again.keyboard.press("s")
+        again.select_option("#method", "paper")
+        again.keyboard.press("Escape")
+        wait(again, "manytouch.state.update.head.beside?.name === 'recorded'")
+        assert again.inner_text("#beside-name") == "recorded"
+        assert again.evaluate("manytouch.state.health.method") == "paper"
+        assert "difference" in again.evaluate("manytouch.state.update.head.layers")
     finally:
         again.close()
         replay.end()

@@ -20,7 +20,7 @@ def view(
 ) -> int:
     """Show a recording again: its stored readings, with a timeline, until Ctrl-C.
 
-    With --method or --sensor its frames are read anew instead.
+    With --method or --sensor its frames are read anew, and what was recorded stands beside it.
 
     Example: manytouch view press.mcap --method paper
     """

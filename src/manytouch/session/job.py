@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from manytouch.calibration import refer, sensor_from_rest
-from manytouch.errors import SensorError, SourceError
+from manytouch.errors import ManytouchError, SensorError, SourceError
 from manytouch.pipeline import Pipeline
 from manytouch.session.methods import Roi, default_method, kernels, pipeline_for
 from manytouch.sources import Source, open_source
@@ -80,9 +80,16 @@ class Job:
         }
 
     def warm_up(self) -> None:
-        """Read two frames for nothing, so that compiling and first touches are in no frame's time."""
-        for _ in self.pipeline.run(self.samples, self.sensor):
-            pass
+        """Read two frames for nothing, so that compiling and first touches are in no frame's time.
+
+        Raises:
+            ManytouchError: they cannot be read so.
+        """
+        try:
+            for _ in self.pipeline.run(self.samples, self.sensor):
+                pass
+        except (ArithmeticError, ValueError) as error:
+            raise ManytouchError(f"this cannot be read with: {error}") from error
 
     def readings(self) -> Iterator[Reading]:
         """Every frame, read, in order. To be called once."""

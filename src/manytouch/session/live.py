@@ -1,9 +1,7 @@
 """A source read at its own pace, while people watch and steer."""
 
-import queue
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
@@ -14,6 +12,7 @@ from manytouch.pipeline import Pipeline, Sight, Sink
 from manytouch.session.continuity import Continuity
 from manytouch.session.handover import HandOver
 from manytouch.session.job import Job, Watch, close
+from manytouch.session.mailbox import Mailbox
 from manytouch.session.meter import Meter
 from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
@@ -22,6 +21,7 @@ from manytouch.session.tare import TARE_FRAMES, tared
 from manytouch.session.tuning import parameters_of, tuned
 from manytouch.sources.source import Device
 from manytouch.values import (
+    Beside,
     Command,
     Frame,
     Health,
@@ -41,7 +41,6 @@ from manytouch.values import (
 )
 
 AHEAD = 1  # frames whose markers are known and whose sheet is not
-NOTES = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -71,9 +70,7 @@ class Live:
         self._job = job
         self._wanted = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
         self._present = self._wanted
-        self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
-        self._notes: deque[str] = deque(maxlen=NOTES)
-        self._say: Callable[[str], None] = lambda _: None
+        self._mailbox = Mailbox()
         self._meter = Meter()
         self._is_held = False
         self._is_over = threading.Event()
@@ -82,7 +79,7 @@ class Live:
         self._pace = Pace()
         self._taring: list[TrackedGrid] | None = None
         self._markers_seen = 0
-        self._taping = Taping(job, recordings, self._note)
+        self._taping = Taping(job, recordings, self._mailbox.note)
 
     @property
     def sensor(self) -> Sensor:
@@ -91,12 +88,15 @@ class Live:
 
     def send(self, command: Command) -> None:
         """Ask for something; it is done between two frames."""
-        self._commands.put(command)
+        self._mailbox.send(command)
 
-    def truth(self, frame_index: int) -> Truth | None:
+    def beside(self, frame_index: int) -> Beside | None:
         """What really happened in a frame of a simulated source."""
         tell = getattr(self._job.source, "truth", None)
-        return None if tell is None else tell(frame_index)
+        truth: Truth | None = None if tell is None else tell(frame_index)
+        if truth is None:
+            return None
+        return Beside(name="truth", surface=truth.surface, contacts=truth.contacts)
 
     def health(self) -> Health:
         """How it is doing."""
@@ -118,7 +118,7 @@ class Live:
             parameters=parameters_of(setup.pipeline),
             settings=source.settings if isinstance(source, Device) else (),
             recording=self._taping.name,
-            notes=tuple(self._notes),
+            notes=self._mailbox.notes,
             can_press=hasattr(source, "press"),
             sensor_version=setup.version,
         )
@@ -147,7 +147,7 @@ class Live:
                 closing.callback(sink.close)
             closing.callback(close, self._job.source)
             if progress is not None:
-                self._say = progress.say
+                self._mailbox.say = progress.say
                 progress.begin(self._job)
             self._job.warm_up()
             closing.callback(self._taping.end)
@@ -196,7 +196,7 @@ class Live:
         """Frames, until somebody wants another setup."""
         is_live = self._job.source.is_live
         while not self._is_over.is_set():
-            self._obey()
+            self._mailbox.obey(self._do)
             if self._wanted is not setup:
                 return
             if self._is_held and not is_live:
@@ -225,18 +225,6 @@ class Live:
         self._taping.take(frame)
         return replace(frame, arrived_ns=time.monotonic_ns())
 
-    def _obey(self) -> None:
-        """Do what was asked for."""
-        while True:
-            try:
-                command = self._commands.get_nowait()
-            except queue.Empty:
-                return
-            try:
-                self._do(command)
-            except ManytouchError as error:
-                self._note(str(error))
-
     def _do(self, command: Command) -> None:
         match command:
             case Start():
@@ -247,10 +235,10 @@ class Live:
                 self._taring = []
             case UseMethod(method=method):
                 self._change(pipeline=pipeline_for(method, self._job.roi_px), method=method)
-                self._note(f"method {method}")
+                self._mailbox.note(f"method {method}")
             case Tune(parameter=parameter, value=value):
                 self._change(pipeline=tuned(self._wanted.pipeline, parameter, value))
-                self._note(f"{parameter} = {value:g}")
+                self._mailbox.note(f"{parameter} = {value:g}")
             case Record(path=path):
                 self._record(path)
             case StopRecording():
@@ -258,7 +246,7 @@ class Live:
             case Press() | Release():
                 self._press(command)
             case _:
-                self._note(f"{type(command).__name__} means nothing to a live source")
+                self._mailbox.note(f"{type(command).__name__} means nothing to a live source")
 
     def _record(self, path: Path | None) -> None:
         setup = self._wanted
@@ -280,14 +268,14 @@ class Live:
         sensor = tared(self._wanted.sensor, self._taring)
         self._taring = None
         if sensor is None:
-            self._note("not tared: fewer than half of the markers are seen")
+            self._mailbox.note("not tared: fewer than half of the markers are seen")
             return
         try:
             self._change(sensor=sensor, version=self._wanted.version + 1)
         except ManytouchError as error:
-            self._note(f"not tared: {error}")
+            self._mailbox.note(f"not tared: {error}")
         else:
-            self._note("tared: the sheet as it is now counts as untouched")
+            self._mailbox.note("tared: the sheet as it is now counts as untouched")
 
     def _change(self, **fields: object) -> None:
         """Begin anew with the next frame, if two frames can be read so.
@@ -296,17 +284,9 @@ class Live:
             ManytouchError: they cannot.
         """
         setup = replace(self._wanted, **fields)  # type: ignore[arg-type]
-        try:
-            for _ in setup.pipeline.run(self._job.samples, setup.sensor):
-                pass
-        except (ArithmeticError, ValueError) as error:
-            raise ManytouchError(f"this cannot be read with: {error}") from error
+        replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor).warm_up()
         self._wanted = setup
         self._taping.describe(setup.sensor, setup.pipeline, setup.method)
-
-    def _note(self, sentence: str) -> None:
-        self._notes.append(sentence)
-        self._say(sentence)
 
 
 def _until_setup(stream: Iterator[Setup | Sight], following: list[Setup]) -> Iterator[Sight]:

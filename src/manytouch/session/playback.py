@@ -1,31 +1,43 @@
 """A recording watched again: stored readings, or read anew with another method or sensor."""
 
-import queue
 import time
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from pathlib import Path
 
-from manytouch.errors import ManytouchError, SourceError
+from manytouch.errors import SourceError
 from manytouch.pipeline import Sink
 from manytouch.session.job import Job, Watch, prepare
-from manytouch.session.live import NOTES
+from manytouch.session.mailbox import Mailbox
 from manytouch.session.meter import Meter
-from manytouch.session.methods import METHODS
+from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.tuning import parameters_of
+from manytouch.sinks.description import layout_of
 from manytouch.sources import open_source
 from manytouch.sources.replay import ReplaySource
-from manytouch.values import Command, Health, Play, Reading, Seek, Sensor, Start, Stop, Truth
+from manytouch.values import (
+    Beside,
+    Command,
+    Frame,
+    Health,
+    Play,
+    Reading,
+    Seek,
+    Sensor,
+    Start,
+    Stop,
+    UseMethod,
+)
 
 
 class Playback:
     """A recording at its own pace, with a timeline; `manytouch.pipeline.Controls`.
 
     Without method and sensor the stored readings are given, and frames that nobody had time to read are left
-    out. With one of them every frame is read anew, from the frame that was sought on.
+    out. With one of them, or once a method is chosen, every frame is read anew, from the frame that was
+    sought on, and what was recorded stands beside it.
     """
 
     def __init__(
@@ -57,9 +69,7 @@ class Playback:
         self._job: Job = prepare(self._source, sensor=sensor, method=known)
         self._method = known or recorded
         self._stays = stays
-        self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
-        self._notes: deque[str] = deque(maxlen=NOTES)
-        self._say: Callable[[str], None] = lambda _: None
+        self._mailbox = Mailbox()
         self._meter = Meter()
         self._pace = Pace()
         self._is_held = False
@@ -79,10 +89,20 @@ class Playback:
 
     def send(self, command: Command) -> None:
         """Ask for something; it is done between two frames."""
-        self._commands.put(command)
+        self._mailbox.send(command)
 
-    def truth(self, frame_index: int) -> Truth | None:
-        """A recording holds none."""
+    def beside(self, frame_index: int) -> Beside | None:
+        """What was recorded of a frame, where it is read anew in the same unit of length."""
+        recording = self._source.recording
+        if not self._is_anew or recording.sensor.length_unit != self.sensor.length_unit:
+            return None
+        bare = Frame(index=frame_index, timestamp_ns=0, camera="", image=None)
+        recorded = recording.reading(bare)
+        if recorded is None:
+            return None
+        is_alike = len(recorded.surface.displacement_mm) == len(layout_of(self.sensor).rest_mm)
+        surface = recorded.surface if is_alike else None
+        return Beside(name="recorded", surface=surface, contacts=recorded.contacts)
 
     def health(self) -> Health:
         """How it is doing."""
@@ -101,7 +121,7 @@ class Playback:
             method=self._method,
             methods=METHODS,
             parameters=parameters_of(self._job.pipeline),
-            notes=tuple(self._notes),
+            notes=self._mailbox.notes,
             frame=self._place,
             frame_count=len(self._source.recording),
         )
@@ -119,10 +139,10 @@ class Playback:
             for sink in reversed(sinks):
                 closing.callback(sink.close)
             if progress is not None:
-                self._say = progress.say
+                self._mailbox.say = progress.say
                 progress.begin(self._job)
             if self._source.warning is not None:
-                self._note(self._source.warning)
+                self._mailbox.note(self._source.warning)
             if self._is_anew:
                 self._job.warm_up()
             while (begin := self._next_begin(is_over)) is not None:
@@ -139,7 +159,7 @@ class Playback:
         if self._meter.frames == 0 and self._sought is None:
             return 0
         while not is_over():
-            self._obey()
+            self._mailbox.obey(self._do)
             if self._sought is not None:
                 begin, self._sought = self._sought, None
                 return begin
@@ -165,27 +185,16 @@ class Playback:
     def _places(self, begin: int, is_over: Callable[[], bool]) -> Iterator[int]:
         """Places whose time has come. The one that was sought comes at once, also while it is held."""
         for place in range(begin, len(self._source.recording)):
-            self._obey()
+            self._mailbox.obey(self._do)
             while self._is_held and place > begin and self._sought is None and not is_over():
                 self._pace.reset()
                 time.sleep(LONGEST_NAP_S)
-                self._obey()
+                self._mailbox.obey(self._do)
             if self._sought is not None or is_over():
                 return
             self._pace.wait_for(self._source.recording.timestamp_ns(place), is_over)
             self._place = place
             yield place
-
-    def _obey(self) -> None:
-        while True:
-            try:
-                command = self._commands.get_nowait()
-            except queue.Empty:
-                return
-            try:
-                self._do(command)
-            except ManytouchError as error:
-                self._note(str(error))
 
     def _do(self, command: Command) -> None:
         match command:
@@ -204,9 +213,10 @@ class Playback:
                     raise SourceError(f"the speed is from 0.01 to 100, not {speed:g}")
                 self._pace.speed = speed
                 self._pace.reset()
+            case UseMethod(method=method):
+                anew = replace(self._job, pipeline=pipeline_for(method), method=method)
+                anew.warm_up()
+                self._job, self._method, self._is_anew, self._sought = anew, method, True, self._place
+                self._mailbox.note(f"read anew with method {method}")
             case _:
-                self._note(f"{type(command).__name__} means nothing to a replay")
-
-    def _note(self, sentence: str) -> None:
-        self._notes.append(sentence)
-        self._say(sentence)
+                self._mailbox.note(f"{type(command).__name__} means nothing to a replay")

@@ -48,3 +48,18 @@ class Truth:
     grid: TrackedGrid
     surface: Surface
     contacts: Contacts
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Beside:
+    """What an estimate is shown beside, for the same frame.
+
+    Attributes:
+        name: what it is, in one word: "truth" or "recorded".
+        surface: its surface at the same markers; None where its markers are others.
+        contacts: its contacts.
+    """
+
+    name: str
+    surface: Surface | None
+    contacts: Contacts

@@ -141,7 +141,7 @@ def test_whatever_a_reading_may_hold_can_be_recorded() -> None:
     from manytouch.recording import packing
 
     asked = {kind.__name__ for kind in typing.get_args(values.Command)}
-    others = {"Frame", "Reading", "Truth", "Health", "Setting"}
+    others = {"Frame", "Reading", "Truth", "Beside", "Health", "Setting"}
     held = {name for name in values.__all__ if is_dataclass(getattr(values, name))} - asked - others
     assert held
     assert held <= set(packing._VALUES)
@@ -187,6 +187,31 @@ def test_another_method_reads_the_same_frames(recorded: tuple[Path, Seen, Live],
     folder = process(path, out=tmp_path, method="paper")
     assert (folder / "summary.json").is_file()
     assert folder.name == "press"
+
+
+def test_what_was_recorded_stands_beside_what_is_read_anew(recorded: tuple[Path, Seen, Live]) -> None:
+    path, seen, _ = recorded
+    touched = next(reading for reading in seen.readings if reading.contacts.touching)
+    assert Playback(path).beside(touched.frame.index) is None
+    beside = Playback(path, method="paper").beside(touched.frame.index)
+    assert beside is not None
+    assert beside.name == "recorded"
+    assert same(beside.contacts, touched.contacts)
+    assert same(beside.surface, touched.surface)
+    assert Playback(path, method="paper").beside(4000) is None
+
+
+def test_another_method_can_be_chosen_while_it_is_shown(recorded: tuple[Path, Seen, Live]) -> None:
+    path, seen, _ = recorded
+    playback = Playback(path)
+    again = Seen(playback, at_20=UseMethod(method="paper"))
+    playback.run([again])
+    indices = [reading.frame.index for reading in again.readings]
+    assert indices == [*range(20), *range(19, 40)], "the frame that is shown is read anew at once"
+    assert playback.health().method == "paper"
+    assert playback.beside(30) is not None
+    assert same(without_time(again.readings[10]), without_time(seen.readings[10]))
+    assert not same(again.readings[-1].surface, seen.readings[-1].surface)
 
 
 def test_other_programs_read_it_in_well_known_schemas(recorded: tuple[Path, Seen, Live]) -> None:

@@ -13,7 +13,7 @@ from manytouch.sinks.description import layout_of, rest_px
 from manytouch.sinks.viewer.health import PictureHealth, residual_mm
 from manytouch.sinks.viewer.messages import number, pack
 from manytouch.sinks.viewer.pressure import PressureMap
-from manytouch.values import ESTIMATES, Contact, Contacts, Layout, Reading, Sensor, Surface, Truth
+from manytouch.values import ESTIMATES, Beside, Contact, Contacts, Layout, Reading, Sensor, Surface
 
 LONGEST, SHORTEST_OF_LONG = 100, 60  # points of the grid along the longer side, and at most along the shorter
 FEWEST = 16
@@ -24,10 +24,10 @@ _OF_PLACE = [ESTIMATES.index("x"), ESTIMATES.index("y")]
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Shot:
-    """What a moment's message is made of: the reading, its truth, and who looks at what."""
+    """What a moment's message is made of: the reading, what it is shown beside, and who looks at what."""
 
     reading: Reading
-    truth: Truth | None
+    beside: Beside | None
     layers: Set[str]
     is_image_wanted: bool
 
@@ -61,7 +61,7 @@ class Photographer:
 
     def __call__(self, shot: Shot, number_of_update: int) -> tuple[bytes, float | None]:
         """The message of a shot, and ms from the frame's arrival to it (None for files)."""
-        reading, truth = shot.reading, shot.truth
+        reading, beside = shot.reading, shot.beside
         surface, picture = reading.surface, reading.frame.image
         depth = self._sampling(-surface.displacement_mm[:, 2])
         head: dict[str, Any] = {
@@ -72,7 +72,9 @@ class Photographer:
             "status": reading.status,
             "milliseconds": number(reading.milliseconds, 2),
             "contacts": contacts_in_numbers(reading.contacts),
-            "truth": None if truth is None else contacts_in_numbers(truth.contacts),
+            "beside": None
+            if beside is None
+            else {"name": beside.name, "contacts": contacts_in_numbers(beside.contacts)},
             "picture": None if picture is None else _rounded(self._picture(picture)),
             "residual_mm": number(residual_mm(reading)),
         }
@@ -80,33 +82,32 @@ class Photographer:
             "depth": depth.astype("<f4"),
             "markers": reading.grid.position_px.astype("<f4"),
         }
-        for layer in sorted(shot.layers & {"strain", "pressure", "error"}):
-            values = self._layer(layer, surface, truth, depth)
+        for layer in sorted(shot.layers & {"strain", "pressure", "difference"}):
+            values = self._layer(layer, surface, beside, depth)
             if values is not None:
                 parts[layer] = values.astype("<f4")
-        if truth is not None:
-            parts["true_depth"] = self._sampling(-truth.surface.displacement_mm[:, 2]).astype("<f4")
         if shot.is_image_wanted and picture is not None:
             encoded = reading.frame.encoded
             is_fit = encoded is not None and len(encoded) <= LARGEST_JPEG and encoded.startswith(JPEG_START)
             parts["image"] = encoded if encoded is not None and is_fit else jpeg(picture)
         spline = surface.spline
         has_pressure = spline is not None and spline.young_MPa is not None
-        head["layers"] = ["depth", "strain", *has_pressure * ["pressure"], *(truth is not None) * ["error"]]
+        has_other = beside is not None and beside.surface is not None
+        head["layers"] = ["depth", "strain", *has_pressure * ["pressure"], *has_other * ["difference"]]
         arrived_ns = reading.frame.arrived_ns
         latency_ms = None if arrived_ns is None else (time.monotonic_ns() - arrived_ns) * 1e-6
         head["latency_ms"], head["arrived_ns"] = number(latency_ms, 2), arrived_ns
         return pack(head, parts), latency_ms
 
     def _layer(
-        self, layer: str, surface: Surface, truth: Truth | None, depth: np.ndarray
+        self, layer: str, surface: Surface, beside: Beside | None, depth: np.ndarray
     ) -> np.ndarray | None:
         if layer == "strain":
             return self._strain(surface, depth)
         if layer == "pressure" and surface.spline is not None:
             return self._pressure(surface.spline)
-        if layer == "error" and truth is not None:
-            return np.asarray(depth - self._sampling(-truth.surface.displacement_mm[:, 2]))
+        if layer == "difference" and beside is not None and beside.surface is not None:
+            return np.asarray(depth - self._sampling(-beside.surface.displacement_mm[:, 2]))
         return None
 
     def _strain(self, surface: Surface, depth: np.ndarray) -> np.ndarray:

@@ -83,7 +83,7 @@ class Viewer:
                 return  # of a sensor before or after the one that is shown
             shot = Shot(
                 reading=reading,
-                truth=self._controls.truth(reading.frame.index),
+                beside=self._controls.beside(reading.frame.index),
                 layers=self._hub.layers,
                 is_image_wanted=self._hub.is_image_wanted,
             )

@@ -128,7 +128,7 @@ class Show(_Wish):
     """What this browser shows, so that nothing else is sent."""
 
     wish: Literal["show"]
-    layer: Literal["depth", "strain", "pressure", "error"]
+    layer: Literal["depth", "strain", "pressure", "difference"]
     image: bool
 
 

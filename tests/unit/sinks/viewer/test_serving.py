@@ -23,7 +23,7 @@ from manytouch.sinks.viewer import Viewer
 from manytouch.sinks.viewer.hub import MOST_IN_FLIGHT
 from manytouch.sinks.viewer.messages import unpack
 from manytouch.sinks.viewer.server import page_files
-from manytouch.values import Press, Record, Stop, Tare
+from manytouch.values import Beside, Press, Record, Stop, Tare
 from watched import Desk, reading_of
 
 
@@ -139,6 +139,27 @@ def test_an_update_shows_what_was_read(viewer: Viewer) -> None:
 
 def reading_layout(viewer: Viewer) -> Any:
     return viewer._photographer.layout
+
+
+def test_what_an_estimate_is_compared_with_goes_along(viewer: Viewer, desk: Desk) -> None:
+    shallower = reading_of(3, 1.5)
+    desk.other = Beside(name="recorded", surface=shallower.surface, contacts=shallower.contacts)
+    with looking(viewer) as stream:
+        hear(stream, "scenery")
+        until(lambda: viewer.browsers == 1)
+        stream.send(json.dumps({"wish": "show", "layer": "difference", "image": False}))
+        until(lambda: "difference" in viewer._hub.layers)
+        viewer.write(reading_of(3, 2.0))
+        head, parts = see(stream)
+        assert head["beside"]["name"] == "recorded"
+        assert head["beside"]["contacts"][0]["depth_mm"] == 1.5
+        np.testing.assert_allclose(parts["difference"], 0.25 * parts["depth"], atol=1e-6)
+        desk.other = Beside(name="recorded", surface=None, contacts=shallower.contacts)
+        viewer.write(reading_of(4, 2.0))
+        head, parts = see(stream)
+    assert head["beside"]["contacts"]
+    assert "difference" not in parts
+    assert "difference" not in head["layers"]
 
 
 def test_each_browser_measures_for_itself(viewer: Viewer) -> None:

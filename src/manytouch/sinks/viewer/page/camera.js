@@ -8,7 +8,7 @@ const SKY = "#6cc4f5", LOST = "#ff7a3d", ARROW = "#f7e04b";
 export class CameraPane {
   constructor(canvas) {
     Object.assign(this, { canvas, picture: null, scenery: null, busy: false, next: null });
-    this.options = { ids: false, arrows: true, gain: 3, truth: true };
+    this.options = { ids: false, arrows: true, gain: 3 };
   }
 
   /** Decode a picture; of those that come meanwhile only the newest is kept. */
@@ -29,7 +29,7 @@ export class CameraPane {
     this.busy = false;
   }
 
-  draw(markers, contacts, truth) {
+  draw(markers, contacts, others) {
     const { context, width, height } = sized(this.canvas);
     if (!this.scenery || width < 10) return;
     const [wide, high] = this.scenery.image_px;
@@ -38,7 +38,7 @@ export class CameraPane {
     const place = (x, y) => [left + (x + 0.5) * scale, top + (y + 0.5) * scale];
     if (this.picture) context.drawImage(this.picture, left, top, wide * scale, high * scale);
     if (markers) this.drawMarkers(context, markers, place, scale);
-    if (truth && this.options.truth) for (const contact of truth) this.drawContact(context, contact, place, true);
+    for (const contact of others) this.drawContact(context, contact, place, true);
     for (const contact of contacts) this.drawContact(context, contact, place, false);
   }
 
@@ -86,18 +86,18 @@ export class CameraPane {
     }
   }
 
-  drawContact(context, contact, place, isTruth) {
+  drawContact(context, contact, place, isBeside) {
     if (contact.px[0] === null) return;
     const [x, y] = place(...contact.px);
-    context.setLineDash(isTruth ? [3, 3] : []);
-    context.beginPath(); context.arc(x, y, isTruth ? 13 : 10, 0, 2 * Math.PI);
-    if (!isTruth) {
+    context.setLineDash(isBeside ? [3, 3] : []);
+    context.beginPath(); context.arc(x, y, isBeside ? 13 : 10, 0, 2 * Math.PI);
+    if (!isBeside) {
       context.lineWidth = 4.5; context.strokeStyle = "rgb(0 0 0 / 60%)"; context.stroke();
       context.lineWidth = 2.5;
     } else context.lineWidth = 1.5;
-    context.strokeStyle = isTruth ? "#fff" : contactColour(contact.id); context.stroke();
+    context.strokeStyle = isBeside ? "#fff" : contactColour(contact.id); context.stroke();
     context.setLineDash([]);
-    if (isTruth) return;
+    if (isBeside) return;
     context.font = "700 12px system-ui, sans-serif"; context.textAlign = "left"; context.textBaseline = "middle";
     context.lineWidth = 3.5; context.strokeStyle = "rgb(0 0 0 / 75%)"; context.fillStyle = "#fff";
     context.strokeText(`#${contact.id}`, x + 14, y - 9); context.fillText(`#${contact.id}`, x + 14, y - 9);

@@ -30,7 +30,7 @@ export class History {
     if (head.time_s < this.now - 1e-6 || head.time_s > this.now + SPAN_S) this.rings.clear();
     this.now = head.time_s;
     this.keep("", head.contacts);
-    if (head.truth) this.keep("truth ", head.truth);
+    if (head.beside) this.keep("beside ", head.beside.contacts);
     for (const [key, ring] of this.rings) if (ring.last < this.now - SPAN_S) this.rings.delete(key);
     while (this.rings.size > MOST) this.rings.delete(this.rings.keys().next().value);
   }
@@ -43,10 +43,10 @@ export class History {
     }
   }
 
-  draw(showTruth) {
+  draw(showBeside) {
     const xs = [-SPAN_S, 0];
     const xWords = (x) => (Math.abs(x) < 0.5 ? "now" : `−${Math.round(-x)} s`);
-    const all = [...this.rings].filter(([key]) => showTruth || !key.startsWith("truth"));
+    const all = [...this.rings].filter(([key]) => showBeside || !key.startsWith("beside"));
     for (const [canvas, name, title, unit, convert] of [
       [this.depthCanvas, "depth", "depth", units.length, inLength],
       [this.forceCanvas, "force", "normal force", units.force, inForce],
@@ -58,12 +58,12 @@ export class History {
         for (let i = 0; i < SIZE; i++) y[i] = convert(ring[name][i]);
         for (let i = 0; i < ring.count; i++) {
           const value = y[(ring.start + i) % SIZE];
-          if (value === value) { hasAny = true; most = Math.max(most, value); isEstimated ||= !key.startsWith("truth"); }
+          if (value === value) { hasAny = true; most = Math.max(most, value); isEstimated ||= !key.startsWith("beside"); }
         }
-        const isTruth = key.startsWith("truth");
+        const isBeside = key.startsWith("beside");
         return { x, y, count: ring.count, start: ring.start,
-          colour: isTruth ? styled("--quiet") : contactColour(ring.id), dash: isTruth ? [4, 4] : [],
-          label: !isTruth && ring.last === this.now ? `#${ring.id}` : "" };
+          colour: isBeside ? styled("--quiet") : contactColour(ring.id), dash: isBeside ? [4, 4] : [],
+          label: !isBeside && ring.last === this.now ? `#${ring.id}` : "" };
       });
       const none = this.rings.size ? "this method tells no force" : "nothing has touched the sheet yet";
       const empty = name === "force" && !isEstimated && all.length ? none : hasAny ? "" : "nothing has touched the sheet yet";

@@ -12,7 +12,7 @@ import { bindSettings, fillSettings } from "./settings.js";
 import { SurfacePane } from "./surface.js";
 
 const find = (id) => document.getElementById(id);
-const LAYERS = { depth: "depth", strain: "largest strain", pressure: "pressure", error: "estimate − truth" };
+const LAYERS = { depth: "depth", strain: "largest strain", pressure: "pressure" };
 const EASE = 0.995; // of the colour range from one update to the next
 
 const state = {
@@ -116,18 +116,18 @@ function paint() {
 }
 
 function draw() {
-  const { update, health } = state, head = update?.head, showTruth = find("show-truth").checked;
-  const hasTruth = Boolean(head?.truth);
-  find("truth-tick").hidden = !hasTruth;
+  const { update, health } = state, head = update?.head, showBeside = find("show-beside").checked;
+  const name = head?.beside?.name ?? "";
+  find("beside-tick").hidden = !name;
+  find("beside-name").textContent = name;
   find("camera-empty").hidden = Boolean(camera.picture);
-  const contacts = head?.contacts ?? [], truth = hasTruth && showTruth ? head.truth : [];
+  const contacts = head?.contacts ?? [], others = name && showBeside ? head.beside.contacts : [];
   if (update) drawSurface(update);
-  marks.update(contacts, truth, state.points, state.measured);
-  camera.options.truth = showTruth;
-  camera.draw(update?.parts.markers, contacts, truth);
-  showContacts(contacts, truth, pane.reach);
+  marks.update(contacts, others, state.points, state.measured);
+  camera.draw(update?.parts.markers, contacts, others);
+  showContacts(contacts, others, name, pane.reach);
   showMeasure(state.points, state.measured);
-  history.draw(showTruth);
+  history.draw(showBeside);
   if (health) showHealth(health, head);
   showState();
 }
@@ -135,17 +135,17 @@ function draw() {
 function drawSurface({ head, parts }) {
   for (const option of find("layer").options) option.disabled = option.value !== "depth" && option.value !== state.layer && !head.layers.includes(option.value);
   const value = parts[state.layer] ?? parts.depth, layer = parts[state.layer] ? state.layer : "depth";
-  const isError = layer === "error", percent = layer === "strain" ? 100 : 1;
+  const isDifference = layer === "difference", percent = layer === "strain" ? 100 : 1;
   let most = 0;
-  for (let i = 0; i < value.length; i++) if (value[i] > most || (isError && -value[i] > most)) most = Math.abs(value[i]);
+  for (let i = 0; i < value.length; i++) if (value[i] > most || (isDifference && -value[i] > most)) most = Math.abs(value[i]);
   most *= percent;
-  const least = layer === "strain" ? 1 : layer === "pressure" ? 1 : isError ? 0.1 : 0.5;
+  const least = layer === "strain" ? 1 : layer === "pressure" ? 1 : isDifference ? 0.1 : 0.5;
   state.peak = state.holdRange ? state.peak || most : Math.max(most, least, state.peak * EASE);
-  const high = niceCeiling(state.peak), low = isError ? -high : 0, contour = niceStep(high, 6);
+  const high = niceCeiling(state.peak), low = isDifference ? -high : 0, contour = niceStep(high, 6);
   pane.update(parts.depth, percent === 1 ? value : value.map((v) => v * percent), low, high, contour);
-  const isLength = layer === "depth" || isError;
+  const isLength = layer === "depth" || isDifference;
   const unit = isLength ? units.length : layer === "strain" ? "%" : "kPa";
-  drawScale(isError ? DIVERGING : state.map, low, high, contour, `${LAYERS[layer]} (${unit})`, isLength ? inLength : (v) => v);
+  drawScale(isDifference ? DIVERGING : state.map, low, high, contour, `${isDifference ? `estimate − ${head.beside.name}` : LAYERS[layer]} (${unit})`, isLength ? inLength : (v) => v);
 }
 
 function drawScale(map, low, high, step, title, convert) {
@@ -233,7 +233,7 @@ function bind() {
   const change = {
     layer: ({ value }) => setLayer(value), map: ({ value }) => setMap(value),
     "show-ids": ({ checked }) => { camera.options.ids = checked; }, "show-arrows": ({ checked }) => { camera.options.arrows = checked; },
-    "arrow-gain": ({ value }) => { camera.options.gain = Number(value); }, "show-truth": () => {},
+    "arrow-gain": ({ value }) => { camera.options.gain = Number(value); }, "show-beside": () => {},
     speed: ({ value }) => wish("play", { speed: Number(value) }), seek: ({ value }) => { state.seeking = false; seek(Number(value)); },
   };
   for (const [id, act] of Object.entries(change)) find(id).addEventListener("change", ({ target }) => { act(target); state.isDirty = true; });
@@ -255,7 +255,7 @@ function onKey(event) {
     f: flipSide, c: () => setMap(MAPS[(MAPS.indexOf(state.map) + 1) % MAPS.length]), d: flipTheme, m: () => pointer.setMode(pointer.mode === "look" ? "press" : "look"),
     s: () => find("settings").showModal(), "?": () => (isOpen ? find("help").close() : find("help").showModal()), Escape: clearPoints,
     "+": () => setStretch(pane.stretch + 1), "=": () => setStretch(pane.stretch + 1), "-": () => setStretch(pane.stretch - 1),
-    1: () => setLayer("depth"), 2: () => setLayer("strain"), 3: () => setLayer("pressure"), 4: () => setLayer("error"),
+    1: () => setLayer("depth"), 2: () => setLayer("strain"), 3: () => setLayer("pressure"), 4: () => setLayer("difference"),
     ArrowLeft: () => step(-1), ArrowRight: () => step(1),
   };
   const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];

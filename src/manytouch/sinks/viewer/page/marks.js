@@ -1,4 +1,4 @@
-// What stands on the surface: contacts with force arrow, ring of uncertainty and label; the truth; measured points.
+// What stands on the surface: contacts with force arrow, ring of uncertainty and label; what they are shown beside; measured points.
 
 import { CSS2DObject, THREE } from "./three.js";
 import { contactColour, styled } from "./colours.js";
@@ -94,7 +94,7 @@ class ContactMark {
   }
 }
 
-class TruthMark {
+class BesideMark {
   constructor(parent) {
     this.ring = ring(styled("--ink"));
     this.parent = parent;
@@ -138,7 +138,7 @@ export class Marks {
   constructor(pane) {
     this.pane = pane;
     this.contacts = new Pool(pane.sheet, (parent, key) => new ContactMark(parent, key));
-    this.truths = new Pool(pane.sheet, (parent) => new TruthMark(parent));
+    this.others = new Pool(pane.sheet, (parent) => new BesideMark(parent));
     this.points = new Pool(pane.sheet, (parent, key) => new PointMark(parent, key));
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * ALONG), 3));
@@ -147,10 +147,10 @@ export class Marks {
     pane.sheet.add(this.path);
   }
 
-  update(contacts, truth, points, measured) {
+  update(contacts, others, points, measured) {
     const { pane } = this;
     this.contacts.use(contacts.map(({ id }) => id), (mark, at) => mark.update(pane, contacts[at], contactWords(contacts[at])));
-    this.truths.use(truth.map(({ id }) => id), (mark, at) => mark.update(pane, truth[at]));
+    this.others.use(others.map(({ id }) => id), (mark, at) => mark.update(pane, others[at]));
     this.points.use(points.map((_, at) => "AB"[at]), (mark, at) => {
       const found = measured?.points[at];
       mark.update(pane, points[at], found ? `${mark.name}  ${withStd(found.depth_mm, found.std_mm, (v) => length(v, 1))} ${units.length}` : mark.name);

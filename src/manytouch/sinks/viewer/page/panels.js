@@ -8,15 +8,15 @@ const find = (id) => document.getElementById(id);
 const small = (value, std, write) => (isKnown(std) ? `${write(value)} <small>± ${write(std)}</small>` : write(value));
 const write = (element, html) => { if (element.dataset.html !== html) { element.dataset.html = html; element.innerHTML = html; } };
 
-/** One line per contact, and the nearest true one under it where the truth is known. */
-export function showContacts(contacts, truth, reach) {
+/** One line per contact, and the nearest one of those it is shown beside under it. */
+export function showContacts(contacts, others, name, reach) {
   write(find("contacts").tHead, `<tr><th></th><th>x<br>${units.length}</th><th>y<br>${units.length}</th><th>depth<br>${units.length}</th><th>force<br>${units.force}</th></tr>`);
   const rows = contacts.map((contact) => {
     const own = `<tr><td><i style="background:${contactColour(contact.id)}"></i><b>${contact.id}</b></td><td>${length(contact.x_mm)}</td><td>${length(contact.y_mm)}</td>` +
       `<td>${small(contact.depth_mm, contact.depth_std_mm, length)}</td><td>${small(contact.force_N, contact.force_std_N, force)}</td></tr>`;
-    const near = nearest(contact, truth ?? [], 0.1 * reach);
+    const near = nearest(contact, others, 0.1 * reach);
     if (!near) return own;
-    return own + `<tr class="truth"><td>truth</td><td>${length(near.x_mm)}</td><td>${length(near.y_mm)}</td><td>${length(near.depth_mm)}</td><td>${force(near.force_N)}</td></tr>`;
+    return own + `<tr class="beside"><td>${name}</td><td>${length(near.x_mm)}</td><td>${length(near.y_mm)}</td><td>${length(near.depth_mm)}</td><td>${force(near.force_N)}</td></tr>`;
   });
   write(find("contacts").tBodies[0], rows.join(""));
   find("contacts").hidden = contacts.length === 0;
@@ -24,9 +24,9 @@ export function showContacts(contacts, truth, reach) {
   find("contact-count").textContent = contacts.length;
 }
 
-function nearest(contact, truth, within) {
+function nearest(contact, others, within) {
   const away = ({ x_mm, y_mm }) => Math.hypot(x_mm - contact.x_mm, y_mm - contact.y_mm);
-  return truth.reduce((best, other) => (away(other) < (best ? away(best) : within) ? other : best), null);
+  return others.reduce((best, other) => (away(other) < (best ? away(best) : within) ? other : best), null);
 }
 
 /** What is measured at the chosen points, and the profile between two. */
