@@ -23,19 +23,8 @@ class Reporter:
 
     def __init__(self, *, bar: bool = True) -> None:
         self.console = Console(highlight=False, soft_wrap=True)
-        self._progress = (
-            Progress(
-                TextColumn("  {task.description}"),
-                BarColumn(),
-                MofNCompleteColumn(),
-                TimeRemainingColumn(),
-                console=self.console,
-                transient=True,
-            )
-            if bar and self.console.is_terminal
-            else None
-        )
-        self._bar = bar
+        self._is_followed = bar
+        self._bar = progress_bar(self.console)
         self._task: TaskID | None = None
         self._total: int | None = None
         self._read = 0
@@ -47,8 +36,7 @@ class Reporter:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        if self._progress is not None:
-            self._progress.stop()
+        self._bar.stop()
 
     def say(self, sentence: str, *, heading: bool = False) -> None:
         """Print a line; a heading starts a new input."""
@@ -61,16 +49,16 @@ class Reporter:
             self.say(f"assumed: {assumption}")
         self._total = job.source.frame_count
         self._said_s = time.monotonic()
-        if self._progress is not None:
-            self._progress.start()
-            self._task = self._progress.add_task("reading", total=self._total)
+        if self._is_followed and self.console.is_terminal:
+            self._bar.start()
+            self._task = self._bar.add_task("reading", total=self._total)
 
     def read(self, reading: Reading) -> None:
         """Count a frame."""
         self._read += 1
-        if self._progress is not None and self._task is not None:
-            self._progress.advance(self._task)
-        elif self._bar and time.monotonic() - self._said_s > PLAIN_EVERY_S:
+        if self._task is not None:
+            self._bar.advance(self._task)
+        elif self._is_followed and time.monotonic() - self._said_s > PLAIN_EVERY_S:
             self._said_s = time.monotonic()
             of = "" if self._total is None else f" of {self._total}"
             self.say(f"{self._read}{of} frames")
@@ -82,7 +70,7 @@ class Reporter:
         self.say(f"results in {folder}")
 
 
-def bar(console: Console) -> Progress:
+def progress_bar(console: Console) -> Progress:
     """A bar that goes when it is done, and is not there at all where nobody could see it move."""
     return Progress(
         TextColumn("  {task.description}"),
@@ -100,7 +88,7 @@ class Steps:
 
     def __init__(self) -> None:
         self._console = Console(highlight=False, soft_wrap=True)
-        self._bar = bar(self._console)
+        self._bar = progress_bar(self._console)
 
     def __enter__(self) -> "Steps":
         self._bar.start()

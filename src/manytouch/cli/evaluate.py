@@ -175,10 +175,10 @@ class _Progress:
     def __init__(self) -> None:
         from rich.console import Console
 
-        from manytouch.cli.console import bar
+        from manytouch.cli.console import progress_bar
 
         self._console = Console(highlight=False, soft_wrap=True)
-        self._bar = bar(self._console)
+        self._bar = progress_bar(self._console)
         self._task = self._bar.add_task("cases", total=None)
         self._work, self._count, self._total = "", 0, 0
 

@@ -5,9 +5,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
+from manytouch.geometry.camera import camera_matrix
 from manytouch.recording.packing import packed, unpacked
-from manytouch.values import Contact, Frame, Reading, Sensor
+from manytouch.values import Camera, Contact, Frame, Reading, Sensor
 
 _NUMBER = {"type": ["number", "null"]}
 _VALUE = {"type": "object", "description": "a value of manytouch, to the last bit"}
@@ -106,6 +108,38 @@ def surface_message(reading: Reading, log_ns: int) -> Any:
     for place, name in enumerate(("x", "y", "z", "depth")):
         cloud.fields.add(name=name, offset=4 * place, type=PackedElementField.FLOAT32)
     return cloud
+
+
+def calibration_message(camera: Camera, frame_id: str, log_ns: int) -> Any:
+    """The lens and the sensor's size as a foxglove.CameraCalibration."""
+    from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+
+    projection = np.column_stack([camera_matrix(camera), np.zeros(3)])
+    message = CameraCalibration(
+        frame_id=frame_id,
+        width=camera.width_px,
+        height=camera.height_px,
+        distortion_model="kannala_brandt" if camera.model == "fisheye" else "plumb_bob",
+        D=camera.distortion.tolist(),
+        K=camera_matrix(camera).ravel().tolist(),
+        R=np.eye(3).ravel().tolist(),
+        P=projection.ravel().tolist(),
+    )
+    message.timestamp.FromNanoseconds(log_ns)
+    return message
+
+
+def transform_message(camera: Camera, frame_id: str, log_ns: int) -> Any:
+    """The sheet's frame in the camera's as a foxglove.FrameTransform, in the units of /surface."""
+    from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+
+    message = FrameTransform(parent_frame_id=frame_id, child_frame_id="sheet")
+    message.timestamp.FromNanoseconds(log_ns)
+    x, y, z = camera.translation_mm.tolist()
+    message.translation.x, message.translation.y, message.translation.z = x, y, z
+    turn = message.rotation
+    turn.x, turn.y, turn.z, turn.w = Rotation.from_rotvec(camera.rotation_vector.copy()).as_quat().tolist()
+    return message
 
 
 def _contact(contact: Contact) -> dict[str, Any]:

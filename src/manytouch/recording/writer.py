@@ -5,15 +5,26 @@ from collections.abc import Mapping
 from typing import Any, Protocol, runtime_checkable
 
 from manytouch.errors import MissingExtraError
-from manytouch.recording import CAMERA, LOG, PROFILE, READING, SESSION, SURFACE
+from manytouch.recording import (
+    CALIBRATION,
+    CAMERA,
+    LOG,
+    PROFILE,
+    READING,
+    SESSION,
+    SURFACE,
+    TRANSFORM,
+)
 from manytouch.recording.messages import (
     READING_SCHEMA,
     SESSION_SCHEMA,
+    calibration_message,
     reading_bytes,
     session_bytes,
     surface_message,
+    transform_message,
 )
-from manytouch.values import Frame, Reading, Sensor
+from manytouch.values import Camera, Frame, Reading, Sensor
 
 CHUNK = 2**14  # bytes; a frame and its reading are more, so that hardly anything waits in memory
 FAST_FPS = 10.0
@@ -65,7 +76,9 @@ class RecordingWriter:
             MissingExtraError: the packages for recording are not installed.
         """
         require_mcap()
+        from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
         from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+        from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
         from foxglove_schemas_protobuf.Log_pb2 import Log
         from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
         from mcap.writer import CompressionType, Writer
@@ -83,7 +96,13 @@ class RecordingWriter:
         self._writer.start(profile=PROFILE, library="manytouch")
         schemas = {
             topic: register_schema(self._writer, kind)
-            for topic, kind in ((CAMERA, CompressedImage), (SURFACE, PointCloud), (LOG, Log))
+            for topic, kind in (
+                (CAMERA, CompressedImage),
+                (SURFACE, PointCloud),
+                (LOG, Log),
+                (CALIBRATION, CameraCalibration),
+                (TRANSFORM, FrameTransform),
+            )
         }
         self._channels = {
             topic: self._writer.register_channel(topic=topic, message_encoding="protobuf", schema_id=number)
@@ -96,6 +115,7 @@ class RecordingWriter:
             self._channels[topic] = self._writer.register_channel(
                 topic=topic, message_encoding="json", schema_id=number
             )
+        self._untold: Camera | None = None
         self._last_ns = 0
         self.whole_bytes = 0
 
@@ -103,6 +123,7 @@ class RecordingWriter:
         """What makes the readings that follow."""
         told = {**about, "started_unix_ns": self._started_ns}
         self._add(SESSION, session_bytes(sensor, told), self._started_ns + self._last_ns, 0)
+        self._untold = sensor.camera
 
     def frame(self, frame: Frame, encoded: bytes, suffix: str) -> None:
         """A frame.
@@ -114,6 +135,10 @@ class RecordingWriter:
         """
         self._last_ns = frame.timestamp_ns
         log_ns = self._started_ns + frame.timestamp_ns
+        if self._untold is not None:
+            camera, self._untold = self._untold, None
+            for topic, tell in ((CALIBRATION, calibration_message), (TRANSFORM, transform_message)):
+                self._add(topic, tell(camera, frame.camera, log_ns).SerializeToString(), log_ns, frame.index)
         message = self._image(frame_id=frame.camera, data=encoded, format=suffix)
         message.timestamp.FromNanoseconds(log_ns)
         self._add(CAMERA, message.SerializeToString(), log_ns, frame.index)

@@ -16,10 +16,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from cameras import jpeg
 from clips import picture, press_of
 from manytouch.errors import OutputError, SourceError
+from manytouch.geometry.camera import project
 from manytouch.recording.packing import packed, unpacked
 from manytouch.recording.reader import Recording
 from manytouch.session import Live, Playback, prepare, process, read_all
@@ -214,6 +216,11 @@ def test_another_method_can_be_chosen_while_it_is_shown(recorded: tuple[Path, Se
     assert not same(again.readings[-1].surface, seen.readings[-1].surface)
 
 
+def seen_from_the_camera(pose: Any, place: tuple[float, float, float]) -> np.ndarray:
+    turn = Rotation.from_quat([pose.rotation.x, pose.rotation.y, pose.rotation.z, pose.rotation.w])
+    return turn.apply(place) + np.array([pose.translation.x, pose.translation.y, pose.translation.z])
+
+
 def test_other_programs_read_it_in_well_known_schemas(recorded: tuple[Path, Seen, Live]) -> None:
     from mcap.reader import make_reader
     from mcap_protobuf.decoder import DecoderFactory
@@ -227,13 +234,24 @@ def test_other_programs_read_it_in_well_known_schemas(recorded: tuple[Path, Seen
             summary.channels[number].topic: count
             for number, count in summary.statistics.channel_message_counts.items()
         }
-        assert counts == {"/camera": 40, "/reading": 40, "/surface": 40, "/session": 1}
+        about_once = {"/session": 1, "/calibration": 1, "/transform": 1}
+        assert counts == {"/camera": 40, "/reading": 40, "/surface": 40, **about_once}
         names = {schema.name for schema in summary.schemas.values()}
         assert {"foxglove.CompressedImage", "foxglove.PointCloud", "manytouch.Reading"} <= names
         images = list(reader.iter_decoded_messages(topics=["/camera"]))
         assert {image.decoded_message.format for image in images} <= {"jpeg", "png"}
         cloud = next(reader.iter_decoded_messages(topics=["/surface"])).decoded_message
         assert len(cloud.data) == 16 * len(seen.readings[0].surface.position_mm)
+        lens, pose = (
+            next(reader.iter_decoded_messages(topics=[topic])).decoded_message
+            for topic in ("/calibration", "/transform")
+        )
+        sensor = Recording(path).sensor
+        assert lens.frame_id == images[0].decoded_message.frame_id == pose.parent_frame_id
+        assert pose.child_frame_id == cloud.frame_id
+        shown_px = np.reshape(lens.P, (3, 4)) @ [*seen_from_the_camera(pose, (3.0, -2.0, 0.5)), 1.0]
+        true_px = project(sensor.camera, np.array([[3.0, -2.0, 0.5]]))[0]
+        np.testing.assert_allclose(shown_px[:2] / shown_px[2], true_px, rtol=1e-9)
         session = json.loads(next(reader.iter_messages(topics=["/session"]))[2].data)
         assert session["method"] == "perimeter"
         assert session["versions"]["manytouch"]
