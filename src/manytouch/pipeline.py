@@ -108,6 +108,23 @@ class Sight:
     milliseconds: float
 
 
+def sights(detect: Detect, track: Track, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Sight]:
+    """Dots and markers of each frame, in order."""
+    detecting = detect.start(sensor)
+    tracking = track.start(sensor)
+    for frame in frames:
+        begun_s = time.perf_counter()
+        before = tracking
+        expected_px = track.expected_px(before)
+        detecting, detections = detect.step(detecting, frame, expected_px)
+        tracking, grid = track.step(before, detections)
+        if expected_px is not None and track.is_lost(tracking):
+            detecting, detections = detect.step(detecting, frame, None)
+            tracking, grid = track.step(before, detections)
+        spent_ms = 1e3 * (time.perf_counter() - begun_s)
+        yield Sight(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Pipeline:
     """The three stages in a row.
@@ -126,19 +143,7 @@ class Pipeline:
 
     def see(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Sight]:
         """Dots and markers of each frame, in order."""
-        detecting = self.detect.start(sensor)
-        tracking = self.track.start(sensor)
-        for frame in frames:
-            begun_s = time.perf_counter()
-            before = tracking
-            expected_px = self.track.expected_px(before)
-            detecting, detections = self.detect.step(detecting, frame, expected_px)
-            tracking, grid = self.track.step(before, detections)
-            if expected_px is not None and self.track.is_lost(tracking):
-                detecting, detections = self.detect.step(detecting, frame, None)
-                tracking, grid = self.track.step(before, detections)
-            spent_ms = 1e3 * (time.perf_counter() - begun_s)
-            yield Sight(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
+        return sights(self.detect, self.track, frames, sensor)
 
     def tell(self, sights: Iterable[Sight], sensor: Sensor) -> Iterator[Reading]:
         """Shape and contacts of each frame, in order."""

@@ -7,8 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from manytouch.detection import DotSearch
-from manytouch.estimation import PerimeterDepth
-from manytouch.pipeline import Pipeline
+from manytouch.pipeline import sights
 from manytouch.tracking import FollowGrid
 from manytouch.values import Frame, Sensor
 
@@ -47,11 +46,9 @@ class Watched:
 
 def watched(sensor: Sensor, frames: Iterable[Frame], roi_px: Roi | None = None) -> Watched:
     """Follow the markers of a sensor that fits the recording (see `refer`)."""
-    pipeline = Pipeline(
-        detect=DotSearch(roi_px=roi_px), track=FollowGrid(roi_px=roi_px), estimate=PerimeterDepth()
-    )
+    detect, track = DotSearch(roi_px=roi_px), FollowGrid(roi_px=roi_px)
     times, places, areas, contrasts = [], [], [], []
-    for sight in pipeline.see(frames, sensor):
+    for sight in sights(detect, track, frames, sensor):
         grid, contrast = sight.grid, sight.detections.contrast
         times.append(sight.frame.timestamp_ns)
         places.append(grid.position_px)

@@ -64,14 +64,12 @@ class Part:
         solid: its shape, as it lies on the bed.
         colour: #RRGGBB.
         material: in words.
-        count: how many.
     """
 
     name: str
     solid: Solid
     colour: str
     material: str
-    count: int = 1
 
 
 def parts_of(sensor: Sensor, sheet_material: str, choices: CasingChoices | None = None) -> tuple[Part, ...]:

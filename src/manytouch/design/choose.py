@@ -8,7 +8,7 @@ import numpy as np
 
 from manytouch.design.deflection import DeflectionCurve, deflection_curve
 from manytouch.design.materials import MATERIALS, POISSON, Material
-from manytouch.design.spacing import most_height_mm
+from manytouch.design.spacing import least_pitch_mm, most_height_mm, most_radius_mm
 from manytouch.design.standoff import StandOff, focal_px, stand_off, vfov_rad
 from manytouch.design.wishes import DesignError, Wishes
 from manytouch.values import Camera, Layout, Sensor, Sheet
@@ -188,9 +188,9 @@ def _check_gaps(wishes: Wishes, curve: DeflectionCurve, pitch: float, radius: fl
         pitch_mm=pitch, radius_mm=radius, height_mm=wishes.marker_height_mm, depth_mm=wishes.deepest_mm
     )
     if gap < least_mm:
-        steepest, turn = curve.steepest(pitch, wishes.deepest_mm)
-        height = most_height_mm(
-            pitch_mm=pitch, radius_mm=radius, gap_mm=least_mm, slope_rad=steepest, turn_rad=turn
+        height = min(
+            most_height_mm(pitch_mm=pitch, radius_mm=radius, gap_mm=least_mm, slope_rad=slope, turn_rad=turn)
+            for slope, turn in curve.pairs_rad(pitch, wishes.deepest_mm)
         )
         raise DesignError(
             f"markers {wishes.marker_height_mm:g} mm high close up to {max(gap, 0):.2f} mm under a press of "
@@ -232,6 +232,29 @@ def lattice(size: tuple[float, float], pitch: float, radius: float, height: floa
     )
 
 
+def _room(found: Design, layout: Layout) -> Reason:
+    """Equation 1 where markers come nearest, and solved for pitch, radius and height in turn."""
+    deepest_mm, least_mm = found.wishes.deepest_mm, LEAST_GAP_PX * found.mm_per_px
+    d, r, h = float(layout.pitch_mm[0]), float(layout.radius_mm[0]), layout.height_mm
+    gap = found.curve.least_gap_mm(pitch_mm=d, radius_mm=r, height_mm=h, depth_mm=deepest_mm)
+    pairs = [
+        {"gap_mm": least_mm, "slope_rad": slope, "turn_rad": turn}
+        for slope, turn in found.curve.pairs_rad(d, deepest_mm)
+    ]
+    pitch = max(least_pitch_mm(radius_mm=r, height_mm=h, **pair) for pair in pairs)
+    radius = min(most_radius_mm(pitch_mm=d, height_mm=h, **pair) for pair in pairs)
+    height = min(most_height_mm(pitch_mm=d, radius_mm=r, **pair) for pair in pairs)
+    steepest = max(abs(pair["slope_rad"]) for pair in pairs)
+    turn = max(pair["turn_rad"] for pair in pairs)
+    return Reason(
+        about="room between markers",
+        chosen=f"{gap:.2f} mm ({gap / found.mm_per_px:.1f} px) at a press of {deepest_mm:g} mm",
+        why=f"equation 1 at every pair of a row; the steepest slope is {math.degrees(steepest):.0f} "
+        f"degrees and turns by {math.degrees(turn):.0f} degrees within a pitch. {LEAST_GAP_PX:g} px would be "
+        f"left with markers every {pitch:.1f} mm, or of a radius of {radius:.1f} mm, or {height:.0f} mm high",
+    )
+
+
 def _reasons(found: Design) -> Iterator[Reason]:
     wishes, sensor, off = found.wishes, found.sensor, found.stand_off
     sheet, layout, camera = sensor.sheet, sensor.layout, wishes.camera
@@ -259,19 +282,7 @@ def _reasons(found: Design) -> Iterator[Reason]:
         f"between them; a radius of a quarter of the pitch, at least {LEAST_RADIUS_PX:g} px and a line of "
         "the printer",
     )
-    gap = found.curve.least_gap_mm(
-        pitch_mm=float(layout.pitch_mm[0]),
-        radius_mm=float(layout.radius_mm[0]),
-        height_mm=layout.height_mm,
-        depth_mm=wishes.deepest_mm,
-    )
-    steepest, turn = found.curve.steepest(float(layout.pitch_mm[0]), wishes.deepest_mm)
-    yield Reason(
-        about="room between markers",
-        chosen=f"{gap:.2f} mm ({gap / found.mm_per_px:.1f} px) at a press of {wishes.deepest_mm:g} mm",
-        why=f"equation 1 at every pair of a row; the steepest slope is {math.degrees(steepest):.0f} "
-        f"degrees and turns by {math.degrees(turn):.0f} degrees within a pitch",
-    )
+    yield _room(found, layout)
     stress = found.material.young_MPa * found.curve.strain_at(found.depth_at_most_mm)
     yield Reason(
         about="sheet",

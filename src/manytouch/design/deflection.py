@@ -61,33 +61,22 @@ class DeflectionCurve:
 
         Pairs start at all places within a pitch, since a press may come anywhere.
         """
-        first, second = self._slopes_rad(pitch_mm, depth_mm)
         return min(
-            gap_mm(
-                pitch_mm=pitch_mm,
-                radius_mm=radius_mm,
-                height_mm=height_mm,
-                slope_rad=here,
-                turn_rad=there - here,
-            )
-            for here, there in zip(first.tolist(), second.tolist(), strict=True)
+            gap_mm(pitch_mm=pitch_mm, radius_mm=radius_mm, height_mm=height_mm, slope_rad=here, turn_rad=turn)
+            for here, turn in self.pairs_rad(pitch_mm, depth_mm)
         )
 
-    def steepest(self, pitch_mm: float, depth_mm: float) -> tuple[float, float]:
-        """Steepest slope of the sheet at a depth, and the largest turn between neighbouring markers, rad."""
-        first, second = self._slopes_rad(pitch_mm, depth_mm)
-        return float(np.abs(first).max()), float((second - first).max())
-
-    def _slopes_rad(self, pitch_mm: float, depth_mm: float) -> tuple[np.ndarray, np.ndarray]:
-        """Slopes along x through the press, at all places and a pitch farther; positive towards the "
-        "camera."""
+    def pairs_rad(self, pitch_mm: float, depth_mm: float) -> list[tuple[float, float]]:
+        """Slope at all places along x through the press, and turn within the next pitch; towards the "
+        "camera positive."""
         level = int(np.argmin(np.abs(self.depth_mm - depth_mm)))
         half = 0.5 * self.size_mm[0]
         x = np.arange(-half, half + 1e-9, pitch_mm / PLACES_PER_PITCH)
         basis = self.shell.patch.at(np.column_stack([x, np.zeros(len(x))]))
         rise = -np.einsum("kj,kj->k", basis.dx, self.coefficient_mm[level, :, 2][basis.node])
         slope = np.arctan(rise)
-        return slope[:-PLACES_PER_PITCH], slope[PLACES_PER_PITCH:]
+        turn = slope[PLACES_PER_PITCH:] - slope[:-PLACES_PER_PITCH]
+        return list(zip(slope.tolist(), turn.tolist(), strict=False))
 
 
 def deflection_curve(

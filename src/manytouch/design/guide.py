@@ -23,9 +23,7 @@ def bill_of_materials(
     for part in parts:
         volume = meshes[part.name].volume_mm3 / 1000
         mass = volume * PRINTED_DENSITY_G_PER_CM3
-        writer.writerow(
-            [part.name, part.count, part.material, f"{volume:.1f} cm³, {mass:.0f} g, {part.name}.stl"]
-        )
+        writer.writerow([part.name, 1, part.material, f"{volume:.1f} cm³, {mass:.0f} g, {part.name}.stl"])
     writer.writerows(_bought(found, choices))
     return table.getvalue()
 

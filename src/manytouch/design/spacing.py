@@ -43,6 +43,16 @@ def least_pitch_mm(
     return (gap_mm + held + leaning) / math.cos(steeper)
 
 
+def most_radius_mm(
+    *, pitch_mm: float, gap_mm: float, height_mm: float, slope_rad: float, turn_rad: float
+) -> float:
+    """The radius that leaves a free distance between neighbouring tips: equation 1, solved for r."""
+    steeper = slope_rad + turn_rad
+    leaning = height_mm * (math.sin(steeper) - math.sin(slope_rad))
+    held = math.cos(slope_rad) + math.cos(steeper)
+    return max((pitch_mm * math.cos(steeper) - leaning - gap_mm) / held, 0.0)
+
+
 def most_height_mm(
     *, pitch_mm: float, radius_mm: float, gap_mm: float, slope_rad: float, turn_rad: float
 ) -> float:

@@ -16,12 +16,10 @@ class Printer:
 
     Attributes:
         nozzle_mm: width of a line; nothing is thinner.
-        layer_mm: height of a layer.
         bed_mm: largest part along x, y and z.
     """
 
     nozzle_mm: float = 0.4
-    layer_mm: float = 0.2
     bed_mm: tuple[float, float, float] = (220.0, 220.0, 250.0)
 
 

@@ -1,6 +1,7 @@
 """Equations 1 to 4, the sheet's deflection, and choices from wishes."""
 
 import math
+import re
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from manytouch.cli import main
 from manytouch.design.choose import LEAST_GAP_PX, RIM_MM, design
 from manytouch.design.deflection import deflection_curve
 from manytouch.design.materials import MATERIALS, young_MPa
-from manytouch.design.spacing import gap_mm, least_pitch_mm, most_height_mm
+from manytouch.design.spacing import gap_mm, least_pitch_mm, most_height_mm, most_radius_mm
 from manytouch.design.standoff import focal_px, stand_off, vfov_rad
 from manytouch.design.wishes import DesignError, Optics, Printer, Wishes
 from manytouch.values.sensor_file import load_sensor
@@ -37,10 +38,12 @@ def test_equation_1_of_a_flat_sheet_is_the_pitch_without_two_radii():
     )
 
 
-def test_equation_1_is_solved_for_pitch_and_height():
+def test_equation_1_is_solved_for_pitch_radius_and_height():
     shape = {"slope_rad": 0.1, "turn_rad": 0.2}
     pitch = least_pitch_mm(gap_mm=0.5, radius_mm=1.0, height_mm=2.0, **shape)
     assert gap_mm(pitch_mm=pitch, radius_mm=1.0, height_mm=2.0, **shape) == pytest.approx(0.5)
+    radius = most_radius_mm(pitch_mm=4.0, gap_mm=0.5, height_mm=2.0, **shape)
+    assert gap_mm(pitch_mm=4.0, radius_mm=radius, height_mm=2.0, **shape) == pytest.approx(0.5)
     height = most_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, **shape)
     assert gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=height, **shape) == pytest.approx(0.5)
     assert most_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, slope_rad=0.2, turn_rad=-0.2) == math.inf
@@ -98,6 +101,19 @@ def test_a_design_fulfils_its_wishes(usual):
     assert LEAST_GAP_PX * usual.mm_per_px < gap < 2.0
 
 
+def test_the_reason_for_the_room_says_what_else_would_leave_it(usual):
+    (why,) = (reason.why for reason in usual.reasons if reason.about == "room between markers")
+    numbers = re.search(r"every ([\d.]+) mm, or of a radius of ([\d.]+) mm, or (\d+) mm high", why)
+    pitch, radius, height = (float(text) for text in numbers.groups())
+    least = LEAST_GAP_PX * usual.mm_per_px
+    for sizes, free in (
+        ({"pitch_mm": pitch, "radius_mm": 1.0, "height_mm": 0.0}, 0.06),
+        ({"pitch_mm": 4.0, "radius_mm": radius, "height_mm": 0.0}, 0.12),
+        ({"pitch_mm": 4.0, "radius_mm": 1.0, "height_mm": height}, 0.1),
+    ):
+        assert usual.curve.least_gap_mm(depth_mm=10.0, **sizes) == pytest.approx(least, abs=free)
+
+
 def test_a_softer_or_stiffer_wish_changes_the_sheet(usual):
     gentle = design(Wishes(force_N=(0.01, 0.2), deepest_mm=5.0))
     assert gentle.material.young_MPa < usual.material.young_MPa
@@ -105,9 +121,10 @@ def test_a_softer_or_stiffer_wish_changes_the_sheet(usual):
 
 
 def test_markers_on_pins_must_not_touch_when_pressed(usual):
-    steepest, turn = usual.curve.steepest(4.0, 10.0)
-    assert 0.1 < steepest < 0.6
-    assert turn > 0
+    slope, turn = np.transpose(usual.curve.pairs_rad(4.0, 10.0))
+    assert 0.1 < np.abs(slope).max() < 0.6
+    assert turn.max() > 0
+    assert slope[0] + turn[0] == pytest.approx(slope[10], abs=1e-12)
     with pytest.raises(DesignError, match=r"make them at most .* mm high"):
         design(Wishes(marker_height_mm=60.0))
 
