@@ -1,4 +1,4 @@
-"""The dense depth map of every frame, as a Zarr store that xarray opens.
+"""Dense maps of every frame, as a Zarr store that xarray opens: depth, its deviation, strain, pressure.
 
 import xarray
 depth = xarray.open_zarr("out/press/surface.zarr").depth_mm
@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
 from manytouch.errors import MissingExtraError
-from manytouch.sinks.depth_map import DepthMap
+from manytouch.sinks.maps import Map, maps_of
 from manytouch.sinks.staging import Staged, told
 from manytouch.sinks.tables import time_s
 from manytouch.values import Reading, Sensor
@@ -32,40 +31,51 @@ def require_zarr() -> None:
 
 
 class SurfaceMap:
-    """surface.zarr: depth over (frame, y, x), NaN where not known, with coordinates and units."""
+    """surface.zarr: maps over (frame, y, x), NaN where not known, with coordinates and units."""
 
     def __init__(self, folder: Path, sensor: Sensor) -> None:
         require_zarr()
         import zarr
 
         self._unit = sensor.length_unit
-        self._map = DepthMap(sensor)
+        self._maps = maps_of(sensor)
         self._staged = Staged(folder / "surface.zarr")
         with told(self._staged.path):
             self._group: Any = zarr.create_group(str(self._staged.aside), zarr_format=3)
-        self._group.attrs.update({"title": f"depth of the sheet of {sensor.name}", "unit": self._unit})
+        self._group.attrs.update({"title": f"the sheet of {sensor.name}", "unit": self._unit})
         axis = {"units": self._unit, "long_name": "undeformed sheet coordinate"}
-        self._coordinate("x", self._map.x_mm, axis)
-        self._coordinate("y", self._map.y_mm, axis)
-        shape = (len(self._map.y_mm), len(self._map.x_mm))
-        self._depth = self._array(f"depth_{self._unit}", shape, "float32", ("frame", "y", "x"))
-        self._depth.attrs.update(
-            {
-                "units": self._unit,
-                "long_name": "depth of the camera-side face, positive when pressed",
-                "coordinates": "time_s",
-            }
-        )
+        self._coordinate("x", self._maps.x_mm, axis)
+        self._coordinate("y", self._maps.y_mm, axis)
+        shape = (len(self._maps.y_mm), len(self._maps.x_mm))
+        self._told: dict[str, Any] = {
+            name: self._map(f"{name}_{unit}" if unit else name, shape, unit, words)
+            for name, unit, words in (
+                ("depth", self._unit, "depth of the camera-side face, positive when pressed"),
+                ("depth_std", self._unit, "standard deviation of the depth"),
+                ("strain", "", "largest principal Green-Lagrange strain of the camera-side face"),
+                ("pressure", "kPa", "pressure of what touches, positive in compression"),
+            )
+            if name != "pressure" or (sensor.sheet is not None and sensor.sheet.young_MPa is not None)
+        }
         self._frame = self._array("frame", (), "int64", ("frame",))
         self._frame.attrs["long_name"] = "number of the frame in its input"
         self._time = self._array("time_s", (), "float64", ("frame",))
         self._time.attrs.update({"units": "s", "long_name": "time since the input's start"})
-        self._waiting: list[tuple[int, float, Float64[np.ndarray, "y x"]]] = []
+        self._unknown = np.full(shape, np.nan)
+        self._waiting: list[tuple[int, float, dict[str, Map]]] = []
 
     def write(self, reading: Reading) -> None:
         """Add a frame."""
-        depth = self._map(reading.surface)
-        self._waiting.append((reading.frame.index, time_s(reading.frame.timestamp_ns), depth))
+        surface, maps = reading.surface, self._maps
+        found = {
+            "depth": maps.depth(surface),
+            "depth_std": maps.depth_std(surface),
+            "strain": maps.strain(surface),
+        }
+        if "pressure" in self._told:
+            pressure = maps.pressure_kPa(surface)
+            found["pressure"] = self._unknown if pressure is None else pressure
+        self._waiting.append((reading.frame.index, time_s(reading.frame.timestamp_ns), found))
         if len(self._waiting) == FRAMES_PER_CHUNK:
             self._append()
 
@@ -83,12 +93,18 @@ class SurfaceMap:
     def _append(self) -> None:
         if not self._waiting:
             return
-        frames, times, depths = zip(*self._waiting, strict=True)
+        frames, times, found = zip(*self._waiting, strict=True)
         with told(self._staged.path):
             self._frame.append(np.array(frames, dtype=np.int64))
             self._time.append(np.array(times))
-            self._depth.append(np.stack(depths).astype(np.float32))
+            for name, array in self._told.items():
+                array.append(np.stack([maps[name] for maps in found]).astype(np.float32))
         self._waiting = []
+
+    def _map(self, name: str, shape: tuple[int, ...], unit: str, words: str) -> Any:
+        array = self._array(name, shape, "float32", ("frame", "y", "x"))
+        array.attrs.update({"units": unit or "1", "long_name": words, "coordinates": "time_s"})
+        return array
 
     def _array(self, name: str, shape: tuple[int, ...], kind: str, dimensions: tuple[str, ...]) -> Any:
         """An array that grows with the frames."""

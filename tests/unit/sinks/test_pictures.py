@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from manytouch.sinks.annotate import AnnotatedPictures, Annotator
-from manytouch.sinks.depth_map import DepthMap
 from manytouch.sinks.drawing import SKY, VERMILION, eight_bit_colour, text_size, write_text
+from manytouch.sinks.maps import maps_of
 from manytouch.sinks.picture import BusiestMoment, ChosenMoments, SurfacePicture
 from manytouch.sinks.surface import SurfaceMap
 from manytouch.values import Phase
@@ -104,8 +104,8 @@ def test_depth_map_reproduces_a_plane_and_covers_the_markers(sensor, reading_of)
     rest = sensor.layout.rest_mm
     displacement = np.zeros_like(rest)
     displacement[:, 2] = -(1.0 + 0.05 * rest[:, 0] - 0.1 * rest[:, 1])
-    dense = DepthMap(sensor)
-    depth = dense(dataclasses.replace(reading.surface, displacement_mm=displacement))
+    dense = maps_of(sensor)
+    depth = dense.depth(dataclasses.replace(reading.surface, displacement_mm=displacement))
     x, y = np.meshgrid(dense.x_mm, dense.y_mm)
     assert depth.shape == (len(dense.y_mm), len(dense.x_mm))
     assert dense.x_mm[0] <= rest[:, 0].min()
@@ -114,8 +114,8 @@ def test_depth_map_reproduces_a_plane_and_covers_the_markers(sensor, reading_of)
 
 
 def test_depth_map_is_not_known_around_an_unseen_marker_only(sensor, reading_of):
-    dense = DepthMap(sensor)
-    depth = dense(reading_of(0, unseen=(10,), depth_mm=0.5).surface)
+    dense = maps_of(sensor)
+    depth = dense.depth(reading_of(0, unseen=(10,), depth_mm=0.5).surface)
     x, y = np.meshgrid(dense.x_mm, dense.y_mm)
     unknown = sensor.layout.rest_mm[[9, 10]]
     away = np.min([np.hypot(x - marker[0], y - marker[1]) for marker in unknown], axis=0)
@@ -124,7 +124,7 @@ def test_depth_map_is_not_known_around_an_unseen_marker_only(sensor, reading_of)
 
 
 def test_depth_map_of_nothing_is_not_known(sensor, reading_of):
-    assert np.isnan(DepthMap(sensor)(reading_of(0, unseen=tuple(range(24))).surface)).all()
+    assert np.isnan(maps_of(sensor).depth(reading_of(0, unseen=tuple(range(24))).surface)).all()
 
 
 def test_depth_store_has_dimensions_coordinates_and_all_frames(tmp_path, sensor, reading_of):
@@ -143,6 +143,9 @@ def test_depth_store_has_dimensions_coordinates_and_all_frames(tmp_path, sensor,
     assert group["time_s"][18] == pytest.approx(36 * 0.04)
     assert depth.attrs["units"] == group["y"].attrs["units"] == "mm"
     assert np.nanmax(np.abs(depth[18] - 1.8)) < 1e-5
+    assert group["depth_std_mm"].shape == group["strain"].shape == depth.shape
+    assert np.nanmax(np.abs(group["strain"][18])) < 1e-6
+    assert group["strain"].attrs["units"] == "1"
 
 
 def test_picture_of_the_moment_with_most_contacts(tmp_path, sensor, reading_of, contact_of):

@@ -8,11 +8,11 @@ from typing import Any
 import cv2
 import numpy as np
 
-from manytouch.geometry.sampling import BEYOND_PITCH, GridSampling, sampling_on
+from manytouch.geometry.sampling import BEYOND_PITCH
 from manytouch.sinks.description import layout_of, rest_px
+from manytouch.sinks.maps import SheetMaps
 from manytouch.sinks.viewer.health import PictureHealth, residual_mm
 from manytouch.sinks.viewer.messages import number, pack
-from manytouch.sinks.viewer.pressure import PressureMap
 from manytouch.values import ESTIMATES, Beside, Contact, Contacts, Layout, Reading, Sensor, Surface
 
 LONGEST, SHORTEST_OF_LONG = 100, 60  # points of the grid along the longer side, and at most along the shorter
@@ -38,20 +38,18 @@ class Photographer:
     def __init__(self, sensor: Sensor) -> None:
         layout = layout_of(sensor)
         self.sensor, self.layout = sensor, layout
-        self._sampling = viewer_grid(layout)
+        self._maps = viewer_maps(layout)
         self._rest_px = rest_px(sensor)
-        self._pressure = PressureMap(self._sampling.x_mm, self._sampling.y_mm)
         self._picture = PictureHealth()
 
     def scenery(self) -> dict[str, Any]:
         """What a browser must know once: the sensor, the grid, the markers at rest."""
         camera, sheet = self.sensor.camera, self.sensor.sheet
-        grid = self._sampling
         return {
             "sensor": self.sensor.name,
             "unit": self.sensor.length_unit,
-            "x_mm": [number(value) for value in grid.x_mm],
-            "y_mm": [number(value) for value in grid.y_mm],
+            "x_mm": [number(value) for value in self._maps.x_mm],
+            "y_mm": [number(value) for value in self._maps.y_mm],
             "image_px": [camera.width_px, camera.height_px],
             "rest_px": [[number(x, 2), number(y, 2)] for x, y in self._rest_px],
             "rest_mm": [[number(x), number(y)] for x, y, _ in self.layout.rest_mm],
@@ -63,7 +61,7 @@ class Photographer:
         """The message of a shot, and ms from the frame's arrival to it (None for files)."""
         reading, beside = shot.reading, shot.beside
         surface, picture = reading.surface, reading.frame.image
-        depth = self._sampling(-surface.displacement_mm[:, 2])
+        depth = self._maps.depth(surface)
         head: dict[str, Any] = {
             "kind": "reading",
             "number": number_of_update,
@@ -103,29 +101,16 @@ class Photographer:
         self, layer: str, surface: Surface, beside: Beside | None, depth: np.ndarray
     ) -> np.ndarray | None:
         if layer == "strain":
-            return self._strain(surface, depth)
-        if layer == "pressure" and surface.spline is not None:
-            return self._pressure(surface.spline)
+            return self._maps.strain(surface)
+        if layer == "pressure":
+            return self._maps.pressure_kPa(surface)
         if layer == "difference" and beside is not None and beside.surface is not None:
-            return np.asarray(depth - self._sampling(-beside.surface.displacement_mm[:, 2]))
+            return np.asarray(depth - self._maps.depth(beside.surface))
         return None
 
-    def _strain(self, surface: Surface, depth: np.ndarray) -> np.ndarray:
-        """Largest principal Green-Lagrange strain of the camera-side face, 1/2 (F^T F - I)."""
-        x_mm, y_mm = self._sampling.x_mm, self._sampling.y_mm
-        moved = [self._sampling(surface.displacement_mm[:, axis]) for axis in (0, 1)]
-        slopes = [np.gradient(part, y_mm, x_mm) for part in (*moved, depth)]
-        ux_y, ux_x = slopes[0]
-        uy_y, uy_x = slopes[1]
-        w_y, w_x = slopes[2]
-        xx = ux_x + 0.5 * (ux_x**2 + uy_x**2 + w_x**2)
-        yy = uy_y + 0.5 * (ux_y**2 + uy_y**2 + w_y**2)
-        xy = 0.5 * (ux_y + uy_x + ux_x * ux_y + uy_x * uy_y + w_x * w_y)
-        return np.asarray(0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy))
 
-
-def viewer_grid(layout: Layout) -> GridSampling:
-    """An even grid over the markers and half a pitch beyond, 100 x 60 points on a sheet of 5 : 3."""
+def viewer_maps(layout: Layout) -> SheetMaps:
+    """Maps over the markers and half a pitch beyond, 100 x 60 points on a sheet of 5 : 3."""
     rest_mm = layout.rest_mm[:, :2]
     beyond = BEYOND_PITCH * layout.pitch_mm
     low, high = rest_mm.min(axis=0) - beyond, rest_mm.max(axis=0) + beyond
@@ -133,7 +118,7 @@ def viewer_grid(layout: Layout) -> GridSampling:
     count = np.clip(np.round(LONGEST * side / side.max()), FEWEST, SHORTEST_OF_LONG).astype(int)
     count[int(np.argmax(side))] = LONGEST
     x_mm, y_mm = (np.linspace(low[axis], high[axis], count[axis]) for axis in (0, 1))
-    return sampling_on(layout, x_mm, y_mm)
+    return SheetMaps(layout, x_mm, y_mm)
 
 
 def jpeg(picture: np.ndarray) -> bytes:
