@@ -1,0 +1,102 @@
+"""A frame's way from decoded picture to contacts, stage by stage, with its 99th percentile.
+
+    OMP_NUM_THREADS=1 python benchmarks/bench_frame.py [--method mechanics] [--frames 1000]
+
+2560 x 1440 px, 600 dots, the built-in scene `fingers` (a 3-D solid), played forwards and backwards so that
+the sheet never jumps. First in one thread; then detection and tracking in one, estimation in another, as fast
+as they go: time per frame is then that from one reading to the next. The first line says how busy the
+machine was: figures of a busy one are upper bounds.
+"""
+
+import argparse
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import cycle, islice
+from typing import Any
+
+import numpy as np
+
+from manytouch.session.handover import HandOver
+from manytouch.session.methods import pipeline_for
+from manytouch.simulation.playing import simulator, solving, states_folder
+from manytouch.simulation.scene_file import BUILT_IN, load_scene
+from manytouch.values import Frame, Sensor
+
+WARM_FRAMES = 20
+NANOSECONDS = 1_000_000_000
+
+
+class Timed:
+    """A stage whose steps are timed, on the wall and of its thread's processor."""
+
+    def __init__(self, stage: Any) -> None:
+        self._stage = stage
+        self.wall_ms: list[float] = []
+        self.own_ms: list[float] = []
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stage, name)
+
+    def step(self, *arguments: Any) -> Any:
+        wall_s, own_s = time.perf_counter(), time.thread_time()
+        found = self._stage.step(*arguments)
+        self.wall_ms.append(1e3 * (time.perf_counter() - wall_s))
+        self.own_ms.append(1e3 * (time.thread_time() - own_s))
+        return found
+
+
+def footage(pictures: int, fps: float) -> tuple[Sensor, tuple[Frame, ...]]:
+    """The sensor and frames of some seconds of fingers."""
+    said = replace(load_scene(BUILT_IN / "fingers.toml", width_px=2560), fps=fps)
+    camera = simulator(said, tuple(solving(said, states_folder())))
+    return camera.sensor, tuple(camera.frame(index) for index in range(pictures))
+
+
+def endless(frames: tuple[Frame, ...], fps: float) -> Iterator[Frame]:
+    """Forwards and backwards, again and again; numbers and times go on."""
+    order = [*frames, *frames[-2:0:-1]]
+    for index, frame in enumerate(cycle(order)):
+        yield replace(frame, index=index, timestamp_ns=round(index * NANOSECONDS / fps))
+
+
+def row(name: str, wall_ms: list[float], own_ms: list[float] | None = None) -> str:
+    p50, p90, p99 = np.percentile(wall_ms, [50, 90, 99])
+    words = f"{name:34} p50 {p50:6.2f}  p90 {p90:6.2f}  p99 {p99:6.2f}  p99/p50 {p99 / p50:4.1f}"
+    return words if own_ms is None else f"{words}   processor p50 {np.median(own_ms):6.2f}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--method", default="mechanics")
+    parser.add_argument("--frames", type=int, default=1000)
+    parser.add_argument("--pictures", type=int, default=180, help="different ones")
+    parser.add_argument("--fps", type=float, default=30.0)
+    asked = parser.parse_args()
+    sensor, frames = footage(asked.pictures, asked.fps)
+    pipeline = pipeline_for(asked.method)
+    stages = {name: Timed(getattr(pipeline, name)) for name in ("detect", "track", "estimate")}
+    timed = replace(pipeline, **stages)
+    count = WARM_FRAMES + asked.frames
+    print(f"load of the machine {os.getloadavg()[0]:.1f}; {asked.method}, {asked.frames} frames, ms")
+    whole_ms, touching = [], 0
+    for reading in timed.run(islice(endless(frames, asked.fps), count), sensor):
+        whole_ms.append(reading.milliseconds)
+        touching += len(reading.contacts.touching)
+    for name, stage in stages.items():
+        print(row(name, stage.wall_ms[-asked.frames :], stage.own_ms[-asked.frames :]))
+    print(row("picture to contacts, one thread", whole_ms[WARM_FRAMES:]))
+    at_s = []
+    sights = pipeline.see(islice(endless(frames, asked.fps), count), sensor)
+    with HandOver(sights, ahead=1) as stream:
+        for _ in pipeline.tell(stream, sensor):
+            at_s.append(time.perf_counter())
+    print(row("per frame, two threads", (1e3 * np.diff(at_s))[WARM_FRAMES:].tolist()))
+    print(f"{touching / count:.1f} contacts per frame")
+
+
+if __name__ == "__main__":
+    main()
