@@ -5,7 +5,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from manytouch.tracking import FollowGrid
-from manytouch.values import Camera, Detections, Layout, Sensor
+from manytouch.values import Detections, Layout, Sensor
+from straight import straight_camera
 
 WIDTH, HEIGHT, PITCH = 760, 560, 40.0
 ROWS, COLUMNS = 9, 13
@@ -15,17 +16,7 @@ def sensor_of(rest_px, width_px=WIDTH, height_px=HEIGHT):
     row, column = np.indices((ROWS, COLUMNS))
     return Sensor(
         name="flat",
-        camera=Camera(
-            width_px=width_px,
-            height_px=height_px,
-            fx_px=1e3,
-            fy_px=1e3,
-            cx_px=0.0,
-            cy_px=0.0,
-            distortion=np.zeros(5),
-            rotation_vector=np.zeros(3),
-            translation_mm=np.array([0.0, 0.0, 1e3]),
-        ),
+        camera=straight_camera(width_px, height_px, focal_px=1e3, distance_mm=1e3, principal_px=(0.0, 0.0)),
         layout=Layout(
             rest_mm=np.column_stack([rest_px, np.zeros(len(rest_px))]),
             row_column=np.column_stack([row.ravel(), column.ravel()]).astype(np.int64),

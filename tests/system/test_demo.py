@@ -21,7 +21,7 @@ def run(*words: object, folder: Path | None = None) -> str:
         cwd=folder,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=900,
         check=False,
     )
     assert done.returncode == 0, done.stderr
@@ -102,7 +102,7 @@ def test_demo_serves_the_viewer_until_ctrl_c(tmp_path: Path) -> None:
         with urllib.request.urlopen(url, timeout=60) as answer:
             assert b"<title>manytouch</title>" in answer.read()
         demo.send_signal(signal.SIGINT)
-        _, complaints = demo.communicate(timeout=300)
+        _, complaints = demo.communicate(timeout=900)
     assert demo.returncode == 0, complaints
     assert "Traceback" not in complaints
     assert not (tmp_path / "out" / "demo" / "markers.parquet").exists()

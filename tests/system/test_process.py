@@ -32,7 +32,7 @@ def command(*words: object) -> list[str]:
 
 
 def run(*words: object) -> str:
-    done = subprocess.run(command(*words), capture_output=True, text=True, timeout=300, check=False)
+    done = subprocess.run(command(*words), capture_output=True, text=True, timeout=900, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout
 

@@ -77,7 +77,7 @@ def written(folder: Path, scene: str = SCENE) -> list[str]:
 
 def simulate(folder: Path, scene: str = SCENE) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
-        written(folder, scene), cwd=folder, capture_output=True, text=True, timeout=300, check=False
+        written(folder, scene), cwd=folder, capture_output=True, text=True, timeout=900, check=False
     )
 
 

@@ -5,22 +5,13 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from manytouch.pipeline import Detect, Estimate, Pipeline, Sink, Source, Track
-from manytouch.values import Camera, Contacts, Detections, Frame, Sensor, Surface, TrackedGrid
+from manytouch.values import Contacts, Detections, Frame, Sensor, Surface, TrackedGrid
+from straight import straight_camera
 
 NOWHERE = np.zeros((2, 2))
 SENSOR = Sensor(
     name="two markers",
-    camera=Camera(
-        width_px=8,
-        height_px=6,
-        fx_px=10.0,
-        fy_px=10.0,
-        cx_px=3.5,
-        cy_px=2.5,
-        distortion=np.zeros(5),
-        rotation_vector=np.zeros(3),
-        translation_mm=np.array([0.0, 0.0, 10.0]),
-    ),
+    camera=straight_camera(8, 6, focal_px=10.0, distance_mm=10.0),
 )
 
 

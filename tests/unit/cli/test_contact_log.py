@@ -4,7 +4,6 @@ import numpy as np
 
 from manytouch.cli.contact_log import ContactLog
 from manytouch.values import (
-    Camera,
     Contact,
     Contacts,
     Detections,
@@ -16,20 +15,11 @@ from manytouch.values import (
     TrackedGrid,
     Truth,
 )
+from straight import straight_camera
 
 SENSOR = Sensor(
     name="bench",
-    camera=Camera(
-        width_px=64,
-        height_px=48,
-        fx_px=50.0,
-        fy_px=50.0,
-        cx_px=31.5,
-        cy_px=23.5,
-        distortion=np.zeros(5),
-        rotation_vector=np.zeros(3),
-        translation_mm=np.array([0.0, 0.0, 50.0]),
-    ),
+    camera=straight_camera(64, 48, focal_px=50.0, distance_mm=50.0),
 )
 GRID = TrackedGrid(
     position_px=np.zeros((0, 2)),

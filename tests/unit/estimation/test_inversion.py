@@ -10,8 +10,9 @@ from manytouch.estimation import ContactIdentity, MechanicalInversion
 from manytouch.estimation.sheet_model import SheetModel
 from manytouch.mechanics.dots import Face
 from manytouch.mechanics.equilibrium import equilibrium
-from manytouch.values import Camera, Layout, Sensor, Sheet, TrackedGrid
+from manytouch.values import Layout, Sensor, Sheet, TrackedGrid
 from manytouch.values.arrays import read_only
+from straight import straight_camera
 
 ROWS, COLUMNS, PITCH_MM = 12, 16, 4.0
 YOUNG_MPA = 2.0
@@ -26,17 +27,7 @@ def sensor_of(**sheet: float | None) -> Sensor:
     known = {"young_MPa": YOUNG_MPA, "poisson": 0.45, "pretension_N_per_mm": 0.2, "bending_factor": 1.0}
     return Sensor(
         name="test",
-        camera=Camera(
-            width_px=1600,
-            height_px=1200,
-            fx_px=2000.0,
-            fy_px=2000.0,
-            cx_px=799.5,
-            cy_px=599.5,
-            distortion=np.zeros(5),
-            rotation_vector=np.zeros(3),
-            translation_mm=np.array([0.0, 0.0, 100.0]),
-        ),
+        camera=straight_camera(1600, 1200, focal_px=2000.0, distance_mm=100.0),
         layout=Layout(
             rest_mm=rest_mm,
             row_column=np.column_stack([row, column]).astype(np.int64),

@@ -18,7 +18,6 @@ from manytouch.evaluation.own import evaluate_folders
 from manytouch.evaluation.record import EvaluationError
 from manytouch.sinks.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.values import (
-    Camera,
     Contact,
     Contacts,
     Detections,
@@ -31,6 +30,7 @@ from manytouch.values import (
     TrackedGrid,
     Truth,
 )
+from straight import straight_camera
 
 ROWS, COLUMNS = 4, 6
 MARKERS = ROWS * COLUMNS
@@ -40,17 +40,7 @@ MARKERS = ROWS * COLUMNS
 def sensor() -> Sensor:
     row, column = (index.ravel() for index in np.indices((ROWS, COLUMNS)))
     place = np.column_stack([column - (COLUMNS - 1) / 2, row - (ROWS - 1) / 2])
-    camera = Camera(
-        width_px=320,
-        height_px=200,
-        fx_px=300.0,
-        fy_px=300.0,
-        cx_px=159.5,
-        cy_px=99.5,
-        distortion=np.zeros(5),
-        rotation_vector=np.zeros(3),
-        translation_mm=np.array([0.0, 0.0, 60.0]),
-    )
+    camera = straight_camera(320, 200, focal_px=300.0, distance_mm=60.0)
     layout = Layout(
         rest_mm=np.column_stack([5.0 * place, np.zeros(MARKERS)]),
         row_column=np.column_stack([row, column]).astype(np.int64),

@@ -4,7 +4,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from clips import COLUMNS, ROWS, picture, press_of
@@ -20,8 +19,9 @@ from manytouch.session import (
     read_into,
     result_name,
 )
-from manytouch.values import Camera, Frame, Reading, Sensor
+from manytouch.values import Frame, Reading, Sensor
 from results import rows_of
+from straight import straight_camera
 
 TABLES = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json"}
 
@@ -148,17 +148,7 @@ def test_regions_outside_the_image_are_refused(region: tuple[int, int, int, int]
 
 
 def test_a_sensor_of_another_image_size_is_refused() -> None:
-    camera = Camera(
-        width_px=640,
-        height_px=480,
-        fx_px=500.0,
-        fy_px=500.0,
-        cx_px=319.5,
-        cy_px=239.5,
-        distortion=np.zeros(5),
-        rotation_vector=np.zeros(3),
-        translation_mm=np.array([0.0, 0.0, 100.0]),
-    )
+    camera = straight_camera(640, 480, focal_px=500.0, distance_mm=100.0)
     sensor = Sensor(name="other", camera=camera)
     with pytest.raises(SensorError, match="640 x 480 px, but drawn has 320 x 240"):
         prepare(Pictures(), sensor=sensor)

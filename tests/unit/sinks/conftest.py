@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from manytouch.values import (
-    Camera,
     Contact,
     Contacts,
     Detections,
@@ -19,6 +18,7 @@ from manytouch.values import (
     Surface,
     TrackedGrid,
 )
+from straight import straight_camera
 
 ROWS, COLUMNS, MISSING = 4, 6, 9
 
@@ -31,17 +31,7 @@ def make_sensor(unit: str = "mm", young_MPa: float | None = 2.0) -> Sensor:
     missing[MISSING] = True
     return Sensor(
         name="bench",
-        camera=Camera(
-            width_px=320,
-            height_px=240,
-            fx_px=400.0,
-            fy_px=400.0,
-            cx_px=159.5,
-            cy_px=119.5,
-            distortion=np.zeros(5),
-            rotation_vector=np.zeros(3),
-            translation_mm=np.array([0.0, 0.0, 50.0]),
-        ),
+        camera=straight_camera(320, 240, focal_px=400.0, distance_mm=50.0),
         layout=Layout(
             rest_mm=rest_mm,
             row_column=np.column_stack([row, column]),

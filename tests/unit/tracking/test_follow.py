@@ -8,7 +8,8 @@ from numpy.testing import assert_array_equal
 
 from manytouch.errors import SensorError
 from manytouch.tracking import FollowGrid
-from manytouch.values import Camera, Detections, Layout, Sensor
+from manytouch.values import Detections, Layout, Sensor
+from straight import straight_camera
 
 WIDTH, HEIGHT, PITCH = 900, 640, 50.0
 
@@ -17,17 +18,7 @@ def sensor_of(rest_px, row_column=None, is_missing=None):
     markers = len(rest_px)
     return Sensor(
         name="flat",
-        camera=Camera(
-            width_px=WIDTH,
-            height_px=HEIGHT,
-            fx_px=1e3,
-            fy_px=1e3,
-            cx_px=0.0,
-            cy_px=0.0,
-            distortion=np.zeros(5),
-            rotation_vector=np.zeros(3),
-            translation_mm=np.array([0.0, 0.0, 1e3]),
-        ),
+        camera=straight_camera(WIDTH, HEIGHT, focal_px=1e3, distance_mm=1e3, principal_px=(0.0, 0.0)),
         layout=Layout(
             rest_mm=np.column_stack([rest_px, np.zeros(markers)]),
             row_column=row_column,

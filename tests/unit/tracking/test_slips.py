@@ -5,7 +5,8 @@ import pytest
 
 from manytouch.tracking import FollowGrid
 from manytouch.tracking.mesh import CLOSED, OPEN, mesh_of
-from manytouch.values import Camera, Detections, Layout, Sensor
+from manytouch.values import Detections, Layout, Sensor
+from straight import straight_camera
 
 WIDTH, HEIGHT, PITCH, RADIUS = 800, 600, 40.0, 8.0
 
@@ -13,17 +14,7 @@ WIDTH, HEIGHT, PITCH, RADIUS = 800, 600, 40.0, 8.0
 def sensor_of(rest_px):
     return Sensor(
         name="flat",
-        camera=Camera(
-            width_px=WIDTH,
-            height_px=HEIGHT,
-            fx_px=1e3,
-            fy_px=1e3,
-            cx_px=0.0,
-            cy_px=0.0,
-            distortion=np.zeros(5),
-            rotation_vector=np.zeros(3),
-            translation_mm=np.array([0.0, 0.0, 1e3]),
-        ),
+        camera=straight_camera(WIDTH, HEIGHT, focal_px=1e3, distance_mm=1e3, principal_px=(0.0, 0.0)),
         layout=Layout(
             rest_mm=np.column_stack([rest_px, np.zeros(len(rest_px))]),
             row_column=None,
