@@ -4,6 +4,7 @@ PYTHON ?= $(shell for p in python3.14 python3.13 python3.12 python3.11 python3; 
 BIN := .venv/bin
 KERNELS := $(shell grep -rl --include='*.py' njit src)
 CHECKED := --jaxtyping-packages=manytouch,beartype.beartype
+WORKERS ?= 2
 
 .DEFAULT_GOAL := help
 .PHONY: help setup demo test slow check lock clean
@@ -35,7 +36,7 @@ demo: .venv/compiled
 	@$(BIN)/manytouch demo $(ARGS)
 
 test: .venv/compiled
-	@$(BIN)/python -m pytest -m "not slow" $(CHECKED) $(ARGS)
+	@$(BIN)/python -m pytest -m "not slow" -n $(WORKERS) --dist loadfile $(CHECKED) $(ARGS)
 
 slow: .venv/compiled
 	@$(BIN)/python -m pytest $(CHECKED) $(ARGS)
