@@ -3,14 +3,18 @@
     sum_i w_i |p_i(c) - y_i|^2 / s_i^2  +  sum_j g_j(c)^2 / (su^2 + (mu_f f_j)^2)  +  sum_j b_j f_j(c)^2
 
 with c the spline coefficients, p the displacement of the dots in the image, g the nodal forces tangential
-to the bent sheet, f the normal ones, and b_j = 1 / (max(f_j, 0)^2 + eps^2) taken anew after each step, which
-makes the forces sparse and keeps them from pulling (M. E. Tipping 2001, "Sparse Bayesian learning").
+to the bent sheet, f the normal ones, and b_j = 1 / (q_j + eps^2) taken anew after each step, which makes the
+forces sparse and keeps them from pulling (M. E. Tipping 2001, "Sparse Bayesian learning"). q_j is
+max(f_j, 0)^2 or a share of its mean over the nodes around j, whichever is more: a contact may cover nodes
+that lie together at the price of one, so it is not drawn to the nearest node (Z. Zhang and B. D. Rao
+2013, doi:10.1109/TSP.2013.2241055).
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
+from manytouch.estimation.force_clusters import smoothed
 from manytouch.estimation.sheet_model import SheetModel
 from manytouch.mechanics.patch import Nodal
 from manytouch.values.arrays import Covariances2, Points2, read_only
@@ -56,12 +60,13 @@ class SparseDescent:
         tangential: su, what is left over of tangential forces.
         friction: mu_f, share of a normal force that may be tangential.
         sparse: eps, normal force of a node that is as good as none.
+        nearby: share of the mean square over the nodes around it that a node's own force counts at least.
         prior: weight of the normal forces against the dots.
-        alert: a node without force may take this much in the next frame.
+        settled: steps go on while the normal forces change by more than this share in one, not counting
+            what changes by less than `sparse`, up to `usual_steps`: a sheet at rest needs a single step.
         far_chi2: above it the shape is far off, and steps go on as long as each lowers it by the share
             `least_gain`, up to `most_steps`.
         lost_chi2: above it nothing is explained, and the shape stays that of the frame before.
-        usual_steps, most_steps: in a frame.
         longest_pitch: no coefficient changes by more in a step.
         outside: weight of forces where the sheet is not known, against the others.
         halvings: of a step that does not help, before it is given up.
@@ -69,13 +74,14 @@ class SparseDescent:
 
     tangential: float = 2.0e-4
     friction: float = 0.05
-    sparse: float = 8.0e-5
+    sparse: float = 1.7e-4
+    nearby: float = 0.5
     prior: float = 3.0
-    alert: float = 1.7e-4
+    settled: float = 0.1
     far_chi2: float = 4.0
     lost_chi2: float = 400.0
     least_gain: float = 0.3
-    usual_steps: int = 2
+    usual_steps: int = 4
     most_steps: int = 6
     longest_pitch: float = 1.5
     halvings: int = 3
@@ -95,7 +101,7 @@ class SparseDescent:
         shape, steps, status = start, 0, "ok"
         at = _Place.of(model, shape.coefficient_mm, measured_px, information)
         while True:
-            weight = self.weights(model, shape.force_mm2, first=steps == 0)
+            weight = self.weights(model, shape.force_mm2)
             before = at.cost(weight)
             model.normal.linearise(shape.coefficient_mm)
             change_mm = model.normal.step(at.residual_px, information, weight)
@@ -110,10 +116,15 @@ class SparseDescent:
                 status = "not_converged"
                 break
             gain, at = at.chi2 - tried.chi2, tried
-            shape = SheetShape(coefficient_mm=read_only(tried_mm), force_mm2=read_only(at.force_mm2))
+            before_mm2, shape = (
+                shape.force_mm2,
+                SheetShape(coefficient_mm=read_only(tried_mm), force_mm2=read_only(at.force_mm2)),
+            )
             steps += 1
-            is_near = at.chi2 <= self.far_chi2 or gain <= self.least_gain * at.chi2
-            if steps >= self.most_steps or (steps >= self.usual_steps and is_near):
+            if at.chi2 > self.far_chi2 and gain > self.least_gain * at.chi2:
+                if steps >= self.most_steps:
+                    break
+            elif steps >= self.usual_steps or self._is_settled(model, before_mm2, shape.force_mm2):
                 break
         if at.chi2 <= self.far_chi2:
             status = "ok"
@@ -121,18 +132,24 @@ class SparseDescent:
             shape, status = start, "not_converged"
         return Fit(shape=shape, weight_mm4=weight, chi2=at.chi2, steps=steps, status=status)
 
-    def weights(self, model: SheetModel, force_mm2: Nodal, *, first: bool) -> Nodal:
+    def weights(self, model: SheetModel, force_mm2: Nodal) -> Nodal:
         """(n, 3) weights of tangential and normal forces."""
         unit = model.lattice.force_unit_mm2
         press = np.maximum(-force_mm2[:, 2], 0.0)
-        # At a frame's first step new contacts may appear.
-        least = self.alert * unit if first else 0.0
+        around2 = smoothed((press**2).reshape(model.lattice.shape)).ravel()
         weight = np.empty_like(force_mm2)
         tangential = (self.tangential * unit) ** 2 + (self.friction * press) ** 2
         weight[:, :2] = (1.0 / tangential)[:, None]
-        weight[:, 2] = self.prior / np.maximum(press**2 + (self.sparse * unit) ** 2, least**2)
+        weight[:, 2] = self.prior / (np.maximum(press**2, self.nearby * around2) + (self.sparse * unit) ** 2)
         weight[model.is_outside] *= self.outside
         return weight
+
+    def _is_settled(self, model: SheetModel, before_mm2: Nodal, now_mm2: Nodal) -> bool:
+        counts = ~model.is_outside
+        least_mm2 = self.sparse * model.lattice.force_unit_mm2
+        change_mm2 = np.abs(now_mm2 - before_mm2)[counts, 2] - least_mm2
+        all_mm2 = float(np.abs(now_mm2[counts, 2]).sum())
+        return float(np.maximum(change_mm2, 0.0).sum()) <= self.settled * all_mm2
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -94,7 +94,7 @@ class MechanicalInversion:
     model_std_pitch: float = 8.4e-4
     nominal_std_pitch: float = 5e-3
     firm: float = 1.5
-    clear: float = 6.0
+    clear: float = 4.0
     firm_at_rim: float = 3.0
     rim_thickness: float = 2.0
     most_friction: float = 1.5
@@ -113,7 +113,7 @@ class MechanicalInversion:
         pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
         model_px = pitch_px * (self.nominal_std_pitch if model.is_nominal else self.model_std_pitch)
         still = read_only(np.zeros((model.patch.node_count, 3)))
-        weight_mm4 = self.descend.weights(model, still, first=True)
+        weight_mm4 = self.descend.weights(model, still)
         std_px = float(np.hypot(model_px, sensor.centre_noise_px or self.usual_noise_px))
         return InversionMemory(
             model=model,
@@ -194,7 +194,7 @@ class MechanicalInversion:
 
     def _contacts(self, state: InversionMemory, fit: Fit) -> tuple[list[Contact], list[bool]]:
         model = state.model
-        force_mm2 = np.where(model.is_outside[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
+        force_mm2 = np.where(model.is_beyond[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
         clusters = self.cluster(model.lattice, force_mm2)
         held_mm = np.array([contact.centre_mm for contact in state.lives.held]).reshape(-1, 2)
         clusters = self.split(model.lattice, force_mm2, clusters, held_mm)

@@ -19,8 +19,9 @@ def _root(parent, hill):
 def hills(height: np.ndarray, floor: float, merge: float) -> tuple[np.ndarray, np.ndarray]:
     """Hills of a map: where does each point above a floor belong, and how high is each hill's peak?
 
-    The map is flooded from its highest point down (the watershed); where two hills meet, the lower one is
-    part of the higher one unless the saddle lies below `merge` times its peak.
+    The map is flooded from its highest point down (the watershed), and a point belongs to the hill of its
+    highest neighbour; where two hills meet, the lower one is part of the higher one unless the saddle lies
+    below `merge` times its peak.
 
     Args:
         height: (rows, columns); NaN is below everything.
@@ -48,21 +49,21 @@ def _flooded(flat, order, columns, merge):
     count = 0
     for i in order:
         row, column = i // columns, i % columns
-        mine = -1
+        mine, best = -1, 0.0
         for a in range(max(row - 1, 0), min(row + 2, rows)):
             for b in range(max(column - 1, 0), min(column + 2, columns)):
-                if label[a * columns + b] < 0:
+                near = a * columns + b
+                if label[near] < 0:
                     continue
-                other = _root(parent, label[a * columns + b])
-                if mine < 0 or mine == other:
-                    mine = other
-                    continue
-                high, lower = min(mine, other), max(mine, other)
-                if flat[i] > merge * flat[peak[lower]]:
-                    parent[lower] = high
-                    mine = high
-                elif flat[peak[other]] > flat[peak[mine]]:
-                    mine = other
+                other = _root(parent, label[near])
+                if mine >= 0 and mine != other:
+                    high, lower = min(mine, other), max(mine, other)
+                    if flat[i] > merge * flat[peak[lower]]:
+                        parent[lower] = high
+                        mine = other = high
+                # Uphill from here: else the highest hill would flow around the others.
+                if mine < 0 or flat[near] > best:
+                    mine, best = other, flat[near]
         if mine < 0:
             mine = count
             parent[count] = count

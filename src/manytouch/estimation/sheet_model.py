@@ -29,6 +29,7 @@ class SheetModel:
         thickness_mm: of the sheet.
         young_MPa: None when forces stay relative.
         is_outside: (n,) nodes whose forces may be those of the unknown sheet beyond the view.
+        is_beyond: (n,) these, and those so near to a clamped outline that its own forces are on them.
         is_nominal: were thickness and outline assumed?
     """
 
@@ -44,6 +45,7 @@ class SheetModel:
     thickness_mm: float
     young_MPa: float | None
     is_outside: Mask
+    is_beyond: Mask
     is_nominal: bool
 
     def spline(self, coefficient_mm: Nodal, force_mm2: Nodal) -> SheetSpline:
@@ -114,7 +116,8 @@ class NominalSheet:
         )
         low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
         slack_mm = 0.5 * layout.pitch_mm
-        is_beyond = ((patch.place_mm < low - slack_mm) | (patch.place_mm > high + slack_mm)).any(axis=1)
+        is_unseen = ((patch.place_mm < low - slack_mm) | (patch.place_mm > high + slack_mm)).any(axis=1)
+        is_outside = is_unseen | patch.is_rim if is_nominal else patch.is_rim
         inner_mm = np.maximum(-low, high) + slack_mm
         if not is_nominal and sheet is not None:
             inner_mm = 0.5 * sheet.size_mm - self.rim_thickness * thickness_mm
@@ -136,7 +139,8 @@ class NominalSheet:
             pitch_mm=pitch_mm,
             thickness_mm=thickness_mm,
             young_MPa=None if sheet is None or sensor.length_unit != "mm" else sheet.young_MPa,
-            is_outside=read_only(is_beyond | patch.is_rim if is_nominal else patch.is_rim),
+            is_outside=read_only(is_outside),
+            is_beyond=read_only(is_outside | (np.abs(patch.place_mm) > inner_mm).any(axis=1)),
             is_nominal=is_nominal,
         )
 

@@ -44,7 +44,7 @@ class SplitByMoments:
         held: all limits are eased by this factor where there were two contacts in the frame before.
     """
 
-    trim: float = 0.03
+    trim: float = 0.04
     least_variance: float = 0.4
     flattest: float = 0.25
     least_share: float = 0.12

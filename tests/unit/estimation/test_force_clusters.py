@@ -66,3 +66,14 @@ def test_both_orders_of_the_nodes_are_treated_alike() -> None:
     np.testing.assert_allclose(other.centre_mm, found.centre_mm)
     np.testing.assert_allclose(other.area_mm2, found.area_mm2)
     np.testing.assert_array_equal(other.label, found.label[turn])
+
+
+def test_a_weak_press_beside_a_strong_one_keeps_its_outskirts() -> None:
+    # what lies behind the weak one must not go to the strong one, whose hill reaches around it
+    force = pressed((-8.0, 0.0, 3.0, 1.0), (8.0, 0.0, 3.0, 0.3))
+    force[:, 2] -= 0.004 * np.exp(-0.5 * ((LATTICE.place_mm / 12.0) ** 2).sum(axis=1))
+    found = FIND(LATTICE, force)
+    assert len(found) == 2
+    behind = LATTICE.place_mm[found.label == 0, 0]
+    assert behind.max() < 6.0
+    np.testing.assert_allclose(found.centre_mm, [[-8.0, 0.0], [8.0, 0.0]], atol=0.8)

@@ -122,6 +122,20 @@ def test_lost_and_wrong_dots_change_little(model: SheetModel, shape: np.ndarray)
     assert len(contacts.touching) == 2
 
 
+def test_a_steady_sheet_needs_one_step_and_a_new_press_more(model: SheetModel, shape: np.ndarray) -> None:
+    def steps(before: list[TrackedGrid], grid: TrackedGrid) -> int:
+        state, _, _ = read(before)
+        measured_px = grid.position_px - state.reference_px
+        return ESTIMATE.descend(
+            state.model, state.shape, measured_px, np.tile(200.0 * np.eye(2), (len(measured_px), 1, 1))
+        ).steps
+
+    flat = np.zeros_like(shape)
+    assert steps([grid_of(model, flat, seed=k) for k in range(2)], grid_of(model, flat, seed=2)) == 1
+    assert steps([grid_of(model, shape, seed=k) for k in range(4)], grid_of(model, shape, seed=4)) == 1
+    assert steps([grid_of(model, flat)], grid_of(model, shape)) > 2
+
+
 def test_the_same_frames_give_the_same_bits(model: SheetModel, shape: np.ndarray) -> None:
     grids = [grid_of(model, shape, seed=k) for k in range(3)]
     (one, _, _), (other, _, _) = read(grids), read(grids)

@@ -25,7 +25,8 @@ def test_two_narrow_presses_are_told_apart(share: float, angle: float) -> None:
     assert len(found) == 2
     ends = found.centre_mm if share < 1.0 else found.centre_mm[np.argsort(-found.centre_mm @ way)]
     np.testing.assert_allclose(ends, [way + 1.0, 1.0 - way], atol=0.5)
-    np.testing.assert_allclose(np.sort(found.normal_mm2), np.sort([1.0, share]), rtol=0.08)
+    # what is trimmed of the weaker one goes to the stronger one
+    np.testing.assert_allclose(np.sort(found.normal_mm2), np.sort([1.0, share]), atol=0.05)
     assert set(np.unique(found.label)) == {-1, 0, 1}
 
 
