@@ -10,7 +10,7 @@ On a sheet that hardly stretches, pretension, bending and E can grow together wi
 force: forces are then known much better than each of the three (docs/derivations/calibration.md).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,10 @@ MODEL_THICKNESS = 0.04
 """The shell's thickness that explains a solid sheet differs from the sheet's own by about this share."""
 MODEL_STRAIN = 0.002
 """And its pretension by about this strain: both seen on presses of 3-D finite elements."""
+ASIDE_MM = 2.0
+"""A press that bears farther than this from its place is worth a word,"""
+MISFIT, MISFIT_PX = 3.0, 0.15
+"""and one that leaves so many times what is usual, and at least so much."""
 PARAMETERS = ("pretension_over_E_mm", "bending_factor", "thickness_mm")
 
 
@@ -36,6 +40,7 @@ class SheetCalibration:
         sheet: calibrated; its stiffness is that of the sensor file where no force was read.
         std: deviation of each of `PARAMETERS`, of pretension_N_per_mm, and of young_MPa where it was fitted.
         not_told: sentences about parameters that the presses cannot tell from what was assumed.
+        odd: sentences about presses that are not what the table says.
         force_over_E_mm2: (k,) of the presses.
         residual_px: (k,) root mean square of what is left of each press, dots outside the contact.
         left_out: (k,) force that the others predict over the reading, minus 1; NaN without reading.
@@ -44,6 +49,7 @@ class SheetCalibration:
     sheet: Sheet
     std: dict[str, float]
     not_told: tuple[str, ...]
+    odd: tuple[str, ...]
     force_over_E_mm2: Float64[np.ndarray, " k"]
     residual_px: Float64[np.ndarray, " k"]
     left_out: Float64[np.ndarray, " k"]
@@ -106,6 +112,7 @@ def _read(
         deviations["pretension_N_per_mm"] = young * float(std[0])
     if any(has_force) and young is not None:
         deviations["young_MPa"] = young * float(std[3])
+    residual_px = np.array([fit.left_px(best, number) for number in range(count)])
     left_out = np.full(count, np.nan)
     for number in [number for number in range(count) if has_force[number] and sum(has_force) > 1]:
         left_out[number] = np.exp(fit.off_without(best, told, number, spread[number])) - 1.0
@@ -121,8 +128,9 @@ def _read(
         sheet=calibrated,
         std=deviations,
         not_told=tuple(_not_told(fit, std, any_force=any(has_force))),
+        odd=tuple(_odd(presses, best.single[:, 1:], residual_px)),
         force_over_E_mm2=np.exp(best.single[:, 0]),
-        residual_px=np.array([fit.left_px(best, number) for number in range(count)]),
+        residual_px=residual_px,
         left_out=left_out,
     )
 
@@ -138,6 +146,22 @@ def _not_told(fit: PressFit, std: np.ndarray, *, any_force: bool) -> list[str]:
     if not any_force:
         found.append("no force was read, so stiffness is as in the sensor file: give at least one force in N")
     return found
+
+
+def _odd(presses: Sequence[Press], aside_mm: np.ndarray, residual_px: np.ndarray) -> Iterator[str]:
+    usual_px = float(np.median(residual_px))
+    for press, aside, left_px in zip(presses, np.linalg.norm(aside_mm, axis=1), residual_px, strict=True):
+        if aside > ASIDE_MM:
+            yield (
+                f"{press.name} bears {aside:.1f} mm off its named place: a flat foot near the clamp rests on "
+                "its edge, since the sheet slopes there; press nearer to the middle, or with a ball, or "
+                "correct the place"
+            )
+        if left_px > max(MISFIT * usual_px, MISFIT_PX):
+            yield (
+                f"{press.name} fits badly: {left_px:.2f} px are left over, {usual_px:.2f} px is usual here; "
+                "was it held at that time, by one foot of the named radius?"
+            )
 
 
 def _reach(press: Press) -> float:

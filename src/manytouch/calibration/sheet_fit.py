@@ -21,7 +21,8 @@ PRETENSION_DOUBT = 0.05
 """Strain of the mounted sheet that would not surprise."""
 STIFFNESS_DOUBT = 0.3
 """A stiffness in the sensor file is nominal: right within this share."""
-PLACE_DOUBT_MM = 0.3
+PLACE_DOUBT_MM = 1.0
+"""Where a press bears, from its named place: a flat foot on a slope rests on its edge."""
 FORCE_DOUBT = 0.03
 """What a force reading and the shell may differ by, beside the reading's own deviation."""
 MODEL_PX = 0.05

@@ -223,7 +223,7 @@ def sheet(
             f"forces told from the other presses alone are {100 * off.mean():+.1f} % off on average, at most "
             f"{100 * np.abs(off).max():.1f} %"
         )
-    for line in [*lines, *found.not_told]:
+    for line in [*lines, *found.not_told, *(f"odd: {sentence}" for sentence in found.odd)]:
         console.print(f"  {line}")
     provenance = {
         **known.provenance,

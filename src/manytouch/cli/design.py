@@ -37,7 +37,7 @@ def design(
     thickness_mm: Annotated[float | None, Parameter(metavar="MM", help="Chosen when not given.")] = None,
     parts: Annotated[Literal["none", "mesh", "step"], Parameter(help="step: STEP files too.")] = "mesh",
     predict: Annotated[
-        bool, options.switch("Also predict how accurate it will be, and draw it (about a minute).")
+        bool, options.switch("Also predict how accurate it will be, and draw it (some minutes).")
     ] = False,
     explain: Annotated[bool, options.switch("Print the reason for each choice.")] = False,
 ) -> int:
@@ -89,7 +89,12 @@ def design(
         say = console.print
         against = write_design(found, out, step=parts == "step", say=lambda text: say(f"  {text}"))
     if predict:
-        write_prediction(found, out, say=lambda text: console.print(f"  {text}"))
+        predicted = write_prediction(found, out, say=lambda text: console.print(f"  {text}"))
+        position_mm, depth_um, force_percent = predicted.usual
+        console.print(
+            f"  once calibrated it will be off by about {position_mm:.2f} mm in place, {depth_um:.0f} µm in "
+            f"depth and {force_percent:.1f} % in force (root mean square over the area)"
+        )
     for sentence in against:
         console.print(f"  odd: {sentence}")
     console.print(f"  design in {out}")

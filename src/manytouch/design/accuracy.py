@@ -1,11 +1,10 @@
-"""How well a designed sensor will tell a press: the deviations that the inversion itself reports.
+"""How well a designed sensor will tell a press once it is built and calibrated.
 
-A fingertip presses the shell at several places; the dots that the camera would see go through the method
-`mechanics`, and the deviations of its contact are taken: noise of the centres and the model's error, both
-as the method states them on real readings.
+Two parts: noise of the centres, as the normal matrix of the method `mechanics` passes it on, and what the
+method is off by on a solid whose sheet was calibrated as a user does it (`prototype`).
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,16 +12,32 @@ from jaxtyping import Float64
 
 from manytouch.design.choose import RIM_MM, Design, lattice
 from manytouch.design.deflection import FINGERTIP_MM2, fingertip
-from manytouch.design.wishes import Wishes
+from manytouch.design.prototype import FINGERTIP, SEEN_PX, Prototype, Say, Touched
 from manytouch.estimation.inversion import InversionMemory, MechanicalInversion
+from manytouch.estimation.touching import ModelError, Touching
+from manytouch.mechanics.dots import Face
 from manytouch.mechanics.equilibrium import equilibrium
 from manytouch.values import Contact, Sensor, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
 
-CENTRE_NOISE_PX = 0.03
+NO_MODEL_ERROR = ModelError(
+    position_pitch=0.0,
+    position_radius=0.0,
+    depth_share=0.0,
+    depth_pitch=0.0,
+    force_share=0.0,
+    force_unit=0.0,
+    shear_share=0.0,
+    torque_share=0.0,
+    area_share=0.0,
+)
+"""What the model leaves is seen on the prototype here."""
 SETTLING_STEPS = 6
 RAMP = (0.1, 0.4, 1.0)
 PLACES = (4, 3)  # along half the length and half the width
+FEW_PLACES = (2, 2)
+SQUEEZE_MM = 0.15
+SEED = 7
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -31,94 +46,125 @@ class PredictedAccuracy:
 
     Attributes:
         place_mm: (k, 2) in a quarter of the area; the others are like it.
-        force_N: of the press.
+        force_N: (k,) of the press.
         depth_mm: (k,) how deep it goes there.
-        position_std_mm, depth_std_mm, force_std_N: (k,); position: the larger of x and y.
+        position_std_mm, depth_std_mm, force_std_N: (k,); position: along an axis.
     """
 
     place_mm: Points2
-    force_N: float
+    force_N: Float64[np.ndarray, " k"]
     depth_mm: Float64[np.ndarray, " k"]
     position_std_mm: Float64[np.ndarray, " k"]
     depth_std_mm: Float64[np.ndarray, " k"]
     force_std_N: Float64[np.ndarray, " k"]
 
+    @property
+    def usual(self) -> tuple[float, float, float]:
+        """Position (mm), depth (µm) and force (% of it): root mean square over the places."""
+        parts = (self.position_std_mm, 1e3 * self.depth_std_mm, 100 * self.force_std_N / self.force_N)
+        position, depth, force = (float(np.sqrt(np.nanmean(part**2))) for part in parts)
+        return position, depth, force
+
 
 def predicted_accuracy(
-    found: Design, *, places: tuple[int, int] = PLACES, say: Callable[[str], object] | None = None
+    sensor: Sensor,
+    *,
+    area_mm: tuple[float, float],
+    force_N: float,
+    places: tuple[int, int] = PLACES,
+    say: Say = None,
 ) -> PredictedAccuracy:
-    """Deviations over a quarter of the area, for the geometric mean of the wished forces.
+    """Deviations over a quarter of the area.
 
     Args:
-        found: from `design`.
+        sensor: from `design`.
+        area_mm: that can be touched.
+        force_N: about which the presses have.
         places: how many along x and y, from the middle to the corner of the area.
         say: told what is being computed.
+
+    Raises:
+        SensorError: the prototype cannot be calibrated.
     """
-    if say is not None:
-        say(f"pressing at {places[0] * places[1]} places")
-    force_N = float(np.sqrt(np.prod(found.wishes.force_N)))
-    x, y = (
-        np.linspace(0.0, side / 2, count) for side, count in zip(found.wishes.area_mm, places, strict=True)
-    )
+    chance = np.random.default_rng(SEED)
+    prototype = Prototype.of(sensor)
+    calibrated = prototype.calibrated(chance, say)
+    x, y = (np.linspace(0.0, side / 2, count) for side, count in zip(area_mm, places, strict=True))
     place_mm = np.column_stack([part.ravel() for part in np.meshgrid(x, y)])
-    rows = np.array(list(_pressed(found.sensor, place_mm, force_N)))
+    method = MechanicalInversion(touch=Touching(error=NO_MODEL_ERROR))
+    fresh = method.start(calibrated)
+    rows = []
+    for place in place_mm:
+        if say is not None:
+            say(f"touching it at {place[0]:.0f}, {place[1]:.0f} mm")
+        depth_mm = 1.05 * _depth_mm(fresh, place, force_N) + SQUEEZE_MM
+        rows.append(_deviations(method, fresh, prototype.touched(FINGERTIP, place, depth_mm), chance))
+    table = read_only(np.array(rows))
     return PredictedAccuracy(
         place_mm=read_only(place_mm),
-        force_N=force_N,
-        depth_mm=read_only(rows[:, 0]),
-        position_std_mm=read_only(rows[:, 1]),
-        depth_std_mm=read_only(rows[:, 2]),
-        force_std_N=read_only(rows[:, 3]),
+        force_N=table[:, 0],
+        depth_mm=table[:, 1],
+        position_std_mm=table[:, 2],
+        depth_std_mm=table[:, 3],
+        force_std_N=table[:, 4],
     )
 
 
-def predicted_at(sensor: Sensor, wishes: Wishes) -> tuple[float, float, float]:
-    """Deviations of position (mm), depth (µm) and force (% of it) of a press in the middle."""
-    force_N = float(np.sqrt(np.prod(wishes.force_N)))
-    _, position, depth, force = next(_pressed(sensor, np.zeros((1, 2)), force_N))
-    return position, 1e3 * depth, 100 * force / force_N
+def usual_force_N(found: Design) -> float:
+    """The geometric mean of the smallest and the largest force that were wished for."""
+    return float(np.sqrt(np.prod(found.wishes.force_N)))
 
 
-def _pressed(sensor: Sensor, place_mm: Points2, force_N: float) -> Iterator[tuple[float, ...]]:
-    """Depth and deviations of position, depth and force at each place."""
-    sheet = sensor.sheet
-    assert sheet is not None and sheet.young_MPa is not None  # noqa: PT018 - a design has both
-    method = MechanicalInversion()
-    fresh = method.start(sensor)
-    for place in place_mm:
-        contact = _found(method, fresh, place, force_N / sheet.young_MPa)
-        if contact is None:
-            yield (np.nan,) * 4
-            continue
-        position = max(contact.std("x"), contact.std("y"))
-        yield contact.depth_mm, position, contact.std("depth"), contact.std("normal_force")
+def _deviations(
+    method: MechanicalInversion, fresh: InversionMemory, touched: Touched | None, chance: np.random.Generator
+) -> Sequence[float]:
+    """Force and depth of a press, and the deviations of position, depth and force."""
+    if touched is None:
+        return (np.nan,) * 5
+    true = touched.contact
+    told = _told(method, fresh, touched, chance)
+    if told is None:
+        return (true.normal_force_N, true.depth_mm, np.nan, np.nan, np.nan)
+    off_mm = told.centre_mm - true.centre_mm
+    position = np.sqrt(0.5 * (off_mm @ off_mm + told.std("x") ** 2 + told.std("y") ** 2))
+    depth = np.hypot(told.depth_mm - true.depth_mm, told.std("depth"))
+    force = np.hypot(-told.force_N[2] - true.normal_force_N, told.std("normal_force"))
+    return (true.normal_force_N, true.depth_mm, float(position), float(depth), float(force))
 
 
-def _found(
-    method: MechanicalInversion, fresh: InversionMemory, place: np.ndarray, force_over_E_mm2: float
+def _told(
+    method: MechanicalInversion, fresh: InversionMemory, touched: Touched, chance: np.random.Generator
 ) -> Contact | None:
-    """The contact that the method finds at a place, or None."""
-    model = fresh.model
-    points, weight = fingertip(np.sqrt(FINGERTIP_MM2 / np.pi))
-    load = np.zeros((model.patch.node_count, 3))
-    load[:, 2] = -model.patch.load(place + points, weight)
-    shape, state = None, fresh
+    """The contact that the method finds, or None."""
+    state, moved = fresh, touched.displacement_px
     contacts: tuple[Contact, ...] = ()
     for share in RAMP:
-        shape = equilibrium(model.shell, share * force_over_E_mm2 * load, start_mm=shape).coefficient_mm
-        grid = _seen(fresh.reference_px + model.dots.displacement_px(shape))
         for _ in range(SETTLING_STEPS if share == RAMP[-1] else 1):
-            state, _, read = method.step(state, grid)
+            noise_px = chance.normal(0.0, SEEN_PX, moved.shape)
+            state, _, read = method.step(state, _seen(fresh.reference_px + share * moved + noise_px))
         contacts = read.touching
-    near = [item for item in contacts if np.linalg.norm(item.centre_mm - place) < 2 * RIM_MM]
+    near = [
+        item for item in contacts if np.linalg.norm(item.centre_mm - touched.contact.centre_mm) < 2 * RIM_MM
+    ]
     return max(near, key=lambda item: item.depth_mm, default=None)
+
+
+def _depth_mm(fresh: InversionMemory, place: np.ndarray, force_N: float) -> float:
+    """How deep a fingertip goes by the shell."""
+    model = fresh.model
+    assert model.young_MPa is not None
+    points, weight = fingertip(np.sqrt(FINGERTIP_MM2 / np.pi))
+    load = np.zeros((model.patch.node_count, 3))
+    load[:, 2] = -force_N / model.young_MPa * model.patch.load(place + points, weight)
+    shape = equilibrium(model.shell, load).coefficient_mm
+    return -float(Face(shell=model.shell, point_mm=place + points).displacement(shape)[:, 2].min())
 
 
 def _seen(position_px: Points2) -> TrackedGrid:
     count = len(position_px)
     return TrackedGrid(
         position_px=read_only(position_px),
-        covariance_px2=read_only(np.tile(CENTRE_NOISE_PX**2 * np.eye(2), (count, 1, 1))),
+        covariance_px2=read_only(np.tile(SEEN_PX**2 * np.eye(2), (count, 1, 1))),
         is_seen=read_only(np.ones(count, dtype=np.bool_)),
         frames_unseen=read_only(np.zeros(count, dtype=np.int64)),
     )

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from manytouch.design.accuracy import predicted_accuracy
+from manytouch.design.accuracy import PredictedAccuracy, predicted_accuracy, usual_force_N
 from manytouch.design.casing import CasingChoices, Part, parts_of
 from manytouch.design.choose import Design
 from manytouch.design.guide import assembly, bill_of_materials
@@ -66,17 +66,22 @@ def write_design(
     return objections(found.sensor, found.wishes.printer, choices, meshes)
 
 
-def write_prediction(found: Design, folder: Path, *, say: Callable[[str], object] | None = None) -> None:
+def write_prediction(
+    found: Design, folder: Path, *, say: Callable[[str], object] | None = None
+) -> PredictedAccuracy:
     """Write accuracy.csv, accuracy.png and tradeoff.png: what the method `mechanics` will tell how well.
 
     Raises:
         OutputError: something cannot be written.
         MissingExtraError: matplotlib is not installed.
     """
-    predicted = predicted_accuracy(found, say=say)
+    predicted = predicted_accuracy(
+        found.sensor, area_mm=found.wishes.area_mm, force_N=usual_force_N(found), say=say
+    )
     columns = {
         "x_mm": predicted.place_mm[:, 0],
         "y_mm": predicted.place_mm[:, 1],
+        "force_N": predicted.force_N,
         "depth_mm": predicted.depth_mm,
         "position_std_mm": predicted.position_std_mm,
         "depth_std_mm": predicted.depth_std_mm,
@@ -91,6 +96,7 @@ def write_prediction(found: Design, folder: Path, *, say: Callable[[str], object
         draw_tradeoff(found, folder / "tradeoff.png", say=say)
     except OSError as error:
         raise OutputError(f"cannot write the prediction into {folder}: {error.strerror}") from None
+    return predicted
 
 
 def explained(found: Design) -> str:

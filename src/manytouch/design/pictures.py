@@ -6,7 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from manytouch.design.accuracy import PredictedAccuracy, changed, predicted_at
+from manytouch.design.accuracy import (
+    FEW_PLACES,
+    PredictedAccuracy,
+    changed,
+    predicted_accuracy,
+    usual_force_N,
+)
 from manytouch.design.choose import Design
 from manytouch.errors import MissingExtraError
 
@@ -27,8 +33,8 @@ def draw_accuracy(found: Design, predicted: PredictedAccuracy, path: Path) -> No
     """
     figure = _figure((13.0, 3.6))
     figure.suptitle(
-        f"predicted deviations of a fingertip of {predicted.force_N:.2g} N on {found.sensor.name}, "
-        f"{found.material.name}"
+        f"predicted deviations of a fingertip of about {np.nanmean(predicted.force_N):.2g} N on "
+        f"{found.sensor.name}, {found.material.name}, calibrated"
     )
     maps = (
         ("position, mm", predicted.position_std_mm),
@@ -47,15 +53,16 @@ def draw_tradeoff(found: Design, path: Path, *, say: Callable[[str], object] | N
         MissingExtraError: matplotlib is not installed.
     """
     figure = _figure((12.0, 3.8))
-    figure.suptitle("what another pitch, thickness or stand-off would cost or gain (a press in the middle)")
+    figure.suptitle("what another pitch, thickness or stand-off would cost or gain, all over the area")
     panels = figure.subplots(1, 3)
     names = ("position, mm", "depth, µm", "normal force, % of it")
+    as_designed = _usual(found, {})
     for measure, colour in zip(MEASURES, COLOURS, strict=True):
         rows = []
         for factor in FACTORS:
-            if say is not None:
+            if say is not None and factor != 1.0:
                 say(f"trying {factor:g} times the {measure.replace('_', '-')}")
-            rows.append(predicted_at(changed(found, **{measure: factor}), found.wishes))
+            rows.append(as_designed if factor == 1.0 else _usual(found, {measure: factor}))
         for axes, values, name in zip(panels, np.transpose(rows), names, strict=True):
             label = measure.replace("_", "-")
             axes.plot(FACTORS, values, "o-", color=colour, label=f"{label} ({_now(found, measure)})")
@@ -64,6 +71,13 @@ def draw_tradeoff(found: Design, path: Path, *, say: Callable[[str], object] | N
         axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])
     panels[0].legend(frameon=False, fontsize=8)
     figure.savefig(path, dpi=110)
+
+
+def _usual(found: Design, factors: dict[str, float]) -> tuple[float, float, float]:
+    """Deviations with some measures a factor larger, over a few places."""
+    sensor, force_N = changed(found, **factors), usual_force_N(found)
+    wished = found.wishes.area_mm
+    return predicted_accuracy(sensor, area_mm=wished, force_N=force_N, places=FEW_PLACES).usual
 
 
 def _figure(size: tuple[float, float]) -> "Figure":

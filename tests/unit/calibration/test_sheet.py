@@ -1,5 +1,6 @@
 """A sheet from presses: what was put in comes out, deviations hold, and what cannot be told is said."""
 
+import re
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -129,6 +130,22 @@ def test_the_truth_lies_within_three_deviations(fitted):
     for name, error in off.items():
         assert abs(error) < 3 * fitted.std[name], (name, error, fitted.std[name])
         assert fitted.std[name] > 0
+
+
+def test_a_press_that_bears_elsewhere_or_fits_badly_is_named(fitted):
+    assert fitted.odd == ()
+    sensor = small_sensor()
+    held = pressed(sensor)
+    aside = replace(held[1], place_mm=held[1].place_mm + np.array([-2.0, 2.4]))
+    far = np.linalg.norm(sensor.layout.rest_mm[:, :2] - held[4].place_mm, axis=1) > 8.0
+    chance = np.random.default_rng(3)
+    torn = np.where(far[:, None], chance.normal(0.0, 0.4, held[4].displacement_px.shape), 0.0)
+    found = calibrate_sheet(
+        sensor, [held[0], aside, *held[2:4], replace(held[4], displacement_px=held[4].displacement_px + torn)]
+    )
+    assert [re.search(r"press \d", sentence).group() for sentence in found.odd] == ["press 1", "press 4"]
+    assert "rests on its edge" in found.odd[0]
+    assert re.search(r"fits badly: 0\.\d+ px are left over, 0\.0\d px is usual", found.odd[1])
 
 
 def test_without_a_force_stiffness_stays_unknown():

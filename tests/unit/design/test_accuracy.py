@@ -1,15 +1,28 @@
 """Predicted deviations, and what other measures would change."""
 
 import csv
+from dataclasses import replace
 
 import cv2
 import numpy as np
 import pytest
 
-from manytouch.design.accuracy import changed, predicted_accuracy, predicted_at
+from manytouch.design.accuracy import (
+    NO_MODEL_ERROR,
+    _deviations,
+    changed,
+    predicted_accuracy,
+    usual_force_N,
+)
 from manytouch.design.build import write_prediction
 from manytouch.design.choose import design
+from manytouch.design.deflection import fingertip
+from manytouch.design.prototype import FINGERTIP, FOOT, Prototype, Touched, _touched
 from manytouch.design.wishes import Wishes
+from manytouch.estimation.inversion import MechanicalInversion
+from manytouch.estimation.touching import Touching
+from manytouch.mechanics.equilibrium import equilibrium
+from manytouch.simulation.deformation import contact_of
 
 
 @pytest.fixture(scope="module")
@@ -17,26 +30,90 @@ def found():
     return design(Wishes(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.5, 4.0)))
 
 
-def test_a_press_is_predicted_to_be_told_well_and_deepest_in_the_middle(found):
-    predicted = predicted_accuracy(found, places=(2, 2))
-    assert predicted.place_mm.tolist() == [[0.0, 0.0], [20.0, 0.0], [0.0, 12.5], [20.0, 12.5]]
-    assert predicted.force_N == pytest.approx(np.sqrt(2.0))
-    assert predicted.depth_mm.argmax() == 0
-    assert predicted.depth_mm[0] == pytest.approx(
-        found.curve.depth_at(predicted.force_N / found.material.young_MPa), rel=0.05
+@pytest.fixture(scope="module")
+def prototype(found):
+    return Prototype.of(found.sensor)
+
+
+def test_a_prototype_moves_the_dots_about_as_the_shell_does(found, prototype):
+    held = prototype.touched(FINGERTIP, np.array([5.0, -4.0]), 2.0)
+    assert held.contact.centre_mm == pytest.approx([5.0, -4.0], abs=0.3)
+    assert 1.5 < held.contact.depth_mm < 2.0
+    fresh = MechanicalInversion().start(found.sensor)
+    shape = _shape(fresh, held.contact.centre_mm, held.contact.normal_force_N)
+    wanted = fresh.model.dots.displacement_px(shape)
+    off = np.linalg.norm(held.displacement_px - wanted, axis=1)
+    assert off.max() < 0.2 * np.linalg.norm(wanted, axis=1).max()
+    assert held.displacement_px[wanted[:, 0] > 5.0, 0].min() > 0.0
+
+
+def test_pins_show_the_slope_that_flush_markers_do_not(found, prototype):
+    high = replace(found.sensor, layout=replace(found.sensor.layout, height_mm=3.0))
+    flush, pins = (
+        Prototype(sensor=sensor, solver=prototype.solver).touched(FINGERTIP, np.zeros(2), 1.5)
+        for sensor in (found.sensor, high)
     )
-    assert np.all(predicted.depth_std_mm < 0.1 * predicted.depth_mm)
+    assert np.abs(pins.displacement_px).max() > 1.5 * np.abs(flush.displacement_px).max()
+
+
+def test_a_mirrored_press_is_the_press_at_the_mirrored_place(found, prototype):
+    solved = prototype._pressed(FOOT, np.array([8.0, 5.0]), 1.0)
+    mirrored = _touched(found.sensor, solved, np.array([-1.0, 1.0]))
+    there = prototype.touched(FOOT, np.array([-8.0, 5.0]), 1.0)
+    assert mirrored.displacement_px == pytest.approx(there.displacement_px, abs=2e-3)
+    assert mirrored.contact.centre_mm == pytest.approx(there.contact.centre_mm, abs=1e-3)
+    assert np.abs(there.displacement_px).max() > 1.0
+
+
+def _shape(fresh, place_mm, force_N):
+    model = fresh.model
+    points, weight = fingertip(1.5)
+    load = np.zeros((model.patch.node_count, 3))
+    load[:, 2] = -force_N / model.young_MPa * model.patch.load(place_mm + points, weight)
+    return equilibrium(model.shell, load).coefficient_mm
+
+
+def test_what_the_method_is_off_by_counts_along_with_the_noise(found):
+    method = MechanicalInversion(touch=Touching(error=NO_MODEL_ERROR))
+    fresh = method.start(found.sensor)
+    shape = _shape(fresh, np.zeros(2), 1.0)
+    row = [0.0, 0.0, -1.0, 0.0, 7.0, 0.0, 0.0, 1.0]
+    seen = fresh.model.dots.displacement_px(shape)
+
+    def deviations(row):
+        chance = np.random.default_rng(0)
+        return _deviations(
+            method, fresh, Touched(displacement_px=seen, contact=contact_of(np.array(row))), chance
+        )
+
+    force, depth, position, depth_off, force_off = deviations(row)
+    assert (force, depth) == (1.0, 1.0)
+    assert position < 0.1
+    assert force_off < 0.05
+    moved = deviations([*row[:5], 1.0, 0.0, 1.0])
+    assert moved[2] == pytest.approx(np.sqrt(0.5), rel=0.1)
+    deeper = deviations([*row[:7], 1.5])
+    assert abs(deeper[3] - depth_off) == pytest.approx(0.5, rel=0.2)
+    stronger = deviations([0.0, 0.0, -1.5, *row[3:]])
+    assert stronger[4] == pytest.approx(0.5, abs=0.05)
+    assert np.isnan(_deviations(method, fresh, None, np.random.default_rng(0))).all()
+
+
+def test_a_press_is_predicted_to_be_told_well_and_deepest_in_the_middle(found):
+    said = []
+    predicted = predicted_accuracy(
+        found.sensor, area_mm=(40.0, 25.0), force_N=usual_force_N(found), places=(2, 2), say=said.append
+    )
+    assert predicted.place_mm.tolist() == [[0.0, 0.0], [20.0, 0.0], [0.0, 12.5], [20.0, 12.5]]
+    assert predicted.force_N == pytest.approx(np.full(4, np.sqrt(2.0)), rel=0.3)
+    assert predicted.depth_mm.argmax() == 0
+    assert np.all(predicted.depth_std_mm < 0.25 * predicted.depth_mm)
     assert np.all((predicted.position_std_mm > 0.01) & (predicted.position_std_mm < 2.0))
-    assert np.all(predicted.force_std_N < 0.5 * predicted.force_N)
-
-
-def test_wider_markers_tell_positions_worse(found):
-    position, _, force = predicted_at(found.sensor, found.wishes)
-    wider = changed(found, pitch=1.5)
-    assert wider.layout.shape == (7, 10)
-    worse_position, _, worse_force = predicted_at(wider, found.wishes)
-    assert worse_position > 1.1 * position
-    assert worse_force > force
+    position, depth, force = predicted.usual
+    assert position == pytest.approx(np.sqrt(np.mean(predicted.position_std_mm**2)))
+    assert depth == pytest.approx(1e3 * np.sqrt(np.mean(predicted.depth_std_mm**2)))
+    assert 0.3 < force < 15.0
+    assert len(said) == 8
 
 
 def test_other_measures_change_what_they_name(found):
@@ -48,7 +125,8 @@ def test_other_measures_change_what_they_name(found):
 
 @pytest.mark.slow
 def test_the_prediction_is_written_and_drawn(found, tmp_path):
-    write_prediction(found, tmp_path)
+    predicted = write_prediction(found, tmp_path)
+    assert np.isfinite(predicted.usual).all()
     rows = list(csv.DictReader((tmp_path / "accuracy.csv").read_text().splitlines()))
     assert len(rows) == 12
     assert float(rows[0]["depth_std_mm"]) > 0
