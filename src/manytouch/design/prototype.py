@@ -28,10 +28,11 @@ from manytouch.values.arrays import Points2
 FOOT = RoundPunch(radius_mm=5.0)
 FINGERTIP = Sphere(radius_mm=8.0)
 ELEMENT_THICKNESS = 1.0
+ELEMENT_MM = 2.5  # a larger one is too stiff under a fingertip: depths come out too good
 LEAST_ELEMENTS = 16
 STEP_MM = 3.0
-SEEN_PX = 0.03
-"""Deviation of a marker's centre in one picture of a webcam in poor light (docs/derivations/detection.md)."""
+SEEN_PX = 0.01
+"""Deviation of a marker's centre where grey levels have 2.5 (docs/derivations/detection.md)."""
 
 Say = Callable[[str], object] | None
 
@@ -71,7 +72,7 @@ class Prototype:
             size_mm=size,
             thickness_mm=sheet.thickness_mm,
             material=NeoHooke(young_MPa=sheet.young_MPa, poisson=sheet.poisson),
-            element_mm=min(ELEMENT_THICKNESS * sheet.thickness_mm, min(size) / LEAST_ELEMENTS),
+            element_mm=min(ELEMENT_THICKNESS * sheet.thickness_mm, ELEMENT_MM, min(size) / LEAST_ELEMENTS),
         )
         return Prototype(sensor=sensor, solver=sheet_solver(model))
 
