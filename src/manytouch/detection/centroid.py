@@ -108,6 +108,7 @@ def measured_rows(
         np.ascontiguousarray(radius_px),
         plans.index,
         plans.place,
+        plans.mask,
         plans.count,
         max(noise, MIN_NOISE),
         walk,

@@ -35,20 +35,3 @@ def prefetch(typing, array, index):
         return context.get_dummy_value()
 
     return types.void(array, types.intp), code
-
-
-@intrinsic
-@no_type_check
-def copy_16(typing, source, place, target, to):
-    """Copies 16 neighbours of a flat array to a place in another of the same type, in one go."""
-
-    def code(context, builder, signature, arguments):
-        pointers = []
-        for kind, array, at in zip(signature.args[::2], arguments[::2], arguments[1::2], strict=True):
-            held = context.make_array(kind)(context, builder, array)
-            row = ir.VectorType(context.get_data_type(kind.dtype), 16).as_pointer()
-            pointers.append(builder.bitcast(builder.gep(held.data, [at]), row))
-        builder.store(builder.load(pointers[0], align=1), pointers[1], align=1)
-        return context.get_dummy_value()
-
-    return types.void(source, types.uintp, target, types.uintp), code

@@ -67,7 +67,7 @@ def condition(
         if few.size and np.mean(few > BRIGHT) > 0.5:
             return "saturated"
     if first is not None and number >= 0.2 * wanted and number > 0:
-        edge = middle_of(np.sort(edge_px))
-        if edge > 1.6 * first.edge_px + 0.7 and middle_of(np.sort(found.contrast)) < 0.9 * first.contrast:
+        is_wide = 2 * np.count_nonzero(edge_px > 1.6 * first.edge_px + 0.7) > number
+        if is_wide and middle_of(np.sort(found.contrast)) < 0.9 * first.contrast:
             return "blurred"
     return "ok"

@@ -14,7 +14,8 @@ from numba import njit
 from manytouch.detection import lanes, planes
 from manytouch.detection.compilation import FAST, LEAF, prefetch
 from manytouch.detection.light import PLANE_RADIUS, SAMPLES, choose_offsets, fit_light, walk_to_dot
-from manytouch.detection.plans import BLOCKS, CORE, LANES, RING, ROWS, WALK, WIDE, take_plan
+from manytouch.detection.plans import CORE, FARTHEST, HALF, LANES, RING, ROWS, STRIPS, WALK, take_plan
+from manytouch.detection.strips import STRIP
 
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
 GAIN = 1.0 / (HIGH - LOW)
@@ -228,7 +229,7 @@ def _walk_plain(flat, weights, width, height, x, y, radius, walk, count, plan, o
     """As `walk_to_dot`, in lanes: x, y, and whether the plan still lies within the image."""
     for _ in range(walk):
         here_x, here_y = math.floor(x + 0.5), math.floor(y + 0.5)
-        if not _is_inside(here_x, here_y, count[plan, 4], width, height):
+        if not _is_inside(here_x, here_y, count[plan, FARTHEST], width, height):
             return x, y, False
         base = (here_y * width + here_x) * weights.shape[0]
         lanes.gather(flat, weights, base, offset, WALK, sample)
@@ -253,12 +254,12 @@ def _measure_plain(
     noise,
     count,
     plan,
+    mask,
     offset,
     sample,
     shape,
-    pixel,
-    raw,
     grey,
+    work,
     light,
     sums,
     out,
@@ -266,10 +267,10 @@ def _measure_plain(
 ):
     """A plain dot in lanes. Returns 1; 0 where there is none; -1 where the dot is not plain."""
     reach = 1.35 * radius + 1.2
-    total = np.int64(count[plan, BLOCKS]) * count[plan, 5]
+    half, strips = np.int64(count[plan, HALF]), np.int64(count[plan, STRIPS])
     for attempt in range(3):
         here_x, here_y = math.floor(x + 0.5), math.floor(y + 0.5)
-        if not _is_inside(here_x, here_y, count[plan, 4], width, height):
+        if not _is_inside(here_x, here_y, count[plan, FARTHEST], width, height):
             return -1
         base = (here_y * width + here_x) * weights.shape[0]
         lanes.gather(flat, weights, base, offset, RING, sample)
@@ -278,12 +279,17 @@ def _measure_plain(
         found = planes.fit_light(sample, shape, count[plan, CORE], radius, part_x, part_y, noise, light)
         if found < 1:
             return found
+        first = base - (half * width + half) * weights.shape[0]
         if weights.shape[0] == 1:
-            lanes.copy_blocks(flat, base, offset, count[plan, BLOCKS], count[plan, 5], raw)
-            is_dot = lanes.moments(pixel, raw, weights[0], total, light, LOW, GAIN, sums)
+            is_dot = lanes.moments(
+                flat, weights[0], first, width, half, strips, mask[plan], light, LOW, GAIN, work[0], work[1], sums
+            )
         else:
-            lanes.weigh_blocks(flat, weights, base, offset, count[plan, BLOCKS], count[plan, 5], grey)
-            is_dot = lanes.moments(pixel, grey, 1.0, total, light, LOW, GAIN, sums)
+            columns = STRIP * strips
+            lanes.weigh_window(flat, weights, first, width, columns, 2 * half + 1, grey)
+            is_dot = lanes.moments(
+                grey, 1.0, 0, columns, half, strips, mask[plan], light, LOW, GAIN, work[0], work[1], sums
+            )
         if not is_dot:
             return 0
         dx, dy = sums[1] / sums[0], sums[2] / sums[0]
@@ -311,10 +317,10 @@ def _fetch(flat, channels, width, x, y, reach):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def measure_dots(image, weights, near, radius, index, place, count, noise, walk, out):
+def measure_dots(image, weights, near, radius, index, place, mask, count, noise, walk, out):
     """Rows of `out`: x, y, cxx, cxy, cyy, area, contrast, edge width, cut share; NaN without a dot.
 
-    `index`, `place` and `count` are what `lanes.plans_of` gives for the radii.
+    `index`, `place`, `mask` and `count` are what `plans.plans_of` gives for the radii.
     """
     flat, channels = image.reshape(-1), weights.shape[0]
     height, width = image.shape[0], image.shape[1] // channels
@@ -327,22 +333,21 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
     stack, buffer = np.empty(side * side, dtype=np.int64), np.empty(side * side, dtype=np.float32)
     offset = np.empty(place.shape[2], dtype=np.int64)
     sample = np.empty(3 * ROWS, dtype=np.float32)
-    pixels = (place.shape[2] - 3 * LANES) * WIDE
-    pixel, grey = np.empty((3, pixels), dtype=np.float32), np.empty(pixels, dtype=np.float32)
-    raw = np.empty(pixels, dtype=flat.dtype)
+    grey = np.empty(STRIP * mask.shape[1] if channels > 1 else 0, dtype=np.float32)
+    work = np.empty((2, 8), dtype=np.float32)
     shape, light, sums = np.empty((2, 7)), np.empty(9), np.empty(9)
     plan, planned = -1, 0.0
     for i in range(near.shape[0]):
         if i + AHEAD < near.shape[0]:
             soon = i + AHEAD
-            _fetch(flat, channels, width, near[soon, 0], near[soon, 1], count[index[soon], 4])
+            _fetch(flat, channels, width, near[soon, 0], near[soon, 1], count[index[soon], FARTHEST])
         out[i] = np.nan
         x, y = near[i, 0], near[i, 1]
         if not (x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5):
             continue
         if index[i] != plan:
             plan = index[i]
-            take_plan(radius[i], place[plan], count[plan], width, channels, offset, sample, shape, pixel)
+            take_plan(place[plan], count[plan], width, channels, offset, sample, shape)
         x, y, is_plain = _walk_plain(
             flat, weights, width, height, x, y, radius[i], walk, count, plan, offset, sample
         )
@@ -350,7 +355,7 @@ def measure_dots(image, weights, near, radius, index, place, count, noise, walk,
         if is_plain:
             found = _measure_plain(
                 flat, weights, width, height, x, y, radius[i], noise,
-                count, plan, offset, sample, shape, pixel, raw, grey, light, sums, out, i,
+                count, plan, mask, offset, sample, shape, grey, work, light, sums, out, i,
             )  # fmt: skip
         if found == -1:
             if radius[i] != planned:

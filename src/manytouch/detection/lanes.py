@@ -11,8 +11,9 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from manytouch.detection.compilation import FAST, LEAF, copy_16
-from manytouch.detection.plans import ALL, BLOCKS, DX, DY, LANES, ROWS, USED, VALUE, WALK
+from manytouch.detection.compilation import FAST, LEAF
+from manytouch.detection.plans import ALL, DX, DY, LANES, ROWS, USED, VALUE, WALK
+from manytouch.detection.strips import BRIGHT, EDGE, GROUND, LEFT, R1, R2, RX, S0, START, SX, SXX, strip_sums
 
 
 @njit(**LEAF, fastmath=FAST)
@@ -33,28 +34,15 @@ def gather(flat, weights, base, offset, part, sample):
             sample[to + k] = grey + np.float32(flat[at + np.uint64(2)]) * red
 
 
-@njit(**LEAF)
-@no_type_check
-def copy_blocks(flat, base, offset, count, length, raw):
-    """Blocks of pixels in a row, as they are, one after the other."""
-    to = np.uint64(0)
-    for b in range(np.uint64(count)):
-        at = np.uint64(base + offset[np.uint64(BLOCKS * LANES) + b])
-        for _ in range(np.uint64(length // 16)):
-            copy_16(flat, at, raw, to)
-            at += np.uint64(16)
-            to += np.uint64(16)
-
-
 @njit(**LEAF, fastmath=FAST)
 @no_type_check
-def weigh_blocks(flat, weights, base, offset, count, length, grey):
-    """Signed grey levels of blocks of coloured pixels in a row."""
+def weigh_window(flat, weights, first, width, columns, rows, grey):
+    """Signed grey levels of a window of coloured pixels, row by row."""
     three, one, two = np.uint64(3), np.uint64(1), np.uint64(2)
     blue, green, red = weights[0], weights[1], weights[2]
-    for b in range(np.uint64(count)):
-        at, to = np.uint64(base + offset[np.uint64(BLOCKS * LANES) + b]), b * np.uint64(length)
-        for k in range(np.uint64(length)):
+    for row in range(rows):
+        at, to = np.uint64(first + 3 * width * row), np.uint64(columns * row)
+        for k in range(np.uint64(columns)):
             i = at + three * k
             value = np.float32(flat[i]) * blue + np.float32(flat[i + one]) * green
             grey[to + k] = value + np.float32(flat[i + two]) * red
@@ -94,41 +82,39 @@ def pull(sample):
 
 @njit(**LEAF, fastmath=FAST)
 @no_type_check
-def moments(pixel, value, scale, count, light, low, gain, sums):
+def moments(flat, scale, first, width, half, strips, mask, light, low, gain, planes, part, sums):
     """As `kernels._moments`, about the middle pixel, with the share of dot computed on the way.
 
-    `value` (times `scale`) are signed grey levels; `pixel` = x, y, inside.
+    Args:
+        flat: pixels; `scale` times them are signed grey levels.
+        first, width: the window's first pixel, and how far its rows are apart.
+        half: the window's rows and columns begin so far from the middle one.
+        strips, mask: of the plan.
+        light: of `planes.fit_light`.
+        planes, part: scratch for `strip_sums`.
     """
-    f = np.float32
-    below, slope_x, slope_y = f(light[0]), f(light[1]), f(light[2])
     # w = gain (value - ground) / height - gain low; 1 / height to first order in the slopes of the dot, since
     # what comes next is the same on both sides
-    inverse, start, scale = f(gain / light[3]), f(gain * low), f(scale)
-    fall_x, fall_y = f(light[4] / light[3]) * inverse, f(light[5] / light[3]) * inverse
-    zero, one = f(0.0), f(1.0)
-    s0 = sx = sy = sxx = sxy = syy = edges = f(0.0)
-    for i in range(np.uint64(count)):
-        x, y = pixel[0, i], pixel[1, i]
-        brightness = inverse - fall_x * x - fall_y * y
-        weight = (f(value[i]) * scale - (below + slope_x * x + slope_y * y)) * brightness - start
-        weight = zero if zero > weight else weight
-        weight = one if one < weight else weight
-        weight *= pixel[2, i]
-        edges += one if zero < weight < one else zero
-        wx, wy = weight * x, weight * y
-        s0 += weight
-        sx += wx
-        sy += wy
-        sxx += wx * x
-        sxy += wx * y
-        syy += wy * y
-    if s0 <= zero:
+    inverse = gain / light[3]
+    fall_x, fall_y = light[4] / light[3] * inverse, light[5] / light[3] * inverse
+    planes[GROUND] = (light[0] - half * (light[1] + light[2])) / scale
+    planes[GROUND + 1], planes[GROUND + 2] = light[1] / scale, light[2] / scale
+    planes[BRIGHT] = (inverse + half * (fall_x + fall_y)) * scale
+    planes[BRIGHT + 1], planes[BRIGHT + 2] = -fall_x * scale, -fall_y * scale
+    planes[START], planes[LEFT] = gain * low, -half
+    strip_sums(flat, first, width, strips, 2 * half + 1, mask, planes, part)
+    s0, sx, sxx = float(part[S0]), float(part[SX]), float(part[SXX])
+    if s0 <= 0.0:
         return False
+    # rows were counted from below: y = under - u
+    under, u, uu = half + 1.0, float(part[R1]), 2.0 * part[R2] - part[R1]
+    sy, sxy, syy = under * s0 - u, under * sx - part[RX], under * (under * s0 - 2.0 * u) + uu
     # the edge of an ellipse has twice the second moments, per pixel, of its area
-    cx, cy = float(sx) / s0, float(sy) / s0
+    edges, each = float(part[EDGE]), 1.0 / s0
+    cx, cy = sx * each, sy * each
     twice = 2.0 * edges
     sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = s0, sx, sy, edges, edges * cx, edges * cy
-    sums[6] = twice * (sxx / s0 - cx * cx) + edges * cx * cx
-    sums[7] = twice * (sxy / s0 - cx * cy) + edges * cx * cy
-    sums[8] = twice * (syy / s0 - cy * cy) + edges * cy * cy
+    sums[6] = twice * (sxx * each - cx * cx) + edges * cx * cx
+    sums[7] = twice * (sxy * each - cx * cy) + edges * cx * cy
+    sums[8] = twice * (syy * each - cy * cy) + edges * cy * cy
     return True

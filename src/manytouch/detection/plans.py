@@ -1,26 +1,27 @@
 """Which pixels are looked at around a dot of a given radius, so that loops over them run in vector lanes.
 
 In whole pixels from the middle one: 64 of the ground around the dot, 64 of its core, 64 to walk by, and
-blocks of 16 or 32 in a row that cover dot and edge. Similar radii share a plan.
+a window of strips, 16 columns wide, that covers dot and edge. Similar radii share a plan.
 """
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import no_type_check
 
 import numpy as np
 from numba import njit
 
 from manytouch.detection.light import PLANE_RADIUS
+from manytouch.detection.strips import STRIP
 from manytouch.values.arrays import Scalars
 
 LANES = 64  # of each sample
-NARROW, WIDE = 16, 32  # lengths of blocks
 STEP = 1.03  # between the radii that have a plan of their own
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
-RING, CORE, WALK, BLOCKS = 0, 1, 2, 3
+RING, CORE, WALK = 0, 1, 2
+FARTHEST, HALF, STRIPS = 3, 4, 5  # places in `count`
 # rows of `sample`, LANES long, of ring, core and walk: where a pixel lies, its value, and 1 if it counts
 DX, DY, VALUE, USED = np.uint64(0), np.uint64(LANES), np.uint64(2 * LANES), np.uint64(3 * LANES)
 ROWS = 4 * LANES
@@ -33,18 +34,20 @@ class Plans:
 
     Attributes:
         index: (n,) row of the plan of each radius.
-        place: (p, 2, k) x and y: ring, core, walk (64 each), then the blocks' first pixels.
-        count: (p, 6) number in ring, core, walk and blocks (padded to whole sets of 64 pixels), the farthest
-            place, and the blocks' length.
+        place: (p, 2, 192) x and y: ring, core, walk.
+        mask: (p, k) bits of the window's pixels that count: strip after strip, row after row.
+        count: (p, 6) number in ring, core and walk, the farthest place, the window's first row and column
+            (less than the middle one), and the number of its strips.
     """
 
     index: np.ndarray
     place: np.ndarray
+    mask: np.ndarray
     count: np.ndarray
 
     def at(self, chosen: np.ndarray) -> "Plans":
         """Those of some of the radii."""
-        return Plans(index=self.index[chosen], place=self.place, count=self.count)
+        return replace(self, index=self.index[chosen])
 
 
 def plans_of(radius_px: Scalars) -> Plans:
@@ -52,17 +55,26 @@ def plans_of(radius_px: Scalars) -> Plans:
     step = np.rint(np.log(np.maximum(radius_px, 0.3)) / np.log(STEP)).astype(np.int64)
     steps, index = np.unique(step, return_inverse=True)
     radii = STEP ** steps.astype(np.float64)
-    most = 1 if len(radii) == 0 else _most_blocks(float(radii[-1]))
-    place = np.zeros((len(radii), 2, 3 * LANES + most), dtype=np.int32)
+    largest = float(radii[-1]) if len(radii) else 1.0
+    place = np.zeros((len(radii), 2, 3 * LANES), dtype=np.int32)
+    mask = np.zeros((len(radii), _strips(largest) * (2 * _half(largest) + 1)), dtype=np.uint16)
     count = np.zeros((len(radii), 6), dtype=np.int32)
     for row, radius in enumerate(radii):
-        _plan(radius, place[row], count[row])
-    return Plans(index=index.astype(np.int32), place=place, count=count)
+        _plan(radius, place[row], mask[row], count[row])
+    return Plans(index=index.astype(np.int32), place=place, mask=mask, count=count)
 
 
-def _most_blocks(radius: float) -> int:
-    side = 2 * int(1.35 * radius + 2.2) + 1
-    return side * (side // NARROW + 1) + LANES // NARROW
+@njit(cache=True, nogil=True)
+@no_type_check
+def _half(radius):
+    """Rows above the middle one, and columns before it."""
+    return int(1.35 * radius + 1.5)
+
+
+@njit(cache=True, nogil=True)
+@no_type_check
+def _strips(radius):
+    return (2 * _half(radius) + STRIP) // STRIP
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -92,7 +104,7 @@ def _spread(inner, outer, place, first):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def _plan(radius, place, count):
+def _plan(radius, place, mask, count):
     """One row of `plans_of`."""
     count[RING] = _spread(1.3 * radius + 1.0, 1.75 * radius + 1.5, place, RING * LANES)
     if radius >= PLANE_RADIUS:
@@ -108,26 +120,20 @@ def _plan(radius, place, count):
                         number += 1
         count[CORE] = number
     count[WALK] = _spread(0.0, 1.4 * radius + 0.7, place, WALK * LANES)
-    reach = 1.35 * radius + 1.9
-    number, first = 0, BLOCKS * LANES
-    height = int(reach)
-    length = WIDE if NARROW < 2 * height + 1 <= WIDE else NARROW
-    for v in range(-height, height + 1):
-        half = int(math.sqrt(reach * reach - v * v))
-        for u in range(-half, half + 1, length):
-            place[0, first + number], place[1, first + number] = u, v
-            number += 1
-    while number % (LANES // length) != 0:
-        place[0, first + number], place[1, first + number] = 0, height + 1
-        number += 1
-    count[BLOCKS] = number
-    count[4], count[5] = max(int(1.75 * radius + 2.5), height + 2), length
+    reach, half = 1.35 * radius + 1.5, _half(radius)
+    count[HALF], count[STRIPS] = half, _strips(radius)
+    count[FARTHEST] = max(int(1.75 * radius + 2.5), half + 2)
+    for v in range(-half, half + 1):
+        for u in range(-half, half + 1):
+            if u * u + v * v <= reach * reach:
+                strip, lane = (u + half) // STRIP, (u + half) % STRIP
+                mask[strip * (2 * half + 1) + v + half] |= np.uint16(1 << lane)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def take_plan(radius, place, count, width, channels, offset, sample, shape, pixel):
-    """Offsets of a plan's pixels in the flat image, where they lie: `sample` and `pixel` = x, y, inside.
+def take_plan(place, count, width, channels, offset, sample, shape):
+    """Offsets of a plan's pixels in the flat image, and where they lie: rows of `sample`.
 
     `shape` of ring and of core = number, mean x, mean y, sum of squares about the mean, and the inverse of
     the matrix of these sums, xx, xy, yy (0 where there are too few for a plane).
@@ -154,11 +160,3 @@ def take_plan(radius, place, count, width, channels, offset, sample, shape, pixe
                 -xy / determinant,
                 xx / determinant,
             )
-    reach = 1.35 * radius + 1.5
-    for b in range(count[BLOCKS]):
-        u, v = place[0, BLOCKS * LANES + b], place[1, BLOCKS * LANES + b]
-        offset[BLOCKS * LANES + b] = (np.int64(v) * width + u) * channels
-        for k in range(count[5]):
-            i = b * count[5] + k
-            pixel[0, i], pixel[1, i] = u + k, v
-            pixel[2, i] = 1.0 if (u + k) ** 2 + v * v <= reach * reach else 0.0

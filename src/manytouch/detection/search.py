@@ -8,16 +8,15 @@ from jaxtyping import Float64
 from manytouch.detection.appearance import Appearance, appearance_of, radius_in_image
 from manytouch.detection.candidates import Workshop, candidates, workshop
 from manytouch.detection.centroid import measured_rows
-from manytouch.detection.condition import First, condition, first_of, middle_of
+from manytouch.detection.condition import First, condition, first_of
 from manytouch.detection.noise import noise_of
 from manytouch.detection.plans import Plans, plans_of
-from manytouch.detection.selection import pick, plausible, without_doubles
+from manytouch.detection.selection import select, typical_contrast, without_doubles
 from manytouch.values import Detections, Frame, Sensor
 from manytouch.values.arrays import Points2, Scalars
 
 SCALE_STEP = 1.5  # between the radii that are searched for when sizes differ
 WALK = 3
-DOUBLE = 0.8  # of the radius: nearer ones are one dot
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -103,14 +102,45 @@ class DotSearch:
             rows, radius_px = self._everywhere(state, image, weights, noise)
         else:
             rows, radius_px = _windows(state, image, weights, noise, expected_px - corner)
-        keep = np.empty(len(rows), dtype=np.bool_)
-        least = self.least_share * typical_contrast(rows[:, 6], state.markers)
-        number = plausible(rows, radius_px, least, self.least_snr * 3.0 * noise, DOUBLE, keep)
-        found, edge_px = _picked(rows, keep, int(number), corner)
+        found, edge_px = self._selected(rows, radius_px, state.markers, noise, corner)
         status = condition(state.first, frame.image, found, edge_px, level=level, markers=state.markers)
-        if state.first is None and status == "ok" and number >= min(6, state.markers):
+        if state.first is None and status == "ok" and len(edge_px) >= min(6, state.markers):
             state = replace(state, first=first_of(frame.image, found, edge_px))
         return state, found if status == "ok" else replace(found, status=status)
+
+    def _selected(
+        self,
+        rows: Float64[np.ndarray, "n 9"],
+        radius_px: Scalars,
+        markers: int,
+        noise: float,
+        corner: Float64[np.ndarray, "2"],
+    ) -> tuple[Detections, Float64[np.ndarray, " k"]]:
+        """The dots in whole-image coordinates, and the widths of their edges."""
+        most = len(rows)
+        centre, covariance = np.empty((most, 2)), np.empty((most, 2, 2))
+        area, contrast, edge = np.empty(most), np.empty(most), np.empty(most)
+        number = select(
+            rows,
+            radius_px,
+            markers,
+            self.least_share,
+            self.least_snr * 3.0 * noise,
+            corner[0],
+            corner[1],
+            centre,
+            covariance,
+            area,
+            contrast,
+            edge,
+        )
+        found = Detections(
+            centre_px=centre[:number],
+            covariance_px2=covariance[:number],
+            area_px2=area[:number],
+            contrast=contrast[:number],
+        )
+        return found, edge[:number]
 
     def _everywhere(
         self, state: Searching, image: np.ndarray, weights: Float64[np.ndarray, " c"], noise: float
@@ -159,31 +189,6 @@ def _with_workshops(state: Searching, image: np.ndarray) -> Searching:
     return replace(state, workshops=tuple(workshop(image, float(radius)) for radius in state.scales_px))
 
 
-def _picked(
-    rows: Float64[np.ndarray, "n 9"], keep: np.ndarray, number: int, corner: Float64[np.ndarray, "2"]
-) -> tuple[Detections, Float64[np.ndarray, " k"]]:
-    """The kept dots in whole-image coordinates, and the widths of their edges."""
-    found = Detections(
-        centre_px=np.empty((number, 2)),
-        covariance_px2=np.empty((number, 2, 2)),
-        area_px2=np.empty(number),
-        contrast=np.empty(number),
-    )
-    edge_px = np.empty(number)
-    pick(
-        rows,
-        keep,
-        corner[0],
-        corner[1],
-        found.centre_px,
-        found.covariance_px2,
-        found.area_px2,
-        found.contrast,
-        edge_px,
-    )
-    return found, edge_px
-
-
 def scales(appearance: Appearance) -> Float64[np.ndarray, " s"]:
     """Radii to search for."""
     if not appearance.is_irregular:
@@ -191,13 +196,6 @@ def scales(appearance: Appearance) -> Float64[np.ndarray, " s"]:
     ratio = appearance.radius_max_px / appearance.radius_min_px
     steps = int(np.ceil(np.log(ratio) / np.log(SCALE_STEP)))
     return np.geomspace(appearance.radius_min_px, appearance.radius_max_px, steps + 1)
-
-
-def typical_contrast(contrast: Scalars, markers: int) -> float:
-    """Median of the strongest ones, as many as there should be dots; NaN counts as no dot."""
-    ordered = np.sort(contrast)
-    ordered = ordered[: len(ordered) - int(np.isnan(ordered).sum())][-max(markers, 1) :]
-    return middle_of(ordered)
 
 
 def level_of(image: np.ndarray) -> float:

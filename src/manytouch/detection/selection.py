@@ -9,6 +9,8 @@ import numpy as np
 from numba import njit
 
 CELL = 4.0  # of the largest reach: most cells then hold one dot
+DOUBLE = 0.8  # of the radius: nearer ones are one dot
+LEVEL, LEVELS = 0.5, 1024  # grey levels to which contrasts are told apart, and how many of these steps
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -74,35 +76,58 @@ def without_doubles(place: np.ndarray, radius: np.ndarray, weight: np.ndarray, s
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def plausible(rows, radius, least_contrast, least_product, share, keep):
-    """Which rows of `kernels.measure_dots` are dots: contrast, size, and each only once. Returns how many."""
-    weight = np.empty(rows.shape[0])
-    for i in range(rows.shape[0]):
-        area, contrast, full = rows[i, 5], rows[i, 6], radius[i] * radius[i]
-        weight[i] = area * contrast
-        keep[i] = (
-            contrast > least_contrast
-            and contrast * math.sqrt(area) > least_product
-            and 0.06 * math.pi * full < area < 3.0 * math.pi * full
-            and rows[i, 8] < 0.6
-            and rows[i, 2] + rows[i, 4] < 0.5 * full
-        )
-    drop_doubles(rows, radius, weight, share, keep)
-    count = 0
-    for i in range(rows.shape[0]):
-        count += keep[i]
-    return count
+def typical_contrast(contrast, markers):
+    """Median of the strongest ones, as many as there should be dots; NaN counts as no dot. 0 of none."""
+    count = np.zeros(LEVELS, dtype=np.int32)
+    known = 0
+    for i in range(contrast.shape[0]):
+        if contrast[i] > 0.0:
+            count[min(LEVELS - 1, int(contrast[i] / LEVEL))] += 1
+            known += 1
+    stronger, level = 0, LEVELS
+    while 2 * stronger < min(known, max(markers, 1)):
+        level -= 1
+        stronger += count[level]
+    return (level + 0.5) * LEVEL if known else 0.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def pick(rows, keep, left, top, centre, covariance, area, contrast, edge):
-    """Columns of the kept rows, in whole-image coordinates."""
+def select(
+    rows, radius, markers, least_share, least_product, left, top, centre, covariance, area, contrast, edge
+):
+    """Copies those rows of `kernels.measure_dots` that are dots: by contrast and size, and each only once.
+
+    Args:
+        rows, radius: (k, 9), (k,) what was measured, and the radius that was expected.
+        markers: number of dots that there should be.
+        least_share, least_product: least contrast against typical ones, and times the root of the area.
+        left, top: of the image in the whole one.
+        centre, covariance, area, contrast, edge: written, in whole-image coordinates.
+
+    Returns:
+        how many.
+    """
+    number = rows.shape[0]
+    keep, weight = np.empty(number, dtype=np.bool_), np.empty(number)
+    least_contrast = least_share * typical_contrast(rows[:, 6], markers)
+    for i in range(number):
+        size, height, full = rows[i, 5], rows[i, 6], radius[i] * radius[i]
+        weight[i] = size * height
+        keep[i] = (
+            height > least_contrast
+            and height * math.sqrt(size) > least_product
+            and 0.06 * math.pi * full < size < 3.0 * math.pi * full
+            and rows[i, 8] < 0.6
+            and rows[i, 2] + rows[i, 4] < 0.5 * full
+        )
+    drop_doubles(rows, radius, weight, DOUBLE, keep)
     k = 0
-    for i in range(rows.shape[0]):
+    for i in range(number):
         if keep[i]:
             centre[k, 0], centre[k, 1] = rows[i, 0] + left, rows[i, 1] + top
             covariance[k, 0, 0], covariance[k, 1, 1] = rows[i, 2], rows[i, 4]
             covariance[k, 0, 1] = covariance[k, 1, 0] = rows[i, 3]
             area[k], contrast[k], edge[k] = rows[i, 5], rows[i, 6], rows[i, 7]
             k += 1
+    return k

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.interpolate import make_interp_spline
+from scipy.interpolate import BSpline, make_interp_spline
 from scipy.sparse import csr_array
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
@@ -60,26 +60,45 @@ class PointSampling:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Spline:
+    """A spline through k values at n places.
+
+    Attributes:
+        solve: (k, k) part of each value, first index, in each coefficient.
+        first: (n,) first coefficient that counts at each place.
+        tap: (n, 4 or fewer) weights of the coefficients from there on.
+        whole: (n, k) weights of the values.
+    """
+
+    solve: np.ndarray
+    first: np.ndarray
+    tap: np.ndarray
+    whole: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class GridSampling:
     """Samples on a grid, in map order (y, x).
 
     Attributes:
         x_mm, y_mm: (nx,), (ny,) the grid.
-        along_x, along_y: (nx, columns), (ny, rows) splines of a lattice; None for other layouts.
+        along_x, along_y: splines of a lattice; None for other layouts.
         order: (m,) marker at each place of the lattice, row by row; None for other layouts.
         points: the same for layouts that are no lattice, else None.
         is_inside: (ny, nx) points that are not too far outside the markers.
+        is_all_inside: are all of them?
         nearest: (ny, nx) marker next to each point.
         rest_mm: (m, 2) where the values are known.
     """
 
     x_mm: Scalars
     y_mm: Float64[np.ndarray, " ny"]
-    along_x: np.ndarray | None
-    along_y: np.ndarray | None
+    along_x: Spline | None
+    along_y: Spline | None
     order: np.ndarray | None
     points: PointSampling | None
     is_inside: np.ndarray
+    is_all_inside: bool
     nearest: np.ndarray
     rest_mm: Places
 
@@ -88,12 +107,12 @@ class GridSampling:
         if self.points is not None:
             return np.asarray(self.points(value).reshape(len(self.y_mm), len(self.x_mm)))
         if np.isfinite(value).all():
-            whole = self._product(value, 1)
-            if not self.is_inside.all():
+            whole = self._spread(value)
+            if not self.is_all_inside:
                 whole[~self.is_inside] = np.nan
             return whole
         is_known = np.isfinite(value)[self.nearest] & self.is_inside
-        return np.where(is_known, self._product(_filled(self.rest_mm, value), 1), np.nan)
+        return np.where(is_known, self._spread(_filled(self.rest_mm, value)), np.nan)
 
     def at(self, value: Values, row: np.ndarray, column: np.ndarray) -> Float64[np.ndarray, " k"]:
         """(k,) values at some points of the grid, the same as there on the whole map."""
@@ -103,27 +122,46 @@ class GridSampling:
         assert self.along_y is not None
         is_known = np.isfinite(value)[self.nearest[row, column]] & self.is_inside[row, column]
         lattice = self._lattice(_filled(self.rest_mm, value))
-        found = ((self.along_y[row] @ lattice) * self.along_x[column]).sum(axis=1)
+        found = ((self.along_y.whole[row] @ lattice) * self.along_x.whole[column]).sum(axis=1)
         return np.where(is_known, found, np.nan)
 
     def std(self, std: Values) -> Float64[np.ndarray, "ny nx"]:
         """(ny, nx) standard deviations of the samples when the markers' (m,) are independent."""
         if self.points is not None:
             return np.asarray(self.points.std(std).reshape(len(self.y_mm), len(self.x_mm)))
-        is_known = np.isfinite(std)[self.nearest] & self.is_inside
-        return np.where(is_known, np.sqrt(self._product(_filled(self.rest_mm, std**2), 2)), np.nan)
-
-    def _product(self, value: np.ndarray, power: int) -> np.ndarray:
         assert self.along_x is not None
         assert self.along_y is not None
-        return np.asarray(self.along_y**power @ self._lattice(value) @ (self.along_x**power).T)
+        is_known = np.isfinite(std)[self.nearest] & self.is_inside
+        squared = self._lattice(_filled(self.rest_mm, std**2))
+        variance = self.along_y.whole**2 @ squared @ (self.along_x.whole**2).T
+        return np.where(is_known, np.sqrt(variance), np.nan)
+
+    def _spread(self, value: np.ndarray) -> np.ndarray:
+        """Values everywhere on the grid, from those of all markers."""
+        from manytouch.geometry.sampling_kernels import spread_out
+
+        along_x, along_y = self.along_x, self.along_y
+        assert along_x is not None
+        assert along_y is not None
+        return np.asarray(
+            spread_out(
+                np.ascontiguousarray(value),
+                self.order,
+                along_y.solve,
+                along_x.solve,
+                along_y.first,
+                along_y.tap,
+                along_x.first,
+                along_x.tap,
+            )
+        )
 
     def _lattice(self, value: np.ndarray) -> np.ndarray:
         """(rows, columns) values of the markers."""
         assert self.along_x is not None
         assert self.along_y is not None
         assert self.order is not None
-        return np.asarray(value[self.order].reshape(self.along_y.shape[1], self.along_x.shape[1]))
+        return np.asarray(value[self.order].reshape(len(self.along_y.solve), len(self.along_x.solve)))
 
 
 def sampling_at(layout: Layout, point_mm: Points2) -> PointSampling:
@@ -132,7 +170,7 @@ def sampling_at(layout: Layout, point_mm: Points2) -> PointSampling:
     lattice = _lattice(layout)
     if lattice is not None:
         x_mm, y_mm, order = lattice
-        along_x, along_y = _spline(x_mm, point_mm[:, 0]), _spline(y_mm, point_mm[:, 1])
+        along_x, along_y = _spline(x_mm, point_mm[:, 0]).whole, _spline(y_mm, point_mm[:, 1]).whole
         weight = np.zeros((len(point_mm), len(rest_mm)))
         weight[:, order] = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(point_mm), -1)
         is_inside = _within(layout, x_mm, point_mm[:, 0], 0) & _within(layout, y_mm, point_mm[:, 1], 1)
@@ -168,18 +206,21 @@ def sampling_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"])
             order=None,
             points=points,
             is_inside=is_inside,
+            is_all_inside=bool(is_inside.all()),
             nearest=nearest,
             rest_mm=rest_mm,
         )
     column_mm, row_mm, order = lattice
+    is_inside = _within(layout, row_mm, y_mm, 1)[:, None] & _within(layout, column_mm, x_mm, 0)
     return GridSampling(
         x_mm=x_mm,
         y_mm=y_mm,
-        along_x=read_only(_spline(column_mm, x_mm)),
-        along_y=read_only(_spline(row_mm, y_mm)),
-        order=read_only(order),
+        along_x=_spline(column_mm, x_mm),
+        along_y=_spline(row_mm, y_mm),
+        order=order,
         points=None,
-        is_inside=_within(layout, row_mm, y_mm, 1)[:, None] & _within(layout, column_mm, x_mm, 0),
+        is_inside=is_inside,
+        is_all_inside=bool(is_inside.all()),
         nearest=nearest,
         rest_mm=rest_mm,
     )
@@ -200,11 +241,20 @@ def _lattice(layout: Layout) -> tuple[Scalars, Float64[np.ndarray, " rows"], np.
     return (x_mm, y_mm, order) if straight and rising else None
 
 
-def _spline(knot: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """(n, knots) cubic spline through values at the knots; beyond them its tangent goes on."""
-    spline = make_interp_spline(knot, np.eye(len(knot)), k=min(3, len(knot) - 1))
+def _spline(knot: np.ndarray, at: np.ndarray) -> Spline:
+    """Cubic spline through values at the knots; beyond them its tangent goes on."""
+    through = make_interp_spline(knot, np.eye(len(knot)), k=min(3, len(knot) - 1))
+    degree, solve = through.k, np.ascontiguousarray(through.c.T)
     held = np.clip(at, knot[0], knot[-1])
-    return np.asarray(spline(held) + (at - held)[:, None] * spline.derivative()(held))
+    basis = BSpline(through.t, np.eye(len(knot)), degree)
+    tap = np.asarray(basis(held) + (at - held)[:, None] * basis.derivative()(held))
+    first = np.clip(np.searchsorted(through.t, held, side="right") - 1, degree, len(knot) - 1) - degree
+    return Spline(
+        solve=solve,
+        first=first,
+        tap=np.take_along_axis(tap, first[:, None] + np.arange(degree + 1), axis=1),
+        whole=tap @ through.c,
+    )
 
 
 def _within(layout: Layout, knot: np.ndarray, at: np.ndarray, axis: int) -> np.ndarray:

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 
 from manytouch.detection import measure, noise_of
 from manytouch.detection.candidates import candidates, workshop
-from manytouch.detection.plans import BLOCKS, CORE, LANES, RING, plans_of
+from manytouch.detection.plans import CORE, HALF, LANES, RING, STEP, STRIPS, plans_of
 from manytouch.detection.selection import without_doubles
+from manytouch.detection.strips import STRIP
 from manytouch.simulation.render import Look, render_discs
 
 WIDTH, HEIGHT = 320, 200
@@ -102,12 +103,16 @@ def test_plans_look_where_they_say() -> None:
         assert (ring > radius + 0.5).all()
         core = np.hypot(*place[:, CORE * LANES : CORE * LANES + count[CORE]])
         assert (core < max(0.75 * radius, 1.9)).all()
-        x, y = place[:, BLOCKS * LANES : BLOCKS * LANES + count[BLOCKS]]
-        covered = {(u + k, v) for u, v in zip(x, y, strict=True) for k in range(count[5])}
-        reach = int(1.35 * radius + 1.0)
-        wanted = [(u, v) for u in range(-reach, reach + 1) for v in range(-reach, reach + 1)]
-        assert {(u, v) for u, v in wanted if np.hypot(u, v) <= reach} <= covered
-        assert count[BLOCKS] * count[5] % LANES == 0
+        half, strips = count[HALF], count[STRIPS]
+        rows = plans.mask[row][: strips * (2 * half + 1)].reshape(strips, 2 * half + 1).T
+        counts = np.hstack([rows[:, [s]] >> np.arange(STRIP) & 1 for s in range(strips)])[:, : 2 * half + 1]
+        u, v = np.meshgrid(np.arange(-half, half + 1), np.arange(-half, half + 1))
+        np.testing.assert_array_equal(counts, np.hypot(u, v) <= 1.35 * plans_radius(radius) + 1.5)
+        assert counts.sum() == sum(int(bits).bit_count() for bits in plans.mask[row])
+
+
+def plans_radius(radius_px: float) -> float:
+    return STEP ** np.rint(np.log(radius_px) / np.log(STEP))
 
 
 @pytest.mark.parametrize("colours", [1, 3])
