@@ -282,7 +282,19 @@ def _measure_plain(
         first = base - (half * width + half) * weights.shape[0]
         if weights.shape[0] == 1:
             is_dot = lanes.moments(
-                flat, weights[0], first, width, half, strips, mask[plan], light, LOW, GAIN, work[0], work[1], sums
+                flat,
+                weights[0],
+                first,
+                width,
+                half,
+                strips,
+                mask[plan],
+                light,
+                LOW,
+                GAIN,
+                work[0],
+                work[1],
+                sums,
             )
         else:
             columns = STRIP * strips

@@ -99,9 +99,7 @@ def strip_sums(typing, flat, first, width, strips, rows, mask, planes, sums):
                 some = builder.and_(counts, builder.fcmp_ordered(">", weight, _number(0.0)))
                 weight = builder.select(some, weight, _number(0.0))
                 part = builder.and_(some, builder.fcmp_ordered("<", weight, _number(1.0)))
-                weight = builder.select(
-                    builder.fcmp_ordered("<", weight, _number(1.0)), weight, _number(1.0)
-                )
+                weight = builder.select(builder.fcmp_ordered("<", weight, _number(1.0)), weight, _number(1.0))
                 edge = builder.select(part, _number(1.0), _number(0.0))
                 added = weight
                 for each in run[:3]:

@@ -11,7 +11,7 @@ import numpy as np
 
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import project
-from manytouch.tracking.identity import SIGNS, Identified, Past, Scratch, identified, presence_of, slack
+from manytouch.tracking.identity import SIGNS, Dots, Identified, Past, Scratch, identified, presence_of, slack
 from manytouch.tracking.mesh import Mesh, mesh_of
 from manytouch.values import Detections, Layout, Sensor, TrackedGrid
 from manytouch.values.arrays import Counts, Points2, read_only
@@ -20,6 +20,8 @@ _WINDOW_LIMIT_PITCHES = 0.3
 _LEAST_LEARNT = 4  # frames: looks known from fewer are mostly noise
 _LEARNT, _LEARNT_OFTEN, _LEARNT_EACH = 0.05, 20, 4
 _WHOLE_RADII = 1.5
+
+Measured = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -140,19 +142,16 @@ class FollowGrid:
             look=state.look,
             unlike=state.unlike if state.learnt >= _LEAST_LEARNT else np.full(SIGNS, np.nan),
         )
-        appearance = np.empty((len(detections.centre_px), SIGNS))
-        appearance[:, 0], appearance[:, 1] = detections.area_px2, detections.contrast
-        answer = identified(
-            *(state.mesh, detections.centre_px, appearance, past),
-            noise_px=_noise_px(detections),
-            scratch=state.scratch,
+        dots = (
+            *(_owned(detections.centre_px), _owned(detections.covariance_px2)),
+            *(_owned(detections.area_px2), _owned(detections.contrast)),
         )
+        answer = identified(state.mesh, dots, past, state.scratch)
         if answer.found == 0:
-            after, is_seen = _blind(state, answer), np.zeros(state.mesh.markers, dtype=bool)
+            after, measured = _blind(state, answer), _nothing_measured(state.mesh.markers)
         else:
-            learnt = _learnt(state, appearance, answer, is_good=detections.status == "ok")
-            after, is_seen = _moved(state, detections.centre_px, answer, learnt)
-        return after, self._grid(after, detections, answer, is_seen)
+            after, measured = _moved(state, dots, answer, is_good=detections.status == "ok")
+        return after, self._grid(after, detections.status, answer, measured)
 
     def expected_px(self, state: Following) -> Points2 | None:
         """Places (m, 2) in the next frame, NaN for those known to be missing; None asks for all dots."""
@@ -160,56 +159,45 @@ class FollowGrid:
         is_fast = state.motion_pitches > self.window_motion_pitches
         if is_fast or state.seen < self.window_share * state.mesh.present:
             return None
-        return np.where(present[:, None], state.place_px + self.damping * state.velocity_px, np.nan)
+        expected_px = state.place_px + self.damping * state.velocity_px
+        if state.mesh.present < state.mesh.markers:
+            expected_px[~present] = np.nan
+        return expected_px
 
     def is_lost(self, state: Following) -> bool:
         """Did the last frame show fewer markers than the one before, or move faster than windows follow?"""
         return state.lost
 
-    def _grid(
-        self,
-        after: Following,
-        detections: Detections,
-        answer: Identified,
-        is_seen: np.ndarray,
-    ) -> TrackedGrid:
-        from manytouch.tracking.registration import place_dots
-
-        markers = after.mesh.markers
-        position, covariance = np.empty((markers, 2)), np.empty((markers, 2, 2))
-        area = np.empty(markers)
-        place_dots(
-            answer.owner,
-            is_seen,
-            np.array(detections.centre_px),
-            np.array(detections.covariance_px2),
-            np.array(detections.area_px2),
-            position,
-            covariance,
-            area,
-        )
-        seen = int(is_seen.sum())
-        status = detections.status
+    def _grid(self, after: Following, status: str, answer: Identified, measured: Measured) -> TrackedGrid:
+        position, covariance, area, is_seen = (read_only(each) for each in measured)
+        seen = after.seen if answer.found else 0
         if status == "ok" and (answer.is_slipping or (seen and after.is_open)):
             status = "ambiguous_shift"
         if status == "ok" and seen < self.least_share * after.mesh.present:
             status = "few_markers"
         return TrackedGrid(
-            position_px=read_only(position),
-            covariance_px2=read_only(covariance),
-            is_seen=read_only(is_seen),
+            position_px=position,
+            covariance_px2=covariance,
+            is_seen=is_seen,
             frames_unseen=after.frames_unseen,
-            area_px2=read_only(area),
+            area_px2=area,
             status=status,
         )
 
 
-def _noise_px(detections: Detections) -> float:
-    """Usual standard deviation of a centre."""
-    if len(detections.centre_px) == 0:
-        return 0.0
-    mean_px2 = float(detections.covariance_px2[:, 0, 0].mean())
-    return float(np.sqrt(mean_px2)) if 0.0 < mean_px2 < np.inf else 0.0
+def _owned(array: np.ndarray) -> np.ndarray:
+    """The array, or a copy: the kernels meet one type only, and are compiled once."""
+    flags = array.flags
+    return array if flags.writeable and flags.c_contiguous else np.array(array)
+
+
+def _nothing_measured(markers: int) -> Measured:
+    return (
+        np.full((markers, 2), np.nan),
+        np.full((markers, 2, 2), np.nan),
+        np.full(markers, np.nan),
+        np.zeros(markers, dtype=bool),
+    )
 
 
 def _blind(state: Following, answer: Identified) -> Following:
@@ -225,66 +213,55 @@ def _blind(state: Following, answer: Identified) -> Following:
     )
 
 
-def _learnt(
-    state: Following, appearance: np.ndarray, answer: Identified, *, is_good: bool
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """Looks, how unlike them dots usually are, and number of frames, with this one where it teaches."""
-    from manytouch.tracking.looks import learn
-
-    if not is_good or answer.is_open or (state.learnt > _LEARNT_OFTEN and state.learnt % _LEARNT_EACH):
-        return state.look, state.unlike, state.learnt + int(is_good)
-    look, unlike = np.empty_like(state.look), np.empty_like(state.unlike)
-    learn(
-        answer.owner,
-        appearance,
-        state.mesh.net,
-        state.look,
-        state.unlike,
-        answer.unlike,
-        max(_LEARNT, 1.0 / (state.learnt + 1)),
-        look,
-        unlike,
-    )
-    return read_only(look), read_only(unlike), state.learnt + 1
-
-
-def _moved(
-    state: Following, centre_px: Points2, answer: Identified, learnt: tuple[np.ndarray, np.ndarray, int]
-) -> tuple[Following, np.ndarray]:
-    """The state after a frame that showed markers, and which were seen."""
-    from manytouch.tracking.registration import settle
+def _moved(state: Following, dots: Dots, answer: Identified, *, is_good: bool) -> tuple[Following, Measured]:
+    """The state after a frame that showed markers, and what it showed of them."""
+    from manytouch.tracking.registration import keep
 
     mesh = state.mesh
-    place, velocity = np.empty_like(state.place_px), np.empty_like(state.place_px)
-    unseen, presence = np.empty_like(state.frames_unseen), np.empty_like(state.presence)
-    is_seen = np.empty(mesh.markers, dtype=bool)
-    arrays = state.scratch.for_dots(len(centre_px))
-    motion = settle(
-        np.array(centre_px, dtype=np.float64),
+    markers = mesh.markers
+    is_pause = state.learnt > _LEARNT_OFTEN and state.learnt % _LEARNT_EACH != 0
+    is_lesson = is_good and not answer.is_open and not is_pause
+    rate = max(_LEARNT, 1.0 / (state.learnt + 1)) if is_lesson else 0.0
+    look, unlike = np.empty_like(state.look), np.empty_like(state.unlike)
+    after = (
+        np.empty((markers, 2)),
+        np.empty((markers, 2)),
+        np.empty_like(state.frames_unseen),
+        np.empty_like(state.presence),
+    )
+    measured = (
+        np.empty((markers, 2)),
+        np.empty((markers, 2, 2)),
+        np.empty(markers),
+        np.empty(markers, dtype=bool),
+    )
+    motion, seen = keep(
+        dots,
         answer.owner,
-        mesh.markers,
         (state.place_px, state.frames_unseen, state.presence),
         mesh.net,
         mesh.bounds_px,
-        arrays[6:10],
-        (arrays[10], place, velocity, unseen, presence, is_seen),
+        state.scratch.for_dots(len(dots[0])),
+        rate,
+        (state.look, state.unlike, answer.unlike, look, unlike),
+        after,
+        measured,
     )
-    seen = int(is_seen.sum())
-    after = Following(
+    place, velocity, unseen, presence = (read_only(each) for each in after)
+    return Following(
         mesh=mesh,
         scratch=state.scratch,
-        place_px=read_only(place),
-        velocity_px=read_only(velocity),
-        frames_unseen=read_only(unseen),
-        presence=read_only(presence),
+        place_px=place,
+        velocity_px=velocity,
+        frames_unseen=unseen,
+        presence=presence,
         seen=seen,
         roughness=answer.roughness,
-        motion_pitches=float(motion),
+        motion_pitches=motion,
         is_locked=True,
         is_open=answer.is_open,
-        look=learnt[0],
-        unlike=learnt[1],
-        learnt=learnt[2],
-        lost=bool(seen < state.seen - slack(mesh) or motion > _WINDOW_LIMIT_PITCHES),
-    )
-    return after, is_seen
+        look=read_only(look) if is_lesson else state.look,
+        unlike=read_only(unlike) if is_lesson else state.unlike,
+        learnt=state.learnt + int(is_good),
+        lost=seen < state.seen - slack(mesh) or motion > _WINDOW_LIMIT_PITCHES,
+    ), measured

@@ -8,7 +8,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from manytouch.tracking.bins import match, nearest_two
+from manytouch.tracking.bins import bin_dots, match, nearest_two
 from manytouch.tracking.growth import fill, grow, keep_largest
 from manytouch.tracking.looks import LOOKS, SIGNS, looks, stride, unlike
 from manytouch.tracking.slips import jumped, vote
@@ -51,14 +51,21 @@ def _alike(dot, guess, owner, spacing, start, adjacent_end, near, shift, is_odd)
         is_odd[k] = False
         if owner[k] < 0:
             continue
-        most = (_ALIKE * spacing[k]) ** 2
+        most, worst = (_ALIKE * spacing[k]) ** 2, 0.0
         known = same = 0
         for j in range(start[k], adjacent_end[k]):
             n = near[j]
             if n < markers and owner[n] >= 0:
                 known += 1
-                same += (shift[n, 0] - shift[k, 0]) ** 2 + (shift[n, 1] - shift[k, 1]) ** 2 < most
-        is_odd[k] = 2 * same < known or known == 0
+                x, y = shift[n, 0] - shift[k, 0], shift[n, 1] - shift[k, 1]
+                worst = max(worst, x * x + y * y)
+        # counting those that agree takes longer, and is seldom needed
+        if worst >= most:
+            for j in range(start[k], adjacent_end[k]):
+                n = near[j]
+                if n < markers and owner[n] >= 0:
+                    same += (shift[n, 0] - shift[k, 0]) ** 2 + (shift[n, 1] - shift[k, 1]) ** 2 < most
+        is_odd[k] = known == 0 or (worst >= most and 2 * same < known)
         odd += is_odd[k]
         good += not is_odd[k]
     return good, odd
@@ -284,22 +291,29 @@ def _unslipped(
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def identify(
-    dot, bins, cell_px, appearance, guess, past, net, extent, noise_px, owner, moved, scratch, level
-):
+def _noise_px(covariance):
+    """Usual standard deviation of a centre; 0 where it is not known."""
+    total = 0.0
+    for i in range(len(covariance)):
+        total += covariance[i, 0, 0]
+    mean = total / len(covariance)
+    return np.sqrt(mean) if 0.0 < mean < np.inf else 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
+def identify(dots, cell_px, guess, past, net, extent, owner, moved, scratch, level):
     """Fills `owner` (N,) and `moved` (N, 2) from a guess of the markers' places.
 
     Args:
-        dot: (n, 2) centres.
-        bins, cell_px: of `bin_dots`.
-        appearance: (n, 2) area and contrast.
+        dots: (n, 2) centres, (n, 2, 2) covariances, (n,) areas, (n,) contrasts.
+        cell_px: of `bin_dots`.
         guess: (m, 2) places to begin from, right for some part of the pattern up to a slip.
         past: places (m, 2) in the last good frame, frames unseen (m,), presence (N,), number seen then,
             roughness then, whether the frame before was good, whether a slip before it was left open, looks
             (m, 2), how unlike them the dots usually are (2,).
         net: of `Mesh`.
         extent: slips, triangles, bounds.
-        noise_px: standard deviation of a centre.
         level: (2,) written: how unlike the known looks the dots are.
 
     Returns:
@@ -312,6 +326,8 @@ def identify(
     last, unseen, is_next, look = past[0], past[1], past[5], past[7]
     nodes, markers = len(rest), len(guess)
     lists = (queue, later, is_waiting, tried)
+    dot, covariance, areas, contrasts = dots
+    appearance, noise_px, bins = (areas, contrasts), _noise_px(covariance), bin_dots(dot, cell_px)
     good, is_calm = _seeded(dot, bins, cell_px, guess, past, net, owner, moved, scratch)
     if good == 0:
         return 0, 0, 0, past[4]

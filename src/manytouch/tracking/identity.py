@@ -1,5 +1,6 @@
 """Which dot is which marker in one frame: from the last frame, from the layout at rest, or from nothing."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -8,7 +9,8 @@ from jaxtyping import Float64
 from manytouch.tracking.mesh import CLOSED, MISSING, OPEN, PRESENT, Mesh
 from manytouch.values.arrays import Counts, Points2, read_only
 
-Bins = tuple[float, float, int, int, np.ndarray, np.ndarray]
+Dots = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+"""Centres (n, 2) in any order, their covariances (n, 2, 2), areas (n,) and contrasts (n,)."""
 Markers2 = Float64[np.ndarray, "m 2"]
 
 _SLACK = 0.25
@@ -108,15 +110,7 @@ def _can_slip(mesh: Mesh) -> bool:
     return len(mesh.slip) > 1
 
 
-def identified(
-    mesh: Mesh,
-    centre_px: Points2,
-    appearance: np.ndarray,
-    past: Past,
-    *,
-    noise_px: float,
-    scratch: Scratch,
-) -> Identified:
+def identified(mesh: Mesh, dots: Dots, past: Past, scratch: Scratch) -> Identified:
     """Dots of the markers.
 
     The guess is tried first; where it explains few of the dots, the layout at rest is tried, and both moved
@@ -124,42 +118,33 @@ def identified(
 
     Args:
         mesh: of the layout.
-        centre_px: (n, 2) dots in any order.
-        appearance: (n, 2) their areas and contrasts.
+        dots: of the frame.
         past: what is known from before.
-        noise_px: standard deviation of a centre.
         scratch: of `mesh`.
     """
-    present = mesh.present
-    if len(centre_px) == 0 or present == 0:
+    present, number = mesh.present, len(dots[0])
+    if number == 0 or present == 0:
         return _nothing(mesh, past)
-    from manytouch.tracking.bins import bin_dots
+    best = _tried(mesh, dots, past.guess_px, past, scratch)
+    if not _is_enough(best, number, present):
+        for begin in _beginnings(mesh, dots[0], past):
+            answer = _tried(mesh, dots, begin, past, scratch)
+            if (answer.found, answer.explained) > (best.found, best.explained):
+                best = answer
+            if _is_enough(best, number, present):
+                break
+    return _believed(mesh, past, best, number, present)
+
+
+def _beginnings(mesh: Mesh, centre_px: Points2, past: Past) -> Iterator[np.ndarray]:
+    """Places (m, 2) to begin from when the guess was poor."""
     from manytouch.tracking.registration import shifts
 
-    dot = np.array(centre_px, dtype=np.float64)  # a copy: the kernels meet one type of array
-    bins = bin_dots(dot, mesh.usual_px)
-    first = _tried(
-        mesh, dot, bins, past.guess_px, past, appearance=appearance, noise_px=noise_px, scratch=scratch
-    )
-    if _is_enough(first, len(dot), present):
-        return _believed(mesh, past, first, len(dot), present)
-    best = first
     rest = np.array(mesh.rest_px[: mesh.markers])
-    begins = [rest]
+    yield rest
     for begin in (past.guess_px, rest):
-        begins += [
-            begin + shift
-            for shift in shifts(dot, bins, mesh.usual_px, begin, mesh.is_present, mesh.usual_px)[:3]
-        ]
-    for begin in begins:
-        answer = _tried(
-            mesh, dot, bins, begin, past, appearance=appearance, noise_px=noise_px, scratch=scratch
-        )
-        if (answer.found, answer.explained) > (best.found, best.explained):
-            best = answer
-        if _is_enough(best, len(dot), present):
-            break
-    return _believed(mesh, past, best, len(dot), present)
+        for shift in shifts(centre_px, mesh.usual_px, begin, mesh.is_present)[:3]:
+            yield begin + shift
 
 
 def _is_enough(answer: Identified, dots: int, present: int) -> bool:
@@ -187,27 +172,15 @@ def _nothing(mesh: Mesh, past: Past) -> Identified:
     )
 
 
-def _tried(
-    mesh: Mesh,
-    dot: Points2,
-    bins: Bins,
-    guess_px: np.ndarray,
-    past: Past,
-    *,
-    appearance: np.ndarray,
-    noise_px: float,
-    scratch: Scratch,
-) -> Identified:
+def _tried(mesh: Mesh, dots: Dots, guess_px: np.ndarray, past: Past, scratch: Scratch) -> Identified:
     from manytouch.tracking.identification import ASSUMED, TOLD, UNKNOWN, identify
 
     owner = np.empty(len(mesh.rest_px), dtype=np.int64)
     moved = np.empty((len(mesh.rest_px), 2))
     unlike = np.empty(SIGNS)
     verdict, found, explained, roughness = identify(
-        dot,
-        bins,
+        dots,
         mesh.usual_px,
-        appearance,
         guess_px,
         (
             *(past.place_px, past.frames_unseen, past.presence),
@@ -215,10 +188,9 @@ def _tried(
         ),
         mesh.net,
         (mesh.slip, mesh.triangle, mesh.bounds_px),
-        noise_px,
         owner,
         moved,
-        scratch.for_dots(len(dot)),
+        scratch.for_dots(len(dots[0])),
         unlike,
     )
     if verdict < 0:

@@ -34,6 +34,7 @@ def stride(nodes, samples):
 def looks(nodes, step, owner, appearance, net, now):
     """Writes, for every `step`-th node, area and contrast over the mean of the adjacent nodes', less 1."""
     _, _, _, start, adjacent_end, near, _, _, _, _ = net
+    areas, contrasts = appearance
     for k in range(0, nodes, step):
         now[k, 0] = now[k, 1] = np.nan
         if owner[k] < 0:
@@ -43,12 +44,12 @@ def looks(nodes, step, owner, appearance, net, now):
         for j in range(start[k], adjacent_end[k]):
             i = owner[near[j]]
             if i >= 0:
-                area += appearance[i, 0]
-                contrast += appearance[i, 1]
+                area += areas[i]
+                contrast += contrasts[i]
                 number += 1
         if number >= _LEAST_AROUND and area > 0.0 and contrast > 0.0:
-            now[k, 0] = appearance[owner[k], 0] * number / area - 1.0
-            now[k, 1] = appearance[owner[k], 1] * number / contrast - 1.0
+            now[k, 0] = areas[owner[k]] * number / area - 1.0
+            now[k, 1] = contrasts[owner[k]] * number / contrast - 1.0
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -114,12 +114,16 @@ def mesh_of(
         usual_px=usual_px,
         start=read_only(start),
         adjacent_end=read_only(adjacent_end),
-        near=read_only(near),
-        weight=read_only(weight),
-        blend=read_only(blend),
+        near=read_only(near.astype(np.int32)),
+        weight=read_only(weight.astype(np.float32)),
+        blend=read_only(blend.astype(np.float32)),
         is_blended=read_only(is_blended),
-        opposite=read_only(_moved_by(node_place, ((0, -1), (0, 1), (-1, 0), (1, 0))).T.copy()),
-        slip=read_only(_moved_by(node_place, ((0, 0), *_SLIPS) if len(ghost_px) else ((0, 0),))),
+        opposite=read_only(
+            _moved_by(node_place, ((0, -1), (0, 1), (-1, 0), (1, 0))).T.astype(np.int32, order="C")
+        ),
+        slip=read_only(
+            _moved_by(node_place, ((0, 0), *_SLIPS) if len(ghost_px) else ((0, 0),)).astype(np.int32)
+        ),
         triangle=read_only(_triangles(points, np.flatnonzero(kind == PRESENT))),
         bounds_px=read_only(bounds),
     )
@@ -160,7 +164,7 @@ def _lattice_of(
 def _moved_by(place: np.ndarray, steps: tuple[tuple[int, int], ...]) -> np.ndarray:
     """(s, N) index of the node at each node's place plus a step, -1 where there is none."""
     known = np.flatnonzero(place[:, 0] > np.iinfo(np.int64).min // 8)
-    moved = np.full((len(steps), len(place)), -1, dtype=np.int64)
+    moved = np.full((len(steps), len(place)), -1, dtype=np.int32)
     moved[[k for k, step in enumerate(steps) if step == (0, 0)]] = np.arange(len(place))
     if len(known) == 0:
         return moved

@@ -8,7 +8,9 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from manytouch.tracking.bins import bin_dots
 from manytouch.tracking.growth import fill
+from manytouch.tracking.looks import learn
 
 _BINS_PER_SPACING = 10
 _REACH_SPACINGS = 1.6
@@ -51,14 +53,14 @@ def _votes(dot, bins, cell_px, guess, present, bin_px, half):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def shifts(dot, bins, cell_px, guess, present, spacing_px):
+def shifts(dot, spacing_px, guess, present):
     """(p, 2) likely shifts of the whole view in px, p <= `PEAKS`, the one with the most votes first.
 
     A regular pattern answers at every whole pitch; which answer is right is for the caller to find out.
     """
     bin_px = spacing_px / _BINS_PER_SPACING
     half = int(_REACH_SPACINGS * _BINS_PER_SPACING)
-    count = _votes(dot, bins, cell_px, guess, present, bin_px, half)
+    count = _votes(dot, bin_dots(dot, spacing_px), spacing_px, guess, present, bin_px, half)
     size = 2 * half + 1
     smooth = np.zeros((size, size))
     for v in range(1, size - 1):
@@ -94,8 +96,40 @@ def shifts(dot, bins, cell_px, guess, present, spacing_px):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
+def keep(dots, owner, past, net, bounds, scratch, rate, learning, after, measured):
+    """Writes what is kept of a frame that showed markers, and what is told of it.
+
+    Args:
+        dots: centres (n, 2), their covariances (n, 2, 2), areas (n,) and contrasts (n,).
+        owner: (N,) dot of each node.
+        past: places (m, 2), frames unseen (m,), presence (N,).
+        net, bounds: of `Mesh`.
+        scratch: of `Scratch`.
+        rate: part of this frame's looks that is blended in; 0: nothing is learnt from it.
+        learning: looks before, how unlike them dots usually are and are now; written: the first two after.
+        after: written: places (m, 2), velocities (m, 2), frames unseen (m,), presence (N,).
+        measured: written: positions (m, 2), covariances (m, 2, 2), areas (m,), is_seen (m,).
+
+    Returns:
+        the motion of 95 % of the markers in spacings, and how many are seen.
+    """
+    centre, covariance, area, contrast = dots
+    place, velocity, frames, share = after
+    is_seen = measured[3]
+    lists, moved = (scratch[6], scratch[7], scratch[8], scratch[9]), scratch[10]
+    written = (moved, place, velocity, frames, share, is_seen)
+    motion, seen = settle(centre, owner, len(place), past, net, bounds, lists, written)
+    place_dots(owner, is_seen, centre, covariance, area, measured[0], measured[1], measured[2])
+    if rate > 0.0:
+        look, usual, level, look_after, usual_after = learning
+        learn(owner, (area, contrast), net, look, usual, level, rate, look_after, usual_after)
+    return motion, seen
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
 def settle(dot, owner, markers, past, net, bounds, lists, after):
-    """Writes what is kept of a frame that showed markers, and returns the motion of 95 % of them in spacings.
+    """Writes what is kept of a frame; returns the motion of 95 % of the markers in spacings, and how many.
 
     Args:
         dot: (n, 2) centres.
@@ -141,8 +175,8 @@ def settle(dot, owner, markers, past, net, bounds, lists, after):
     for b in range(_MOTION_BINS + 1):
         below += count[b]
         if below >= _MOST_MARKERS * seen:
-            return (b + 1) / _BINS_PER_MOTION
-    return np.inf
+            return (b + 1) / _BINS_PER_MOTION, seen
+    return np.inf, seen
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -134,7 +134,7 @@ def vote(owner, appearance, place, net, slip, presence, look, usual_look, last, 
 
     Args:
         owner: (N,) dot of each node.
-        appearance: (n, 2) area and contrast of the dots.
+        appearance: (n,) areas and (n,) contrasts of the dots.
         place: (N, 2) of all nodes in the image, also of those without a dot.
         presence: (N,) share of recent frames in which each node had a dot.
         look, usual_look: (m, 2) how the markers' dots look, (2,) how unlike that they usually are.
