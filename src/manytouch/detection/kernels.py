@@ -14,7 +14,7 @@ from numba import njit
 from manytouch.detection import lanes, planes
 from manytouch.detection.compilation import FAST, LEAF, prefetch
 from manytouch.detection.light import PLANE_RADIUS, SAMPLES, choose_offsets, fit_light, walk_to_dot
-from manytouch.detection.plans import CORE, FARTHEST, HALF, LANES, RING, ROWS, STRIPS, WALK, take_plan
+from manytouch.detection.plans import CORE, FARTHEST, HALF, RING, ROWS, STRIPS, WALK, take_plan
 from manytouch.detection.strips import STRIP
 
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel

@@ -10,6 +10,7 @@ first and second moments along y, without a multiplication.
 """
 
 # mypy: disable-error-code="no-untyped-def"
+# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 from typing import no_type_check
 

@@ -8,7 +8,7 @@ image but for the camera's tilt and scale. So a sheet that comes nearer by z as 
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64, Int32
 
 from manytouch.geometry.neighbours import Cells
 from manytouch.values.arrays import Covariances2, Covariances3, Points2, Points3, read_only
@@ -24,11 +24,12 @@ class PerimeterLaw:
         eye_mm: (2,) foot of the camera in that plane.
         distance_mm: d of equation 11.
         rest_perimeter_mm: (c,) a of equation 11.
+        cell_first: (m + 1,) where the cells at each marker begin in `cell`.
+        cell: (k,) these cells.
         first: (m + 1,) where the corners of the cells at each marker begin in `pair_corner`.
         pair_corner: (q,) these corners, the marker itself among them.
         entry_first: (q + 1,) where the cells of each pair of marker and corner begin in `entry`.
         entry: (p,) the corner's place in these cells: four times the cell, and which of its corners.
-        entry_share: (p,) weight of the cell in the marker's depth.
     """
 
     cells: Cells
@@ -36,16 +37,23 @@ class PerimeterLaw:
     eye_mm: Float64[np.ndarray, "2"]
     distance_mm: float
     rest_perimeter_mm: Float64[np.ndarray, " c"]
-    first: Int64[np.ndarray, " m1"]
-    pair_corner: Int64[np.ndarray, " q"]
-    entry_first: Int64[np.ndarray, " q1"]
-    entry: Int64[np.ndarray, " p"]
-    entry_share: Float64[np.ndarray, " p"]
+    cell_first: Int32[np.ndarray, " m1"]
+    cell: Int32[np.ndarray, " k"]
+    first: Int32[np.ndarray, " m1"]
+    pair_corner: Int32[np.ndarray, " q"]
+    entry_first: Int32[np.ndarray, " q1"]
+    entry: Int32[np.ndarray, " p"]
 
-    def __call__(
-        self, plane_mm: Points2, covariance_mm2: Covariances2
-    ) -> tuple[Points3, Covariances3, Float64[np.ndarray, " c"]]:
-        """Displacements (m, 3) of the markers, their covariances, and the depths of the cells.
+    @property
+    def lists(self) -> tuple[np.ndarray, ...]:
+        """What the kernels take."""
+        return (
+            *(self.cells.corner, self.rest_perimeter_mm, self.cell_first, self.cell),
+            *(self.first, self.pair_corner, self.entry_first, self.entry),
+        )
+
+    def __call__(self, plane_mm: Points2, covariance_mm2: Covariances2) -> tuple[Points3, Covariances3]:
+        """Displacements (m, 3) of the markers, and their covariances.
 
         Args:
             plane_mm: (m, 2) where the markers' rays meet the plane of the sheet at rest.
@@ -56,25 +64,9 @@ class PerimeterLaw:
         """
         from manytouch.estimation.law_kernels import lawful
 
-        cells = self.cells
-        displacement, covariance, cell_mm = lawful(
-            plane_mm,
-            self.rest_mm,
-            self.eye_mm,
-            self.distance_mm,
-            cells.corner,
-            self.rest_perimeter_mm,
-            cells.marker,
-            cells.cell,
-            cells.share,
-            self.first,
-            self.pair_corner,
-            self.entry_first,
-            self.entry,
-            self.entry_share,
-            covariance_mm2,
-        )
-        return displacement, covariance, cell_mm
+        place = (plane_mm, self.rest_mm, self.eye_mm, self.distance_mm)
+        displacement, covariance = lawful(*place, self.lists, covariance_mm2)
+        return displacement, covariance
 
 
 def perimeter_law(
@@ -94,12 +86,18 @@ def perimeter_law(
         eye_mm=read_only(eye_mm),
         distance_mm=distance_mm,
         rest_perimeter_mm=read_only(rest_perimeter_mm),
-        first=read_only(np.searchsorted(number, np.arange(count + 1) * count).astype(np.int64)),
-        pair_corner=read_only((number % count).astype(np.int64)),
-        entry_first=read_only(np.append(entry_first, len(key)).astype(np.int64)),
-        entry=read_only(entry[order].astype(np.int64)),
-        entry_share=read_only(np.repeat(cells.share, 4)[order]),
+        cell_first=_short(np.searchsorted(cells.marker, np.arange(count + 1))),
+        cell=_short(cells.cell),
+        first=_short(np.searchsorted(number, np.arange(count + 1) * count)),
+        pair_corner=_short(number % count),
+        entry_first=_short(np.append(entry_first, len(key))),
+        entry=_short(entry[order]),
     )
+
+
+def _short(number: np.ndarray) -> np.ndarray:
+    """Half of the memory: these lists are read anew in each frame."""
+    return read_only(number.astype(np.int32))
 
 
 def perimeters(

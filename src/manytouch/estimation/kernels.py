@@ -91,21 +91,6 @@ def median(value, is_known):
 
 @njit(cache=True, nogil=True)
 @no_type_check
-def turned(matrix, covariance):
-    """Covariances (m, 2, 2) after linear maps (m, 2, 2)."""
-    out = np.empty_like(covariance)
-    for m in range(len(matrix)):
-        a, b, c, d = matrix[m, 0, 0], matrix[m, 0, 1], matrix[m, 1, 0], matrix[m, 1, 1]
-        xx, xy, yx, yy = covariance[m, 0, 0], covariance[m, 0, 1], covariance[m, 1, 0], covariance[m, 1, 1]
-        top_x, top_y = a * xx + b * yx, a * xy + b * yy
-        low_x, low_y = c * xx + d * yx, c * xy + d * yy
-        out[m, 0, 0], out[m, 0, 1] = top_x * a + top_y * b, top_x * c + top_y * d
-        out[m, 1, 0], out[m, 1, 1] = low_x * a + low_y * b, low_x * c + low_y * d
-    return out
-
-
-@njit(cache=True, nogil=True)
-@no_type_check
 def loners(innovation, std, is_seen, neighbour, stds, spreads):
     """Weights (m,) from 0 to 1 of vectors (m, 2) by how far each is from the median of its neighbours'."""
     count, around = neighbour.shape

@@ -22,7 +22,7 @@ from manytouch.estimation.identity import ContactIdentity, Lives
 from manytouch.estimation.load import LoadMap, LoadModel, assumes_view
 from manytouch.estimation.plane import PlaneTable, plane_from_px, plane_table
 from manytouch.estimation.unseen import FillUnseen
-from manytouch.estimation.view import RobustView
+from manytouch.estimation.view import Judges, RobustView
 from manytouch.geometry.camera import cam_from_sheet, onto_plane, project
 from manytouch.geometry.neighbours import Neighbours, lattice_cells, nearest_neighbours, triangle_cells
 from manytouch.geometry.sampling import GridSampling, sampling_on
@@ -37,7 +37,7 @@ from manytouch.values import (
     Surface,
     TrackedGrid,
 )
-from manytouch.values.arrays import Covariances2, Covariances3, Points2, Points3, Scalars, read_only
+from manytouch.values.arrays import Covariances2, Points2, Scalars, read_only
 
 _LEAST_MARKERS = 4
 _DEPTH = ESTIMATES.index("depth")
@@ -57,8 +57,8 @@ class PerimeterMemory:
         sampling: from markers to the points of the chart.
         plane: from pixels to the plane of the sheet.
         plane_from_px: (m, 2, 2) its derivative at the markers.
-        lean, bend: (m, k) what neighbours' depths add to the two errors of the law.
-        pairs: markers that propose a motion of the view.
+        around: (k, m) neighbours, and what their depths add to the two errors of the law.
+        judges: of the motion of the view.
         pitch_mm: geometric mean pitch.
         scale_std, centre_std_mm: relative deviation of depths, and deviation of centres, for what had to be
             assumed.
@@ -77,9 +77,8 @@ class PerimeterMemory:
     sampling: GridSampling
     plane: PlaneTable
     plane_from_px: Covariances2
-    lean: np.ndarray
-    bend: np.ndarray
-    pairs: np.ndarray
+    around: tuple[np.ndarray, np.ndarray, np.ndarray]
+    judges: Judges
     pitch_mm: float
     scale_std: float
     centre_std_mm: float
@@ -146,7 +145,6 @@ class PerimeterDepth:
         law = perimeter_law(cells, plane_mm, eye_mm[:2], -float(eye_mm[2]))
         neighbours = nearest_neighbours(plane_mm)
         lever_mm = 0.5 * (pitch_mm if sensor.sheet is None else sensor.sheet.thickness_mm)
-        lean, bend = _error_weights(law, neighbours, lever_mm)
         return PerimeterMemory(
             camera=camera,
             layout=layout,
@@ -156,9 +154,8 @@ class PerimeterDepth:
             sampling=sampling_on(layout, chart.x_mm, chart.y_mm),
             plane=plane_table(camera),
             plane_from_px=read_only(plane_from_px(camera, rest_px)),
-            lean=lean,
-            bend=bend,
-            pairs=self.view.pairs(plane_mm),
+            around=_error_weights(law, neighbours, lever_mm),
+            judges=self.view.judges(plane_mm),
             pitch_mm=pitch_mm,
             scale_std=self.assumed_scale_std if is_assumed else 0.0,
             centre_std_mm=self.assumed_centre_std_pitch * pitch_mm if is_assumed else 0.0,
@@ -204,22 +201,33 @@ class PerimeterDepth:
             The surface; the displacements (m, 2) in the plane at rest, with the motion of the view; and the
             usual standard deviation of these.
         """
-        from manytouch.estimation.kernels import median, turned
+        from manytouch.estimation.law_kernels import sheet
+        from manytouch.estimation.plane_kernels import in_plane
+        from manytouch.estimation.view_kernels import usual_std
 
-        law, is_seen = state.law, grid.is_seen
-        covariance_mm2 = turned(state.plane_from_px, grid.covariance_px2)
+        law, plane, is_seen = state.law, state.plane, grid.is_seen
+        place = (grid.position_px, grid.covariance_px2, plane.node_mm, plane.step_px, plane.low_px)
+        moved_mm, covariance_mm2 = in_plane(*place, law.rest_mm, state.plane_from_px)
         moved_mm, covariance_mm2 = self.fill(
-            state.plane(grid.position_px) - law.rest_mm,
-            covariance_mm2,
-            is_seen,
-            state.neighbours,
-            state.pitch_mm,
+            moved_mm, covariance_mm2, is_seen, state.neighbours, state.pitch_mm
         )
-        std_mm = float(np.sqrt(median(covariance_mm2[:, 0, 0] + covariance_mm2[:, 1, 1], is_seen) / 2))
-        view = self.view(law.rest_mm, moved_mm, is_seen, std_mm, state.pairs)
-        still_mm = moved_mm - view.displacement(law.rest_mm)
-        displacement_mm, propagated_mm2, _ = law(law.rest_mm + still_mm, covariance_mm2)
-        return self._surface(state, grid, displacement_mm, propagated_mm2), moved_mm, std_mm
+        std_mm = usual_std(covariance_mm2, is_seen)
+        view = self.view(law.rest_mm, moved_mm, is_seen, std_mm, state.judges)
+        position_mm, displacement_mm, spread_mm2 = sheet(
+            moved_mm,
+            (view.shift_mm[0], view.shift_mm[1], view.angle_rad),
+            *(law.rest_mm, law.eye_mm, law.distance_mm, law.lists, covariance_mm2),
+            state.around,
+            state.layout.rest_mm,
+            *(_FEIGNED, _SPILL, state.scale_std),
+        )
+        surface = Surface(
+            position_mm=read_only(position_mm),
+            displacement_mm=read_only(displacement_mm),
+            covariance_mm2=read_only(spread_mm2),
+            status=grid.status,
+        )
+        return surface, moved_mm, std_mm
 
     def _settled(self, state: PerimeterMemory, grid: TrackedGrid, moved_mm: Points2) -> PerimeterMemory:
         """A frame that nothing touches tells a little of where rest is now."""
@@ -243,35 +251,6 @@ class PerimeterDepth:
         )
         lives, contacts = self.identity.step(state.lives, (), status=status)
         return replace(state, lives=lives), surface, contacts
-
-    def _surface(
-        self,
-        state: PerimeterMemory,
-        grid: TrackedGrid,
-        displacement_mm: Points3,
-        covariance_mm2: Covariances3,
-    ) -> Surface:
-        from manytouch.estimation.law_kernels import law_errors, widen
-
-        law = state.law
-        error_mm2 = law_errors(
-            -displacement_mm[:, 2],
-            covariance_mm2[:, 2, 2],
-            state.neighbours.index,
-            state.lean,
-            state.bend,
-            _FEIGNED,
-            _SPILL,
-            state.scale_std,
-        )
-        # What is wrong in depth moves the marker along its ray.
-        widen(covariance_mm2, error_mm2, law.rest_mm, law.eye_mm, law.distance_mm)
-        return Surface(
-            position_mm=read_only(state.layout.rest_mm + displacement_mm),
-            displacement_mm=read_only(displacement_mm),
-            covariance_mm2=read_only(covariance_mm2),
-            status=grid.status,
-        )
 
     def _contacts(
         self, state: PerimeterMemory, found: Hills, surface: Surface, moved_mm: Points2
@@ -321,9 +300,14 @@ def _moved_at(state: PerimeterMemory, moved_mm: Float64[np.ndarray, "m 2"], poin
 
 def _error_weights(
     law: PerimeterLaw, neighbours: Neighbours, lever_mm: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """(m, k) by which the depth of each neighbour above the marker's own adds to R . grad w / 2 and d e."""
-    place_mm, index = law.rest_mm, neighbours.index
-    each = 1.0 / (neighbours.distance**2 * index.shape[1])
-    along = ((place_mm[index] - place_mm[:, None]) * (place_mm - law.eye_mm)[:, None]).sum(axis=2)
-    return read_only(along * each), read_only(2.0 * law.distance_mm * lever_mm * each)
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """(k, m) neighbours, and by what their depth above the marker's own adds to R . grad w / 2 and to d e."""
+    place_mm, index = law.rest_mm, neighbours.index.T
+    each = 1.0 / (neighbours.distance.T**2 * len(index))
+    along = ((place_mm[index] - place_mm) * (place_mm - law.eye_mm)).sum(axis=2)
+    bend = 2.0 * law.distance_mm * lever_mm * each
+    return (
+        read_only(np.ascontiguousarray(index.astype(np.int32))),
+        read_only(np.ascontiguousarray(along * each)),
+        read_only(np.ascontiguousarray(bend)),
+    )

@@ -29,6 +29,19 @@ class ViewMotion:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Judges:
+    """What the layout decides of finding the view.
+
+    Attributes:
+        pairs: (candidates, 2) markers that propose a motion.
+        weight: (m,) of the markers: more at the border.
+    """
+
+    pairs: np.ndarray
+    weight: Float64[np.ndarray, " m"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RobustView:
     """Finds the motion that the far field has in common.
 
@@ -43,7 +56,7 @@ class RobustView:
         part: of the markers' weight that must move as one.
         border_weight: of a marker at the border, against 1 in the middle.
         candidates: pairs of markers that propose a motion.
-        voters: markers that judge the proposals, about; the refinement uses all.
+        voters: markers that judge the proposals and what is far off, about; the refinement uses all.
         refinements: steps of re-weighting.
     """
 
@@ -53,18 +66,21 @@ class RobustView:
     voters: int = 150
     refinements: int = 4
 
-    def pairs(self, rest_mm: Points2) -> np.ndarray:
-        """(candidates, 2) markers far apart, the same for the same layout."""
+    def judges(self, rest_mm: Points2) -> Judges:
+        """Pairs of markers far apart, the same for the same layout, and the weights of all."""
+        from manytouch.estimation.view_kernels import border_weights
+
         chance = np.random.default_rng(0)
         count = len(rest_mm)
         first = chance.integers(count, size=8 * self.candidates)
         second = chance.integers(count, size=8 * self.candidates)
         far = np.linalg.norm(rest_mm[first] - rest_mm[second], axis=1)
         best = np.argsort(-far, kind="stable")[: 4 * self.candidates : 4]
-        return np.column_stack([first[best], second[best]])
+        pairs = np.column_stack([first[best], second[best]])
+        return Judges(pairs=pairs, weight=border_weights(rest_mm, self.border_weight))
 
     def __call__(
-        self, rest_mm: Points2, moved_mm: Points2, is_seen: Mask, std_mm: float, pairs: np.ndarray
+        self, rest_mm: Points2, moved_mm: Points2, is_seen: Mask, std_mm: float, judges: Judges
     ) -> ViewMotion:
         """The motion of the view from displacements (m, 2); none when nothing is seen.
 
@@ -73,13 +89,12 @@ class RobustView:
             moved_mm: (m, 2) displacements; those of markers that are not seen are not looked at.
             is_seen: (m,).
             std_mm: of a marker's place; residuals below it tell nothing.
-            pairs: from `pairs`.
+            judges: from `judges`.
         """
-        if not is_seen.any():
-            return ViewMotion(shift_mm=read_only(np.zeros(2)), angle_rad=0.0)
-        from manytouch.estimation.view_kernels import border_weights, proposed, refined
+        from manytouch.estimation.view_kernels import motion_of
 
-        weight = border_weights(rest_mm, self.border_weight)
-        motion = proposed(rest_mm, moved_mm, is_seen, weight, pairs, self.part, self.voters)
-        motion = refined(rest_mm, moved_mm, is_seen, weight, motion, self.part, std_mm, self.refinements)
+        motion = motion_of(
+            *(rest_mm, moved_mm, is_seen, std_mm, judges.weight, judges.pairs),
+            *(self.part, self.voters, self.refinements),
+        )
         return ViewMotion(shift_mm=read_only(motion[:2]), angle_rad=float(motion[2]))

@@ -16,7 +16,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from manytouch.values import Layout
-from manytouch.values.arrays import Mask, Points2, Scalars, read_only
+from manytouch.values.arrays import Mask, Points2, Scalars
 
 BEYOND_PITCH = 0.5
 """How far outside the markers a value is still given, in pitches."""

@@ -10,7 +10,7 @@ PLACE = np.stack(np.meshgrid(np.arange(COLUMNS) * 4.0 - 26.0, np.arange(ROWS) * 
     -1, 2
 )
 VIEW = RobustView()
-PAIRS = VIEW.pairs(PLACE)
+JUDGES = VIEW.judges(PLACE)
 ALL = np.ones(len(PLACE), dtype=np.bool_)
 MOTION = ViewMotion(shift_mm=np.array([1.7, -0.9]), angle_rad=0.01)
 
@@ -21,7 +21,7 @@ def press(centre: tuple[float, float], depth: float, radius: float) -> np.ndarra
 
 
 def test_a_shift_and_a_turn_are_found():
-    found = VIEW(PLACE, MOTION.displacement(PLACE), ALL, 1e-6, PAIRS)
+    found = VIEW(PLACE, MOTION.displacement(PLACE), ALL, 1e-6, JUDGES)
     np.testing.assert_allclose(found.shift_mm, MOTION.shift_mm, atol=2e-3)
     assert found.angle_rad == pytest.approx(MOTION.angle_rad, abs=1e-4)
 
@@ -29,7 +29,7 @@ def test_a_shift_and_a_turn_are_found():
 @pytest.mark.parametrize("radius", [4.0, 8.0])
 def test_presses_do_not_count_as_motion(radius: float):
     moved = MOTION.displacement(PLACE) + press((-5.0, 3.0), 0.2, radius) + press((14.0, -6.0), 0.1, 4.0)
-    found = VIEW(PLACE, moved, ALL, 0.01, PAIRS)
+    found = VIEW(PLACE, moved, ALL, 0.01, JUDGES)
     left = np.abs(found.displacement(PLACE) - MOTION.displacement(PLACE)).max()
     assert left < 0.12 * np.abs(moved - MOTION.displacement(PLACE)).max()
 
@@ -38,7 +38,7 @@ def test_a_finger_that_drags_most_of_the_sheet_is_not_swallowed():
     """Half of the markers go along with a finger by 2 mm; those at the border stay."""
     inside = (np.abs(PLACE) < [18.0, 15.0]).all(axis=1)
     moved = np.where(inside[:, None], [2.0, 0.5], 0.0) * np.exp(-(PLACE**2).sum(axis=1) / 2000.0)[:, None]
-    found = VIEW(PLACE, moved, ALL, 0.01, PAIRS)
+    found = VIEW(PLACE, moved, ALL, 0.01, JUDGES)
     assert np.linalg.norm(found.shift_mm) < 0.1
 
 
@@ -47,13 +47,13 @@ def test_the_order_of_the_markers_and_unseen_ones_do_not_matter():
     moved = MOTION.displacement(PLACE) + chance.normal(0, 0.01, PLACE.shape)
     is_seen = chance.random(len(PLACE)) > 0.2
     moved[~is_seen] = np.nan
-    found = VIEW(PLACE, moved, is_seen, 0.01, PAIRS)
+    found = VIEW(PLACE, moved, is_seen, 0.01, JUDGES)
     np.testing.assert_allclose(found.shift_mm, MOTION.shift_mm, atol=0.01)
     order = chance.permutation(len(PLACE))
-    again = VIEW(PLACE[order], moved[order], is_seen[order], 0.01, VIEW.pairs(PLACE[order]))
+    again = VIEW(PLACE[order], moved[order], is_seen[order], 0.01, VIEW.judges(PLACE[order]))
     np.testing.assert_allclose(again.shift_mm, found.shift_mm, atol=0.01)
 
 
 def test_nothing_seen_is_no_motion():
-    found = VIEW(PLACE, np.full_like(PLACE, np.nan), ~ALL, 0.01, PAIRS)
+    found = VIEW(PLACE, np.full_like(PLACE, np.nan), ~ALL, 0.01, JUDGES)
     assert found.shift_mm.tolist() == [0.0, 0.0]
