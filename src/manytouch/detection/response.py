@@ -153,31 +153,42 @@ def respond(small, narrow, wide, row, smooth, answer):
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def _mark_peaks(above, here, below, least, mark):
-    """1 where no neighbour is higher; of equal ones the first in reading order is the peak."""
+    """1 where no neighbour along or across is higher; of equal ones the first in reading order is it."""
     one, two = np.uint64(1), np.uint64(2)
     for x in range(np.uint64(mark.shape[0])):
         value = here[x + one]
-        before = max(above[x], above[x + one], above[x + two], here[x])
-        after = max(below[x], below[x + one], below[x + two], here[x + two])
-        is_peak = (value >= least) & (value > before) & (value >= after)
+        is_peak = (value >= least) & (value > here[x]) & (value >= here[x + two])
+        is_peak &= (value > above[x + one]) & (value >= below[x + one])
         mark[x] = np.uint8(1) if is_peak else np.uint8(0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def _is_enclosed(image, y, x, offset, fall):
+def _is_highest(answer, y, x):
+    """Is a peak along and across not lower than its neighbours in the corners?"""
+    value = answer[y + 1, x + 1]
+    return (
+        value > answer[y, x] and value > answer[y, x + 2]
+        and value >= answer[y + 2, x] and value >= answer[y + 2, x + 2]
+    )  # fmt: skip
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
+def _is_enclosed(image, y, x, offset, reach, fall):
     """Does the brightness fall by a third of its mean fall in nearly all directions?"""
     height, width = image.shape
-    known = 0
-    total = np.float32(0.0)
+    is_inside = reach <= y < height - reach and reach <= x < width - reach
+    here, known, total = image[y, x], 0, np.float32(0.0)
     for direction in range(offset.shape[0]):
         low = np.float32(1e9)
         for step in range(offset.shape[1]):
             v, u = y + offset[direction, step, 0], x + offset[direction, step, 1]
-            if 0 <= v < height and 0 <= u < width:
-                low = min(low, image[np.uint64(v), np.uint64(u)])
+            if is_inside or (0 <= v < height and 0 <= u < width):
+                there = image[np.uint64(v), np.uint64(u)]
+                low = there if there < low else low
         if low < np.float32(1e9):
-            fall[known] = image[y, x] - low
+            fall[known] = here - low
             total += fall[known]
             known += 1
     if known < offset.shape[0] // 3 or total <= 0.0:
@@ -208,7 +219,7 @@ def peaks(smooth, answer, least, offset, mark, found):
     height, width = smooth.shape
     fall = np.empty(offset.shape[0], dtype=np.float32)
     words = mark.view(np.uint64)
-    count = 0
+    count, reach = 0, np.abs(offset).max()
     mark[:] = 0
     for y in range(height):
         _mark_peaks(answer[y], answer[y + 1], answer[y + 2], least, mark[:width])
@@ -216,7 +227,9 @@ def peaks(smooth, answer, least, offset, mark, found):
             if words[word] == 0:
                 continue
             for x in range(8 * word, min(8 * word + 8, width)):
-                if mark[x] == 0 or count >= found.shape[0] or not _is_enclosed(smooth, y, x, offset, fall):
+                if mark[x] == 0 or count >= found.shape[0] or not _is_highest(answer, y, x):
+                    continue
+                if not _is_enclosed(smooth, y, x, offset, reach, fall):
                     continue
                 value = answer[y + 1, x + 1]
                 found[count, 0], found[count, 1], found[count, 2] = x, y, value

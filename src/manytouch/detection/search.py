@@ -175,9 +175,6 @@ def _windows(
     if len(expected_px) != len(radius_px):
         radius_px = np.full(len(expected_px), float(np.median(radius_px)))
         plans = plans_of(radius_px)
-    wanted = np.isfinite(expected_px[:, 0] + expected_px[:, 1])
-    if not wanted.all():
-        expected_px, radius_px, plans = expected_px[wanted], radius_px[wanted], plans.at(wanted)
     return measured_rows(image, weights, expected_px, radius_px, plans, noise=noise, walk=WALK), radius_px
 
 

@@ -71,17 +71,17 @@ def match(dot, bins, cell_px, guess, kind, spacing, gate, owner, taker):
     """
     low_x, low_y, columns, rows, start, binned = bins
     taker[: len(dot)] = -1
-    distance = np.empty(len(dot))
+    distance, each = np.empty(len(dot)), 1.0 / cell_px
     for k in range(len(guess)):
         owner[k] = -1
         if kind[k] != 0:
             continue
         x, y, reach = guess[k, 0], guess[k, 1], gate * spacing[k]
         best, first = -1, reach * reach
-        left = max(0, int(np.floor((x - reach - low_x) / cell_px)))
-        right = min(columns - 1, int(np.floor((x + reach - low_x) / cell_px)))
-        top = max(0, int(np.floor((y - reach - low_y) / cell_px)))
-        bottom = min(rows - 1, int(np.floor((y + reach - low_y) / cell_px)))
+        left = max(0, int(np.floor((x - reach - low_x) * each)))
+        right = min(columns - 1, int(np.floor((x + reach - low_x) * each)))
+        top = max(0, int(np.floor((y - reach - low_y) * each)))
+        bottom = min(rows - 1, int(np.floor((y + reach - low_y) * each)))
         if right < left:
             continue
         for row in range(top, bottom + 1):

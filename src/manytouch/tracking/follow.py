@@ -32,7 +32,7 @@ class Following:
         mesh: neighbourhoods of the layout.
         scratch: memory for the kernels; it holds no knowledge.
         place_px: (m, 2) where the markers were seen, or should have been.
-        velocity_px: (m, 2) motion from the frame before; 0 where it was not seen twice.
+        expected_px: (m, 2) where they should be in the next frame; NaN where they are known to be missing.
         frames_unseen: (m,).
         presence: (N,) share of recent frames in which each node of the mesh had a dot.
         seen: number of markers that were seen in the last frame that showed any.
@@ -50,7 +50,7 @@ class Following:
     mesh: Mesh
     scratch: Scratch
     place_px: Points2
-    velocity_px: Points2
+    expected_px: Points2
     frames_unseen: Counts
     presence: np.ndarray
     seen: int
@@ -77,7 +77,7 @@ class FollowGrid:
     """
 
     damping: float = 0.5
-    window_motion_pitches: float = 0.2
+    window_motion_pitches: float = 0.27
     window_share: float = 0.97
     least_share: float = 0.5
     roi_px: tuple[int, int, int, int] | None = None
@@ -105,7 +105,7 @@ class FollowGrid:
             mesh=mesh,
             scratch=Scratch(len(mesh.rest_px)),
             place_px=place,
-            velocity_px=read_only(np.zeros_like(place)),
+            expected_px=_known(mesh, place),
             frames_unseen=read_only(np.zeros(len(rest), dtype=np.int64)),
             presence=presence_of(mesh),
             seen=0,
@@ -131,7 +131,7 @@ class FollowGrid:
     def step(self, state: Following, detections: Detections) -> tuple[Following, TrackedGrid]:
         """Identifies the markers among the dots of the next frame."""
         past = Past(
-            guess_px=state.place_px + self.damping * state.velocity_px,
+            guess_px=state.expected_px,
             place_px=state.place_px,
             frames_unseen=state.frames_unseen,
             presence=state.presence,
@@ -150,19 +150,15 @@ class FollowGrid:
         if answer.found == 0:
             after, measured = _blind(state, answer), _nothing_measured(state.mesh.markers)
         else:
-            after, measured = _moved(state, dots, answer, is_good=detections.status == "ok")
+            is_good = detections.status == "ok"
+            after, measured = _moved(state, dots, answer, damping=self.damping, is_good=is_good)
         return after, self._grid(after, detections.status, answer, measured)
 
     def expected_px(self, state: Following) -> Points2 | None:
         """Places (m, 2) in the next frame, NaN for those known to be missing; None asks for all dots."""
-        present = state.mesh.is_present
         is_fast = state.motion_pitches > self.window_motion_pitches
-        if is_fast or state.seen < self.window_share * state.mesh.present:
-            return None
-        expected_px = state.place_px + self.damping * state.velocity_px
-        if state.mesh.present < state.mesh.markers:
-            expected_px[~present] = np.nan
-        return expected_px
+        is_sparse = state.seen < self.window_share * state.mesh.present
+        return None if is_fast or is_sparse else state.expected_px
 
     def is_lost(self, state: Following) -> bool:
         """Did the last frame show fewer markers than the one before, or move faster than windows follow?"""
@@ -191,6 +187,11 @@ def _owned(array: np.ndarray) -> np.ndarray:
     return array if flags.writeable and flags.c_contiguous else np.array(array)
 
 
+def _known(mesh: Mesh, place_px: Points2) -> Points2:
+    """Places (m, 2), NaN of markers that are known to be missing."""
+    return read_only(np.where(mesh.is_present[:, None], place_px, np.nan))
+
+
 def _nothing_measured(markers: int) -> Measured:
     return (
         np.full((markers, 2), np.nan),
@@ -204,7 +205,7 @@ def _blind(state: Following, answer: Identified) -> Following:
     """The state after a frame in which no marker could be told: nothing is known of the motion."""
     return replace(
         state,
-        velocity_px=read_only(np.zeros_like(state.place_px)),
+        expected_px=_known(state.mesh, state.place_px),
         frames_unseen=read_only(state.frames_unseen + 1),
         motion_pitches=np.inf,
         is_locked=False,
@@ -213,7 +214,9 @@ def _blind(state: Following, answer: Identified) -> Following:
     )
 
 
-def _moved(state: Following, dots: Dots, answer: Identified, *, is_good: bool) -> tuple[Following, Measured]:
+def _moved(
+    state: Following, dots: Dots, answer: Identified, *, damping: float, is_good: bool
+) -> tuple[Following, Measured]:
     """The state after a frame that showed markers, and what it showed of them."""
     from manytouch.tracking.registration import keep
 
@@ -241,18 +244,19 @@ def _moved(state: Following, dots: Dots, answer: Identified, *, is_good: bool) -
         (state.place_px, state.frames_unseen, state.presence),
         mesh.net,
         mesh.bounds_px,
+        damping,
         state.scratch.for_dots(len(dots[0])),
         rate,
         (state.look, state.unlike, answer.unlike, look, unlike),
         after,
         measured,
     )
-    place, velocity, unseen, presence = (read_only(each) for each in after)
+    place, expected, unseen, presence = (read_only(each) for each in after)
     return Following(
         mesh=mesh,
         scratch=state.scratch,
         place_px=place,
-        velocity_px=velocity,
+        expected_px=expected,
         frames_unseen=unseen,
         presence=presence,
         seen=seen,

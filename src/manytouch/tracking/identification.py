@@ -10,7 +10,7 @@ from numba import njit
 
 from manytouch.tracking.bins import bin_dots, match, nearest_two
 from manytouch.tracking.growth import fill, grow, keep_largest
-from manytouch.tracking.looks import LOOKS, SIGNS, looks, stride, unlike
+from manytouch.tracking.looks import GLANCES, SIGNS, looks, stride, unlike
 from manytouch.tracking.slips import jumped, vote
 from manytouch.tracking.verification import doubtful, part, unfold, verify
 
@@ -334,7 +334,7 @@ def identify(dots, cell_px, guess, past, net, extent, owner, moved, scratch, lev
     _displace(dot, rest, owner, nodes, moved, used)
     _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, owner, moved, scratch)
     fresh = rough(moved, owner, markers, spacing, opposite)
-    looks(markers, stride(markers, LOOKS), owner, appearance, net, place)
+    looks(markers, stride(markers, GLANCES), owner, appearance, net, place)
     unlike(place, look, level)
     verdict = FOLLOWED if is_next else ASSUMED
     has_jumped = is_calm and jumped(dot, owner, slip, last, unseen, noise_px)
@@ -358,7 +358,7 @@ def identify(dots, cell_px, guess, past, net, extent, owner, moved, scratch, lev
             scratch,
         )
         fresh = rough(moved, owner, markers, spacing, opposite)
-        looks(markers, stride(markers, LOOKS), owner, appearance, net, place)
+        looks(markers, stride(markers, GLANCES), owner, appearance, net, place)
         unlike(place, look, level)
     if not is_calm:
         unfold(dot, net, triangle, owner, excess, used)

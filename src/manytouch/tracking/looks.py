@@ -16,7 +16,8 @@ from numba import njit
 SIGNS = 2  # area, contrast
 _LEAST_AROUND = 3
 _ODDEST = 0.5
-LOOKS = 600  # samples
+LOOKS = 600  # samples that weigh slips
+GLANCES = 300  # samples that tell whether slips are to be weighed
 _FINEST, _MEAN_TO_STD = 0.003, 1.2533
 _MOST_SQUARE = 9.0
 _INDEPENDENT = 8.0  # neighbouring looks share dots: so many count as one
@@ -60,7 +61,7 @@ def unlike(now, look, level):
     for sign in range(SIGNS):
         total = 0.0
         number = 0
-        for k in range(0, markers, stride(markers, LOOKS)):
+        for k in range(0, markers, stride(markers, GLANCES)):
             off = abs(now[k, sign] - look[k, sign])
             if not np.isnan(off):
                 total += min(off, _ODDEST)

@@ -96,7 +96,7 @@ def shifts(dot, spacing_px, guess, present):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def keep(dots, owner, past, net, bounds, scratch, rate, learning, after, measured):
+def keep(dots, owner, past, net, bounds, damping, scratch, rate, learning, after, measured):
     """Writes what is kept of a frame that showed markers, and what is told of it.
 
     Args:
@@ -104,21 +104,23 @@ def keep(dots, owner, past, net, bounds, scratch, rate, learning, after, measure
         owner: (N,) dot of each node.
         past: places (m, 2), frames unseen (m,), presence (N,).
         net, bounds: of `Mesh`.
+        damping: part of the motion that is expected again.
         scratch: of `Scratch`.
         rate: part of this frame's looks that is blended in; 0: nothing is learnt from it.
         learning: looks before, how unlike them dots usually are and are now; written: the first two after.
-        after: written: places (m, 2), velocities (m, 2), frames unseen (m,), presence (N,).
+        after: written: places (m, 2), those expected in the next frame (m, 2), frames unseen (m,), presence
+            (N,).
         measured: written: positions (m, 2), covariances (m, 2, 2), areas (m,), is_seen (m,).
 
     Returns:
         the motion of 95 % of the markers in spacings, and how many are seen.
     """
     centre, covariance, area, contrast = dots
-    place, velocity, frames, share = after
+    place, expected, frames, share = after
     is_seen = measured[3]
     lists, moved = (scratch[6], scratch[7], scratch[8], scratch[9]), scratch[10]
-    written = (moved, place, velocity, frames, share, is_seen)
-    motion, seen = settle(centre, owner, len(place), past, net, bounds, lists, written)
+    written = (moved, place, expected, frames, share, is_seen)
+    motion, seen = settle(centre, owner, len(place), past, net, bounds, damping, lists, written)
     place_dots(owner, is_seen, centre, covariance, area, measured[0], measured[1], measured[2])
     if rate > 0.0:
         look, usual, level, look_after, usual_after = learning
@@ -128,7 +130,7 @@ def keep(dots, owner, past, net, bounds, scratch, rate, learning, after, measure
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def settle(dot, owner, markers, past, net, bounds, lists, after):
+def settle(dot, owner, markers, past, net, bounds, damping, lists, after):
     """Writes what is kept of a frame; returns the motion of 95 % of the markers in spacings, and how many.
 
     Args:
@@ -136,14 +138,13 @@ def settle(dot, owner, markers, past, net, bounds, lists, after):
         owner: (N,) dot of each node.
         markers: m.
         past: places (m, 2), frames unseen (m,), presence (N,).
-        net, bounds: of `Mesh`.
+        net, bounds, damping: as in `keep`.
         lists: scratch of `fill`.
-        after: written: displacements (N, 2), places (m, 2), velocities (m, 2), frames unseen (m,), presence
-            (N,), is_seen (m,).
+        after: written: displacements (N, 2), then as in `keep`, and is_seen (m,).
     """
     last, unseen, presence = past
     rest, kind, spacing, _, _, _, _, _, _, _ = net
-    moved, place, velocity, frames, share, is_seen = after
+    moved, place, expected, frames, share, is_seen = after
     for k in range(len(rest)):
         i = owner[k]
         if i >= 0:
@@ -161,7 +162,7 @@ def settle(dot, owner, markers, past, net, bounds, lists, after):
         if k >= markers:
             continue
         place[k, 0], place[k, 1] = x, y
-        velocity[k, 0] = velocity[k, 1] = 0.0
+        expected[k, 0], expected[k, 1] = (x, y) if kind[k] == 0 else (np.nan, np.nan)
         is_seen[k] = owner[k] >= 0 and kind[k] == 0
         frames[k] = 0 if is_seen[k] else unseen[k] + 1
         if is_seen[k]:
@@ -170,7 +171,8 @@ def settle(dot, owner, markers, past, net, bounds, lists, after):
             count[min(_MOTION_BINS, int(speed * _BINS_PER_MOTION))] += 1
             seen += 1
             if unseen[k] == 0:
-                velocity[k, 0], velocity[k, 1] = dx, dy
+                expected[k, 0] += damping * dx
+                expected[k, 1] += damping * dy
     below = 0
     for b in range(_MOTION_BINS + 1):
         below += count[b]
