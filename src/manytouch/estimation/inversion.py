@@ -17,12 +17,13 @@ from manytouch.estimation.innovation import InnovationGate
 from manytouch.estimation.settling import Settling
 from manytouch.estimation.sheet_model import NominalSheet, SheetModel
 from manytouch.estimation.slip import Grips, SlipWatch
+from manytouch.estimation.solid_face import SolidFace
 from manytouch.estimation.split import SplitByMoments
 from manytouch.estimation.touching import Touching
 from manytouch.estimation.trust import MarkerTrust, SurfaceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
-from manytouch.values import Contact, Contacts, Sensor, Surface, TrackedGrid
+from manytouch.values import Contacts, Sensor, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, Mask, Points2, read_only
 
 _LEAST_MARKERS = 12
@@ -67,6 +68,7 @@ class MechanicalInversion:
         descend: to the shape.
         cluster: forces to contacts.
         split: clusters that are two contacts.
+        solid: what the face of a solid is deeper than that of a shell, at the markers.
         touch: contacts with their deviations.
         identity: which contact is which of the frame before.
         error: of the displacements of markers.
@@ -86,6 +88,7 @@ class MechanicalInversion:
     descend: SparseDescent = field(default_factory=SparseDescent)
     cluster: ForceClusters = field(default_factory=ForceClusters)
     split: SplitByMoments = field(default_factory=SplitByMoments)
+    solid: SolidFace = field(default_factory=SolidFace)
     touch: Touching = field(default_factory=Touching)
     identity: ContactIdentity = field(default_factory=lambda: ContactIdentity(confirm_frames=1))
     error: SurfaceError = field(default_factory=SurfaceError)
@@ -138,8 +141,10 @@ class MechanicalInversion:
         information = self._information(state, grid, measured_px)
         fit = self.descend(model, state.shape, measured_px, information)
         status = grid.status if grid.status != "ok" else fit.status
-        surface = self._surface(state, grid, fit, status)
-        found, is_firm = self._contacts(state, fit)
+        clusters = self._clusters(state, fit)
+        surface = self._surface(state, grid, fit, clusters, status)
+        found = self.touch(model, clusters, fit.shape.coefficient_mm, fit.shape.force_mm2, self.solid)
+        is_firm = self._is_firm(model, clusters, state.seen_mm).tolist()
         seen_mm = read_only(np.array([contact.centre_mm for contact in found]).reshape(-1, 2))
         lives, contacts = self.identity.step(
             state.lives,
@@ -180,9 +185,13 @@ class MechanicalInversion:
         lives, contacts = self.identity.step(state.lives, (), status=status)
         return replace(state, lives=lives), surface, contacts
 
-    def _surface(self, state: InversionMemory, grid: TrackedGrid, fit: Fit, status: str) -> Surface:
+    def _surface(
+        self, state: InversionMemory, grid: TrackedGrid, fit: Fit, clusters: Clusters, status: str
+    ) -> Surface:
         model, shape = state.model, fit.shape
         displacement_mm = model.dots.displacement_mm(shape.coefficient_mm)
+        displacement_mm[:, 2] -= self.solid.under_contacts(model, clusters, model.dots.face.point_mm)
+        displacement_mm[:, 2] -= self.solid.along_clamp(model, shape.coefficient_mm)
         covariance_mm2 = self.error(model, state.trust, displacement_mm, shape.force_mm2, grid.is_seen)
         return Surface(
             position_mm=read_only(model.layout.rest_mm + displacement_mm),
@@ -192,14 +201,12 @@ class MechanicalInversion:
             status=status,
         )
 
-    def _contacts(self, state: InversionMemory, fit: Fit) -> tuple[list[Contact], list[bool]]:
+    def _clusters(self, state: InversionMemory, fit: Fit) -> Clusters:
         model = state.model
         force_mm2 = np.where(model.is_beyond[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
         clusters = self.cluster(model.lattice, force_mm2)
         held_mm = np.array([contact.centre_mm for contact in state.lives.held]).reshape(-1, 2)
-        clusters = self.split(model.lattice, force_mm2, clusters, held_mm)
-        found = self.touch(model, clusters, fit.shape.coefficient_mm, force_mm2)
-        return found, self._is_firm(model, clusters, state.seen_mm).tolist()
+        return self.split(model.lattice, force_mm2, clusters, held_mm)
 
     def _is_firm(self, model: SheetModel, clusters: Clusters, seen_mm: Float64[np.ndarray, "k 2"]) -> Mask:
         """(c,) clusters that are clear enough to begin a contact.

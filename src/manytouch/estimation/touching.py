@@ -7,6 +7,7 @@ from jaxtyping import Float64
 
 from manytouch.estimation.force_clusters import Clusters
 from manytouch.estimation.sheet_model import SheetModel
+from manytouch.estimation.solid_face import SolidFace
 from manytouch.geometry.camera import project
 from manytouch.mechanics.dots import Face
 from manytouch.mechanics.patch import Nodal
@@ -76,16 +77,23 @@ class Touching:
     error: ModelError = ModelError()
 
     def __call__(
-        self, model: SheetModel, clusters: Clusters, coefficient_mm: Nodal, force_mm2: Nodal
+        self,
+        model: SheetModel,
+        clusters: Clusters,
+        coefficient_mm: Nodal,
+        force_mm2: Nodal,
+        solid: SolidFace,
     ) -> list[Contact]:
-        """Contacts without identity."""
+        """Contacts without identity; `solid` tells what their depth is more than a shell's."""
         if len(clusters) == 0:
             return []
         count = len(clusters)
         radius_mm = np.sqrt(np.maximum(clusters.area_mm2, (0.5 * model.pitch_mm) ** 2) / np.pi)
         around_mm = clusters.centre_mm[:, None] + radius_mm[:, None, None] * _RINGS
         face = Face(shell=model.shell, point_mm=around_mm.reshape(-1, 2))
-        moved_mm = face.displacement(coefficient_mm).reshape(count, len(_RINGS), 3)
+        moved_mm = face.displacement(coefficient_mm)
+        moved_mm[:, 2] -= solid.under_contacts(model, clusters, face.point_mm)
+        moved_mm = moved_mm.reshape(count, len(_RINGS), 3)
         deepest = np.argmin(moved_mm[:, :, 2], axis=1)
         here_mm = moved_mm[:, 0] + np.column_stack([clusters.centre_mm, np.zeros(count)])
         centre_px = project(model.camera, here_mm)

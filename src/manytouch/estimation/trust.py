@@ -42,8 +42,8 @@ class SurfaceError:
     """
 
     reach_thickness: float = 0.9
-    dent: float = 0.12
-    depth_share: float = 0.016
+    dent: float = 0.06
+    depth_share: float = 0.006
     along: float = 0.5
     unseen: float = 2.0
     nominal_share: float = 0.35

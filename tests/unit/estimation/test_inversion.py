@@ -8,6 +8,7 @@ import pytest
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import ContactIdentity, MechanicalInversion
 from manytouch.estimation.sheet_model import SheetModel
+from manytouch.estimation.solid_face import SolidFace
 from manytouch.mechanics.dots import Face
 from manytouch.mechanics.equilibrium import equilibrium
 from manytouch.values import Layout, Sensor, Sheet, TrackedGrid
@@ -16,7 +17,8 @@ from straight import straight_camera
 
 ROWS, COLUMNS, PITCH_MM = 12, 16, 4.0
 YOUNG_MPA = 2.0
-ESTIMATE = MechanicalInversion(identity=ContactIdentity(confirm_frames=1))
+SHELL = SolidFace(dent=0.0, ring=0.0, clamp=0.0)
+ESTIMATE = MechanicalInversion(identity=ContactIdentity(confirm_frames=1), solid=SHELL)
 
 
 def sensor_of(**sheet: float | None) -> Sensor:
