@@ -23,9 +23,8 @@ import numpy as np
 from manytouch.geometry.sampling import sampling_on
 from manytouch.pipeline import Sink
 from manytouch.session import Live, prepare
-from manytouch.simulation.scene import SCENES
 from manytouch.simulation.sensor import demo_sensor
-from manytouch.simulation.simulator import Simulator
+from manytouch.sources.simulated import simulated_source
 from manytouch.values import Reading, Sensor
 
 SURFACE = (100, 60)
@@ -65,7 +64,7 @@ class Client:
 
 def write_pictures(folder: Path, frames: int, fps: float) -> None:
     """Pictures of fingers on the demo sensor, as a camera would send them; the first ones at rest."""
-    simulator = Simulator(sensor=demo_sensor(2560), scene=SCENES["fingers"](0), fps=fps)
+    simulator = simulated_source(fps=fps, width_px=2560).simulator
     for number in range(frames):
         image = simulator.frame(number).image
         assert image is not None

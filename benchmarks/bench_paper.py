@@ -16,9 +16,7 @@ import numpy as np
 from manytouch.detection.paper import PaperDetection
 from manytouch.estimation.paper import PaperEstimate, PaperMemory
 from manytouch.evaluation.published.speed import plain_map
-from manytouch.simulation.scene import SCENES
-from manytouch.simulation.sensor import demo_sensor
-from manytouch.simulation.simulator import Simulator
+from manytouch.sources.simulated import simulated_source
 from manytouch.tracking.paper import PaperTracking
 
 
@@ -26,7 +24,7 @@ def measured(
     frames: int, width_px: int, estimate: PaperEstimate
 ) -> tuple[dict[str, np.ndarray], PaperMemory, np.ndarray]:
     """Milliseconds of each stage in each frame; the memory and the depths of the last frame."""
-    simulator = Simulator(sensor=demo_sensor(width_px), scene=SCENES["fingers"](0))
+    simulator = simulated_source(width_px=width_px).simulator
     stages = (PaperDetection(), PaperTracking(), estimate)
     detecting, tracking, estimating = (stage.start(simulator.sensor) for stage in stages)
     spent_ms: dict[str, list[float]] = {"detection": [], "tracking": [], "estimation": [], "all": []}

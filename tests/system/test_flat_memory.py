@@ -9,9 +9,7 @@ import numpy as np
 import pytest
 
 from manytouch.session import pipeline_for
-from manytouch.simulation.scene import SCENES
-from manytouch.simulation.sensor import demo_sensor
-from manytouch.simulation.simulator import Simulator
+from manytouch.sources.simulated import simulated_source
 from manytouch.values import Frame
 
 STATUS = Path("/proc/self/statm")
@@ -40,7 +38,7 @@ def resident_mb() -> float:
     ],
 )
 def test_memory_stays_flat(width_px: int, seconds: float, fps: float, most_mb: float) -> None:
-    simulator = Simulator(sensor=demo_sensor(width_px), scene=SCENES["fingers"](0), fps=fps)
+    simulator = simulated_source(fps=fps, width_px=width_px).simulator
     pictures = [simulator.frame(index) for index in range(PICTURES)]
     count = round(seconds * fps)
     held_mb = [

@@ -20,7 +20,7 @@ from manytouch.geometry.sampling import sampling_at
 from manytouch.session import Live, Playback, prepare
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
-from manytouch.sources.pressed import pressed_source
+from manytouch.sources.pressed import PressedSource
 from manytouch.values import Reading
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -81,7 +81,7 @@ def browser() -> Iterator[Browser]:
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Session]:
     """The simulated sensor, at rest until somebody presses it."""
-    job = prepare(pressed_source("rest"), method="perimeter")
+    job = prepare(PressedSource("rest"), method="perimeter")
     folder = tmp_path_factory.mktemp("recordings")
     running = Session(Live(job, recordings=folder), folder)
     yield running

@@ -86,10 +86,10 @@ def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter
     from manytouch.cli.stopping import Stop
     from manytouch.cli.viewing import viewers
     from manytouch.session import Live, files_in, prepare
-    from manytouch.sources.pressed import pressed_source
+    from manytouch.sources.pressed import PressedSource
 
     with Stop() as stop:
-        source = pressed_source(seconds=seconds)
+        source = PressedSource(seconds=seconds)
         job = prepare(source, method="mechanics", progress=reporter)
         live = Live(job, recordings=out)
         log = ContactLog(job.sensor, reporter.say, source.truth)

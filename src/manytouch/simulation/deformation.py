@@ -76,6 +76,19 @@ class Deformation:
         gradient = np.empty((len(place_mm), 3, 2))
         return self._sampled(place_mm, gradient), gradient
 
+    def moved_mm(self, place_mm: Points2, height_mm: float) -> Points3:
+        """Displacement (m, 3) of points that stand height_mm off the face, on its normal."""
+        if height_mm == 0.0:
+            return self.displacement_mm(place_mm)
+        moved_mm, normal = self.normals(place_mm)
+        return np.asarray(moved_mm + height_mm * ([0.0, 0.0, 1.0] - normal))
+
+    def normals(self, place_mm: Points2) -> tuple[Points3, Points3]:
+        """Displacements (m, 3) and unit normals (m, 3) of the face, away from the camera."""
+        moved_mm, gradient = self.camera_side(place_mm)
+        normal = np.cross(gradient[:, :, 0], gradient[:, :, 1])
+        return moved_mm, normal / np.linalg.norm(normal, axis=1, keepdims=True)
+
     def _sampled(self, place_mm: Points2, gradient: np.ndarray) -> Points3:
         found_mm = np.empty((len(place_mm), 3))
         _sample(self.x_mm, self.y_mm, self.face_mm, np.ascontiguousarray(place_mm), found_mm, gradient)

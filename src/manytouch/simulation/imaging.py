@@ -8,7 +8,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.geometry.camera import project
-from manytouch.simulation.plate import PlateField
 from manytouch.values import Camera
 from manytouch.values.arrays import Covariances2, Points2, Points3, Scalars
 
@@ -17,16 +16,6 @@ SAME_MOMENT = float(
     np.sqrt(3 / (2 + np.cos(2 * np.pi / CORNERS)))
 )  # the polygon's second moment is the disc's
 ANGLES = 2 * np.pi * np.arange(CORNERS) / CORNERS
-
-
-def displacements(field: PlateField, lever_mm: float) -> Points3:
-    """Displacement (n, 3) of the camera-side face, or of marker tips above it, in the sheet frame.
-
-    Normals stay normal (Kirchhoff): a point that lies lever_mm nearer to the camera than the middle
-    surface moves by -lever * grad depth in the plane. A press moves the sheet to -z, towards the
-    camera; around it the camera-side face is stretched, so the dots move away from its centre.
-    """
-    return np.column_stack([-lever_mm * field.slope, -field.depth_mm])
 
 
 def outlines(rest_mm: Points3, radius_mm: Scalars) -> Float64[np.ndarray, "corners 3"]:

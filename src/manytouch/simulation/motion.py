@@ -5,6 +5,7 @@ Depth is that of its lowest point below the undeformed touched face; above it de
 """
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -137,6 +138,17 @@ def _farthest_mm(way: Way, time_s: Scalars) -> float:
     moved_mm = np.linalg.norm(np.diff(places, axis=0), axis=1)
     moved_mm += ARM_MM * np.linalg.norm(np.diff(turns, axis=0), axis=1)
     return float(moved_mm[np.maximum(places[:-1, 2], places[1:, 2]) > 0.0].max(initial=0.0))
+
+
+def poses(
+    bodies: tuple[Body, ...], time_s: float, *, thickness_mm: float
+) -> Iterator[tuple[Body, np.ndarray, np.ndarray]]:
+    """Each body, where its frame's origin is at a time (3,) and how it is turned (3,)."""
+    if not bodies:
+        return
+    asked = loading(bodies, np.array([time_s]), thickness_mm=thickness_mm)
+    for body, touch in zip(bodies, asked.touches, strict=True):
+        yield body, touch.position_mm[0], touch.rotation_vector[0]
 
 
 def loading(bodies: tuple[Body, ...], time_s: Scalars, *, thickness_mm: float) -> Loading:

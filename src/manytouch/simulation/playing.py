@@ -7,7 +7,6 @@ from importlib.resources import files
 from pathlib import Path
 
 from manytouch.errors import SourceError
-from manytouch.simulation.bodies_on_plate import BodiesOnPlate
 from manytouch.simulation.condensed import condensed
 from manytouch.simulation.deformation import Deformation, flat
 from manytouch.simulation.deformation_file import read_deformations
@@ -15,14 +14,16 @@ from manytouch.simulation.fem.cache import StateCache, asked_keys
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.material import NeoHooke
 from manytouch.simulation.fem.sheet import SheetModel
-from manytouch.simulation.mechanics import Action
-from manytouch.simulation.motion import keyframe_times, loading
+from manytouch.simulation.live_energy import Pressed
+from manytouch.simulation.live_sheet import LiveSheet
+from manytouch.simulation.motion import keyframe_times, loading, poses
 from manytouch.simulation.scene_file import SceneFile
 from manytouch.simulation.simulator import Simulator
 from manytouch.simulation.solid_scene import SolidScene
 from manytouch.values.arrays import Scalars
 
 STATES_VARIABLE = "MANYTOUCH_STATES"
+MOST_STEPS = 200
 LIBRARY = files("manytouch.simulation") / "library"
 
 
@@ -96,7 +97,8 @@ def solving(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
         SourceError: no equilibrium is found.
         OutputError: the folder cannot be written.
     """
-    if scene.mechanics == "plate":
+    if scene.mechanics == "shell":
+        yield from _solved_live(scene)
         return
     asked = question(scene)
     shipped = kept_states(scene.name, asked.keys) if asked.keys else None
@@ -114,14 +116,27 @@ def solving(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
 
 def state_count(scene: SceneFile) -> int:
     """How many states `solving` gives."""
-    return len(question(scene).keys) if scene.mechanics == "solid" else 0
+    return len(question(scene).time_s) if scene.bodies else 0
+
+
+def _solved_live(scene: SceneFile) -> Iterator[Deformation]:
+    """The states at the keyframes of a scene as the live sheet finds them, each on its own."""
+    sheet, thickness_mm = LiveSheet(scene.sheet), scene.sheet.thickness_mm
+    for time_s in question(scene).time_s.tolist() if scene.bodies else ():
+        bodies = [
+            Pressed(indenter=body.indenter, position_mm=position_mm, rotation_vector=rotation_vector)
+            for body, position_mm, rotation_vector in poses(scene.bodies, time_s, thickness_mm=thickness_mm)
+        ]
+        for _ in range(3):  # thickness follows from call to call
+            sheet.settle(bodies, most=MOST_STEPS)
+        yield sheet.deformation()
 
 
 def simulator(scene: SceneFile, states: tuple[Deformation, ...]) -> Simulator:
     """The simulated sensor of a scene and all its states."""
     return Simulator(
         sensor=scene.sensor,
-        scene=_action(scene, states),
+        scene=solid_scene(scene, states),
         fps=scene.fps,
         look=scene.look,
         optics=scene.optics,
@@ -129,16 +144,8 @@ def simulator(scene: SceneFile, states: tuple[Deformation, ...]) -> Simulator:
     )
 
 
-def _action(scene: SceneFile, states: tuple[Deformation, ...]) -> Action:
-    if scene.mechanics == "plate":
-        return BodiesOnPlate(
-            name=scene.name,
-            seed=scene.seed,
-            duration_s=scene.duration_s,
-            round_s=scene.duration_s,
-            sheet=scene.sheet,
-            bodies=scene.bodies,
-        )
+def solid_scene(scene: SceneFile, states: tuple[Deformation, ...]) -> SolidScene:
+    """A scene and all its states as the sheet in time."""
     time_s = question(scene).time_s
     if not scene.bodies:
         x, y = (float(size) for size in scene.sheet.size_mm)

@@ -79,7 +79,7 @@ class _File(Section):
     seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
     sensor: str = Field(default="demo", min_length=1)
     width_px: Count | None = None
-    mechanics: Literal["solid", "plate"] = "solid"
+    mechanics: Literal["solid", "shell"] = "solid"
     solid: _Solid = Field(default_factory=_Solid)
     light: _Light = Field(default_factory=_Light)
     lens: _Lens = Field(default_factory=_Lens)
@@ -109,7 +109,7 @@ class SceneFile:
     Attributes:
         name, duration_s, fps, seed: of the recording; the seed is of noise and faults.
         sensor: that is pressed; layout and sheet are there, the sheet's material is known.
-        mechanics: "solid", 3-D finite elements, or "plate", quick and rough.
+        mechanics: "solid", 3-D finite elements, or "shell", the sheet that is solved live.
         mesh: of the solid.
         bodies: that press.
         look, optics, faults: of the pictures.
@@ -120,7 +120,7 @@ class SceneFile:
     fps: float
     seed: int
     sensor: Sensor
-    mechanics: Literal["solid", "plate"]
+    mechanics: Literal["solid", "shell"]
     mesh: Mesh
     bodies: tuple[Body, ...]
     look: Look

@@ -8,7 +8,7 @@ from jaxtyping import Float32, Float64
 from manytouch.geometry.camera import project
 from manytouch.simulation.deformation import TrueContact
 from manytouch.simulation.imaging import CORNERS, dot_ellipses, outlines
-from manytouch.simulation.mechanics import Action, Mechanics, PlateMechanics, Pressing, Watch
+from manytouch.simulation.mechanics import Mechanics, Watch
 from manytouch.simulation.optics import IN_FOCUS, Faults, Optics, drawn_faults, shadows
 from manytouch.simulation.render import Look, Spot, disc_coverage, photographed
 from manytouch.values import (
@@ -40,8 +40,8 @@ class Simulator:
     which it differs by some hundredths of a pixel, and not moved by blur, light or a missing half.
 
     Attributes:
-        sensor: true camera, layout and sheet; for plate presses the sheet's material must be known.
-        scene: what touches it: solved states, or forces that press on the linear plate.
+        sensor: true camera, layout and sheet.
+        scene: the sheet in time, and what touches it.
         fps: frames per second.
         look: levels, light and noise of the pictures.
         optics: how the camera takes them.
@@ -49,12 +49,11 @@ class Simulator:
     """
 
     sensor: Sensor
-    scene: Action
+    scene: Mechanics
     fps: float = 30.0
     look: Look = DEMO_LOOK
     optics: Optics = IN_FOCUS
     faults: Faults | None = None
-    _mechanics: Mechanics = field(init=False, repr=False)
     _faults: Faults = field(init=False, repr=False)
     _markers: Watch = field(init=False, repr=False)
     _outline_mm: Points3 = field(init=False, repr=False)
@@ -62,7 +61,6 @@ class Simulator:
 
     def __post_init__(self) -> None:
         layout, sheet = self._layout, self._sheet
-        mechanics = _mechanics(self.scene, sheet)
         faults = self.faults or drawn_faults(layout, sheet)
         dust_mm = np.column_stack([faults.dust_mm, np.zeros(len(faults.dust_mm))])
         outline_mm = np.concatenate(
@@ -70,11 +68,10 @@ class Simulator:
         )
         rest_mm = np.ascontiguousarray(layout.rest_mm[:, :2])
         corner_mm = np.ascontiguousarray(outline_mm[:, :2])
-        object.__setattr__(self, "_mechanics", mechanics)
         object.__setattr__(self, "_faults", faults)
-        object.__setattr__(self, "_markers", mechanics.watch(rest_mm, layout.height_mm))
+        object.__setattr__(self, "_markers", self.scene.watch(rest_mm, layout.height_mm))
         object.__setattr__(self, "_outline_mm", outline_mm)
-        object.__setattr__(self, "_outline", mechanics.watch(corner_mm, layout.height_mm))
+        object.__setattr__(self, "_outline", self.scene.watch(corner_mm, layout.height_mm))
 
     @property
     def frame_count(self) -> int:
@@ -140,7 +137,7 @@ class Simulator:
             return self._covered(outline_mm)
         half_s = 0.5 * self.optics.exposure_s
         ends = [project(self.sensor.camera, self._outline_at(time_s + s)) for s in (-half_s, half_s)]
-        count = int(np.clip(np.ceil(np.abs(ends[1] - ends[0]).max() / SMEAR_PX), 1, MOST_SMEARS))
+        count = int(np.clip(np.ceil(np.nanmax(np.abs(ends[1] - ends[0])) / SMEAR_PX), 1, MOST_SMEARS))
         shares = (2.0 * np.arange(count) + 1.0) / count - 1.0
         total = self._covered(self._outline_at(time_s + half_s * shares[0]))
         for share in shares[1:]:
@@ -174,8 +171,8 @@ class Simulator:
 
     def _contacts(self, index: int) -> Contacts:
         time_s, before_s = self._time_s(index), self._time_s(index - 1)
-        now = self._mechanics.contacts(time_s)
-        before = self._mechanics.contacts(before_s) if index > 0 else {}
+        now = self.scene.contacts(time_s)
+        before = self.scene.contacts(before_s) if index > 0 else {}
         told = [(id_, Phase.MOVE if id_ in before else Phase.START, now[id_], time_s) for id_ in now]
         told += [(id_, Phase.END, before[id_], before_s) for id_ in before if id_ not in now]
         return Contacts(contacts=tuple(self._contact(*one) for one in sorted(told, key=lambda one: one[0])))
@@ -195,23 +192,13 @@ class Simulator:
 
     def _shown_px(self, place_mm: Float64[np.ndarray, "n 2"], time_s: float) -> Points2:
         """Where undeformed places show at a time."""
-        moved_mm = self._mechanics.watch(place_mm, self._layout.height_mm)(time_s)
+        moved_mm = self.scene.watch(place_mm, self._layout.height_mm)(time_s)
         return project(self.sensor.camera, np.column_stack([place_mm, np.zeros(len(place_mm))]) + moved_mm)
 
     def _shadows(self, time_s: float) -> tuple[Spot, ...]:
-        contacts = list(self._mechanics.contacts(time_s).values())
+        contacts = list(self.scene.contacts(time_s).values())
         centre_mm = np.array([contact.centre_mm for contact in contacts]).reshape(-1, 2)
         camera = self.sensor.camera
         radius_mm = np.sqrt(np.array([contact.area_mm2 for contact in contacts]) / np.pi)
         radius_px = 1.0 + radius_mm * camera.fx_px / camera.translation_mm[2]
         return shadows(self._faults.shadow, self._shown_px(centre_mm, time_s), radius_px)
-
-
-def _mechanics(scene: Action, sheet: Sheet) -> Mechanics:
-    if isinstance(scene, Mechanics):
-        return scene
-    if isinstance(scene, Pressing):
-        return PlateMechanics(sheet=sheet, scene=scene)
-    raise ValueError(
-        f"a scene has loads on a plate or its own mechanics, which {type(scene).__name__} has not"
-    )

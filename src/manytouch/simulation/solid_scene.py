@@ -69,13 +69,7 @@ class SolidScene:
         place_mm = np.ascontiguousarray(place_mm)
 
         def displacement_mm(time_s: float) -> Points3:
-            face = self.face(time_s)
-            if height_mm == 0.0:
-                return face.displacement_mm(place_mm)
-            moved_mm, gradient = face.camera_side(place_mm)
-            normal = np.cross(gradient[:, :, 0], gradient[:, :, 1])
-            normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-            return np.asarray(moved_mm + height_mm * ([0.0, 0.0, 1.0] - normal))
+            return self.face(time_s).moved_mm(place_mm, height_mm)
 
         return displacement_mm
 

@@ -10,9 +10,10 @@ from manytouch.calibration.rest_pose import calibrate_rest, fitted_pose
 from manytouch.cli import main
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import project
-from manytouch.simulation.scene import rest
+from manytouch.simulation.deformation import flat
 from manytouch.simulation.sensor import demo_sensor
 from manytouch.simulation.simulator import Simulator
+from manytouch.simulation.solid_scene import SolidScene
 from manytouch.values import Sheet
 from manytouch.values.sensor_file import load_sensor, save_sensor
 
@@ -32,7 +33,10 @@ def tilted_sensor(missing: int = 0):
 
 
 def frames_of(sensor, count: int = 8):
-    simulator = Simulator(sensor=sensor, scene=rest())
+    scene = SolidScene(
+        name="rest", time_s=np.array([0.0, 5.0]), states=(flat((120.0, 80.0)),) * 2, duration_s=5.0
+    )
+    simulator = Simulator(sensor=sensor, scene=scene)
     return [simulator.frame(index) for index in range(count)]
 
 

@@ -16,9 +16,7 @@ from manytouch.estimation.paper import (
 )
 from manytouch.geometry.camera import onto_plane, project
 from manytouch.pipeline import Pipeline
-from manytouch.simulation.scene import SCENES
-from manytouch.simulation.sensor import demo_sensor
-from manytouch.simulation.simulator import Simulator
+from manytouch.sources.simulated import simulated_source
 from manytouch.tracking.paper import PaperTracking
 from manytouch.values import Camera, Layout, Phase, Sensor, TrackedGrid
 
@@ -312,7 +310,7 @@ def test_a_contact_says_what_it_knows_and_nothing_else():
 
 
 def test_whole_chain_on_rendered_pictures_gives_one_contact_for_one_press():
-    simulator = Simulator(sensor=demo_sensor(1280), scene=SCENES["one"](1))
+    simulator = simulated_source("one", seed=1).simulator
     pipeline = Pipeline(detect=PaperDetection(), track=PaperTracking(), estimate=PaperEstimate())
     frames = [simulator.frame(index) for index in (0, 60, 75, 90)]
     readings = list(pipeline.run(frames, simulator.sensor))

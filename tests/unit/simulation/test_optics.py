@@ -1,6 +1,7 @@
 """What camera and print add to a picture: each is seen."""
 
 from dataclasses import replace
+from functools import cache
 
 import cv2
 import numpy as np
@@ -8,18 +9,40 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from manytouch.geometry.camera import project
+from manytouch.simulation.fem.indenters import Sphere
+from manytouch.simulation.live_energy import Pressed
+from manytouch.simulation.live_sheet import LiveSheet
+from manytouch.simulation.motion import Body, Way, poses, pressed_way
 from manytouch.simulation.optics import Faults, Optics, drawn_faults
 from manytouch.simulation.render import Look
-from manytouch.simulation.scene import Press, Scene
 from manytouch.simulation.sensor import demo_sensor
 from manytouch.simulation.simulator import Simulator
+from manytouch.simulation.solid_scene import SolidScene
 from manytouch.values import Layout, Sheet
 
 SENSOR = demo_sensor(640)
 PLAIN = Look(ground=0.0, dot=200.0)
-SLIDE = Press(start_s=0.0, end_s=2.0, from_mm=(-20.0, 0.0), to_mm=(20.0, 0.0), force_N=4.0)
-SCENE = Scene(name="slide", duration_s=2.0, presses=(SLIDE,))
+SLIDE = pressed_way(0.0, 2.0, from_mm=(-20.0, 0.0), to_mm=(20.0, 0.0), depth_mm=4.0, ramp_s=0.25)
+TAP = pressed_way(0.4, 0.9, from_mm=(35.0, 20.0), depth_mm=5.0, ramp_s=0.2)
 INDEX = 15
+
+
+@cache
+def scene(way: Way, duration_s: float) -> SolidScene:
+    """A ball on its way."""
+    _, sheet = layout_and_sheet()
+    body, live, states = Body(indenter=Sphere(radius_mm=6.0), way=way), LiveSheet(sheet), []
+    time_s = np.linspace(0.0, duration_s, 21)
+    for at_s in time_s.tolist():
+        live.settle(
+            [
+                Pressed(indenter=body.indenter, position_mm=position_mm, rotation_vector=turn)
+                for body, position_mm, turn in poses((body,), at_s, thickness_mm=sheet.thickness_mm)
+            ],
+            most=40,
+        )
+        states.append(live.deformation())
+    return SolidScene(name="ball", time_s=time_s, states=tuple(states), duration_s=duration_s)
 
 
 def layout_and_sheet() -> tuple[Layout, Sheet]:
@@ -29,7 +52,9 @@ def layout_and_sheet() -> tuple[Layout, Sheet]:
 
 
 def simulator(optics: Optics | None = None, faults: Faults | None = None, look: Look = PLAIN) -> Simulator:
-    return Simulator(sensor=SENSOR, scene=SCENE, look=look, optics=optics or Optics(), faults=faults)
+    return Simulator(
+        sensor=SENSOR, scene=scene(SLIDE, 2.0), look=look, optics=optics or Optics(), faults=faults
+    )
 
 
 def picture(optics: Optics | None = None, faults: Faults | None = None, look: Look = PLAIN) -> np.ndarray:
@@ -66,8 +91,7 @@ def test_what_is_out_of_focus_is_blurred_by_its_circle_of_confusion() -> None:
 
 
 def test_only_what_moves_is_smeared_and_its_middle_stays() -> None:
-    tap = Press(start_s=0.4, end_s=0.9, from_mm=(35.0, 20.0), to_mm=(35.0, 20.0), force_N=8.0, ramp_s=0.2)
-    sharp = replace(simulator(), scene=Scene(name="tap", duration_s=1.0, presses=(tap,)))
+    sharp = replace(simulator(), scene=scene(TAP, 1.0))
     smeared = replace(sharp, optics=Optics(exposure_s=0.06))
     still, moving = (np.asarray(one.frame(INDEX).image, dtype=np.float64) for one in (sharp, smeared))
     before_px, here_px, after_px = (sharp.truth(INDEX + k).grid.position_px for k in (-1, 0, 1))

@@ -9,7 +9,7 @@ import pytest
 
 from manytouch.errors import SensorError, SourceError
 from manytouch.simulation.fem.indenters import ConvexBody, Fingertip, LyingCylinder, RoundPunch, SquarePunch
-from manytouch.simulation.playing import question, simulator
+from manytouch.simulation.playing import question, simulator, solving, state_count
 from manytouch.simulation.scene_bodies import mesh_corners
 from manytouch.simulation.scene_file import BUILT_IN, built_in_scenes, load_scene
 from manytouch.values.sensor_file import save_sensor
@@ -196,8 +196,11 @@ def test_built_in_scenes_are_there_and_sound() -> None:
         assert (scene.sensor.camera.width_px, scene.fps) == (1280, 30.0)
 
 
-def test_a_scene_on_the_plate_needs_no_states(tmp_path: Path) -> None:
+def test_a_scene_on_the_shell_is_solved_at_once(tmp_path: Path) -> None:
     (tmp_path / "body.obj").write_text(TETRAHEDRON)
-    text = EVERYTHING.replace('sensor = "demo"', 'sensor = "demo"\nmechanics = "plate"')
-    truth = simulator(load_scene(written(tmp_path, text)), ()).truth(12)
-    assert len(truth.contacts.touching) >= 3
+    text = EVERYTHING.replace('sensor = "demo"', 'sensor = "demo"\nmechanics = "shell"')
+    scene = load_scene(written(tmp_path, text))
+    states = tuple(solving(scene, tmp_path / "none"))
+    assert len(states) == state_count(scene)
+    assert not (tmp_path / "none").exists()
+    assert len(simulator(scene, states).truth(12).contacts.touching) >= 3

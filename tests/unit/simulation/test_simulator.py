@@ -7,12 +7,11 @@ import pytest
 
 from manytouch.geometry.camera import project
 from manytouch.simulation.render import Look
-from manytouch.simulation.scene import fingers
 from manytouch.simulation.sensor import demo_sensor
-from manytouch.simulation.simulator import Simulator
+from manytouch.sources.simulated import simulated_source
 from manytouch.values import Phase
 
-SIMULATOR = Simulator(sensor=demo_sensor(1280), scene=fingers())
+SIMULATOR = simulated_source("fingers").simulator
 BUSY = 210
 
 
@@ -49,14 +48,14 @@ def test_nothing_moves_at_rest() -> None:
 
 def test_truth_tells_forces_depths_and_places() -> None:
     truth = SIMULATOR.truth(BUSY)
-    loads = SIMULATOR.scene.loads(BUSY / 30)
-    assert [contact.id for contact in truth.contacts.touching] == sorted(loads)
+    there = SIMULATOR.scene.contacts(BUSY / 30)
+    assert [contact.id for contact in truth.contacts.touching] == sorted(there)
+    assert len(there) == 4
     for contact in truth.contacts.touching:
-        load = loads[contact.id]
-        assert contact.force_N.tolist() == [0.0, 0.0, -load.force_N]
-        assert contact.centre_mm == pytest.approx(load.centre_mm)
+        assert contact.force_N.tolist() == there[contact.id].force_N.tolist()
+        assert contact.centre_mm.tolist() == there[contact.id].centre_mm.tolist()
         rest_mm = truth.surface.position_mm - truth.surface.displacement_mm
-        near = np.linalg.norm(rest_mm[:, :2] - contact.centre_mm, axis=1) < load.radius_mm
+        near = np.linalg.norm(rest_mm[:, :2] - contact.centre_mm, axis=1) < 5.0
         deepest = -truth.surface.displacement_mm[near, 2].min()
         assert deepest <= contact.depth_mm + 1e-6 < deepest + 0.3
         nearest = np.argmin(np.linalg.norm(rest_mm[:, :2] - contact.centre_mm, axis=1))
@@ -73,16 +72,16 @@ def test_phases_start_move_and_end_once() -> None:
             if contact.phase is Phase.END:
                 assert contact.force_N[2] == last_force[contact.id]
             last_force[contact.id] = contact.force_N[2]
-    assert sorted(lives) == list(range(len(SIMULATOR.scene.presses)))
+    assert sorted(lives) == list(range(9))
     for phases in lives.values():
         assert phases == [Phase.START, *[Phase.MOVE] * (len(phases) - 2), Phase.END]
 
 
 def test_frames_repeat_with_the_seed_and_differ_in_noise() -> None:
-    again = Simulator(sensor=demo_sensor(1280), scene=fingers())
+    again = simulated_source("fingers").simulator
     assert np.array_equal(SIMULATOR.frame(7).image, again.frame(7).image)
     assert not np.array_equal(SIMULATOR.frame(7).image, SIMULATOR.frame(8).image)
-    other = Simulator(sensor=demo_sensor(1280), scene=fingers(seed=1))
+    other = simulated_source("fingers", seed=1).simulator
     assert not np.array_equal(SIMULATOR.frame(7).image, other.frame(7).image)
 
 
@@ -91,8 +90,8 @@ def test_missing_markers_are_neither_shown_nor_seen() -> None:
     assert sensor.layout is not None
     missing = np.zeros(600, dtype=bool)
     missing[[31, 400]] = True
-    gappy = Simulator(
-        sensor=replace(sensor, layout=replace(sensor.layout, is_missing=missing)), scene=fingers()
+    gappy = replace(
+        SIMULATOR, sensor=replace(sensor, layout=replace(sensor.layout, is_missing=missing)), faults=None
     )
     whole_px = np.rint(SIMULATOR.truth(5).grid.position_px[31]).astype(int)
     grid = gappy.truth(5).grid
@@ -108,13 +107,13 @@ def test_missing_markers_are_neither_shown_nor_seen() -> None:
 def test_only_what_the_camera_sees_is_seen() -> None:
     sensor = demo_sensor(1280)
     camera = replace(sensor.camera, translation_mm=np.array([20.0, 0.0, 116.3]))
-    grid = Simulator(sensor=replace(sensor, camera=camera), scene=fingers()).truth(4).grid
+    grid = replace(SIMULATOR, sensor=replace(sensor, camera=camera)).truth(4).grid
     assert 0 < grid.is_seen.sum() < 600
     assert np.isfinite(grid.position_px).all(axis=1).tolist() == grid.is_seen.tolist()
 
 
 def test_a_sensor_without_layout_or_sheet_is_refused() -> None:
     with pytest.raises(ValueError, match="sheet"):
-        Simulator(sensor=replace(demo_sensor(), sheet=None), scene=fingers())
+        replace(SIMULATOR, sensor=replace(demo_sensor(), sheet=None))
     with pytest.raises(ValueError, match="layout"):
-        Simulator(sensor=replace(demo_sensor(), layout=None), scene=fingers())
+        replace(SIMULATOR, sensor=replace(demo_sensor(), layout=None))
