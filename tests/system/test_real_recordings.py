@@ -57,9 +57,13 @@ def test_fingers_on_a_white_sheet_markers(folders: dict[str, Path]) -> None:
 
 def test_fingers_on_a_white_sheet_contacts(recordings: Path, folders: dict[str, Path]) -> None:
     counted = touching(folders["worachit/marker_stable_2mm_2.mp4"])
-    frames = scored_frames(recordings / "worachit" / "hand_contact_spans.csv")
+    spans = recordings / "worachit" / "hand_contact_spans.csv"
+    frames = scored_frames(spans)
     right = sum(counted[frame] == expected for frame, expected in frames)
-    assert right >= 0.85 * len(frames), f"{right} of {len(frames)}"
+    assert right >= 0.95 * len(frames), f"{right} of {len(frames)}"
+    frames += scored_frames(spans, "hover")
+    right = sum(counted[frame] == expected for frame, expected in frames)
+    assert right >= 0.9 * len(frames), f"{right} of {len(frames)}"
 
 
 def test_fingers_on_a_white_sheet_positions(recordings: Path, folders: dict[str, Path]) -> None:
@@ -75,7 +79,7 @@ def test_fingers_on_a_white_sheet_positions(recordings: Path, folders: dict[str,
         centres = np.array(found.get(int(row["frame"]), [(np.inf, np.inf)]))
         if row["cut"] == "0":
             distances += [np.linalg.norm(centres - finger, axis=1).min() for finger in fingers]
-    assert np.median(distances) <= PITCH_PX["worachit"]
+    assert np.median(distances) <= 40.0
 
 
 def test_nobody_touches(folders: dict[str, Path]) -> None:
@@ -93,8 +97,8 @@ def test_a_gel_pad(recordings: Path, folders: dict[str, Path]) -> None:
     assert tracks.swapped(slice(0, 55), slice(212, 219), PITCH_PX["gsrobotics"]) == 0
     counted = touching(folder)
     frames = scored_frames(recordings / "gsrobotics" / "hand_contact_spans.csv")
-    right = sum((counted[frame] > 0) == (expected > 0) for frame, expected in frames)
-    assert right >= 0.85 * len(frames), f"{right} of {len(frames)}"
+    right = sum(counted[frame] == expected for frame, expected in frames)
+    assert right >= 0.95 * len(frames), f"{right} of {len(frames)}"
 
 
 @pytest.mark.parametrize("side", ["left", "right"])

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.load import LoadMap
+from manytouch.estimation.chart import Chart
 from manytouch.values.arrays import Mask, Points2, Scalars
 
 
@@ -71,29 +71,26 @@ class ContactFinder:
 
     def __call__(
         self,
-        chart: LoadMap,
+        chart: Chart,
         modes: Float64[np.ndarray, "k l"],
-        shift_modes: Float64[np.ndarray, "k l"],
-        noise: tuple[float, float],
+        variance: float,
         recent_load: float = 0.0,
     ) -> Hills:
         """The contacts in a load.
 
         Args:
-            chart: of the sensor.
-            modes: of the load.
-            shift_modes: of the load that displacements alone tell: light changes dots, it does not move them.
-            noise: of the modes in this frame.
+            chart: of the load.
+            modes: its coefficients.
+            variance: of what they were taken from in this frame, by the noise of the picture.
             recent_load: strongest load of the frames before, as `remembered` keeps it.
         """
         from manytouch.estimation.kernels import hills
 
         load = chart.load(modes)
         strongest = float(load.max())
-        moved = strongest if modes is shift_modes else float(chart.load(shift_modes).max())
         crept = self.creep_share * recent_load
         floor = max(self.stay_load, crept, self.stay_share * strongest)
-        if not (strongest > floor and moved > self.stay_load):
+        if not strongest > floor:
             return _nothing(load, max(self.stay_load, crept))
         label, peak = hills(np.ascontiguousarray(load), floor / 2.0, self.merge)
         height = load.ravel()[peak]
@@ -102,7 +99,7 @@ class ContactFinder:
         # Hills come the highest first, so that those above a height are the first.
         high = int((height > floor).sum())
         std = np.full(len(peak), np.inf)
-        std[:high] = chart.load_std(top_mm[:high], noise)
+        std[:high] = chart.load_std(top_mm[:high], variance)
         stays = height > np.maximum(floor, 0.5 * self.noise_stds * std)
         if not stays.any():
             return _nothing(load, max(self.stay_load, crept))
@@ -111,7 +108,7 @@ class ContactFinder:
         model = np.hypot(
             self.model_std_pitch * chart.pitch_mm, self.model_std_radius * np.sqrt(area_mm2 / np.pi)
         )
-        covariance = chart.centre_covariance(top_mm, noise, modes) + model[:, None, None] ** 2 * np.eye(2)
+        covariance = chart.centre_covariance(top_mm, variance, modes) + model[:, None, None] ** 2 * np.eye(2)
         firm = max(self.start_load, crept, self.start_share * strongest)
         return Hills(
             centre_mm=centre_mm,
@@ -119,7 +116,7 @@ class ContactFinder:
             load=height,
             load_std=std,
             area_mm2=area_mm2,
-            is_firm=(height > firm) & (height > self.noise_stds * std) & (moved > self.start_load),
+            is_firm=(height > firm) & (height > self.noise_stds * std),
             floor=max(self.stay_load, crept),
             member=member,
         )
@@ -129,7 +126,7 @@ class ContactFinder:
         return float(max([self.creep_memory * recent_load, *found.load.tolist()]))
 
     def _shapes(
-        self, chart: LoadMap, load: np.ndarray, label: np.ndarray, height: np.ndarray, stays: np.ndarray
+        self, chart: Chart, load: np.ndarray, label: np.ndarray, height: np.ndarray, stays: np.ndarray
     ) -> tuple[Points2, Scalars, np.ndarray]:
         """Centres and areas of those of the hills that stay, and the map of whose upper half is where."""
         at = np.flatnonzero(label >= 0)

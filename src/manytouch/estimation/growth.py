@@ -3,11 +3,10 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
 
 from manytouch.geometry.neighbours import Neighbours
-from manytouch.values import Layout, TrackedGrid
-from manytouch.values.arrays import Points2, Scalars, read_only
+from manytouch.values import TrackedGrid
+from manytouch.values.arrays import Scalars, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -17,16 +16,10 @@ class DotGrowth:
     Attributes:
         limit: largest change that is believed, either way; a dot that a glint cuts seems to shrink by more.
         settle: part of what remains while nothing touches that is taken for rest, per frame.
-        reach_pitch: radius of the window within which `summit` looks at growths.
-        climb_pitch: how far a summit may be from where the climb begins.
-        climbs: steps of a climb.
     """
 
     limit: float = 0.4
     settle: float = 0.01
-    reach_pitch: float = 0.75
-    climb_pitch: float = 1.5
-    climbs: int = 10
 
     def __call__(self, grid: TrackedGrid, rest: Scalars, neighbours: Neighbours) -> Scalars | None:
         """Growth (m,) of all markers; None when the frame tells no areas.
@@ -47,32 +40,6 @@ class DotGrowth:
             around = neighbours.index[blank]
             growth[blank] = growth[around].sum(axis=1) / np.maximum(known[around].sum(axis=1), 1)
         return read_only(growth)
-
-    def summit(
-        self,
-        point_mm: Points2,
-        growth: Float64[np.ndarray, " m"],
-        layout: Layout,
-        rest_mm: Float64[np.ndarray, "m 2"],
-    ) -> Points2:
-        """Where the dots near points (n, 2) have grown most: mean shift over what is above the median growth.
-
-        Small dots count less, with the fourth power of their area: light changes what is seen of them.
-        (Y. Cheng 1995, doi:10.1109/34.400568.)
-        """
-        trust = np.minimum(1.0, layout.radius_mm / np.median(layout.radius_mm)) ** 8
-        weight = trust * np.maximum(growth - np.median(growth), 0.0)
-        here_mm = point_mm
-        for _ in range(self.climbs):
-            off = (rest_mm - here_mm[:, None]) / (self.reach_pitch * layout.pitch_mm)
-            near = weight * np.exp(-0.5 * (off**2).sum(axis=2))
-            total = near.sum(axis=1, keepdims=True)
-            here_mm = np.where(total > 0.0, near @ rest_mm / np.where(total > 0.0, total, 1.0), here_mm)
-        way = (here_mm - point_mm) / layout.pitch_mm
-        length = np.linalg.norm(way, axis=1, keepdims=True)
-        way *= np.minimum(1.0, self.climb_pitch / np.maximum(length, 1e-12))
-        summit_mm: Points2 = point_mm + way * layout.pitch_mm
-        return summit_mm
 
     def std(self, grid: TrackedGrid) -> float | None:
         """Usual standard deviation of a growth, from that of the centres.

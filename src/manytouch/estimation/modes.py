@@ -91,16 +91,6 @@ def outer(along_x: np.ndarray, along_y: np.ndarray) -> Float64[np.ndarray, "n q"
     return np.asarray((along_x[:, :, None] * along_y[:, None, :]).reshape(len(along_x), -1))
 
 
-def is_coarse(
-    wave_x: np.ndarray, wave_y: np.ndarray, size: np.ndarray, pitch: np.ndarray, finest: float
-) -> np.ndarray:
-    """(q,) which products of cosines are no finer than a wavelength."""
-    coarse_x, coarse_y = _counts(size, pitch, finest)
-    return np.asarray(
-        ((np.arange(len(wave_x)) < coarse_x)[:, None] & (np.arange(len(wave_y)) < coarse_y)).ravel()
-    )
-
-
 def waves(size: np.ndarray, pitch: np.ndarray, finest: float) -> tuple[np.ndarray, np.ndarray]:
     """Wave numbers along x and y of the cosines down to the finest wavelength, in pitches."""
     counts = _counts(size, pitch, finest)

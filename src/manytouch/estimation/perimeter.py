@@ -15,12 +15,15 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation.chart import Chart
 from manytouch.estimation.contacts import ContactFinder, Hills
 from manytouch.estimation.depth import PerimeterLaw, perimeter_law
 from manytouch.estimation.growth import DotGrowth
 from manytouch.estimation.identity import ContactIdentity, Lives
-from manytouch.estimation.load import LoadMap, LoadModel, assumes_view
+from manytouch.estimation.load import LoadModel, assumes_view
+from manytouch.estimation.pads import PadMap, PadModel
 from manytouch.estimation.plane import PlaneTable, plane_from_px, plane_table
+from manytouch.estimation.spacing import Spacing, spacing
 from manytouch.estimation.unseen import FillUnseen
 from manytouch.estimation.view import Judges, RobustView
 from manytouch.geometry.camera import cam_from_sheet, onto_plane, project
@@ -54,7 +57,9 @@ class PerimeterMemory:
         law: the paper's depth.
         neighbours: of each marker.
         chart: from displacements to the load.
-        sampling: from markers to the points of the chart.
+        pads: where pads are likely, when the camera's field of view was assumed; else None.
+        spacing: from displacements to the changes of spacings.
+        sampling: from markers to the points of the charts.
         plane: from pixels to the plane of the sheet.
         plane_from_px: (m, 2, 2) its derivative at the markers.
         around: (k, m) neighbours, and what their depths add to the two errors of the law.
@@ -73,7 +78,9 @@ class PerimeterMemory:
     layout: Layout
     law: PerimeterLaw
     neighbours: Neighbours
-    chart: LoadMap
+    chart: Chart
+    pads: PadMap | None
+    spacing: Spacing
     sampling: GridSampling
     plane: PlaneTable
     plane_from_px: Covariances2
@@ -98,23 +105,30 @@ class PerimeterDepth:
         fill: fills in markers that are not seen.
         grow: how much the dots have grown.
         model: of sheet, fingers and view.
+        pad_model: of fingers where the view was assumed.
         find: contacts of a frame.
+        find_pads: the same where the view was assumed.
         identity: which contact is which of the frame before.
         settle: part of what remains while nothing touches that is taken for rest, per frame; a sheet creeps.
         assumed_scale_std: relative deviation of the depth when the field of view was assumed.
-        assumed_centre_std_pitch: deviation of a contact's centre then, along each axis: a wrong distance of
-            the camera or thickness of the sheet draws contacts towards or away from the optical axis.
+        assumed_centre_std_pitch: deviation of a contact's centre then, along each axis.
     """
 
     view: RobustView = field(default_factory=RobustView)
     fill: FillUnseen = field(default_factory=FillUnseen)
     grow: DotGrowth = field(default_factory=DotGrowth)
     model: LoadModel = field(default_factory=LoadModel)
+    pad_model: PadModel = field(default_factory=PadModel)
     find: ContactFinder = field(default_factory=ContactFinder)
+    find_pads: ContactFinder = field(
+        default_factory=lambda: ContactFinder(
+            start_load=0.0125, stay_load=0.01, start_share=0.4, stay_share=0.35
+        )
+    )
     identity: ContactIdentity = field(default_factory=ContactIdentity)
     settle: float = 0.01
     assumed_scale_std: float = 0.35
-    assumed_centre_std_pitch: float = 0.9
+    assumed_centre_std_pitch: float = 0.5
 
     def start(self, sensor: Sensor) -> PerimeterMemory:
         """Works out everything that only the sensor decides.
@@ -151,6 +165,8 @@ class PerimeterDepth:
             law=law,
             neighbours=neighbours,
             chart=chart,
+            pads=self.pad_model(layout, plane_mm, self.model.points_per_pitch) if is_assumed else None,
+            spacing=spacing(plane_mm, eye_mm[:2], neighbours),
             sampling=sampling_on(layout, chart.x_mm, chart.y_mm),
             plane=plane_table(camera),
             plane_from_px=read_only(plane_from_px(camera, rest_px)),
@@ -173,26 +189,42 @@ class PerimeterDepth:
         surface, moved_mm, std_mm = self.shape(state, grid)
         if state.rest_frames == 0:
             state = replace(state, rest_area=self.grow.at_rest(grid, state.rest_area, 0))
-        growth = self.grow(grid, state.rest_area, state.neighbours)
-        shift_modes = state.chart.shift_modes(moved_mm - state.settled_mm)
-        modes = state.chart.joined(shift_modes, growth)
-        noise = state.chart.noise(std_mm, None if growth is None else self.grow.std(grid))
-        found = self.find(state.chart, modes, shift_modes, noise, state.recent_load)
-        if growth is not None and state.centre_std_mm > 0.0 and len(found.load):
-            # With an assumed camera, displacements draw a contact to the wrong place; growth is local.
-            centre_mm = self.grow.summit(found.centre_mm, growth, state.layout, state.law.rest_mm)
-            found = replace(found, centre_mm=centre_mm)
+        chart, modes, variance, swelling = self._load(state, grid, moved_mm - state.settled_mm, std_mm)
+        find = self.find if state.pads is None else self.find_pads
+        found = find(chart, modes, variance, state.recent_load)
+        if state.pads is not None and len(found.load):
+            found = replace(found, centre_mm=self.pad_model.fitted(state.pads, found.centre_mm, swelling))
         lives, contacts = self.identity.step(
             state.lives,
             self._contacts(state, found, surface, moved_mm),
             is_firm=found.is_firm.tolist(),
-            is_there=lambda point_mm: state.chart.load_at(point_mm, modes) > found.floor,
+            is_there=lambda point_mm: chart.load_at(point_mm, modes) > found.floor,
             status=grid.status,
         )
-        state = replace(state, lives=lives, recent_load=self.find.remembered(found, state.recent_load))
+        state = replace(state, lives=lives, recent_load=find.remembered(found, state.recent_load))
         if grid.status == "ok" and not lives.lives and len(found.load) == 0:
             state = self._settled(state, grid, moved_mm)
         return state, surface, contacts
+
+    def _load(
+        self, state: PerimeterMemory, grid: TrackedGrid, shift_mm: Points2, std_mm: float
+    ) -> tuple[Chart, Float64[np.ndarray, "k l"], float, Float64[np.ndarray, " swelling"]]:
+        """The chart to read contacts from, its coefficients, the variance of their noise, and the swelling.
+
+        Where the view was assumed, the swelling says how the load is shared out, and displacements how much
+        there is: light changes dots, it does not move them.
+        """
+        chart, std = state.chart, std_mm / state.pitch_mm
+        modes = chart.modes(shift_mm.T.ravel() / state.pitch_mm)
+        if state.pads is None:
+            return chart, modes, std**2, np.zeros(0)
+        growth = self.grow(grid, state.rest_area, state.neighbours)
+        swelling = self.pad_model.swelling(growth, *state.spacing(shift_mm))
+        there, chart = float(chart.load(modes).max()), state.pads.chart
+        modes = chart.modes(swelling)
+        scale = max(there, 0.0) / max(float(chart.load(modes).max()), 1e-12)
+        variance = state.spacing.noise * std_mm**2 + (self.grow.std(grid) or 0.0) ** 2
+        return chart, scale * modes, scale**2 * variance, swelling
 
     def shape(self, state: PerimeterMemory, grid: TrackedGrid) -> tuple[Surface, Points2, float]:
         """The surface alone, without contacts, of a frame that shows at least four markers.

@@ -4,10 +4,8 @@ import numpy as np
 import pytest
 
 from manytouch.estimation.growth import DotGrowth
-from manytouch.estimation.load import LoadModel
 from manytouch.geometry.neighbours import nearest_neighbours
-from manytouch.simulation.sensor import demo_sensor
-from manytouch.values import Sensor, TrackedGrid
+from manytouch.values import TrackedGrid
 
 ROWS, COLUMNS = 5, 7
 PLANE_MM = np.stack(np.meshgrid(np.arange(COLUMNS) * 4.0, np.arange(ROWS) * 4.0), axis=-1).reshape(-1, 2)
@@ -77,72 +75,3 @@ def test_a_dot_that_is_hidden_keeps_its_rest() -> None:
     rest = DotGrowth().at_rest(grid(area), np.full(len(PLANE_MM), np.log(80.0)), 3)
     assert rest[3] == pytest.approx(np.log(80.0))
     assert rest[4] > np.log(80.0)
-
-
-def test_the_climb_ends_where_dots_have_grown_most_but_not_far_away() -> None:
-    sensor = demo_sensor()
-    assert sensor.layout is not None
-    rest_mm = sensor.layout.rest_mm[:, :2]
-    top_mm = np.array([6.0, -5.0])
-    growth = 0.2 * np.exp(-0.5 * ((rest_mm - top_mm) ** 2).sum(axis=1) / 5.0**2)
-    grow = DotGrowth(climbs=40)
-    start_mm = top_mm + np.array([[3.0, 2.0], [-2.0, 4.0]])
-    np.testing.assert_allclose(
-        grow.summit(start_mm, growth, sensor.layout, rest_mm), np.tile(top_mm, (2, 1)), atol=0.4
-    )
-    far_mm = top_mm[None] + np.array([[30.0, 0.0]])
-    moved_mm = grow.summit(far_mm, growth, sensor.layout, rest_mm) - far_mm
-    assert np.linalg.norm(moved_mm) <= grow.climb_pitch * 4.0 + 1e-9
-
-
-def known_load(sensor: Sensor, at_mm: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Displacements and growths of a smooth hollow: u = r w/d - l grad w, g = 2 w/d - l lap w."""
-    assert sensor.layout is not None
-    assert sensor.sheet is not None
-    rest = sensor.layout.rest_mm[:, :2]
-    distance, lever, width = sensor.camera.translation_mm[2], 0.5 * sensor.sheet.thickness_mm, 7.0
-    off = rest - at_mm
-    depth = 2.0 * np.exp(-0.5 * (off**2).sum(axis=1) / width**2)
-    slope = -off / width**2 * depth[:, None]
-    bend = ((off**2).sum(axis=1) / width**4 - 2.0 / width**2) * depth
-    return rest * (depth / distance)[:, None] - lever * slope, 2.0 * depth / distance - lever * bend
-
-
-@pytest.mark.parametrize("share", [0.0, 0.5, 1.0])
-def test_both_witnesses_put_a_load_in_its_place(share: float) -> None:
-    sensor = demo_sensor()
-    assert sensor.layout is not None
-    at_mm = np.array([13.0, -9.0])
-    shift, growth = known_load(sensor, at_mm)
-    chart = LoadModel(growth_share=share)(sensor, sensor.layout.rest_mm[:, :2])
-    load = chart.load(chart.joined(chart.shift_modes(shift), growth))
-    row, column = np.unravel_index(np.argmax(load), load.shape)
-    np.testing.assert_allclose([chart.x_mm[column], chart.y_mm[row]], at_mm, atol=1.5)
-
-
-def test_the_load_is_linear_in_what_is_seen() -> None:
-    sensor = demo_sensor()
-    assert sensor.layout is not None
-    chart = LoadModel()(sensor, sensor.layout.rest_mm[:, :2])
-    one, other = (known_load(sensor, np.array(at)) for at in ([13.0, -9.0], [-20.0, 5.0]))
-    both = chart.joined(chart.shift_modes(one[0] + other[0]), one[1] + other[1])
-    apart = sum(chart.joined(chart.shift_modes(shift), growth) for shift, growth in (one, other))
-    np.testing.assert_allclose(both, apart, rtol=1e-4, atol=1e-6)
-
-
-def test_predicted_noise_of_the_load_is_the_observed_one() -> None:
-    sensor = demo_sensor()
-    assert sensor.layout is not None
-    chart = LoadModel(growth_share=0.4)(sensor, sensor.layout.rest_mm[:, :2])
-    rng = np.random.default_rng(3)
-    at_mm = np.array([[5.0, 5.0], [-40.0, 20.0]])
-    loads = [
-        chart.load_at(
-            at_mm,
-            chart.joined(chart.shift_modes(rng.normal(0.0, 0.02, (600, 2))), rng.normal(0.0, 0.01, 600)),
-        )
-        for _ in range(400)
-    ]
-    np.testing.assert_allclose(
-        np.std(loads, axis=0), chart.load_std(at_mm, chart.noise(0.02, 0.01)), rtol=0.15
-    )

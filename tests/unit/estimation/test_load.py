@@ -85,7 +85,7 @@ def test_the_map_is_that_of_the_model_as_it_is_written():
         covariance += np.outer(motion, motion)
     expected = smooth[:, None] ** 2 * np.linalg.solve(covariance, np.vstack(load)).T
     scale = np.abs(expected).max()
-    np.testing.assert_allclose(chart.mode_from_shift, expected, rtol=1e-4, atol=1e-6 * scale)
+    np.testing.assert_allclose(chart.estimate, expected, rtol=1e-4, atol=1e-6 * scale)
 
 
 def test_series_get_coarser_only_where_they_are_too_many():
@@ -99,7 +99,7 @@ def test_series_get_coarser_only_where_they_are_too_many():
 def test_a_thousand_markers_keep_all_products():
     chart = LoadModel()(lattice(26, 40), lattice(26, 40).layout.rest_mm[:, :2])
     every = LoadModel(most_products=10**6)(lattice(26, 40), lattice(26, 40).layout.rest_mm[:, :2])
-    assert chart.mode_from_shift.shape == every.mode_from_shift.shape
+    assert chart.estimate.shape == every.estimate.shape
 
 
 def test_ten_thousand_markers_start_soon_and_in_little_memory():

@@ -1,0 +1,49 @@
+"""How spacings change: exact where the sheet stretches evenly."""
+
+import numpy as np
+import pytest
+
+from manytouch.estimation.spacing import spacing
+from manytouch.geometry.neighbours import nearest_neighbours
+
+ROWS, COLUMNS = 6, 9
+REST_MM = np.stack(np.meshgrid(np.arange(COLUMNS) * 4.0 - 13.0, np.arange(ROWS) * 3.0 - 8.0), -1).reshape(
+    -1, 2
+)
+EYE_MM = np.array([-13.0, -8.0])  # at the first marker
+SPACING = spacing(REST_MM, EYE_MM, nearest_neighbours(REST_MM))
+
+
+@pytest.mark.parametrize("stretch", [0.1, -0.2])
+def test_what_grows_evenly_grows_across_as_well(stretch: float) -> None:
+    area, across = SPACING(stretch * REST_MM + [3.0, -1.0])
+    np.testing.assert_allclose(area, 2.0 * np.log(1.0 + stretch), atol=1e-12)
+    np.testing.assert_allclose(across, area, atol=1e-12)
+
+
+def test_what_turns_does_not_grow() -> None:
+    cosine, sine = np.cos(0.2), np.sin(0.2)
+    area, across = SPACING(REST_MM @ np.array([[cosine - 1.0, -sine], [sine, cosine - 1.0]]))
+    np.testing.assert_allclose(area, 0.0, atol=1e-12)
+    np.testing.assert_allclose(across, 0.0, atol=1e-12)
+
+
+def test_a_stretch_along_the_rays_is_none_across() -> None:
+    area, across = SPACING(REST_MM * [0.1, 0.0])
+    np.testing.assert_allclose(area, np.log(1.1), atol=1e-12)
+    beside = np.arange(1, COLUMNS)  # on the x axis through the eye
+    below = np.arange(1, ROWS) * COLUMNS
+    np.testing.assert_allclose(across[beside], 0.0, atol=1e-12)
+    np.testing.assert_allclose(across[below], 2.0 * np.log(1.1), atol=1e-12)
+
+
+def test_a_fold_is_not_followed() -> None:
+    area, across = SPACING(-2.0 * REST_MM)
+    assert np.isfinite(area).all()
+    assert np.isfinite(across).all()
+
+
+def test_predicted_noise_of_an_area_is_the_observed_one() -> None:
+    chance = np.random.default_rng(2)
+    areas = np.array([SPACING(chance.normal(0.0, 0.01, REST_MM.shape))[0] for _ in range(300)])
+    assert np.median(areas.var(axis=0)) == pytest.approx(SPACING.noise * 0.01**2, rel=0.1)
