@@ -37,6 +37,18 @@ def bin_dots(dot, cell_px):
     return left, top, columns, rows, start, binned
 
 
+@njit(cache=True, nogil=True, inline="always")
+@no_type_check
+def around(x, y, reach, columns, rows, each):
+    """Columns and rows of the cells within reach of a place, that is given from the first one's corner.
+
+    `each` is one over the size of a cell. Where the last column is less than the first, there are none.
+    """
+    left, right = int(np.floor((x - reach) * each)), int(np.floor((x + reach) * each))
+    top, bottom = int(np.floor((y - reach) * each)), int(np.floor((y + reach) * each))
+    return max(0, left), min(columns - 1, right), max(0, top), min(rows - 1, bottom)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def nearest_two(dot, bins, cell_px, x, y, gate_px):
@@ -44,10 +56,7 @@ def nearest_two(dot, bins, cell_px, x, y, gate_px):
     low_x, low_y, columns, rows, start, binned = bins
     reach = 1.7 * gate_px
     best, first, second = -1, gate_px * gate_px, reach * reach
-    left = max(0, int(np.floor((x - reach - low_x) / cell_px)))
-    right = min(columns - 1, int(np.floor((x + reach - low_x) / cell_px)))
-    top = max(0, int(np.floor((y - reach - low_y) / cell_px)))
-    bottom = min(rows - 1, int(np.floor((y + reach - low_y) / cell_px)))
+    left, right, top, bottom = around(x - low_x, y - low_y, reach, columns, rows, 1.0 / cell_px)
     if right < left:
         return best, first, second
     for row in range(top, bottom + 1):
@@ -71,17 +80,14 @@ def match(dot, bins, cell_px, guess, kind, spacing, gate, owner, taker):
     """
     low_x, low_y, columns, rows, start, binned = bins
     taker[: len(dot)] = -1
-    distance, each = np.empty(len(dot)), 1.0 / cell_px
+    distance = np.empty(len(dot))
     for k in range(len(guess)):
         owner[k] = -1
         if kind[k] != 0:
             continue
         x, y, reach = guess[k, 0], guess[k, 1], gate * spacing[k]
         best, first = -1, reach * reach
-        left = max(0, int(np.floor((x - reach - low_x) * each)))
-        right = min(columns - 1, int(np.floor((x + reach - low_x) * each)))
-        top = max(0, int(np.floor((y - reach - low_y) * each)))
-        bottom = min(rows - 1, int(np.floor((y + reach - low_y) * each)))
+        left, right, top, bottom = around(x - low_x, y - low_y, reach, columns, rows, 1.0 / cell_px)
         if right < left:
             continue
         for row in range(top, bottom + 1):

@@ -15,6 +15,8 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from manytouch.tracking.bins import around
+
 _WIDE_GATE = 0.4
 _NARROW_GATE = 0.08
 _RATIO_SQUARED = 0.36
@@ -272,10 +274,7 @@ def grow(dot, bins, cell_px, nodes, net, moved, owner, used, scratch):
             y = rest[k, 1] + (to_y / lines if attempt == 0 else fit_y)
             reach = _SECOND * gate
             best, first, second = -1, gate * gate, reach * reach
-            left = max(0, int(np.floor((x - reach - low_x) / cell_px)))
-            right = min(columns - 1, int(np.floor((x + reach - low_x) / cell_px)))
-            top = max(0, int(np.floor((y - reach - low_y) / cell_px)))
-            bottom = min(rows - 1, int(np.floor((y + reach - low_y) / cell_px)))
+            left, right, top, bottom = around(x - low_x, y - low_y, reach, columns, rows, 1.0 / cell_px)
             if right < left:
                 continue
             for row in range(top, bottom + 1):

@@ -8,7 +8,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from manytouch.tracking.bins import bin_dots
+from manytouch.tracking.bins import around, bin_dots
 from manytouch.tracking.growth import fill
 from manytouch.tracking.looks import learn
 
@@ -35,10 +35,7 @@ def _votes(dot, bins, cell_px, guess, present, bin_px, half):
         if not present[k]:
             continue
         x, y = guess[k, 0], guess[k, 1]
-        left = max(0, int(np.floor((x - reach - low_x) / cell_px)))
-        right = min(columns - 1, int(np.floor((x + reach - low_x) / cell_px)))
-        top = max(0, int(np.floor((y - reach - low_y) / cell_px)))
-        bottom = min(rows - 1, int(np.floor((y + reach - low_y) / cell_px)))
+        left, right, top, bottom = around(x - low_x, y - low_y, reach, columns, rows, 1.0 / cell_px)
         if right < left:
             continue
         for row in range(top, bottom + 1):

@@ -14,6 +14,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+from manytouch.tracking.bins import around
 from manytouch.tracking.growth import affine, least_stretch, roughness
 
 _SETTLED, _ALIKE = 0.05, 0.2
@@ -319,10 +320,7 @@ def doubtful(dot, bins, cell_px, markers, net, moved, owner, bounds, used, free,
 def _nearest_free(dot, bins, cell_px, x, y, reach, used):
     """The nearest unused dot within reach, or -1."""
     low_x, low_y, columns, rows, start, binned = bins
-    left = max(0, int(np.floor((x - reach - low_x) / cell_px)))
-    right = min(columns - 1, int(np.floor((x + reach - low_x) / cell_px)))
-    top = max(0, int(np.floor((y - reach - low_y) / cell_px)))
-    bottom = min(rows - 1, int(np.floor((y + reach - low_y) / cell_px)))
+    left, right, top, bottom = around(x - low_x, y - low_y, reach, columns, rows, 1.0 / cell_px)
     best, first = -1, reach * reach
     if right < left:
         return best
