@@ -1,16 +1,19 @@
 """The quick way to measure plain dots agrees with the general one, and its pieces with plain numpy."""
 
+from typing import no_type_check
+
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numba import njit
 
 from manytouch.detection import measure, noise_of
 from manytouch.detection.candidates import candidates, workshop
 from manytouch.detection.plans import CORE, HALF, LANES, RING, STEP, STRIPS, plans_of
 from manytouch.detection.selection import without_doubles
-from manytouch.detection.strips import STRIP
+from manytouch.detection.strips import STRIP, strip_sums
 from manytouch.simulation.render import Look, render_discs
 
 WIDTH, HEIGHT = 320, 200
@@ -113,6 +116,35 @@ def test_plans_look_where_they_say() -> None:
 
 def plans_radius(radius_px: float) -> float:
     return STEP ** np.rint(np.log(radius_px) / np.log(STEP))
+
+
+@njit
+@no_type_check
+def summed(flat, window, mask, planes, sums):
+    first, width, strips, rows = window
+    strip_sums(flat, first, width, strips, rows, mask, planes, sums)
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+@pytest.mark.parametrize(("strips", "rows"), [(1, 7), (2, 25), (3, 41)])
+def test_strips_sum_what_plain_numpy_sums(kind: type, strips: int, rows: int) -> None:
+    rng, columns = np.random.default_rng(strips), STRIP * strips
+    image = rng.integers(0, 256, (rows + 9, columns + 30)).astype(kind)
+    is_inside = rng.random((rows, columns)) < 0.8
+    bits = is_inside.reshape(rows, strips, STRIP) @ (1 << np.arange(STRIP))
+    planes = np.array([70.0, 0.3, -0.2, 0.01, 1e-5, -2e-5, 0.2, -3.0], dtype=np.float32)
+    sums = np.empty(8, dtype=np.float32)
+    mask = np.ascontiguousarray(bits.T).astype(np.uint16).ravel()
+    window = (4 * image.shape[1] + 11, image.shape[1], strips, rows)
+    summed(image.ravel(), window, mask, planes, sums)
+    v, u = np.mgrid[:rows, :columns]
+    ground, bright = (planes[at] + planes[at + 1] * u + planes[at + 2] * v for at in (0, 3))
+    weight = (image[4 : 4 + rows, 11 : 11 + columns] - ground) * bright - planes[6]
+    weight = np.clip(weight, 0.0, 1.0) * is_inside
+    x, y = u - 3.0, rows - v
+    expected = [weight, weight * x, weight * x * x, weight * y, weight * y * x, weight * y * (y + 1) / 2]
+    expected.append((weight > 0.0) & (weight < 1.0))
+    np.testing.assert_allclose(sums[:7], [each.sum() for each in expected], rtol=1e-4, atol=0.05)
 
 
 @pytest.mark.parametrize("colours", [1, 3])
