@@ -115,3 +115,67 @@ def loners(innovation, std, is_seen, neighbour, stds, spreads):
         if far < 1.0:
             weight[m] = (1.0 - far * far) ** 2
     return weight
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
+def _fill_one(m, near, distance, known, moved, covariance, spread, floor):
+    """Gives marker m the weighted mean of its known neighbours."""
+    total = x = y = 0.0
+    for k in range(len(near)):
+        n = near[k]
+        if known[n]:
+            weight = 1.0 / (distance[k] * distance[k])
+            total += weight
+            x += weight * moved[n, 0]
+            y += weight * moved[n, 1]
+    x, y = x / total, y / total
+    xx = xy = yy = 0.0
+    for k in range(len(near)):
+        n = near[k]
+        if known[n]:
+            weight = 1.0 / (distance[k] * distance[k] * total)
+            a, b = moved[n, 0] - x, moved[n, 1] - y
+            xx += weight * (covariance[n, 0, 0] + spread * a * a)
+            xy += weight * (covariance[n, 0, 1] + spread * a * b)
+            yy += weight * (covariance[n, 1, 1] + spread * b * b)
+    moved[m, 0], moved[m, 1] = x, y
+    covariance[m, 0, 0], covariance[m, 1, 1] = xx + floor * floor, yy + floor * floor
+    covariance[m, 0, 1] = covariance[m, 1, 0] = xy
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
+def filled(moved, covariance, is_seen, around, spread, floor, far, rounds):
+    """Displacements (m, 2) and covariances (m, 2, 2), those not seen filled from the rim inward.
+
+    Args:
+        moved, covariance, is_seen: (m, 2), (m, 2, 2), (m,).
+        around: (m, k) neighbours of each marker, and how far they are.
+        spread, floor: see `unseen.FillUnseen`; `floor` is a length here.
+        far: deviation where nothing is known.
+        rounds: at most.
+    """
+    index, distance = around
+    moved, covariance, known = moved.copy(), covariance.copy(), is_seen.copy()
+    for m in range(len(moved)):
+        if not known[m]:
+            moved[m, 0] = moved[m, 1] = covariance[m, 0, 1] = covariance[m, 1, 0] = 0.0
+            covariance[m, 0, 0] = covariance[m, 1, 1] = far * far
+    rim = np.empty(len(moved), np.int64)
+    for _ in range(rounds):
+        number = 0
+        for m in range(len(moved)):
+            if not known[m]:
+                for k in range(index.shape[1]):
+                    if known[index[m, k]]:
+                        rim[number] = m
+                        number += 1
+                        break
+        if number == 0:
+            break
+        for m in rim[:number]:
+            _fill_one(m, index[m], distance[m], known, moved, covariance, spread, floor)
+        for m in rim[:number]:
+            known[m] = True
+    return moved, covariance

@@ -2,8 +2,6 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-
 from manytouch.geometry.neighbours import Neighbours
 from manytouch.values.arrays import Covariances2, Mask, Points2
 
@@ -33,21 +31,11 @@ class FillUnseen:
         """Displacements (m, 2) and covariances (m, 2, 2) of all markers; off by a pitch when none is seen."""
         if is_seen.all():
             return moved_mm, covariance_mm2
-        moved = np.where(is_seen[:, None], moved_mm, 0.0)
-        covariance = np.where(is_seen[:, None, None], covariance_mm2, pitch_mm**2 * np.eye(2))
-        known = is_seen.copy()
-        for _ in range(_ROUNDS):
-            rim = np.flatnonzero(~known & known[neighbours.index].any(axis=1))
-            if len(rim) == 0:
-                break
-            index = neighbours.index[rim]
-            weight = np.where(known[index], neighbours.distance[rim] ** -2.0, 0.0)
-            weight /= weight.sum(axis=1, keepdims=True)
-            mean = np.einsum("rk,rkd->rd", weight, moved[index])
-            off = moved[index] - mean[:, None]
-            among = np.einsum("rk,rkd,rke->rde", weight, off, off)
-            trust = np.einsum("rk,rkde->rde", weight, covariance[index])
-            moved[rim] = mean
-            covariance[rim] = trust + self.spread * among + (self.floor_pitch * pitch_mm) ** 2 * np.eye(2)
-            known[rim] = True
+        from manytouch.estimation.kernels import filled
+
+        around = (neighbours.index, neighbours.distance)
+        floor_mm = self.floor_pitch * pitch_mm
+        moved, covariance = filled(
+            moved_mm, covariance_mm2, is_seen, around, self.spread, floor_mm, pitch_mm, _ROUNDS
+        )
         return moved, covariance
