@@ -17,7 +17,7 @@ from manytouch.design.wishes import Optics, Printer, Wishes
 from manytouch.values import Sensor
 from manytouch.values.sensor_file import save_sensor
 
-WISHES = Wishes(
+SOFT = Wishes(
     area_mm=(60.0, 40.0),
     deepest_mm=8.0,
     force_N=(0.2, 5.5),
@@ -27,6 +27,15 @@ WISHES = Wishes(
     marker_height_mm=0.0,
     material="silicone, Shore A 40",
     thickness_mm=3.0,
+)
+STIFF = Wishes(
+    area_mm=(70.0, 45.0),
+    deepest_mm=10.0,
+    force_N=(0.5, 12.0),
+    separation_mm=10.0,
+    camera=Optics(width_px=1280, height_px=960, hfov_deg=70.0, least_focus_mm=60.0, fps=30.0),
+    material="TPU, Shore A 70",
+    thickness_mm=4.0,
 )
 HEAD = """schema = 1
 name = "{name}"
@@ -49,10 +58,16 @@ MOTION = (
     '{{ kind = "press", at_mm = [{x}, {y}], depth_mm = {depth}, start_s = {start}, '
     "end_s = {end:.1f}, ramp_s = 0.3 }},\n"
 )
-TOUCHES = (  # x, y and depth, mm: all over the area, each about as strong as the prediction's
+# x, y and depth, mm: all over the area, each about as strong as the prediction's
+ON_SOFT = (
     *((0.9, 0.0, 4.0), (-9.0, -0.8, 3.9), (20.2, -0.2, 3.4), (-29.4, -0.7, 2.0)),
     *((0.7, 10.1, 3.6), (-9.2, 10.0, 3.5), (19.9, -9.4, 3.1), (-29.0, -10.3, 1.8)),
     *((0.9, 20.0, 2.1), (-10.6, 20.0, 2.1), (20.4, -19.1, 1.9), (-29.7, -20.0, 1.1)),
+)
+ON_STIFF = (
+    *((0.9, 0.0, 2.46), (-10.7, -0.8, 2.36), (23.5, -0.2, 1.9), (-34.4, -0.7, 0.83)),
+    *((0.7, 11.3, 2.07), (-10.9, 11.2, 1.98), (23.2, -10.7, 1.6), (-34.0, -11.5, 0.76)),
+    *((0.9, 22.5, 0.89), (-12.3, 22.5, 0.85), (23.7, -21.6, 0.76), (-34.7, -22.5, 0.5)),
 )
 
 
@@ -103,7 +118,10 @@ def calibrated(folder: Path, designed: Sensor) -> None:
     text = (folder / "designed.toml").read_text()
     (folder / "camera.toml").write_text(text[: text.index("[camera.pose]")])
     (folder / "rest.toml").write_text(HEAD.format(name="untouched", seconds=2.0, fps=30.0))
-    words = ["--pitch-mm", "4", "--sheet-mm", "80,60", "--thickness-mm", "3"]
+    sheet, layout = designed.sheet, designed.layout
+    assert sheet is not None and layout is not None  # noqa: PT018 - a design has both
+    words = ["--pitch-mm", f"{layout.pitch_mm[0]:g}", "--thickness-mm", f"{sheet.thickness_mm:g}"]
+    words += ["--sheet-mm", f"{sheet.size_mm[0]:g},{sheet.size_mm[1]:g}"]
     words += ["--sensor", str(folder / "camera.toml"), "--out", str(folder / "rested.toml")]
     assert main(["calibrate", "rest", f"sim:{folder / 'rest.toml'}", *words]) == 0
     places = [(x, y, depth) for x, y in places_mm(designed).tolist() for depth in DEPTHS_MM]
@@ -120,15 +138,18 @@ def calibrated(folder: Path, designed: Sensor) -> None:
 
 
 @pytest.mark.slow
-def test_a_design_is_as_accurate_as_it_was_predicted(tmp_path: Path) -> None:
-    found = design(WISHES)
-    predicted = predicted_accuracy(found.sensor, area_mm=WISHES.area_mm, force_N=usual_force_N(found)).usual
+@pytest.mark.parametrize(("wishes", "touches"), [(SOFT, ON_SOFT), (STIFF, ON_STIFF)], ids=["soft", "stiff"])
+def test_a_design_is_as_accurate_as_it_was_predicted(
+    tmp_path: Path, wishes: Wishes, touches: Sequence[tuple[float, float, float]]
+) -> None:
+    found = design(wishes)
+    predicted = predicted_accuracy(found.sensor, area_mm=wishes.area_mm, force_N=usual_force_N(found)).usual
     calibrated(tmp_path, found.sensor)
-    simulated(tmp_path, "touches", TOUCHES, fps=10.0, every_s=2, first_s=1, held_s=1.4)
+    simulated(tmp_path, "touches", touches, fps=10.0, every_s=2, first_s=1, held_s=1.4)
     words = ["--sensor", str(tmp_path / "sensor.toml"), "--method", "mechanics", "--fps", "10"]
     assert main(["process", str(tmp_path / "touches/frames"), *words, "--out", str(tmp_path / "read")]) == 0
     off = []
-    for number in range(len(TOUCHES)):
+    for number in range(len(touches)):
         time_s = 2.1 + 2 * number
         (true,) = contacts_at(tmp_path / "touches/truth/contacts.csv", time_s)
         told = contacts_at(tmp_path / "read/frames/contacts.csv", time_s)

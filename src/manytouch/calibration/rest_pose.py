@@ -9,7 +9,10 @@ from jaxtyping import Float64
 
 from manytouch.calibration.reference import refer
 from manytouch.calibration.rest import sensor_from_rest
+from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.calibration.watched import Roi, Watched, watched
+from manytouch.detection import appearance_of
+from manytouch.detection.appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import camera_matrix, project
 from manytouch.values import Camera, Frame, Layout, Sensor, Sheet
@@ -110,7 +113,7 @@ def calibrate_rest(
         noise_px=noise,
         contrast=float(np.nanmedian(seen.contrast)),
         frames=len(seen.timestamp_ns),
-        odd=tuple(_odd(sensor, found, residual, seen, there)),
+        odd=(*_odd(sensor, found, residual, seen, there), *_soft(found, frames, roi_px)),
     )
 
 
@@ -272,6 +275,20 @@ def _odd(
             )
     sentences += _outside(found, px_per_mm)
     return sentences
+
+
+def _soft(found: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> list[str]:
+    """Dots out of focus."""
+    layout = found.layout
+    assert layout is not None and layout.rest_px is not None  # noqa: PT018 - just found
+    there = ~layout.is_missing
+    image = next(frame.image for frame in frames if frame.image is not None)
+    weights = appearance_of(found).weights(1 if image.ndim == 2 else image.shape[2])
+    radius_px = radius_in_image(found.camera, layout.rest_mm[there], layout.radius_mm[there])
+    edge_px = edge_width_px(image, weights, layout.rest_px[there], radius_px, roi_px=roi_px)
+    if not is_soft(edge_px, radius_px):
+        return []
+    return [f"the dots are out of focus: their edges are {edge_px:.1f} px wide; focus the lens on the sheet"]
 
 
 def _outside(found: Sensor, px_per_mm: float) -> list[str]:

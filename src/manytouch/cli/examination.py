@@ -7,16 +7,17 @@ import numpy as np
 
 from manytouch import calibration
 from manytouch.calibration import LayoutReport
+from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.cli.camera import rate_in_words, settings_in_words
-from manytouch.detection import Appearance, measure, noise_of, survey
-from manytouch.detection.search import cropped, level_of
+from manytouch.detection import Appearance, survey
+from manytouch.detection.search import level_of
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session import REST_FRAMES, Roi, check_region
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import Device
 from manytouch.values import Detections, Frame
 
-LOW_CONTRAST, SMALL_RADIUS_PX, SOFT_EDGE_PX = 20.0, 2.5, 3.5
+LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
 NOISY_PX, MANY_MISSING, PRESSED_PITCHES = 0.15, 0.1, 0.15
 
@@ -116,16 +117,13 @@ def _contrast(found: Detections) -> str:
 def _focus(frame: Frame, found: Detections, appearance: Appearance, roi_px: Roi | None) -> str:
     if len(found.centre_px) == 0 or frame.image is None:
         return "focus: not known, for there are no dots"
-    image, corner = cropped(frame.image, roi_px)
-    weights = appearance.weights(1 if image.ndim == 2 else image.shape[2]) * level_of(frame.image)
+    weights = appearance.weights(1 if frame.image.ndim == 2 else frame.image.shape[2])
     radius_px = np.sqrt(found.area_px2 / np.pi)
-    dots = measure(image, weights, found.centre_px - corner, radius_px, noise=noise_of(image, weights))
-    edge_px = dots.edge_px[dots.is_found & np.isfinite(dots.edge_px)]
-    if len(edge_px) == 0:
+    width = edge_width_px(frame.image, weights, found.centre_px, radius_px, roi_px=roi_px)
+    if np.isnan(width):
         return "focus: not known, for no dot is whole"
-    width = float(np.median(edge_px))
     words = f"focus: edges of the dots are {width:.1f} px wide"
-    if width > SOFT_EDGE_PX and width > 0.5 * float(np.median(radius_px)):
+    if is_soft(width, radius_px):
         words += "; soft: focus the lens, or shorten the exposure when the view moves"
     return words
 

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from boards import BOARD, HEIGHT_PX, WIDTH_PX, picture, poses, seen, sightings, true_camera
-from manytouch.calibration.board import board_of, find_board, refined
-from manytouch.calibration.board_views import ViewCollection, part_of
+from manytouch.calibration.board import Sighting, board_of, find_board, refined
+from manytouch.calibration.board_views import ViewCollection, outlook, part_of
 from manytouch.calibration.camera import calibrate_camera
 from manytouch.calibration.camera_report import camera_info_yaml, in_words, write_report
 from manytouch.calibration.intrinsics import NAMES, fit_intrinsics
@@ -117,6 +117,7 @@ def test_bad_views_are_refused_with_the_reason(pictures):
     assert "blurred" in reasons["view 10"] or "shows no" in reasons["view 10"]
     assert "does not fit the others" in reasons["view 14"]
     assert found.intrinsics.camera.fx_px == pytest.approx(430.0, abs=1.5)
+    assert len(found.views) + len(found.refused) == len(given)
 
 
 def test_a_sharper_view_takes_the_place_of_a_blurrier_one(pictures):
@@ -138,6 +139,25 @@ def test_what_is_missing_is_said_until_it_has_been_seen(pictures):
     for name, frame in frames([picture(true_camera(), BOARD, pose) for pose in poses(40, seed=5)]):
         collection.offer(frame, name)
     assert collection.missing() == ()
+
+
+@pytest.mark.parametrize("turn_deg", [(0.0, 30.0), (25.0, 0.0), (-20.0, 15.0)])
+def test_the_outlook_tells_place_size_and_tilt(turn_deg):
+    board, size = board_of("chessboard:8x5", 20.0), (600, 400)
+    turn = np.deg2rad([*turn_deg, 0.0])
+    matrix = np.array([[600.0, 0.0, 300.0], [0.0, 600.0, 200.0], [0.0, 0.0, 1.0]])
+    place, _ = cv2.projectPoints(
+        board.point_mm - [70.0, 40.0, 0.0], turn, np.array([30.0, -20.0, 400.0]), matrix, None
+    )
+    sighting = Sighting(number=np.arange(40), place_px=place.reshape(-1, 2))
+    x, y, extent, about_y, about_x = outlook(board, sighting, size)
+    assert [x, y] == pytest.approx([0.5 + 45.0 / 600.0, 0.5 - 30.0 / 400.0], abs=0.02)
+    assert extent == pytest.approx(np.linalg.norm(np.ptp(place.reshape(-1, 2), axis=0)) / np.hypot(600, 400))
+    normal = cv2.Rodrigues(turn)[0][:, 2]
+    assert [about_y, about_x] == pytest.approx(
+        [np.arctan2(normal[0], normal[2]), np.arctan2(normal[1], normal[2])], abs=0.01
+    )
+    assert abs(about_y if turn_deg[1] else about_x) > 0.2
 
 
 def test_parts_of_the_picture_are_named_from_the_top_left():

@@ -1,8 +1,10 @@
 """The untouched sheet before a known camera: pose, layout, noise, and what is odd."""
 
+import re
 from dataclasses import replace
 from itertools import islice
 
+import cv2
 import numpy as np
 import pytest
 
@@ -117,6 +119,29 @@ def test_markers_outside_the_clamp_are_odd(tilted_frames):
     found = calibrate_rest(tilted_sensor(), tilted_frames, sheet=small)
     assert any("lie outside the clamped outline of 100 x 80 mm" in sentence for sentence in found.odd)
     assert found.sensor.sheet is small
+
+
+def test_dots_out_of_focus_are_odd(tilted_frames):
+    blurred = [replace(frame, image=cv2.GaussianBlur(frame.image, (0, 0), 3.5)) for frame in tilted_frames]
+    sharp, soft = (
+        calibrate_rest(camera_only(tilted_sensor()), frames, pitch_mm=4.0)
+        for frames in (tilted_frames, blurred)
+    )
+    assert not any("out of focus" in sentence for sentence in sharp.odd)
+    (sentence,) = [sentence for sentence in soft.odd if "out of focus" in sentence]
+    width = float(re.search(r"edges are ([\d.]+) px wide", sentence).group(1))
+    # a straight step under a Gaussian rises from 15 to 85 % within 2.07 deviations, a disc's a little sooner
+    assert width == pytest.approx(2.07 * 3.5, rel=0.25)
+
+
+def test_a_marker_that_moves_meanwhile_is_odd(tilted_frames):
+    moved = [
+        replace(frame, image=np.roll(frame.image, number, axis=1))
+        for number, frame in enumerate(tilted_frames)
+    ]
+    found = calibrate_rest(camera_only(tilted_sensor()), moved, pitch_mm=4.0)
+    (sentence,) = [sentence for sentence in found.odd if "was the sheet touched" in sentence]
+    assert float(re.search(r"moved by ([\d.]+) px", sentence).group(1)) == pytest.approx(7.0, abs=0.2)
 
 
 def test_what_cannot_be_known_is_refused(tilted_frames):

@@ -11,6 +11,7 @@ from manytouch.calibration.protocol import places_mm, probing_gcode, weight_tabl
 from manytouch.calibration.sheet import calibrate_sheet
 from manytouch.calibration.sheet_fit import Press, disc
 from manytouch.cli import main
+from manytouch.design.deflection import fingertip
 from manytouch.errors import SensorError, SourceError
 from manytouch.mechanics.dots import Dots
 from manytouch.mechanics.equilibrium import equilibrium
@@ -167,6 +168,17 @@ def test_presses_that_tell_nothing_are_refused():
         calibrate_sheet(sensor, [*held[:2], still, *held[3:]])
     with pytest.raises(SensorError, match=r"has no \[sheet\]"):
         calibrate_sheet(replace(sensor, sheet=None), held)
+
+
+def test_a_disc_is_filled_evenly():
+    place, weight = disc(np.array([3.0, -2.0]), 4.0)
+    assert weight.sum() == pytest.approx(1.0)
+    assert weight @ place == pytest.approx([3.0, -2.0], abs=0.05)
+    arm = place - [3.0, -2.0]
+    assert np.linalg.norm(arm, axis=1).max() < 4.0
+    assert np.einsum("i,ij,ik->jk", weight, arm, arm) == pytest.approx(4.0 * np.eye(2), abs=0.2)
+    points, share = fingertip(4.0)
+    assert np.einsum("i,ij,ik->jk", share, points, points) == pytest.approx(4.0 * np.eye(2), abs=0.2)
 
 
 def test_a_table_of_presses_names_each_mistake(tmp_path):

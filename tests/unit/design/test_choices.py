@@ -77,6 +77,12 @@ def test_ten_newtons_press_the_papers_sheet_one_centimetre_at_about_three_megapa
     assert curve.depth_at(10.0 / young) == pytest.approx(10.1)
     assert np.all(np.diff(curve.depth_mm) > 0)
     assert np.all(np.diff(curve.strain) > 0)
+    # beyond the curve it goes on as straight as it ends, in logarithms
+    u, v = np.log(curve.force_over_E_mm2), np.log(curve.depth_mm)
+    slope = (v[-1] - v[-2]) / (u[-1] - u[-2])
+    assert np.log(curve.depth_at(3.0 * curve.force_over_E_mm2[-1])) == pytest.approx(
+        v[-1] + slope * np.log(3.0)
+    )
     # a deep press grows with the cube root of the force, as a membrane does
     assert curve.depth_at(8.0 * curve.force_over_E_mm2[-1]) / curve.depth_mm[-1] == pytest.approx(
         2.0, rel=0.35
@@ -93,6 +99,7 @@ def test_a_design_fulfils_its_wishes(usual):
     assert sensor.sheet.size_mm.tolist() == [100.0 + 2 * RIM_MM, 60.0 + 2 * RIM_MM]
     assert usual.depth_at_most_mm <= wishes.deepest_mm
     assert sensor.layout.pitch_mm[0] <= wishes.separation_mm / 2
+    assert [sensor.camera.cx_px, sensor.camera.cy_px] == [(2560 - 1) / 2, (1440 - 1) / 2]
     half_px = sensor.camera.fx_px * sensor.sheet.size_mm / 2 / sensor.camera.translation_mm[2]
     assert np.all(half_px <= [sensor.camera.width_px / 2, sensor.camera.height_px / 2])
     reach = np.abs(sensor.layout.rest_mm[:, :2]).max(axis=0) + sensor.layout.radius_mm[0]

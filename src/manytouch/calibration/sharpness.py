@@ -1,0 +1,38 @@
+"""How sharp dots are in a picture."""
+
+import numpy as np
+
+from manytouch.detection import measure, noise_of
+from manytouch.detection.search import cropped, level_of
+from manytouch.values.arrays import Points2, Scalars
+
+SOFT_EDGE_PX = 3.5
+SOFT_SHARE = 0.5
+
+
+def edge_width_px(
+    image: np.ndarray,
+    weights: np.ndarray,
+    centre_px: Points2,
+    radius_px: Scalars,
+    *,
+    roi_px: tuple[int, int, int, int] | None = None,
+) -> float:
+    """Median width of the dots' edges from ground to dot; NaN where no dot is whole.
+
+    Args:
+        image: (h, w) or (h, w, 3) as the camera gave it.
+        weights: (c,) of its channels, as `Appearance.weights` gives them.
+        centre_px, radius_px: (n, 2), (n,) of the dots.
+        roi_px: x, y, width, height of the part of the image to look at.
+    """
+    part, corner = cropped(image, roi_px)
+    scaled = weights * level_of(image)
+    dots = measure(part, scaled, centre_px - corner, radius_px, noise=noise_of(part, scaled))
+    edge_px = dots.edge_px[dots.is_found & np.isfinite(dots.edge_px)]
+    return float(np.median(edge_px)) if len(edge_px) else np.nan
+
+
+def is_soft(edge_px: float, radius_px: Scalars) -> bool:
+    """Are edges so wide that the lens is out of focus, or the picture smeared?"""
+    return edge_px > SOFT_EDGE_PX and edge_px > SOFT_SHARE * float(np.median(radius_px))
