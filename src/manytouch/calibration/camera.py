@@ -153,11 +153,18 @@ def _too_few(collection: ViewCollection, without: list[Frame]) -> str:
             "and size are named right (a chessboard by its inner corners, one less than squares)"
         )
         return f"none of the {len(reasons)} pictures shows a {board}: {hint}"
+    blurred = sum(reason.startswith("is blurred") for reason in reasons)
+    hint = (
+        f"{blurred} of {number + len(reasons)} pictures are blurred: focus the lens, hold board and camera "
+        "still, give more light; "
+        if 2 * blurred > len(reasons)
+        else ""
+    )
     lines = "; ".join(f"{name} {reason}" for name, reason in collection.refused[:5])
     more = f"; and {len(reasons) - 5} more" if len(reasons) > 5 else ""
     return (
-        f"only {number} good view{'s' * (number != 1)} of the {board}, at least {LEAST_VIEWS} are needed, "
-        f"better 15, with the board tilted in different directions, near and far, and in every corner"
+        f"{hint}only {number} good view{'s' * (number != 1)} of the {board}, at least {LEAST_VIEWS} are "
+        f"needed, better 15, with the board tilted in different directions, near and far, and in every corner"
         + (f" (refused: {lines}{more})" if lines else "")
     )
 

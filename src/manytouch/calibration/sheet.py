@@ -140,8 +140,8 @@ def _not_told(fit: PressFit, std: np.ndarray, *, any_force: bool) -> list[str]:
     for place, name in enumerate(PARAMETERS):
         if std[place] > 0.7 * fit.doubt[place]:
             found.append(
-                f"the presses do not tell {name} better than it was assumed: add deeper ones, and some "
-                "near the clamp"
+                f"the presses do not tell {name} better than it was assumed: add deeper ones, and with a "
+                "ball some nearer to the clamp"
             )
     if not any_force:
         found.append("no force was read, so stiffness is as in the sensor file: give at least one force in N")
@@ -149,14 +149,17 @@ def _not_told(fit: PressFit, std: np.ndarray, *, any_force: bool) -> list[str]:
 
 
 def _odd(presses: Sequence[Press], aside_mm: np.ndarray, residual_px: np.ndarray) -> Iterator[str]:
+    off_mm = np.linalg.norm(aside_mm, axis=1)
+    aside = np.flatnonzero(off_mm > ASIDE_MM)
+    if len(aside):
+        names = ", ".join(presses[number].name for number in aside.tolist())
+        yield (
+            f"{names}: the foot bore up to {off_mm.max():.1f} mm off its named place; a flat foot near the clamp "
+            "rests on its edge, since the sheet slopes there: press nearer to the middle, or with a ball, or "
+            "correct the place"
+        )
     usual_px = float(np.median(residual_px))
-    for press, aside, left_px in zip(presses, np.linalg.norm(aside_mm, axis=1), residual_px, strict=True):
-        if aside > ASIDE_MM:
-            yield (
-                f"{press.name} bears {aside:.1f} mm off its named place: a flat foot near the clamp rests on "
-                "its edge, since the sheet slopes there; press nearer to the middle, or with a ball, or "
-                "correct the place"
-            )
+    for press, left_px in zip(presses, residual_px, strict=True):
         if left_px > max(MISFIT * usual_px, MISFIT_PX):
             yield (
                 f"{press.name} fits badly: {left_px:.2f} px are left over, {usual_px:.2f} px is usual here; "

@@ -160,6 +160,23 @@ def test_the_outlook_tells_place_size_and_tilt(turn_deg):
     assert abs(about_y if turn_deg[1] else about_x) > 0.2
 
 
+def test_views_that_are_all_as_near_are_not_enough(pictures):
+    def offered(nearer: float) -> ViewCollection:
+        collection = ViewCollection(board=BOARD)
+        middle = np.append(BOARD.point_mm[:, :2].mean(axis=0), 0.0)
+        for number, (name, frame) in enumerate(frames(pictures[:4])):
+            way = 1.6 * number
+            turn = 0.5 * np.array([np.cos(way), np.sin(way), 0.0])
+            distance = 300.0 / (nearer if number == 3 else 1.0)
+            shift = np.array([0.0, 0.0, distance]) - cv2.Rodrigues(turn)[0] @ middle
+            image = picture(true_camera(), BOARD, (turn, shift), seed=number)
+            assert collection.offer(replace(frame, image=image), name) is None
+        return collection
+
+    assert "the board nearer, or farther away" in offered(1.0).missing()
+    assert "the board nearer, or farther away" not in offered(1.8).missing()
+
+
 def test_parts_of_the_picture_are_named_from_the_top_left():
     place = np.array([[0.0, 0.0], [299.0, 0.0], [150.0, 100.0], [10.0, 199.0]])
     assert part_of(place, (300, 200)).tolist() == [0, 2, 4, 6]
@@ -207,6 +224,14 @@ def test_one_view_only_says_what_else_is_needed(pictures):
         ManytouchError, match=r"only 1 good view of the chessboard:8x5, at least 4 are needed"
     ):
         calibrate_camera(frames(pictures[:1]), BOARD)
+
+
+def test_blurred_pictures_say_how_to_get_sharp_ones(pictures):
+    blurred = [cv2.GaussianBlur(image, (0, 0), 5.0) for image in pictures[:5]]
+    with pytest.raises(
+        ManytouchError, match=r"4 of 5 pictures are blurred: focus the lens.*only 0 good views"
+    ):
+        calibrate_camera(frames(blurred), BOARD)
 
 
 def test_views_that_all_look_alike_are_too_few(pictures):

@@ -102,6 +102,10 @@ def test_a_design_fulfils_its_wishes(usual):
     assert [sensor.camera.cx_px, sensor.camera.cy_px] == [(2560 - 1) / 2, (1440 - 1) / 2]
     half_px = sensor.camera.fx_px * sensor.sheet.size_mm / 2 / sensor.camera.translation_mm[2]
     assert np.all(half_px <= [sensor.camera.width_px / 2, sensor.camera.height_px / 2])
+    grid_mm = sensor.layout.rest_mm[:, :2].reshape(*sensor.layout.shape, 2)
+    assert np.diff(grid_mm, axis=1)[..., 0] == pytest.approx(sensor.layout.pitch_mm[0])
+    assert np.diff(grid_mm, axis=0)[..., 1] == pytest.approx(sensor.layout.pitch_mm[1])
+    assert grid_mm.mean(axis=(0, 1)) == pytest.approx([0.0, 0.0], abs=1e-9)
     reach = np.abs(sensor.layout.rest_mm[:, :2]).max(axis=0) + sensor.layout.radius_mm[0]
     assert np.all(reach < sensor.sheet.size_mm / 2)
     gap = usual.curve.least_gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=0.0, depth_mm=10.0)

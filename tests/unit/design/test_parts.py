@@ -152,6 +152,18 @@ def test_the_clamp_leaves_the_outline_free(found):
     assert not inside.all(axis=1).any()
 
 
+def test_screws_stand_evenly_along_the_middle_of_the_flange(found):
+    places = screw_places(found.sensor, CHOICES)
+    half = (found.sensor.sheet.size_mm + CHOICES.flange_mm) / 2
+    on_side = np.isclose(np.abs(places), half)
+    assert on_side.any(axis=1).all()
+    assert on_side.all(axis=1).sum() == 4
+    for axis in (0, 1):
+        along = np.sort(places[on_side[:, 1 - axis] & (places[:, 1 - axis] > 0), axis])
+        assert np.diff(along) == pytest.approx(np.diff(along)[0])
+        assert 0.5 * CHOICES.screw_every_mm < np.diff(along)[0] <= CHOICES.screw_every_mm
+
+
 def test_the_screw_reaches_the_nut(found):
     assert screw_length_mm(found, CHOICES) == 12
     assert screw_length_mm(found, replace(CHOICES, clamp_mm=6.0)) == 16
