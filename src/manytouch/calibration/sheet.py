@@ -154,9 +154,9 @@ def _odd(presses: Sequence[Press], aside_mm: np.ndarray, residual_px: np.ndarray
     if len(aside):
         names = ", ".join(presses[number].name for number in aside.tolist())
         yield (
-            f"{names}: the foot bore up to {off_mm.max():.1f} mm off its named place; a flat foot near the clamp "
-            "rests on its edge, since the sheet slopes there: press nearer to the middle, or with a ball, or "
-            "correct the place"
+            f"{names}: the foot bore up to {off_mm.max():.1f} mm off its named place; a flat foot near the "
+            "clamp rests on its edge, since the sheet slopes there: press nearer to the middle, or with "
+            "a ball, or correct the place"
         )
     usual_px = float(np.median(residual_px))
     for press, left_px in zip(presses, residual_px, strict=True):
