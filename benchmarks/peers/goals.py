@@ -2,7 +2,8 @@
 
 Times and ratios are medians of processor time: with one thread that is the time on the wall when nothing
 else runs, and less disturbed when something does. In brackets stands the same from the least times, which a
-busy machine disturbs still less. The 99th percentile and the two processes are wall time.
+busy machine disturbs still less. The 99th percentile is that of the time on the wall, in brackets that of
+processor time; the two processes are wall time.
 """
 
 from rounds import Timing
@@ -38,9 +39,9 @@ def goals_of(timings: dict[str, Timing], row: Timing, pair: dict[str, float] | N
         said.append(_line("tracked frame, copies", _ratio(own, copy), 4.0, 2.0, most=True))
     if nothing is not None:
         said.append(_line("frame from nothing, ms", _both(nothing), 2.0, 1.0, most=True))
-    if row.p99_ms is not None:
+    if row.p99_over_median is not None:
         what = f"p99 / median of {len(row.spent_ms)} tracked frames"
-        said.append(_line(what, (row.p99_ms / row.median_ms, None), 3.0, 2.0, most=True))
+        said.append(_line(what, row.p99_over_median, 3.0, 2.0, most=True))
     for goal, (must, aim) in TIMES_FASTER.items():
         peer = _peer(timings, goal)
         if peer is not None:

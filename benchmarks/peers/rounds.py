@@ -99,6 +99,16 @@ class Timing:
         return float(np.percentile(self.spent_ms, 99)) if len(self.spent_ms) >= 100 else None
 
     @property
+    def p99_over_median(self) -> tuple[float, float] | None:
+        """Of the time on the wall and of processor time; None with fewer than 100 runs."""
+        if len(self.spent_ms) < 100:
+            return None
+        wall, cpu = (
+            float(np.percentile(each, 99) / np.median(each)) for each in (self.spent_ms, self.cpu_ms)
+        )
+        return wall, cpu
+
+    @property
     def rms_px(self) -> float | None:
         if not self.error_px:
             return None

@@ -134,7 +134,7 @@ def main() -> None:
     texts.append(
         f"{len(row.spent_ms)} tracked frames one after the other: median {row.median_ms:.3f} ms, "
         f"p99 {row.p99_ms or np.nan:.3f}, worst {max(row.spent_ms):.3f}; of the processor "
-        f"{row.median_cpu_ms:.3f}"
+        f"{row.median_cpu_ms:.3f}, p99 {np.percentile(row.cpu_ms, 99):.3f}"
     )
     result["row"] = {"median_ms": row.median_ms, "p99_ms": row.p99_ms, "worst_ms": max(row.spent_ms)}
     if not chosen.brief:
