@@ -2,7 +2,9 @@
 
 Of all shapes of the sheet that explain where the dots are, the one is taken that is held by the fewest
 forces, which press and do not pull (`descent`). Depth is read from the shape, contacts from the forces
-(`force_clusters`), deviations from the normal matrix of the last step and the model's error.
+(`force_clusters`), deviations from the normal matrix of the last step and the model's error. Where the
+sheet had to be assumed, contacts are found by how the dots swell (`pads`), and the shape says how hard
+they press.
 """
 
 from dataclasses import dataclass, field, replace
@@ -14,6 +16,7 @@ from manytouch.estimation.descent import Fit, SheetShape, SparseDescent
 from manytouch.estimation.force_clusters import Clusters, ForceClusters
 from manytouch.estimation.identity import ContactIdentity, Lives
 from manytouch.estimation.innovation import InnovationGate
+from manytouch.estimation.perimeter import PerimeterDepth, PerimeterMemory
 from manytouch.estimation.settling import Settling
 from manytouch.estimation.sheet_model import NominalSheet, SheetModel
 from manytouch.estimation.slip import Grips, SlipWatch
@@ -43,6 +46,7 @@ class InversionMemory:
         seen_mm: (k, 2) where forces stood in the frame before, contacts or not.
         grips: of the contacts on the sheet.
         lives: contacts that last.
+        pads: what finds contacts where the sheet was assumed; else None.
     """
 
     model: SheetModel
@@ -56,6 +60,7 @@ class InversionMemory:
     seen_mm: Float64[np.ndarray, "k 2"]
     grips: Grips
     lives: Lives
+    pads: PerimeterMemory | None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -74,6 +79,8 @@ class MechanicalInversion:
         error: of the displacements of markers.
         settle: reference while nothing touches.
         slip: which contacts slide.
+        find: contacts where the sheet was assumed.
+        pad_pitch: forces so near to one of these are its own.
         model_std_pitch, nominal_std_pitch: of a dot's place, what the model does not explain, when the
             sheet is known and when it was assumed.
         firm_at_rim: so many times that within `rim_thickness` thicknesses of the part without a rim.
@@ -94,6 +101,8 @@ class MechanicalInversion:
     error: SurfaceError = field(default_factory=SurfaceError)
     settle: Settling = field(default_factory=Settling)
     slip: SlipWatch = field(default_factory=SlipWatch)
+    find: PerimeterDepth = field(default_factory=PerimeterDepth)
+    pad_pitch: float = 2.0
     model_std_pitch: float = 8.4e-4
     nominal_std_pitch: float = 5e-3
     firm: float = 1.5
@@ -130,6 +139,7 @@ class MechanicalInversion:
             seen_mm=read_only(np.zeros((0, 2))),
             grips=Grips(),
             lives=self.identity.start(sensor),
+            pads=self.find.start(sensor) if model.is_nominal else None,
         )
 
     def step(self, state: InversionMemory, grid: TrackedGrid) -> tuple[InversionMemory, Surface, Contacts]:
@@ -143,6 +153,8 @@ class MechanicalInversion:
         status = grid.status if grid.status != "ok" else fit.status
         clusters = self._clusters(state, fit)
         surface = self._surface(state, grid, fit, clusters, status)
+        if state.pads is not None:
+            return self._with_pads(state, state.pads, grid, fit, surface)
         found = self.touch(model, clusters, fit.shape.coefficient_mm, fit.shape.force_mm2, self.solid)
         is_firm = self._is_firm(model, clusters, state.seen_mm).tolist()
         seen_mm = read_only(np.array([contact.centre_mm for contact in found]).reshape(-1, 2))
@@ -161,6 +173,33 @@ class MechanicalInversion:
             state, shape=fit.shape, lives=lives, grips=grips, reference_px=reference_px, seen_mm=seen_mm
         )
         return after, surface, contacts
+
+    def _with_pads(
+        self, state: InversionMemory, pads: PerimeterMemory, grid: TrackedGrid, fit: Fit, surface: Surface
+    ) -> tuple[InversionMemory, Surface, Contacts]:
+        """Contacts by how the dots swell; forces over E by the shape, NaN where it explains none there."""
+        pads, _, contacts = self.find.step(pads, grid)
+        centre_mm = np.array([contact.centre_mm for contact in contacts.contacts]).reshape(-1, 2)
+        away_mm = np.linalg.norm(state.model.patch.place_mm[:, None] - centre_mm, axis=2)
+        told = []
+        for number, contact in enumerate(contacts.contacts):
+            is_near = away_mm[:, number] <= away_mm.min(axis=1)
+            is_own = is_near & (away_mm[:, number] < self.pad_pitch * state.model.pitch_mm)
+            force_mm2 = fit.shape.force_mm2[is_own].sum(axis=0)
+            if fit.status != "ok" or -force_mm2[2] < self.cluster.least * state.model.lattice.force_unit_mm2:
+                force_mm2 = np.full(3, np.nan)
+            told.append(
+                replace(
+                    contact,
+                    normal_force_over_E_mm2=-float(force_mm2[2]),
+                    shear_over_E_mm2=(float(force_mm2[0]), float(force_mm2[1])),
+                )
+            )
+        reference_px = state.reference_px
+        if surface.status == "ok" and not pads.lives.lives:
+            reference_px = self.settle(reference_px, state.began_px, grid, state.pitch_px)
+        after = replace(state, shape=fit.shape, pads=pads, reference_px=reference_px)
+        return after, surface, replace(contacts, contacts=tuple(told))
 
     def _information(self, state: InversionMemory, grid: TrackedGrid, measured_px: Points2) -> Covariances2:
         """(m, 2, 2) inverse covariances of the displacements times the trust in them."""
@@ -182,6 +221,9 @@ class MechanicalInversion:
             covariance_mm2=read_only(np.full((count, 3, 3), np.nan)),
             status=status,
         )
+        if state.pads is not None:
+            pads, _, contacts = self.find.step(state.pads, grid)
+            return replace(state, pads=pads), surface, contacts
         lives, contacts = self.identity.step(state.lives, (), status=status)
         return replace(state, lives=lives), surface, contacts
 

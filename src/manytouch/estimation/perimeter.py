@@ -57,7 +57,7 @@ class PerimeterMemory:
         law: the paper's depth.
         neighbours: of each marker.
         chart: from displacements to the load.
-        pads: where pads are likely, when the camera's field of view was assumed; else None.
+        pads: where pads are likely, when view or sheet were assumed; else None.
         spacing: from displacements to the changes of spacings.
         sampling: from markers to the points of the charts.
         plane: from pixels to the plane of the sheet.
@@ -105,13 +105,13 @@ class PerimeterDepth:
         fill: fills in markers that are not seen.
         grow: how much the dots have grown.
         model: of sheet, fingers and view.
-        pad_model: of fingers where the view was assumed.
+        pad_model: of fingers where view or sheet were assumed.
         find: contacts of a frame.
-        find_pads: the same where the view was assumed.
+        find_pads: the same where view or sheet were assumed.
         identity: which contact is which of the frame before.
         settle: part of what remains while nothing touches that is taken for rest, per frame; a sheet creeps.
         assumed_scale_std: relative deviation of the depth when the field of view was assumed.
-        assumed_centre_std_pitch: deviation of a contact's centre then, along each axis.
+        assumed_centre_std_pitch: deviation of a contact's centre, along each axis, when view or sheet were.
     """
 
     view: RobustView = field(default_factory=RobustView)
@@ -156,6 +156,7 @@ class PerimeterDepth:
         chart = self.model(sensor, plane_mm)
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
         is_assumed = assumes_view(sensor)
+        has_pads = is_assumed or sensor.sheet is None or sensor.sheet.is_assumed
         law = perimeter_law(cells, plane_mm, eye_mm[:2], -float(eye_mm[2]))
         neighbours = nearest_neighbours(plane_mm)
         lever_mm = 0.5 * (pitch_mm if sensor.sheet is None else sensor.sheet.thickness_mm)
@@ -165,7 +166,7 @@ class PerimeterDepth:
             law=law,
             neighbours=neighbours,
             chart=chart,
-            pads=self.pad_model(layout, plane_mm, self.model.points_per_pitch) if is_assumed else None,
+            pads=self.pad_model(layout, plane_mm, self.model.points_per_pitch) if has_pads else None,
             spacing=spacing(plane_mm, eye_mm[:2], neighbours),
             sampling=sampling_on(layout, chart.x_mm, chart.y_mm),
             plane=plane_table(camera),
@@ -174,7 +175,7 @@ class PerimeterDepth:
             judges=self.view.judges(plane_mm),
             pitch_mm=pitch_mm,
             scale_std=self.assumed_scale_std if is_assumed else 0.0,
-            centre_std_mm=self.assumed_centre_std_pitch * pitch_mm if is_assumed else 0.0,
+            centre_std_mm=self.assumed_centre_std_pitch * pitch_mm if has_pads else 0.0,
             settled_mm=read_only(np.zeros_like(plane_mm)),
             rest_area=read_only(np.full(len(plane_mm), np.nan)),
             rest_frames=0,
@@ -211,8 +212,8 @@ class PerimeterDepth:
     ) -> tuple[Chart, Float64[np.ndarray, "k l"], float, Float64[np.ndarray, " swelling"]]:
         """The chart to read contacts from, its coefficients, the variance of their noise, and the swelling.
 
-        Where the view was assumed, the swelling says how the load is shared out, and displacements how much
-        there is: light changes dots, it does not move them.
+        Where view or sheet were assumed, the swelling says how the load is shared out, and displacements how
+        much there is: light changes dots, it does not move them.
         """
         chart, std = state.chart, std_mm / state.pitch_mm
         modes = chart.modes(shift_mm.T.ravel() / state.pitch_mm)

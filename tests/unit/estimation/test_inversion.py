@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from manytouch.errors import LayoutError, SensorError
-from manytouch.estimation import ContactIdentity, MechanicalInversion
+from manytouch.estimation import ContactIdentity, MechanicalInversion, PerimeterDepth
 from manytouch.estimation.sheet_model import SheetModel
 from manytouch.estimation.solid_face import SolidFace
 from manytouch.mechanics.dots import Face
@@ -240,3 +240,31 @@ def test_a_sensor_that_says_too_little_is_refused() -> None:
     )
     with pytest.raises(LayoutError, match=r"6 markers.*at least 12"):
         ESTIMATE.start(replace(sensor, layout=few))
+
+
+def test_contacts_of_a_sheet_that_was_assumed_are_those_of_the_other_method(
+    model: SheetModel, shape: np.ndarray
+) -> None:
+    sensor = sensor_of(young_MPa=None)
+    assert sensor.sheet is not None
+    sensor = replace(sensor, sheet=replace(sensor.sheet, is_assumed=True))
+    other = PerimeterDepth()
+    state, beside = ESTIMATE.start(sensor), other.start(sensor)
+    forces = []
+    for seed in range(4):
+        grid = grid_of(model, shape, seed=seed)
+        state, _, contacts = ESTIMATE.step(state, grid)
+        beside, _, expected = other.step(beside, grid)
+        assert len(contacts.touching) == len(expected.touching)
+        for each, twin in zip(contacts.touching, expected.touching, strict=True):
+            assert each.id == twin.id
+            np.testing.assert_array_equal(each.centre_mm, twin.centre_mm)
+            forces.append(each.normal_force_over_E_mm2)
+    assert len(contacts.touching) == 2
+    # A force is one that presses, or is not told.
+    told = np.array(forces)[np.isfinite(forces)]
+    assert (told > 0.0).all()
+    blind = without(grid, np.ones(ROWS * COLUMNS, dtype=bool))
+    state, surface, contacts = ESTIMATE.step(state, blind)
+    assert surface.status == "few_markers"
+    assert len(contacts.touching) == 2
