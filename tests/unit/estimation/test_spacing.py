@@ -44,6 +44,8 @@ def test_a_fold_is_not_followed() -> None:
 
 
 def test_predicted_noise_of_an_area_is_the_observed_one() -> None:
+    rest_mm = REST_MM[(np.arange(3)[:, None] * COLUMNS + np.arange(3)).ravel()]  # neighbours on one side only
+    few = spacing(rest_mm, EYE_MM, nearest_neighbours(rest_mm))
     chance = np.random.default_rng(2)
-    areas = np.array([SPACING(chance.normal(0.0, 0.01, REST_MM.shape))[0] for _ in range(300)])
-    assert np.median(areas.var(axis=0)) == pytest.approx(SPACING.noise * 0.01**2, rel=0.1)
+    areas = np.array([few(chance.normal(0.0, 0.01, rest_mm.shape))[0] for _ in range(2000)])
+    assert np.median(areas.var(axis=0)) == pytest.approx(few.noise * 0.01**2, rel=0.1)
