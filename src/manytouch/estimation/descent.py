@@ -88,7 +88,12 @@ class SparseDescent:
     outside: float = 1e-4
 
     def __call__(
-        self, model: SheetModel, start: SheetShape, measured_px: Points2, information: Covariances2
+        self,
+        model: SheetModel,
+        start: SheetShape,
+        measured_px: Points2,
+        information: Covariances2,
+        noise: float = 1.0,
     ) -> Fit:
         """Steps from the shape of the frame before.
 
@@ -97,11 +102,13 @@ class SparseDescent:
             start: where to begin.
             measured_px: (m, 2) displacements of the dots from rest; anything finite where not seen.
             information: (m, 2, 2) per px^2; 0 where not seen.
+            noise: how much noisier than usual the dots are; `sparse` grows with it, or what their noise
+                hides would count as evidence against a new force.
         """
         shape, steps, status = start, 0, "ok"
         at = _Place.of(model, shape.coefficient_mm, measured_px, information)
         while True:
-            weight = self.weights(model, shape.force_mm2)
+            weight = self.weights(model, shape.force_mm2, noise)
             before = at.cost(weight)
             model.normal.linearise(shape.coefficient_mm)
             change_mm = model.normal.step(at.residual_px, information, weight)
@@ -132,7 +139,7 @@ class SparseDescent:
             shape, status = start, "not_converged"
         return Fit(shape=shape, weight_mm4=weight, chi2=at.chi2, steps=steps, status=status)
 
-    def weights(self, model: SheetModel, force_mm2: Nodal) -> Nodal:
+    def weights(self, model: SheetModel, force_mm2: Nodal, noise: float = 1.0) -> Nodal:
         """(n, 3) weights of tangential and normal forces."""
         unit = model.lattice.force_unit_mm2
         press = np.maximum(-force_mm2[:, 2], 0.0)
@@ -140,7 +147,9 @@ class SparseDescent:
         weight = np.empty_like(force_mm2)
         tangential = (self.tangential * unit) ** 2 + (self.friction * press) ** 2
         weight[:, :2] = (1.0 / tangential)[:, None]
-        weight[:, 2] = self.prior / (np.maximum(press**2, self.nearby * around2) + (self.sparse * unit) ** 2)
+        weight[:, 2] = self.prior / (
+            np.maximum(press**2, self.nearby * around2) + (noise * self.sparse * unit) ** 2
+        )
         weight[model.is_outside] *= self.outside
         return weight
 

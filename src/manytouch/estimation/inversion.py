@@ -86,6 +86,7 @@ class MechanicalInversion:
         firm_at_rim: so many times that within `rim_thickness` thicknesses of the part without a rim.
         most_friction: shear over normal force that a new contact may have.
         usual_noise_px: of centres where the sensor does not say it.
+        usual: deviation of a dot's place, noise and model, in units of the model's, that is nothing unusual.
         firm, clear: least normal force of a new contact, in units of that which lets one last: where
             there was a force in the frame before, and where there was none.
     """
@@ -105,6 +106,7 @@ class MechanicalInversion:
     pad_pitch: float = 2.0
     model_std_pitch: float = 8.4e-4
     nominal_std_pitch: float = 5e-3
+    usual: float = 1.5
     firm: float = 1.5
     clear: float = 4.0
     firm_at_rim: float = 3.0
@@ -149,7 +151,8 @@ class MechanicalInversion:
         model = state.model
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         information = self._information(state, grid, measured_px)
-        fit = self.descend(model, state.shape, measured_px, information)
+        noise = max(1.0, self._std_px(state, grid) / (self.usual * state.model_px))
+        fit = self.descend(model, state.shape, measured_px, information, noise)
         status = grid.status if grid.status != "ok" else fit.status
         clusters = self._clusters(state, fit)
         surface = self._surface(state, grid, fit, clusters, status)
@@ -201,6 +204,12 @@ class MechanicalInversion:
         after = replace(state, shape=fit.shape, pads=pads, reference_px=reference_px)
         return after, surface, replace(contacts, contacts=tuple(told))
 
+    @staticmethod
+    def _std_px(state: InversionMemory, grid: TrackedGrid) -> float:
+        """Deviation of a dot's place along an axis: noise of this frame, and what the model leaves out."""
+        noise_px2 = 0.5 * np.trace(grid.covariance_px2[grid.is_seen], axis1=1, axis2=2)
+        return float(np.sqrt(np.median(noise_px2) + state.model_px**2))
+
     def _information(self, state: InversionMemory, grid: TrackedGrid, measured_px: Points2) -> Covariances2:
         """(m, 2, 2) inverse covariances of the displacements times the trust in them."""
         noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
@@ -234,7 +243,14 @@ class MechanicalInversion:
         displacement_mm = model.dots.displacement_mm(shape.coefficient_mm)
         displacement_mm[:, 2] -= self.solid.under_contacts(model, clusters, model.dots.face.point_mm)
         displacement_mm[:, 2] -= self.solid.along_clamp(model, shape.coefficient_mm)
-        covariance_mm2 = self.error(model, state.trust, displacement_mm, shape.force_mm2, grid.is_seen)
+        covariance_mm2 = self.error(
+            model,
+            state.trust,
+            displacement_mm,
+            shape.force_mm2,
+            grid.is_seen,
+            std_px=self._std_px(state, grid),
+        )
         return Surface(
             position_mm=read_only(model.layout.rest_mm + displacement_mm),
             displacement_mm=read_only(displacement_mm),

@@ -18,10 +18,12 @@ class MarkerTrust:
 
     Attributes:
         noise_mm: (3,) along x, y, z from the noise of the centres while nothing touches.
+        std_px: of the centres that this belongs to.
         nearness: (m, n) how much of a node's force a marker feels.
     """
 
     noise_mm: Float64[np.ndarray, "3"]
+    std_px: float
     nearness: Float64[np.ndarray, "m nodes"]
 
 
@@ -62,13 +64,22 @@ class SurfaceError:
         reach_mm = self.reach_thickness * model.thickness_mm
         return MarkerTrust(
             noise_mm=read_only(np.sqrt(np.median(variance, axis=1))),
+            std_px=std_px,
             nearness=read_only(np.exp(-0.5 * (away_mm / reach_mm) ** 2)),
         )
 
     def __call__(
-        self, model: SheetModel, trust: MarkerTrust, displacement_mm: Points3, force_mm2: Nodal, is_seen: Mask
+        self,
+        model: SheetModel,
+        trust: MarkerTrust,
+        displacement_mm: Points3,
+        force_mm2: Nodal,
+        is_seen: Mask,
+        *,
+        std_px: float,
     ) -> Covariances3:
-        """(m, 3, 3) covariances."""
+        """(m, 3, 3) covariances; `std_px` of the centres in this frame."""
+        noise_mm = trust.noise_mm * max(std_px / trust.std_px, 1.0)
         depth_mm = np.abs(displacement_mm[:, 2])
         dent_mm = self.dent * trust.nearness @ np.maximum(-force_mm2[:, 2], 0.0) / model.thickness_mm
         share = self.nominal_share if model.is_nominal else self.depth_share
@@ -76,5 +87,5 @@ class SurfaceError:
         grown = np.where(is_seen, 1.0, self.unseen**2)
         covariance = np.zeros((len(depth_mm), 3, 3))
         for axis, part in enumerate((self.along, self.along, 1.0)):
-            covariance[:, axis, axis] = grown * (trust.noise_mm[axis] ** 2 + part**2 * error_mm2)
+            covariance[:, axis, axis] = grown * (noise_mm[axis] ** 2 + part**2 * error_mm2)
         return covariance

@@ -1,0 +1,87 @@
+"""The inversion on a solved solid that ships with the package: other physics than its own."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from manytouch.estimation import MechanicalInversion
+from manytouch.evaluation.bench import told_sensor
+from manytouch.evaluation.solutions import Solutions
+from manytouch.evaluation.suite import cases
+from manytouch.simulation.imaging import dot_ellipses, outlines
+from manytouch.values import Contacts, Surface, TrackedGrid
+from manytouch.values.arrays import read_only
+
+(CASE,) = (case for case in cases(("nominal",), quick=True, tuning=True) if len(case.touches) == 2)
+SENSOR = told_sensor(CASE)
+
+
+@pytest.fixture(scope="module")
+def solved(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
+    """Of each state: centroids of the dots' images, true depths, true centres of what touches."""
+    states = Solutions(folder=Path(tmp_path_factory.mktemp("none"))).known(CASE)
+    assert states is not None
+    layout = SENSOR.layout
+    assert layout is not None
+    edge_mm = outlines(layout.rest_mm, layout.radius_mm)
+    found = []
+    for state in states:
+        moved_mm = state.displacement_mm(np.ascontiguousarray(edge_mm.reshape(-1, 3)[:, :2]))
+        centre_px, _ = dot_ellipses(SENSOR.camera, edge_mm + moved_mm.reshape(edge_mm.shape))
+        depth_mm = -state.displacement_mm(np.ascontiguousarray(layout.rest_mm[:, :2]))[:, 2]
+        found.append((centre_px, depth_mm, [c.centre_mm for c in state.contacts if c.is_touching]))
+    rest_px, _ = dot_ellipses(SENSOR.camera, edge_mm)
+    return [(rest_px, np.zeros(len(rest_px)), []), *found, found[-1]]
+
+
+def grid_of(centre_px: np.ndarray, lost: np.ndarray, outliers: np.ndarray, seed: int) -> TrackedGrid:
+    chance = np.random.default_rng(seed)
+    place_px = centre_px + chance.normal(0.0, 0.03, centre_px.shape)
+    place_px[outliers] += 5.0
+    return TrackedGrid(
+        position_px=read_only(np.where(lost[:, None], np.nan, place_px)),
+        covariance_px2=read_only(np.where(lost[:, None, None], np.nan, 0.03**2 * np.eye(2))),
+        is_seen=read_only(~lost),
+        frames_unseen=read_only(lost.astype(np.int64)),
+    )
+
+
+def last(solved, *, lost_share: float = 0.0, outlier_share: float = 0.0) -> tuple[Surface, Contacts]:
+    chance = np.random.default_rng(3)
+    count = len(solved[0][0])
+    lost = chance.random(count) < lost_share
+    estimate = MechanicalInversion()
+    state = estimate.start(SENSOR)
+    for seed, (centre_px, _, _) in enumerate(solved):
+        outliers = chance.random(count) < outlier_share
+        state, surface, contacts = estimate.step(state, grid_of(centre_px, lost, outliers, seed))
+    return surface, contacts
+
+
+def rmse_mm(surface: Surface, solved) -> float:
+    return float(np.sqrt(np.mean((-surface.displacement_mm[:, 2] - solved[-1][1]) ** 2)))
+
+
+@pytest.mark.parametrize("trouble", [{}, {"lost_share": 0.2}, {"outlier_share": 0.01}])
+def test_depth_and_contacts_of_a_solid(solved, trouble: dict[str, float]) -> None:
+    surface, contacts = last(solved, **trouble)
+    assert surface.status == "ok"
+    assert rmse_mm(surface, solved) < (0.008 if trouble else 0.0065)
+    true_mm = np.array(solved[-1][2])
+    found_mm = np.array([contact.centre_mm for contact in contacts.touching])
+    away_mm = np.linalg.norm(true_mm[:, None] - found_mm, axis=2)
+    assert found_mm.shape == true_mm.shape == (2, 2)
+    assert away_mm.min(axis=1).max() < 1.0
+    z = (-surface.displacement_mm[:, 2] - solved[-1][1]) / np.sqrt(surface.covariance_mm2[:, 2, 2])
+    assert np.mean(np.abs(z) < 1.96) > 0.85
+
+
+def test_a_clamp_is_as_soft_as_a_solids(solved) -> None:
+    surface, _ = last(solved)
+    half_mm = 0.5 * np.array(CASE.size_mm)
+    assert SENSOR.layout is not None
+    near = (half_mm - np.abs(SENSOR.layout.rest_mm[:, :2])).min(axis=1) < 2.5
+    error_mm = (-surface.displacement_mm[:, 2] - solved[-1][1])[near]
+    true_mm = solved[-1][1][near]
+    assert np.sqrt(np.mean(error_mm**2)) < 0.25 * np.sqrt(np.mean(true_mm**2))
