@@ -158,7 +158,7 @@ class MechanicalInversion:
         surface = self._surface(state, grid, fit, clusters, status)
         if state.pads is not None:
             return self._with_pads(state, state.pads, grid, fit, surface)
-        found = self.touch(model, clusters, fit.shape.coefficient_mm, fit.shape.force_mm2, self.solid)
+        found = self.touch(model, clusters, fit.shape.coefficient_mm, fit.shape.force_mm2)
         is_firm = self._is_firm(model, clusters, state.seen_mm).tolist()
         seen_mm = read_only(np.array([contact.centre_mm for contact in found]).reshape(-1, 2))
         lives, contacts = self.identity.step(

@@ -7,13 +7,15 @@ from jaxtyping import Float64
 
 from manytouch.estimation.force_clusters import Clusters
 from manytouch.estimation.sheet_model import SheetModel
-from manytouch.estimation.solid_face import SolidFace
 from manytouch.geometry.camera import project
 from manytouch.mechanics.dots import Face
 from manytouch.mechanics.patch import Nodal
 from manytouch.values import ESTIMATES, Contact, Phase
 from manytouch.values.arrays import read_only
 
+LEAST_AREA_PITCH2 = 0.25
+"""Areas below this many squares of the pitch are not known: forces on nodes do not tell them."""
+_AREA = ESTIMATES.index("area")
 _FORCES = ("shear_x", "shear_y", "normal_force", "torque")
 _RINGS = np.array(
     [[0.0, 0.0]]
@@ -82,18 +84,19 @@ class Touching:
         clusters: Clusters,
         coefficient_mm: Nodal,
         force_mm2: Nodal,
-        solid: SolidFace,
     ) -> list[Contact]:
-        """Contacts without identity; `solid` tells what their depth is more than a shell's."""
+        """Contacts without identity.
+
+        Their depth is the shell's. Right under a narrow load a solid's face lies deeper (`solid_face`), but
+        between the markers forces on nodes make the shell as much sharper.
+        """
         if len(clusters) == 0:
             return []
         count = len(clusters)
         radius_mm = np.sqrt(np.maximum(clusters.area_mm2, (0.5 * model.pitch_mm) ** 2) / np.pi)
         around_mm = clusters.centre_mm[:, None] + radius_mm[:, None, None] * _RINGS
         face = Face(shell=model.shell, point_mm=around_mm.reshape(-1, 2))
-        moved_mm = face.displacement(coefficient_mm)
-        moved_mm[:, 2] -= solid.under_contacts(model, clusters, face.point_mm)
-        moved_mm = moved_mm.reshape(count, len(_RINGS), 3)
+        moved_mm = face.displacement(coefficient_mm).reshape(count, len(_RINGS), 3)
         deepest = np.argmin(moved_mm[:, :, 2], axis=1)
         here_mm = moved_mm[:, 0] + np.column_stack([clusters.centre_mm, np.zeros(count)])
         centre_px = project(model.camera, here_mm)
@@ -123,6 +126,10 @@ class Touching:
     ) -> Contact:
         press_mm2, area_mm2 = float(clusters.normal_mm2[number]), float(clusters.area_mm2[number])
         covariance = noise + np.diag(self.error.variances(model, press_mm2, depth_mm, area_mm2))
+        if area_mm2 < LEAST_AREA_PITCH2 * model.pitch_mm**2:
+            # Forces on nodes do not tell how small it is.
+            area_mm2 = np.nan
+            covariance[_AREA, :] = covariance[:, _AREA] = np.nan
         young_MPa = np.nan if model.young_MPa is None else model.young_MPa
         unit = np.where([name in _FORCES for name in ESTIMATES], young_MPa, 1.0)
         return Contact(

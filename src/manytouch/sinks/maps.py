@@ -1,7 +1,8 @@
 """What the sheet does at every point of an even grid: depth, its deviation, strain, pressure.
 
-Methods that know a spline of the sheet are sampled there, exactly; of others the values at the markers are,
-by cubic splines (`manytouch.geometry.sampling`).
+Methods that know a spline of the sheet are sampled there, and what they say of the markers beyond it is
+spread between these; of others the values at the markers are. Both by cubic splines
+(`manytouch.geometry.sampling`).
 """
 
 from collections.abc import Callable
@@ -38,12 +39,16 @@ class SheetMaps:
 
     def displacement(self, surface: Surface) -> Float64[np.ndarray, "ny nx 3"]:
         """Displacement of the camera-side face in the sheet frame; the depth is minus its z."""
-        if surface.spline is not None:
-            found = self._of(surface.spline).face(surface.spline.coefficient_mm)
-            found = found.reshape(len(self.y_mm), len(self.x_mm), 3)
-            found[~self._sampling.is_inside] = np.nan
-            return found
-        return np.stack([self._sampling(surface.displacement_mm[:, axis]) for axis in range(3)], axis=-1)
+        if surface.spline is None:
+            return self._between_markers(surface.displacement_mm)
+        sampled = self._of(surface.spline)
+        at_markers = sampled.at_markers(surface.spline.coefficient_mm)
+        found = sampled.on_grid(surface.spline.coefficient_mm).reshape(len(self.y_mm), len(self.x_mm), 3)
+        found += self._between_markers(surface.displacement_mm - at_markers)
+        return found
+
+    def _between_markers(self, value: Float64[np.ndarray, "m 3"]) -> Float64[np.ndarray, "ny nx 3"]:
+        return np.stack([self._sampling(value[:, axis]) for axis in range(3)], axis=-1)
 
     def depth(self, surface: Surface) -> Map:
         """Depth, positive when pressed."""
@@ -79,14 +84,16 @@ class SheetMaps:
     def _of(self, spline: SheetSpline) -> "_SampledSpline":
         if self._sampled is None or not self._sampled.fits(spline):
             place_mm = np.stack(np.meshgrid(self.x_mm, self.y_mm), axis=-1).reshape(-1, 2)
-            self._sampled = _SampledSpline(spline, place_mm)
+            self._sampled = _SampledSpline(spline, place_mm, self._sampling.rest_mm)
         return self._sampled
 
 
 class _SampledSpline:
-    """The basis functions of splines on one rectangle, at fixed points."""
+    """The basis functions of splines on one rectangle, at the points of the grid and at the markers."""
 
-    def __init__(self, spline: SheetSpline, point_mm: Float64[np.ndarray, "k 2"]) -> None:
+    def __init__(
+        self, spline: SheetSpline, point_mm: Float64[np.ndarray, "k 2"], marker_mm: Float64[np.ndarray, "m 2"]
+    ) -> None:
         patch = SplinePatch(
             size_mm=spline.size_mm,
             elements=spline.elements,
@@ -96,7 +103,9 @@ class _SampledSpline:
         shell = Shell(patch=patch, thickness_mm=spline.thickness_mm, poisson=spline.poisson)
         face = Face(shell=shell, point_mm=point_mm)
         self._key = _shape(spline)
-        self.face: Callable[[np.ndarray], np.ndarray] = face.displacement
+        self.on_grid: Callable[[np.ndarray], np.ndarray] = face.displacement
+        at_markers = Face(shell=shell, point_mm=np.ascontiguousarray(marker_mm))
+        self.at_markers: Callable[[np.ndarray], np.ndarray] = at_markers.displacement
         self._basis, self._area_mm2 = face.basis, patch.area_mm2
 
     def fits(self, spline: SheetSpline) -> bool:

@@ -16,10 +16,14 @@ from manytouch.values.arrays import read_only
 (CASE,) = (case for case in cases(("nominal",), quick=True, tuning=True) if len(case.touches) == 2)
 SENSOR = told_sensor(CASE)
 
+AROUND_MM = np.stack(np.meshgrid(*[np.linspace(-2.0, 2.0, 17)] * 2), axis=-1).reshape(-1, 2)
+
 
 @pytest.fixture(scope="module")
-def solved(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray]]]:
-    """Of each state: centroids of the dots' images, true depths, true centres of what touches."""
+def solved(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray], list[float]]]:
+    """Of each state: centroids of the dots' images, true depths, true centres and depths of what touches."""
     states = Solutions(folder=Path(tmp_path_factory.mktemp("none"))).known(CASE)
     assert states is not None
     layout = SENSOR.layout
@@ -30,9 +34,11 @@ def solved(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[np.ndarray, n
         moved_mm = state.displacement_mm(np.ascontiguousarray(edge_mm.reshape(-1, 3)[:, :2]))
         centre_px, _ = dot_ellipses(SENSOR.camera, edge_mm + moved_mm.reshape(edge_mm.shape))
         depth_mm = -state.displacement_mm(np.ascontiguousarray(layout.rest_mm[:, :2]))[:, 2]
-        found.append((centre_px, depth_mm, [c.centre_mm for c in state.contacts if c.is_touching]))
+        touching = [c.centre_mm for c in state.contacts if c.is_touching]
+        deepest = [-state.displacement_mm(centre + AROUND_MM)[:, 2].min() for centre in touching]
+        found.append((centre_px, depth_mm, touching, deepest))
     rest_px, _ = dot_ellipses(SENSOR.camera, edge_mm)
-    return [(rest_px, np.zeros(len(rest_px)), []), *found, found[-1]]
+    return [(rest_px, np.zeros(len(rest_px)), [], []), *found, found[-1]]
 
 
 def grid_of(centre_px: np.ndarray, lost: np.ndarray, outliers: np.ndarray, seed: int) -> TrackedGrid:
@@ -53,7 +59,7 @@ def last(solved, *, lost_share: float = 0.0, outlier_share: float = 0.0) -> tupl
     lost = chance.random(count) < lost_share
     estimate = MechanicalInversion()
     state = estimate.start(SENSOR)
-    for seed, (centre_px, _, _) in enumerate(solved):
+    for seed, (centre_px, *_) in enumerate(solved):
         outliers = chance.random(count) < outlier_share
         state, surface, contacts = estimate.step(state, grid_of(centre_px, lost, outliers, seed))
     return surface, contacts
@@ -73,6 +79,8 @@ def test_depth_and_contacts_of_a_solid(solved, trouble: dict[str, float]) -> Non
     away_mm = np.linalg.norm(true_mm[:, None] - found_mm, axis=2)
     assert found_mm.shape == true_mm.shape == (2, 2)
     assert away_mm.min(axis=1).max() < 1.0
+    deepest_mm = np.array([contact.depth_mm for contact in contacts.touching])[away_mm.argmin(axis=1)]
+    assert deepest_mm == pytest.approx(solved[-1][3], rel=0.025)
     z = (-surface.displacement_mm[:, 2] - solved[-1][1]) / np.sqrt(surface.covariance_mm2[:, 2, 2])
     assert np.mean(np.abs(z) < 1.96) > 0.85
 

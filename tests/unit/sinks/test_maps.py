@@ -83,6 +83,8 @@ def test_a_spline_is_sampled_itself_and_not_between_the_markers(maps: SheetMaps)
     there = Face(shell=shell, point_mm=np.array([[X_MM[column], Y_MM[row]]]))
     depth = maps.depth(surface)
     assert depth[row, column] == pytest.approx(-there.displacement(coefficient_mm)[0, 2], abs=1e-12)
+    lower = surface.displacement_mm - [0.0, 0.0, 0.25]
+    np.testing.assert_allclose(maps.depth(replace(surface, displacement_mm=lower)), depth + 0.25, atol=1e-9)
     between = maps.depth(replace(surface, spline=None))
     assert np.nanmax(np.abs(between - depth)) > 0.005, "the test would not tell the two apart"
 
