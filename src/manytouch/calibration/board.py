@@ -95,6 +95,15 @@ def board_of(text: str, square_mm: float) -> Board:
     return board
 
 
+def charuco_ink(board: Board) -> tuple[np.ndarray, int]:
+    """What is black on a ChArUco board, as whole pixels, and how many of them are a square's side."""
+    charuco = _charuco(board)
+    modules = charuco.getDictionary().markerSize + 2
+    side_px = 2 * modules * round(1.0 / (1.0 - MARKER_SHARE))
+    picture = charuco.generateImage((board.columns * side_px, board.rows * side_px), marginSize=0)
+    return np.asarray(picture) < 128, side_px
+
+
 def find_board(image: np.ndarray, board: Board) -> Sighting | None:
     """Look for a board in a grey picture; None when it is not there.
 
@@ -147,14 +156,24 @@ def _whole(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | N
         if not is_found:
             is_found, place = cv2.findChessboardCornersSB(image, size, flags=cv2.CALIB_CB_NORMALIZE_IMAGE)
     else:
-        grid = (
-            cv2.CALIB_CB_SYMMETRIC_GRID if board.kind == "circles" else cv2.CALIB_CB_ASYMMETRIC_GRID
-        ) | cv2.CALIB_CB_CLUSTERING
-        is_found, place = cv2.findCirclesGrid(image, size, flags=grid)
+        grid = cv2.CALIB_CB_SYMMETRIC_GRID if board.kind == "circles" else cv2.CALIB_CB_ASYMMETRIC_GRID
+        detector = _circle_detector(image, board)
+        flags = grid | cv2.CALIB_CB_CLUSTERING
+        is_found, place = cv2.findCirclesGrid(image, size, flags=flags, blobDetector=detector)
     if not is_found or place is None:
         return None
     place = np.asarray(place, dtype=np.float64).reshape(-1, 2)
     return (np.arange(len(place)), place) if len(place) == board.columns * board.rows else None
+
+
+def _circle_detector(image: np.ndarray, board: Board) -> cv2.SimpleBlobDetector:
+    """Finds blobs as large as most: a letter beside the board would spoil the grid."""
+    blobs = cv2.SimpleBlobDetector.Params()
+    blobs.maxArea = max(blobs.maxArea, image.size / (board.columns * board.rows))
+    sizes_px = [blob.size for blob in cv2.SimpleBlobDetector.create(blobs).detect(image)]
+    if sizes_px:
+        blobs.minArea = max(blobs.minArea, 0.2 * float(np.median(sizes_px)) ** 2)
+    return cv2.SimpleBlobDetector.create(blobs)
 
 
 def _charuco_corners(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:

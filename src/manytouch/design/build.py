@@ -3,19 +3,21 @@
 from collections.abc import Callable
 from pathlib import Path
 
+from manytouch.calibration.board import board_of
 from manytouch.design.accuracy import PredictedAccuracy, predicted_accuracy, usual_force_N
 from manytouch.design.casing import CasingChoices, Part, parts_of
 from manytouch.design.choose import Design
 from manytouch.design.guide import assembly, bill_of_materials
 from manytouch.design.meshing import PartMesh, mesh_of, write_3mf, write_stl
-from manytouch.design.patterns import write_chessboard, write_pattern
+from manytouch.design.patterns import write_board, write_pattern
 from manytouch.design.pictures import draw_accuracy, draw_tradeoff
 from manytouch.design.printability import objections
 from manytouch.design.step import write_step
 from manytouch.errors import OutputError
 from manytouch.values.sensor_file import save_sensor
 
-BOARD = (9, 6, 25.0)  # inner corners and square of the chessboard that comes with a design
+BOARDS = {"chessboard:9x6": 25.0, "charuco:10x7": 25.0, "circles-asymmetric:4x11": 16.0}
+"""Boards that come with a design, and their squares in mm."""
 
 
 def write_design(
@@ -51,13 +53,8 @@ def write_design(
         (folder / "design.md").write_text(explained(found), encoding="utf-8")
         meshes = _write_parts(parts, folder / "parts", step=step, say=say)
         write_pattern(found.sensor, folder / "patterns" / "markers")
-        columns, rows, square_mm = BOARD
-        write_chessboard(
-            folder / "patterns" / f"chessboard-{columns}x{rows}",
-            columns=columns,
-            rows=rows,
-            square_mm=square_mm,
-        )
+        for text, square_mm in BOARDS.items():
+            write_board(board_of(text, square_mm), folder / "patterns" / text.replace(":", "-"))
         bill = bill_of_materials(found, parts, meshes, choices)
         (folder / "bill_of_materials.csv").write_text(bill, encoding="utf-8")
         (folder / "assembly.md").write_text(assembly(found, choices), encoding="utf-8")

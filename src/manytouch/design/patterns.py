@@ -1,21 +1,26 @@
 """Marker patterns and calibration boards as SVG and PDF in true size (extra `plot`)."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from manytouch.calibration.board import Board, charuco_ink
 from manytouch.errors import MissingExtraError, OutputError
 from manytouch.values import Sensor
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.patches import Patch
 
 MM_PER_INCH = 25.4
 MARGIN_MM = 10.0
 RULER_MM = 50.0
 A4_MM = (297.0, 210.0)
+CIRCLE_SHARE = 0.3  # radius of a circle over the distance of two
 
 
 def write_pattern(sensor: Sensor, stem: Path) -> tuple[Path, Path]:
@@ -48,40 +53,70 @@ def write_pattern(sensor: Sensor, stem: Path) -> tuple[Path, Path]:
         axes.add_collection(PatchCollection(circles, fc=ink, ec="none"))
         _ruler(axes, -half[0], half[1] + 4.0)
 
-    return _pages(stem, (float(size[0]), float(size[1])), draw)
+    return _written(_page((float(size[0]), float(size[1])), draw), stem)
 
 
-def write_chessboard(stem: Path, *, columns: int, rows: int, square_mm: float) -> tuple[Path, Path]:
-    """A chessboard of inner corners for `calibrate camera`, on an A4 page, lying.
+def write_board(board: Board, stem: Path) -> tuple[Path, Path]:
+    """A board for `calibrate camera`, on an A4 page, lying.
 
     Raises:
         OutputError: it does not fit the page, or a file cannot be written.
         MissingExtraError: matplotlib is not installed.
     """
-    width, height = (columns + 1) * square_mm, (rows + 1) * square_mm
-    if width > A4_MM[0] - MARGIN_MM or height > A4_MM[1] - 2 * MARGIN_MM:
+    return _written(board_page(board), stem)
+
+
+def board_page(board: Board) -> "Figure":
+    """The page of `write_board`.
+
+    Raises:
+        OutputError: the board does not fit it.
+        MissingExtraError: matplotlib is not installed.
+    """
+    side = board.square_mm
+    beyond = 2 * side if board.has_corners else side
+    size = np.ptp(board.point_mm[:, :2], axis=0) + beyond
+    if size[0] > A4_MM[0] - MARGIN_MM or size[1] > A4_MM[1] - 2 * MARGIN_MM:
         raise OutputError(
-            f"a chessboard of {columns} x {rows} corners and {square_mm:g} mm is {width:g} x {height:g} mm "
-            f"and does not fit an A4 page: take smaller squares or fewer of them"
+            f"the board {board} with {side:g} mm is {size[0]:g} x {size[1]:g} mm and does not fit "
+            "an A4 page: take smaller squares or fewer of them"
         )
 
     def draw(axes: "Axes") -> None:
-        from matplotlib.patches import Rectangle
+        from matplotlib.collections import PatchCollection
 
-        for column in range(columns + 1):
-            for row in range(column % 2, rows + 1, 2):
-                corner = (column * square_mm - width / 2, row * square_mm - height / 2)
-                axes.add_patch(Rectangle(corner, square_mm, square_mm, fc="black", ec="none"))
-        label = f"chessboard:{columns}x{rows}, squares of {square_mm:g} mm"
-        axes.text(width / 2, height / 2 + 7.0, label, ha="right", va="center", fontsize=8)
-        _ruler(axes, -width / 2, height / 2 + 5.0)
+        axes.add_collection(PatchCollection(_ink(board, -0.5 * size), fc="black", ec="none"))
+        label = f"{board}, {'squares' if board.has_corners else 'distance'} of {side:g} mm"
+        axes.text(size[0] / 2, size[1] / 2 + 7.0, label, ha="right", va="center", fontsize=8)
+        _ruler(axes, -size[0] / 2, size[1] / 2 + 5.0)
 
-    return _pages(stem, A4_MM, draw)
+    return _page(A4_MM, draw)
 
 
-def _pages(stem: Path, size_mm: tuple[float, float], draw: Callable[["Axes"], None]) -> tuple[Path, Path]:
+def _ink(board: Board, corner_mm: np.ndarray) -> "list[Patch]":
+    """What is black on a board whose first corner lies there."""
+    from matplotlib.patches import Circle, Rectangle
+
+    side = board.square_mm
+    if not board.has_corners:
+        places = corner_mm + 0.5 * side + board.point_mm[:, :2]
+        return [Circle((x, y), CIRCLE_SHARE * side) for x, y in places]
+    if board.kind == "charuco":
+        is_black, side_px = charuco_ink(board)
+    else:
+        is_black, side_px = np.indices((board.rows + 1, board.columns + 1)).sum(axis=0) % 2 == 0, 1
+    cuts = np.flatnonzero(np.any(np.diff(is_black, axis=0), axis=1)) + 1
+    patches: list[Patch] = []
+    for top, bottom in pairwise([0, *cuts, len(is_black)]):
+        change = np.flatnonzero(np.diff(is_black[top], prepend=False, append=False))
+        for left, right in change.reshape(-1, 2):
+            low, high = np.array([[left, top], [right, bottom]]) * side / side_px
+            patches.append(Rectangle((corner_mm + low).tolist(), *(high - low).tolist()))
+    return patches
+
+
+def _page(size_mm: tuple[float, float], draw: Callable[["Axes"], None]) -> "Figure":
     try:
-        from matplotlib import rc_context
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
         raise MissingExtraError("printed patterns", "matplotlib", "plot") from None
@@ -90,6 +125,12 @@ def _pages(stem: Path, size_mm: tuple[float, float], draw: Callable[["Axes"], No
     axes.set_axis_off()
     axes.set(xlim=(-size_mm[0] / 2, size_mm[0] / 2), ylim=(size_mm[1] / 2, -size_mm[1] / 2))
     draw(axes)
+    return figure
+
+
+def _written(figure: "Figure", stem: Path) -> tuple[Path, Path]:
+    from matplotlib import rc_context
+
     paths = (stem.with_suffix(".svg"), stem.with_suffix(".pdf"))
     try:
         with rc_context({"svg.hashsalt": stem.name, "pdf.compression": 0}):

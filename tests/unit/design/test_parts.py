@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pypdf import PdfReader
 
-from manytouch.design.build import write_design
+from manytouch.calibration.board import board_of, find_board
+from manytouch.design.build import BOARDS, write_design
 from manytouch.design.casing import (
     SCREW_RADIUS_MM,
     CasingChoices,
@@ -23,7 +25,7 @@ from manytouch.design.casing import (
 from manytouch.design.choose import design
 from manytouch.design.guide import screw_length_mm
 from manytouch.design.meshing import mesh_of, write_stl
-from manytouch.design.patterns import MARGIN_MM, write_chessboard, write_pattern
+from manytouch.design.patterns import A4_MM, MARGIN_MM, board_page, write_board, write_pattern
 from manytouch.design.printability import hanging_mm2, objections, open_edges
 from manytouch.design.solids import Bore, Box, Solid, Taper, block, pins
 from manytouch.design.step import write_step
@@ -204,7 +206,7 @@ def test_markers_are_printed_where_they_belong(found, tmp_path: Path):
 
 
 def test_a_chessboard_has_true_squares_and_fits_the_page(tmp_path: Path):
-    _, pdf = write_chessboard(tmp_path / "board", columns=9, rows=6, square_mm=25.0)
+    _, pdf = write_board(board_of("chessboard:9x6", 25.0), tmp_path / "board")
     page = PdfReader(pdf).pages[0]
     assert float(page.mediabox.width) == pytest.approx(297.0 * POINTS_PER_MM, abs=0.01)
     text = page.get_contents().get_data().decode("latin1")
@@ -216,7 +218,27 @@ def test_a_chessboard_has_true_squares_and_fits_the_page(tmp_path: Path):
     black = np.isclose(sides, 25.0, atol=0.01).all(axis=1).sum()
     assert black == 35
     with pytest.raises(OutputError, match="does not fit an A4 page"):
-        write_chessboard(tmp_path / "board", columns=12, rows=9, square_mm=25.0)
+        write_board(board_of("chessboard:12x9", 25.0), tmp_path / "board")
+
+
+@pytest.mark.parametrize("text", BOARDS)
+def test_a_printed_board_is_found_and_has_its_size(text: str):
+    board = board_of(text, BOARDS[text])
+    figure = board_page(board)
+    FigureCanvasAgg(figure)
+    dots_per_mm = 6.0
+    figure.set_dpi(dots_per_mm * 25.4)
+    figure.canvas.draw()
+    picture = np.asarray(figure.canvas.buffer_rgba())[..., 0].copy()
+    assert picture.shape[::-1] == pytest.approx(dots_per_mm * np.array(A4_MM), abs=1.5)
+    found = find_board(picture, board)
+    assert found is not None
+    assert len(found.number) == len(board.point_mm)
+    place_mm = found.place_px / dots_per_mm
+    wanted_mm = board.point_mm[found.number, :2]
+    turned = place_mm - place_mm.mean(axis=0), wanted_mm - wanted_mm.mean(axis=0)
+    errors = [np.abs(sign * turned[0] - turned[1]).max() for sign in (1.0, -1.0)]
+    assert min(errors) < 0.1, "up to half a turn, which boards of squares or circles do not tell"
 
 
 def test_a_design_comes_with_everything(found, tmp_path: Path):
@@ -225,7 +247,13 @@ def test_a_design_comes_with_everything(found, tmp_path: Path):
     assert names >= {
         *("sensor.toml", "design.md", "assembly.md", "bill_of_materials.csv"),
         *(f"parts/{name}" for name in ("sheet.stl", "markers.stl", "clamp.stl", "casing.stl", "sheet.3mf")),
-        *("parts/casing.step", "parts/clamp.step", "patterns/markers.pdf", "patterns/chessboard-9x6.svg"),
+        *(
+            "parts/casing.step",
+            "parts/clamp.step",
+            "patterns/markers.pdf",
+            "patterns/chessboard-9x6.svg",
+            "patterns/charuco-10x7.pdf",
+        ),
     }
     assert load_sensor(tmp_path / "sensor.toml").layout.shape == found.sensor.layout.shape
     read = trimesh.load(tmp_path / "parts" / "sheet.3mf")
