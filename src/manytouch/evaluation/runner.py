@@ -195,5 +195,6 @@ def in_words(trial: Trial) -> str:
         rmse = depth_figures(comparison.depth)["rmse_median_mm"]
         depth = f"depth RMSE {rmse:.3f} {comparison.unit}" if np.isfinite(rmse) else "no depth"
         recall = contact_figures(comparison.contacts)["recall_percent"]
-        parts.append(f"{comparison.method}: {depth}, {recall:.0f} % of the contacts found")
+        found = "no contact to find" if np.isnan(recall) else f"{recall:.0f} % of the contacts found"
+        parts.append(f"{comparison.method}: {depth}, {found}")
     return "; ".join(parts)
