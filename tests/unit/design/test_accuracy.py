@@ -99,6 +99,7 @@ def test_what_the_method_is_off_by_counts_along_with_the_noise(found):
     assert np.isnan(_deviations(method, fresh, None, np.random.default_rng(0))).all()
 
 
+@pytest.mark.slow
 def test_a_press_is_predicted_to_be_told_well_and_deepest_in_the_middle(found):
     said = []
     predicted = predicted_accuracy(
