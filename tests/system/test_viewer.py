@@ -125,6 +125,12 @@ def wait(page: Page, condition: str) -> None:
     raise AssertionError(f"not within {PATIENCE_MS // 1000} s: {condition}; {page.inner_text('#state')}")
 
 
+def wait_for_words(page: Page, selector: str, *words: str) -> None:
+    """Until an element says them: the panes are drawn with the screen's next frame, not at once."""
+    found = f"document.querySelector('{selector}').innerText"
+    wait(page, f"{list(words)}.every((word) => {found}.includes(word))")
+
+
 def press(page: Page, at_mm: tuple[float, float], depth_mm: float = 2.5) -> None:
     """Press with the mouse, and leave the finger there."""
     page.click("[data-mode=press]")
@@ -162,16 +168,14 @@ def test_the_mouse_presses_the_surface_moves_and_a_click_reads_the_estimate(
     choose(page, AT_MM)
     wait(page, "manytouch.state.measured?.points.length === 1")
     compare_with_estimate(page, session)
-    words = page.inner_text("#measure")
-    assert "depth" in words
-    assert "±" in words
+    wait_for_words(page, "#measure", "depth", "±")
     choose(page, (25.0, -5.0))
     wait(page, "manytouch.state.measured?.points.length === 2")
     measured = compare_with_estimate(page, session)
     chosen = np.array(page.evaluate("manytouch.state.points"))
     assert measured["rest_distance_mm"] == pytest.approx(np.linalg.norm(chosen[1] - chosen[0]), abs=1e-3)
     assert len([depth for depth in measured["profile"]["depth_mm"] if depth is not None]) > 100
-    assert "distance now" in page.inner_text("#measure")
+    wait_for_words(page, "#measure", "distance now")
     assert page.is_visible("#profile")
     page.keyboard.press("Escape")
     assert page.evaluate("manytouch.state.points") == []
@@ -214,7 +218,8 @@ def test_stop_tare_record_and_method(session: Session, opened: Callable[..., Pag
     page.select_option("#method", "perimeter")
     wait(page, "manytouch.state.health.method === 'perimeter'")
     page.select_option("#length-unit", "µm")
-    assert "µm" in page.inner_text("#press-depth-words") or "µm" in page.inner_text("#health")
+    assert "µm" in page.inner_text("#press-depth-words")
+    wait_for_words(page, "#health", "µm")
     page.click("#settings .close")
 
 
@@ -258,13 +263,13 @@ def test_record_and_replay_with_a_timeline(
                 frame,
             )
             wait(again, f"Math.abs(manytouch.state.health.frame - {frame}) <= 1")
-        assert "frame" in again.inner_text("#seek-words")
+        wait_for_words(again, "#seek-words", "frame", "of")
         assert again.evaluate("manytouch.state.update.head.beside") is None
         again.keyboard.press("s")
         again.select_option("#method", "paper")
         again.keyboard.press("Escape")
         wait(again, "manytouch.state.update.head.beside?.name === 'recorded'")
-        assert again.inner_text("#beside-name") == "recorded"
+        wait_for_words(again, "#beside-name", "recorded")
         assert again.evaluate("manytouch.state.health.method") == "paper"
         assert "difference" in again.evaluate("manytouch.state.update.head.layers")
     finally:

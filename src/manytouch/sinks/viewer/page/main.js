@@ -240,7 +240,7 @@ function bind() {
   find("stretch").addEventListener("input", ({ target }) => setStretch(Number(target.value)));
   find("seek").addEventListener("input", ({ target }) => { state.seeking = true; seek(Number(target.value)); });
   find("camera").addEventListener("click", () => { document.querySelector(".camera").classList.toggle("big"); state.isDirty = true; });
-  bindSettings(state, wish, () => { state.scale = ""; state.isDirty = true; });
+  bindSettings(state, wish, () => { state.scale = ""; state.isDirty = true; pointer.sayDepth(); });
   addEventListener("keydown", onKey);
   addEventListener("resize", () => { state.isDirty = true; });
 }
