@@ -1,4 +1,8 @@
-"""Times several methods in one run: round after round, a frame each, so that all meet the same machine."""
+"""Times several methods in one run: round after round a turn each, so that all meet the same machine.
+
+A turn is a few frames one after the other, as on a sensor: 30 ms of them, at least one and at most 20. The
+first frame of a turn, which finds the caches full of what the other methods left, is kept apart as well.
+"""
 
 import time
 from collections.abc import Callable, Sequence
@@ -10,7 +14,8 @@ from sequences import Course, to_and_fro
 
 from manytouch.values import Frame
 
-SHARE_MS = 30.0  # a slower method runs only in so many rounds that it takes this much of each on average
+TURN_MS = 30.0  # a slower method runs only in so many rounds that it takes this much of each on average
+TURN_FRAMES = 20  # at most
 WARM = 4
 JUDGED_EVERY = 5
 GATE_PITCHES = 0.1
@@ -67,18 +72,22 @@ class Timing:
     """What the rounds gave for a method.
 
     Attributes:
-        spent_ms, cpu_ms: of each run; the second does not count while other programs had the processor.
+        spent_ms, cpu_ms: of each frame; the second does not count while other programs had the processor.
+        first_ms: processor time of the first frame of each turn.
         found, wrong: shares of the true dots that were found, and of the identities that were not true.
         error_px: errors of centres, along each axis.
         every: it ran in every so many rounds.
+        frames: in a turn.
     """
 
     spent_ms: list[float] = field(default_factory=list)
     cpu_ms: list[float] = field(default_factory=list)
+    first_ms: list[float] = field(default_factory=list)
     found: list[float] = field(default_factory=list)
     wrong: list[float] = field(default_factory=list)
     error_px: list[np.ndarray] = field(default_factory=list)
     every: int = 1
+    frames: int = 1
 
     @property
     def median_ms(self) -> float:
@@ -87,6 +96,10 @@ class Timing:
     @property
     def median_cpu_ms(self) -> float:
         return float(np.median(self.cpu_ms))
+
+    @property
+    def median_first_ms(self) -> float:
+        return float(np.median(self.first_ms))
 
     @property
     def least_cpu_ms(self) -> float:
@@ -119,7 +132,7 @@ class Timing:
 def interleaved(methods: Sequence[Method], footage: Footage, rounds: int) -> dict[str, Timing]:
     """Time all methods, `rounds` rounds long; slow ones leave rounds out."""
     runs, timings, done = {}, {}, {}
-    order = to_and_fro(len(footage.frames), 10 * rounds + 100)
+    order = to_and_fro(len(footage.frames), TURN_FRAMES * rounds + 100)
     for method in methods:
         runs[method.name] = method.prepare(footage)
         timings[method.name] = Timing()
@@ -131,21 +144,30 @@ def interleaved(methods: Sequence[Method], footage: Footage, rounds: int) -> dic
             done[method.name] = turn + 1
             if turn >= 1 and spent_ms > 500.0:
                 break
-        timings[method.name].every = max(1, int(pilot_ms / SHARE_MS))
+        timings[method.name].every = max(1, int(pilot_ms / TURN_MS))
+        timings[method.name].frames = int(np.clip(TURN_MS / pilot_ms, 1, TURN_FRAMES))
     for turn in range(rounds):
         first = turn % len(methods)
         for method in [*methods[first:], *methods[:first]]:
             timing = timings[method.name]
             if turn % timing.every or len(timing.spent_ms) >= method.most:
                 continue
-            index = int(order[done[method.name]])
-            done[method.name] += 1
-            spent_ms, cpu_ms, answer = _timed(runs[method.name], index)
-            timing.spent_ms.append(spent_ms)
-            timing.cpu_ms.append(cpu_ms)
-            if len(timing.spent_ms) % JUDGED_EVERY == 1:
-                _judge(timing, footage.course, index, answer)
+            begun = done[method.name]
+            done[method.name] += timing.frames
+            _take_turn(runs[method.name], timing, order[begun : begun + timing.frames], footage.course)
     return timings
+
+
+def _take_turn(run: Callable[[int], Answer], timing: Timing, turn: Sequence[int], course: Course) -> None:
+    """Time some frames one after the other; every fifth turn the last answer is judged."""
+    for place, index in enumerate(turn):
+        spent_ms, cpu_ms, answer = _timed(run, int(index))
+        timing.spent_ms.append(spent_ms)
+        timing.cpu_ms.append(cpu_ms)
+        if place == 0:
+            timing.first_ms.append(cpu_ms)
+    if len(timing.first_ms) % JUDGED_EVERY == 1:
+        _judge(timing, course, int(turn[-1]), answer)
 
 
 def in_a_row(method: Method, footage: Footage, frames: int) -> Timing:

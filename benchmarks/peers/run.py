@@ -3,8 +3,8 @@
 
     OMP_NUM_THREADS=1 python benchmarks/peers/run.py --out DIR [--rounds 300] [--dots 1040] [--size 1440p]
 
-Every method gets a frame in every round (slow ones in some rounds), the order changes from round to round,
-and medians are compared. Writes peers.txt, peers.json and peers.png into DIR. See docs/benchmarks.md.
+Every method gets a turn of 30 ms in every round (slow ones in some rounds), the order changes from round to
+round, and medians are compared. Writes peers.txt, peers.json and peers.png into DIR. See docs/benchmarks.md.
 """
 
 import os
@@ -46,7 +46,7 @@ def table_text(timings: dict[str, Timing], does: dict[str, str]) -> str:
     """One row for each method, fastest first."""
     tracked_ms = timings[TRACKED].median_cpu_ms
     lines = [
-        f"{'':39} {'median ms':>9} {'p99 ms':>8} {'cpu ms':>9} {'least':>8} {'/tracked':>8} "
+        f"{'':39} {'median ms':>9} {'p99 ms':>8} {'cpu ms':>9} {'least':>8} {'first':>8} {'/tracked':>8} "
         f"{'runs':>5} {'found %':>8} {'rms px':>7} {'wrong %':>7}  in the time"
     ]
     for name, timing in sorted(timings.items(), key=lambda item: item[1].median_cpu_ms):
@@ -56,8 +56,9 @@ def table_text(timings: dict[str, Timing], does: dict[str, str]) -> str:
         wrong = f"{100 * np.mean(timing.wrong):.2f}" if timing.wrong else ""
         lines.append(
             f"{name:39} {timing.median_ms:9.3f} {p99:>8} {timing.median_cpu_ms:9.3f} "
-            f"{timing.least_cpu_ms:8.3f} {timing.median_cpu_ms / tracked_ms:8.2f} "
-            f"{len(timing.spent_ms):5d} {found:>8} {rms:>7} {wrong:>7}  {does[name]}"
+            f"{timing.least_cpu_ms:8.3f} {timing.median_first_ms:8.3f} "
+            f"{timing.median_cpu_ms / tracked_ms:8.2f} {len(timing.spent_ms):5d} "
+            f"{found:>8} {rms:>7} {wrong:>7}  {does[name]}"
         )
     return "\n".join(lines)
 
@@ -70,6 +71,7 @@ def plain(timings: dict[str, Timing], does: dict[str, str]) -> dict[str, dict[st
             "p99_ms": timing.p99_ms,
             "cpu_ms": timing.median_cpu_ms,
             "least_cpu_ms": timing.least_cpu_ms,
+            "first_of_turn_ms": timing.median_first_ms,
             "runs": len(timing.spent_ms),
             "found": float(np.mean(timing.found)) if timing.found else None,
             "rms_px": timing.rms_px,
