@@ -14,7 +14,7 @@ if not BENCHMARKS.is_dir():
 sys.path += [str(BENCHMARKS), str(BENCHMARKS / "peers")]
 
 from goals import TRACKED, goals_of  # noqa: E402
-from rounds import SHARE_MS, Answer, Footage, Method, Timing, in_a_row, interleaved  # noqa: E402
+from rounds import TURN_FRAMES, TURN_MS, Answer, Footage, Method, Timing, in_a_row, interleaved  # noqa: E402
 from sequences import Sequence, course_of  # noqa: E402
 
 from manytouch.values import Frame  # noqa: E402
@@ -57,7 +57,9 @@ def test_answers_are_compared_with_the_truth(footage: Footage) -> None:
     assert timings["shifted"].rms_px == pytest.approx(0.5 / np.sqrt(2))
     assert np.mean(timings["swapped"].wrong) == 1.0
     assert np.mean(timings["half"].found) == pytest.approx(0.5)
-    assert all(len(each.spent_ms) == 10 for each in timings.values())
+    for each in timings.values():
+        assert len(each.first_ms) == 10
+        assert len(each.spent_ms) == 10 * each.frames
 
 
 def test_each_method_sees_neighbouring_frames_and_the_slow_one_leaves_rounds_out(footage: Footage) -> None:
@@ -69,16 +71,19 @@ def test_each_method_sees_neighbouring_frames_and_the_slow_one_leaves_rounds_out
 
     def slow(footage: Footage, index: int) -> Answer:
         seen["slow"].append(index)
-        time.sleep(2.2e-3 * SHARE_MS)
+        time.sleep(2.2e-3 * TURN_MS)
         return Answer()
 
     timings = interleaved([method("quick", quick), method("slow", slow)], footage, 9)
-    assert len(timings["quick"].spent_ms) == 9
+    assert len(timings["quick"].first_ms) == 9
+    assert len(timings["quick"].spent_ms) == 9 * timings["quick"].frames
+    assert 1 < timings["quick"].frames <= TURN_FRAMES
+    assert timings["slow"].frames == 1
     assert 2 <= len(timings["slow"].spent_ms) <= 5
     for indices in seen.values():
         assert (np.abs(np.diff(indices)) == 1).all()
-    assert timings["slow"].median_ms > 2 * SHARE_MS
-    assert timings["slow"].median_cpu_ms < SHARE_MS
+    assert timings["slow"].median_ms > 2 * TURN_MS
+    assert timings["slow"].median_cpu_ms < TURN_MS
 
 
 def test_goals_compare_with_the_fastest_tuned_chain_on_the_whole_image() -> None:
