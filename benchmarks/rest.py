@@ -1,0 +1,88 @@
+"""Contacts where nothing touches: pictures of the sheet at rest, each with noise of its own.
+
+    OMP_NUM_THREADS=1 python benchmarks/rest.py [--frames 10000] [--noise 5] [--method mechanics]
+
+2560 x 1440 px, 600 dots, the built-in scene `rest`; the noise is the same everywhere, in grey levels of
+255. Says how many readings told a contact, and how far the depth was from zero.
+"""
+
+import argparse
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from manytouch.session.methods import pipeline_for
+from manytouch.simulation.playing import simulator, solving, states_folder
+from manytouch.simulation.scene_file import BUILT_IN, load_scene
+from manytouch.values import Frame, Sensor
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rest:
+    """What readings of an untouched sheet told.
+
+    Attributes:
+        frames: readings.
+        touched: readings with at least one contact.
+        not_ok: readings whose status was another than "ok".
+        depth_rms_mm, std_rms_mm: of the depth at the markers, and of its told deviation.
+        deepest_mm: furthest depth from zero of all markers and frames.
+    """
+
+    frames: int
+    touched: int
+    not_ok: int
+    depth_rms_mm: float
+    std_rms_mm: float
+    deepest_mm: float
+
+
+def untouched(frames: int, noise: float, width_px: int) -> tuple[Sensor, Iterator[Frame]]:
+    """The demo's sensor and so many noisy pictures of it."""
+    said = load_scene(BUILT_IN / "rest.toml", width_px=width_px)
+    said = replace(said, look=replace(said.look, read_noise=noise, shot_noise=0.0), duration_s=1e9)
+    camera = simulator(said, tuple(solving(said, states_folder())))
+    return camera.sensor, (camera.frame(index) for index in range(frames))
+
+
+def rest(method: str, *, frames: int, noise: float, width_px: int) -> Rest:
+    """Read the pictures one after the other."""
+    sensor, pictures = untouched(frames, noise, width_px)
+    touched, not_ok, square, variance, deepest = 0, 0, [], [], 0.0
+    for reading in pipeline_for(method).run(pictures, sensor):
+        touched += bool(reading.contacts.contacts)
+        not_ok += reading.status != "ok"
+        depth_mm = reading.surface.displacement_mm[:, 2]
+        square.append(np.nanmean(depth_mm**2))
+        variance.append(np.nanmean(reading.surface.covariance_mm2[:, 2, 2]))
+        deepest = max(deepest, float(np.nanmax(np.abs(depth_mm))))
+    return Rest(
+        frames=len(square),
+        touched=touched,
+        not_ok=not_ok,
+        depth_rms_mm=float(np.sqrt(np.mean(square))),
+        std_rms_mm=float(np.sqrt(np.mean(variance))),
+        deepest_mm=deepest,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--frames", type=int, default=10_000)
+    parser.add_argument("--noise", type=float, default=5.0, help="grey levels of 255")
+    parser.add_argument("--method", default="mechanics")
+    parser.add_argument("--width", type=int, default=2560, help="of the pictures, px")
+    asked = parser.parse_args()
+    found = rest(asked.method, frames=asked.frames, noise=asked.noise, width_px=asked.width)
+    print(
+        f"{asked.method}, {found.frames} frames at rest, noise {asked.noise:g}: "
+        f"{found.touched} with contacts, {found.not_ok} not ok; depth RMS {1e3 * found.depth_rms_mm:.2f} um, "
+        f"told {1e3 * found.std_rms_mm:.2f}, furthest {1e3 * found.deepest_mm:.1f}"
+    )
+
+
+if __name__ == "__main__":
+    main()
