@@ -70,6 +70,15 @@ def test_a_recording_that_was_cut_off_says_so_and_gives_what_is_whole(
     assert "cut.mcap was cut off" in again.stdout
 
 
+def test_a_recording_is_not_recorded_over_while_it_is_read(made: tuple[Path, str], tmp_path: Path) -> None:
+    own = tmp_path / "own.mcap"
+    own.write_bytes(made[0].read_bytes())
+    done = manytouch("run", own, "--no-view", "--fps", "200", "--record", own)
+    assert done.returncode == 1
+    assert done.stderr.endswith("is the recording that is read: record under another name\n")
+    assert own.read_bytes() == made[0].read_bytes()
+
+
 def test_another_method_is_named(made: tuple[Path, str], tmp_path: Path) -> None:
     path, _ = made
     done = manytouch("run", path, "--method", "paper", "--no-view", "--fps", "200", "--out", tmp_path)

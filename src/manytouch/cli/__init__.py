@@ -7,7 +7,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensError
 
 import manytouch
 from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, run, simulate, view
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         return _status(app(words, exit_on_error=False, print_error=False, result_action="return_value"))
     except CycloptsError as error:
-        return _wrong(words, error)
+        return _wrong(error)
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
         return DONE
@@ -67,9 +67,17 @@ def _status(result: object) -> int:
     return result if isinstance(result, int) else DONE
 
 
-def _wrong(words: Sequence[str], error: CycloptsError) -> int:
-    verb = words[0] if words and words[0] in set(app) and not words[0].startswith("-") else ""
-    help_line = " ".join(filter(None, ("manytouch", verb, "--help")))
-    sentence = one_line(str(error)).rstrip(".")
-    print(f"manytouch: {sentence}; see {help_line}", file=sys.stderr)
+def _wrong(error: CycloptsError) -> int:
+    help_line = " ".join(("manytouch", *(error.command_chain or ()), "--help"))
+    print(f"manytouch: {_what_is_wrong(error)}; see {help_line}", file=sys.stderr)
     return WRONG_COMMAND_LINE
+
+
+def _what_is_wrong(error: CycloptsError) -> str:
+    if isinstance(error, UnusedCliTokensError):
+        return f"these words are left over: {' '.join(error.unused_tokens or ())} (inputs stand side by side)"
+    sentence = one_line(str(error))
+    if isinstance(error, UnknownCommandError) and error.app is not None:
+        known = ", ".join(name for name in error.app if not name.startswith("-"))
+        return f"{sentence.partition(' Available')[0]} There are {known}"
+    return sentence.rstrip(".")

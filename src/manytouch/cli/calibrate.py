@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from manytouch.cli import options
+from manytouch.cli.failures import wrong_words
 
 if TYPE_CHECKING:
     from manytouch.calibration.board_views import ViewCollection
@@ -123,14 +124,15 @@ def rest(
     from rich.console import Console
 
     from manytouch.calibration.rest_pose import calibrate_rest
-    from manytouch.errors import SensorError
     from manytouch.sources import open_source
     from manytouch.values import Sheet
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
     if (sheet_mm is None) != (thickness_mm is None):
-        raise SensorError("--sheet-mm and --thickness-mm belong together: give both, or neither")
+        raise wrong_words(
+            "calibrate rest", "--sheet-mm and --thickness-mm belong together: give both, or neither"
+        )
     sheet = (
         None
         if sheet_mm is None
@@ -193,9 +195,12 @@ def sheet(
     from manytouch.calibration.press_table import presses as watched_presses
     from manytouch.calibration.protocol import probing_gcode, weight_table
     from manytouch.calibration.sheet import calibrate_sheet
-    from manytouch.errors import ManytouchError
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
+    if plan is None and (presses is None or out is None):
+        raise wrong_words(
+            "calibrate sheet", "give a table of presses and --out FILE, or --plan DIR to get one to fill in"
+        )
     console = Console(highlight=False, soft_wrap=True, markup=False)
     known = load_sensor(sensor)
     if plan is not None:
@@ -204,8 +209,8 @@ def sheet(
         (plan / "probing.gcode").write_text(probing_gcode(known), encoding="utf-8")
         console.print(f"  plan in {plan}")
         return 0
-    if presses is None or out is None:
-        raise ManytouchError("give a table of presses and --out FILE, or --plan DIR to get one to fill in")
+    assert presses is not None
+    assert out is not None
     found = calibrate_sheet(known, watched_presses(known, press_rows(presses), presses.parent))
     told, std = found.sheet, found.std
     lines = [

@@ -7,7 +7,12 @@ from cyclopts import Parameter
 
 from manytouch.cli import options
 
-Pair = Annotated[Any, Parameter(converter=options.pair("X,Y"), n_tokens=1, metavar="X,Y")]
+Pair = Annotated[
+    Any,
+    Parameter(
+        converter=options.pair("X,Y"), n_tokens=1, metavar="X,Y", negative=(), allow_leading_hyphen=True
+    ),
+]
 
 
 def design(
@@ -30,7 +35,14 @@ def design(
     nozzle_mm: Annotated[float, Parameter(metavar="MM", help="Of the printer.")] = 0.4,
     bed_mm: Annotated[
         Any,
-        Parameter(converter=options.numbers(3, "X,Y,Z"), n_tokens=1, metavar="X,Y,Z", help="Of the printer."),
+        Parameter(
+            converter=options.numbers(3, "X,Y,Z"),
+            n_tokens=1,
+            metavar="X,Y,Z",
+            negative=(),
+            allow_leading_hyphen=True,
+            help="Of the printer.",
+        ),
     ] = (220.0, 220.0, 250.0),
     marker_height_mm: Annotated[float, Parameter(metavar="MM", help="0: flush, in a second colour.")] = 0.0,
     material: Annotated[str | None, Parameter(help="Of the sheet; chosen when not given.")] = None,

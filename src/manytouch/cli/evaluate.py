@@ -4,9 +4,10 @@ import shutil
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
-from cyclopts import CycloptsError, Parameter
+from cyclopts import Parameter
 
 from manytouch.cli import options
+from manytouch.cli.failures import wrong_words
 
 if TYPE_CHECKING:
     from manytouch.evaluation.cases import Case
@@ -28,7 +29,7 @@ def evaluate(
     ] = None,
     /,
     *,
-    out: Annotated[Path, Parameter(negative=(), help="Folder for report.html and report.json.")],
+    out: Annotated[Path, options.folder("Folder for report.html and report.json.")],
     quick: Annotated[
         bool, Parameter(negative=(), help="Only a dozen cases of the suite, in two or three minutes.")
     ] = False,
@@ -76,15 +77,17 @@ def evaluate(
 
     given = folders or []
     if len(given) not in {0, 2}:
-        raise CycloptsError(
-            msg=f"evaluate takes both RESULT_DIR and TRUTH_DIR or neither, found {len(given)} folder(s)"
+        raise wrong_words(
+            "evaluate",
+            f"evaluate takes both RESULT_DIR and TRUTH_DIR or neither, found {len(given)} folder(s)",
         )
     if given and (quick or method or group or tuning or cache or paper):
-        raise CycloptsError(
-            msg="--quick, --method, --group, --tuning, --paper and --cache are for the suite, without folders"
+        raise wrong_words(
+            "evaluate",
+            "--quick, --method, --group, --tuning, --paper and --cache are for the suite, without folders",
         )
     if paper and (quick or group or tuning):
-        raise CycloptsError(msg="--paper is not the suite: without --quick, --group and --tuning")
+        raise wrong_words("evaluate", "--paper is not the suite: without --quick, --group and --tuning")
     require_packages()
     reporter = Reporter(bar=False)
     if paper:

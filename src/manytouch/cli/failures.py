@@ -3,6 +3,8 @@
 import sys
 import traceback
 
+from cyclopts import CycloptsError
+
 from manytouch.errors import ManytouchError
 
 DEBUG_FLAG = "--debug"
@@ -13,6 +15,11 @@ def report(error: Exception) -> None:
     if DEBUG_FLAG in sys.argv:
         traceback.print_exception(error)
     print(f"manytouch: {one_line(_sentence(error))}", file=sys.stderr)
+
+
+def wrong_words(verb: str, sentence: str) -> CycloptsError:
+    """An error of the command line itself, which ends with status 2 and names the verb's help."""
+    return CycloptsError(msg=sentence, command_chain=tuple(verb.split()))
 
 
 def one_line(text: str) -> str:

@@ -1,11 +1,14 @@
 """Options that several verbs share, and how their words become values."""
 
+import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token, validators
+
+from manytouch.cli.failures import wrong_words
 
 Method = Literal["mechanics", "perimeter", "paper"]
 
@@ -16,7 +19,7 @@ def _numbers(tokens: Sequence[Token], counts: tuple[int, ...], form: str) -> lis
         found = [float(part) for part in text.split(",")]
     except ValueError:
         raise ValueError(f"expected {form}, found {text!r}") from None
-    if len(found) not in counts:
+    if len(found) not in counts or not all(map(math.isfinite, found)):
         raise ValueError(f"expected {form}, found {text!r}")
     return found
 
@@ -72,7 +75,7 @@ def _amount(_: Any, tokens: Sequence[Token]) -> float | str:
         value = float(text)
     except ValueError:
         raise ValueError(f"expected a number or auto, found {text!r}") from None
-    if not value >= 0:
+    if not 0 <= value < math.inf:
         raise ValueError(f"expected a number from 0, or auto, found {text}")
     return value
 
@@ -85,6 +88,18 @@ def _asked(name: str, metavar: str, words: str, converter: Any = _amount) -> Par
 def _is_token(_: Any, value: str | None) -> None:
     if value is not None and not re.fullmatch(r"[A-Za-z0-9_~.-]{8,200}", value):
         raise ValueError("a token has 8 to 200 letters, digits, or - _ ~ . characters")
+
+
+def refuse_two_scales(verb: str, sensor: str | None, pitch_mm: object, hfov_deg: object) -> None:
+    """A sensor file says pitch and camera.
+
+    Raises:
+        CycloptsError: the words say them too.
+    """
+    if sensor is not None and (pitch_mm is not None or hfov_deg is not None):
+        raise wrong_words(
+            verb, "a sensor already says pitch and camera: leave --pitch-mm and --hfov-deg away"
+        )
 
 
 def positive(what: str, below: float | None = None) -> Any:
@@ -108,6 +123,11 @@ def switch(words: str) -> Parameter:
 def folder(words: str) -> Parameter:
     """An option that names a folder."""
     return Parameter(negative=(), metavar="DIR", help=words)
+
+
+def _is_recording(_: Any, path: Path | None) -> None:
+    if path is not None and path.suffix.lower() != ".mcap":
+        raise ValueError("expected a name that ends in .mcap, by which recordings are known")
 
 
 SOURCE_WORDS = "Camera (0, /dev/video2), address of a stream, video, image, folder of images, or sim:."
@@ -160,6 +180,7 @@ PitchMm = Annotated[
         metavar="P|X,Y",
         converter=_pitch,
         n_tokens=1,
+        allow_leading_hyphen=True,
         help="Distance of neighbouring markers in mm. Without it lengths are in pitches.",
     ),
 ]
@@ -180,6 +201,7 @@ RoiPx = Annotated[
         metavar="X,Y,W,H",
         converter=_roi,
         n_tokens=1,
+        allow_leading_hyphen=True,
         help="Look only at this part of the image, px.",
     ),
 ]
@@ -224,6 +246,7 @@ RecordFile = Annotated[
         name="--record",
         negative=(),
         metavar="FILE.mcap",
+        validator=_is_recording,
         help="Record the pictures as they come, and the readings, to be replayed or opened in Foxglove.",
     ),
 ]

@@ -45,6 +45,7 @@ def process(
     summary.json; with --annotate annotated.mp4, with --surface surface.zarr, with
     --picture 60 picture-000060.png.
     """
+    options.refuse_two_scales("process", sensor, pitch_mm, hfov_deg)
     from manytouch.cli.console import Reporter
     from manytouch.cli.failures import report
     from manytouch.cli.stopping import Stop

@@ -47,6 +47,7 @@ def run(
 
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
+    options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
     from manytouch.cli.camera import pace_in_words, settings_in_words
     from manytouch.cli.console import Reporter
     from manytouch.cli.contact_log import ContactLog

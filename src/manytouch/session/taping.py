@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Pipeline
 from manytouch.session.job import Job
 from manytouch.sinks.recorder import Recorder
@@ -42,11 +42,15 @@ class Taping:
         """Record what comes from now on.
 
         Raises:
-            ManytouchError: something is being recorded; OutputError: the file cannot be written.
+            ManytouchError: something is being recorded; OutputError: the file cannot be written, or is
+                the one that is read.
         """
         if self._recorder is not None:
             raise ManytouchError(f"{self.name} is being recorded; stop it first")
         path = path or self._folder / time.strftime(NAME)
+        read = Path(self._job.text).expanduser()
+        if path.exists() and read.exists() and path.samefile(read):
+            raise OutputError(f"{str(path)!r} is the recording that is read: record under another name")
         recorder = Recorder(path, source=self._job.recording, fps=self._job.source.fps)
         recorder.describe(sensor, pipeline, method)
         self._recorder = recorder

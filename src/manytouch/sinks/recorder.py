@@ -66,7 +66,10 @@ class Recorder:
                 path.parent.mkdir(parents=True, exist_ok=True)
                 file = DirectFile(path)
         except OSError as error:
-            raise OutputError(f"{str(path)!r} cannot be written: {error.strerror or error}") from error
+            raise OutputError(
+                f"{str(path)!r} cannot be written: {error.strerror or error}; choose a folder that can be "
+                "written and has room"
+            ) from error
         self._file = file
         self._writer: RecordingWriter | None = None
         self._thread = threading.Thread(target=self._run, name="manytouch-recorder", daemon=True)

@@ -251,7 +251,9 @@ def save_sensor(sensor: Sensor, path: str | Path) -> None:
         aside.write_text(tomlkit.dumps(document), encoding="utf-8")
         aside.replace(path)
     except OSError as error:
-        raise OutputError(f"cannot write the sensor file {path}: {error.strerror}") from None
+        raise OutputError(
+            f"cannot write the sensor file {path}: {error.strerror}; choose a folder that can be written"
+        ) from None
 
 
 def _tables(sensor: Sensor) -> dict[str, Any]:

@@ -165,6 +165,6 @@ def test_the_verb_writes_a_sensor_that_process_can_use(tmp_path, capsys):
     assert sensor.sheet.size_mm.tolist() == [120.0, 80.0]
     assert sensor.centre_noise_px == pytest.approx(0.008, abs=0.006)
     assert "px (RMS) from a flat lattice" in capsys.readouterr().out
-    assert main([*words, "--sheet-mm", "120,80"]) == 1
+    assert main([*words, "--sheet-mm", "120,80"]) == 2
     assert "belong together" in capsys.readouterr().err
     assert len(list(islice(tmp_path.iterdir(), 5))) == 2

@@ -41,12 +41,41 @@ def test_a_folder_of_pictures_keeps_its_whole_name(tmp_path: Path):
         (["process", "a.mp4", "--out", "o", "--roi", "0,0,9.5,9"], 2),
         (["process", "a.mp4", "--out", "o", "--pitch-mm", "0"], 2),
         (["process", "a.mp4", "--out", "o", "--hfov-deg", "nan"], 2),
+        (["process", "a.mp4", "--out", "o", "--pitch-mm", "4,nan"], 2),
+        (["process", "a.mp4", "--out", "o", "--roi", "inf,0,9,9"], 2),
+        (["process", "a.mp4", "--out", "o", "--sensor", "s.toml", "--pitch-mm", "4"], 2),
+        (["run", "sim:", "--sensor", "s.toml", "--hfov-deg", "60"], 2),
+        (["run", "sim:", "--record", "press.txt"], 2),
+        (["demo", "--seconds", "inf"], 2),
+        (["design", "--out", "o", "--area-mm", "-nan,60"], 2),
+        (["calibrate", "rest", "a.mp4", "--sensor", "s.toml", "--out", "o.toml", "--sheet-mm", "9,9"], 2),
+        (["calibrate", "sheet", "--sensor", "s.toml"], 2),
     ],
 )
 def test_exit_status_of_words_alone(words, status, capsys):
     assert main(words) == status
     said = capsys.readouterr()
     assert (said.err.count("\n") == 1) == (status == 2)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nothing"], "calibrate, design; see manytouch --help"),
+        (["calibrate", "camera"], "see manytouch calibrate camera --help"),
+        (["calibrate", "sheet", "--sensor", "s.toml"], "see manytouch calibrate sheet --help"),
+        (["evaluate", "a", "--out", "o"], "see manytouch evaluate --help"),
+        (["process", "a.mp4", "--out", "o", "b.mp4"], "left over: b.mp4 (inputs stand side by side)"),
+    ],
+)
+def test_wrong_words_name_the_help_that_says_more(words, said, capsys):
+    assert main(words) == 2
+    assert said in capsys.readouterr().err
+
+
+def test_options_of_two_numbers_offer_no_empty_ones(capsys):
+    assert main(["design", "--help"]) == 0
+    assert "--empty" not in capsys.readouterr().out
 
 
 def test_failures_are_one_line_even_when_the_message_has_more(capsys, monkeypatch):
