@@ -16,6 +16,10 @@ SAFE_MM = 15.0
 FEED_MM_PER_MIN = 600
 DWELL_MS = 2000
 DEPTHS_MM = (1.0, 2.5)
+TIP_RADIUS_MM = 8.0
+"""Of the round tip that presses: a flat foot rests on its edge wherever the sheet slopes (decision 21)."""
+TOUCHED_RADIUS_MM = 2.0
+"""About what touches under such a tip."""
 
 
 def places_mm(sensor: Sensor) -> Points2:
@@ -34,32 +38,33 @@ def places_mm(sensor: Sensor) -> Points2:
 
 
 def weight_table(sensor: Sensor) -> str:
-    """A table of presses for weights of 50, 100 and 200 g with a flat foot of 10 mm, to be filled with "
-    "times."""
+    """A table of presses for weights of 50, 100 and 200 g on a round tip, to be filled with times."""
     table = io.StringIO()
     table.write(
-        "# Put a weight on a foot of 10 mm at each place, hold it for a second, write down the time.\n"
+        f"# Glue a ball of {2 * TIP_RADIUS_MM:g} mm under a cup, 50 g together; only the ball shall touch.\n"
+        "# Stand it at each place for a second, 50, 100 or 200 g in all, without pressing; note when.\n"
+        "# All in one recording that begins with two untouched seconds.\n"
     )
-    table.write("# All in one recording that begins with two untouched seconds.\n")
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(["input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N"])
     for number, (x, y) in enumerate(places_mm(sensor).tolist()):
         grams = WEIGHTS_G if number == 0 else (WEIGHTS_G[1 + number % 2],)
         for mass in grams:
             newtons = mass * 1e-3 * GRAVITY_M_PER_S2
-            writer.writerow(["presses.mp4", "", x, y, 5.0, f"{newtons:.3f}"])
+            writer.writerow(["presses.mp4", "", x, y, TOUCHED_RADIUS_MM, f"{newtons:.3f}"])
     return table.getvalue()
 
 
 def probing_gcode(sensor: Sensor) -> str:
-    """G-code that presses a foot in the printer's head onto the sheet, at each place to each depth.
+    """G-code that presses a round tip in the printer's head onto the sheet, at each place to each depth.
 
     The sensor lies on the bed, touched side up, x along the printer's; y then is along the printer's too,
-    since both frames are right-handed with z up. The middle of the sheet is under the head and the foot
+    since both frames are right-handed with z up. The middle of the sheet is under the head and the tip
     just touches it when the script starts: that place becomes 0, 0, 0.
     """
     lines = [
-        "; presses for manytouch: start with the foot just touching the middle of the sheet",
+        f"; presses for manytouch, with a round tip of radius {TIP_RADIUS_MM:g} mm that alone may touch",
+        "; start with it just touching the middle of the sheet",
         "; times are counted from the first G4: two untouched seconds",
         "G21 ; mm",
         "G90 ; absolute",

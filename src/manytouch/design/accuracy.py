@@ -11,12 +11,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.design.choose import RIM_MM, Design, lattice
-from manytouch.design.deflection import FINGERTIP_MM2, fingertip
 from manytouch.design.prototype import FINGERTIP, SEEN_PX, Prototype, Say, Touched
 from manytouch.estimation.inversion import InversionMemory, MechanicalInversion
 from manytouch.estimation.touching import ModelError, Touching
-from manytouch.mechanics.dots import Face
-from manytouch.mechanics.equilibrium import equilibrium
 from manytouch.values import Contact, Sensor, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
 
@@ -36,7 +33,6 @@ SETTLING_STEPS = 6
 RAMP = (0.1, 0.4, 1.0)
 PLACES = (4, 3)  # along half the length and half the width
 FEW_PLACES = (2, 2)
-SQUEEZE_MM = 0.15
 SEED = 7
 
 
@@ -94,10 +90,9 @@ def predicted_accuracy(
     method = MechanicalInversion(touch=Touching(error=NO_MODEL_ERROR))
     fresh = method.start(calibrated)
     rows = []
-    for place in place_mm:
+    for place, depth_mm in zip(place_mm, prototype.fingertip_depths_mm(place_mm, force_N), strict=True):
         if say is not None:
             say(f"touching it at {place[0]:.0f}, {place[1]:.0f} mm")
-        depth_mm = 1.05 * _depth_mm(fresh, place, force_N) + SQUEEZE_MM
         rows.append(_deviations(method, fresh, prototype.touched(FINGERTIP, place, depth_mm), chance))
     table = read_only(np.array(rows))
     return PredictedAccuracy(
@@ -147,17 +142,6 @@ def _told(
         item for item in contacts if np.linalg.norm(item.centre_mm - touched.contact.centre_mm) < 2 * RIM_MM
     ]
     return max(near, key=lambda item: item.depth_mm, default=None)
-
-
-def _depth_mm(fresh: InversionMemory, place: np.ndarray, force_N: float) -> float:
-    """How deep a fingertip goes by the shell."""
-    model = fresh.model
-    assert model.young_MPa is not None
-    points, weight = fingertip(np.sqrt(FINGERTIP_MM2 / np.pi))
-    load = np.zeros((model.patch.node_count, 3))
-    load[:, 2] = -force_N / model.young_MPa * model.patch.load(place + points, weight)
-    shape = equilibrium(model.shell, load).coefficient_mm
-    return -float(Face(shell=model.shell, point_mm=place + points).displacement(shape)[:, 2].min())
 
 
 def _seen(position_px: Points2) -> TrackedGrid:

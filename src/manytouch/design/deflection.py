@@ -89,12 +89,10 @@ def deflection_curve(
         thickness_mm, poisson: of the sheet.
         deepest_mm: the curve goes on until this is passed.
     """
-    elements = tuple(max(8, round(size / ELEMENT_MM)) for size in size_mm)
-    patch = SplinePatch(size_mm=size_mm, elements=(elements[0], elements[1]), boundary="clamped")
-    shell = Shell(patch=patch, thickness_mm=thickness_mm, poisson=poisson, bending_factor=THICK_BENDING)
+    shell = clamped_shell(size_mm=size_mm, thickness_mm=thickness_mm, poisson=poisson)
     place, weight = fingertip(np.sqrt(FINGERTIP_MM2 / np.pi))
-    share = np.zeros((patch.node_count, 3))
-    share[:, 2] = -patch.load(place, weight)
+    share = np.zeros((shell.patch.node_count, 3))
+    share[:, 2] = -shell.patch.load(place, weight)
     middle = Face(shell=shell, point_mm=np.zeros((1, 2)), height_mm=0.0)
     force = FIRST_FORCE_OVER_E_MM2
     forces: list[float] = []
@@ -119,6 +117,13 @@ def deflection_curve(
         coefficient_mm=np.array(shapes),
         shell=shell,
     )
+
+
+def clamped_shell(*, size_mm: tuple[float, float], thickness_mm: float, poisson: float) -> Shell:
+    """A sheet as it is designed: thick, without pretension."""
+    elements = tuple(max(8, round(size / ELEMENT_MM)) for size in size_mm)
+    patch = SplinePatch(size_mm=size_mm, elements=(elements[0], elements[1]), boundary="clamped")
+    return Shell(patch=patch, thickness_mm=thickness_mm, poisson=poisson, bending_factor=THICK_BENDING)
 
 
 def fingertip(radius_mm: float) -> tuple[np.ndarray, np.ndarray]:

@@ -2,7 +2,7 @@
 
 The shell that the inversion knows and a solid differ, by more than noise does, and calibration takes away
 a part of that: how large a part no formula tells. So the sheet is pressed as finite elements, calibrated
-from a foot at the places of the probing script, and touched with a ball like a fingertip.
+from a round tip at the places of the probing script, and touched with a ball like a fingertip.
 """
 
 from collections.abc import Callable
@@ -10,27 +10,33 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from manytouch.calibration.protocol import DEPTHS_MM, places_mm
+from manytouch.calibration.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
 from manytouch.calibration.sheet import calibrate_sheet
 from manytouch.calibration.sheet_fit import Press
+from manytouch.design.deflection import FINGERTIP_MM2, clamped_shell, fingertip
+from manytouch.mechanics.dots import Face
+from manytouch.mechanics.equilibrium import equilibrium
 from manytouch.simulation.condensed import condensed
 from manytouch.simulation.deformation import Deformation, TrueContact
-from manytouch.simulation.fem.indenters import RoundPunch, Sphere
+from manytouch.simulation.fem.cache import StateCache
+from manytouch.simulation.fem.indenters import Indenter, Sphere
 from manytouch.simulation.fem.loading import Loading, press
 from manytouch.simulation.fem.material import NeoHooke
-from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
-from manytouch.simulation.fem.solve import Solver
+from manytouch.simulation.fem.sheet import SheetModel
 from manytouch.simulation.imaging import dot_ellipses, outlines
+from manytouch.simulation.playing import states_folder
 from manytouch.simulation.solid_scene import SolidScene
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 
-FOOT = RoundPunch(radius_mm=5.0)
+TIP = Sphere(radius_mm=TIP_RADIUS_MM)
 FINGERTIP = Sphere(radius_mm=8.0)
 ELEMENT_THICKNESS = 1.0
 ELEMENT_MM = 2.5  # a larger one is too stiff under a fingertip: depths come out too good
 LEAST_ELEMENTS = 16
 STEP_MM = 3.0
+SQUEEZE_MM = 0.15
+"""A ball goes deeper than the shell says, since it dents the face of a solid."""
 SEEN_PX = 0.01
 """Deviation of a marker's centre where grey levels have 2.5 (docs/derivations/detection.md)."""
 
@@ -54,13 +60,17 @@ class Touched:
 class Prototype:
     """A designed sensor whose sheet is a solid.
 
+    Presses are kept by content like those of scenes, so that another pitch or stand-off costs none.
+
     Attributes:
         sensor: as designed.
-        solver: of its sheet.
+        model: its sheet and the mesh of it.
+        states: where solved presses are kept.
     """
 
     sensor: Sensor
-    solver: Solver
+    model: SheetModel
+    states: StateCache
 
     @staticmethod
     def of(sensor: Sensor) -> "Prototype":
@@ -74,46 +84,54 @@ class Prototype:
             material=NeoHooke(young_MPa=sheet.young_MPa, poisson=sheet.poisson),
             element_mm=min(ELEMENT_THICKNESS * sheet.thickness_mm, ELEMENT_MM, min(size) / LEAST_ELEMENTS),
         )
-        return Prototype(sensor=sensor, solver=sheet_solver(model))
+        return Prototype(sensor=sensor, model=model, states=StateCache(folder=states_folder()))
 
-    def touched(self, body: RoundPunch | Sphere, place_mm: np.ndarray, depth_mm: float) -> Touched | None:
+    def touched(self, body: Indenter, place_mm: np.ndarray, depth_mm: float) -> Touched | None:
         """A body pressed to a depth of its lowest point; None where no equilibrium is found."""
         found = self._pressed(body, place_mm, depth_mm)
         return None if found is None else _touched(self.sensor, found, np.ones(2))
+
+    def fingertip_depths_mm(self, places_mm: Points2, force_N: float) -> list[float]:
+        """How deep a ball like a fingertip must go for about a force, by the shell as designed."""
+        model = self.model
+        shell = clamped_shell(
+            size_mm=model.size_mm, thickness_mm=model.thickness_mm, poisson=model.material.poisson
+        )
+        points, weight = fingertip(float(np.sqrt(FINGERTIP_MM2 / np.pi)))
+        depths = []
+        for place_mm in places_mm:
+            load = np.zeros((shell.patch.node_count, 3))
+            load[:, 2] = -force_N / model.material.young_MPa * shell.patch.load(place_mm + points, weight)
+            face = Face(shell=shell, point_mm=place_mm + points)
+            deepest_mm = -face.displacement(equilibrium(shell, load).coefficient_mm)[:, 2].min()
+            depths.append(round(1.05 * float(deepest_mm) + SQUEEZE_MM, 2))
+        return depths
 
     def calibrated(self, chance: np.random.Generator, say: Say = None) -> Sensor:
         """The sensor with its sheet as `calibrate sheet` finds it from the presses of the probing script.
 
         Presses that are each other's mirror image are solved once.
         """
-        places = places_mm(self.sensor)
-        solved: dict[tuple[float, ...], Deformation | None] = {}
         held = []
-        for place in places:
+        for place in places_mm(self.sensor):
             for depth_mm in DEPTHS_MM:
-                key = (*np.abs(place).tolist(), depth_mm)
-                if key not in solved:
-                    if say is not None:
-                        say(f"pressing a foot {depth_mm:g} mm deep at {key[0]:g}, {key[1]:g} mm")
-                    solved[key] = self._pressed(FOOT, np.abs(place), depth_mm)
-                found = solved[key]
+                if say is not None and np.all(place >= 0.0):
+                    say(f"pressing a round tip {depth_mm:g} mm deep at {place[0]:g}, {place[1]:g} mm")
+                found = self._pressed(TIP, np.abs(place), depth_mm)
                 if found is not None:
                     side = np.where(place < 0.0, -1.0, 1.0)
                     held.append(_press(_touched(self.sensor, found, side), place, chance))
         return replace(self.sensor, sheet=calibrate_sheet(self.sensor, held).sheet)
 
-    def _pressed(
-        self, body: RoundPunch | Sphere, place_mm: np.ndarray, depth_mm: float
-    ) -> Deformation | None:
-        sheet = self.sensor.sheet
-        assert sheet is not None
+    def _pressed(self, body: Indenter, place_mm: np.ndarray, depth_mm: float) -> Deformation | None:
         steps = int(np.ceil(depth_mm / STEP_MM))
         path = np.array([[*place_mm, depth_mm * (step + 1) / steps] for step in range(steps)])
-        asked = Loading(touches=(press(body, thickness_mm=sheet.thickness_mm, path_mm=path),))
-        state = list(solve_sheet(self.solver, asked))[-1]
+        thickness_mm = self.model.thickness_mm
+        asked = Loading(touches=(press(body, thickness_mm=thickness_mm, path_mm=path),))
+        state = list(self.states.states(self.model, asked))[-1]
         if state.status != "ok":
             return None
-        last = press(body, thickness_mm=sheet.thickness_mm, path_mm=path[-1:])
+        last = press(body, thickness_mm=thickness_mm, path_mm=path[-1:])
         return condensed(state, Loading(touches=(last,)))
 
 
@@ -122,7 +140,7 @@ def _press(found: Touched, place_mm: np.ndarray, chance: np.random.Generator) ->
     return Press(
         name=f"{place_mm[0]:g}, {place_mm[1]:g} mm",
         place_mm=place_mm,
-        radius_mm=FOOT.radius_mm,
+        radius_mm=TOUCHED_RADIUS_MM,
         displacement_px=moved + chance.normal(0.0, SEEN_PX, moved.shape),
         is_seen=np.ones(len(moved), dtype=np.bool_),
         noise_px=SEEN_PX,

@@ -17,12 +17,21 @@ from manytouch.design.accuracy import (
 from manytouch.design.build import write_prediction
 from manytouch.design.choose import design
 from manytouch.design.deflection import fingertip
-from manytouch.design.prototype import FINGERTIP, FOOT, Prototype, Touched, _touched
+from manytouch.design.prototype import FINGERTIP, TIP, Prototype, Touched, _touched
 from manytouch.design.wishes import Wishes
 from manytouch.estimation.inversion import MechanicalInversion
 from manytouch.estimation.touching import Touching
 from manytouch.mechanics.equilibrium import equilibrium
 from manytouch.simulation.deformation import contact_of
+from manytouch.simulation.playing import STATES_VARIABLE
+
+
+@pytest.fixture(autouse=True, scope="module")
+def states(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("states")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(STATES_VARIABLE, str(folder))
+        yield folder
 
 
 @pytest.fixture(scope="module")
@@ -50,19 +59,34 @@ def test_a_prototype_moves_the_dots_about_as_the_shell_does(found, prototype):
 def test_pins_show_the_slope_that_flush_markers_do_not(found, prototype):
     high = replace(found.sensor, layout=replace(found.sensor.layout, height_mm=3.0))
     flush, pins = (
-        Prototype(sensor=sensor, solver=prototype.solver).touched(FINGERTIP, np.zeros(2), 1.5)
+        replace(prototype, sensor=sensor).touched(FINGERTIP, np.zeros(2), 1.5)
         for sensor in (found.sensor, high)
     )
     assert np.abs(pins.displacement_px).max() > 1.5 * np.abs(flush.displacement_px).max()
 
 
 def test_a_mirrored_press_is_the_press_at_the_mirrored_place(found, prototype):
-    solved = prototype._pressed(FOOT, np.array([8.0, 5.0]), 1.0)
+    solved = prototype._pressed(TIP, np.array([8.0, 5.0]), 1.0)
     mirrored = _touched(found.sensor, solved, np.array([-1.0, 1.0]))
-    there = prototype.touched(FOOT, np.array([-8.0, 5.0]), 1.0)
+    there = prototype.touched(TIP, np.array([-8.0, 5.0]), 1.0)
     assert mirrored.displacement_px == pytest.approx(there.displacement_px, abs=2e-3)
     assert mirrored.contact.centre_mm == pytest.approx(there.contact.centre_mm, abs=1e-3)
     assert np.abs(there.displacement_px).max() > 1.0
+
+
+def test_presses_are_kept_for_every_design_with_the_same_sheet(found, prototype, states):
+    place, depth_mm = np.array([[12.0, 3.0]]), prototype.fingertip_depths_mm(np.array([[12.0, 3.0]]), 1.0)
+    held = prototype.touched(FINGERTIP, place[0], depth_mm[0])
+    assert held.contact.normal_force_N == pytest.approx(1.0, rel=0.2)
+    solved = len(list(states.iterdir()))
+    farther = Prototype.of(changed(found, stand_off=1.4))
+    assert farther.fingertip_depths_mm(place, 1.0) == depth_mm
+    again = farther.touched(FINGERTIP, place[0], depth_mm[0])
+    assert again.contact.centre_mm == pytest.approx(held.contact.centre_mm)
+    assert np.abs(again.displacement_px).max() < 0.9 * np.abs(held.displacement_px).max()
+    assert len(list(states.iterdir())) == solved
+    Prototype.of(changed(found, thickness=1.4)).touched(FINGERTIP, place[0], depth_mm[0])
+    assert len(list(states.iterdir())) > solved
 
 
 def _shape(fresh, place_mm, force_N):
