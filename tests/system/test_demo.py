@@ -1,5 +1,6 @@
 """`manytouch demo` and `manytouch doctor` from outside."""
 
+import json
 import os
 import re
 import signal
@@ -9,6 +10,7 @@ import urllib.request
 from pathlib import Path
 
 import cv2
+import pyarrow.parquet as pq
 import pytest
 
 from clips import pressed_video
@@ -89,7 +91,7 @@ def test_help_answers_within_0_3_s_and_loads_nothing_heavy() -> None:
     assert min(seconds) < 0.3
 
 
-def test_demo_serves_the_viewer_until_ctrl_c(tmp_path: Path) -> None:
+def test_demo_serves_the_viewer_until_ctrl_c_and_leaves_tables_and_a_picture(tmp_path: Path) -> None:
     pytest.importorskip("nicegui")
     words = [sys.executable, "-m", "manytouch", "demo"]
     with subprocess.Popen(
@@ -105,4 +107,9 @@ def test_demo_serves_the_viewer_until_ctrl_c(tmp_path: Path) -> None:
         _, complaints = demo.communicate(timeout=900)
     assert demo.returncode == 0, complaints
     assert "Traceback" not in complaints
-    assert not (tmp_path / "out" / "demo" / "markers.parquet").exists()
+    folder = tmp_path / "out" / "demo"
+    wanted = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json", "picture.png"}
+    assert {path.name for path in folder.iterdir()} == wanted
+    frames = json.loads((folder / "summary.json").read_text())["counts"]["frames"]
+    assert frames == len(rows_of(folder / "frames.csv")) > 0
+    assert pq.read_metadata(folder / "markers.parquet").num_rows == 600 * frames

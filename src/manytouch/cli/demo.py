@@ -11,8 +11,12 @@ from manytouch.cli import options
 if TYPE_CHECKING:
     from manytouch.cli.console import Reporter
     from manytouch.cli.viewing import Place
+    from manytouch.pipeline import Sink
+    from manytouch.sinks.picture import BusiestMoment
+    from manytouch.values import Reading
 
 DEFAULT_SECONDS = 10.0
+KEPT_SECONDS = 300.0  # in tables of some 90 MB, where nothing says when it ends
 
 
 def demo(
@@ -35,8 +39,9 @@ def demo(
     """Press a simulated sensor with several fingers, and watch what is read from its pictures.
 
     The viewer shows surface and contacts in the browser, the truth beside them, and
-    the mouse presses the sheet. With --no-view or --seconds it ends by itself, with
-    tables as from manytouch process and a picture in the output folder.
+    the mouse presses the sheet, until Ctrl-C; with --no-view or --seconds it ends by
+    itself. Tables as from manytouch process (of five minutes at most, where there is
+    no end) and a picture are left in the output folder.
 
     Example: manytouch demo --seconds 5
     """
@@ -60,7 +65,6 @@ def _read(seconds: float, out: Path, reporter: "Reporter") -> None:
     """Read every frame of some seconds, as quickly as it goes."""
     from manytouch.cli.contact_log import ContactLog
     from manytouch.cli.stopping import Stop
-    from manytouch.errors import MissingExtraError
     from manytouch.session import prepare, read_into
     from manytouch.sinks.picture import BusiestMoment
     from manytouch.sources.simulated import simulated_source
@@ -72,20 +76,16 @@ def _read(seconds: float, out: Path, reporter: "Reporter") -> None:
         moment = BusiestMoment(job.sensor)
         summary = read_into(job, out, annotate=True, sinks=[log, moment], progress=reporter, stop=stop)
     reporter.finish(summary, out)
-    try:
-        picture = moment.draw(out / "picture.png")
-    except MissingExtraError as error:
-        reporter.say(f"no picture: {error}")
-    else:
-        reporter.say(f"picture of the moment with most contacts in {picture}")
+    _draw(moment, out, reporter)
 
 
 def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter") -> None:
-    """Serve the viewer; tables are written where there is an end, so that no disk fills unseen."""
+    """Serve the viewer; without an end the tables hold the beginning, so that no disk fills unseen."""
     from manytouch.cli.contact_log import ContactLog
     from manytouch.cli.stopping import Stop
     from manytouch.cli.viewing import viewers
     from manytouch.session import Live, files_in, prepare
+    from manytouch.sinks.picture import BusiestMoment
     from manytouch.sources.pressed import PressedSource
 
     with Stop() as stop:
@@ -93,10 +93,39 @@ def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter
         job = prepare(source, method="mechanics", progress=reporter)
         live = Live(job, recordings=out)
         log = ContactLog(job.sensor, reporter.say, source.truth)
-        shown = viewers(live, place, reporter.say)
-        if seconds is None:
-            live.run([log, *shown], progress=reporter, stop=stop)
-            return
+        moment = BusiestMoment(job.sensor)
         files, summary = files_in(out, job)
-        live.run([*files, log, *shown, summary], progress=reporter, stop=stop)
+        last_ns = round((seconds or KEPT_SECONDS) * 1e9)
+        kept = [_Beginning(sink, last_ns) for sink in (*files, moment, summary)]
+        live.run([log, *kept, *viewers(live, place, reporter.say)], progress=reporter, stop=stop)
     reporter.finish(summary, out)
+    if live.health().frames > summary.counts["frames"]:
+        reporter.say(f"they hold the first {KEPT_SECONDS:g} s; --record of manytouch run keeps all of it")
+    _draw(moment, out, reporter)
+
+
+def _draw(moment: "BusiestMoment", out: Path, reporter: "Reporter") -> None:
+    """Draw the moment with most contacts, where the extra is there for it."""
+    from manytouch.errors import MissingExtraError
+
+    try:
+        picture = moment.draw(out / "picture.png")
+    except MissingExtraError as error:
+        reporter.say(f"no picture: {error}")
+    else:
+        if picture is not None:
+            reporter.say(f"picture of the moment with most contacts in {picture}")
+
+
+class _Beginning:
+    """Hands on the readings up to a time; a sink."""
+
+    def __init__(self, sink: "Sink", last_ns: int) -> None:
+        self._sink, self._last_ns = sink, last_ns
+
+    def write(self, reading: "Reading") -> None:
+        if reading.frame.timestamp_ns <= self._last_ns:
+            self._sink.write(reading)
+
+    def close(self) -> None:
+        self._sink.close()
