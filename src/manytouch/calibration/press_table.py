@@ -1,22 +1,23 @@
 """Presses at known places, from a table and the recordings that it names."""
 
 import csv
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
+from manytouch.calibration.protocol import TOUCHED_RADIUS_MM
 from manytouch.calibration.reference import refer
 from manytouch.calibration.sheet_fit import Press
 from manytouch.calibration.watched import Watched, watched
-from manytouch.errors import SensorError, SourceError
+from manytouch.errors import OutputError, SensorError, SourceError
 from manytouch.sources import open_source
 from manytouch.values import Sensor
 
 COLUMNS = ("input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N")
 NEEDED = ("input", "x_mm", "y_mm")
-ASSUMED_RADIUS_MM = 5.0
 REST_FRAMES = 10
 HELD_S = 0.2
 LEAST_NOISE_PX = 0.01
@@ -66,6 +67,25 @@ def press_rows(path: Path) -> tuple[PressRow, ...]:
             + (f"; unknown: {', '.join(unknown)}" if unknown else "")
         )
     return tuple(_row(path, number, row) for number, row in enumerate(table, 1))
+
+
+def write_presses(rows: Sequence[PressRow], path: Path) -> None:
+    """Write a table that `press_rows` reads.
+
+    Raises:
+        OutputError: the place cannot be written.
+    """
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        with aside.open("w", encoding="utf-8", newline="") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(COLUMNS)
+            for row in rows:
+                numbers = (row.time_s, row.x_mm, row.y_mm, row.radius_mm, row.force_N)
+                writer.writerow([row.input, *("" if value is None else f"{value:.6g}" for value in numbers)])
+        aside.replace(path)
+    except OSError as error:
+        raise OutputError(f"cannot write the table of presses {path}: {error.strerror}") from None
 
 
 def presses(sensor: Sensor, rows: Sequence[PressRow], folder: Path) -> tuple[Press, ...]:
@@ -140,7 +160,7 @@ def _row(path: Path, number: int, row: dict[str, str | None]) -> PressRow:
         time_s=_number(row, "time_s"),
         x_mm=x,
         y_mm=y,
-        radius_mm=ASSUMED_RADIUS_MM if radius is None else radius,
+        radius_mm=TOUCHED_RADIUS_MM if radius is None else radius,
         force_N=force,
     )
 

@@ -1,5 +1,6 @@
 """`manytouch calibrate`: the camera from views of a board, the sheet at rest, and the sheet under presses."""
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -13,6 +14,7 @@ from manytouch.cli.failures import wrong_words
 
 if TYPE_CHECKING:
     from manytouch.calibration.board_views import ViewCollection
+    from manytouch.calibration.sheet import SheetCalibration
     from manytouch.values import Frame
 
 app = App(name="calibrate", help="From pictures to a sensor that is known: camera, rest, sheet.")
@@ -169,7 +171,12 @@ def rest(
 @app.command
 def sheet(
     presses: Annotated[
-        Path | None, Parameter(name="PRESSES", negative=(), help="CSV table; absent with --plan.")
+        str | None,
+        Parameter(
+            name="PRESSES",
+            negative=(),
+            help="CSV table; or a recording or camera, and you are asked for each press; absent with --plan.",
+        ),
     ] = None,
     /,
     *,
@@ -184,22 +191,27 @@ def sheet(
 
     The table has the columns input, time_s, x_mm, y_mm, radius_mm, normal_force_N. Each recording
     begins untouched; time_s says when a press is held (empty: at the end). At least one force in N is
-    needed for stiffness. --plan writes such a table for weights of 50, 100 and 200 g.
+    needed for stiffness. --plan writes such a table for weights of 50, 100 and 200 g. Without a table
+    you are asked for the presses of a recording, or to press before a camera; what you type is kept as a
+    table beside the new sensor file.
 
     Example: manytouch calibrate sheet presses.csv --sensor sensor.toml --out calibrated.toml
+    Example: manytouch calibrate sheet presses.mp4 --sensor sensor.toml --out calibrated.toml
     """
-    import numpy as np
     from rich.console import Console
 
-    from manytouch.calibration.press_table import press_rows
+    from manytouch.calibration.press_table import PressRow, press_rows
     from manytouch.calibration.press_table import presses as watched_presses
     from manytouch.calibration.protocol import probing_gcode, weight_table
     from manytouch.calibration.sheet import calibrate_sheet
+    from manytouch.cli.typed_presses import typed_presses
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     if plan is None and (presses is None or out is None):
         raise wrong_words(
-            "calibrate sheet", "give a table of presses and --out FILE, or --plan DIR to get one to fill in"
+            "calibrate sheet",
+            "give a table of presses (or a recording or camera, to be asked for them) and --out FILE, or "
+            "--plan DIR to get a table to fill in",
         )
     console = Console(highlight=False, soft_wrap=True, markup=False)
     known = load_sensor(sensor)
@@ -211,33 +223,45 @@ def sheet(
         return 0
     assert presses is not None
     assert out is not None
-    found = calibrate_sheet(known, watched_presses(known, press_rows(presses), presses.parent))
-    told, std = found.sheet, found.std
-    lines = [
-        f"thickness {told.thickness_mm:.3f} ± {std['thickness_mm']:.3f} mm",
-        f"bending factor {told.bending_factor:.3f} ± {std['bending_factor']:.3f}",
-    ]
-    if told.pretension_N_per_mm is not None:
-        lines.append(f"pretension {told.pretension_N_per_mm:.4f} ± {std['pretension_N_per_mm']:.4f} N/mm")
-    if "young_MPa" in std:
-        lines.append(f"stiffness E {told.young_MPa:.3f} ± {std['young_MPa']:.3f} MPa")
-    lines.append(f"left over {found.residual_px.max():.3f} px at most (RMS of a press)")
-    off = found.left_out[np.isfinite(found.left_out)]
-    if len(off):
-        lines.append(
-            f"forces told from the other presses alone are {100 * off.mean():+.1f} % off on average, at most "
-            f"{100 * np.abs(off).max():.1f} %"
-        )
-    for line in [*lines, *found.not_told, *(f"odd: {sentence}" for sentence in found.odd)]:
+    if presses.lower().endswith(".csv"):
+        table = Path(presses)
+        rows: tuple[PressRow, ...] | None = press_rows(table)
+    else:
+        table = out.with_name(f"{out.stem}-presses.csv")
+        rows = typed_presses(known, presses, table, say=lambda text: console.print(f"  {text}"))
+    if rows is None:
+        return 0
+    found = calibrate_sheet(known, watched_presses(known, rows, table.parent))
+    for line in _sheet_in_words(found):
         console.print(f"  {line}")
     provenance = {
         **known.provenance,
-        "sheet": f"calibrated from {len(found.residual_px)} presses in {presses.name}",
-        **{f"sheet_std_{name}": value for name, value in std.items()},
+        "sheet": f"calibrated from {len(found.residual_px)} presses in {table.name}",
+        **{f"sheet_std_{name}": value for name, value in found.std.items()},
     }
-    save_sensor(replace(known, sheet=told, provenance=provenance), out)
+    save_sensor(replace(known, sheet=found.sheet, provenance=provenance), out)
     console.print(f"  sensor in {out}")
     return 0
+
+
+def _sheet_in_words(found: "SheetCalibration") -> Iterator[str]:
+    """Values with their deviations, what the presses agree to, what they do not tell, and what is odd."""
+    told, std = found.sheet, found.std
+    yield f"thickness {told.thickness_mm:.3f} ± {std['thickness_mm']:.3f} mm"
+    yield f"bending factor {told.bending_factor:.3f} ± {std['bending_factor']:.3f}"
+    if told.pretension_N_per_mm is not None:
+        yield f"pretension {told.pretension_N_per_mm:.4f} ± {std['pretension_N_per_mm']:.4f} N/mm"
+    if "young_MPa" in std:
+        yield f"stiffness E {told.young_MPa:.3f} ± {std['young_MPa']:.3f} MPa"
+    yield f"left over {found.residual_px.max():.3f} px at most (RMS of a press)"
+    off = [100 * value for value in found.left_out.tolist() if math.isfinite(value)]
+    if off:
+        yield (
+            f"forces told from the other presses alone are {sum(off) / len(off):+.1f} % off on average, "
+            f"at most {max(map(abs, off)):.1f} %"
+        )
+    yield from found.not_told
+    yield from (f"odd: {sentence}" for sentence in found.odd)
 
 
 def _pictures(texts: list[str]) -> Iterator[tuple[str, "Frame"]]:

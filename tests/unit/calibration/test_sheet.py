@@ -187,7 +187,7 @@ def test_a_table_of_presses_names_each_mistake(tmp_path):
     table = tmp_path / "presses.csv"
     table.write_text("input,x_mm,y_mm\na.mp4,1,2\n")
     (row,) = press_rows(table)
-    assert (row.input, row.x_mm, row.radius_mm, row.force_N, row.time_s) == ("a.mp4", 1.0, 5.0, None, None)
+    assert (row.input, row.x_mm, row.radius_mm, row.force_N, row.time_s) == ("a.mp4", 1.0, 2.0, None, None)
     table.write_text("input,x_mm,why\na.mp4,1,2\n")
     with pytest.raises(SourceError, match="missing: y_mm; unknown: why"):
         press_rows(table)
@@ -229,7 +229,7 @@ def test_the_plan_is_a_table_that_can_be_read_and_gcode_that_presses(tmp_path, c
     assert code == probing_gcode(sensor)
     assert code.count("G1 Z-2.5") == 5
     assert "G1 X-30 Y-20" in code
-    assert weight_table(sensor).startswith("# Put a weight")
+    assert weight_table(sensor).startswith("# Glue a ball of 16 mm")
     assert main([*words, "--out", "x.toml"]) == 1
     assert "or --plan DIR" in capsys.readouterr().err
     with pytest.raises(SensorError, match="size_mm"):
