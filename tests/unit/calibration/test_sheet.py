@@ -230,7 +230,7 @@ def test_the_plan_is_a_table_that_can_be_read_and_gcode_that_presses(tmp_path, c
     assert code.count("G1 Z-2.5") == 5
     assert "G1 X-30 Y-20" in code
     assert weight_table(sensor).startswith("# Glue a ball of 16 mm")
-    assert main([*words, "--out", "x.toml"]) == 1
+    assert main([*words, "--out", "x.toml"]) == 2
     assert "or --plan DIR" in capsys.readouterr().err
     with pytest.raises(SensorError, match="size_mm"):
         places_mm(replace(sensor, sheet=None))
