@@ -102,8 +102,8 @@ class SparseDescent:
             start: where to begin.
             measured_px: (m, 2) displacements of the dots from rest; anything finite where not seen.
             information: (m, 2, 2) per px^2; 0 where not seen.
-            noise: how much noisier than usual the dots are; `sparse` grows with it, or what their noise
-                hides would count as evidence against a new force.
+            noise: how much noisier than usual the dots are; the prior is eased by it and `sparse` grows with
+                it, or what their noise hides would count as evidence against a force.
         """
         shape, steps, status = start, 0, "ok"
         at = _Place.of(model, shape.coefficient_mm, measured_px, information)
@@ -148,7 +148,7 @@ class SparseDescent:
         tangential = (self.tangential * unit) ** 2 + (self.friction * press) ** 2
         weight[:, :2] = (1.0 / tangential)[:, None]
         weight[:, 2] = self.prior / (
-            np.maximum(press**2, self.nearby * around2) + (noise * self.sparse * unit) ** 2
+            noise * np.maximum(press**2, self.nearby * around2) + (noise * self.sparse * unit) ** 2
         )
         weight[model.is_outside] *= self.outside
         return weight

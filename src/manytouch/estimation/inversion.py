@@ -27,7 +27,7 @@ from manytouch.estimation.trust import MarkerTrust, SurfaceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.values import Contacts, Sensor, Surface, TrackedGrid
-from manytouch.values.arrays import Covariances2, Mask, Points2, read_only
+from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars, read_only
 
 _LEAST_MARKERS = 12
 
@@ -89,6 +89,9 @@ class MechanicalInversion:
         usual: deviation of a dot's place, noise and model, in units of the model's, that is nothing unusual.
         firm, clear: least normal force of a new contact, in units of that which lets one last: where
             there was a force in the frame before, and where there was none.
+        hidden: where dots are noisier than usual, nodes whose force is below this share of what the noise
+            adds to `descend.sparse` belong to no contact.
+        lasting_stds, new_stds: a contact's normal force is so many deviations of its noise to last, to begin.
     """
 
     nominal: NominalSheet = field(default_factory=NominalSheet)
@@ -109,6 +112,9 @@ class MechanicalInversion:
     usual: float = 1.5
     firm: float = 1.5
     clear: float = 4.0
+    hidden: float = 0.3
+    lasting_stds: float = 2.5
+    new_stds: float = 4.0
     firm_at_rim: float = 3.0
     rim_thickness: float = 2.0
     most_friction: float = 1.5
@@ -154,18 +160,18 @@ class MechanicalInversion:
         noise = max(1.0, self._std_px(state, grid) / (self.usual * state.model_px))
         fit = self.descend(model, state.shape, measured_px, information, noise)
         status = grid.status if grid.status != "ok" else fit.status
-        clusters = self._clusters(state, fit)
+        clusters, significance = self._clusters(state, fit, noise)
         surface = self._surface(state, grid, fit, clusters, status)
         if state.pads is not None:
             return self._with_pads(state, state.pads, grid, fit, surface)
         found = self.touch(model, clusters, fit.shape.coefficient_mm, fit.shape.force_mm2)
-        is_firm = self._is_firm(model, clusters, state.seen_mm).tolist()
+        is_firm = (self._is_firm(model, clusters, state.seen_mm) & (significance >= self.new_stds)).tolist()
         seen_mm = read_only(np.array([contact.centre_mm for contact in found]).reshape(-1, 2))
         lives, contacts = self.identity.step(
             state.lives,
             found,
             is_firm=is_firm if fit.status == "ok" else [False] * len(found),
-            is_there=None,
+            is_there=lambda place_mm: self._is_there(model, fit, place_mm, noise),
             status=status,
         )
         grips, contacts = self.slip(state.grips, contacts, model.pitch_mm)
@@ -259,12 +265,29 @@ class MechanicalInversion:
             status=status,
         )
 
-    def _clusters(self, state: InversionMemory, fit: Fit) -> Clusters:
+    def _clusters(self, state: InversionMemory, fit: Fit, noise: float) -> tuple[Clusters, Scalars]:
+        """What presses, and how many deviations of its noise each normal force is.
+
+        What noise alone may have made is left out.
+        """
         model = state.model
         force_mm2 = np.where(model.is_beyond[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
+        hidden_mm2 = self.hidden * (noise - 1.0) * self.descend.sparse * model.lattice.force_unit_mm2
+        force_mm2 = np.where(force_mm2[:, 2:] > -hidden_mm2, 0.0, force_mm2)
         clusters = self.cluster(model.lattice, force_mm2)
         held_mm = np.array([contact.centre_mm for contact in state.lives.held]).reshape(-1, 2)
-        return self.split(model.lattice, force_mm2, clusters, held_mm)
+        clusters = self.split(model.lattice, force_mm2, clusters, held_mm)
+        inside = clusters.label == np.arange(len(clusters))[:, None]
+        significance = clusters.normal_mm2 / model.normal.force_std(inside.astype(np.float64), 2)
+        lasts = np.flatnonzero(significance >= self.lasting_stds)
+        return clusters.chosen(lasts), significance[lasts]
+
+    def _is_there(self, model: SheetModel, fit: Fit, place_mm: Points2, noise: float) -> Mask:
+        """(k,) whether anything presses within a pitch of a place."""
+        away_mm = np.linalg.norm(place_mm[:, None] - model.patch.place_mm, axis=2)
+        press_mm2 = np.maximum(-fit.shape.force_mm2[:, 2], 0.0)
+        near_mm2 = (away_mm < model.pitch_mm) @ press_mm2
+        return np.asarray(near_mm2 >= noise * self.cluster.least * model.lattice.force_unit_mm2)
 
     def _is_firm(self, model: SheetModel, clusters: Clusters, seen_mm: Float64[np.ndarray, "k 2"]) -> Mask:
         """(c,) clusters that are clear enough to begin a contact.

@@ -135,6 +135,13 @@ class NormalEquations:
         shell_kernels.row_sum(self._tangent, patch.shape, held, component, row)
         return row
 
+    def force_std(self, share: Float64[np.ndarray, "k nodes"], component: int) -> Float64[np.ndarray, " k"]:
+        """Standard deviations of k sums sum_j share_kj f_j,component."""
+        rows = [self.force_row(each, component).ravel() for each in share]
+        if not rows:
+            return np.zeros(0)
+        return np.asarray(np.sqrt((self._last.whitened(np.stack(rows)) ** 2).sum(axis=1)))
+
     def solve(self, right: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k nodes 3"]:
         """H^-1 times each right-hand side."""
         return self._last.solve(right.reshape(len(right), -1)).reshape(right.shape)

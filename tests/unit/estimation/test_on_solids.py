@@ -41,13 +41,15 @@ def solved(
     return [(rest_px, np.zeros(len(rest_px)), [], []), *found, found[-1]]
 
 
-def grid_of(centre_px: np.ndarray, lost: np.ndarray, outliers: np.ndarray, seed: int) -> TrackedGrid:
+def grid_of(
+    centre_px: np.ndarray, lost: np.ndarray, outliers: np.ndarray, seed: int, noise_px: float = 0.03
+) -> TrackedGrid:
     chance = np.random.default_rng(seed)
-    place_px = centre_px + chance.normal(0.0, 0.03, centre_px.shape)
+    place_px = centre_px + chance.normal(0.0, noise_px, centre_px.shape)
     place_px[outliers] += 5.0
     return TrackedGrid(
         position_px=read_only(np.where(lost[:, None], np.nan, place_px)),
-        covariance_px2=read_only(np.where(lost[:, None, None], np.nan, 0.03**2 * np.eye(2))),
+        covariance_px2=read_only(np.where(lost[:, None, None], np.nan, noise_px**2 * np.eye(2))),
         is_seen=read_only(~lost),
         frames_unseen=read_only(lost.astype(np.int64)),
     )
@@ -83,6 +85,28 @@ def test_depth_and_contacts_of_a_solid(solved, trouble: dict[str, float]) -> Non
     assert deepest_mm == pytest.approx(solved[-1][3], rel=0.025)
     z = (-surface.displacement_mm[:, 2] - solved[-1][1]) / np.sqrt(surface.covariance_mm2[:, 2, 2])
     assert np.mean(np.abs(z) < 1.96) > 0.85
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_ten_times_noisier_dots_make_no_contacts_and_hide_none(solved, seed: int) -> None:
+    estimate, none = MechanicalInversion(), np.zeros(len(solved[0][0]), dtype=bool)
+    state = estimate.start(SENSOR)
+    depth_error_mm = []
+    for frame, (centre_px, depth_mm, *_) in enumerate([*[solved[0]] * 8, *solved[1:]]):
+        grid = grid_of(centre_px, none, none, 100 * seed + frame, noise_px=0.3)
+        state, surface, contacts = estimate.step(state, grid)
+        assert surface.status == "ok"
+        assert frame > 8 or not contacts.touching
+        depth_error_mm.append(-surface.displacement_mm[:, 2] - depth_mm)
+        z = depth_error_mm[-1] / np.sqrt(surface.covariance_mm2[:, 2, 2])
+        assert np.mean(np.abs(z) < 1.96) > 0.85
+    assert np.sqrt(np.mean(np.square(depth_error_mm), axis=1)).max() < 0.015
+    found_mm = np.array([contact.centre_mm for contact in contacts.touching])
+    away_mm = np.linalg.norm(np.array(solved[-1][2])[:, None] - found_mm, axis=2)
+    assert len(found_mm) == 2
+    assert away_mm.min(axis=1).max() < 1.0
+    deepest_mm = np.array([contact.depth_mm for contact in contacts.touching])[away_mm.argmin(axis=1)]
+    assert deepest_mm == pytest.approx(solved[-1][3], rel=0.06)
 
 
 def test_a_clamp_is_as_soft_as_a_solids(solved) -> None:

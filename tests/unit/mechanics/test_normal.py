@@ -103,6 +103,16 @@ def test_a_force_row_reads_forces(dots: Dots, bent_mm: np.ndarray) -> None:
     assert (normal.force_row(share, 2) * way).sum() == pytest.approx(expected, rel=1e-9)
 
 
+def test_deviations_of_forces_are_those_of_their_rows(dots: Dots, bent_mm: np.ndarray) -> None:
+    normal = NormalEquations(shell=dots.shell, dots=dots, precision=np.float64)
+    normal.linearise(bent_mm)
+    normal.step(*problem(dots))
+    share = np.random.default_rng(8).uniform(size=(2, len(bent_mm)))
+    rows = np.stack([normal.force_row(each, 2) for each in share])
+    np.testing.assert_allclose(normal.force_std(share, 2) ** 2, np.diag(normal.covariance(rows)), rtol=1e-9)
+    assert len(normal.force_std(share[:0], 2)) == 0
+
+
 def test_steps_depend_on_their_arguments_only(dots: Dots, bent_mm: np.ndarray) -> None:
     residual, information, weight = problem(dots)
     used, fresh = (NormalEquations(shell=dots.shell, dots=dots, precision=np.float64) for _ in range(2))
