@@ -121,6 +121,7 @@ def _read(
         thickness_mm=thickness,
         bending_factor=bending,
         young_MPa=young,
+        young_std_MPa=deviations.get("young_MPa", sheet.young_std_MPa),
         poisson=fit.poisson,
         pretension_N_per_mm=None if young is None else float(best.common[0]) * young,
     )

@@ -121,7 +121,9 @@ class Prototype:
                 if found is not None:
                     side = np.where(place < 0.0, -1.0, 1.0)
                     held.append(_press(_touched(self.sensor, found, side), place, chance))
-        return replace(self.sensor, sheet=calibrate_sheet(self.sensor, held).sheet)
+        sheet = calibrate_sheet(self.sensor, held).sheet
+        # How far off the forces will be is seen here, not told.
+        return replace(self.sensor, sheet=replace(sheet, young_std_MPa=None))
 
     def _pressed(self, body: Indenter, place_mm: np.ndarray, depth_mm: float) -> Deformation | None:
         steps = int(np.ceil(depth_mm / STEP_MM))

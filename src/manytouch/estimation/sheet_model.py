@@ -28,6 +28,7 @@ class SheetModel:
         pitch_mm: geometric mean.
         thickness_mm: of the sheet.
         young_MPa: None when forces stay relative.
+        young_share: its relative deviation.
         is_outside: (n,) nodes whose forces may be those of the unknown sheet beyond the view.
         is_beyond: (n,) these, and those so near to a clamped outline that its own forces are on them.
         is_nominal: were thickness and outline assumed?
@@ -44,6 +45,7 @@ class SheetModel:
     pitch_mm: float
     thickness_mm: float
     young_MPa: float | None
+    young_share: float
     is_outside: Mask
     is_beyond: Mask
     is_nominal: bool
@@ -139,6 +141,7 @@ class NominalSheet:
             pitch_mm=pitch_mm,
             thickness_mm=thickness_mm,
             young_MPa=None if sheet is None or sensor.length_unit != "mm" else sheet.young_MPa,
+            young_share=_young_share(sheet),
             is_outside=read_only(is_outside),
             is_beyond=read_only(is_outside | (np.abs(patch.place_mm) > inner_mm).any(axis=1)),
             is_nominal=is_nominal,
@@ -179,3 +182,9 @@ class NominalSheet:
             pretension_over_E_mm=stretched_mm,
             bending_factor=THICK_BENDING * bending,
         )
+
+
+def _young_share(sheet: Sheet | None) -> float:
+    if sheet is None or sheet.young_MPa is None or sheet.young_std_MPa is None:
+        return 0.0
+    return sheet.young_std_MPa / sheet.young_MPa

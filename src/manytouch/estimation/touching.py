@@ -131,7 +131,14 @@ class Touching:
             area_mm2 = np.nan
             covariance[_AREA, :] = covariance[:, _AREA] = np.nan
         young_MPa = np.nan if model.young_MPa is None else model.young_MPa
-        unit = np.where([name in _FORCES for name in ESTIMATES], young_MPa, 1.0)
+        is_force = np.array([name in _FORCES for name in ESTIMATES])
+        unit = np.where(is_force, young_MPa, 1.0)
+        # Whatever is wrong with E is wrong with all forces alike.
+        scaled = np.zeros(len(ESTIMATES))
+        scaled[is_force] = model.young_share * np.array(
+            [*clusters.force_mm2[number, :2], press_mm2, clusters.torque_mm3[number]]
+        )
+        covariance = covariance + np.outer(scaled, scaled)
         return Contact(
             id=-1,
             phase=Phase.MOVE,

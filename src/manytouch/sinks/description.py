@@ -103,6 +103,7 @@ def in_numbers(sensor: Sensor) -> dict[str, Any]:
             f"size_{unit}": sheet.size_mm.tolist(),
             f"thickness_{unit}": sheet.thickness_mm,
             "young_MPa": sheet.young_MPa,
+            "young_std_MPa": sheet.young_std_MPa,
             "poisson": sheet.poisson,
             "boundary": sheet.boundary,
             "pretension_N_per_mm": sheet.pretension_N_per_mm,

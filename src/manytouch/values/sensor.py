@@ -81,6 +81,7 @@ class Sheet:
         size_mm: (2,) clamped outline along x and y, centred on the origin.
         thickness_mm: of the sheet without its markers.
         young_MPa, poisson, density_kg_m3: of its material.
+        young_std_MPa: deviation of young_MPa, from calibration; None counts as none.
         boundary: how its outline is held.
         pretension_N_per_mm: calibrated, never guessed.
         bending_factor: calibrated factor on the bending stiffness.
@@ -90,6 +91,7 @@ class Sheet:
     size_mm: Float64[np.ndarray, "2"]
     thickness_mm: float
     young_MPa: float | None = None
+    young_std_MPa: float | None = None
     poisson: float | None = None
     boundary: Literal["clamped"] = "clamped"
     pretension_N_per_mm: float | None = None

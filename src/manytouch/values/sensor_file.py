@@ -55,11 +55,18 @@ class _Sheet(Section):
     size_mm: list[Positive] = Field(min_length=2, max_length=2)
     thickness_mm: Positive
     young_MPa: Positive | None = None
+    young_std_MPa: NonNegative | None = None
     poisson: Annotated[float, Field(ge=0, lt=0.5)] | None = None
     boundary: Literal["clamped"] = "clamped"
     pretension_N_per_mm: NonNegative | None = None
     bending_factor: Positive | None = None
     density_kg_m3: Positive | None = None
+
+    @model_validator(mode="after")
+    def _deviation_of_something(self) -> "_Sheet":
+        if self.young_std_MPa is not None and self.young_MPa is None:
+            raise ValueError("young_std_MPa is the deviation of young_MPa: give that too")
+        return self
 
 
 class _Markers(Section):

@@ -115,6 +115,7 @@ def test_presses_tell_thickness_pretension_and_forces(fitted):
     assert fitted.sheet.thickness_mm == pytest.approx(THICKNESS_MM, rel=0.01)
     young = fitted.sheet.young_MPa
     assert fitted.sheet.pretension_N_per_mm == pytest.approx(PRETENSION_N_PER_MM, abs=0.02)
+    assert fitted.sheet.young_std_MPa == fitted.std["young_MPa"]
     force_N = young * fitted.force_over_E_mm2
     assert force_N == pytest.approx([force for *_, force in PLACES], rel=0.01)
     assert np.abs(fitted.left_out).max() < 0.02
@@ -155,6 +156,7 @@ def test_without_a_force_stiffness_stays_unknown():
     sensor = small_sensor()
     found = calibrate_sheet(sensor, pressed(sensor, forces=False)[:4])
     assert found.sheet.young_MPa is None
+    assert found.sheet.young_std_MPa is None
     assert "young_MPa" not in found.std
     assert any("no force was read" in sentence for sentence in found.not_told)
     assert np.isnan(found.left_out).all()

@@ -98,6 +98,7 @@ def test_a_design_fulfils_its_wishes(usual):
     wishes, sensor = usual.wishes, usual.sensor
     assert sensor.sheet.size_mm.tolist() == [100.0 + 2 * RIM_MM, 60.0 + 2 * RIM_MM]
     assert usual.depth_at_most_mm <= wishes.deepest_mm
+    assert sensor.sheet.young_std_MPa == pytest.approx(0.3 * sensor.sheet.young_MPa, abs=1e-3)
     assert sensor.layout.pitch_mm[0] <= wishes.separation_mm / 2
     assert [sensor.camera.cx_px, sensor.camera.cy_px] == [(2560 - 1) / 2, (1440 - 1) / 2]
     half_px = sensor.camera.fx_px * sensor.sheet.size_mm / 2 / sensor.camera.translation_mm[2]

@@ -11,7 +11,7 @@ from manytouch.estimation.sheet_model import SheetModel
 from manytouch.estimation.solid_face import SolidFace
 from manytouch.mechanics.dots import Face
 from manytouch.mechanics.equilibrium import equilibrium
-from manytouch.values import Layout, Sensor, Sheet, TrackedGrid
+from manytouch.values import ESTIMATES, Layout, Sensor, Sheet, TrackedGrid
 from manytouch.values.arrays import read_only
 from straight import straight_camera
 
@@ -107,6 +107,26 @@ def test_two_presses_are_read_with_place_force_and_depth(model: SheetModel, shap
         assert contact.depth_mm == pytest.approx(-there_mm[2], abs=0.08)
         assert 0.0 < contact.std("x") < 1.0
         assert 0.0 < contact.std("normal_force") < 0.3 * press * YOUNG_MPA
+
+
+def test_what_is_not_known_of_the_stiffness_is_not_known_of_forces(
+    model: SheetModel, shape: np.ndarray
+) -> None:
+    grids = [grid_of(model, shape, seed=k) for k in range(4)]
+    exact, doubted = (
+        read(grids, sensor_of(young_std_MPa=std))[2].touching for std in (None, 0.2 * YOUNG_MPA)
+    )
+    for sure, unsure in zip(exact, doubted, strict=True):
+        force_N = -sure.force_N[2]
+        assert -unsure.force_N[2] == pytest.approx(force_N)
+        assert unsure.std("normal_force") == pytest.approx(
+            np.hypot(sure.std("normal_force"), 0.2 * force_N), rel=1e-6
+        )
+        added = unsure.covariance - sure.covariance
+        shear, press = ESTIMATES.index("shear_x"), ESTIMATES.index("normal_force")
+        assert added[shear, press] == pytest.approx(0.2**2 * sure.force_N[0] * force_N)
+        for estimate in ("x", "y", "depth"):
+            assert unsure.std(estimate) == sure.std(estimate)
 
 
 def test_lost_and_wrong_dots_change_little(model: SheetModel, shape: np.ndarray) -> None:

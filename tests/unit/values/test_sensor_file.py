@@ -83,6 +83,17 @@ def test_saved_sensor_reads_back_the_same(written: Path, tmp_path: Path) -> None
     assert list(tmp_path.glob(".*")) == []
 
 
+def test_the_deviation_of_stiffness_needs_a_stiffness(written: Path, tmp_path: Path) -> None:
+    both = TEXT.replace("thickness_mm = 3.0", "thickness_mm = 3.0\nyoung_MPa = 2.5\nyoung_std_MPa = 0.1")
+    written.write_text(both)
+    sensor = load_sensor(written)
+    save_sensor(sensor, tmp_path / "again.toml")
+    assert load_sensor(tmp_path / "again.toml").sheet.young_std_MPa == sensor.sheet.young_std_MPa == 0.1
+    written.write_text(both.replace("young_MPa = 2.5\n", ""))
+    with pytest.raises(SensorError, match="young_std_MPa is the deviation of young_MPa: give that too"):
+        load_sensor(written)
+
+
 def test_a_layout_that_is_no_rectangle_is_a_table(written: Path, tmp_path: Path) -> None:
     text = TEXT.replace("rows = 20\ncolumns = 30\npitch_mm = [4.0, 3.0]\noffset_mm = [1.0, 0.0]\n", "")
     text = text.replace("missing = [[3, 29]]", "rest_mm = [[0, 0], [5, 0], [0, 5.5], [7, 7], [20.0, 1]]")
