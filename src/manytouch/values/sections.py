@@ -1,13 +1,17 @@
 """What the TOML files of this package share: strict sections, and mistakes told all at once."""
 
-from typing import Annotated
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0)]
+ONE, SEVERAL = "<one>", "<several>"
+IsList = Discriminator(lambda value: SEVERAL if isinstance(value, list) else ONE)
+"""Of a number or a list of them: judge it as what it is, so that only one mistake is told."""
+One, Several = Tag(ONE), Tag(SEVERAL)
 
 
 class Section(BaseModel):
@@ -20,7 +24,7 @@ def all_mistakes(file: str, error: ValidationError) -> str:
     """One sentence that names every mistake of a file ("sensor file s.toml")."""
     mistakes = []
     for item in error.errors():
-        key = ".".join(str(part) for part in item["loc"] if not str(part).startswith("function-"))
+        key = ".".join(str(part) for part in item["loc"] if not _is_inner(part))
         found = item["input"]
         match item["type"]:
             case "extra_forbidden":
@@ -28,10 +32,16 @@ def all_mistakes(file: str, error: ValidationError) -> str:
             case "missing":
                 text = f"{key} is missing"
             case "value_error":
-                text = f"{key or 'file'}: {item['msg'].removeprefix('Value error, ')}"
+                message = item["msg"].removeprefix("Value error, ")
+                text = f"{key}: {message}" if key else message
             case _:
                 shown = repr(found) if len(repr(found)) < 60 else f"{repr(found)[:57]}..."
-                message = item["msg"]
+                message = item["msg"].replace(" after validation", "")
                 text = f"{key} = {shown}: {message[0].lower()}{message[1:]}"
         mistakes.append(text)
     return f"{file} is wrong: " + "; ".join(dict.fromkeys(mistakes))
+
+
+def _is_inner(part: Any) -> bool:
+    """Is this part of a place pydantic's own, and no key of the file?"""
+    return part in (ONE, SEVERAL) or str(part).startswith("function-")

@@ -14,10 +14,28 @@ from scipy.spatial import KDTree
 
 from manytouch.errors import OutputError, SensorError
 from manytouch.values.arrays import read_only
-from manytouch.values.sections import Count, NonNegative, Number, Positive, Section, all_mistakes
+from manytouch.values.sections import (
+    Count,
+    IsList,
+    NonNegative,
+    Number,
+    One,
+    Positive,
+    Section,
+    Several,
+    all_mistakes,
+)
 from manytouch.values.sensor import Camera, Layout, Sensor, Sheet
 
 SENSORS = files("manytouch") / "sensors"
+
+
+_PositiveOrTwo = Annotated[
+    Annotated[Positive, One]
+    | Annotated[Annotated[list[Positive], Field(min_length=2, max_length=2)], Several],
+    IsList,
+]
+_PositiveOrEach = Annotated[Annotated[Positive, One] | Annotated[list[Positive], Several], IsList]
 
 
 class _Pose(Section):
@@ -72,10 +90,10 @@ class _Sheet(Section):
 class _Markers(Section):
     rows: Count | None = None
     columns: Count | None = None
-    pitch_mm: Positive | Annotated[list[Positive], Field(min_length=2, max_length=2)] | None = None
+    pitch_mm: _PositiveOrTwo | None = None
     offset_mm: list[Number] = Field(default_factory=lambda: [0.0, 0.0], min_length=2, max_length=2)
     rest_mm: list[Annotated[list[Number], Field(min_length=2, max_length=2)]] | None = None
-    radius_mm: Positive | list[Positive]
+    radius_mm: _PositiveOrEach
     height_mm: NonNegative = 0.0
     polarity: Literal["light", "dark", "auto"] = "auto"
     colour_weights: list[Number] | None = Field(default=None, min_length=3, max_length=3)
@@ -110,6 +128,12 @@ class _Markers(Section):
                 )
         if isinstance(self.radius_mm, list) and len(self.radius_mm) != self.count:
             raise ValueError(f"radius_mm has {len(self.radius_mm)} numbers for {self.count} markers")
+        apart_mm = self.least_distance_mm
+        if apart_mm <= 2.0 * np.min(self.radius_mm):
+            raise ValueError(
+                f"radius_mm = {np.min(self.radius_mm):g} makes neighbours that are {apart_mm:g} mm apart "
+                "overlap"
+            )
         return self
 
     @property
@@ -117,6 +141,20 @@ class _Markers(Section):
         if self.rest_mm is not None:
             return len(self.rest_mm)
         return (self.rows or 0) * (self.columns or 0)
+
+    @property
+    def place_mm(self) -> np.ndarray:
+        """(m, 2) places at rest."""
+        if self.rest_mm is not None:
+            return np.array(self.rest_mm)
+        rows, columns = np.divmod(np.arange(self.count), self.columns or 1)
+        step = np.column_stack([columns - columns.max() / 2, rows - rows.max() / 2])
+        return np.asarray(step * np.asarray(self.pitch_mm) + self.offset_mm)
+
+    @property
+    def least_distance_mm(self) -> float:
+        """Of two neighbours; endless where there is one marker only."""
+        return float(KDTree(self.place_mm).query(self.place_mm, k=2)[0][:, 1].min())
 
 
 class _Noise(Section):
@@ -136,6 +174,15 @@ class _File(Section):
     def _posed(self) -> "_File":
         if self.markers is not None and self.camera.pose is None:
             raise ValueError("a sensor with [markers] needs [camera.pose]")
+        if self.markers is not None and self.sheet is not None:
+            slack_mm = self.markers.least_distance_mm / 2  # an outline is not known to the last mm
+            over = np.abs(self.markers.place_mm) > np.array(self.sheet.size_mm) / 2 + slack_mm
+            if over.any():
+                x, y = self.sheet.size_mm
+                raise ValueError(
+                    f"{int(over.any(axis=1).sum())} of {self.markers.count} markers lie outside the clamped "
+                    f"outline, sheet.size_mm = [{x:g}, {y:g}]"
+                )
         return self
 
 
@@ -209,14 +256,9 @@ def _layout(markers: _Markers) -> Layout:
         row_column = np.column_stack([rows, columns]).astype(np.int64)
     pitch = markers.pitch_mm
     pitch_mm = None if pitch is None else np.broadcast_to(np.asarray(pitch, dtype=np.float64), 2).copy()
-    rest_mm = np.zeros((markers.count, 3))
-    if markers.rest_mm is not None:
-        rest_mm[:, :2] = markers.rest_mm
-    elif row_column is not None and pitch_mm is not None:
-        middle = (row_column.max(axis=0) / 2)[::-1]
-        rest_mm[:, :2] = (row_column[:, ::-1] - middle) * pitch_mm + markers.offset_mm
+    rest_mm = np.column_stack([markers.place_mm, np.zeros(markers.count)])
     if pitch_mm is None:
-        pitch_mm = np.full(2, _neighbour_distance(rest_mm[:, :2]))
+        pitch_mm = np.full(2, _neighbour_distance(markers.place_mm))
     is_missing = np.zeros(markers.count, dtype=np.bool_)
     for row, column in markers.missing:
         is_missing[row * (markers.columns or 0) + column] = True
@@ -243,7 +285,7 @@ def save_sensor(sensor: Sensor, path: str | Path) -> None:
     """Write a sensor file; it is complete or absent.
 
     Raises:
-        SensorError: the sensor has no scale (its lengths are pitches, not mm).
+        SensorError: the sensor has no scale (its lengths are pitches, not mm), or is impossible.
         OutputError: the place cannot be written.
     """
     if sensor.length_unit != "mm":
@@ -253,6 +295,10 @@ def save_sensor(sensor: Sensor, path: str | Path) -> None:
     path = Path(path)
     document = tomlkit.document()
     document.update(_tables(sensor))
+    try:
+        _File.model_validate(tomllib.loads(tomlkit.dumps(document)))
+    except ValidationError as error:
+        raise SensorError(all_mistakes(f"what is known of the sensor {sensor.name!r}", error)) from None
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
         aside.write_text(tomlkit.dumps(document), encoding="utf-8")

@@ -1,5 +1,6 @@
 """The sensor file: what is read is what was written, and every mistake is named."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -132,6 +133,14 @@ def test_measured_positions_keep_rows_and_columns(written: Path, tmp_path: Path)
         ("rows = 20\n", "", "rows and columns belong together"),
         ("[camera.pose]\nrotation_vector = [0.0, 0.0, 0.01]\ntranslation_mm = [0.0, 1.0, 116.3]", "", "pose"),
         ("schema = 1", "schema = ", "not valid TOML"),
+        (
+            "radius_mm = 1.0",
+            "radius_mm = 2.5",
+            "radius_mm = 2.5 makes neighbours that are 3 mm apart overlap",
+        ),
+        ("radius_mm = 1.0", "radius_mm = -1.0", "wrong: markers.radius_mm = -1.0: input should be greater"),
+        ("pitch_mm = [4.0, 3.0]", "pitch_mm = [4.0]", "wrong: markers.pitch_mm = [4.0]: list should have at"),
+        ("pitch_mm = [4.0, 3.0]", "pitch_mm = 9.0", "markers lie outside the clamped outline"),
     ],
 )
 def test_a_mistake_is_named(written: Path, old: str, new: str, said: str) -> None:
@@ -150,6 +159,14 @@ def test_all_mistakes_are_named_at_once(written: Path) -> None:
     )
     with pytest.raises(SensorError, match=r"(?=.*colums)(?=.*nois)(?=.*pitch_mm)"):
         load_sensor(written)
+
+
+def test_what_could_not_be_read_again_is_not_saved(written: Path, tmp_path: Path) -> None:
+    sensor = load_sensor(written)
+    small = replace(sensor, sheet=replace(sensor.sheet, size_mm=np.array([50.0, 40.0])))
+    with pytest.raises(SensorError, match="markers lie outside the clamped outline"):
+        save_sensor(small, tmp_path / "small.toml")
+    assert not (tmp_path / "small.toml").exists()
 
 
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
