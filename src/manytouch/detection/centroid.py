@@ -8,7 +8,8 @@ Between them lies the share s of dot in each pixel, and
 
 So neither uneven light nor uneven ground moves the centre, and noise away from the edge counts for
 nothing. The covariance follows by propagation: from the pixels of the edge, from the two planes'
-slopes, and from noise that passes the soft threshold.
+slopes, and from noise that passes the soft threshold; how noise grows with light, and how uneven light
+usually is, all dots of the picture tell together.
 """
 
 from dataclasses import dataclass
@@ -71,7 +72,7 @@ def measure(
         weights: (c,) that make grey levels of 255 of a pixel, signed so that dots are light.
         near_px: (n, 2) where to look; a dot within about half a radius is measured as it is.
         radius_px: (n,) radius that is expected there.
-        noise: standard deviation of a pixel, grey levels of 255; see `noise_of`.
+        noise: rough standard deviation of a pixel, grey levels of 255, to tell outliers; see `noise_of`.
         walk: number of coarse steps towards the dot before measuring (reach: about one radius).
     """
     out = measured_rows(image, weights, near_px, radius_px, plans_of(radius_px), noise=noise, walk=walk)
@@ -111,6 +112,7 @@ def measured_rows(
         plans.mask,
         plans.count,
         max(noise, MIN_NOISE),
+        MIN_NOISE,
         walk,
         out,
     )

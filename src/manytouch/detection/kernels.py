@@ -16,9 +16,9 @@ from manytouch.detection.compilation import FAST, LEAF, prefetch
 from manytouch.detection.light import PLANE_RADIUS, SAMPLES, choose_offsets, fit_light, walk_to_dot
 from manytouch.detection.plans import CORE, FARTHEST, HALF, RING, ROWS, STRIPS, WALK, take_plan
 from manytouch.detection.strips import STRIP
+from manytouch.detection.uncertainty import GAIN, HIGH, LOW, NOTES, settle, take_note
 
-LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
-GAIN = 1.0 / (HIGH - LOW)
+SADDLE_RADIUS = 3.0  # px: smaller dots are not flat anywhere
 AHEAD = 3  # dots
 LINE = 64  # bytes that memory gives at once
 
@@ -56,16 +56,6 @@ def _fill_holes(share, stack):
                 )  # fmt: skip
                 if share[v, u] < 0.5 or not outside:
                     share[v, u] = 1.0
-
-
-@njit(**LEAF)
-@no_type_check
-def _tail(z):
-    """E[max(n - z, 0)^2] of a standard normal n: noise that passes the soft threshold."""
-    if z > 6.0:
-        return 0.0
-    density = math.exp(-0.5 * z * z) / math.sqrt(2.0 * math.pi)
-    return (1.0 + z * z) * 0.5 * math.erfc(z / math.sqrt(2.0)) - z * density
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -145,31 +135,14 @@ def _moments(share, x, y, reach2, sums):
 
 @njit(**LEAF)
 @no_type_check
-def _uncertainty(sums, light, noise, reach2, out, row):
-    """Covariance of the centre, columns 2 to 4 of its row = cxx, cxy, cyy; see `centroid`."""
-    dx, dy, count = sums[1] / sums[0], sums[2] / sums[0], sums[3]
-    exx = sums[6] - 2.0 * dx * sums[4] + count * dx * dx
-    eyy = sums[8] - 2.0 * dy * sums[5] + count * dy * dy
-    exy = sums[7] - dx * sums[5] - dy * sums[4] + count * dx * dy
-    noise2 = max(noise * noise, light[6])
-    scale = GAIN / (light[3] * sums[0])
-    passed = 0.0
-    if LOW * light[3] < 6.0 * math.sqrt(noise2):
-        rest = max(0.5 * math.pi * reach2 * reach2 - exx - eyy, 0.0)
-        passed = 0.5 * rest * _tail(LOW * light[3] / math.sqrt(noise2))
-    slopes = (2.0 / light[7] if light[7] > 0.0 else 0.0) + (2.0 / light[8] if light[8] > 0.0 else 0.0)
-    direct, tilt = noise2 * scale * scale, 0.25 * noise2 * scale * scale * slopes
-    out[row, 2] = direct * (exx + passed) + tilt * (exx * exx + exy * exy)
-    out[row, 3] = direct * exy + tilt * exy * (exx + eyy)
-    out[row, 4] = direct * (eyy + passed) + tilt * (eyy * eyy + exy * exy)
-
-
-@njit(**LEAF)
-@no_type_check
-def _result(sums, light, noise, reach2, x, y, radius, width, height, out, row):
-    """`out` as in `measure_dots` from the sums about (x, y)."""
-    _uncertainty(sums, light, noise, reach2, out, row)
+def _result(sums, light, reach2, x, y, radius, width, height, out, row, note):
+    """`out` as in `measure_dots` from the sums about (x, y), but for the covariance that noise makes."""
+    take_note(sums, light, reach2, note[row])
     total = sums[0]
+    # what the pixels leave when there is no noise at all, measured on rendered discs of 1.5 to 20 px
+    least = min(0.013, 0.003 + 0.04 / (radius * radius))
+    out[row, 2] = out[row, 4] = least * least
+    out[row, 3] = 0.0
     x, y = x + sums[1] / total, y + sums[2] / total
     out[row, 0], out[row, 1] = x, y
     out[row, 5], out[row, 6] = total, light[3]
@@ -188,12 +161,14 @@ def _result(sums, light, noise, reach2, x, y, radius, width, height, out, row):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def _measure_odd(image, weights, x, y, radius, noise, offsets, numbers, samples, buffer, stack, out, row):
+def _measure_odd(
+    image, weights, x, y, radius, noise, offsets, numbers, samples, buffer, stack, out, row, note
+):
     """Any dot, also at the border or with a hole; `out` as in `measure_dots`. False where there is none."""
     height, width = image.shape[0], image.shape[1] // weights.shape[0]
     reach = 1.35 * radius + 1.2
     reach2 = reach * reach
-    light, sums = np.empty(9), np.empty(9)
+    light, sums = np.empty(10), np.empty(9)
     for attempt in range(3):
         x0, x1 = max(0, int(x - reach)), min(width, int(x + reach) + 2)
         y0, y1 = max(0, int(y - reach)), min(height, int(y + reach) + 2)
@@ -213,7 +188,7 @@ def _measure_odd(image, weights, x, y, radius, noise, offsets, numbers, samples,
         if attempt == 2 or dx * dx + dy * dy < (0.04 * radius + 0.1) ** 2:
             break
         x, y = x + dx, y + dy
-    _result(sums, light, noise, reach2, x, y, radius, width, height, out, row)
+    _result(sums, light, reach2, x, y, radius, width, height, out, row, note)
     return True
 
 
@@ -264,6 +239,7 @@ def _measure_plain(
     sums,
     out,
     row,
+    note,
 ):
     """A plain dot in lanes. Returns 1; 0 where there is none; -1 where the dot is not plain."""
     reach = 1.35 * radius + 1.2
@@ -311,7 +287,9 @@ def _measure_plain(
         if attempt == 2 or is_near:
             break
         x, y = here_x + dx, here_y + dy
-    _result(sums, light, noise, reach * reach, here_x, here_y, radius, width, height, out, row)
+    if SADDLE_RADIUS <= radius < PLANE_RADIUS:
+        light[9] = lanes.saddle(flat, weights, base, width) ** 2
+    _result(sums, light, reach * reach, here_x, here_y, radius, width, height, out, row, note)
     return 1
 
 
@@ -329,7 +307,7 @@ def _fetch(flat, channels, width, x, y, reach):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def measure_dots(image, weights, near, radius, index, place, mask, count, noise, walk, out):
+def measure_dots(image, weights, near, radius, index, place, mask, count, noise, least, walk, out):
     """Rows of `out`: x, y, cxx, cxy, cyy, area, contrast, edge width, cut share; NaN without a dot.
 
     `index`, `place`, `mask` and `count` are what `plans.plans_of` gives for the radii.
@@ -347,7 +325,8 @@ def measure_dots(image, weights, near, radius, index, place, mask, count, noise,
     sample = np.empty(3 * ROWS, dtype=np.float32)
     grey = np.empty(STRIP * mask.shape[1] if channels > 1 else 0, dtype=np.float32)
     work = np.empty((2, 8), dtype=np.float32)
-    shape, light, sums = np.empty((2, 7)), np.empty(9), np.empty(9)
+    shape, light, sums = np.empty((2, 7)), np.empty(10), np.empty(9)
+    note = np.empty((near.shape[0], NOTES))
     plan, planned = -1, 0.0
     for i in range(near.shape[0]):
         if i + AHEAD < near.shape[0]:
@@ -367,7 +346,7 @@ def measure_dots(image, weights, near, radius, index, place, mask, count, noise,
         if is_plain:
             found = _measure_plain(
                 flat, weights, width, height, x, y, radius[i], noise,
-                count, plan, mask, offset, sample, shape, grey, work, light, sums, out, i,
+                count, plan, mask, offset, sample, shape, grey, work, light, sums, out, i, note,
             )  # fmt: skip
         if found == -1:
             if radius[i] != planned:
@@ -381,13 +360,10 @@ def measure_dots(image, weights, near, radius, index, place, mask, count, noise,
                 )
             if _measure_odd(
                 image, weights, x, y, radius[i], noise,
-                odd_offsets, numbers, odd_samples, buffer, stack, out, i,
+                odd_offsets, numbers, odd_samples, buffer, stack, out, i, note,
             ):  # fmt: skip
                 found = 1
         if found != 1:
             out[i] = np.nan
             continue
-        # what the pixels leave when there is no noise at all, measured on rendered discs of 1.5 to 20 px
-        least = min(0.013, 0.003 + 0.04 / (radius[i] * radius[i]))
-        out[i, 2] += least * least
-        out[i, 4] += least * least
+    settle(note, radius, least * least, weights.sum() >= 0.0, out)

@@ -34,6 +34,19 @@ def gather(flat, weights, base, offset, part, sample):
             sample[to + k] = grey + np.float32(flat[at + np.uint64(2)]) * red
 
 
+@njit(**LEAF)
+@no_type_check
+def saddle(flat, weights, base, width):
+    """Half of what four pixels around a dot's middle differ crosswise: noise, where the dot is round."""
+    channels = weights.shape[0]
+    total = 0.0
+    for c in range(channels):
+        above, below = base + c - width * channels, base + c + width * channels
+        rise = float(flat[above - channels]) - float(flat[above + channels])
+        total += float(weights[c]) * (rise - float(flat[below - channels]) + float(flat[below + channels]))
+    return 0.5 * total
+
+
 @njit(**LEAF, fastmath=FAST)
 @no_type_check
 def weigh_window(flat, weights, first, width, columns, rows, grey):

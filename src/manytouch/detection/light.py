@@ -30,6 +30,13 @@ def _grey(image, weights, y, x):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
+def core_reach(radius):
+    """How far from its centre a dot that has a plane of its own is core."""
+    return max(0.5 * radius, min(0.65 * radius, radius - 2.75))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
 def choose_offsets(inner, outer, offset):
     """Every few pixels between two radii: rows of `offset` are x, y. Returns how many."""
     stride = max(1, int(math.sqrt(math.pi * (outer * outer - max(inner, 0.0) ** 2) / SAMPLES) + 0.5))
@@ -177,10 +184,11 @@ def _plane(samples, count, a, b, c, margin):
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def fit_light(image, weights, x, y, radius, noise, offsets, numbers, samples, light):
-    """Planes of ground and core: `light` = ground a, b, c, contrast a, b, c, variance and spreads.
+    """Planes of ground and core: `light` = ground a, b, c, contrast a, b, c, variance, spreads, variance.
 
     The spreads (sum of dx^2 + dy^2 of the pixels used) are those of ground and core; a core without a
-    plane of its own (small, damaged, with a glint) has spread 0. Returns False where there is no dot.
+    plane of its own (small, damaged, with a glint) has spread 0. The variances are those of ground and
+    core, -1 where not known. Returns False where there is no dot.
     """
     count = _sample(image, weights, x, y, offsets[0], numbers[0], 1e6, samples)
     if count < 4:
@@ -196,14 +204,15 @@ def fit_light(image, weights, x, y, radius, noise, offsets, numbers, samples, li
     margin = max(0.3 * contrast, 2.5 * noise)
     ga, gb, gc, _, variance, ground_spread = _plane(samples, count, ground, 0.0, 0.0, margin)
     ga, gb, gc, _, variance, ground_spread = _plane(samples, count, ga, gb, gc, margin)
-    ka, kb, kc, core_spread = level, gb, gc, 0.0
+    ka, kb, kc, core_spread, core_variance = level, gb, gc, 0.0, -1.0
     if radius >= PLANE_RADIUS:
         margin = max(0.2 * contrast, 3.0 * noise)
-        pa, pb, pc, used, _, spread = _plane(samples[4:], in_core, level, gb, gc, margin)
+        pa, pb, pc, used, inner, spread = _plane(samples[4:], in_core, level, gb, gc, margin)
         steepness = math.hypot(pb - gb, pc - gc) * radius
         if used >= 9.0 and used > 0.75 * in_core and steepness < 0.4 * (pa - ga):
-            ka, kb, kc, core_spread = pa, pb, pc, spread
+            ka, kb, kc, core_spread, core_variance = pa, pb, pc, spread, inner
     light[0], light[1], light[2] = ga, gb, gc
     light[3], light[4], light[5] = ka - ga, kb - gb, kc - gc
     light[6], light[7], light[8] = variance, ground_spread, core_spread
+    light[9] = core_variance
     return ka > ga

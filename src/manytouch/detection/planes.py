@@ -12,7 +12,7 @@ from manytouch.detection.compilation import FAST, LEAF
 from manytouch.detection.light import PLANE_RADIUS
 from manytouch.detection.plans import ALL, CORE, DX, DY, RING, ROWS, USED, VALUE
 
-EVEN = 0.03  # of the contrast: change of light over a radius that is usual
+WITHIN = 2.5  # deviations of a pixel of the core from its plane
 STEEP = 0.12  # of the contrast: change over a radius from where on a dot is not plain
 
 
@@ -158,7 +158,7 @@ def _fit_ground(sample, shape, level, noise, light):
     ring = np.uint64(RING * ROWS)
     ga, gb, gc, rests, ground = _even_plane(sample, ring, shape, RING)
     spread = shape[RING, 3]
-    variance = rests / shape[RING, 0]
+    variance = rests / max(shape[RING, 0] - 3.0, 1.0)
     contrast = level - ground
     # when the squares sum up to less than that of the margin, no sample lies beyond it
     if rests > max(0.3 * contrast, 2.5 * noise) ** 2:
@@ -185,7 +185,7 @@ def _fit_small(sample, shape, in_core, radius, part_x, part_y, noise, light):
         _keep_near(sample, core, part_x, part_y, radius - 1.0, in_core)
         if _number_low(sample, core, level - 0.3 * contrast) > 0.0:
             return -1
-    light[3], light[4], light[5], light[8] = level - light[0], 0.0, 0.0, 0.0
+    light[3], light[4], light[5], light[8], light[9] = level - light[0], 0.0, 0.0, 0.0, -1.0
     return 1
 
 
@@ -198,7 +198,7 @@ def _fit_level(sample, noise, light):
     height = level - light[0]
     if not height > 2.0 * noise or _number_low(sample, core, level - 0.3 * height) > 0.0:
         return -1
-    light[3], light[4], light[5], light[8] = height, 0.0, 0.0, 0.0
+    light[3], light[4], light[5], light[8], light[9] = height, 0.0, 0.0, 0.0, -1.0
     return 1
 
 
@@ -214,16 +214,14 @@ def fit_light(sample, shape, in_core, radius, part_x, part_y, noise, light):
     ka, kb, kc, rests, level = _even_plane(sample, np.uint64(CORE * ROWS), shape, CORE)
     contrast = _fit_ground(sample, shape, level, noise, light)
     margin, spread = max(0.2 * contrast, 3.0 * noise), shape[CORE, 3]
-    used = float(in_core)
+    used, variance = float(in_core), rests / max(in_core - 3.0, 1.0)
     if contrast > 0.0 and rests > margin * margin:
-        ka, kb, kc, used, _, spread = _plane(sample, np.uint64(CORE * ROWS), ka, kb, kc, margin)
+        # light's own noise may be larger on the dot than anywhere else
+        margin = max(margin, WITHIN * math.sqrt(variance))
+        ka, kb, kc, used, variance, spread = _plane(sample, np.uint64(CORE * ROWS), ka, kb, kc, margin)
     height, rise_x, rise_y = ka - light[0], kb - light[1], kc - light[2]
     is_flat = contrast > 0.0 and height > 0.0 and used >= 0.9 * in_core and spread > 0.0
     if not is_flat or abs(rise_x) + abs(rise_y) > STEEP / radius * height:
         return _fit_level(sample, noise, light)
-    # light seldom changes by more than EVEN over a dot's radius: slopes that noise makes are shrunk
-    expected = EVEN * height / radius
-    share = spread * expected * expected
-    share /= share + 2.0 * noise * noise
-    light[3], light[4], light[5], light[8] = height, share * rise_x, share * rise_y, spread / (share * share)
+    light[3], light[4], light[5], light[8], light[9] = height, rise_x, rise_y, spread, variance
     return 1

@@ -13,7 +13,7 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
-from manytouch.detection.light import PLANE_RADIUS
+from manytouch.detection.light import PLANE_RADIUS, core_reach
 from manytouch.detection.strips import STRIP
 from manytouch.values.arrays import Scalars
 
@@ -108,7 +108,7 @@ def _plan(radius, place, mask, count):
     """One row of `plans_of`."""
     count[RING] = _spread(1.3 * radius + 1.0, 1.75 * radius + 1.5, place, RING * LANES)
     if radius >= PLANE_RADIUS:
-        count[CORE] = _spread(0.0, max(0.5 * radius, min(0.65 * radius, radius - 2.75)), place, CORE * LANES)
+        count[CORE] = _spread(0.0, core_reach(radius), place, CORE * LANES)
     else:
         reach = max(0.5 * radius, 0.9) + 0.75
         number = 0

@@ -70,6 +70,48 @@ def test_covariance_agrees_with_the_error(radius_px: float, noise: float) -> Non
     assert np.concatenate(squared).mean() / 2.0 == pytest.approx(1.0, abs=0.27)
 
 
+@pytest.mark.parametrize("radius_px", [3.5, 5.0, 8.5])
+@pytest.mark.parametrize(("ground", "dot", "sign"), [(30.0, 190.0, 1.0), (190.0, 30.0, -1.0)])
+def test_covariance_agrees_where_noise_grows_with_light(
+    radius_px: float, ground: float, dot: float, sign: float
+) -> None:
+    look = Look(ground=ground, dot=dot, read_noise=1.5, shot_noise=4.0 / 60.0)
+    squared = []
+    for seed in range(3):
+        centre_px = dots_at(max(5.0 * radius_px, 24.0), seed)
+        dots = measured(picture(centre_px, radius_px, look, seed + 5), centre_px, radius_px, sign)
+        error_px = dots.centre_px - centre_px
+        squared.append(np.einsum("ni,nij,nj->n", error_px, np.linalg.inv(dots.covariance_px2), error_px))
+    assert 0.75 < np.concatenate(squared).mean() / 2.0 < 1.3
+
+
+def test_noise_of_a_core_at_the_end_of_the_scale_is_not_believed() -> None:
+    centre_px = dots_at(45.0)
+    image = picture(centre_px, 8.0, Look(ground=60.0, dot=300.0, read_noise=6.0))
+    assert (
+        image[np.rint(centre_px[:, 1]).astype(int), np.rint(centre_px[:, 0]).astype(int)] == 255
+    ).mean() > 0.9
+    dots = measured(image, centre_px, 8.0)
+    error_px = dots.centre_px - centre_px
+    squared = np.einsum("ni,nij,nj->n", error_px, np.linalg.inv(dots.covariance_px2), error_px)
+    assert 0.7 < squared.mean() / 2.0 < 1.4
+
+
+def test_even_light_is_learnt_from_all_dots_and_steep_light_stays_that_of_a_dot() -> None:
+    radius_px, centre_px = 9.0, dots_at(45.0)
+    image = picture(centre_px, radius_px, Look(read_noise=2.5))
+    assert np.sqrt(np.square(measured(image, centre_px, radius_px).centre_px - centre_px).mean()) < 0.0088
+    spot = Spot(centre_px=(200.0, 190.0), radius_px=70.0, amount=0.6)
+    lit = picture(centre_px, radius_px, Look(shadows=(spot,)))
+    away_px = centre_px - np.array(spot.centre_px)
+    distance_px = np.linalg.norm(away_px, axis=1)
+    on_flank = (distance_px > 45.0) & (distance_px < 105.0)
+    error_px = measured(lit, centre_px, radius_px).centre_px - centre_px
+    inward = np.einsum("ni,ni->n", error_px, away_px) / distance_px
+    assert on_flank.sum() > 10
+    assert abs(inward[on_flank].mean()) < 0.012
+
+
 def test_a_glint_inside_belongs_to_the_dot() -> None:
     centre_px = dots_at(45.0)
     image = picture(centre_px, 9.0, DARK_DOTS).astype(int)
