@@ -156,6 +156,29 @@ def test_pictures_are_annotated_as_pictures(tmp_path: Path) -> None:
     assert drawn == ["000000.png", "000001.png", "000002.png"]
 
 
+def test_what_is_read_is_not_among_the_results_that_are_replaced(tmp_path: Path) -> None:
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for index in range(3):
+        cv2.imwrite(str(folder / f"picture-{index:06d}.png"), picture(seed=index))
+    words = command("process", folder, "--out", tmp_path, "--picture", "1")
+    done = subprocess.run(words, capture_output=True, text=True, timeout=900, check=False)
+    assert done.returncode == 1
+    assert "choose another folder" in done.stderr
+    assert len(list(folder.iterdir())) == 3
+
+
+def test_a_run_replaces_all_of_an_earlier_one_and_says_which_picture_is_missing(tmp_path: Path) -> None:
+    folder, out = tmp_path / "pictures", tmp_path / "out"
+    folder.mkdir()
+    for index in range(2):
+        cv2.imwrite(str(folder / f"{index}.png"), picture(seed=index))
+    assert "no picture of frame 7:" in run("process", folder, "--out", out, "--picture", "1,7")
+    assert (out / "pictures" / "picture-000001.png").is_file()
+    run("process", folder, "--out", out)
+    assert {path.name for path in (out / "pictures").iterdir()} == FILES
+
+
 def started(folder: Path, *words: object) -> subprocess.Popen[str]:
     """A run that is some frames on its way."""
     running = subprocess.Popen(command(*words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -75,16 +75,21 @@ def process(
                     if stop():
                         break
                     folder = out / name
+                    moments = ChosenMoments(folder, job.sensor, picture) if picture else None
                     summary = read_into(
                         job,
                         folder,
                         surface=surface,
                         annotate=annotate,
-                        sinks=[ChosenMoments(folder, job.sensor, picture)] if picture else [],
+                        sinks=[] if moments is None else [moments],
                         progress=reporter,
                         stop=stop,
                     )
                 reporter.finish(summary, out / name)
+                for frame in [] if moments is None else moments.missing:
+                    reporter.say(
+                        f"no picture of frame {frame}: none was read that has this number and an image"
+                    )
             except Exception as error:  # noqa: BLE001 - the other inputs are not to suffer from it
                 report(error)
                 failed += 1

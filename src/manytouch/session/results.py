@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
+from manytouch.errors import OutputError
 from manytouch.pipeline import Sink
 from manytouch.session.job import Job, Pitch, Watch, prepare
 from manytouch.session.methods import Roi
@@ -18,6 +19,7 @@ RESULTS = (
     *("contacts.csv", "markers.parquet", "frames.csv", "summary.json"),
     *("surface.zarr", "annotated.mp4", "annotated"),
 )
+CHOSEN = "picture-[0-9][0-9][0-9][0-9][0-9][0-9]*.png"
 
 
 def process(
@@ -104,11 +106,12 @@ def files_in(
     Results of an earlier run in the folder are removed.
 
     Raises:
-        OutputError: the folder cannot be written.
+        OutputError: the folder cannot be written, or what is read lies in it.
         MissingExtraError: `surface` needs a package that is not installed.
     """
     if surface:
         require_zarr()
+    _check_apart(folder, Path(job.text).expanduser())
     _clear(folder)
     summary = Summary(
         folder, sensor=job.sensor, pipeline=job.pipeline, method=job.method, recording=job.recording
@@ -165,9 +168,23 @@ def result_name(text: str) -> str:
     return name or "input"
 
 
+def _check_apart(folder: Path, read: Path) -> None:
+    """Results replace those of an earlier run, so that what is read must be none of them."""
+    is_inside = read.is_dir() and folder.is_dir() and folder.samefile(read)
+    is_result = read.is_file() and any(
+        (folder / name).exists() and read.samefile(folder / name) for name in RESULTS
+    )
+    if is_inside or is_result:
+        raise OutputError(
+            f"the results would go into {folder}, among what is read: choose another folder for them"
+        )
+
+
 def _clear(folder: Path) -> None:
     with told(folder):
         folder.mkdir(parents=True, exist_ok=True)
+        for left in folder.glob(CHOSEN):
+            left.unlink()
         for name in RESULTS:
             remove(folder / name)
             remove(aside(folder / name))

@@ -123,23 +123,27 @@ class ChosenMoments:
     """Draws the surface at chosen frames into `picture-000060.png`, ...; a sink."""
 
     def __init__(self, folder: Path, sensor: Sensor, frames: Collection[int]) -> None:
-        """Pictures that an earlier run left in the folder are removed.
+        """Choose.
 
         Raises:
             MissingExtraError: matplotlib is not installed.
         """
         self._picture = SurfacePicture(sensor)
         self._folder, self._frames = folder, frozenset(frames)
-        for left in folder.glob("picture-*.png"):
-            left.unlink()
 
     def write(self, reading: Reading) -> None:
         """Draw a frame if it was chosen."""
         if reading.frame.index in self._frames and reading.frame.image is not None:
             self._picture.save(reading, self._folder / f"picture-{reading.frame.index:06d}.png")
+            self._frames -= {reading.frame.index}
 
     def close(self) -> None:
         """Nothing to complete: every picture is whole when it is written."""
+
+    @property
+    def missing(self) -> list[int]:
+        """Frames that were chosen and have not been drawn."""
+        return sorted(self._frames)
 
 
 class BusiestMoment:

@@ -116,17 +116,20 @@ class Summary:
         sentences = []
         for status, count in sorted(self._status.items()):
             if status != "ok":
-                sentences.append(f"{count} of {frames} frames have the status {status}")
+                has = "frame has" if frames == 1 else "frames have"
+                sentences.append(f"{count} of {frames} {has} the status {status}")
         announced = self._recording.get("frame_count")
         if announced is not None and announced != frames:
             sentences.append(
                 f"the input announced {announced} frames; {frames} were read, up to number {self._last_index}"
             )
         present = ~layout_of(self._sensor).is_missing
-        rare = np.flatnonzero(present & (self._seen < RARELY_SEEN * frames))
+        decoded = frames - self._status["decode_error"]
+        rare = np.flatnonzero(present & (self._seen < RARELY_SEEN * decoded))
         if len(rare):
             named = ", ".join(str(marker) for marker in rare[:12]) + (", ..." if len(rare) > 12 else "")
-            sentences.append(f"{len(rare)} markers are seen on less than half of the frames: {named}")
+            who = "1 marker is" if len(rare) == 1 else f"{len(rare)} markers are"
+            sentences.append(f"{who} seen on less than half of the frames: {named}")
         return sentences
 
     def _latency(self) -> dict[str, float | None]:

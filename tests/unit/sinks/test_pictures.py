@@ -163,13 +163,13 @@ def test_picture_of_the_moment_with_most_contacts(tmp_path, sensor, reading_of, 
     assert min(cv2.imread(str(tmp_path / "picture.png")).shape[:2]) > 400
 
 
-def test_pictures_of_chosen_frames_replace_those_of_an_earlier_run(tmp_path, sensor, reading_of, contact_of):
+def test_pictures_of_chosen_frames(tmp_path, sensor, reading_of, contact_of):
     pytest.importorskip("matplotlib")
-    (tmp_path / "picture-000007.png").touch()
     chosen = ChosenMoments(tmp_path, sensor, (1, 5))
     for index in range(3):
         chosen.write(reading_of(index, (contact_of(),)))
     chosen.close()
+    assert chosen.missing == [5]
     assert [path.name for path in tmp_path.iterdir()] == ["picture-000001.png"]
     assert min(cv2.imread(str(tmp_path / "picture-000001.png")).shape[:2]) > 400
 

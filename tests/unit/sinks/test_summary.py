@@ -78,7 +78,7 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
     assert told["odd"] == [
         "1 of 6 frames have the status decode_error",
         "the input announced 9 frames; 6 were read, up to number 5",
-        "1 markers are seen on less than half of the frames: 3",
+        "1 marker is seen on less than half of the frames: 3",
     ]
     assert told["assumptions"] == ["The camera has no distortion."]
     assert told["sensor"]["pitch_px"] == [40.0, 32.0]
@@ -86,6 +86,16 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
     assert len(told["noise_px"]["per_marker"]) == 24
     assert told["milliseconds"] == {"p50": 4.5, "p95": 6.75, "p99": 6.95}
     assert told["parameters"]["detect"]["roi_px"] == [1, 2, 30, 40]
+
+
+def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, reading_of):
+    summary = summary_in(tmp_path, sensor)
+    for index in range(3):
+        summary.write(reading_of(index))
+    everything = tuple(range(24))
+    for index in range(3, 8):
+        summary.write(reading_of(index, unseen=everything, status="decode_error"))
+    assert summary.odd() == ["5 of 8 frames have the status decode_error"]
 
 
 def test_a_run_without_frames_has_a_summary_too(tmp_path, sensor):
