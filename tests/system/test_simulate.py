@@ -139,3 +139,16 @@ def test_what_is_wrong_is_one_line(tmp_path: Path) -> None:
     assert "unknown key fsp" in done.stderr
     assert done.stderr.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_said_before_anything_is_solved(tmp_path: Path) -> None:
+    (tmp_path / "sensor.toml").write_text(SENSOR)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    (tmp_path / "file").write_text("no folder")
+    words = ["simulate", "scene.toml", "--out", "file/out", "--states", "states"]
+    done = subprocess.run(
+        [sys.executable, "-m", "manytouch", *words], cwd=tmp_path, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("manytouch: cannot write file/out: ")
+    assert not (tmp_path / "states").exists()

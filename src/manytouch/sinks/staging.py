@@ -42,6 +42,19 @@ class Staged:
         remove(self.aside)
 
 
+def make_writable(folder: Path) -> None:
+    """Make a folder and try to write into it, before something is computed for long that shall go there.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    trial = folder / f".{os.getpid()}.trial"
+    with told(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        trial.touch()
+        trial.unlink()
+
+
 def aside(path: Path) -> Path:
     """The temporary name of a result."""
     return path.with_name(f".{path.stem}.partial{path.suffix}")
