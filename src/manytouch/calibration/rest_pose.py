@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.calibration.clamp_line import ClampLine, clamp_line, odd_clamp
 from manytouch.calibration.reference import refer
 from manytouch.calibration.rest import sensor_from_rest
 from manytouch.calibration.sharpness import edge_width_px, is_soft
@@ -37,6 +38,7 @@ class RestCalibration:
         noise_px: of a marker's centre along an axis, from frame to frame.
         contrast: grey levels between markers and ground.
         frames: that were used.
+        clamp: where the sheet is seen to end.
         odd: sentences.
     """
 
@@ -46,6 +48,7 @@ class RestCalibration:
     noise_px: float
     contrast: float
     frames: int
+    clamp: ClampLine
     odd: tuple[str, ...]
 
     @property
@@ -61,6 +64,7 @@ def calibrate_rest(
     *,
     pitch_mm: float | tuple[float, float] | None = None,
     sheet: Sheet | None = None,
+    thickness_mm: float | None = None,
     roi_px: Roi | None = None,
 ) -> RestCalibration:
     """Find pose, layout and noise from some seconds of the untouched sheet.
@@ -70,10 +74,12 @@ def calibrate_rest(
         frames: of one recording, untouched.
         pitch_mm: distance of neighbouring markers, needed when the sensor has no layout.
         sheet: of the file to write; None keeps the sensor's.
+        thickness_mm: of a sheet whose outline shall be taken from the picture.
         roi_px: x, y, width, height of the part of the image to look at.
 
     Raises:
-        SensorError: the scale is not known, or the sensor does not fit the frames.
+        SensorError: the scale is not known, the outline cannot be seen where it has to be, or the sensor
+            does not fit the frames.
         LayoutError: no markers, no lattice, or fewer than half of those of the layout were found.
     """
     laid = sensor if sensor.layout is not None else _laid(sensor, frames, pitch_mm, roi_px)
@@ -106,6 +112,9 @@ def calibrate_rest(
         centre_noise_px=noise,
         assumptions=(),
     )
+    seen_clamp = clamp_line(camera, layout, frames)
+    if thickness_mm is not None and sheet is None:
+        found, seen_clamp = _outlined(found, seen_clamp, thickness_mm)
     return RestCalibration(
         sensor=found,
         residual_px=read_only(residual),
@@ -113,8 +122,36 @@ def calibrate_rest(
         noise_px=noise,
         contrast=float(np.nanmedian(seen.contrast)),
         frames=len(seen.timestamp_ns),
-        odd=(*_odd(sensor, found, residual, seen, there), *_soft(found, frames, roi_px)),
+        clamp=seen_clamp,
+        odd=(
+            *_odd(sensor, found, residual, seen, there),
+            *odd_clamp(seen_clamp, found.sheet),
+            *_soft(found, frames, roi_px),
+        ),
     )
+
+
+def _outlined(found: Sensor, seen: ClampLine, thickness_mm: float) -> tuple[Sensor, ClampLine]:
+    """The sensor with the outline that is seen, and its origin in the middle of that.
+
+    Raises:
+        SensorError: not all sides are seen.
+    """
+    if seen.unseen:
+        raise SensorError(
+            f"the picture does not show where the sheet is clamped ({', '.join(seen.unseen)} missing): give "
+            "its outline by --sheet-mm X,Y"
+        )
+    assert found.layout is not None
+    middle_mm = np.array([*seen.middle_mm, 0.0])
+    rotation, _ = cv2.Rodrigues(found.camera.rotation_vector)
+    camera = replace(
+        found.camera, translation_mm=read_only(found.camera.translation_mm + rotation @ middle_mm)
+    )
+    layout = replace(found.layout, rest_mm=read_only(found.layout.rest_mm - middle_mm))
+    sheet = Sheet(size_mm=read_only(seen.size_mm.copy()), thickness_mm=thickness_mm)
+    moved = ClampLine(side_mm=seen.side_mm - np.repeat(seen.middle_mm, 2))
+    return replace(found, camera=camera, layout=layout, sheet=sheet), moved
 
 
 def fitted_pose(

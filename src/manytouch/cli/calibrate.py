@@ -105,18 +105,19 @@ def rest(
             converter=options.pair("X,Y"),
             n_tokens=1,
             metavar="X,Y",
-            help="Clamped outline, if the file has none.",
+            help="Clamped outline, if the file has none and the picture does not show it.",
         ),
     ] = None,
     thickness_mm: Annotated[
-        float | None, Parameter(metavar="MM", help="Of the sheet, with --sheet-mm.")
+        float | None,
+        Parameter(metavar="MM", help="Of the sheet; without --sheet-mm its outline is looked for."),
     ] = None,
     roi: options.RoiPx = None,
 ) -> int:
     """Find the pose of the sheet, its markers and their noise from a few untouched seconds.
 
-    Says how far the markers are from a flat lattice, which are missing, how much they jitter, and
-    what is odd: a sheet that is not flat, markers cut off, a scale that does not fit.
+    Says how far the markers are from a flat lattice, which are missing, how much they jitter, where the
+    sheet is seen to end, and what is odd: a sheet that is not flat, markers cut off, a wrong scale.
 
     Example: manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm 4 --out sensor.toml
     """
@@ -125,23 +126,22 @@ def rest(
     import numpy as np
     from rich.console import Console
 
+    from manytouch.calibration.clamp_line import in_words
     from manytouch.calibration.rest_pose import calibrate_rest
     from manytouch.sources import open_source
     from manytouch.values import Sheet
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
-    if (sheet_mm is None) != (thickness_mm is None):
-        raise wrong_words(
-            "calibrate rest", "--sheet-mm and --thickness-mm belong together: give both, or neither"
-        )
-    sheet = (
-        None
-        if sheet_mm is None
-        else Sheet(size_mm=np.array(sheet_mm), thickness_mm=float(thickness_mm or 0.0))
-    )
+    if sheet_mm is not None and thickness_mm is None:
+        raise wrong_words("calibrate rest", "--sheet-mm needs --thickness-mm too")
+    sheet = None
+    if sheet_mm is not None and thickness_mm is not None:
+        sheet = Sheet(size_mm=np.array(sheet_mm), thickness_mm=float(thickness_mm))
     frames = list(islice(iter(open_source(source)), REST_FRAMES))
-    found = calibrate_rest(load_sensor(sensor), frames, pitch_mm=pitch_mm, sheet=sheet, roi_px=roi)
+    found = calibrate_rest(
+        load_sensor(sensor), frames, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
+    )
     layout, camera = found.sensor.layout, found.sensor.camera
     assert layout is not None
     shape = "a table" if layout.shape is None else f"{layout.shape[0]} x {layout.shape[1]}"
@@ -154,6 +154,7 @@ def rest(
         f"turned by {turn[0]:.3f}, {turn[1]:.3f}, {turn[2]:.3f} ± {std_turn.max():.3f} degrees about x, y, z",
         f"markers {found.rms_px:.3f} px (RMS) from a flat lattice, noise {found.noise_px:.3f} px, contrast "
         f"{found.contrast:.0f} grey levels",
+        in_words(found.clamp, found.sensor.sheet),
         *(f"odd: {sentence}" for sentence in found.odd),
     ):
         console.print(f"  {line}")

@@ -10,7 +10,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.design.choose import RIM_MM, Design, lattice
+from manytouch.design.choose import Design, lattice
 from manytouch.design.prototype import FINGERTIP, SEEN_PX, Prototype, Say, Touched
 from manytouch.estimation.inversion import InversionMemory, MechanicalInversion
 from manytouch.estimation.touching import ModelError, Touching
@@ -130,18 +130,15 @@ def _deviations(
 def _told(
     method: MechanicalInversion, fresh: InversionMemory, touched: Touched, chance: np.random.Generator
 ) -> Contact | None:
-    """The contact that the method finds, or None."""
-    state, moved = fresh, touched.displacement_px
+    """The nearest contact that the method finds, or None."""
+    state, moved, true_mm = fresh, touched.displacement_px, touched.contact.centre_mm
     contacts: tuple[Contact, ...] = ()
     for share in RAMP:
         for _ in range(SETTLING_STEPS if share == RAMP[-1] else 1):
             noise_px = chance.normal(0.0, SEEN_PX, moved.shape)
             state, _, read = method.step(state, _seen(fresh.reference_px + share * moved + noise_px))
         contacts = read.touching
-    near = [
-        item for item in contacts if np.linalg.norm(item.centre_mm - touched.contact.centre_mm) < 2 * RIM_MM
-    ]
-    return max(near, key=lambda item: item.depth_mm, default=None)
+    return min(contacts, key=lambda item: float(np.linalg.norm(item.centre_mm - true_mm)), default=None)
 
 
 def _seen(position_px: Points2) -> TrackedGrid:

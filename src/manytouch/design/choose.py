@@ -15,8 +15,9 @@ from manytouch.design.wishes import DesignError, Wishes
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
 
-RIM_MM = 10.0
-"""Beside the area that can be touched: next to the clamp forces cannot be told from its own."""
+LEAST_RIM_MM = 10.0
+RIM_THICKNESSES, RIM_PITCHES = 2.0, 1.5
+"""Next to the clamp forces cannot be told from its own; and those of a press reach so many markers."""
 VIEW_MARGIN = 1.03
 LEAST_RADIUS_PX = 3.0
 LEAST_GAP_PX = 3.0
@@ -90,13 +91,13 @@ def design(wishes: Wishes, *, say: Callable[[str], object] | None = None) -> Des
     Raises:
         DesignError: nothing fulfils the wishes; it names the one in the way and what would help.
     """
-    size = (wishes.area_mm[0] + 2 * RIM_MM, wishes.area_mm[1] + 2 * RIM_MM)
+    material, curve = _sheet(wishes, say)
+    size = curve.size_mm
     off = _stand_off(wishes, size)
     distance_mm = math.ceil(10 * off.distance_mm) / 10
     focal = focal_px(wishes.camera.width_px, math.radians(wishes.camera.hfov_deg))
     mm_per_px = distance_mm / focal
     pitch, radius = _markers(wishes, mm_per_px)
-    material, curve = _sheet(wishes, size, say)
     _check_gaps(wishes, curve, pitch, radius, LEAST_GAP_PX * mm_per_px)
     sheet = Sheet(
         size_mm=read_only(np.array(size)),
@@ -135,9 +136,19 @@ def _stand_off(wishes: Wishes, size: tuple[float, float]) -> StandOff:
     return off
 
 
+def rim_mm(wishes: Wishes, thickness_mm: float) -> float:
+    """What the clamped outline has beside the area that can be touched."""
+    reach_mm = RIM_THICKNESSES * thickness_mm + RIM_PITCHES * _pitch_mm(wishes)
+    return max(LEAST_RIM_MM, math.ceil(2 * reach_mm) / 2)
+
+
+def _pitch_mm(wishes: Wishes) -> float:
+    return min(wishes.separation_mm / PITCHES_APART, WIDEST_PITCH_MM)
+
+
 def _markers(wishes: Wishes, mm_per_px: float) -> tuple[float, float]:
     """Pitch and radius, mm."""
-    pitch = min(wishes.separation_mm / PITCHES_APART, WIDEST_PITCH_MM)
+    pitch = _pitch_mm(wishes)
     least = max(LEAST_RADIUS_PX * mm_per_px, wishes.printer.nozzle_mm)
     radius = max(RADIUS_PER_PITCH * pitch, least)
     if pitch - 2 * radius < max(2 * wishes.printer.nozzle_mm, LEAST_GAP_PX * mm_per_px):
@@ -150,9 +161,7 @@ def _markers(wishes: Wishes, mm_per_px: float) -> tuple[float, float]:
     return pitch, radius
 
 
-def _sheet(
-    wishes: Wishes, size: tuple[float, float], say: Callable[[str], object] | None
-) -> tuple[Material, DeflectionCurve]:
+def _sheet(wishes: Wishes, say: Callable[[str], object] | None) -> tuple[Material, DeflectionCurve]:
     """The softest material, on the thinnest sheet, that holds the largest force."""
     materials = [item for item in MATERIALS if wishes.material in (None, item.name)]
     if not materials:
@@ -166,6 +175,8 @@ def _sheet(
     for thickness in thicknesses:
         if say is not None:
             say(f"pressing a sheet of {thickness:g} mm")
+        rim = rim_mm(wishes, thickness)
+        size = (wishes.area_mm[0] + 2 * rim, wishes.area_mm[1] + 2 * rim)
         curve = deflection_curve(
             size_mm=size, thickness_mm=thickness, poisson=POISSON, deepest_mm=wishes.deepest_mm
         )
@@ -265,8 +276,9 @@ def _reasons(found: Design) -> Iterator[Reason]:
     yield Reason(
         about="clamped outline",
         chosen=f"{x:g} x {y:g} mm",
-        why=f"the area of {wishes.area_mm[0]:g} x {wishes.area_mm[1]:g} mm and a rim of {RIM_MM:g} mm, "
-        "since forces next to the clamp cannot be told from the clamp's own",
+        why=f"the area of {wishes.area_mm[0]:g} x {wishes.area_mm[1]:g} mm and a rim of "
+        f"{rim_mm(wishes, sheet.thickness_mm):g} mm: {RIM_THICKNESSES:g} thicknesses, since forces next to "
+        f"the clamp cannot be told from its own, and {RIM_PITCHES:g} pitches that a press reaches",
     )
     yield Reason(
         about="stand-off of the camera",

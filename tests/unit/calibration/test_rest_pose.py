@@ -8,10 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from manytouch.calibration.clamp_line import force_change, in_words
 from manytouch.calibration.rest_pose import calibrate_rest, fitted_pose
 from manytouch.cli import main
 from manytouch.errors import LayoutError, SensorError
-from manytouch.geometry.camera import project
+from manytouch.geometry.camera import onto_plane, project
 from manytouch.simulation.deformation import flat
 from manytouch.simulation.sensor import demo_sensor
 from manytouch.simulation.simulator import Simulator
@@ -144,6 +145,86 @@ def test_a_marker_that_moves_meanwhile_is_odd(tilted_frames):
     assert float(re.search(r"moved by ([\d.]+) px", sentence).group(1)) == pytest.approx(7.0, abs=0.2)
 
 
+def far_sensor():
+    sensor = tilted_sensor()
+    return replace(sensor, camera=replace(sensor.camera, translation_mm=SHIFT + np.array([0.0, 0.0, 14.0])))
+
+
+@pytest.fixture(scope="module")
+def far_frames():
+    return frames_of(far_sensor(), count=6)
+
+
+def mounted(frames, camera, size_mm, *, outside=0.3, middle_mm=(0.0, 0.0), sides=(1, 1, 1, 1)):
+    """The frames with something darker or lighter where the sheet ends, and noise; no end at sides of 0."""
+    x, y = 0.5 * np.array(size_mm)
+    far = np.where(sides, [x, x, y, y], 400.0)
+    height, width = frames[0].image.shape
+    pixel = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).reshape(-1, 2)
+    place = onto_plane(camera, pixel.astype(np.float64))[:, :2] - middle_mm
+    inside_mm = np.minimum(far[::2] + place, far[1::2] - place).min(axis=1)
+    share = np.clip(0.5 + inside_mm * camera.fx_px / camera.translation_mm[2], 0.0, 1.0).reshape(
+        height, width
+    )
+    share = cv2.GaussianBlur(share, (0, 0), 0.8)
+    chance = np.random.default_rng(4)
+    found = []
+    for frame in frames:
+        grey = frame.image * (outside + (1 - outside) * share) + chance.normal(0.0, 2.0, frame.image.shape)
+        found.append(replace(frame, image=np.clip(grey, 0, 255).round().astype(np.uint8)))
+    return found
+
+
+@pytest.mark.parametrize("outside", [0.3, 3.0], ids=["dark casing", "lit ledge"])
+def test_the_clamp_line_is_found_where_the_sheet_is_seen_to_end(far_frames, outside):
+    sensor = far_sensor()
+    frames = mounted(far_frames, sensor.camera, (121.0, 83.0), outside=outside, middle_mm=(0.5, -0.4))
+    found = calibrate_rest(camera_only(sensor), frames, pitch_mm=4.0)
+    assert found.clamp.side_mm == pytest.approx([-60.0, 61.0, -41.9, 41.1], abs=0.1)
+    taken = calibrate_rest(camera_only(sensor), frames, pitch_mm=4.0, thickness_mm=3.0).sensor
+    assert taken.sheet.size_mm == pytest.approx([121.0, 83.0], abs=0.2)
+    assert taken.sheet.thickness_mm == 3.0
+    assert taken.layout.rest_mm.mean(axis=0) == pytest.approx([-0.5, 0.4, 0.0], abs=0.1)
+    left_px = project(taken.camera, taken.layout.rest_mm) - taken.layout.rest_px
+    assert np.nanmax(np.abs(left_px)) < 0.2
+
+
+def test_a_clamp_line_elsewhere_than_said_is_odd(far_frames):
+    sensor = far_sensor()
+    frames = mounted(far_frames, sensor.camera, (120.0, 83.0))
+    said = Sheet(size_mm=np.array([120.4, 80.0]), thickness_mm=3.0)
+    found = calibrate_rest(sensor, frames, sheet=said)
+    (sentence,) = [sentence for sentence in found.odd if "seen to end elsewhere" in sentence]
+    assert "top at -41.5 mm, bottom at 41.5 mm" in sentence
+    assert "left" not in sentence
+    assert found.sensor.sheet is said
+    assert "seen to end at 120.0 x 83.0 mm; [sheet] says 120.4 x 80 mm" in in_words(found.clamp, said)
+
+
+def test_a_clamp_line_out_of_sight_is_taken_as_given(far_frames):
+    sensor = far_sensor()
+    frames = mounted(far_frames, sensor.camera, (120.0, 83.0), sides=(1, 1, 0, 1))
+    found = calibrate_rest(sensor, frames)
+    assert found.clamp.unseen == ("top",)
+    assert found.clamp.side_mm[[0, 1, 3]] == pytest.approx([-60.0, 60.0, 41.5], abs=0.1)
+    assert "not all sides (top missing), so it is taken as given, 120 x 80 mm" in in_words(
+        found.clamp, sensor.sheet
+    )
+    with pytest.raises(SensorError, match=r"\(top missing\): give its outline by --sheet-mm X,Y"):
+        calibrate_rest(camera_only(sensor), frames, pitch_mm=4.0, thickness_mm=3.0)
+    nowhere = calibrate_rest(sensor, far_frames)
+    assert nowhere.clamp.unseen == ("left", "right", "top", "bottom")
+    assert not any("seen to end" in sentence for sentence in nowhere.odd)
+    assert "shows it on no side" in in_words(nowhere.clamp, sensor.sheet)
+
+
+def test_a_clamp_line_that_lies_elsewhere_changes_forces_near_it():
+    # Beside a straight clamp a plate's stiffness falls with the square of the distance: 1 mm of 10 is 21 %.
+    sheet = Sheet(size_mm=np.array([120.0, 80.0]), thickness_mm=6.0, poisson=0.45)
+    assert force_change(sheet) == pytest.approx(0.2, abs=0.04)
+    assert force_change(replace(sheet, thickness_mm=2.0)) > 0.1
+
+
 def test_what_cannot_be_known_is_refused(tilted_frames):
     with pytest.raises(SensorError, match="give --pitch-mm"):
         calibrate_rest(camera_only(tilted_sensor()), tilted_frames)
@@ -164,7 +245,11 @@ def test_the_verb_writes_a_sensor_that_process_can_use(tmp_path, capsys):
     assert sensor.camera.translation_mm == pytest.approx([0.0, 0.0, 116.3], abs=0.05)
     assert sensor.sheet.size_mm.tolist() == [120.0, 80.0]
     assert sensor.centre_noise_px == pytest.approx(0.008, abs=0.006)
-    assert "px (RMS) from a flat lattice" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert "px (RMS) from a flat lattice" in said
+    assert (
+        "clamp line: the picture shows it on no side, so it is taken as given, 120 x 80 mm; if it lay" in said
+    )
     assert main([*words, "--sheet-mm", "120,80"]) == 2
-    assert "belong together" in capsys.readouterr().err
+    assert "--sheet-mm needs --thickness-mm too" in capsys.readouterr().err
     assert len(list(islice(tmp_path.iterdir(), 5))) == 2

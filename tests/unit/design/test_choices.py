@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from manytouch.cli import main
-from manytouch.design.choose import LEAST_GAP_PX, RIM_MM, design
+from manytouch.design.choose import LEAST_GAP_PX, LEAST_RIM_MM, design, rim_mm
 from manytouch.design.deflection import deflection_curve
 from manytouch.design.materials import MATERIALS, young_MPa
 from manytouch.design.spacing import gap_mm, least_pitch_mm, most_height_mm, most_radius_mm
@@ -96,7 +96,8 @@ def usual():
 
 def test_a_design_fulfils_its_wishes(usual):
     wishes, sensor = usual.wishes, usual.sensor
-    assert sensor.sheet.size_mm.tolist() == [100.0 + 2 * RIM_MM, 60.0 + 2 * RIM_MM]
+    rim = rim_mm(wishes, sensor.sheet.thickness_mm)
+    assert sensor.sheet.size_mm.tolist() == [100.0 + 2 * rim, 60.0 + 2 * rim]
     assert usual.depth_at_most_mm <= wishes.deepest_mm
     assert sensor.sheet.young_std_MPa == pytest.approx(0.3 * sensor.sheet.young_MPa, abs=1e-3)
     assert sensor.layout.pitch_mm[0] <= wishes.separation_mm / 2
@@ -111,6 +112,16 @@ def test_a_design_fulfils_its_wishes(usual):
     assert np.all(reach < sensor.sheet.size_mm / 2)
     gap = usual.curve.least_gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=0.0, depth_mm=10.0)
     assert LEAST_GAP_PX * usual.mm_per_px < gap < 2.0
+
+
+def test_a_thick_sheet_has_a_wider_rim():
+    assert rim_mm(Wishes(separation_mm=8.0), 2.0) == LEAST_RIM_MM
+    assert rim_mm(Wishes(separation_mm=8.0), 3.0) == 12.0
+    assert rim_mm(Wishes(separation_mm=10.0), 4.0) == 15.5
+    thick = design(Wishes(area_mm=(40.0, 25.0), thickness_mm=4.0, force_N=(0.5, 4.0)))
+    assert thick.sensor.sheet.size_mm.tolist() == [68.0, 53.0]
+    (why,) = (reason.why for reason in thick.reasons if reason.about == "clamped outline")
+    assert "a rim of 14 mm: 2 thicknesses" in why
 
 
 def test_the_reason_for_the_room_says_what_else_would_leave_it(usual):
