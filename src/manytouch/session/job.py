@@ -20,6 +20,10 @@ from manytouch.values import Frame, Reading, Sensor
 from manytouch.values.sensor_file import load_sensor
 
 REST_FRAMES = 15
+NO_PRETENSION = (
+    "The sheet has no pretension, since its file names none; where it has one, forces are too small and "
+    "contacts may seem to be at its rim (manytouch calibrate sheet finds it)."
+)
 
 Pitch = float | tuple[float, float]
 
@@ -146,6 +150,8 @@ def prepare(
         close(source)
         raise
     chosen = method or default_method(found)
+    if _lacks_pretension(found, chosen) and NO_PRETENSION not in found.assumptions:
+        found = replace(found, assumptions=(*found.assumptions, NO_PRETENSION))
     return Job(
         text=text,
         source=source,
@@ -155,6 +161,17 @@ def prepare(
         pipeline=pipeline_for(chosen, roi_px),
         method=chosen,
         roi_px=roi_px,
+    )
+
+
+def _lacks_pretension(sensor: Sensor, method: str) -> bool:
+    """Does `mechanics` have to take a sheet for slack, because its file does not say how it is stretched?"""
+    sheet = sensor.sheet
+    return (
+        method == "mechanics"
+        and sheet is not None
+        and not sheet.is_assumed
+        and sheet.pretension_N_per_mm is None
     )
 
 

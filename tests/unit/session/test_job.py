@@ -1,7 +1,7 @@
 """From an input to its folder: what is refused early, what is complete whatever ends the run."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -19,6 +19,7 @@ from manytouch.session import (
     read_into,
     result_name,
 )
+from manytouch.sources.simulated import simulated_source
 from manytouch.values import Frame, Reading, Sensor
 from results import rows_of
 from straight import straight_camera
@@ -178,3 +179,13 @@ def test_the_default_method_is_mechanics_where_the_sheet_is_known() -> None:
     assert prepare(Pictures()).method == "perimeter"
     assert prepare("sim:").method == "mechanics"
     assert prepare("sim:", method="paper").method == "paper"
+
+
+def test_a_pretension_that_no_file_names_is_told_as_assumed() -> None:
+    source = simulated_source("rest", width_px=640)
+    slack = replace(source.sensor, sheet=replace(source.sensor.sheet, pretension_N_per_mm=None))
+    told = prepare(source, sensor=slack, method="mechanics").sensor.assumptions
+    assert sum("no pretension" in sentence for sentence in told) == 1
+    for sensor, method in ((source.sensor, "mechanics"), (slack, "perimeter")):
+        found = prepare(source, sensor=sensor, method=method).sensor
+        assert not any("pretension" in sentence for sentence in found.assumptions)
