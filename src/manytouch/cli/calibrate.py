@@ -53,9 +53,10 @@ def camera(
 ) -> int:
     """Calibrate a camera from views of a board, and say how well it is known.
 
-    Sharp views that differ are chosen by themselves; each picture that is refused is
-    named with the reason, and what is missing is said while looking. Take 15 or more:
-    tilted in different directions, near and far, in the middle and in every corner.
+    Sharp views that differ are chosen by themselves; each picture that is refused
+    is named with the reason, and what is missing is said while looking. Take 15 or
+    more: tilted in different directions, near and far, in the middle and in every
+    corner.
 
     Example: manytouch calibrate camera views/*.jpg --board chessboard:9x6 --square-mm 25 --out camera.toml
     """
@@ -116,8 +117,9 @@ def rest(
 ) -> int:
     """Find the pose of the sheet, its markers and their noise from a few untouched seconds.
 
-    Says how far the markers are from a flat lattice, which are missing, how much they jitter, where the
-    sheet is seen to end, and what is odd: a sheet that is not flat, markers cut off, a wrong scale.
+    Says how far the markers are from a flat lattice, which are missing, how much
+    they jitter, where the sheet is seen to end, and what is odd: a sheet that is
+    not flat, markers cut off, a wrong scale.
 
     Example: manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm 4 --out sensor.toml
     """
@@ -190,10 +192,11 @@ def sheet(
 ) -> int:
     """Find pretension, bending factor, thickness and stiffness from presses at known places.
 
-    The table has the columns input, time_s, x_mm, y_mm, radius_mm, normal_force_N. Each recording
-    begins untouched; time_s says when a press is held (empty: at the end). At least one force in N is
-    needed for stiffness. --plan writes such a table for weights of 50, 100 and 200 g. Without a table
-    you are asked for the presses of a recording, or to press before a camera; what you type is kept as a
+    The table has the columns input, time_s, x_mm, y_mm, radius_mm, normal_force_N.
+    Each recording begins untouched; time_s says when a press is held (empty: at
+    the end). At least one force in N is needed for stiffness. --plan writes such a
+    table for weights of 50, 100 and 200 g. Without a table you are asked for the
+    presses of a recording, or to press before a camera; what you type is kept as a
     table beside the new sensor file.
 
     Example: manytouch calibrate sheet presses.csv --sensor sensor.toml --out calibrated.toml

@@ -38,10 +38,10 @@ def demo(
 ) -> int:
     """Press a simulated sensor with several fingers, and watch what is read from its pictures.
 
-    The viewer shows surface and contacts in the browser, the truth beside them, and
-    the mouse presses the sheet, until Ctrl-C; with --no-view or --seconds it ends by
-    itself. Tables as from manytouch process (of five minutes at most, where there is
-    no end) and a picture are left in the output folder.
+    The viewer shows surface and contacts in the browser, the truth beside them,
+    and the mouse presses the sheet, until Ctrl-C; with --no-view or --seconds it
+    ends by itself. Tables as from manytouch process (of five minutes at most,
+    where there is no end) and a picture are left in the output folder.
 
     Example: manytouch demo --seconds 5
     """

@@ -55,9 +55,10 @@ def design(
 ) -> int:
     """Choose a sheet, its markers and where the camera stands; write a sensor file and parts.
 
-    The folder holds sensor.toml, design.md with all reasons, parts/ (STL, 3MF), patterns/ (SVG, PDF in
-    true size, boards for calibrating), bill_of_materials.csv and assembly.md; with --predict
-    accuracy.csv, accuracy.png and tradeoff.png too.
+    The folder holds sensor.toml, design.md with all reasons, parts/ (STL, 3MF),
+    patterns/ (SVG, PDF in true size, boards for calibrating),
+    bill_of_materials.csv and assembly.md; with --predict accuracy.csv,
+    accuracy.png and tradeoff.png too.
 
     Example: manytouch design --area-mm 100,60 --force-N 0.1,10 --out my-sensor --explain
     """

@@ -19,8 +19,9 @@ def doctor(
     """Say what works on this machine and, with a source, how well its dots can be read.
 
     Of a camera: what it says of size, rate, exposure and focus, and how many
-    pictures really come. Of any source: dots, contrast, focus, exposure, the arrangement found or why there
-    is none, noise; each with a remedy where it is poor.
+    pictures really come. Of any source: dots, contrast, focus, exposure, the
+    arrangement found or why there is none, noise; each with a remedy where it is
+    poor.
 
     Example: manytouch doctor press.mp4
     """

@@ -65,12 +65,14 @@ def evaluate(
 ) -> int:
     """Compare results with the truth: dots, depth, contacts, forces, separation, uncertainty, latency.
 
-    Writes report.html, one page that needs nothing else, and the same figures as report.json.
+    Writes report.html, one page that needs nothing else, and the same figures as
+    report.json.
 
     Example: manytouch evaluate results/press simulated/truth --out report
 
-    Without folders every method is run on the accuracy suite, which is simulated: manytouch evaluate
-    --quick --out report. A run that was killed goes on where it ended.
+    Without folders every method is run on the accuracy suite, which is simulated:
+    manytouch evaluate --quick --out report. A run that was killed goes on where it
+    ended.
     """
     from manytouch.cli.console import Reporter
     from manytouch.evaluation.report import require_packages, write_report

@@ -23,8 +23,9 @@ def simulate(
     """Press a simulated sheet as a scene file says; write pictures, sensor file and truth.
 
     The folder gets frames/000000.png and on, sensor.toml, truth/contacts.csv and
-    truth/markers.parquet. The sheet is solved with finite elements in 3-D at keyframes,
-    some seconds each. Solved states are kept, so after Ctrl-C the same command goes on.
+    truth/markers.parquet. The sheet is solved with finite elements in 3-D at
+    keyframes, some seconds each. Solved states are kept, so after Ctrl-C the same
+    command goes on.
 
     Example: manytouch simulate two_fingers.toml --out simulated
     """

@@ -10,6 +10,8 @@ from manytouch.cli.process import folder_names
 from manytouch.cli.stopping import Stop
 from manytouch.errors import ManytouchError
 
+VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "doctor")
+
 
 @pytest.mark.parametrize(
     ("inputs", "names"),
@@ -76,6 +78,16 @@ def test_wrong_words_name_the_help_that_says_more(words, said, capsys):
 def test_options_of_two_numbers_offer_no_empty_ones(capsys):
     assert main(["design", "--help"]) == 0
     assert "--empty" not in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("verb", [*VERBS, "calibrate camera", "calibrate rest", "calibrate sheet"])
+def test_help_has_an_example_and_breaks_its_lines_where_they_were_written(verb, capsys):
+    assert main([*verb.split(), "--help"]) == 0
+    explained = capsys.readouterr().out.split("╭")[0]
+    assert f"Example: manytouch {verb}" in explained
+    paragraphs = explained.split("\n\n")[2:]
+    for lines in (text.splitlines() for text in paragraphs if "Example:" not in text):
+        assert all(len(line) > 40 for line in lines[:-1]), lines
 
 
 def test_failures_are_one_line_even_when_the_message_has_more(capsys, monkeypatch):
