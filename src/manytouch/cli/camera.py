@@ -30,7 +30,8 @@ def pace_in_words(health: Health) -> str:
     late = (
         f"{health.latency_ms_p50:.0f} ms in the median, {health.latency_ms_p99:.0f} ms for the latest of 100"
     )
-    return f"from frame to reading {late}; {health.frames} frames read, {health.dropped} dropped"
+    read = "1 frame" if health.frames == 1 else f"{health.frames} frames"
+    return f"from frame to reading {late}; {read} read, {health.dropped} dropped"
 
 
 def rate_in_words(source: Device) -> str:

@@ -15,7 +15,7 @@ from manytouch.sources.camera import without_password
 from manytouch.sources.capture import CameraWishes
 from manytouch.sources.images import ImagesSource
 from manytouch.sources.replay import ReplaySource
-from manytouch.sources.source import Device
+from manytouch.sources.source import ASSUMED_FPS, Device
 from manytouch.values import Frame, Reading, Sensor
 from manytouch.values.sensor_file import load_sensor
 
@@ -23,6 +23,9 @@ REST_FRAMES = 15
 NO_PRETENSION = (
     "The sheet has no pretension, since its file names none; where it has one, forces are too small and "
     "contacts may seem to be at its rim (manytouch calibrate sheet finds it)."
+)
+NO_RATE = (
+    f"There are {ASSUMED_FPS:g} frames per second, since the input does not say how many (--fps says it)."
 )
 
 Pitch = float | tuple[float, float]
@@ -150,8 +153,11 @@ def prepare(
         close(source)
         raise
     chosen = method or default_method(found)
-    if _lacks_pretension(found, chosen) and NO_PRETENSION not in found.assumptions:
-        found = replace(found, assumptions=(*found.assumptions, NO_PRETENSION))
+    assumed = [NO_PRETENSION] if _lacks_pretension(found, chosen) else []
+    if source.fps is None and not source.is_live and source.frame_count != 1:
+        assumed.append(NO_RATE)
+    if new := [sentence for sentence in assumed if sentence not in found.assumptions]:
+        found = replace(found, assumptions=(*found.assumptions, *new))
     return Job(
         text=text,
         source=source,

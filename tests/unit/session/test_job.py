@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -189,3 +190,13 @@ def test_a_pretension_that_no_file_names_is_told_as_assumed() -> None:
     for sensor, method in ((source.sensor, "mechanics"), (slack, "perimeter")):
         found = prepare(source, sensor=sensor, method=method).sensor
         assert not any("pretension" in sentence for sentence in found.assumptions)
+
+
+def test_a_rate_that_nobody_names_is_told_as_assumed() -> None:
+    def says(**settings: Any) -> bool:
+        told = prepare(Pictures(**settings)).sensor.assumptions
+        return any("30 frames per second" in sentence for sentence in told)
+
+    assert says(fps=None)
+    assert not says(fps=25.0)
+    assert not says(fps=None, frames=1)
