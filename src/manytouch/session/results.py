@@ -13,6 +13,9 @@ from manytouch.sinks.staging import aside, remove, told
 from manytouch.sinks.summary import Summary
 from manytouch.sinks.surface import SurfaceMap, require_zarr
 from manytouch.sinks.tables import ContactTable, FrameTable, MarkerTable
+from manytouch.sources import Source
+from manytouch.sources.images import ImagesSource
+from manytouch.sources.video import VideoSource
 from manytouch.values import Sensor
 
 RESULTS = (
@@ -111,7 +114,7 @@ def files_in(
     """
     if surface:
         require_zarr()
-    _check_apart(folder, Path(job.text).expanduser())
+    _check_apart(folder, job.source)
     _clear(folder)
     summary = Summary(
         folder, sensor=job.sensor, pipeline=job.pipeline, method=job.method, recording=job.recording
@@ -168,13 +171,15 @@ def result_name(text: str) -> str:
     return name or "input"
 
 
-def _check_apart(folder: Path, read: Path) -> None:
-    """Results replace those of an earlier run, so that what is read must be none of them."""
-    is_inside = read.is_dir() and folder.is_dir() and folder.samefile(read)
-    is_result = read.is_file() and any(
-        (folder / name).exists() and read.samefile(folder / name) for name in RESULTS
+def _check_apart(folder: Path, source: Source) -> None:
+    """Results replace those of an earlier run, so that what is read must not lie among them."""
+    if not folder.is_dir():
+        return
+    is_beside = isinstance(source, ImagesSource) and source.paths[0].parent.samefile(folder)
+    is_result = isinstance(source, VideoSource) and any(
+        (folder / name).exists() and source.path.samefile(folder / name) for name in RESULTS
     )
-    if is_inside or is_result:
+    if is_beside or is_result:
         raise OutputError(
             f"the results would go into {folder}, among what is read: choose another folder for them"
         )

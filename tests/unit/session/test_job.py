@@ -200,3 +200,12 @@ def test_a_rate_that_nobody_names_is_told_as_assumed() -> None:
     assert says(fps=None)
     assert not says(fps=25.0)
     assert not says(fps=None, frames=1)
+
+
+def test_results_may_have_the_name_of_a_source_that_is_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for _ in range(2):
+        read_into(prepare(Pictures(frames=3)), Path("drawn"))
+    assert {path.name for path in Path("drawn").iterdir()} == TABLES
