@@ -164,8 +164,12 @@ def test_what_is_read_is_not_among_the_results_that_are_replaced(tmp_path: Path)
     words = command("process", folder, "--out", tmp_path, "--picture", "1")
     done = subprocess.run(words, capture_output=True, text=True, timeout=900, check=False)
     assert done.returncode == 1
-    assert "choose another folder" in done.stderr
+    assert "replace picture-000000.png, which is read: choose another folder" in done.stderr
     assert len(list(folder.iterdir())) == 3
+    for path in list(folder.iterdir()):
+        path.rename(folder / path.name.removeprefix("picture-"))
+    assert "results in" in run("process", folder, "--out", tmp_path)
+    assert {path.name for path in folder.iterdir()} == FILES | {f"{index:06d}.png" for index in range(3)}
 
 
 def test_a_run_replaces_all_of_an_earlier_one_and_says_which_picture_is_missing(tmp_path: Path) -> None:

@@ -172,17 +172,19 @@ def result_name(text: str) -> str:
 
 
 def _check_apart(folder: Path, source: Source) -> None:
-    """Results replace those of an earlier run, so that what is read must not lie among them."""
-    if not folder.is_dir():
-        return
-    is_beside = isinstance(source, ImagesSource) and source.paths[0].parent.samefile(folder)
-    is_result = isinstance(source, VideoSource) and any(
-        (folder / name).exists() and source.path.samefile(folder / name) for name in RESULTS
-    )
-    if is_beside or is_result:
-        raise OutputError(
-            f"the results would go into {folder}, among what is read: choose another folder for them"
-        )
+    """Results replace those of an earlier run, so that what is read must be none of them."""
+    read: Sequence[Path] = ()
+    if isinstance(source, ImagesSource):
+        read = source.paths
+    elif isinstance(source, VideoSource):
+        read = [source.path]
+    for path in read:
+        place = folder / path.name
+        if (path.match(CHOSEN) or path.name in RESULTS) and place.exists() and path.samefile(place):
+            raise OutputError(
+                f"the results would go into {folder} and replace {path.name}, which is read: choose another "
+                "folder for them"
+            )
 
 
 def _clear(folder: Path) -> None:
