@@ -5,6 +5,7 @@ import io
 import math
 from collections.abc import Iterator, Mapping
 
+from manytouch.calibration.protocol import TIP_RADIUS_MM, WEIGHTS_G
 from manytouch.design.casing import CasingChoices, Part, height_mm, ledge_mm, screw_places
 from manytouch.design.choose import Design
 from manytouch.design.meshing import PartMesh
@@ -63,11 +64,13 @@ def assembly(found: Design, choices: CasingChoices) -> str:
         f"Lay an LED strip on the ledge all around ({_strip_mm(found, choices):.0f} mm), and its cable and "
         "the camera's through the hole. Spread the light with a strip of white paper before it.",
         "Paint or line the inside matt black; the markers alone shall shine.",
+        "Lay the printed marker pattern on the rim, markers down; focus the camera on it, then lock focus, "
+        "exposure and white balance. Take it off and `manytouch calibrate camera` with a printed board; "
+        "later the sheet is in the way.",
         f"Put {screws} M3 nuts into the flange from below. Lay the sheet on the rim, markers down, without "
         "pulling it; lay the clamp on it and tighten the screws crosswise, a little at a time.",
-        "Focus the camera on the markers and lock focus, exposure and white balance.",
-        "`manytouch calibrate camera` with the printed chessboard, then `manytouch calibrate rest`, then "
-        "`manytouch calibrate sheet` with presses of known force: only then are newtons newtons.",
+        "`manytouch calibrate rest`, then `manytouch calibrate sheet` with presses of known force: only then "
+        "are newtons newtons.",
     )
     lines = [f"# {sensor.name}", "", *(f"{place}. {step}" for place, step in enumerate(steps, 1)), ""]
     return "\n".join(lines)
@@ -92,6 +95,9 @@ def _bought(found: Design, choices: CasingChoices) -> Iterator[list[object]]:
         f"{_strip_mm(found, choices):.0f} mm, white, 5 V",
         f"at most {ledge_mm(found.sensor, choices):.0f} mm wide",
     ]
+    yield ["matt black paint", 1, "spray, or black flock", "inside of the casing"]
+    yield ["ball", 1, f"{2 * TIP_RADIUS_MM:g} mm, a marble", "under the weights, or as the printer's tip"]
+    yield ["weights", 1, f"{', '.join(f'{grams:g}' for grams in WEIGHTS_G)} g", "or a kitchen scale"]
     yield ["USB cable", 1, "of the camera", f"through a hole of {2 * choices.cable_radius_mm:g} mm"]
 
 

@@ -83,9 +83,14 @@ def board_page(board: Board) -> "Figure":
         )
 
     def draw(axes: "Axes") -> None:
-        from matplotlib.collections import PatchCollection
+        from matplotlib.patches import PathPatch
+        from matplotlib.path import Path as Outline
 
-        axes.add_collection(PatchCollection(_ink(board, -0.5 * size), fc="black", ec="none"))
+        # One path, since neighbours that are filled one by one are printed with a hairline between them.
+        ink = [
+            item.get_patch_transform().transform_path(item.get_path()) for item in _ink(board, -0.5 * size)
+        ]
+        axes.add_patch(PathPatch(Outline.make_compound_path(*ink), fc="black", ec="none"))
         label = f"{board}, {'squares' if board.has_corners else 'distance'} of {side:g} mm"
         axes.text(size[0] / 2, size[1] / 2 + 7.0, label, ha="right", va="center", fontsize=8)
         _ruler(axes, -size[0] / 2, size[1] / 2 + 5.0)

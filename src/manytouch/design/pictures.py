@@ -34,7 +34,9 @@ def draw_accuracy(found: Design, predicted: PredictedAccuracy, path: Path) -> No
     figure = _figure((13.0, 3.6))
     figure.suptitle(
         f"predicted deviations of a fingertip of about {np.nanmean(predicted.force_N):.2g} N on "
-        f"{found.sensor.name}, {found.material.name}, calibrated"
+        f"{found.sensor.name}, {found.material.name}, calibrated\n"
+        "pressed where the numbers stand; the other quarters are its mirror images",
+        fontsize=11,
     )
     maps = (
         ("position, mm", predicted.position_std_mm),
@@ -119,6 +121,7 @@ def _map(axes: "Axes", place_mm: np.ndarray, values: np.ndarray, name: str) -> N
             bbox={"fc": "white", "ec": "none", "pad": 1},
         )
     axes.set(title=name, xlabel="x, mm", ylabel="y, mm", aspect="equal")
-    axes.margins(0.08)
+    axes.use_sticky_edges = False
+    axes.margins(0.1)
     axes.invert_yaxis()
     axes.figure.colorbar(drawn, ax=axes, shrink=0.8)

@@ -241,6 +241,14 @@ def test_a_printed_board_is_found_and_has_its_size(text: str):
     assert min(errors) < 0.1, "up to half a turn, which boards of squares or circles do not tell"
 
 
+def test_black_is_one_path_so_that_no_hairline_is_printed_in_it(tmp_path: Path):
+    svg, _ = write_board(board_of("charuco:10x7", 25.0), tmp_path / "board")
+    paths = re.findall(r'<path d="([^"]*)"', svg.read_text().partition('<g id="text_')[0])
+    closed = [path for path in paths if path.rstrip().endswith("z")]
+    _page, ink = closed
+    assert ink.count("M") > 100
+
+
 def test_a_design_comes_with_everything(found, tmp_path: Path):
     assert write_design(found, tmp_path, step=True) == ()
     names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
@@ -263,6 +271,10 @@ def test_a_design_comes_with_everything(found, tmp_path: Path):
         row["item"]: row
         for row in csv.DictReader((tmp_path / "bill_of_materials.csv").read_text().splitlines())
     }
+    assert items["ball"]["what"] == "16 mm, a marble"
+    guide = (tmp_path / "assembly.md").read_text()
+    in_order = ["Print `casing.stl`", "calibrate camera", "Lay the sheet on the rim", "calibrate rest"]
+    assert sorted(in_order, key=guide.index) == in_order
     assert items["nut"]["count"] == str(len(screw_places(found.sensor, CHOICES)))
     import build123d
 
