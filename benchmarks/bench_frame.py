@@ -64,7 +64,10 @@ def endless(frames: tuple[Frame, ...], fps: float) -> Iterator[Frame]:
 def row(name: str, wall_ms: list[float], own_ms: list[float] | None = None) -> str:
     p50, p90, p99 = np.percentile(wall_ms, [50, 90, 99])
     words = f"{name:34} p50 {p50:6.2f}  p90 {p90:6.2f}  p99 {p99:6.2f}  p99/p50 {p99 / p50:4.1f}"
-    return words if own_ms is None else f"{words}   processor p50 {np.median(own_ms):6.2f}"
+    if own_ms is None:
+        return words
+    p50, p90, p99 = np.percentile(own_ms, [50, 90, 99])
+    return f"{words}   processor p50 {p50:6.2f}  p90 {p90:6.2f}  p99 {p99:6.2f}"
 
 
 def main() -> None:

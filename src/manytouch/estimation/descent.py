@@ -16,6 +16,7 @@ import numpy as np
 
 from manytouch.estimation.force_clusters import smoothed
 from manytouch.estimation.sheet_model import SheetModel
+from manytouch.mechanics.normal import Curvature
 from manytouch.mechanics.patch import Nodal
 from manytouch.values.arrays import Covariances2, Points2, read_only
 
@@ -27,10 +28,21 @@ class SheetShape:
     Attributes:
         coefficient_mm: (n, 3) of the displacement of the middle surface.
         force_mm2: (n, 3) nodal forces over E of what touches the sheet; a press has z < 0.
+        moved_px: (m, 2) displacements of the dots' images.
     """
 
     coefficient_mm: Nodal
     force_mm2: Nodal
+    moved_px: Points2
+
+    @staticmethod
+    def of(model: SheetModel, coefficient_mm: Nodal) -> "SheetShape":
+        """The shape with these coefficients."""
+        return SheetShape(
+            coefficient_mm=read_only(coefficient_mm),
+            force_mm2=read_only(model.shell.forces(coefficient_mm)),
+            moved_px=read_only(model.dots.displacement_px(coefficient_mm)),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -39,14 +51,14 @@ class Fit:
 
     Attributes:
         shape: the last shape that lowered the sum.
-        weight_mm4: (n, 3) of the balance in the last step.
+        near: curvature of the objective, for read-outs of this frame and for the first step of the next.
         chi2: mean square of the residuals over their deviation, of the dots that count.
-        steps: that were taken.
+        steps: whole ones that were taken; none where one with the curvature of the frame before was enough.
         status: "ok" or "not_converged".
     """
 
     shape: SheetShape
-    weight_mm4: Nodal
+    near: Curvature
     chi2: float
     steps: int
     status: str
@@ -63,7 +75,11 @@ class SparseDescent:
         nearby: share of the mean square over the nodes around it that a node's own force counts at least.
         prior: weight of the normal forces against the dots.
         settled: steps go on while the normal forces change by more than this share in one, not counting
-            what changes by less than `sparse`, up to `usual_steps`: a sheet at rest needs a single step.
+            what changes by less than `sparse`, up to `usual_steps`: a sheet at rest needs none.
+        renew_frames: a step with the curvature of an earlier frame is enough while normal forces are settled
+            against those that it was made with, for so many frames; without end where nothing presses.
+        same_dots: that curvature is good for a first step while the weights of the dots
+            changed by no more than this share.
         far_chi2: above it the shape is far off, and steps go on as long as each lowers it by the share
             `least_gain`, up to `most_steps`.
         lost_chi2: above it nothing is explained, and the shape stays that of the frame before.
@@ -78,10 +94,12 @@ class SparseDescent:
     nearby: float = 0.5
     prior: float = 3.0
     settled: float = 0.1
+    renew_frames: int = 3
+    same_dots: float = 0.1
     far_chi2: float = 4.0
     lost_chi2: float = 400.0
     least_gain: float = 0.3
-    usual_steps: int = 4
+    usual_steps: int = 2
     most_steps: int = 6
     longest_pitch: float = 1.5
     halvings: int = 3
@@ -94,6 +112,9 @@ class SparseDescent:
         measured_px: Points2,
         information: Covariances2,
         noise: float = 1.0,
+        *,
+        near: Curvature | None = None,
+        near_frames: int = 0,
     ) -> Fit:
         """Steps from the shape of the frame before.
 
@@ -104,9 +125,19 @@ class SparseDescent:
             information: (m, 2, 2) per px^2; 0 where not seen.
             noise: how much noisier than usual the dots are; the prior is eased by it and `sparse` grows with
                 it, or what their noise hides would count as evidence against a force.
+            near: curvature of the frame before: the first step is taken with it. It is the only one where
+                forces stay what they were when it was made.
+            near_frames: frames since it was made.
         """
         shape, steps, status = start, 0, "ok"
-        at = _Place.of(model, shape.coefficient_mm, measured_px, information)
+        at = _Place.of(model, shape, measured_px, information)
+        if near is not None:
+            tried = self._chord(model, near, at)
+            if tried is not None:
+                shape, at = tried.shape, tried
+                share = self.settled if near_frames < self.renew_frames else 0.0
+                if at.chi2 <= self.far_chi2 and self._is_settled(model, near.force, shape.force_mm2, share):
+                    return Fit(shape=shape, near=near, chi2=at.chi2, steps=0, status="ok")
         while True:
             weight = self.weights(model, shape.force_mm2, noise)
             before = at.cost(weight)
@@ -114,30 +145,39 @@ class SparseDescent:
             change_mm = model.normal.step(at.residual_px, information, weight)
             change_mm /= max(float(np.abs(change_mm).max()) / (self.longest_pitch * model.pitch_mm), 1.0)
             for _ in range(self.halvings + 1):
-                tried_mm = shape.coefficient_mm + change_mm
-                tried = _Place.of(model, tried_mm, measured_px, information)
-                if tried.cost(weight) <= before * (1.0 + 1e-6):
+                there = at.moved(model, change_mm)
+                if there.cost(weight) <= before * (1.0 + 1e-6):
                     break
                 change_mm *= 0.5
             else:
                 status = "not_converged"
                 break
-            gain, at = at.chi2 - tried.chi2, tried
-            before_mm2, shape = (
-                shape.force_mm2,
-                SheetShape(coefficient_mm=read_only(tried_mm), force_mm2=read_only(at.force_mm2)),
-            )
+            gain, earlier, at, shape = at.chi2 - there.chi2, shape, there, there.shape
             steps += 1
             if at.chi2 > self.far_chi2 and gain > self.least_gain * at.chi2:
                 if steps >= self.most_steps:
                     break
-            elif steps >= self.usual_steps or self._is_settled(model, before_mm2, shape.force_mm2):
+            elif steps >= self.usual_steps or self._is_settled(
+                model, earlier.force_mm2, shape.force_mm2, self.settled
+            ):
                 break
         if at.chi2 <= self.far_chi2:
             status = "ok"
         elif at.chi2 > self.lost_chi2:
             shape, status = start, "not_converged"
-        return Fit(shape=shape, weight_mm4=weight, chi2=at.chi2, steps=steps, status=status)
+        return Fit(shape=shape, near=model.normal.kept(), chi2=at.chi2, steps=steps, status=status)
+
+    def _chord(self, model: SheetModel, near: Curvature, at: "_Place") -> "_Place | None":
+        """Where a step with an earlier curvature leads; None where that does not help."""
+        changed = float(np.abs(at.information - near.information).sum())
+        if changed > self.same_dots * float(np.abs(near.information).sum()):
+            return None
+        model.normal.recall(near)
+        change_mm = model.normal.chord_step(at.residual_px, at.information, at.balance_mm2)
+        if float(np.abs(change_mm).max()) > self.longest_pitch * model.pitch_mm:
+            return None
+        there = at.moved(model, change_mm)
+        return there if there.cost(near.weight) <= at.cost(near.weight) * (1.0 + 1e-6) else None
 
     def weights(self, model: SheetModel, force_mm2: Nodal, noise: float = 1.0) -> Nodal:
         """(n, 3) weights of tangential and normal forces."""
@@ -153,34 +193,39 @@ class SparseDescent:
         weight[model.is_outside] *= self.outside
         return weight
 
-    def _is_settled(self, model: SheetModel, before_mm2: Nodal, now_mm2: Nodal) -> bool:
+    def _is_settled(self, model: SheetModel, before_mm2: Nodal, now_mm2: Nodal, share: float) -> bool:
         counts = ~model.is_outside
         least_mm2 = self.sparse * model.lattice.force_unit_mm2
         change_mm2 = np.abs(now_mm2 - before_mm2)[counts, 2] - least_mm2
         all_mm2 = float(np.abs(now_mm2[counts, 2]).sum())
-        return float(np.maximum(change_mm2, 0.0).sum()) <= self.settled * all_mm2
+        return float(np.maximum(change_mm2, 0.0).sum()) <= share * all_mm2
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Place:
-    """Where the descent is: residuals, forces and their balance along the bent sheet."""
+    """Where the descent is, and what is left over there of the dots and of the balance of forces."""
 
-    residual_px: Points2
+    shape: SheetShape
+    measured_px: Points2
     information: Covariances2
-    force_mm2: Nodal
     balance_mm2: Nodal
 
     @staticmethod
-    def of(
-        model: SheetModel, coefficient_mm: Nodal, measured_px: Points2, information: Covariances2
-    ) -> "_Place":
-        force_mm2 = model.shell.forces(coefficient_mm)
+    def of(model: SheetModel, shape: SheetShape, measured_px: Points2, information: Covariances2) -> "_Place":
         return _Place(
-            residual_px=model.dots.displacement_px(coefficient_mm) - measured_px,
+            shape=shape,
+            measured_px=measured_px,
             information=information,
-            force_mm2=force_mm2,
-            balance_mm2=balance(model, coefficient_mm, force_mm2),
+            balance_mm2=balance(model, shape.coefficient_mm, shape.force_mm2),
         )
+
+    def moved(self, model: SheetModel, change_mm: Nodal) -> "_Place":
+        there = SheetShape.of(model, self.shape.coefficient_mm + change_mm)
+        return _Place.of(model, there, self.measured_px, self.information)
+
+    @property
+    def residual_px(self) -> Points2:
+        return np.asarray(self.shape.moved_px - self.measured_px)
 
     @property
     def misfit(self) -> float:

@@ -26,6 +26,7 @@ from manytouch.estimation.touching import Touching
 from manytouch.estimation.trust import MarkerTrust, SurfaceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
+from manytouch.mechanics.normal import Curvature
 from manytouch.values import Contacts, Sensor, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars, read_only
 
@@ -43,6 +44,8 @@ class InversionMemory:
         began_px, reference_px: (m, 2) dots of the untouched sheet, at the start and now.
         pitch_px, model_px: pitch in the image, and what the model does not explain of a dot's place.
         shape: of the frame before.
+        near: curvature of the last frame that took a whole step; None before the first.
+        near_frames: frames since then.
         seen_mm: (k, 2) where forces stood in the frame before, contacts or not.
         grips: of the contacts on the sheet.
         lives: contacts that last.
@@ -57,6 +60,8 @@ class InversionMemory:
     pitch_px: float
     model_px: float
     shape: SheetShape
+    near: Curvature | None
+    near_frames: int
     seen_mm: Float64[np.ndarray, "k 2"]
     grips: Grips
     lives: Lives
@@ -143,7 +148,9 @@ class MechanicalInversion:
             reference_px=read_only(rest_px.copy()),
             pitch_px=pitch_px,
             model_px=model_px,
-            shape=SheetShape(coefficient_mm=still, force_mm2=still),
+            shape=SheetShape.of(model, still),
+            near=None,
+            near_frames=0,
             seen_mm=read_only(np.zeros((0, 2))),
             grips=Grips(),
             lives=self.identity.start(sensor),
@@ -158,7 +165,15 @@ class MechanicalInversion:
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         information = self._information(state, grid, measured_px)
         noise = max(1.0, self._std_px(state, grid) / (self.usual * state.model_px))
-        fit = self.descend(model, state.shape, measured_px, information, noise)
+        fit = self.descend(
+            model,
+            state.shape,
+            measured_px,
+            information,
+            noise,
+            near=state.near,
+            near_frames=state.near_frames,
+        )
         status = grid.status if grid.status != "ok" else fit.status
         clusters, significance = self._clusters(state, fit, noise)
         surface = self._surface(state, grid, fit, clusters, status)
@@ -179,7 +194,14 @@ class MechanicalInversion:
         if status == "ok" and not lives.lives and not any(is_firm):
             reference_px = self.settle(reference_px, state.began_px, grid, state.pitch_px)
         after = replace(
-            state, shape=fit.shape, lives=lives, grips=grips, reference_px=reference_px, seen_mm=seen_mm
+            state,
+            shape=fit.shape,
+            near=fit.near,
+            near_frames=0 if fit.steps else state.near_frames + 1,
+            lives=lives,
+            grips=grips,
+            reference_px=reference_px,
+            seen_mm=seen_mm,
         )
         return after, surface, contacts
 
@@ -207,7 +229,14 @@ class MechanicalInversion:
         reference_px = state.reference_px
         if surface.status == "ok" and not pads.lives.lives:
             reference_px = self.settle(reference_px, state.began_px, grid, state.pitch_px)
-        after = replace(state, shape=fit.shape, pads=pads, reference_px=reference_px)
+        after = replace(
+            state,
+            shape=fit.shape,
+            near=fit.near,
+            near_frames=0 if fit.steps else state.near_frames + 1,
+            pads=pads,
+            reference_px=reference_px,
+        )
         return after, surface, replace(contacts, contacts=tuple(told))
 
     @staticmethod
@@ -220,9 +249,8 @@ class MechanicalInversion:
         """(m, 2, 2) inverse covariances of the displacements times the trust in them."""
         noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
         variance_px2 = noise_px2 + state.model_px**2
-        expected_px = state.model.dots.displacement_px(state.shape.coefficient_mm)
         trust = self.gate(
-            measured_px - expected_px, np.sqrt(variance_px2), grid.is_seen, state.neighbours.index
+            measured_px - state.shape.moved_px, np.sqrt(variance_px2), grid.is_seen, state.neighbours.index
         )
         return np.asarray((trust / variance_px2)[:, None, None] * np.eye(2))
 

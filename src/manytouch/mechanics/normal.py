@@ -1,6 +1,6 @@
 """One Gauss-Newton step from the dots in the image to the shape of the sheet and the forces on it."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float, Float64, Int64
@@ -29,13 +29,33 @@ class Linearisation:
     balance: Nodal
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Curvature:
+    """The normal matrix of a step, and the linearisation it was made of: good for all that is near.
+
+    Attributes:
+        factor: of the matrix; None before there is one.
+        tangent, force, slope, derivative: of the sheet and its dots there.
+        weight: (n, 3) of the balance.
+        information: (m, 2, 2) of the dots.
+    """
+
+    factor: BandFactor | None
+    tangent: Float[np.ndarray, "nodes 3 3 7 8"]
+    force: Nodal
+    slope: Float64[np.ndarray, "nodes 2"]
+    derivative: Float64[np.ndarray, "m 2 16 3"]
+    weight: Nodal
+    information: Float64[np.ndarray, "m 2 2"]
+
+
 @dataclass(eq=False, kw_only=True)
 class NormalEquations:
     """The normal equations of the dots' residuals and the weighted forces, with room to build them in.
 
     Minimised is sum r^T W r + sum weight (T f)^2 (docs/derivations/mechanics.md, "Step"). The object
     keeps its buffers from one step to the next; what it returns depends on the arguments only. `step`
-    uses the last `linearise`, the read-outs of H use the last `step`.
+    uses the last `linearise`; `chord_step` and the read-outs of H use the last `step`, or what was recalled.
 
     Attributes:
         shell: the sheet.
@@ -71,7 +91,7 @@ class NormalEquations:
             for table in (self._at_nodes.dx, self._at_nodes.dy)
         )
         self._held = np.flatnonzero(~patch.is_free.ravel())
-        self._factor: BandFactor | None = None
+        self._near: Curvature | None = None
 
     def linearise(self, coefficient_mm: Nodal) -> Linearisation:
         """Work out forces, tangent and dots at these coefficients."""
@@ -81,6 +101,15 @@ class NormalEquations:
         w = coefficient_mm[self._at_nodes.node, 2]
         self._slope[:, 0] = (self._at_nodes.dx * w).sum(axis=1)
         self._slope[:, 1] = (self._at_nodes.dy * w).sum(axis=1)
+        self._near = Curvature(
+            factor=None,
+            tangent=self._tangent,
+            force=self._force,
+            slope=self._slope,
+            derivative=self._derivative,
+            weight=np.zeros_like(self._force),
+            information=np.zeros((len(self._derivative), 2, 2)),
+        )
         force = self._force.copy()
         balance = force.copy()
         balance[:, :2] += self._slope * force[:, 2:]
@@ -110,21 +139,69 @@ class NormalEquations:
             if factor is not None:
                 break
             damping = max(LEAST_DAMPING, 10.0 * damping)
-        self._factor, self.damping = factor, damping
+        self.damping = damping
+        self._near = replace(
+            self._linear, factor=factor, weight=force_weight_per_mm4, information=information_per_px2
+        )
         change: Nodal = -factor.solve(gradient[None])[0].reshape(-1, 3)
+        return change
+
+    def kept(self) -> Curvature:
+        """The curvature of the last `step`, to be recalled later: nothing worked out later changes it."""
+        near = self._linear
+        return replace(
+            near,
+            factor=BandFactor(lower=self._last.lower.copy()),
+            tangent=near.tangent.copy(),
+            force=near.force.copy(),
+            slope=near.slope.copy(),
+        )
+
+    def recall(self, near: Curvature) -> None:
+        """Go back to the curvature of an earlier step, for `chord_step` and read-outs."""
+        self._near = near
+
+    def chord_step(
+        self,
+        residual_px: Float64[np.ndarray, "m 2"],
+        information_per_px2: Float64[np.ndarray, "m 2 2"],
+        balance: Nodal,
+    ) -> Nodal:
+        """A step with the curvature, derivatives and weights of an earlier place: a fifth of the work.
+
+        Args:
+            residual_px, information_per_px2: as for `step`.
+            balance: forces along the bent sheet, where the step begins.
+        """
+        near, patch, at_nodes = self._linear, self.shell.patch, self._at_nodes
+        is_blind = information_per_px2[:, [0, 1], [0, 1]] == 0.0
+        pull = np.einsum("mij,mj->mi", information_per_px2, np.where(is_blind, 0.0, residual_px))
+        spread = np.einsum("mi,mika->mka", pull, near.derivative)
+        weighted = np.where(patch.is_free, near.weight * balance, 0.0)
+        across = weighted.copy()
+        across[:, 2] += (near.slope * weighted[:, :2]).sum(axis=1)
+        gradient = self.shell.product(near.tangent, across)
+        tilt = near.force[:, 2:] * weighted[:, :2]
+        tilted = tilt[:, :1] * at_nodes.dx + tilt[:, 1:] * at_nodes.dy
+        count, node = patch.node_count, self.dots.tips.basis.node.ravel()
+        gradient[:, 2] += np.bincount(at_nodes.node.ravel(), tilted.ravel(), minlength=count)
+        for axis in range(3):
+            gradient[:, axis] += np.bincount(node, spread[:, :, axis].ravel(), minlength=count)
+        gradient[~patch.is_free] = 0.0
+        change: Nodal = -self._last.solve(gradient.reshape(1, -1))[0].reshape(-1, 3)
         return change
 
     def force_change(self, change_mm: Nodal) -> Nodal:
         """K times a change of the coefficients: the change of the forces over E, mm^2."""
-        return self.shell.product(self._tangent, change_mm)
+        return self.shell.product(self._linear.tangent, change_mm)
 
     def balance_change(self, change_mm: Nodal) -> Nodal:
         """Change of the balance T f, to first order."""
         change = self.force_change(change_mm)
         w = change_mm[self._at_nodes.node, 2]
-        force_z = self._force[:, 2]
-        change[:, 0] += self._slope[:, 0] * change[:, 2] + force_z * (self._at_nodes.dx * w).sum(axis=1)
-        change[:, 1] += self._slope[:, 1] * change[:, 2] + force_z * (self._at_nodes.dy * w).sum(axis=1)
+        slope, force_z = self._linear.slope, self._linear.force[:, 2]
+        change[:, 0] += slope[:, 0] * change[:, 2] + force_z * (self._at_nodes.dx * w).sum(axis=1)
+        change[:, 1] += slope[:, 1] * change[:, 2] + force_z * (self._at_nodes.dy * w).sum(axis=1)
         change[~self.shell.patch.is_free] = 0.0
         return change
 
@@ -132,7 +209,7 @@ class NormalEquations:
         """Derivative of sum_j share_j f_j,component with respect to the coefficients."""
         patch, row = self.shell.patch, np.zeros((len(share), 3))
         held = np.where(patch.is_free[:, component], share, 0.0)
-        shell_kernels.row_sum(self._tangent, patch.shape, held, component, row)
+        shell_kernels.row_sum(self._linear.tangent, patch.shape, held, component, row)
         return row
 
     def force_std(self, share: Float64[np.ndarray, "k nodes"], component: int) -> Float64[np.ndarray, " k"]:
@@ -161,10 +238,16 @@ class NormalEquations:
         return np.asarray((white**2).sum(axis=1))
 
     @property
+    def _linear(self) -> Curvature:
+        if self._near is None:
+            raise ValueError("the normal equations have no derivatives yet: call `linearise` first")
+        return self._near
+
+    @property
     def _last(self) -> BandFactor:
-        if self._factor is None:
+        if self._near is None or self._near.factor is None:
             raise ValueError("the normal equations have no matrix yet: call `step` first")
-        return self._factor
+        return self._near.factor
 
     @property
     def _matrix(self) -> Float[np.ndarray, "n band"]:

@@ -103,6 +103,24 @@ def test_a_force_row_reads_forces(dots: Dots, bent_mm: np.ndarray) -> None:
     assert (normal.force_row(share, 2) * way).sum() == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.parametrize("precision", [np.float64, np.float32])
+def test_a_chord_step_where_its_curvature_is_from_is_a_step(
+    dots: Dots, bent_mm: np.ndarray, precision: type[np.floating]
+) -> None:
+    residual, information, weight = problem(dots)
+    normal = NormalEquations(shell=dots.shell, dots=dots, precision=precision)
+    balance = normal.linearise(bent_mm).balance
+    change = normal.step(residual, information, weight)
+    near = normal.kept()
+    other = normal.linearise(0.5 * bent_mm)
+    normal.step(2.0 * residual, information, weight)
+    assert np.abs(other.balance - balance).max() > 0.0
+    normal.recall(near)
+    again = normal.chord_step(residual, information, balance)
+    size = np.abs(change).max()
+    np.testing.assert_allclose(again, change, atol=(1e-9 if precision is np.float64 else 1e-4) * size)
+
+
 def test_deviations_of_forces_are_those_of_their_rows(dots: Dots, bent_mm: np.ndarray) -> None:
     normal = NormalEquations(shell=dots.shell, dots=dots, precision=np.float64)
     normal.linearise(bent_mm)
