@@ -163,8 +163,8 @@ class MechanicalInversion:
             return self._blind(state, grid)
         model = state.model
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
-        information = self._information(state, grid, measured_px)
-        noise = max(1.0, self._std_px(state, grid) / (self.usual * state.model_px))
+        information = self.information(state, grid, measured_px)
+        noise = self.noise(state, grid)
         fit = self.descend(
             model,
             state.shape,
@@ -245,7 +245,11 @@ class MechanicalInversion:
         noise_px2 = 0.5 * np.trace(grid.covariance_px2[grid.is_seen], axis1=1, axis2=2)
         return float(np.sqrt(np.median(noise_px2) + state.model_px**2))
 
-    def _information(self, state: InversionMemory, grid: TrackedGrid, measured_px: Points2) -> Covariances2:
+    def noise(self, state: InversionMemory, grid: TrackedGrid) -> float:
+        """How much noisier than usual the dots of a frame are; 1 where they are not."""
+        return max(1.0, self._std_px(state, grid) / (self.usual * state.model_px))
+
+    def information(self, state: InversionMemory, grid: TrackedGrid, measured_px: Points2) -> Covariances2:
         """(m, 2, 2) inverse covariances of the displacements times the trust in them."""
         noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
         variance_px2 = noise_px2 + state.model_px**2

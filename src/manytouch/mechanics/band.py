@@ -33,6 +33,13 @@ class BandFactor:
         solution, _ = solve(self.lower.T, np.asfortranarray(right.T, dtype=self.lower.dtype), uplo="L")
         return np.ascontiguousarray(solution.T, dtype=np.float64)
 
+    def drawn(self, normal: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
+        """L^-T times each row: rows of independent normal numbers get the covariance H^-1."""
+        (solve,) = get_lapack_funcs(("tbtrs",), (self.lower,))
+        right = np.asfortranarray(normal.T, dtype=self.lower.dtype)
+        solution, _ = solve(self.lower.T, right, uplo="L", trans="T")
+        return np.ascontiguousarray(solution.T, dtype=np.float64)
+
 
 def factorised(flat: Float[np.ndarray, " k"], *, front: int, unknowns: int, width: int) -> BandFactor | None:
     """The factor of a flat band (see `band_kernels`), which it overwrites.

@@ -223,6 +223,11 @@ class NormalEquations:
         """H^-1 times each right-hand side."""
         return self._last.solve(right.reshape(len(right), -1)).reshape(right.shape)
 
+    def drawn(self, normal: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k nodes 3"]:
+        """Changes of the coefficients with the covariance H^-1, from rows of independent normal numbers."""
+        free = self.shell.patch.is_free
+        return np.asarray(self._last.drawn(normal).reshape(len(normal), *free.shape) * free)
+
     def covariance(self, rows: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k k"]:
         """Covariance of linear read-outs rows . c."""
         white = self._last.whitened((rows * self.shell.patch.is_free).reshape(len(rows), -1))

@@ -5,10 +5,12 @@ spread between these; of others the values at the markers are. Both by cubic spl
 (`manytouch.geometry.sampling`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.ndimage import maximum_filter
 
 from manytouch.geometry.sampling import BEYOND_PITCH, sampling_on
 from manytouch.mechanics.dots import Face
@@ -19,6 +21,8 @@ from manytouch.values import Layout, Sensor, SheetSpline, Surface
 
 POINTS_PER_PITCH = 4
 KPA_PER_MPA = 1000.0
+STRAIN_SHARE = 0.5
+"""Of the largest strain nearby: what a solid's face and a shell's differ by, as a deviation."""
 Map = Float64[np.ndarray, "ny nx"]
 
 
@@ -62,7 +66,32 @@ class SheetMaps:
 
     def strain(self, surface: Surface) -> Map:
         """Largest principal Green-Lagrange strain of the camera-side face, 1/2 (F^T F - I)."""
+        return self._strain(self.displacement(surface))
+
+    def strain_std(self, surface: Surface, likely: Sequence[SheetSpline]) -> Map:
+        """Standard deviation of the strain, from sheets as likely as the surface's (`LikelySheets`).
+
+        To the noise is added `STRAIN_SHARE` of the largest strain within a thickness: there a solid's face is
+        dented sharper than a shell's.
+        """
+        if surface.spline is None or not likely:
+            return np.full((len(self.y_mm), len(self.x_mm)), np.nan)
         moved = self.displacement(surface)
+        on_grid, found = self._of(surface.spline).on_grid, self._strain(moved)
+        here = on_grid(surface.spline.coefficient_mm)
+        off = (
+            self._strain(moved + (on_grid(other.coefficient_mm) - here).reshape(moved.shape)) - found
+            for other in likely
+        )
+        noise2 = sum(each**2 for each in off) / len(likely)
+        reach = [
+            1 + 2 * round(surface.spline.thickness_mm / abs(float(along[1] - along[0])))
+            for along in (self.y_mm, self.x_mm)
+        ]
+        around = maximum_filter(np.nan_to_num(found), size=reach)
+        return np.asarray(np.sqrt(noise2 + (STRAIN_SHARE * around) ** 2))
+
+    def _strain(self, moved: Float64[np.ndarray, "ny nx 3"]) -> Map:
         by_y, by_x = np.gradient(moved, self.y_mm, self.x_mm, axis=(0, 1))
         xx = by_x[..., 0] + 0.5 * (by_x**2).sum(axis=-1)
         yy = by_y[..., 1] + 0.5 * (by_y**2).sum(axis=-1)
@@ -80,6 +109,20 @@ class SheetMaps:
             return None
         pressure_MPa = self._of(spline).pressure(-spline.young_MPa * spline.force_over_E_mm2[:, 2])
         return KPA_PER_MPA * pressure_MPa.reshape(len(self.y_mm), len(self.x_mm))
+
+    def pressure_std_kPa(self, surface: Surface, likely: Sequence[SheetSpline]) -> Map | None:
+        """Standard deviation of the pressure, from sheets as likely as the surface's (`LikelySheets`).
+
+        It is that of the map, which is as smooth as the spline: a contact narrower than an element is
+        shown wider.
+        """
+        found = self.pressure_kPa(surface)
+        if found is None:
+            return None
+        if not likely:
+            return np.full_like(found, np.nan)
+        off = (self.pressure_kPa(replace(surface, spline=other)) - found for other in likely)
+        return np.asarray(np.sqrt(sum(each**2 for each in off) / len(likely)))
 
     def _of(self, spline: SheetSpline) -> "_SampledSpline":
         if self._sampled is None or not self._sampled.fits(spline):

@@ -148,7 +148,7 @@ def steps(before: list[TrackedGrid], grid: TrackedGrid) -> int:
     """Whole steps that the last frame takes."""
     state, _, _ = read(before)
     measured_px = grid.position_px - state.reference_px
-    information = ESTIMATE._information(state, grid, measured_px)
+    information = ESTIMATE.information(state, grid, measured_px)
     fit = ESTIMATE.descend(
         state.model,
         state.shape,
