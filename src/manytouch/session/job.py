@@ -10,6 +10,7 @@ from manytouch.calibration import refer, sensor_from_rest
 from manytouch.errors import ManytouchError, SensorError, SourceError
 from manytouch.pipeline import Pipeline
 from manytouch.session.methods import Roi, default_method, kernels, pipeline_for
+from manytouch.session.rehearsal import rehearse
 from manytouch.sources import Source, open_source
 from manytouch.sources.camera import without_password
 from manytouch.sources.capture import CameraWishes
@@ -87,11 +88,12 @@ class Job:
         }
 
     def warm_up(self) -> None:
-        """Read two frames for nothing, so that compiling and first touches are in no frame's time.
+        """Read two frames, and a touch where it is new, so that compiling is in no frame's time.
 
         Raises:
             ManytouchError: they cannot be read so.
         """
+        rehearse(self.method)
         try:
             for _ in self.pipeline.run(self.samples, self.sensor):
                 pass

@@ -284,7 +284,7 @@ class Live:
             ManytouchError: they cannot.
         """
         setup = replace(self._wanted, **fields)  # type: ignore[arg-type]
-        replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor).warm_up()
+        replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor, method=setup.method).warm_up()
         self._wanted = setup
         self._taping.describe(setup.sensor, setup.pipeline, setup.method)
 

@@ -1,0 +1,51 @@
+"""A touch is rehearsed where a method has never been compiled, and nowhere else."""
+
+from dataclasses import replace
+
+import pytest
+
+from manytouch.session import rehearsal
+from manytouch.session.methods import pipeline_for
+from manytouch.values import Reading
+
+
+def test_a_touch_is_read_from_its_beginning_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    readings: list[Reading] = []
+
+    class Heard:
+        def __init__(self, method: str) -> None:
+            self._pipeline = pipeline_for(method)
+
+        def run(self, *arguments):
+            for reading in self._pipeline.run(*arguments):
+                readings.append(reading)
+                yield reading
+
+    monkeypatch.setattr(rehearsal, "kernels", dict)
+    monkeypatch.setattr(rehearsal, "pipeline_for", Heard)
+    assert rehearsal.rehearse("perimeter")
+    touched = [bool(reading.contacts.touching) for reading in readings]
+    assert not touched[0]
+    assert any(touched)
+    assert not touched[-1]
+    assert all(reading.status == "ok" for reading in readings)
+
+
+@pytest.mark.parametrize(
+    ("method", "known", "is_needed"),
+    [
+        ("mechanics", {"manytouch.estimation.law_kernels.sheet": True}, True),
+        ("mechanics", {"manytouch.mechanics.normal.a": True, "manytouch.mechanics.normal.b": False}, False),
+        ("perimeter", {"manytouch.estimation.law_kernels.sheet": False}, True),
+        ("perimeter", {"manytouch.estimation.law_kernels.sheet": True}, False),
+        ("paper", {}, False),
+    ],
+)
+def test_only_what_was_never_compiled_is_rehearsed(
+    monkeypatch: pytest.MonkeyPatch, method: str, known: dict[str, bool], is_needed: bool
+) -> None:
+    simulated = replace(pipeline_for("perimeter"))
+    monkeypatch.setattr(rehearsal, "kernels", lambda: known)
+    monkeypatch.setattr(rehearsal, "pipeline_for", lambda _: simulated)
+    monkeypatch.setattr(rehearsal, "FRAMES", (0,))
+    assert rehearsal.rehearse(method) is is_needed
