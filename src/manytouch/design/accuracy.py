@@ -27,6 +27,7 @@ NO_MODEL_ERROR = ModelError(
     shear_share=0.0,
     torque_share=0.0,
     area_share=0.0,
+    area_thickness2=0.0,
 )
 """What the model leaves is seen on the prototype here."""
 SETTLING_STEPS = 6

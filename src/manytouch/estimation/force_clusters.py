@@ -6,7 +6,7 @@ length of an element (C. de Boor, "A Practical Guide to Splines", 2001, chapter 
 spread of a cluster are those of its load, whatever the lattice.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -43,6 +43,10 @@ class Clusters:
         force_mm2: (c, 3) over E, x, y, z; a press has z < 0.
         torque_mm3: (c,) over E, about the normal through the centre.
         spread_mm2: (c, 2, 2) second moment of the normal force about the centre.
+        place_mm2: (c, 2, 2) covariance of the centre by the noise of the dots; NaN where it is that of the
+            centroid of the nodal forces.
+        patch_mm2, patch_std_mm2: (c,) area that is pressed and its deviation, as the dots tell it; NaN where
+            they do not.
         label: (n,) cluster that a node belongs to, or -1.
     """
 
@@ -50,6 +54,9 @@ class Clusters:
     force_mm2: Float64[np.ndarray, "c 3"]
     torque_mm3: Float64[np.ndarray, " c"]
     spread_mm2: Float64[np.ndarray, "c 2 2"]
+    place_mm2: Float64[np.ndarray, "c 2 2"]
+    patch_mm2: Float64[np.ndarray, " c"]
+    patch_std_mm2: Float64[np.ndarray, " c"]
     label: Int64[np.ndarray, " nodes"]
 
     def __len__(self) -> int:
@@ -62,9 +69,36 @@ class Clusters:
 
     @property
     def area_mm2(self) -> Scalars:
-        """(c,) of the ellipse under even pressure that has the same second moment."""
+        """(c,) over which the forces lie: of the ellipse under even pressure with the same second moment."""
         spread = np.linalg.det(self.spread_mm2)
         return np.asarray(4.0 * np.pi * np.sqrt(np.maximum(spread, 0.0)))
+
+    def placed(
+        self,
+        number: int,
+        place_mm: Float64[np.ndarray, "2"],
+        *,
+        covariance_mm2: Float64[np.ndarray, "2 2"],
+        patch_mm2: float,
+        patch_std_mm2: float,
+    ) -> "Clusters":
+        """The clusters with the centre of one of them elsewhere, its torque about that, and its area."""
+        way_mm = place_mm - self.centre_mm[number]
+        turned = way_mm[0] * self.force_mm2[number, 1] - way_mm[1] * self.force_mm2[number, 0]
+
+        def changed(old: np.ndarray, new: np.ndarray | float) -> Float64[np.ndarray, "..."]:
+            copy = old.copy()
+            copy[number] = new
+            return copy
+
+        return replace(
+            self,
+            centre_mm=changed(self.centre_mm, place_mm),
+            torque_mm3=changed(self.torque_mm3, self.torque_mm3[number] - turned),
+            place_mm2=changed(self.place_mm2, covariance_mm2),
+            patch_mm2=changed(self.patch_mm2, patch_mm2),
+            patch_std_mm2=changed(self.patch_std_mm2, patch_std_mm2),
+        )
 
     def chosen(self, order: np.ndarray) -> "Clusters":
         """Some of the clusters in a new order, given as their numbers."""
@@ -75,6 +109,9 @@ class Clusters:
             force_mm2=self.force_mm2[order],
             torque_mm3=self.torque_mm3[order],
             spread_mm2=self.spread_mm2[order],
+            place_mm2=self.place_mm2[order],
+            patch_mm2=self.patch_mm2[order],
+            patch_std_mm2=self.patch_std_mm2[order],
             label=number[self.label],
         )
 
@@ -144,5 +181,8 @@ def moments(lattice: ForceLattice, force_mm2: Nodal, label: Int64[np.ndarray, " 
         force_mm2=np.column_stack([summed(force[:, 0]), summed(force[:, 1]), -total]),
         torque_mm3=summed(arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]),
         spread_mm2=spread,
+        place_mm2=np.full((count, 2, 2), np.nan),
+        patch_mm2=np.full(count, np.nan),
+        patch_std_mm2=np.full(count, np.nan),
         label=label,
     )

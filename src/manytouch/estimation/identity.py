@@ -58,11 +58,14 @@ class ContactIdentity:
         gate_pitch: a contact moves by less than this from frame to frame, in pitches of the layout.
         confirm_frames: it must be found in this many frames in a row before it starts.
         bridge_frames: it may be missing for this many frames without ending, if something is still there.
+        absorbed: but it ends at once, having become one with another, when the other has come at least this
+            share of the way to where their forces meet, and has at least this share of its force more.
     """
 
     gate_pitch: float = 2.0
     confirm_frames: int = 2
     bridge_frames: int = 2
+    absorbed: float = 0.5
 
     def start(self, sensor: Sensor) -> Lives:
         """Nothing touches yet.
@@ -113,7 +116,7 @@ class ContactIdentity:
                 grown, next_id = self._confirmed(grown, next_id)
             elif life.contact.id < 0:
                 continue
-            elif not self._may_last(life, is_there, status):
+            elif not self._may_last(life, is_there, status) or self._is_absorbed(state, life, found, partner):
                 told.append(replace(life.contact, phase=Phase.END))
                 continue
             else:
@@ -160,6 +163,22 @@ class ContactIdentity:
         if life.unseen >= self.bridge_frames:
             return False
         return is_there is None or bool(is_there(life.contact.centre_mm[None, :])[0])
+
+    def _is_absorbed(
+        self, state: Lives, life: Life, found: Sequence[Contact], partner: dict[int, int]
+    ) -> bool:
+        """Has a contact that was not found become one with another, which has its force now?"""
+        lost, lost_mm2 = life.contact, life.contact.normal_force_over_E_mm2
+        for index, place in partner.items():
+            before, now = state.lives[index].contact, found[place]
+            before_mm2, now_mm2 = before.normal_force_over_E_mm2, now.normal_force_over_E_mm2
+            way_mm = (lost.centre_mm - before.centre_mm) * lost_mm2 / (lost_mm2 + before_mm2)
+            come = float((now.centre_mm - before.centre_mm) @ way_mm) / max(float(way_mm @ way_mm), 1e-12)
+            near = float(np.linalg.norm(now.centre_mm - lost.centre_mm)) <= state.gate_mm
+            # comparisons with a force that is not known are False
+            if near and come >= self.absorbed and now_mm2 - before_mm2 >= self.absorbed * lost_mm2:
+                return True
+        return False
 
 
 def _older(contact: Contact, unseen: int) -> Contact:

@@ -13,15 +13,16 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.descent import Fit, SheetShape, SparseDescent
+from manytouch.estimation.evidence import evidence
 from manytouch.estimation.force_clusters import Clusters, ForceClusters
 from manytouch.estimation.identity import ContactIdentity, Lives
 from manytouch.estimation.innovation import InnovationGate
+from manytouch.estimation.model_order import ModelOrder
 from manytouch.estimation.perimeter import PerimeterDepth, PerimeterMemory
 from manytouch.estimation.settling import Settling
 from manytouch.estimation.sheet_model import NominalSheet, SheetModel
 from manytouch.estimation.slip import Grips, SlipWatch
 from manytouch.estimation.solid_face import SolidFace
-from manytouch.estimation.split import SplitByMoments
 from manytouch.estimation.touching import Touching
 from manytouch.estimation.trust import MarkerTrust, SurfaceError
 from manytouch.geometry.camera import mm_per_px, project
@@ -77,7 +78,7 @@ class MechanicalInversion:
         gate: which dots to believe.
         descend: to the shape.
         cluster: forces to contacts.
-        split: clusters that are two contacts.
+        order: which clusters are two contacts, and where contacts are.
         solid: what the face of a solid is deeper than that of a shell, at the markers.
         touch: contacts with their deviations.
         identity: which contact is which of the frame before.
@@ -103,7 +104,7 @@ class MechanicalInversion:
     gate: InnovationGate = field(default_factory=InnovationGate)
     descend: SparseDescent = field(default_factory=SparseDescent)
     cluster: ForceClusters = field(default_factory=ForceClusters)
-    split: SplitByMoments = field(default_factory=SplitByMoments)
+    order: ModelOrder = field(default_factory=ModelOrder)
     solid: SolidFace = field(default_factory=SolidFace)
     touch: Touching = field(default_factory=Touching)
     identity: ContactIdentity = field(default_factory=lambda: ContactIdentity(confirm_frames=1))
@@ -308,7 +309,14 @@ class MechanicalInversion:
         force_mm2 = np.where(force_mm2[:, 2:] > -hidden_mm2, 0.0, force_mm2)
         clusters = self.cluster(model.lattice, force_mm2)
         held_mm = np.array([contact.centre_mm for contact in state.lives.held]).reshape(-1, 2)
-        clusters = self.split(model.lattice, force_mm2, clusters, held_mm)
+        clusters = self.order(
+            model.lattice,
+            force_mm2,
+            clusters,
+            held_mm,
+            weigh=lambda node: evidence(model, fit, node),
+            noise=noise,
+        )
         inside = clusters.label == np.arange(len(clusters))[:, None]
         significance = clusters.normal_mm2 / model.normal.force_std(inside.astype(np.float64), 2)
         lasts = np.flatnonzero(significance >= self.lasting_stds)

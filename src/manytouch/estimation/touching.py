@@ -13,8 +13,6 @@ from manytouch.mechanics.patch import Nodal
 from manytouch.values import ESTIMATES, Contact, Phase
 from manytouch.values.arrays import read_only
 
-LEAST_AREA_PITCH2 = 0.25
-"""Areas below this many squares of the pitch are not known: forces on nodes do not tell them."""
 _AREA = ESTIMATES.index("area")
 _FORCES = ("shear_x", "shear_y", "normal_force", "torque")
 _RINGS = np.array(
@@ -38,11 +36,11 @@ class ModelError:
         force_share, force_unit: of the normal force, and in force units.
         shear_share: of the normal force, along each axis.
         torque_share: of the normal force times the contact's radius.
-        area_share: of the area.
+        area_share, area_thickness2: of the area, and in squares of the thickness.
         nominal: all of it is so many times larger where the sheet was assumed.
     """
 
-    position_pitch: float = 0.05
+    position_pitch: float = 0.02
     position_radius: float = 0.05
     depth_share: float = 0.028
     depth_pitch: float = 0.002
@@ -50,12 +48,15 @@ class ModelError:
     force_unit: float = 1.0e-3
     shear_share: float = 0.03
     torque_share: float = 0.1
-    area_share: float = 0.4
+    area_share: float = 0.15
+    area_thickness2: float = 0.5
     nominal: float = 4.0
 
-    def variances(self, model: SheetModel, press_mm2: float, depth_mm: float, area_mm2: float) -> np.ndarray:
+    def variances(
+        self, model: SheetModel, press_mm2: float, depth_mm: float, *, over_mm2: float, area_mm2: float
+    ) -> np.ndarray:
         """(8,) in the order of `ESTIMATES`, forces over E."""
-        radius_mm = np.sqrt(area_mm2 / np.pi)
+        radius_mm = np.sqrt(over_mm2 / np.pi)
         place = np.hypot(self.position_pitch * model.pitch_mm, self.position_radius * radius_mm)
         std = [
             *(place, place),
@@ -63,7 +64,7 @@ class ModelError:
             *(self.shear_share * press_mm2, self.shear_share * press_mm2),
             np.hypot(self.force_share * press_mm2, self.force_unit * model.lattice.force_unit_mm2),
             self.torque_share * press_mm2 * max(radius_mm, 0.5 * model.pitch_mm),
-            self.area_share * max(area_mm2, model.pitch_mm**2),
+            np.hypot(self.area_share * area_mm2, self.area_thickness2 * model.thickness_mm**2),
         ]
         return np.asarray(np.square(std) * (self.nominal if model.is_nominal else 1.0) ** 2)
 
@@ -124,11 +125,16 @@ class Touching:
         centre_px: np.ndarray,
         noise: Float64[np.ndarray, "8 8"],
     ) -> Contact:
-        press_mm2, area_mm2 = float(clusters.normal_mm2[number]), float(clusters.area_mm2[number])
-        covariance = noise + np.diag(self.error.variances(model, press_mm2, depth_mm, area_mm2))
-        if area_mm2 < LEAST_AREA_PITCH2 * model.pitch_mm**2:
-            # Forces on nodes do not tell how small it is.
-            area_mm2 = np.nan
+        press_mm2, area_mm2 = float(clusters.normal_mm2[number]), float(clusters.patch_mm2[number])
+        over_mm2 = float(clusters.area_mm2[number])
+        variance = self.error.variances(model, press_mm2, depth_mm, over_mm2=over_mm2, area_mm2=area_mm2)
+        if np.isfinite(clusters.place_mm2[number]).all():
+            eased = np.ones(len(ESTIMATES))
+            eased[:2] = np.sqrt(np.diag(clusters.place_mm2[number]) / np.maximum(np.diag(noise)[:2], 1e-12))
+            noise = noise * np.outer(eased, eased)
+        covariance = noise + np.diag(variance)
+        covariance[_AREA, _AREA] += clusters.patch_std_mm2[number] ** 2
+        if np.isnan(area_mm2):
             covariance[_AREA, :] = covariance[:, _AREA] = np.nan
         young_MPa = np.nan if model.young_MPa is None else model.young_MPa
         is_force = np.array([name in _FORCES for name in ESTIMATES])
@@ -155,17 +161,12 @@ class Touching:
 
 
 def _rows(model: SheetModel, clusters: Clusters, number: int, force_mm2: Nodal) -> np.ndarray:
-    """(8, n, 3) derivatives of the estimates by the coefficients; that of the depth is left out."""
+    """(8, n, 3) derivatives of the estimates by the coefficients; those of depth and area are left out."""
     inside = clusters.label == number
-    pressing = inside & (force_mm2[:, 2] < 0.0)
     arm = np.where(inside[:, None], model.lattice.place_mm - clusters.centre_mm[number], 0.0)
     press_mm2 = clusters.normal_mm2[number]
-    spread = clusters.spread_mm2[number] + 1e-3 * model.pitch_mm**2 * np.eye(2)
-    swell = np.einsum("ni,ij,nj->n", arm, np.linalg.inv(spread), arm)
-    raw = float((np.maximum(-force_mm2[:, 2], 0.0) * swell).sum()) / press_mm2
-    share = pressing.astype(np.float64)
+    share = (inside & (force_mm2[:, 2] < 0.0)).astype(np.float64)
     row = model.normal.force_row
-    area = 0.5 * clusters.area_mm2[number] / press_mm2 * (swell - raw) * share
     return np.stack(
         [
             row(-share * arm[:, 0] / press_mm2, 2),
@@ -175,6 +176,6 @@ def _rows(model: SheetModel, clusters: Clusters, number: int, force_mm2: Nodal) 
             row(inside.astype(np.float64), 1),
             row(-share, 2),
             row(arm[:, 0], 1) - row(arm[:, 1], 0),
-            row(-area, 2),
+            np.zeros_like(force_mm2),
         ]
     )

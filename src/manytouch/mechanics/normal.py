@@ -219,6 +219,16 @@ class NormalEquations:
             return np.zeros(0)
         return np.asarray(np.sqrt((self._last.whitened(np.stack(rows)) ** 2).sum(axis=1)))
 
+    def force_rows(self, node: Int64[np.ndarray, " k"], component: int) -> Float64[np.ndarray, "k nodes 3"]:
+        """Derivatives of one component of the forces on some nodes, free ones, by the coefficients."""
+        patch = self.shell.patch
+        rows, share = np.zeros((len(node), patch.node_count, 3)), np.zeros(patch.node_count)
+        for row, number in zip(rows, node, strict=True):
+            share[number] = 1.0
+            shell_kernels.row_sum(self._tangent, patch.shape, share, component, row)
+            share[number] = 0.0
+        return rows
+
     def solve(self, right: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k nodes 3"]:
         """H^-1 times each right-hand side."""
         return self._last.solve(right.reshape(len(right), -1)).reshape(right.shape)

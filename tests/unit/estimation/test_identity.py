@@ -14,7 +14,7 @@ SENSOR = demo_sensor(640)  # pitch 4 mm
 IDENTITY = ContactIdentity()
 
 
-def contact(x: float, y: float, depth: float = 1.0) -> Contact:
+def contact(x: float, y: float, depth: float = 1.0, force_mm2: float = np.nan) -> Contact:
     return Contact(
         id=-1,
         phase=Phase.MOVE,
@@ -25,6 +25,7 @@ def contact(x: float, y: float, depth: float = 1.0) -> Contact:
         torque_Nmm=np.nan,
         area_mm2=20.0,
         covariance=np.eye(8),
+        normal_force_over_E_mm2=force_mm2,
     )
 
 
@@ -111,6 +112,21 @@ def test_a_faint_contact_goes_on_but_does_not_begin():
     for firm in (True, True, False, False, False):
         state, told = IDENTITY.step(state, here, is_firm=[firm])
     assert phases([told]) == [{0: "move"}]
+
+
+def test_two_that_become_one_are_one_at_once():
+    apart = [contact(-3, 0, force_mm2=2.0), contact(3, 0, force_mm2=1.0)]
+    told = played([apart, apart, [contact(-1, 0, force_mm2=3.0)], [contact(-1, 0, force_mm2=3.0)]])
+    assert phases(told)[1:] == [{0: "start", 1: "start"}, {0: "move", 1: "end"}, {0: "move"}]
+
+
+@pytest.mark.parametrize(
+    "left", [contact(-3, 0, force_mm2=2.0), contact(-3, 0, force_mm2=3.0), contact(-1, 0)]
+)
+def test_one_that_is_missed_beside_another_is_bridged(left: Contact):
+    apart = [contact(-3, 0, force_mm2=2.0), contact(3, 0, force_mm2=1.0)]
+    told = played([apart, apart, [left], apart])
+    assert phases(told)[2:] == [{0: "move", 1: "move"}] * 2
 
 
 def test_frames_that_went_wrong_do_not_end_contacts():

@@ -55,6 +55,9 @@ def press(force_mm2: float, variance_mm2: float = 0.0, scale: float = 1.0) -> Cl
         force_mm2=np.array([[0.0, 0.0, -force_mm2]]),
         torque_mm3=np.zeros(1),
         spread_mm2=variance_mm2 * np.eye(2)[None],
+        place_mm2=np.full((1, 2, 2), np.nan),
+        patch_mm2=np.full(1, np.nan),
+        patch_std_mm2=np.full(1, np.nan),
         label=np.zeros(0, dtype=np.int64),
     )
 
