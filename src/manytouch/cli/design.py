@@ -49,7 +49,7 @@ def design(
     thickness_mm: Annotated[float | None, Parameter(metavar="MM", help="Chosen when not given.")] = None,
     parts: Annotated[Literal["none", "mesh", "step"], Parameter(help="step: STEP files too.")] = "mesh",
     predict: Annotated[
-        bool, options.switch("Also predict how accurate it will be, and draw it (about ten minutes).")
+        bool, options.switch("Also predict how accurate it will be, and draw it (some minutes).")
     ] = False,
     explain: Annotated[bool, options.switch("Print the reason for each choice.")] = False,
 ) -> int:

@@ -49,13 +49,16 @@ def draw_accuracy(found: Design, predicted: PredictedAccuracy, path: Path) -> No
 
 
 def draw_tradeoff(found: Design, path: Path, *, say: Callable[[str], object] | None = None) -> None:
-    """Deviations in the middle of the sheet against pitch, thickness and stand-off, as a PNG.
+    """Deviations of presses in middle, sides and corner against pitch, thickness and stand-off, as a PNG.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
     figure = _figure((12.0, 3.8))
-    figure.suptitle("what another pitch, thickness or stand-off would cost or gain, all over the area")
+    figure.suptitle(
+        "what another pitch, thickness or stand-off would cost or gain (middle, two sides and a corner)",
+        fontsize=11,
+    )
     panels = figure.subplots(1, 3)
     names = ("position, mm", "depth, µm", "normal force, % of it")
     as_designed = _usual(found, {})
