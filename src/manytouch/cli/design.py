@@ -55,8 +55,8 @@ def design(
 ) -> int:
     """Choose a sheet, its markers and where the camera stands; write a sensor file and parts.
 
-    The folder holds sensor.toml, design.md with all reasons, parts/ (STL, 3MF),
-    patterns/ (SVG, PDF in true size, boards for calibrating),
+    The folder holds sensor.toml, design.md with all reasons, parts/ (STL, 3MF) and
+    parts.png, patterns/ (SVG, PDF in true size, boards for calibrating),
     bill_of_materials.csv and assembly.md; with --predict accuracy.csv,
     accuracy.png and tradeoff.png too.
 

@@ -9,6 +9,7 @@ from manytouch.design.casing import CasingChoices, Part, parts_of
 from manytouch.design.choose import Design
 from manytouch.design.guide import assembly, bill_of_materials
 from manytouch.design.meshing import PartMesh, mesh_of, write_3mf, write_stl
+from manytouch.design.part_pictures import draw_parts
 from manytouch.design.patterns import write_board, write_pattern
 from manytouch.design.pictures import draw_accuracy, draw_tradeoff
 from manytouch.design.printability import objections
@@ -28,7 +29,7 @@ def write_design(
     step: bool = False,
     say: Callable[[str], object] | None = None,
 ) -> tuple[str, ...]:
-    """Write sensor.toml, design.md, parts/, patterns/, bill_of_materials.csv and assembly.md.
+    """Write sensor.toml, design.md, parts/, parts.png, patterns/, bill_of_materials.csv and assembly.md.
 
     Args:
         found: from `design`.
@@ -52,6 +53,7 @@ def write_design(
         save_sensor(found.sensor, folder / "sensor.toml")
         (folder / "design.md").write_text(explained(found), encoding="utf-8")
         meshes = _write_parts(parts, folder / "parts", step=step, say=say)
+        draw_parts(parts, meshes, folder / "parts.png")
         write_pattern(found.sensor, folder / "patterns" / "markers")
         for text, square_mm in BOARDS.items():
             write_board(board_of(text, square_mm), folder / "patterns" / text.replace(":", "-"))

@@ -72,7 +72,15 @@ def assembly(found: Design, choices: CasingChoices) -> str:
         "`manytouch calibrate rest`, then `manytouch calibrate sheet` with presses of known force: only then "
         "are newtons newtons.",
     )
-    lines = [f"# {sensor.name}", "", *(f"{place}. {step}" for place, step in enumerate(steps, 1)), ""]
+    picture = "![the parts as they are printed](parts.png)"
+    lines = [
+        f"# {sensor.name}",
+        "",
+        picture,
+        "",
+        *(f"{place}. {step}" for place, step in enumerate(steps, 1)),
+        "",
+    ]
     return "\n".join(lines)
 
 

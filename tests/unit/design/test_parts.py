@@ -25,6 +25,7 @@ from manytouch.design.casing import (
 from manytouch.design.choose import design
 from manytouch.design.guide import screw_length_mm
 from manytouch.design.meshing import mesh_of, write_stl
+from manytouch.design.part_pictures import RISE_DEG, TURN_DEG, _seen
 from manytouch.design.patterns import A4_MM, MARGIN_MM, board_page, write_board, write_pattern
 from manytouch.design.printability import hanging_mm2, objections, open_edges
 from manytouch.design.solids import Bore, Box, Solid, Taper, block, pins
@@ -241,6 +242,25 @@ def test_a_printed_board_is_found_and_has_its_size(text: str):
     assert min(errors) < 0.1, "up to half a turn, which boards of squares or circles do not tell"
 
 
+def test_parts_are_seen_from_above_with_what_lies_before_hiding_what_lies_behind():
+    low = mesh_of(Solid(joined=(block((20.0, 20.0), (0.0, 2.0)),)))
+    high = mesh_of(Solid(joined=(block((8.0, 8.0), (2.0, 12.0)),)))
+    seen = _seen([low.corners_mm, high.corners_mm], ["#ff0000", "#0000ff"]).astype(float)
+    under = _seen([high.corners_mm, low.corners_mm], ["#0000ff", "#ff0000"]).astype(float)
+    assert np.mean(np.abs(seen - under).max(axis=2) > 100) < 0.005  # their order does not matter
+    is_paper = (seen == 255).all(axis=2)
+    red, blue = (seen[..., channel] > 1.3 * seen[..., 2 - channel] for channel in (0, 2))
+    assert is_paper[0, 0]
+    area = {name: float((chosen & ~is_paper).sum()) for name, chosen in (("red", red), ("blue", blue))}
+    turn, rise = np.deg2rad([TURN_DEG, RISE_DEG])
+    px_per_mm = (seen.shape[1] - 3) / (20.0 * (np.cos(turn) + np.sin(turn)))
+    top = 64.0 * np.sin(rise)
+    sides = 8.0 * 10.0 * np.cos(rise) * (np.cos(turn) + np.sin(turn))
+    assert area["blue"] == pytest.approx((top + sides) * px_per_mm**2, rel=0.03)
+    whole = 400.0 * np.sin(rise) + 20.0 * 2.0 * np.cos(rise) * (np.cos(turn) + np.sin(turn))
+    assert 0.5 * whole * px_per_mm**2 < area["red"] < (whole - 64.0 * np.sin(rise)) * px_per_mm**2
+
+
 def test_black_is_one_path_so_that_no_hairline_is_printed_in_it(tmp_path: Path):
     svg, _ = write_board(board_of("charuco:10x7", 25.0), tmp_path / "board")
     paths = re.findall(r'<path d="([^"]*)"', svg.read_text().partition('<g id="text_')[0])
@@ -253,7 +273,7 @@ def test_a_design_comes_with_everything(found, tmp_path: Path):
     assert write_design(found, tmp_path, step=True) == ()
     names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert names >= {
-        *("sensor.toml", "design.md", "assembly.md", "bill_of_materials.csv"),
+        *("sensor.toml", "design.md", "assembly.md", "bill_of_materials.csv", "parts.png"),
         *(f"parts/{name}" for name in ("sheet.stl", "markers.stl", "clamp.stl", "casing.stl", "sheet.3mf")),
         *(
             "parts/casing.step",
