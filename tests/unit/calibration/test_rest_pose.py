@@ -155,7 +155,7 @@ def far_frames():
     return frames_of(far_sensor(), count=6)
 
 
-def mounted(frames, camera, size_mm, *, outside=0.3, middle_mm=(0.0, 0.0), sides=(1, 1, 1, 1)):
+def mounted(frames, camera, size_mm, *, outside=0.3, middle_mm=(0.0, 0.0), sides=(1, 1, 1, 1), blur_px=0.8):
     """The frames with something darker or lighter where the sheet ends, and noise; no end at sides of 0."""
     x, y = 0.5 * np.array(size_mm)
     far = np.where(sides, [x, x, y, y], 400.0)
@@ -166,7 +166,7 @@ def mounted(frames, camera, size_mm, *, outside=0.3, middle_mm=(0.0, 0.0), sides
     share = np.clip(0.5 + inside_mm * camera.fx_px / camera.translation_mm[2], 0.0, 1.0).reshape(
         height, width
     )
-    share = cv2.GaussianBlur(share, (0, 0), 0.8)
+    share = cv2.GaussianBlur(share, (0, 0), blur_px)
     chance = np.random.default_rng(4)
     found = []
     for frame in frames:
@@ -216,6 +216,12 @@ def test_a_clamp_line_out_of_sight_is_taken_as_given(far_frames):
     assert nowhere.clamp.unseen == ("left", "right", "top", "bottom")
     assert not any("seen to end" in sentence for sentence in nowhere.odd)
     assert "shows it on no side" in in_words(nowhere.clamp, sensor.sheet)
+
+
+def test_light_that_falls_off_is_no_clamp_line(far_frames):
+    sensor = far_sensor()
+    shaded = mounted(far_frames, sensor.camera, (124.0, 84.0), outside=0.5, blur_px=15.0)
+    assert calibrate_rest(sensor, shaded).clamp.unseen == ("left", "right", "top", "bottom")
 
 
 def test_a_clamp_line_that_lies_elsewhere_changes_forces_near_it():

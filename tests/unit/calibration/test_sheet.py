@@ -152,6 +152,20 @@ def test_a_press_that_bears_elsewhere_or_fits_badly_is_named(fitted):
     assert re.search(r"fits badly: 0\.\d+ px are left over, 0\.0\d px is usual", found.odd[1])
 
 
+def test_dots_under_what_touches_do_not_count(fitted):
+    sensor = small_sensor()
+
+    def torn(press):
+        near = np.linalg.norm(sensor.layout.rest_mm[:, :2] - press.place_mm, axis=1) < 1.3 * press.radius_mm
+        assert near.sum() >= 4
+        return replace(press, displacement_px=press.displacement_px + np.where(near[:, None], 3.0, 0.0))
+
+    found = calibrate_sheet(sensor, [torn(press) for press in pressed(sensor)])
+    # only where the fit starts from looks at all dots
+    assert found.force_over_E_mm2 == pytest.approx(fitted.force_over_E_mm2, rel=1e-3)
+    assert found.sheet.thickness_mm == pytest.approx(fitted.sheet.thickness_mm, rel=1e-3)
+
+
 def test_without_a_force_stiffness_stays_unknown():
     sensor = small_sensor()
     found = calibrate_sheet(sensor, pressed(sensor, forces=False)[:4])
