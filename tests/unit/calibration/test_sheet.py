@@ -152,6 +152,13 @@ def test_a_press_that_bears_elsewhere_or_fits_badly_is_named(fitted):
     assert re.search(r"fits badly: 0\.\d+ px are left over, 0\.0\d px is usual", found.odd[1])
 
 
+def test_deviations_count_what_shell_and_solid_differ_by_and_how_well_scales_read(fitted):
+    young, t = fitted.sheet.young_MPa, fitted.sheet.thickness_mm
+    assert 0.04 * t < fitted.std["thickness_mm"] < 0.06 * t
+    assert 0.002 * t < fitted.std["pretension_over_E_mm"] < 0.02 * t
+    assert 0.03 / np.sqrt(len(PLACES)) * young < fitted.std["young_MPa"] < 0.06 * young
+
+
 def test_dots_under_what_touches_do_not_count(fitted):
     sensor = small_sensor()
 
