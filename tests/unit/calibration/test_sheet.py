@@ -72,7 +72,9 @@ class NormalPush:
         )
 
 
-def pressed(sensor, *, noise_px: float = 0.02, forces: bool = True) -> list[Press]:
+def pressed(
+    sensor, *, noise_px: float = 0.02, forces: bool = True, newtons: float | None = None
+) -> list[Press]:
     """Presses on a finer shell than the one that is fitted."""
     patch = SplinePatch(size_mm=SIZE_MM, elements=(20, 14), boundary="clamped")
     shell = Shell(
@@ -88,7 +90,8 @@ def pressed(sensor, *, noise_px: float = 0.02, forces: bool = True) -> list[Pres
     )
     chance = np.random.default_rng(5)
     found = []
-    for number, (x, y, force) in enumerate(PLACES):
+    for number, (x, y, usual) in enumerate(PLACES):
+        force = usual if newtons is None else newtons
         load = NormalPush(patch=patch, place_mm=np.array([x, y]), force_over_E_mm2=force / YOUNG_MPA)
         moved = dots.displacement_px(equilibrium(shell, load).coefficient_mm)
         found.append(
@@ -157,6 +160,14 @@ def test_deviations_count_what_shell_and_solid_differ_by_and_how_well_scales_rea
     assert 0.04 * t < fitted.std["thickness_mm"] < 0.06 * t
     assert 0.002 * t < fitted.std["pretension_over_E_mm"] < 0.02 * t
     assert 0.03 / np.sqrt(len(PLACES)) * young < fitted.std["young_MPa"] < 0.06 * young
+
+
+def test_what_shallow_presses_do_not_tell_is_said(fitted):
+    assert not any("thickness_mm" in sentence for sentence in fitted.not_told)
+    sensor = small_sensor()
+    shallow = calibrate_sheet(sensor, pressed(sensor, newtons=0.03))
+    for name in ("bending_factor", "thickness_mm"):
+        assert any(f"do not tell {name} better than" in sentence for sentence in shallow.not_told)
 
 
 def test_dots_under_what_touches_do_not_count(fitted):
