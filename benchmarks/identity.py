@@ -231,6 +231,10 @@ def conditions() -> dict[str, Sequence]:
             )
     for step in (0.25, 0.8, 1.2, 2.0):
         tried[f"step {step:g}, hole of 3"] = Sequence(step_pitches=step, hole_pitches=3.0, false_share=0.02)
+    for step in (0.25, 0.8):
+        tried[f"step {step:g}, half hidden anew"] = Sequence(
+            step_pitches=step, hidden_share=0.5, false_share=0.02
+        )
     for step in (0.5, 1.2):
         tried[f"step {step:g}, free rim"] = Sequence(step_pitches=step, false_share=0.02, is_clamped=False)
     for shift in (0.6, 1.0):

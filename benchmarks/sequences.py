@@ -44,6 +44,7 @@ class Sequence:
         noise: standard deviation of a pixel of level 60, grey levels of 255.
         light_noise: part of it that is the light's own and grows with the level; 0: even noise.
         missing_share: of the dots in a frame; half of them are gone for good, half miss this frame only.
+        hidden_share: of the dots, others in each frame but the first.
         false_share: spots that are no dots, against the markers; half stay in place, half are new each frame.
         hole_pitches: radius of a patch without dots that wanders over the sheet.
         shift_pitches: the whole view jumps by this much, and back, every fifth frame; rim and all.
@@ -62,6 +63,7 @@ class Sequence:
     noise: float = 2.5
     light_noise: float = 0.8
     missing_share: float = 0.0
+    hidden_share: float = 0.0
     false_share: float = 0.0
     hole_pitches: float = 0.0
     shift_pitches: float = 0.0
@@ -384,6 +386,8 @@ def _absent(
         path = (low + high) / 2 + 0.25 * (high - low) * np.column_stack([np.cos(along), np.sin(2 * along)])
         away = np.linalg.norm(rest_px - path[:, None], axis=2)
         absent |= away < sequence.hole_pitches * pitch_px
+    if sequence.hidden_share > 0.0:
+        absent[1:] |= chance.random((sequence.frames - 1, len(rest_px))) < sequence.hidden_share
     return absent
 
 

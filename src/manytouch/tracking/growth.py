@@ -17,8 +17,10 @@ from numba import njit
 
 from manytouch.tracking.bins import around
 
+_TOGETHER = 0.15
 _WIDE_GATE = 0.4
 _NARROW_GATE = 0.08
+_LONELY, _LONELY_GATE = 6, 0.2
 _RATIO_SQUARED = 0.36
 _SECOND = 1.7
 _RIDGE = 0.05
@@ -38,36 +40,56 @@ def _root(parent, k):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def keep_largest(nodes, net, shift, owner, limit, parent, size):
+def keep_largest(nodes, net, shift, owner, limit, motion, parent, size):
     """Drops all but the largest set of adjacent nodes whose `shift` (N, 2) differs by less than `limit`.
 
-    `limit` is in spacings. Returns the size of that set.
+    Of the first nodes, as many as `motion` (f, 2) holds, those that are only near each other belong together
+    as well where their motions differ by less than `_TOGETHER`. In spacings. Returns the size of that set.
     """
     _, _, spacing, start, end, near, _, _, _, _ = net
     for k in range(nodes):
         parent[k] = k
-        size[k] = 0
-    for k in range(nodes):
-        if owner[k] < 0:
-            continue
-        most = (limit * spacing[k]) ** 2
-        for j in range(start[k], end[k]):
-            n = near[j]
-            if n < nodes and owner[n] >= 0:
-                dx, dy = shift[n, 0] - shift[k, 0], shift[n, 1] - shift[k, 1]
-                if dx * dx + dy * dy < most:
-                    parent[_root(parent, n)] = _root(parent, k)
     for k in range(nodes):
         if owner[k] >= 0:
-            size[_root(parent, k)] += 1
-    largest = 0
-    for k in range(nodes):
-        if size[k] > size[largest]:
-            largest = k
+            _join(k, nodes, spacing, start[k], end[k], near, shift, owner, limit, parent)
+    largest = _largest(nodes, owner, parent, size)
+    for k in range(len(motion)):
+        if owner[k] >= 0 and _root(parent, k) != largest:
+            _join(k, len(motion), spacing, end[k], start[k + 1], near, motion, owner, _TOGETHER, parent)
+    if len(motion):
+        largest = _largest(nodes, owner, parent, size)
     for k in range(nodes):
         if owner[k] >= 0 and _root(parent, k) != largest:
             owner[k] = -1
     return size[largest]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", inline="always")
+@no_type_check
+def _join(k, nodes, spacing, first, last, near, shift, owner, limit, parent):
+    """Makes one set of node k and those of some neighbours that shifted alike."""
+    own, most = _root(parent, k), (limit * spacing[k]) ** 2
+    for j in range(first, last):
+        n = near[j]
+        if n < nodes and owner[n] >= 0 and parent[n] != own:
+            dx, dy = shift[n, 0] - shift[k, 0], shift[n, 1] - shift[k, 1]
+            if dx * dx + dy * dy < most:
+                parent[_root(parent, n)] = own
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
+def _largest(nodes, owner, parent, size):
+    """Root of the largest set; fills the sizes of all."""
+    size[:nodes] = 0
+    largest = 0
+    for k in range(nodes):
+        if owner[k] >= 0:
+            root = _root(parent, k)
+            size[root] += 1
+            if size[root] > size[largest]:
+                largest = root
+    return largest
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -250,6 +272,8 @@ def grow(dot, bins, cell_px, nodes, net, moved, owner, used, scratch):
             explained = gxx * px + gxy * py + gyx * qx + gyy * qy
             rms = np.sqrt(max(0.0, (square - s0 * (mu * mu + mv * mv) - explained) / s0))
             gate = min(gate, _NARROW_GATE * size + 2.5 * rms)
+        elif count <= _LONELY:
+            gate = min(gate, _LONELY_GATE * size)
         # Quadratics through three known nodes in a row.
         lines = 0
         to_x = to_y = 0.0

@@ -194,7 +194,7 @@ def _seeded(dot, bins, cell_px, guess, past, net, owner, moved, scratch):
             if flag[k]:
                 owner[k] = -1
     elif good:
-        good = keep_largest(len(guess), net, moved, owner, _ALIKE, parent, size)
+        good = keep_largest(len(guess), net, moved, owner, _ALIKE, moved[: len(guess)], parent, size)
     return good, is_calm
 
 
@@ -216,7 +216,7 @@ def _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, ow
             # Each time more is taken away on both sides of the rim, until the mistake is parted or gone.
             for _ in range(turn + 1):
                 part(markers, net, owner, flag, later)
-            keep_largest(nodes, net, moved, owner, _TEAR, parent, size)
+            keep_largest(nodes, net, moved, owner, _TEAR, moved[:0], parent, size)
             _displace(dot, net[0], owner, nodes, moved, used)
         elif dropped == 0 or turn > 0:
             break
@@ -362,7 +362,13 @@ def identify(dots, cell_px, guess, past, net, extent, owner, moved, scratch, lev
         unlike(place, look, level)
     if not is_calm:
         unfold(dot, net, triangle, owner, excess, used)
-        keep_largest(nodes, net, moved, owner, _TEAR, parent, size)
+        known = markers if is_next else 0
+        for k in range(known):
+            place[k, 0], place[k, 1] = (
+                rest[k, 0] + moved[k, 0] - last[k, 0],
+                rest[k, 1] + moved[k, 1] - last[k, 1],
+            )
+        keep_largest(nodes, net, moved, owner, _TEAR, place[:known], parent, size)
     explained = found = 0
     for k in range(nodes):
         if owner[k] >= 0:

@@ -95,6 +95,20 @@ def test_nothing_moves_all_are_seen():
     assert_array_equal(grid.frames_unseen, 0)
 
 
+@pytest.mark.parametrize("step", [0.0, 0.25, 0.5])
+def test_half_of_the_dots_hidden_anew_in_each_frame_loses_hardly_any_other(step):
+    rest = rectangle(22, 30, (25.0, 25.0))
+    judge = judge_of(rest)
+    judge.show(rest)
+    field = press(rest, np.array([440.0, 330.0]), 25.0, 90.0)
+    longest = np.linalg.norm(field, axis=1).max()
+    for k in range(24):
+        share = step * 25.0 / longest * (1, 2, 1, 0)[k % 4]
+        judge.show(rest + share * field, judge.rng.random(len(rest)) < 0.5)
+    assert judge.wrong == 0
+    assert judge.lost < 0.012 * judge.visible
+
+
 @pytest.mark.parametrize("step", [0.25, 0.5, 0.8, 1.2])
 def test_presses_of_any_speed_swap_nothing(step):
     rest = rectangle()
