@@ -21,7 +21,7 @@ from manytouch.values.sensor_file import save_sensor
 SOFT = Wishes(
     area_mm=(60.0, 40.0),
     deepest_mm=8.0,
-    force_N=(0.2, 5.0),
+    force_N=(0.2, 4.5),
     separation_mm=8.0,
     camera=Optics(width_px=1280, height_px=720, hfov_deg=63.7, least_focus_mm=100.0, fps=30.0),
     printer=Printer(nozzle_mm=0.4, bed_mm=(220.0, 220.0, 250.0)),
