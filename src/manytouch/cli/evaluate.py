@@ -76,7 +76,7 @@ def evaluate(
     """
     from manytouch.cli.console import Reporter
     from manytouch.evaluation.report import require_packages, write_report
-    from manytouch.sinks.staging import make_writable
+    from manytouch.sinks.staging import try_writing
 
     given = folders or []
     if len(given) not in {0, 2}:
@@ -93,7 +93,7 @@ def evaluate(
         raise wrong_words("evaluate", "--paper is not the suite: without --quick, --group and --tuning")
     require_packages()
     if not given:
-        make_writable(out)  # before hours of work
+        try_writing(out)  # before hours of work
     reporter = Reporter(bar=False)
     if paper:
         return _paper(method, cache=cache, processes=max(processes, 1), out=out)

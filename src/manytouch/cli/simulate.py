@@ -34,10 +34,10 @@ def simulate(
     from manytouch.simulation.playing import simulator, solving, state_count, states_folder
     from manytouch.simulation.scene_file import load_scene
     from manytouch.sinks.simulated import SimulatedFolder
-    from manytouch.sinks.staging import make_writable
+    from manytouch.sinks.staging import try_writing
 
     said = load_scene(scene)
-    make_writable(out)
+    try_writing(out)
     with Stop() as stop, Steps() as steps:
         steps.say(
             f"scene {said.name}: {len(said.bodies)} bodies, {said.duration_s:g} s on {said.sensor.name}"

@@ -44,7 +44,7 @@ def draw_parts(parts: Sequence[Part], meshes: Mapping[str, PartMesh], path: Path
     figure.savefig(path, dpi=110)
 
 
-def _seen(corners: Sequence[Float64[np.ndarray, "t 3 3"]], colours: Sequence[str]) -> np.ndarray:
+def _seen(corners: Sequence[Float64[np.ndarray, "_ 3 3"]], colours: Sequence[str]) -> np.ndarray:
     """(h, w, 3) picture of some meshes: the nearest of many points on their triangles in each pixel."""
     from matplotlib.colors import to_rgb
 

@@ -42,17 +42,20 @@ class Staged:
         remove(self.aside)
 
 
-def make_writable(folder: Path) -> None:
-    """Make a folder and try to write into it, before something is computed for long that shall go there.
+def try_writing(folder: Path) -> None:
+    """Write into a folder and leave no trace, before something is computed for long that shall go there.
 
     Raises:
         OutputError: it cannot be written.
     """
     trial = folder / f".{os.getpid()}.trial"
+    new = [each for each in (folder, *folder.parents) if not each.exists()]
     with told(folder):
         folder.mkdir(parents=True, exist_ok=True)
         trial.touch()
         trial.unlink()
+        for each in new:
+            each.rmdir()
 
 
 def aside(path: Path) -> Path:
