@@ -75,7 +75,7 @@ def workshop(image: np.ndarray, radius_px: float) -> Workshop:
     channels = 1 if image.ndim == 2 else image.shape[2]
     own = radius_px / factor
     angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
-    reach = own * np.array([1.3, 1.7, 2.1])
+    reach = own * np.array(response.AROUND)
     offset = np.rint(reach[None, :, None] * np.stack([np.sin(angle), np.cos(angle)], axis=1)[:, None])
     short = image.dtype == np.uint8 and factor <= MOST_SHORT
     return Workshop(

@@ -11,10 +11,12 @@ import numpy as np
 from jaxtyping import Float32
 from numba import njit
 
-from manytouch.detection.compilation import FAST
+from manytouch.detection.compilation import FAST, LEAF
 
 NARROW, WIDE = 5, 9  # taps on each side, three deviations of the Gaussians of the largest reduced dot
 LOWEST = np.float32(-1e9)
+AROUND = (1.3, 1.7, 2.1)  # radii of a dot: where its ground is looked at
+STEPS = len(AROUND)
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -173,29 +175,59 @@ def _is_highest(answer, y, x):
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(**LEAF)
 @no_type_check
-def _is_enclosed(image, y, x, offset, reach, fall):
-    """Does the brightness fall by a third of its mean fall in nearly all directions?"""
+def _falls_inside(flat, at, along, fall):
+    """How far the brightness falls in all directions from a place whose surroundings are in the image."""
+    here = flat[np.uint64(at)]
+    for direction in range(np.uint64(along.shape[0])):
+        low = np.float32(1e9)
+        for step in range(STEPS):
+            there = flat[np.uint64(at + along[direction, np.uint64(step)])]
+            low = there if there < low else low
+        fall[direction] = here - low
+    return along.shape[0]
+
+
+@njit(**LEAF)
+@no_type_check
+def _falls_at_border(image, y, x, offset, fall):
+    """The same in those directions that stay in the image. Returns how many."""
     height, width = image.shape
-    is_inside = reach <= y < height - reach and reach <= x < width - reach
-    here, known, total = image[y, x], 0, np.float32(0.0)
+    known = 0
     for direction in range(offset.shape[0]):
         low = np.float32(1e9)
-        for step in range(offset.shape[1]):
+        for step in range(STEPS):
             v, u = y + offset[direction, step, 0], x + offset[direction, step, 1]
-            if is_inside or (0 <= v < height and 0 <= u < width):
+            if 0 <= v < height and 0 <= u < width:
                 there = image[np.uint64(v), np.uint64(u)]
                 low = there if there < low else low
         if low < np.float32(1e9):
-            fall[known] = here - low
-            total += fall[known]
+            fall[known] = image[y, x] - low
             known += 1
+    return known
+
+
+@njit(**LEAF)
+@no_type_check
+def _is_enclosed(image, flat, y, x, offset, along, reach, fall):
+    """Does the brightness fall by a third of its mean fall in nearly all directions?
+
+    `along` (directions, STEPS) are the offsets in the `flat` image; `fall` is scratch.
+    """
+    height, width = image.shape
+    if reach <= y < height - reach and reach <= x < width - reach:
+        known = _falls_inside(flat, y * width + x, along, fall)
+    else:
+        known = _falls_at_border(image, y, x, offset, fall)
+    total = np.float32(0.0)
+    for direction in range(np.uint64(known)):
+        total += fall[direction]
     if known < offset.shape[0] // 3 or total <= 0.0:
         return False
-    least = 0.35 * total / known
+    least = np.float32(0.35) * total / np.float32(known)
     open_directions = 0
-    for direction in range(known):
+    for direction in range(np.uint64(known)):
         if fall[direction] < least:
             open_directions += 1
     return open_directions <= 0.2 * known
@@ -220,6 +252,7 @@ def peaks(smooth, answer, least, offset, mark, found):
     fall = np.empty(offset.shape[0], dtype=np.float32)
     words = mark.view(np.uint64)
     count, reach = 0, np.abs(offset).max()
+    flat, along = smooth.reshape(-1), offset[:, :, 0] * width + offset[:, :, 1]
     mark[:] = 0
     for y in range(height):
         _mark_peaks(answer[y], answer[y + 1], answer[y + 2], least, mark[:width])
@@ -229,7 +262,7 @@ def peaks(smooth, answer, least, offset, mark, found):
             for x in range(8 * word, min(8 * word + 8, width)):
                 if mark[x] == 0 or count >= found.shape[0] or not _is_highest(answer, y, x):
                     continue
-                if not _is_enclosed(smooth, y, x, offset, reach, fall):
+                if not _is_enclosed(smooth, flat, y, x, offset, along, reach, fall):
                     continue
                 value = answer[y + 1, x + 1]
                 found[count, 0], found[count, 1], found[count, 2] = x, y, value
