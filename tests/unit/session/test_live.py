@@ -349,12 +349,12 @@ def test_a_slow_sink_gets_the_latest_reading_and_holds_nobody_up() -> None:
     begun_s = time.monotonic()
     for reading in seen.readings:
         latest.write(reading)
-    assert time.monotonic() - begun_s < 1.0  # 2 s if each had to be waited for
+    assert time.monotonic() - begun_s < 0.1
     latest.close()
     assert slow.indices[-1] == 19
     assert slow.indices == sorted(slow.indices)
     assert len(slow.indices) + latest.skipped == 20
-    assert latest.skipped > 5
+    assert len(slow.indices) <= 3
     assert slow.is_closed
 
 
