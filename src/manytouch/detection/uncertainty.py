@@ -17,14 +17,11 @@ from manytouch.detection.light import core_reach
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
 GAIN = 1.0 / (HIGH - LOW)
 # places in a note: second moments of edge and window, GAIN / (height area), area; then as in `light`
-EXX, EXY, EYY, WINDOW, SCALE, AREA, GROUND, HEIGHT, RISE_X, RISE_Y, VARIANCE, SPREAD, CORE_SPREAD, CORE = (
-    range(14)
-)
 NOTES = 14
-EVEN, EVEN_DOTS = (
-    0.03,
-    1.0,
-)  # of the contrast: change of light over a radius that is usual; known from so many dots
+EXX, EXY, EYY, WINDOW, SCALE, AREA, GROUND = range(7)
+HEIGHT, RISE_X, RISE_Y, VARIANCE, SPREAD, CORE_SPREAD, CORE = range(7, NOTES)
+EVEN = 0.03  # of the contrast: change of light over a radius that is usual,
+EVEN_DOTS = 1.0  # known from so many dots
 STEEP = 9.0  # of the mean square of a slope; noise reaches it once in 8000 dots
 CLEAR = 1.9  # px between core and rim
 # of the mean variance: 64 plain pixels seldom reach the first, a single square the second
