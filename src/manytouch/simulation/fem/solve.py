@@ -4,6 +4,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Bool
+from threadpoolctl import threadpool_limits
 
 from manytouch.simulation.fem.assembly import ElasticBody
 from manytouch.simulation.fem.balance import Balance, Course, Stage
@@ -81,7 +82,10 @@ class Solver:
         """
         balance = self._balance(loading)
         course = balance.course(state, number, self.gravity)
-        found, reached, solved = self._march(balance, course)
+        # The fronts are small, and the threads of numpy's library and of scipy's wait for each other: on two
+        # cores that is twenty times slower.
+        with threadpool_limits(limits=1, user_api="blas"):
+            found, reached, solved = self._march(balance, course)
         done = reached == 1.0
         found = replace(found, status="ok" if done else "not_converged", reached=reached, newton_steps=solved)
         return with_patches(found, loading.patches, number) if done else found

@@ -5,9 +5,11 @@ from functools import cache
 
 import numpy as np
 import pytest
+from threadpoolctl import threadpool_info, threadpool_limits
 
 from manytouch.simulation.fem.balance import Balance, Stage
 from manytouch.simulation.fem.contact import touched_face
+from manytouch.simulation.fem.fronts import Dissection, Factors
 from manytouch.simulation.fem.indenters import Indenter, RoundPunch, Sphere, SquarePunch
 from manytouch.simulation.fem.loading import Loading, PressurePatch, Touch, press
 from manytouch.simulation.fem.material import NeoHooke
@@ -54,6 +56,22 @@ def test_the_step_is_solved_and_nothing_is_left_over() -> None:
     assert state.reached == 1.0
     balance = state.contacts[0].force_N + state.support_N
     assert np.abs(balance).max() < 1e-9
+
+
+def test_the_fronts_are_factorised_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
+    threads = []
+
+    def factorise(self: Dissection, tangent: np.ndarray, *, is_symmetric: bool) -> Factors:
+        threads.extend(each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas")
+        return plain(self, tangent, is_symmetric=is_symmetric)
+
+    plain = Dissection.factorise
+    monkeypatch.setattr(Dissection, "factorise", factorise)
+    loading = Loading(touches=(touch(Sphere(radius_mm=5.0), (0.0, 0.0, 0.2)),))
+    with threadpool_limits(limits=2, user_api="blas"):
+        assert list(solve_sheet(solver(), loading))[-1].status == "ok"
+    assert threads
+    assert set(threads) == {1}
 
 
 def test_the_contact_lies_under_the_indenter_and_pushes_down() -> None:
