@@ -16,7 +16,7 @@ from manytouch.detection.compilation import FAST, LEAF, prefetch
 from manytouch.detection.light import PLANE_RADIUS, SAMPLES, choose_offsets, fit_light, walk_to_dot
 from manytouch.detection.plans import CORE, FARTHEST, HALF, RING, ROWS, STRIPS, WALK, take_plan
 from manytouch.detection.strips import STRIP
-from manytouch.detection.uncertainty import GAIN, HIGH, LOW, NOTES, settle, take_note
+from manytouch.detection.uncertainty import GAIN, HIGH, LOW, NOTES, settle, take_note, take_nothing
 
 SADDLE_RADIUS = 3.0  # px: smaller dots are not flat anywhere
 AHEAD = 3  # dots
@@ -137,7 +137,7 @@ def _moments(share, x, y, reach2, sums):
 @no_type_check
 def _result(sums, light, reach2, x, y, radius, width, height, out, row, note):
     """`out` as in `measure_dots` from the sums about (x, y), but for the covariance that noise makes."""
-    take_note(sums, light, reach2, note[row])
+    take_note(sums, light, reach2, note[:, row])
     total = sums[0]
     # what the pixels leave when there is no noise at all, measured on rendered discs of 1.5 to 20 px
     least = min(0.013, 0.003 + 0.04 / (radius * radius))
@@ -326,7 +326,7 @@ def measure_dots(image, weights, near, radius, index, place, mask, count, noise,
     grey = np.empty(STRIP * mask.shape[1] if channels > 1 else 0, dtype=np.float32)
     work = np.empty((2, 8), dtype=np.float32)
     shape, light, sums = np.empty((2, 7)), np.empty(10), np.empty(9)
-    note = np.empty((near.shape[0], NOTES))
+    note = np.empty((NOTES, near.shape[0]))
     plan, planned = -1, 0.0
     for i in range(near.shape[0]):
         if i + AHEAD < near.shape[0]:
@@ -335,6 +335,7 @@ def measure_dots(image, weights, near, radius, index, place, mask, count, noise,
         out[i] = np.nan
         x, y = near[i, 0], near[i, 1]
         if not (x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5):
+            take_nothing(note[:, i])
             continue
         if index[i] != plan:
             plan = index[i]
@@ -365,5 +366,5 @@ def measure_dots(image, weights, near, radius, index, place, mask, count, noise,
                 found = 1
         if found != 1:
             out[i] = np.nan
-            continue
+            take_nothing(note[:, i])
     settle(note, radius, least * least, weights.sum() >= 0.0, out)

@@ -22,7 +22,7 @@ from numba.extending import intrinsic
 STRIP = 16  # columns
 GROUND, BRIGHT, START, LEFT = 0, 3, 6, 7  # places in `planes`: each plane at the first pixel, per column, row
 S0, SX, SXX, R1, RX, R2, EDGE = range(7)  # places in `sums`: see `strip_sums`
-FLOAT, VECTOR = ir.FloatType(), ir.VectorType(ir.FloatType(), STRIP)
+FLOAT, VECTOR, COUNT = ir.FloatType(), ir.VectorType(ir.FloatType(), STRIP), ir.IntType(32)
 FREE = ("reassoc", "contract", "nsz", "arcp")
 
 
@@ -45,6 +45,13 @@ def _grey(builder, pointer, kind, context):
     row = ir.VectorType(context.get_data_type(kind.dtype), STRIP)
     pixel = builder.load(builder.bitcast(pointer, row.as_pointer()), align=1)
     return pixel if kind.dtype == types.float32 else builder.uitofp(pixel, VECTOR)
+
+
+@no_type_check
+def _count(builder, lanes, number):
+    """Adds how many lanes are true, beside the sums: the units that add numbers are the busy ones."""
+    here = builder.ctpop(builder.bitcast(lanes, ir.IntType(STRIP)))
+    builder.store(builder.add(builder.load(number), builder.zext(here, COUNT)), number)
 
 
 @intrinsic
@@ -72,48 +79,47 @@ def strip_sums(typing, flat, first, width, strips, rows, mask, planes, sums):
         index = begin.type
         given = [builder.load(builder.gep(plane, [ir.Constant(index, k)])) for k in range(8)]
         step = ir.Constant(VECTOR, [float(k) for k in range(STRIP)])
-        total = [cgutils.alloca_once_value(builder, _number(0.0)) for _ in range(7)]
+        total = [cgutils.alloca_once_value(builder, _number(0.0)) for _ in range(EDGE)]
+        edges = cgutils.alloca_once_value(builder, ir.Constant(COUNT, 0))
         with cgutils.for_range(builder, across) as strip:
             offset = builder.mul(strip.index, ir.Constant(index, STRIP))
             column = builder.fadd(_all(builder, builder.sitofp(offset, FLOAT)), step)
-            run = [cgutils.alloca_once(builder, VECTOR) for _ in range(6)]
-            for k in range(4):
+            run = [cgutils.alloca_once(builder, VECTOR) for _ in range(5)]
+            for k in range(3):
                 builder.store(_number(0.0), run[k])
-            for k, at in ((4, GROUND), (5, BRIGHT)):
+            for k, at in ((3, GROUND), (4, BRIGHT)):
                 slope = builder.fmul(_all(builder, given[at + 1]), column, flags=FREE)
                 builder.store(builder.fadd(_all(builder, given[at]), slope, flags=FREE), run[k])
             start = _all(builder, given[START])
             down_slopes = [_all(builder, given[GROUND + 2]), _all(builder, given[BRIGHT + 2])]
             place = cgutils.alloca_once_value(builder, builder.add(begin, offset))
-            first_bits = builder.mul(strip.index, down)
             with cgutils.for_range(builder, down) as row:
                 at = builder.load(place)
                 builder.store(builder.add(at, apart), place)
                 grey = _grey(builder, builder.gep(pixels, [at]), signature.args[0], context)
-                ground, bright = builder.load(run[4]), builder.load(run[5])
-                above = builder.fsub(grey, ground, flags=FREE)
-                weight = builder.fsub(builder.fmul(above, bright, flags=FREE), start, flags=FREE)
+                ground, bright = builder.load(run[3]), builder.load(run[4])
+                weight = builder.fmul(builder.fsub(grey, ground, flags=FREE), bright, flags=FREE)
+                weight = builder.fsub(weight, start, flags=FREE)
                 counts = builder.bitcast(
-                    builder.load(builder.gep(bits, [builder.add(first_bits, row.index)])),
+                    builder.load(builder.gep(bits, [builder.add(builder.mul(strip.index, down), row.index)])),
                     ir.VectorType(ir.IntType(1), STRIP),
                 )
                 some = builder.and_(counts, builder.fcmp_ordered(">", weight, _number(0.0)))
+                less = builder.fcmp_ordered("<", weight, _number(1.0))
+                weight = builder.select(less, weight, _number(1.0))
                 weight = builder.select(some, weight, _number(0.0))
-                part = builder.and_(some, builder.fcmp_ordered("<", weight, _number(1.0)))
-                weight = builder.select(builder.fcmp_ordered("<", weight, _number(1.0)), weight, _number(1.0))
-                edge = builder.select(part, _number(1.0), _number(0.0))
+                _count(builder, builder.and_(some, less), edges)
                 added = weight
                 for each in run[:3]:
                     added = builder.fadd(builder.load(each), added)
                     builder.store(added, each)
-                builder.store(builder.fadd(builder.load(run[3]), edge), run[3])
-                for k, slope in zip((4, 5), down_slopes, strict=True):
+                for k, slope in zip((3, 4), down_slopes, strict=True):
                     builder.store(builder.fadd(builder.load(run[k]), slope), run[k])
             column = builder.fadd(column, _all(builder, given[LEFT]))
-            once, twice, thrice, edges = (builder.load(each) for each in run[:4])
+            once, twice, thrice = (builder.load(each) for each in run[:3])
             moment = builder.fmul(once, column, flags=FREE)
-            parts = [once, moment, builder.fmul(moment, column, flags=FREE), twice]
-            parts += [builder.fmul(twice, column, flags=FREE), thrice, edges]
+            second, mixed = (builder.fmul(each, column, flags=FREE) for each in (moment, twice))
+            parts = [once, moment, second, twice, mixed, thrice]
             for each, added in zip(total, parts, strict=True):
                 builder.store(builder.fadd(builder.load(each), added), each)
         shape = ir.FunctionType(FLOAT, [FLOAT, VECTOR])
@@ -122,6 +128,8 @@ def strip_sums(typing, flat, first, width, strips, rows, mask, planes, sums):
         for k, each in enumerate(total):
             summed = builder.call(add, [ir.Constant(FLOAT, 0.0), builder.load(each)], fastmath=FREE)
             builder.store(summed, builder.gep(out, [ir.Constant(index, k)]))
+        counted = builder.uitofp(builder.load(edges), FLOAT)
+        builder.store(counted, builder.gep(out, [ir.Constant(index, EDGE)]))
         return context.get_dummy_value()
 
     size = types.intp

@@ -5,13 +5,15 @@ light usually is shows in the slopes of all cores; that of one, which is noisy, 
 See docs/derivations/detection.md.
 """
 
+# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
+
 import math
 from typing import no_type_check
 
 import numpy as np
 from numba import njit
 
-from manytouch.detection.compilation import LEAF
+from manytouch.detection.compilation import FAST, LEAF
 from manytouch.detection.light import core_reach
 
 LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
@@ -53,64 +55,100 @@ def _tail(z):
     return (1.0 + z * z) * 0.5 * math.erfc(z / math.sqrt(2.0)) - z * density
 
 
+@njit(**LEAF)
+@no_type_check
+def take_nothing(note):
+    """For `settle`, where there is no dot."""
+    note[:] = 0.0
+    note[VARIANCE] = note[CORE] = -1.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@no_type_check
+def _sums_within(variance, ground, height, spread, level, limit, limit_of_one):
+    """Number of the variances (n,) within their limit, and sums of them and of their grey levels."""
+    number = total = grey = 0.0
+    for i in range(np.uint64(len(variance))):
+        most = limit if spread[i] > 0.0 else limit_of_one
+        is_usual = 0.0 <= variance[i] <= most
+        number += 1.0 if is_usual else 0.0
+        total += variance[i] if is_usual else 0.0
+        grey += ground[i] + level * height[i] if is_usual else 0.0
+    return number, total, grey
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def _usual(note, out, column, level):
+def _usual(note, column, level):
     """Mean variance of ground or core without outliers, and its mean grey level; -1 where none is known."""
     limit, variance, grey = np.inf, -1.0, 0.0
+    of_one = OUTLIER_OF_ONE if column == CORE else OUTLIER
     for _ in range(3):
-        total = total_grey = 0.0
-        number = 0
-        for i in range(note.shape[0]):
-            one = column == CORE and note[i, CORE_SPREAD] == 0.0
-            most = (OUTLIER_OF_ONE if one else OUTLIER) * limit
-            if not np.isnan(out[i, 0]) and 0.0 <= note[i, column] <= most:
-                total += note[i, column]
-                total_grey += note[i, GROUND] + level * note[i, HEIGHT]
-                number += 1
-        if number == 0:
+        number, total, total_grey = _sums_within(
+            note[column],
+            note[GROUND],
+            note[HEIGHT],
+            note[CORE_SPREAD],
+            level,
+            OUTLIER * limit,
+            of_one * limit,
+        )
+        if number == 0.0:
             break
         variance, grey = total / number, total_grey / number
         limit = variance
     return variance, grey
 
 
-@njit(**LEAF)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def _slope2(note, i, radius):
-    """Mean square, along an axis, of what a core's slope makes of its contrast over a radius."""
-    share = radius / note[i, HEIGHT]
-    return 0.5 * share * share * (note[i, RISE_X] * note[i, RISE_X] + note[i, RISE_Y] * note[i, RISE_Y])
+def _slopes(height, rise_x, rise_y, spread, radius, core, square, noisy):
+    """Mean squares (n,), along an axis, of what the cores' slopes, and noise in them, make over a radius.
+
+    In parts of the contrast; the first is -1 where no slope is known. `core` is the usual variance there.
+    """
+    for i in range(np.uint64(len(height))):
+        share = radius[i] / height[i]
+        share *= share
+        is_known = spread[i] > 0.0
+        square[i] = 0.5 * share * (rise_x[i] * rise_x[i] + rise_y[i] * rise_y[i]) if is_known else -1.0
+        noisy[i] = 2.0 * share * core / spread[i] if is_known else 0.0
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@no_type_check
+def _slopes_within(square, noisy, limit):
+    """Number of the slopes within the limit, and sums of their squares and of the noise in these."""
+    number = squares = noise = 0.0
+    for i in range(np.uint64(len(square))):
+        is_usual = 0.0 <= square[i] <= limit
+        number += 1.0 if is_usual else 0.0
+        squares += square[i] if is_usual else 0.0
+        noise += noisy[i] if is_usual else 0.0
+    return number, squares, noise
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def _evenness(note, out, radius, core):
-    """The usual `_slope2` without what noise makes of it, and that from which on one is not usual."""
+def _evenness(square, noisy):
+    """The usual mean square of a slope without what noise makes of it, and that from which on one is not."""
     limit, usual = np.inf, EVEN * EVEN
     for _ in range(3):
-        all_squares, noisy, number = EVEN_DOTS * EVEN * EVEN, 0.0, EVEN_DOTS
-        for i in range(note.shape[0]):
-            if not np.isnan(out[i, 0]) and note[i, CORE_SPREAD] > 0.0:
-                square = _slope2(note, i, radius[i])
-                if square <= limit:
-                    share = radius[i] / note[i, HEIGHT]
-                    all_squares += square
-                    noisy += 2.0 * share * share * core / note[i, CORE_SPREAD]
-                    number += 1.0
-        limit = STEEP * all_squares / number
-        usual = max(all_squares - noisy, EVEN_DOTS * EVEN * EVEN) / number
+        number, squares, noise = _slopes_within(square, noisy, limit)
+        number, squares = number + EVEN_DOTS, squares + EVEN_DOTS * EVEN * EVEN
+        limit = STEEP * squares / number
+        usual = max(squares - noise, EVEN_DOTS * EVEN * EVEN) / number
     return usual, limit
 
 
 @njit(**LEAF)
 @no_type_check
-def _is_clear(note, i, radius):
+def _is_clear(exx, exy, eyy, area, radius):
     """Is the core free of the dot's edge, however the dot was squeezed?"""
-    middle, half = 0.5 * (note[i, EXX] + note[i, EYY]), 0.5 * (note[i, EXX] - note[i, EYY])
-    off = math.sqrt(half * half + note[i, EXY] * note[i, EXY])
+    middle, half = 0.5 * (exx + eyy), 0.5 * (exx - eyy)
+    off = math.sqrt(half * half + exy * exy)
     # the half axes of an ellipse are as the roots of its moments
-    least = math.sqrt(note[i, AREA] / math.pi * math.sqrt(max(middle - off, 0.0) / (middle + off)))
+    least = math.sqrt(area / math.pi * math.sqrt(max(middle - off, 0.0) / (middle + off)))
     return least > core_reach(radius) + CLEAR
 
 
@@ -120,45 +158,47 @@ def settle(note, radius, least, is_light, out):
     """Adds to `out`, rows of `kernels.measure_dots`, what noise and the slopes of the light do to centres.
 
     Args:
-        note: of all dots, as `take_note` left them.
+        note: (NOTES, n) of all dots, as `take_note` and `take_nothing` left them.
         radius: expected ones.
         least: smallest variance of a pixel.
         is_light: does a dot's core get more light than its ground?
         out: centres and covariances are changed.
     """
-    ground, ground_grey = _usual(note, out, VARIANCE, 0.0)
-    core, core_grey = _usual(note, out, CORE, 1.0)
+    ground, ground_grey = _usual(note, VARIANCE, 0.0)
+    core, core_grey = _usual(note, CORE, 1.0)
     ground = max(ground, least)
     core = ground if core < 0.0 else max(core, least)
     if (core < ground) == is_light:
         # noise does not fall with light: one of them is clipped, and tells nothing
         core = ground = max(core, ground)
     growth = (core - ground) / max(core_grey - ground_grey, 1.0)
-    even, steep = _evenness(note, out, radius, core)
-    for i in range(note.shape[0]):
+    square, noisy = np.empty(len(out)), np.empty(len(out))
+    _slopes(note[HEIGHT], note[RISE_X], note[RISE_Y], note[CORE_SPREAD], radius, core, square, noisy)
+    even, steep = _evenness(square, noisy)
+    for i in range(len(out)):
         if np.isnan(out[i, 0]):
             continue
-        height, exx, exy, eyy = note[i, HEIGHT], note[i, EXX], note[i, EXY], note[i, EYY]
-        here = max(ground + growth * (note[i, GROUND] - ground_grey), least)
+        height, exx, exy, eyy = note[HEIGHT, i], note[EXX, i], note[EXY, i], note[EYY, i]
+        here = max(ground + growth * (note[GROUND, i] - ground_grey), least)
         there = max(here + growth * height, least)
-        if note[i, VARIANCE] > TEXTURE * here:
-            there += note[i, VARIANCE] - here
-            here = note[i, VARIANCE]
-        scale = note[i, SCALE]
-        slopes = 2.0 * here / note[i, SPREAD] if note[i, SPREAD] > 0.0 else 0.0
-        if note[i, CORE_SPREAD] > 0.0:
-            expected, noisy = even * (height / radius[i]) ** 2, 2.0 * there / note[i, CORE_SPREAD]
-            is_steep = _slope2(note, i, radius[i]) > steep and _is_clear(note, i, radius[i])
-            share = 1.0 if is_steep else expected / (expected + noisy)
-            slopes += share * noisy
+        if note[VARIANCE, i] > TEXTURE * here:
+            there += note[VARIANCE, i] - here
+            here = note[VARIANCE, i]
+        scale = note[SCALE, i]
+        slopes = 2.0 * here / note[SPREAD, i] if note[SPREAD, i] > 0.0 else 0.0
+        if note[CORE_SPREAD, i] > 0.0:
+            expected, noise = even * (height / radius[i]) ** 2, 2.0 * there / note[CORE_SPREAD, i]
+            is_steep = square[i] > steep and _is_clear(exx, exy, eyy, note[AREA, i], radius[i])
+            share = 1.0 if is_steep else expected / (expected + noise)
+            slopes += share * noise
             back = 0.5 * scale * (1.0 - share)
-            out[i, 0] += back * (exx * note[i, RISE_X] + exy * note[i, RISE_Y])
-            out[i, 1] += back * (exy * note[i, RISE_X] + eyy * note[i, RISE_Y])
+            out[i, 0] += back * (exx * note[RISE_X, i] + exy * note[RISE_Y, i])
+            out[i, 1] += back * (exy * note[RISE_X, i] + eyy * note[RISE_Y, i])
         passed = 0.0
         threshold = LOW * height
         if threshold * threshold < 36.0 * max(here, there):
-            rest = max(note[i, WINDOW] - 0.5 * (exx + eyy), 0.0)
-            inside = note[i, AREA] * note[i, AREA] / (4.0 * math.pi) - 0.25 * (exx + eyy)
+            rest = max(note[WINDOW, i] - 0.5 * (exx + eyy), 0.0)
+            inside = note[AREA, i] * note[AREA, i] / (4.0 * math.pi) - 0.25 * (exx + eyy)
             inside = min(max(inside, 0.0), rest)
             passed = (rest - inside) * here * _tail(threshold / math.sqrt(here))
             passed += inside * there * _tail(threshold / math.sqrt(there))

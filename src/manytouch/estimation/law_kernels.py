@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays what it is
+ONE, TWO, THREE = (np.uint64(number) for number in (1, 2, 3))
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
@@ -59,7 +60,7 @@ def marker_depths(cell_first, cell, cell_depth):
     return depth
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def depth_noise(slope, cell_first, first, pair_corner, entry_first, entry, covariance):
     """Variance (m,) of the depths, and their covariance (m, 2) with the markers' own places.
@@ -69,21 +70,25 @@ def depth_noise(slope, cell_first, first, pair_corner, entry_first, entry, covar
         cell_first, first, pair_corner, entry_first, entry: of the law.
         covariance: (m, 2, 2) of the places.
     """
-    flat = slope.reshape(-1, 2)
+    # flat arrays and unsigned indices: they need no check for negative ones
+    flat, spread = slope.reshape(-1), covariance.reshape(-1)
     count = len(first) - 1
     variance, mixed = np.empty(count), np.empty((count, 2))
     for m in range(count):
         total, own_x, own_y = 0.0, np.nan, np.nan
         for q in range(first[m], first[m + 1]):
-            along_x = along_y = 0.0
-            for p in range(entry_first[q], entry_first[q + 1]):
-                along_x += flat[entry[p], 0]
-                along_y += flat[entry[p], 1]
-            corner = pair_corner[q]
-            x = covariance[corner, 0, 0] * along_x + covariance[corner, 0, 1] * along_y
-            y = covariance[corner, 1, 0] * along_x + covariance[corner, 1, 1] * along_y
+            # each corner has one cell at least
+            at = TWO * np.uint64(entry[entry_first[q]])
+            along_x, along_y = flat[at], flat[at + ONE]
+            for p in range(entry_first[q] + 1, entry_first[q + 1]):
+                at = TWO * np.uint64(entry[p])
+                along_x += flat[at]
+                along_y += flat[at + ONE]
+            corner = np.uint64(4) * np.uint64(pair_corner[q])
+            x = spread[corner] * along_x + spread[corner + ONE] * along_y
+            y = spread[corner + TWO] * along_x + spread[corner + THREE] * along_y
             total += along_x * x + along_y * y
-            if corner == m:
+            if pair_corner[q] == m:
                 own_x, own_y = x, y
         number = cell_first[m + 1] - cell_first[m]
         each = 1.0 / number if number > 0 else np.nan
@@ -215,11 +220,15 @@ def law_errors(depth, variance, index, lean, bend, feigned, spill, scale):
 @no_type_check
 def widen(covariance, error, rest, eye, distance):
     """Adds errors (m,) of depth, which move markers along their rays, to covariances (m, 3, 3)."""
-    ray = np.empty(3)
-    ray[2] = -1.0
+    each = 1.0 / distance
     for m in range(len(rest)):
-        for axis in range(2):
-            ray[axis] = -(rest[m, axis] - eye[axis]) / distance
-        for i in range(3):
-            for j in range(3):
-                covariance[m, i, j] += error[m] * ray[i] * ray[j]
+        x, y, here = (rest[m, 0] - eye[0]) * each, (rest[m, 1] - eye[1]) * each, error[m]
+        covariance[m, 0, 0] += here * x * x
+        covariance[m, 1, 1] += here * y * y
+        covariance[m, 2, 2] += here
+        covariance[m, 0, 1] += here * x * y
+        covariance[m, 0, 2] += here * x
+        covariance[m, 1, 2] += here * y
+        for i in range(2):
+            for j in range(i + 1, 3):
+                covariance[m, j, i] = covariance[m, i, j]

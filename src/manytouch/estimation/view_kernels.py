@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays what it is
+ENOUGH = 256  # places: their median is known to 5 %
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -105,7 +106,7 @@ def proposed(rest, moved, is_seen, weight, pairs, part, voters):
     Args:
         rest, moved: (m, 2) places and displacements.
         is_seen, weight: (m,).
-        pairs: (n, 2) markers; their median displacement without a turn is proposed too.
+        pairs: (n, 2) markers; the voters' median displacement without a turn is proposed too.
         part: of the weight that must fit.
         voters: markers that judge, about.
     """
@@ -129,7 +130,7 @@ def proposed(rest, moved, is_seen, weight, pairs, part, voters):
             motion[0] = 0.5 * (moved[a, 0] + moved[b, 0] + motion[2] * (rest[a, 1] + rest[b, 1]))
             motion[1] = 0.5 * (moved[a, 1] + moved[b, 1] - motion[2] * (rest[a, 0] + rest[b, 0]))
         else:
-            motion[0], motion[1], motion[2] = np.median(moved[seen, 0]), np.median(moved[seen, 1]), 0.0
+            motion[0], motion[1], motion[2] = np.median(u), np.median(v), 0.0
         _squares(x, y, u, v, motion, square)
         if _weight_below(square, w, least) >= goal:
             least = reach(square, w.copy(), goal)
@@ -162,13 +163,16 @@ def refined(rest, moved, is_seen, weight, motion, part, std, voters, rounds):
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def usual_std(covariance, is_seen):
-    """Median deviation along an axis of the places (m, 2, 2) that are known."""
+    """Median deviation along an axis of the places (m, 2, 2) that are known; some hundreds tell it."""
+    step, wait = max(1, is_seen.sum() // ENOUGH), 0
     spread = np.empty(len(covariance))
     number = 0
     for m in range(len(covariance)):
         if is_seen[m]:
-            spread[number] = covariance[m, 0, 0] + covariance[m, 1, 1]
-            number += 1
+            if wait == 0:
+                spread[number] = covariance[m, 0, 0] + covariance[m, 1, 1]
+                number, wait = number + 1, step
+            wait -= 1
     return np.sqrt(np.median(spread[:number]) / 2.0)
 
 

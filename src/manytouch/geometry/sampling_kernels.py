@@ -7,8 +7,12 @@ from typing import no_type_check
 import numpy as np
 from numba import njit
 
+FAST = {"contract", "nsz"}
+TAPS = 4  # of a cubic spline
+ONE, TWO, THREE = (np.uint64(number) for number in (1, 2, 3))
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath={"contract", "nsz"})
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
 def spread_out(value, order, solve_y, solve_x, first_y, tap_y, first_x, tap_x):
     """(ny, nx) values of the surface through the lattice's values.
@@ -31,15 +35,20 @@ def spread_out(value, order, solve_y, solve_x, first_y, tap_y, first_x, tap_x):
             weight = solve_y[s, r]
             for i in range(columns):
                 coefficient[r, i] += weight * across[s, i]
-    wide = np.zeros((rows, width))
+    # rows of zeros after the last one are for splines with less than four taps
+    wide = np.zeros((rows + TAPS, width))
     for r in range(rows):
         for x in range(width):
+            at, here = np.uint64(first_x[x]), 0.0
             for t in range(tap_x.shape[1]):
-                wide[r, x] += tap_x[x, t] * coefficient[r, first_x[x] + t]
-    out = np.zeros((len(first_y), width))
+                here += tap_x[x, t] * coefficient[r, at + np.uint64(t)]
+            wide[r, x] = here
+    out, part = np.empty((len(first_y), width)), np.zeros(TAPS)
     for y in range(len(first_y)):
-        for t in range(tap_y.shape[1]):
-            weight, r = tap_y[y, t], first_y[y] + t
-            for x in range(width):
-                out[y, x] += weight * wide[r, x]
+        part[: tap_y.shape[1]] = tap_y[y]
+        a, b, c, d = part[0], part[1], part[2], part[3]
+        r = np.uint64(first_y[y])
+        for x in range(np.uint64(width)):
+            here = a * wide[r, x] + b * wide[r + ONE, x]
+            out[y, x] = here + c * wide[r + TWO, x] + d * wide[r + THREE, x]
     return out
