@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float32, Float64
+from jaxtyping import Float64
 
 from manytouch.detection import response
 from manytouch.values.arrays import Points2, Scalars
@@ -55,8 +55,8 @@ class Workshop:
     shape: tuple[int, ...]
     dtype: np.dtype[np.generic]
     factor: int
-    narrow: Float32[np.ndarray, " k"]
-    wide: Float32[np.ndarray, " l"]
+    narrow: tuple[np.float32, ...]
+    wide: tuple[np.float32, ...]
     offset: np.ndarray
     total: np.ndarray
     grey: np.ndarray
@@ -74,6 +74,7 @@ def workshop(image: np.ndarray, radius_px: float) -> Workshop:
     height, width = image.shape[0] // factor, image.shape[1] // factor
     channels = 1 if image.ndim == 2 else image.shape[2]
     own = radius_px / factor
+    inner, outer = next((row[1:] for row in response.TAPS if own <= row[0]), response.TAPS[-1][1:])
     angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     reach = own * np.array(response.AROUND)
     offset = np.rint(reach[None, :, None] * np.stack([np.sin(angle), np.cos(angle)], axis=1)[:, None])
@@ -82,8 +83,8 @@ def workshop(image: np.ndarray, radius_px: float) -> Workshop:
         shape=image.shape,
         dtype=image.dtype,
         factor=factor,
-        narrow=response.taps(INNER * own, response.NARROW),
-        wide=response.taps(OUTER * own, response.WIDE),
+        narrow=response.taps(INNER * own, inner),
+        wide=response.taps(OUTER * own, outer),
         offset=offset.astype(np.int64),
         total=np.empty(width * factor * channels, dtype=np.uint16 if short else np.float32),
         grey=np.empty(width * factor, dtype=np.float32),

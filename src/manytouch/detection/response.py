@@ -8,12 +8,14 @@ Loops run over whole rows, with a fixed number of taps. Images are flat rows (h,
 from typing import no_type_check
 
 import numpy as np
-from jaxtyping import Float32
 from numba import njit
 
 from manytouch.detection.compilation import FAST, LEAF
 
-NARROW, WIDE = 5, 9  # taps on each side, three deviations of the Gaussians of the largest reduced dot
+# Taps on each side: three deviations of the Gaussians of a dot up to a reduced radius. Kernels are compiled
+# for their number.
+TAPS = ((7.0 / 3.0, 4, 7), (3.0, 5, 9))
+WIDE = TAPS[-1][-1]
 LOWEST = np.float32(-1e9)
 AROUND = (1.3, 1.7, 2.1)  # radii of a dot: where its ground is looked at
 STEPS = len(AROUND)
@@ -82,10 +84,10 @@ def reduce_rows(rows, weights, factor, total, grey, small):
             _add_columns(grey, factor, scale, small[y])
 
 
-def taps(deviation: float, number: int) -> Float32[np.ndarray, " k"]:
+def taps(deviation: float, number: int) -> tuple[np.float32, ...]:
     """Half of a Gaussian of sum 1, from its middle outwards."""
     half = np.exp(-0.5 * (np.arange(number + 1) / deviation) ** 2)
-    return np.asarray(half / (2.0 * half.sum() - half[0]), dtype=np.float32)
+    return tuple((half / (2.0 * half.sum() - half[0])).astype(np.float32))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -104,11 +106,11 @@ def _columns(near, narrow, wide, inner, outer):
     for x in range(np.uint64(inner.shape[0])):
         middle = near[WIDE, x]
         low, high = narrow[0] * middle, wide[0] * middle
-        for k in range(1, NARROW + 1):
+        for k in range(1, len(narrow)):
             pair = near[WIDE - k, x] + near[WIDE + k, x]
             low += narrow[k] * pair
             high += wide[k] * pair
-        for k in range(NARROW + 1, WIDE + 1):
+        for k in range(len(narrow), len(wide)):
             high += wide[k] * (near[WIDE - k, x] + near[WIDE + k, x])
         inner[x] = low
         outer[x] = high
@@ -122,9 +124,9 @@ def _along(inner, outer, narrow, wide, smooth, answer):
     for x in range(np.uint64(smooth.shape[0])):
         at = x + zero
         low, high = narrow[0] * inner[at], wide[0] * outer[at]
-        for k in range(1, NARROW + 1):
+        for k in range(1, len(narrow)):
             low += narrow[k] * (inner[at - np.uint64(k)] + inner[at + np.uint64(k)])
-        for k in range(1, WIDE + 1):
+        for k in range(1, len(wide)):
             high += wide[k] * (outer[at - np.uint64(k)] + outer[at + np.uint64(k)])
         smooth[x] = low
         answer[x] = low - high

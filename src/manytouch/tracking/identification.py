@@ -201,7 +201,10 @@ def _seeded(dot, bins, cell_px, guess, past, net, owner, moved, scratch):
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, owner, moved, scratch):
-    """Grows and verifies; where a part was mistaken, takes its rim away and grows again from what is left."""
+    """Grows and verifies; where a part was mistaken, takes its rim away and grows again from what is left.
+
+    Returns whether `moved` holds what `fill` gives nodes without a dot.
+    """
     _, used, excess, parent, size, flag, queue, later, is_waiting, tried, _ = scratch
     lists = (queue, later, is_waiting, tried)
     nodes = len(owner)
@@ -210,7 +213,7 @@ def _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, ow
         grow(dot, bins, cell_px, reach, net, moved, owner, used, lists)
         dropped = verify(reach, net, past, moved, owner, 3.0 * noise_px, is_calm, used, excess, flag, queue)
         if is_calm:
-            break
+            return False
         fill(nodes, net, moved, owner, lists)
         if doubtful(dot, bins, cell_px, markers, net, moved, owner, bounds, used, later, flag):
             # Each time more is taken away on both sides of the rim, until the mistake is parted or gone.
@@ -219,7 +222,8 @@ def _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, ow
             keep_largest(nodes, net, moved, owner, _TEAR, moved[:0], parent, size)
             _displace(dot, net[0], owner, nodes, moved, used)
         elif dropped == 0 or turn > 0:
-            break
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -246,9 +250,22 @@ def _is_doubtful(dot, bins, cell_px, is_calm, fresh, level, past, net, owner, mo
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
 def _unslipped(
-    dot, bins, cell_px, appearance, is_calm, has_jumped, past, net, extent, noise_px, owner, moved, scratch
+    dot,
+    bins,
+    cell_px,
+    appearance,
+    is_calm,
+    has_jumped,
+    is_filled,
+    past,
+    net,
+    extent,
+    noise_px,
+    owner,
+    moved,
+    scratch,
 ):
-    """Gives the nodes the dots of the likeliest slip.
+    """Gives the nodes the dots of the likeliest slip. `is_filled` is what `_grown` returned.
 
     Returns how well it is known: `TOLD` by the image, `FOLLOWED` as the motion excludes all others,
     `ASSUMED` as the sheet is near its rest, or `UNKNOWN`.
@@ -264,7 +281,8 @@ def _unslipped(
         verify(nodes, net, past, moved, owner, 3.0 * noise_px, True, used, excess, flag, queue)
     margin, by_roughness, motion = 0.0, 0.0, np.inf
     for _ in range(_VOTES):
-        fill(nodes, net, moved, owner, lists)
+        if not is_filled:
+            fill(nodes, net, moved, owner, lists)
         for k in range(nodes):
             place[k, 0], place[k, 1] = rest[k, 0] + moved[k, 0], rest[k, 1] + moved[k, 1]
         best, margin, by_roughness, motion = vote(
@@ -278,7 +296,9 @@ def _unslipped(
             if queue[k] >= 0 and slip[best, k] >= 0:
                 owner[slip[best, k]] = queue[k]
         _displace(dot, rest, owner, nodes, moved, used)
-        _grown(dot, bins, cell_px, len(last), False, past, net, bounds, noise_px, owner, moved, scratch)
+        is_filled = _grown(
+            dot, bins, cell_px, len(last), False, past, net, bounds, noise_px, owner, moved, scratch
+        )
     if margin >= _LEAST_MARGIN:
         return TOLD
     if by_roughness < -_LEAST_MARGIN or has_jumped:
@@ -332,7 +352,9 @@ def identify(dots, cell_px, guess, past, net, extent, owner, moved, scratch, lev
     if good == 0:
         return 0, 0, 0, past[4]
     _displace(dot, rest, owner, nodes, moved, used)
-    _grown(dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, owner, moved, scratch)
+    is_filled = _grown(
+        dot, bins, cell_px, markers, is_calm, past, net, bounds, noise_px, owner, moved, scratch
+    )
     fresh = rough(moved, owner, markers, spacing, opposite)
     looks(markers, stride(markers, GLANCES), owner, appearance, net, place)
     unlike(place, look, level)
@@ -349,6 +371,7 @@ def identify(dots, cell_px, guess, past, net, extent, owner, moved, scratch, lev
             appearance,
             is_calm,
             has_jumped,
+            is_filled,
             past,
             net,
             extent,

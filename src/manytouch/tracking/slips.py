@@ -15,6 +15,7 @@ from numba import njit
 
 from manytouch.tracking.looks import LOOKS, looks, slipped_looks, stride
 
+FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays what it is
 _BEYOND = 0.003  # share of places beyond the ghosts that hold a dot by chance
 _UNKNOWN = float(np.log(2.0))  # of a place that the image did not show at rest
 _LEAST_FOUND = 0.05
@@ -24,6 +25,7 @@ _FINEST = 0.003
 _CLOSENESS, _CONTINUITY, _MOST_MOTION = 10.0, 25.0, 1.5
 _NEAR = 0.35
 _SAMPLES = 300
+_LEAST_MIDDLE, _HALVINGS = 1e-12, 16
 _RIGID, _RIGID_NOISES, _RIGID_SAMPLES, _LEAST_SAMPLES = 0.1, 4.0, 80, 16
 
 
@@ -42,9 +44,14 @@ def _occupation(owner, place, slip, kind, presence, bounds, cost):
             found += owner[k] >= 0
     share = min(1.0, max(_LEAST_FOUND, found / max(expected, 1.0)))
     full, empty = np.empty(nodes), np.empty(nodes)
+    before, log_full, log_empty = -1.0, 0.0, 0.0
     for k in range(nodes):
-        full[k] = _UNKNOWN if kind[k] == 3 else -np.log(presence[k])
-        empty[k] = _UNKNOWN if kind[k] == 3 else -np.log(1.0 - presence[k] * share)
+        # most are as likely as the one before, and logarithms take long
+        if presence[k] != before:
+            before = presence[k]
+            log_full, log_empty = -np.log(before), -np.log(1.0 - before * share)
+        full[k] = _UNKNOWN if kind[k] == 3 else log_full
+        empty[k] = _UNKNOWN if kind[k] == 3 else log_empty
     for s in range(len(slip)):
         for k in range(nodes):
             t = slip[s, k]
@@ -53,6 +60,35 @@ def _occupation(owner, place, slip, kind, presence, bounds, cost):
                 cost[s] += full[t] if t >= 0 else beyond
             elif t >= 0 and shown[k]:
                 cost[s] += empty[t]
+
+
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@no_type_check
+def _number_below(value, limit):
+    number = np.float32(0.0)
+    for i in range(np.uint64(len(value))):
+        number += np.float32(1.0) if value[i] < limit else np.float32(0.0)
+    return number
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+@no_type_check
+def middle(value):
+    """Median of values (n,) of float32 that are not negative, to a few parts in ten thousand.
+
+    Found by halving: counting runs in lanes, and nothing is foreseen wrongly as when values are sorted.
+    """
+    high, half = np.float64(value.max()), 0.5 * len(value)
+    low = high * _LEAST_MIDDLE
+    if high <= 0.0 or _number_below(value, np.float32(low)) > half:
+        return 0.0
+    for _ in range(_HALVINGS):
+        between = np.sqrt(low * high)
+        if _number_below(value, np.float32(between)) <= half:
+            low = between
+        else:
+            high = between
+    return np.sqrt(low * high)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -75,7 +111,7 @@ def _deviation(place, owner, rest, spacing, opposite, slip, bend):
             y = place[a, 1] + place[b, 1] - 2.0 * place[k, 1] - rest[ta, 1] - rest[tb, 1] + 2.0 * rest[t, 1]
             bend[number] = (x * x + y * y) / (spacing[k] * spacing[k])
             number += 1
-    return (np.sqrt(np.median(bend[:number])) if number else np.nan), number
+    return (np.sqrt(middle(bend[:number])) if number else np.nan), number
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -89,7 +125,7 @@ def _motion(place, owner, last, spacing, slip, buffer):
             x, y = place[k, 0] - last[t, 0], place[k, 1] - last[t, 1]
             buffer[number] = (x * x + y * y) / (spacing[k] * spacing[k])
             number += 1
-    return np.sqrt(np.median(buffer[:number])) if number else np.inf
+    return np.sqrt(middle(buffer[:number])) if number else np.inf
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -149,7 +185,7 @@ def vote(owner, appearance, place, net, slip, presence, look, usual_look, last, 
     slips, nodes = len(slip), len(owner)
     cost, rough = np.zeros(slips), np.zeros(slips)
     _occupation(owner, place, slip, net[1], presence, bounds, cost)
-    buffer = np.empty(2 * nodes)
+    buffer = np.empty(2 * nodes, np.float32)
     finest = max(_FINEST, noise_px / spacing[0])
     motion = np.empty(slips)
     usual, bends = 0.0, 0

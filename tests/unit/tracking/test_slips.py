@@ -5,6 +5,7 @@ import pytest
 
 from manytouch.tracking import FollowGrid
 from manytouch.tracking.mesh import CLOSED, OPEN, mesh_of
+from manytouch.tracking.slips import middle
 from manytouch.values import Detections, Layout, Sensor
 from straight import straight_camera
 
@@ -246,3 +247,17 @@ def test_clutter_beside_hidden_markers_shakes_nobody_else():
     _, grid = follow.step(follow.start(sensor_of(rest)), shown(rest, rng, hidden=hidden, extra_px=spots)[0])
     assert wrong(grid, rest) == 0
     assert grid.is_seen.sum() == len(rest) - len(hidden)
+
+
+@pytest.mark.parametrize("number", [1, 2, 7, 500])
+def test_the_middle_is_the_median(number: int) -> None:
+    chance = np.random.default_rng(number)
+    value = (1e-6 * chance.lognormal(0.0, 3.0, number)).astype(np.float32)
+    ordered = np.sort(value)
+    least, most = ordered[(number - 1) // 2], ordered[number // 2]
+    assert least * (1 - 1e-3) <= middle(value) <= most * (1 + 1e-3)
+
+
+def test_the_middle_of_nothing_but_zeros_is_zero() -> None:
+    assert middle(np.zeros(5, np.float32)) == 0.0
+    assert middle(np.array([0.0, 0.0, 3.0], np.float32)) == 0.0
