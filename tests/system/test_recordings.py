@@ -79,6 +79,20 @@ def test_a_recording_is_not_recorded_over_while_it_is_read(made: tuple[Path, str
     assert own.read_bytes() == made[0].read_bytes()
 
 
+def test_what_was_recorded_under_a_name_is_kept_under_the_next(
+    made: tuple[Path, str], tmp_path: Path
+) -> None:
+    old = {"x.mcap": b"older", "x-1.mcap": b"oldest"}
+    for name, content in old.items():
+        (tmp_path / name).write_bytes(content)
+    done = manytouch("run", made[0], "--no-view", "--fps", "200", "--record", tmp_path / "x.mcap")
+    assert done.returncode == 0, done.stderr
+    assert "the x.mcap that was there is x-2.mcap now" in done.stdout
+    assert (tmp_path / "x-2.mcap").read_bytes() == b"older"
+    assert (tmp_path / "x-1.mcap").read_bytes() == b"oldest"
+    assert (tmp_path / "x.mcap").stat().st_size > 1000
+
+
 def test_another_method_is_named(made: tuple[Path, str], tmp_path: Path) -> None:
     path, _ = made
     done = manytouch("run", path, "--method", "paper", "--no-view", "--fps", "200", "--out", tmp_path)

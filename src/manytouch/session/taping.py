@@ -9,6 +9,7 @@ from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Pipeline
 from manytouch.session.job import Job
 from manytouch.sinks.recorder import Recorder
+from manytouch.sinks.staging import told
 from manytouch.sources.source import Device
 from manytouch.values import Frame, Reading, Sensor
 
@@ -43,7 +44,7 @@ class Taping:
 
         Raises:
             ManytouchError: something is being recorded; OutputError: the file cannot be written, or is
-                the one that is read.
+                the one that is read. What was recorded under that name before gets another.
         """
         if self._recorder is not None:
             raise ManytouchError(f"{self.name} is being recorded; stop it first")
@@ -51,7 +52,15 @@ class Taping:
         read = Path(self._job.text).expanduser()
         if path.exists() and read.exists() and path.samefile(read):
             raise OutputError(f"{str(path)!r} is the recording that is read: record under another name")
-        recorder = Recorder(path, source=self._job.recording, fps=self._job.source.fps)
+        before = _moved_aside(path)
+        try:
+            recorder = Recorder(path, source=self._job.recording, fps=self._job.source.fps)
+        except ManytouchError:
+            if before is not None:
+                before.replace(path)
+            raise
+        if before is not None:
+            self._note(f"the {path.name} that was there is {before.name} now")
         recorder.describe(sensor, pipeline, method)
         self._recorder = recorder
         if isinstance(self._job.source, Device):
@@ -87,3 +96,15 @@ class Taping:
             self._job.source.listen(None)
         recorder.close()
         self._note(recorder.ended or f"recorded {recorder.path.name}")
+
+
+def _moved_aside(path: Path) -> Path | None:
+    """Renames a file that is there: press.mcap to press-1.mcap, or the next that is free; its new name."""
+    if not path.is_file() or path.stat().st_size == 0:
+        return None
+    number = 1
+    while (aside := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists():
+        number += 1
+    with told(path):
+        path.rename(aside)
+    return aside
