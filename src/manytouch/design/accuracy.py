@@ -20,6 +20,7 @@ from manytouch.values.arrays import Points2, read_only
 NO_MODEL_ERROR = ModelError(
     position_pitch=0.0,
     position_radius=0.0,
+    position_clamp=0.0,
     depth_share=0.0,
     depth_pitch=0.0,
     force_share=0.0,

@@ -14,6 +14,7 @@ from manytouch.values import ESTIMATES, Contact, Phase
 from manytouch.values.arrays import read_only
 
 _AREA = ESTIMATES.index("area")
+_CLAMP_THICKNESSES = 4.0
 _FORCES = ("shear_x", "shear_y", "normal_force", "torque")
 _RINGS = np.array(
     [[0.0, 0.0]]
@@ -32,6 +33,8 @@ class ModelError:
     Attributes:
         position_pitch: of a centre along each axis,
         position_radius: and in radii of the contact.
+        position_clamp: four thicknesses from a clamped outline, across it, in thicknesses; e times as much a
+            thickness nearer. A solid beside its clamp shears where the shell bends.
         depth_share, depth_pitch: of the depth of a contact, and in pitches.
         force_share, force_unit: of the normal force, and in force units.
         shear_share: of the normal force, along each axis.
@@ -42,6 +45,7 @@ class ModelError:
 
     position_pitch: float = 0.02
     position_radius: float = 0.05
+    position_clamp: float = 0.1
     depth_share: float = 0.028
     depth_pitch: float = 0.002
     force_share: float = 0.07
@@ -53,13 +57,25 @@ class ModelError:
     nominal: float = 4.0
 
     def variances(
-        self, model: SheetModel, press_mm2: float, depth_mm: float, *, over_mm2: float, area_mm2: float
+        self,
+        model: SheetModel,
+        centre_mm: np.ndarray,
+        press_mm2: float,
+        depth_mm: float,
+        *,
+        over_mm2: float,
+        area_mm2: float,
     ) -> np.ndarray:
-        """(8,) in the order of `ESTIMATES`, forces over E."""
+        """(8,) in the order of `ESTIMATES`, forces over E, of a contact at (2,)."""
         radius_mm = np.sqrt(over_mm2 / np.pi)
         place = np.hypot(self.position_pitch * model.pitch_mm, self.position_radius * radius_mm)
+        beside = np.zeros(2)
+        if model.patch.boundary == "clamped":
+            inside_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(centre_mm - model.patch.centre_mm)
+            thicknesses = np.maximum(inside_mm / model.thickness_mm, 0.0)
+            beside = self.position_clamp * model.thickness_mm * np.exp(_CLAMP_THICKNESSES - thicknesses)
         std = [
-            *(place, place),
+            *np.hypot(place, beside),
             np.hypot(self.depth_share * depth_mm, self.depth_pitch * model.pitch_mm),
             *(self.shear_share * press_mm2, self.shear_share * press_mm2),
             np.hypot(self.force_share * press_mm2, self.force_unit * model.lattice.force_unit_mm2),
@@ -127,7 +143,14 @@ class Touching:
     ) -> Contact:
         press_mm2, area_mm2 = float(clusters.normal_mm2[number]), float(clusters.patch_mm2[number])
         over_mm2 = float(clusters.area_mm2[number])
-        variance = self.error.variances(model, press_mm2, depth_mm, over_mm2=over_mm2, area_mm2=area_mm2)
+        variance = self.error.variances(
+            model,
+            clusters.centre_mm[number],
+            press_mm2,
+            depth_mm,
+            over_mm2=over_mm2,
+            area_mm2=area_mm2,
+        )
         if np.isfinite(clusters.place_mm2[number]).all():
             eased = np.ones(len(ESTIMATES))
             eased[:2] = np.sqrt(np.diag(clusters.place_mm2[number]) / np.maximum(np.diag(noise)[:2], 1e-12))

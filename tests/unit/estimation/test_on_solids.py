@@ -1,17 +1,22 @@
 """The inversion on a solved solid that ships with the package: other physics than its own."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from manytouch.design.choose import lattice
+from manytouch.design.prototype import FINGERTIP, Prototype, Touched
 from manytouch.estimation import MechanicalInversion
 from manytouch.evaluation.bench import told_sensor
 from manytouch.evaluation.solutions import Solutions
 from manytouch.evaluation.suite import cases
+from manytouch.simulation.fem.cache import StateCache
 from manytouch.simulation.imaging import dot_ellipses, outlines
-from manytouch.values import Contacts, Surface, TrackedGrid
+from manytouch.values import Contacts, Sensor, Sheet, Surface, TrackedGrid
 from manytouch.values.arrays import read_only
+from straight import straight_camera
 
 (CASE,) = (case for case in cases(("nominal",), quick=True, tuning=True) if len(case.touches) == 2)
 SENSOR = told_sensor(CASE)
@@ -117,3 +122,36 @@ def test_a_clamp_is_as_soft_as_a_solids(solved) -> None:
     error_mm = (-surface.displacement_mm[:, 2] - solved[-1][1])[near]
     true_mm = solved[-1][1][near]
     assert np.sqrt(np.mean(error_mm**2)) < 0.25 * np.sqrt(np.mean(true_mm**2))
+
+
+@pytest.fixture(scope="module")
+def beside_the_clamp(tmp_path_factory: pytest.TempPathFactory) -> tuple[Sensor, Touched]:
+    """A small sheet, and a fingertip in it that is four thicknesses from a clamp."""
+    sheet = Sheet(size_mm=np.array([44.0, 36.0]), thickness_mm=2.0, young_MPa=3.0, poisson=0.45)
+    sensor = Sensor(
+        name="small",
+        camera=straight_camera(1200, 1000, focal_px=1500.0, distance_mm=60.0),
+        layout=lattice((44.0, 36.0), 3.0, 0.75, 0.0),
+        sheet=sheet,
+    )
+    whole = Prototype.of(sensor)
+    folder = Path(tmp_path_factory.mktemp("states"))
+    touched = replace(whole, states=StateCache(folder=folder)).touched(FINGERTIP, np.array([13.0, 1.0]), 1.6)
+    assert touched is not None
+    return sensor, touched
+
+
+def test_what_a_clamp_does_to_a_centre_is_in_its_deviation(beside_the_clamp: tuple[Sensor, Touched]) -> None:
+    sensor, touched = beside_the_clamp
+    estimate = MechanicalInversion()
+    state = estimate.start(sensor)
+    none = np.zeros(len(touched.displacement_px), dtype=bool)
+    for frame, share in enumerate([0.0, 0.2, 0.6, 1.0, 1.0, 1.0, 1.0]):
+        centre_px = state.reference_px + share * touched.displacement_px
+        state, _, contacts = estimate.step(state, grid_of(centre_px, none, none, frame, noise_px=0.01))
+    (contact,) = contacts.touching
+    off_mm = contact.centre_mm - touched.contact.centre_mm
+    std_mm = np.array([contact.std("x"), contact.std("y")])
+    assert abs(off_mm[0]) > 0.1
+    assert (np.abs(off_mm) < 2.0 * std_mm).all()
+    assert std_mm[0] > 2.0 * std_mm[1]
