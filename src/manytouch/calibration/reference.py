@@ -66,9 +66,12 @@ def _as_seen(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None)
     from manytouch.detection import survey
 
     assert sensor.layout is not None
-    appearance = survey(frames[:MOST_FRAMES], roi_px=roi_px).appearance
+    appearance, told = survey(frames[:MOST_FRAMES], roi_px=roi_px).appearance, sensor.layout.polarity
     layout = replace(sensor.layout, polarity=appearance.polarity, colour_weights=appearance.colour_weights)
-    return replace(sensor, layout=layout)
+    said = sensor.assumptions
+    if told not in {"auto", appearance.polarity}:
+        said = (*said, f"The markers are {appearance.polarity}, though the sensor file says {told}.")
+    return replace(sensor, layout=layout, assumptions=said)
 
 
 def referred(
@@ -88,7 +91,8 @@ def referred(
             f"frames ({len(centre_px)} dots): check that the sensor file belongs to this recording, that the "
             "sheet is untouched at the start, light and focus; or leave the sensor file out"
         )
-    said = f"The sheet is at rest in the first {still_frames} frames that keep still."
+    first = "frame that keeps" if still_frames == 1 else f"{still_frames} frames that keep"
+    said = f"The sheet is at rest in the first {first} still."
     if found < wanted:
         said += f" {wanted - found} of {wanted} markers were not seen in them; their places are interpolated."
     return replace(

@@ -216,7 +216,8 @@ def _assumptions(
             f"The sheet is at rest in the {len(still.frames)} early frames in which the dots keep still."
         )
     else:
-        said.append(f"The sheet is at rest in the first {len(still.frames)} frames.")
+        first = "frame" if len(still.frames) == 1 else f"{len(still.frames)} frames"
+        said.append(f"The sheet is at rest in the first {first}.")
     said += _shape_assumptions(arrangement)
     return said
 

@@ -218,6 +218,17 @@ def test_from_pictures_to_a_sensor_and_back():
     assert report.residual_px < 0.3
 
 
+def test_a_wrong_polarity_of_the_file_is_put_right_and_told():
+    frames = frames_of(picture(grid_px()))
+    sensor = sensor_from_rest(frames, name="drawn")
+    wrong = replace(sensor, layout=replace(sensor.layout, polarity="light"), assumptions=())
+    again = refer(wrong, frames)
+    assert again.layout.polarity == "dark"
+    assert "The markers are dark, though the sensor file says light." in again.assumptions
+    silent = refer(replace(sensor, assumptions=()), frames[:1])
+    assert silent.assumptions == ("The sheet is at rest in the first frame that keeps still.",)
+
+
 def test_a_sensor_of_another_image_size_is_refused():
     sensor = sensor_of(grid_px())
     with pytest.raises(SensorError, match="640 x 420 px, but the input has 320 x 200 px"):
