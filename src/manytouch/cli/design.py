@@ -45,7 +45,9 @@ def design(
         ),
     ] = (220.0, 220.0, 250.0),
     marker_height_mm: Annotated[float, Parameter(metavar="MM", help="0: flush, in a second colour.")] = 0.0,
-    material: Annotated[str | None, Parameter(help="Of the sheet; chosen when not given.")] = None,
+    material: Annotated[
+        str | None, Parameter(help="Of the sheet, such as 'TPU, Shore A 60'; chosen when not given.")
+    ] = None,
     thickness_mm: Annotated[float | None, Parameter(metavar="MM", help="Chosen when not given.")] = None,
     parts: Annotated[Literal["none", "mesh", "step"], Parameter(help="step: STEP files too.")] = "mesh",
     predict: Annotated[

@@ -167,7 +167,7 @@ def _sheet(wishes: Wishes, say: Callable[[str], object] | None) -> tuple[Materia
     if not materials:
         raise DesignError(
             f"there is no material {wishes.material!r}; there are: "
-            f"{', '.join(item.name for item in MATERIALS)}"
+            f"{', '.join(repr(item.name) for item in MATERIALS)}"
         )
     thicknesses = THICKNESSES_MM if wishes.thickness_mm is None else (wishes.thickness_mm,)
     found: list[tuple[float, Material, DeflectionCurve]] = []

@@ -165,7 +165,7 @@ def test_markers_on_pins_must_not_touch_when_pressed(usual):
         ({"camera": Optics(hfov_deg=150.0, least_focus_mm=5.0)}, "comes too near to a camera"),
         ({"camera": Optics(hfov_deg=175.0)}, "no pinhole"),
         ({"printer": Printer(nozzle_mm=3.0)}, "the printer prints"),
-        ({"material": "wood"}, "there is no material 'wood'; there are: silicone"),
+        ({"material": "wood"}, "there is no material 'wood'; there are: 'silicone, Shore A 20', "),
     ],
 )
 def test_impossible_wishes_name_what_is_in_the_way(wishes, sentence):
