@@ -23,8 +23,9 @@ Roi = tuple[int, int, int, int]
 def kernels() -> dict[str, bool]:
     """The compiled functions in use by name, and whether the disk holds machine code of each."""
     found = {}
-    for module in [module for name, module in sys.modules.items() if name.startswith("manytouch.")]:
-        for value in vars(module).values():
+    # copies: another thread may be importing
+    for module in [module for name, module in sys.modules.copy().items() if name.startswith("manytouch.")]:
+        for value in vars(module).copy().values():
             path = getattr(getattr(value, "stats", None), "cache_path", None)
             if path is not None:
                 function = value.py_func

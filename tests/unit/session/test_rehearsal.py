@@ -1,11 +1,14 @@
 """A touch is rehearsed where a method has never been compiled, and nowhere else."""
 
+import sys
 from dataclasses import replace
+from types import ModuleType
+from typing import Any
 
 import pytest
 
 from manytouch.session import rehearsal
-from manytouch.session.methods import pipeline_for
+from manytouch.session.methods import kernels, pipeline_for
 from manytouch.values import Reading
 
 
@@ -49,3 +52,21 @@ def test_only_what_was_never_compiled_is_rehearsed(
     monkeypatch.setattr(rehearsal, "pipeline_for", lambda _: simulated)
     monkeypatch.setattr(rehearsal, "FRAMES", (0,))
     assert rehearsal.rehearse(method) is is_needed
+
+
+def test_kernels_are_listed_while_another_thread_imports(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Name(str):
+        def startswith(self, *words: Any) -> bool:
+            monkeypatch.setitem(sys.modules, "manytouch.imported_meanwhile", ModuleType("meanwhile"))
+            return super().startswith(*words)
+
+    class Kernel:
+        @property
+        def stats(self) -> None:
+            busy.__dict__["new"] = 1
+
+    busy = ModuleType("manytouch.busy")
+    busy.__dict__["kernel"] = Kernel()
+    monkeypatch.setitem(sys.modules, Name("manytouch.busy"), busy)
+    kernels()
+    assert busy.__dict__["new"] == 1
