@@ -13,6 +13,7 @@ REDUCED_RADIUS_PX = 2.0  # or more, up to half as much again
 INNER, OUTER = 0.5, 1.0  # the two Gaussians' deviations against the dot's radius
 # answer at the centre of a disc of contrast 1: exp(-r^2 / 2 outer^2) - exp(-r^2 / 2 inner^2)
 DISC_ANSWER = math.exp(-0.5 / OUTER**2) - math.exp(-0.5 / INNER**2)
+ENOUGH_DEVIATIONS = 3.0  # of a Gaussian, to be summed on each side
 DIRECTIONS = 16
 MOST_SHORT = 257  # rows of 8 bits that 16 bits hold the sum of
 
@@ -74,7 +75,8 @@ def workshop(image: np.ndarray, radius_px: float) -> Workshop:
     height, width = image.shape[0] // factor, image.shape[1] // factor
     channels = 1 if image.ndim == 2 else image.shape[2]
     own = radius_px / factor
-    inner, outer = next((row[1:] for row in response.TAPS if own <= row[0]), response.TAPS[-1][1:])
+    few, many = response.TAPS
+    inner, outer = few if few[1] >= ENOUGH_DEVIATIONS * OUTER * own else many
     angle = 2.0 * np.pi * np.arange(DIRECTIONS) / DIRECTIONS
     reach = own * np.array(response.AROUND)
     offset = np.rint(reach[None, :, None] * np.stack([np.sin(angle), np.cos(angle)], axis=1)[:, None])

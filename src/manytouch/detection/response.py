@@ -12,10 +12,10 @@ from numba import njit
 
 from manytouch.detection.compilation import FAST, LEAF
 
-# Taps on each side: three deviations of the Gaussians of a dot up to a reduced radius. Kernels are compiled
-# for their number.
-TAPS = ((7.0 / 3.0, 4, 7), (3.0, 5, 9))
-WIDE = TAPS[-1][-1]
+# Taps on each side of the narrow and of the wide Gaussian, for small and for large reduced dots: kernels are
+# compiled for their number.
+TAPS = ((4, 7), (5, 9))
+WIDE = TAPS[1][1]
 LOWEST = np.float32(-1e9)
 AROUND = (1.3, 1.7, 2.1)  # radii of a dot: where its ground is looked at
 STEPS = len(AROUND)

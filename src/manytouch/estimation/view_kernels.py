@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays what it is
-ENOUGH = 256  # places: their median is known to 5 %
+ENOUGH = 256  # places, of which deviations differ little
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

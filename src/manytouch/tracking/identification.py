@@ -249,27 +249,15 @@ def _is_doubtful(dot, bins, cell_px, is_calm, fresh, level, past, net, owner, mo
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def _unslipped(
-    dot,
-    bins,
-    cell_px,
-    appearance,
-    is_calm,
-    has_jumped,
-    is_filled,
-    past,
-    net,
-    extent,
-    noise_px,
-    owner,
-    moved,
-    scratch,
-):
-    """Gives the nodes the dots of the likeliest slip. `is_filled` is what `_grown` returned.
+def _unslipped(dot, bins, cell_px, appearance, signs, past, net, extent, noise_px, owner, moved, scratch):
+    """Gives the nodes the dots of the likeliest slip.
+
+    `signs`: is the frame calm, has it `jumped`, and what `_grown` returned.
 
     Returns how well it is known: `TOLD` by the image, `FOLLOWED` as the motion excludes all others,
     `ASSUMED` as the sheet is near its rest, or `UNKNOWN`.
     """
+    is_calm, has_jumped, is_filled = signs
     last, unseen, presence, _, _, is_next, _, look, usual = past
     slip, _, bounds = extent
     rest, _, spacing, _, _, _, _, _, _, _ = net
@@ -364,21 +352,9 @@ def identify(dots, cell_px, guess, past, net, extent, owner, moved, scratch, lev
         len(slip) > 1
         and _is_doubtful(dot, bins, cell_px, is_calm, fresh, level, past, net, owner, moved, used, lists)
     ):
+        signs = (is_calm, has_jumped, is_filled)
         verdict = _unslipped(
-            dot,
-            bins,
-            cell_px,
-            appearance,
-            is_calm,
-            has_jumped,
-            is_filled,
-            past,
-            net,
-            extent,
-            noise_px,
-            owner,
-            moved,
-            scratch,
+            dot, bins, cell_px, appearance, signs, past, net, extent, noise_px, owner, moved, scratch
         )
         fresh = rough(moved, owner, markers, spacing, opposite)
         looks(markers, stride(markers, GLANCES), owner, appearance, net, place)
