@@ -16,7 +16,7 @@ import numpy as np
 
 from manytouch.detection import DotSearch, measure, noise_of, survey
 from manytouch.detection.candidates import candidates, workshop
-from manytouch.simulation.render import Look, render_discs
+from manytouch.simulation.render.discs import Look, render_discs
 from manytouch.values import Camera, Frame, Layout, Sensor
 
 WIDTH, HEIGHT, PITCH_PX, RADIUS_PX = 2560, 1440, 55.0, 8.0

@@ -13,10 +13,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.estimation import PerimeterDepth
+from manytouch.estimation import PerimeterEstimator
 from manytouch.geometry.camera import project
 from manytouch.geometry.sampling import sampling_on
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values import Layout, Sensor, TrackedGrid
 
 
@@ -75,7 +75,7 @@ def main() -> None:
     given = parser.parse_args()
     sensor = sensor_of(given.rows, given.columns)
     assert sensor.layout is not None
-    estimate = PerimeterDepth()
+    estimate = PerimeterEstimator()
     begun = time.perf_counter()
     state = estimate.start(sensor)
     spent_ms = 1e3 * (time.perf_counter() - begun)

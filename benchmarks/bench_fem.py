@@ -12,8 +12,7 @@ import numpy as np
 import scipy.sparse
 import scipy.sparse.linalg
 
-from manytouch.simulation.fem.fronts import Dissection
-from manytouch.simulation.fem.indenters import (
+from manytouch.simulation.fem.contact.indenters import (
     Fingertip,
     LyingCylinder,
     RoundPunch,
@@ -21,10 +20,11 @@ from manytouch.simulation.fem.indenters import (
     SquarePunch,
     convex_hull,
 )
+from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, press
-from manytouch.simulation.fem.material import NeoHooke
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
-from manytouch.simulation.fem.solve import Solver
+from manytouch.simulation.fem.solver.multifrontal import Dissection
+from manytouch.simulation.fem.solver.newton import Solver
 
 MODEL = SheetModel(size_mm=(120.0, 80.0), thickness_mm=3.0, material=NeoHooke(young_MPa=3.1, poisson=0.45))
 DEPTHS_MM = np.array([2.0, 4.0, 6.0, 8.0, 10.0])

@@ -18,10 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from manytouch.session.handover import HandOver
+from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.methods import pipeline_for
-from manytouch.simulation.playing import simulator, solving, states_folder
-from manytouch.simulation.scene_file import BUILT_IN, load_scene
+from manytouch.simulation.scene.file import BUILT_IN, load_scene
+from manytouch.simulation.scene.solve import simulator, solving, states_folder
 from manytouch.values import Frame, Sensor
 
 WARM_FRAMES = 20
@@ -94,7 +94,7 @@ def main() -> None:
     print(row("picture to contacts, one thread", whole_ms[WARM_FRAMES:]))
     at_s = []
     sights = pipeline.see(islice(endless(frames, asked.fps), count), sensor)
-    with HandOver(sights, ahead=1) as stream:
+    with BackgroundIterator(sights, ahead=1) as stream:
         for _ in pipeline.tell(stream, sensor):
             at_s.append(time.perf_counter())
     print(row("per frame, two threads", (1e3 * np.diff(at_s))[WARM_FRAMES:].tolist()))

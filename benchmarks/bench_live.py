@@ -23,7 +23,7 @@ import numpy as np
 from manytouch.geometry.sampling import sampling_on
 from manytouch.pipeline import Sink
 from manytouch.session import Live, prepare
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Reading, Sensor
 

@@ -10,13 +10,13 @@ from collections.abc import Callable
 
 import numpy as np
 
-from manytouch.mechanics import band_kernels
-from manytouch.mechanics.band import factorised
-from manytouch.mechanics.dots import Dots
-from manytouch.mechanics.normal import NormalEquations
-from manytouch.mechanics.patch import SplinePatch
-from manytouch.mechanics.shell import THICK_BENDING, Shell
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
+from manytouch.mechanics.solver import band_kernels
+from manytouch.mechanics.solver.band import factorised
+from manytouch.mechanics.solver.normal_equations import NormalEquations
+from manytouch.mechanics.spline.patch import SplinePatch
+from manytouch.simulation.demo_sensor import demo_sensor
 
 
 def times_ms(work: Callable[[], object], repeats: int) -> tuple[float, float]:

@@ -13,16 +13,16 @@ import time
 import cv2
 import numpy as np
 
-from manytouch.detection.paper import PaperDetection
-from manytouch.estimation.paper import PaperEstimate, PaperMemory
 from manytouch.evaluation.published.speed import plain_map
+from manytouch.paper.detection import PaperDetection
+from manytouch.paper.estimation import PaperEstimation, PaperEstimationState
+from manytouch.paper.tracking import PaperTracking
 from manytouch.sources.simulated import simulated_source
-from manytouch.tracking.paper import PaperTracking
 
 
 def measured(
-    frames: int, width_px: int, estimate: PaperEstimate
-) -> tuple[dict[str, np.ndarray], PaperMemory, np.ndarray]:
+    frames: int, width_px: int, estimate: PaperEstimation
+) -> tuple[dict[str, np.ndarray], PaperEstimationState, np.ndarray]:
     """Milliseconds of each stage in each frame; the memory and the depths of the last frame."""
     simulator = simulated_source(width_px=width_px).simulator
     stages = (PaperDetection(), PaperTracking(), estimate)
@@ -55,7 +55,7 @@ def main() -> None:
     options.add_argument("--width", type=int, default=2560, help="of the 16:9 image, px")
     chosen = options.parse_args()
     cv2.setNumThreads(1)
-    estimate = PaperEstimate(iterations=chosen.iterations)
+    estimate = PaperEstimation(iterations=chosen.iterations)
     spent_ms, memory, depth_mm = measured(chosen.frames, chosen.width, estimate)
     layout = memory.layout
     print(f"{chosen.width} px wide, {len(layout.rest_mm)} markers, surface of {chosen.iterations**2} points")

@@ -12,7 +12,7 @@ import time
 
 import numpy as np
 
-from manytouch.tracking import FollowGrid
+from manytouch.tracking import MarkerTracker
 from manytouch.values import Camera, Detections, Layout, Sensor
 
 PITCH_PX = 30.0
@@ -76,7 +76,7 @@ def sequence(rest_px: np.ndarray, step: float, damaged: float, frames: int) -> l
 
 def timed(sensor: Sensor, detections: list[Detections]) -> tuple[float, float, float]:
     """Median and 99th percentile in ms, and the share of markers seen."""
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor)
     for each in detections[:20]:
         state, _ = follow.step(state, each)
@@ -99,7 +99,7 @@ def main() -> None:
     print("markers  case               p50 ms  p99 ms  seen")
     for rows, columns in SHAPES:
         sensor = sensor_of(rows, columns)
-        follow = FollowGrid()
+        follow = MarkerTracker()
         rest = follow.start(sensor).mesh.rest_px
         for name, (step, damaged) in cases.items():
             median, tail, seen = timed(sensor, sequence(rest, step, damaged, frames + 20))

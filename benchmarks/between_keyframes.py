@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
-from manytouch.simulation.condensed import condensed
 from manytouch.simulation.fem.cache import StateCache
 from manytouch.simulation.fem.sheet import sheet_solver
-from manytouch.simulation.motion import loading
-from manytouch.simulation.playing import question, states_folder
-from manytouch.simulation.scene_file import BUILT_IN, built_in_scenes, load_scene
-from manytouch.simulation.solid_scene import SolidScene
+from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene
+from manytouch.simulation.scene.motion import loading
+from manytouch.simulation.scene.solid_scene import SolidScene
+from manytouch.simulation.scene.solve import question, states_folder
 
 
 def main() -> None:

@@ -19,9 +19,9 @@ from pathlib import Path
 
 import numpy as np
 
+from manytouch.simulation.fem.elements.material import NeoHooke
+from manytouch.simulation.fem.elements.mesh import HexMesh, reference_nodes
 from manytouch.simulation.fem.loading import Loading, PressurePatch
-from manytouch.simulation.fem.material import NeoHooke
-from manytouch.simulation.fem.mesh import HexMesh, reference_nodes
 from manytouch.simulation.fem.readout import patch_forces
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
 

@@ -28,7 +28,7 @@ from sequences import Course, FoldError, Sequence, can_move, course_of, dots_in,
 
 from manytouch.detection import DotSearch
 from manytouch.pipeline import Detect, Pipeline, Track
-from manytouch.tracking.follow import FollowGrid
+from manytouch.tracking.tracker import MarkerTracker
 from manytouch.values import Contacts, Detections, Frame, Reading, Sensor, Surface, TrackedGrid
 
 GATE_PITCHES = 0.1
@@ -377,15 +377,15 @@ def main() -> None:
 
     def from_points(sequence: Sequence) -> Score:
         runs = (course_of(run) for run in runs_of(sequence, chosen.markers))
-        return together([score(course, tracked_points(course, FollowGrid())) for course in runs])
+        return together([score(course, tracked_points(course, MarkerTracker())) for course in runs])
 
     def from_pictures(sequence: Sequence) -> Score:
         course = course_of(sequence)
-        return score(course, tracked_pictures(course, DotSearch(), FollowGrid()))
+        return score(course, tracked_pictures(course, DotSearch(), MarkerTracker()))
 
     begun_s = time.perf_counter()
     warm = course_of(Sequence(dots=96, frames=4, shift_pitches=0.6))
-    score(warm, tracked_points(warm, FollowGrid()))
+    score(warm, tracked_points(warm, MarkerTracker()))
     write("from points: tracking alone (wrong, ok and near per 100 000)")
     wanted = {name: each for name, each in conditions().items() if chosen.only in name}
     results = {"points": table(wanted, from_points, write)}

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from manytouch.session.methods import pipeline_for
-from manytouch.simulation.playing import simulator, solving, states_folder
-from manytouch.simulation.scene_file import BUILT_IN, load_scene
+from manytouch.simulation.scene.file import BUILT_IN, load_scene
+from manytouch.simulation.scene.solve import simulator, solving, states_folder
 from manytouch.values import Frame, Sensor
 
 

@@ -16,7 +16,7 @@ import cv2
 import numpy as np
 
 from manytouch.geometry.camera import project
-from manytouch.simulation.render import Look, render_discs
+from manytouch.simulation.render.discs import Look, render_discs
 from manytouch.values import Camera, Detections, Frame, Layout, Sensor
 
 COUNTS = {96: (12, 8), 384: (24, 16), 1040: (40, 26), 4000: (80, 50), 10000: (125, 80)}

@@ -8,9 +8,9 @@ import argparse
 import time
 from pathlib import Path
 
-from manytouch.simulation.deformation_file import STEP_MM, write_deformations
-from manytouch.simulation.playing import question, states_folder
-from manytouch.simulation.scene_file import BUILT_IN, built_in_scenes, load_scene
+from manytouch.simulation.scene.deformation_file import STEP_MM, write_deformations
+from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene
+from manytouch.simulation.scene.solve import question, states_folder
 
 LIBRARY = Path(__file__).parents[1] / "src" / "manytouch" / "simulation" / "library"
 

@@ -22,7 +22,7 @@ from bench_live import serve, write_pictures
 from websockets.sync.client import connect
 
 from manytouch.session import Live, prepare
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
 from manytouch.sinks.viewer.messages import unpack

@@ -6,7 +6,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from manytouch.calibration.board import MARKER_SHARE, Board, Sighting, board_of
+from manytouch.calibration.camera.board import MARKER_SHARE, Board, Sighting, board_of
 from manytouch.geometry.camera import onto_plane, project
 from manytouch.values import Camera
 

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from manytouch.evaluation.cases import RAMP_FRAMES, REST_FRAMES, Case, pressure_share
-from manytouch.simulation.deformation import Deformation, TrueContact
+from manytouch.evaluation.suite.cases import RAMP_FRAMES, REST_FRAMES, Case, pressure_share
+from manytouch.simulation.scene.deformation import Deformation, TrueContact
 from manytouch.values.arrays import read_only
 
 

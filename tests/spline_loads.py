@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.interpolate import BSpline
 
-from manytouch.estimation.force_clusters import ForceLattice
+from manytouch.estimation.mechanics.force_clusters import ForceLattice
 
 ELEMENT_MM = (4.0, 5.0)
 COUNT = (22, 15)

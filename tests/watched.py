@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values import (
-    Beside,
     Command,
+    Comparison,
     Contact,
     Contacts,
     Detections,
@@ -44,7 +44,7 @@ class Desk:
         self.sensor: Sensor = demo_sensor(320)
         self.commands: list[Command] = []
         self.now = HEALTH
-        self.other: Beside | None = None
+        self.other: Comparison | None = None
 
     def send(self, command: Command) -> None:
         self.commands.append(command)
@@ -52,7 +52,7 @@ class Desk:
     def health(self) -> Health:
         return self.now
 
-    def beside(self, frame_index: int) -> Beside | None:
+    def beside(self, frame_index: int) -> Comparison | None:
         return self.other
 
     def change_sensor(self, sensor: Sensor) -> None:

@@ -18,7 +18,7 @@ INSTALL = "pip install trackpy laptrack"
 Run = Callable[[int], Answer]
 
 
-class Following:
+class MarkerTrackerState:
     """Identities by the nearest dot of the frame before; the first frame's are given."""
 
     def __init__(self, footage: Footage) -> None:
@@ -48,7 +48,7 @@ def copying(footage: Footage) -> Run:
 def contours(footage: Footage) -> Run:
     """Fixed threshold, outer contours, their moments; identities by nearest, points undistorted."""
     level, least_px2 = _threshold(footage), 0.3 * _dot_px2(footage)
-    follow, camera = Following(footage), footage.course.sensor.camera
+    follow, camera = MarkerTrackerState(footage), footage.course.sensor.camera
     binary = np.empty_like(footage.frames[0].image)
 
     def run(index: int) -> Answer:
@@ -76,7 +76,7 @@ def components_of_half(footage: Footage) -> Run:
 
 def _components(footage: Footage, factor: int) -> Run:
     level, least_px2 = _threshold(footage), 0.3 * _dot_px2(footage) / factor**2
-    follow, camera = Following(footage), footage.course.sensor.camera
+    follow, camera = MarkerTrackerState(footage), footage.course.sensor.camera
     height, width = footage.frames[0].image.shape
     small = np.empty((height // factor, width // factor), dtype=np.uint8)
     binary = np.empty_like(small)
@@ -111,7 +111,7 @@ def blob_tuned(footage: Footage) -> Run:
 
 def blobs_followed(footage: Footage) -> Run:
     """The tuned blob detector, whose contours never leave C++, as a whole chain: undistorted, by nearest."""
-    detect, follow = blob_tuned(footage), Following(footage)
+    detect, follow = blob_tuned(footage), MarkerTrackerState(footage)
     camera = footage.course.sensor.camera
 
     def run(index: int) -> Answer:

@@ -13,13 +13,13 @@ sys.path.append(str(Path(__file__).parents[1]))
 
 from plain_paper import PlainChain
 
-from manytouch.detection.paper import PaperDetection
-from manytouch.estimation.paper import PaperEstimate, perimeter_depth
 from manytouch.evaluation.published.speed import plain_map
 from manytouch.geometry.camera import onto_plane
 from manytouch.geometry.sampling import GridSampling, sampling_on
+from manytouch.paper.detection import PaperDetection
+from manytouch.paper.estimation import PaperEstimation, perimeter_depth
+from manytouch.paper.tracking import PaperTracking
 from manytouch.session import pipeline_for
-from manytouch.tracking.paper import PaperTracking
 from manytouch.values import Detections, Frame, Sensor, TrackedGrid
 
 MAP_POINTS = (200, 120)
@@ -178,7 +178,7 @@ class _Paper:
         self.footage = footage
         self.detect, self.track = PaperDetection(), PaperTracking()
         self.detecting, self.tracking = self.detect.start(sensor), self.track.start(sensor)
-        self.memory = PaperEstimate().start(sensor)
+        self.memory = PaperEstimation().start(sensor)
         self.rest_mm = sensor.layout.rest_mm[:, :2]
         self.radius_mm = 1.5 * float(sensor.layout.pitch_mm.mean())
         # as many points as 100 x 60, but the loop's plane is square

@@ -29,7 +29,7 @@ _HOMES = {
     "pipeline_for": "manytouch.session",
     "process": "manytouch.session",
     "save_sensor": "manytouch.values.sensor_file",
-    "sensor_from_rest": "manytouch.calibration.rest",
+    "sensor_from_rest": "manytouch.calibration.rest.assumed_sensor",
 }
 
 __all__ = [
@@ -58,7 +58,7 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from manytouch.calibration.rest import sensor_from_rest
+    from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
     from manytouch.errors import ManytouchError
     from manytouch.pipeline import Pipeline
     from manytouch.session import pipeline_for, process

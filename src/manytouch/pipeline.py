@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
 
 from manytouch.values import (
-    Beside,
     Command,
+    Comparison,
     Contacts,
     Detections,
     Frame,
@@ -89,12 +89,12 @@ class Controls(Protocol):
     def health(self) -> Health:
         """How it is doing."""
 
-    def beside(self, frame_index: int) -> Beside | None:
+    def beside(self, frame_index: int) -> Comparison | None:
         """What to show beside the estimate of a frame: a simulated source's truth, or what was recorded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Sight:
+class TrackedFrame:
     """A frame whose markers are known, and whose sheet is not yet.
 
     Attributes:
@@ -108,7 +108,7 @@ class Sight:
     milliseconds: float
 
 
-def sights(detect: Detect, track: Track, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Sight]:
+def sights(detect: Detect, track: Track, frames: Iterable[Frame], sensor: Sensor) -> Iterator[TrackedFrame]:
     """Dots and markers of each frame, in order."""
     detecting = detect.start(sensor)
     tracking = track.start(sensor)
@@ -122,7 +122,7 @@ def sights(detect: Detect, track: Track, frames: Iterable[Frame], sensor: Sensor
             detecting, detections = detect.step(detecting, frame, None)
             tracking, grid = track.step(before, detections)
         spent_ms = 1e3 * (time.perf_counter() - begun_s)
-        yield Sight(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
+        yield TrackedFrame(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -141,11 +141,11 @@ class Pipeline:
         """One reading per frame, in order."""
         return self.tell(self.see(frames, sensor), sensor)
 
-    def see(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Sight]:
+    def see(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[TrackedFrame]:
         """Dots and markers of each frame, in order."""
         return sights(self.detect, self.track, frames, sensor)
 
-    def tell(self, sights: Iterable[Sight], sensor: Sensor) -> Iterator[Reading]:
+    def tell(self, sights: Iterable[TrackedFrame], sensor: Sensor) -> Iterator[Reading]:
         """Shape and contacts of each frame, in order."""
         estimating = self.estimate.start(sensor)
         for sight in sights:

@@ -9,13 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.simulation.fem.assembly import elastic_body
-from manytouch.simulation.fem.indenters import Sphere
+from manytouch.simulation.fem.contact.indenters import Sphere
+from manytouch.simulation.fem.elements.assembly import elastic_body
+from manytouch.simulation.fem.elements.material import NeoHooke
+from manytouch.simulation.fem.elements.mesh import HexMesh, tensor_mesh
 from manytouch.simulation.fem.loading import Loading, PressurePatch, press
-from manytouch.simulation.fem.material import NeoHooke
-from manytouch.simulation.fem.mesh import HexMesh, tensor_mesh
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
-from manytouch.simulation.fem.solve import Solver
+from manytouch.simulation.fem.solver.newton import Solver
 
 CENTRE = np.zeros((1, 2))
 

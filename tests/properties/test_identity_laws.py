@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from manytouch.tracking import FollowGrid
+from manytouch.tracking import MarkerTracker
 from manytouch.values import Detections, Layout, Sensor
 from straight import straight_camera
 
@@ -66,7 +66,7 @@ seeds, steps = st.integers(0, 2**32 - 1), st.sampled_from([0.1, 0.5, 1.0, 1.5])
 @settings(max_examples=40, deadline=None)
 @given(seed=seeds, step=steps, dropout=st.sampled_from([0.0, 0.05, 0.3]))
 def test_seen_is_at_its_own_place_and_no_dot_has_two_markers(seed, step, dropout):
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest_of()))
     for true, _, dots in frames(seed, step, dropout):
         state, grid = follow.step(state, detections_of(dots))
@@ -79,7 +79,7 @@ def test_seen_is_at_its_own_place_and_no_dot_has_two_markers(seed, step, dropout
 @settings(max_examples=25, deadline=None)
 @given(seed=seeds, step=steps)
 def test_the_order_of_dots_is_nothing(seed, step):
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest_of()))
     order = np.random.default_rng(seed)
     for _, _, dots in frames(seed, step, 0.05):
@@ -91,7 +91,7 @@ def test_the_order_of_dots_is_nothing(seed, step):
 @settings(max_examples=25, deadline=None)
 @given(seed=seeds, step=steps, x=st.integers(-60, 60), y=st.integers(-60, 60))
 def test_a_shifted_camera_tells_the_same(seed, step, x, y):
-    follow, move = FollowGrid(), np.array([x, y], dtype=np.float64)
+    follow, move = MarkerTracker(), np.array([x, y], dtype=np.float64)
     wide = {"width_px": WIDTH + 400, "height_px": HEIGHT + 400}
     state = follow.start(sensor_of(rest_of() + 200.0, **wide))
     moved_state = follow.start(sensor_of(rest_of() + 200.0 + move, **wide))

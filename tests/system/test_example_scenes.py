@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manytouch.simulation.playing import question, simulator, solving
-from manytouch.simulation.scene_file import load_scene
+from manytouch.simulation.scene.file import load_scene
+from manytouch.simulation.scene.solve import question, simulator, solving
 
 SCENES = sorted((Path(__file__).parents[2] / "examples" / "scenes").glob("*.toml"))
 

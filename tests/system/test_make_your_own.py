@@ -9,16 +9,16 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.calibration.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
+from manytouch.calibration.sheet.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
 from manytouch.cli import main
 from manytouch.design.accuracy import predicted_accuracy, usual_force_N
 from manytouch.design.choose import Design, design
 from manytouch.design.prototype import Prototype
-from manytouch.design.wishes import Optics, Printer, Wishes
+from manytouch.design.requirements import Optics, Printer, Requirements
 from manytouch.values import Sensor
 from manytouch.values.sensor_file import load_sensor, save_sensor
 
-SOFT = Wishes(
+SOFT = Requirements(
     area_mm=(60.0, 40.0),
     deepest_mm=8.0,
     force_N=(0.2, 4.5),
@@ -29,7 +29,7 @@ SOFT = Wishes(
     material="silicone, Shore A 40",
     thickness_mm=3.0,
 )
-THIN = Wishes(
+THIN = Requirements(
     area_mm=(50.0, 35.0),
     deepest_mm=8.0,
     force_N=(0.3, 6.0),
@@ -38,7 +38,7 @@ THIN = Wishes(
     material="TPU, Shore A 60",
     thickness_mm=2.0,
 )
-STIFF = Wishes(
+STIFF = Requirements(
     area_mm=(70.0, 45.0),
     deepest_mm=10.0,
     force_N=(0.5, 12.0),
@@ -153,7 +153,7 @@ def touches_of(found: Design, place_mm: np.ndarray) -> list[tuple[float, float, 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("wishes", [SOFT, THIN, STIFF], ids=["soft", "thin", "stiff"])
-def test_a_design_is_as_accurate_as_it_was_predicted(tmp_path: Path, wishes: Wishes) -> None:
+def test_a_design_is_as_accurate_as_it_was_predicted(tmp_path: Path, wishes: Requirements) -> None:
     found = design(wishes)
     whole = predicted_accuracy(found.sensor, area_mm=wishes.area_mm, force_N=usual_force_N(found))
     predicted, touches = whole.usual, touches_of(found, whole.place_mm)

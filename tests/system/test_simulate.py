@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pyarrow.parquet as pq
 
-from manytouch.sinks.tables import contact_columns, marker_columns
+from manytouch.sinks.files.tables import contact_columns, marker_columns
 from manytouch.values.sensor_file import load_sensor
 from results import rows_of
 

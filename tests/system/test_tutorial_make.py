@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from boards import picture, poses
-from manytouch.calibration.board import board_of
+from manytouch.calibration.camera.board import board_of
 from manytouch.values import Camera
 from manytouch.values.sensor_file import load_sensor
 

@@ -20,7 +20,7 @@ def frame(index: int) -> Frame:
 
 
 @dataclass
-class Looks:
+class DotAppearances:
     """A detector that writes down how it was asked, and finds as many dots as its calls so far."""
 
     asked: list[tuple[int, bool]] = field(default_factory=list)
@@ -77,8 +77,8 @@ class Flat:
         return state + 1, surface, Contacts()
 
 
-def readings() -> tuple[Looks, list]:
-    looks = Looks()
+def readings() -> tuple[DotAppearances, list]:
+    looks = DotAppearances()
     pipeline = Pipeline(detect=looks, track=Follows(), estimate=Flat())
     return looks, list(pipeline.run([frame(index) for index in range(4)], SENSOR))
 
@@ -101,7 +101,7 @@ def test_the_first_stage_that_complains_is_heard() -> None:
 
 
 def test_the_protocols_tell_stages_apart() -> None:
-    assert isinstance(Looks(), Detect)
+    assert isinstance(DotAppearances(), Detect)
     assert isinstance(Follows(), Track)
     assert isinstance(Flat(), Estimate)
     assert isinstance([], Source)

@@ -11,7 +11,7 @@ from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensErr
 
 import manytouch
 from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, run, simulate, view
-from manytouch.cli.failures import DEBUG_FLAG, one_line, report
+from manytouch.cli.terminal.failures import DEBUG_FLAG, one_line, report
 
 DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
 

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import App, Parameter
 
-from manytouch.cli import options
-from manytouch.cli.failures import wrong_words
+from manytouch.cli.terminal import options
+from manytouch.cli.terminal.failures import wrong_words
 
 if TYPE_CHECKING:
-    from manytouch.calibration.board_views import ViewCollection
-    from manytouch.calibration.sheet import SheetCalibration
+    from manytouch.calibration.camera.board_views import ViewCollection
+    from manytouch.calibration.sheet.calibrate import SheetCalibration
     from manytouch.values import Frame
 
 app = App(name="calibrate", help="From pictures to a sensor that is known: camera, rest, sheet.")
@@ -62,10 +62,10 @@ def camera(
     """
     from rich.console import Console
 
-    from manytouch.calibration.board import board_of
-    from manytouch.calibration.camera import calibrate_camera
-    from manytouch.calibration.camera_report import in_words, write_report
-    from manytouch.cli.stopping import Stop
+    from manytouch.calibration.camera.board import board_of
+    from manytouch.calibration.camera.calibrate import calibrate_camera
+    from manytouch.calibration.camera.report import in_words, write_report
+    from manytouch.cli.terminal.interrupt import Stop
     from manytouch.values import Sensor
     from manytouch.values.sensor_file import save_sensor
 
@@ -128,8 +128,8 @@ def rest(
     import numpy as np
     from rich.console import Console
 
-    from manytouch.calibration.clamp_line import in_words
-    from manytouch.calibration.rest_pose import calibrate_rest
+    from manytouch.calibration.rest.pose import calibrate_rest
+    from manytouch.calibration.sheet.clamp_line import in_words
     from manytouch.sources import open_source
     from manytouch.values import Sheet
     from manytouch.values.sensor_file import load_sensor, save_sensor
@@ -204,11 +204,11 @@ def sheet(
     """
     from rich.console import Console
 
-    from manytouch.calibration.press_table import PressRow, press_rows
-    from manytouch.calibration.press_table import presses as watched_presses
-    from manytouch.calibration.protocol import probing_gcode, weight_table
-    from manytouch.calibration.sheet import calibrate_sheet
-    from manytouch.cli.typed_presses import typed_presses
+    from manytouch.calibration.sheet.calibrate import calibrate_sheet
+    from manytouch.calibration.sheet.press_table import PressRow, press_rows
+    from manytouch.calibration.sheet.press_table import presses as watched_presses
+    from manytouch.calibration.sheet.protocol import probing_gcode, weight_table
+    from manytouch.cli.terminal.typed_presses import typed_presses
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     if plan is None and (presses is None or out is None):
@@ -275,7 +275,7 @@ def _pictures(texts: list[str]) -> Iterator[tuple[str, "Frame"]]:
     """
     from manytouch.errors import SourceError
     from manytouch.sources import open_source
-    from manytouch.sources.images import ImagesSource
+    from manytouch.sources.files.images import ImagesSource
     from manytouch.values import Frame
 
     for text in texts:

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from manytouch.cli import options
+from manytouch.cli.terminal import options
 
 if TYPE_CHECKING:
-    from manytouch.cli.console import Reporter
-    from manytouch.cli.viewing import Place
+    from manytouch.cli.terminal.console import Reporter
+    from manytouch.cli.terminal.viewing import Place
     from manytouch.pipeline import Sink
-    from manytouch.sinks.picture import BusiestMoment
+    from manytouch.sinks.pictures.surface_picture import BusiestMoment
     from manytouch.values import Reading
 
 DEFAULT_SECONDS = 10.0
@@ -45,7 +45,7 @@ def demo(
 
     Example: manytouch demo --seconds 5
     """
-    from manytouch.cli.console import Reporter
+    from manytouch.cli.terminal.console import Reporter
 
     reporter = Reporter(bar=False)
     reporter.say("the simulated sensor, pressed by several fingers at once", heading=True)
@@ -55,7 +55,7 @@ def demo(
     if no_view:
         _read(seconds or DEFAULT_SECONDS, out, reporter)
     else:
-        from manytouch.cli.viewing import Place
+        from manytouch.cli.terminal.viewing import Place
 
         _watch(seconds, out, Place(host=host, port=port, token=token), reporter)
     return 0
@@ -63,10 +63,10 @@ def demo(
 
 def _read(seconds: float, out: Path, reporter: "Reporter") -> None:
     """Read every frame of some seconds, as quickly as it goes."""
-    from manytouch.cli.contact_log import ContactLog
-    from manytouch.cli.stopping import Stop
+    from manytouch.cli.terminal.contact_log import ContactLog
+    from manytouch.cli.terminal.interrupt import Stop
     from manytouch.session import prepare, read_into
-    from manytouch.sinks.picture import BusiestMoment
+    from manytouch.sinks.pictures.surface_picture import BusiestMoment
     from manytouch.sources.simulated import simulated_source
 
     with Stop() as stop:
@@ -81,11 +81,11 @@ def _read(seconds: float, out: Path, reporter: "Reporter") -> None:
 
 def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter") -> None:
     """Serve the viewer; without an end the tables hold the beginning, so that no disk fills unseen."""
-    from manytouch.cli.contact_log import ContactLog
-    from manytouch.cli.stopping import Stop
-    from manytouch.cli.viewing import viewers
+    from manytouch.cli.terminal.contact_log import ContactLog
+    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.viewing import viewers
     from manytouch.session import Live, files_in, prepare
-    from manytouch.sinks.picture import BusiestMoment
+    from manytouch.sinks.pictures.surface_picture import BusiestMoment
     from manytouch.sources.pressed import PressedSource
 
     with Stop() as stop:
@@ -118,7 +118,7 @@ def _draw(moment: "BusiestMoment", out: Path, reporter: "Reporter") -> None:
 
 
 class _Beginning:
-    """Hands on the readings up to a time; a sink."""
+    """Passes on the readings up to a time; a sink."""
 
     def __init__(self, sink: "Sink", last_ns: int) -> None:
         self._sink, self._last_ns = sink, last_ns

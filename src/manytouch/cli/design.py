@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from manytouch.cli import options
+from manytouch.cli.terminal import options
 
 Pair = Annotated[
     Any,
@@ -66,12 +66,12 @@ def design(
     """
     from rich.console import Console
 
-    from manytouch.design.build import explained, write_design, write_prediction
     from manytouch.design.choose import design as chosen
-    from manytouch.design.wishes import Optics, Printer, Wishes
+    from manytouch.design.requirements import Optics, Printer, Requirements
+    from manytouch.design.write import explained, write_design, write_prediction
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
-    wishes = Wishes(
+    wishes = Requirements(
         area_mm=area_mm,
         deepest_mm=deepest_mm,
         force_N=force_N,

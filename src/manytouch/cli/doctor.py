@@ -4,7 +4,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from manytouch.cli import options
+from manytouch.cli.terminal import options
 
 
 def doctor(
@@ -27,8 +27,8 @@ def doctor(
     """
     from rich.console import Console
 
-    from manytouch.cli.examination import examine
-    from manytouch.cli.machine import machine_in_words
+    from manytouch.cli.terminal.machine import machine_in_words
+    from manytouch.cli.terminal.recording_check import examine
 
     console = Console(highlight=False, soft_wrap=True)
     for line in machine_in_words():

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated, Literal, get_args
 
 from cyclopts import Parameter
 
-from manytouch.cli import options
-from manytouch.cli.failures import wrong_words
+from manytouch.cli.terminal import options
+from manytouch.cli.terminal.failures import wrong_words
 
 if TYPE_CHECKING:
-    from manytouch.evaluation.cases import Case
-    from manytouch.evaluation.runner import Evaluation
+    from manytouch.evaluation.suite.cases import Case
+    from manytouch.evaluation.suite.runner import Evaluation
 
 Group = Literal["nominal", "separation", "stress"]
 GROUPS: tuple[Group, ...] = get_args(Group)
@@ -74,9 +74,9 @@ def evaluate(
     manytouch evaluate --quick --out report. A run that was killed goes on where it
     ended.
     """
-    from manytouch.cli.console import Reporter
-    from manytouch.evaluation.report import require_packages, write_report
-    from manytouch.sinks.staging import try_writing
+    from manytouch.cli.terminal.console import Reporter
+    from manytouch.evaluation.report.page import require_packages, write_report
+    from manytouch.sinks.files.atomic_output import try_writing
 
     given = folders or []
     if len(given) not in {0, 2}:
@@ -99,11 +99,11 @@ def evaluate(
         return _paper(method, cache=cache, processes=max(processes, 1), out=out)
     kept = out / ".trials"
     if given:
-        from manytouch.evaluation.own import evaluate_folders
+        from manytouch.evaluation.compare_folders import evaluate_folders
 
         evaluation = evaluate_folders(given[0], given[1])
     else:
-        from manytouch.evaluation.suite import cases
+        from manytouch.evaluation.suite.suite import cases
 
         chosen = cases(tuple(group or GROUPS), quick=quick, tuning=tuning)
         evaluation = _suite(chosen, method, cache=cache, processes=max(processes, 1), kept=kept)
@@ -119,9 +119,9 @@ def evaluate(
 
 
 def _paper(methods: list[options.Method] | None, *, cache: Path | None, processes: int, out: Path) -> int:
-    from manytouch.cli.stopping import Stop
+    from manytouch.cli.terminal.interrupt import Stop
     from manytouch.evaluation.published.page import experiments, row, write_page
-    from manytouch.evaluation.solutions import user_cache
+    from manytouch.evaluation.suite.solutions import user_cache
     from manytouch.session import METHODS, pipeline_for
 
     pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}
@@ -148,12 +148,12 @@ def _suite(
     processes: int,
     kept: Path,
 ) -> "Evaluation":
-    from manytouch.cli.stopping import Stop
-    from manytouch.evaluation.runner import run_suite
-    from manytouch.evaluation.solutions import Solutions, solve_missing, user_cache
-    from manytouch.evaluation.twin import FemTwin
+    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.evaluation.suite.recordings import FemTwin
+    from manytouch.evaluation.suite.runner import run_suite
+    from manytouch.evaluation.suite.solutions import Solutions, solve_missing, user_cache
     from manytouch.session import METHODS, pipeline_for
-    from manytouch.sinks.summary import parameters, versions
+    from manytouch.sinks.files.summary import parameters, versions
 
     pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}
     solutions = Solutions(folder=cache or user_cache())
@@ -183,7 +183,7 @@ class _Progress:
     def __init__(self) -> None:
         from rich.console import Console
 
-        from manytouch.cli.console import progress_bar
+        from manytouch.cli.terminal.console import progress_bar
 
         self._console = Console(highlight=False, soft_wrap=True)
         self._bar = progress_bar(self._console)
@@ -212,6 +212,6 @@ class _Progress:
 
 def _results_in_words(evaluation: "Evaluation") -> list[str]:
     """One line per method, of all recordings."""
-    from manytouch.evaluation.contents import in_short
+    from manytouch.evaluation.report.report_data import in_short
 
     return [f"{method}: {in_short(evaluation, method)}" for method in evaluation.methods]

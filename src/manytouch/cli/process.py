@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from manytouch.cli import options
+from manytouch.cli.terminal import options
 
 
 def process(
@@ -46,11 +46,11 @@ def process(
     --picture 60 picture-000060.png.
     """
     options.refuse_two_scales("process", sensor, pitch_mm, hfov_deg)
-    from manytouch.cli.console import Reporter
-    from manytouch.cli.failures import report
-    from manytouch.cli.stopping import Stop
+    from manytouch.cli.terminal.console import Reporter
+    from manytouch.cli.terminal.failures import report
+    from manytouch.cli.terminal.interrupt import Stop
     from manytouch.session import prepare, read_into
-    from manytouch.sinks.picture import ChosenMoments
+    from manytouch.sinks.pictures.surface_picture import ChosenMoments
 
     failed = 0
     with Stop() as stop:
@@ -103,7 +103,7 @@ def refuse_endless(text: str) -> None:
         SourceError: it is one.
     """
     from manytouch.errors import SourceError
-    from manytouch.sources.camera import without_password
+    from manytouch.sources.cameras.camera import without_password
     from manytouch.sources.opening import is_camera
 
     if is_camera(text):

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from manytouch.cli import options
+from manytouch.cli.terminal import options
 
 
 def run(
@@ -48,13 +48,13 @@ def run(
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
-    from manytouch.cli.camera import pace_in_words, settings_in_words
-    from manytouch.cli.console import Reporter
-    from manytouch.cli.contact_log import ContactLog
-    from manytouch.cli.stopping import Stop
-    from manytouch.cli.viewing import Place, viewers
+    from manytouch.cli.terminal.camera_text import pace_in_words, settings_in_words
+    from manytouch.cli.terminal.console import Reporter
+    from manytouch.cli.terminal.contact_log import ContactLog
+    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.viewing import Place, viewers
     from manytouch.session import Live, Playback, files_in, prepare, result_name
-    from manytouch.sources.capture import CameraWishes
+    from manytouch.sources.cameras.capture import CameraRequest
 
     reporter = Reporter(bar=False)
     place = None if no_view else Place(host=host, port=port, token=token)
@@ -72,7 +72,7 @@ def run(
             hfov_deg=hfov_deg,
             roi_px=roi,
             fps=fps,
-            camera=CameraWishes(
+            camera=CameraRequest(
                 size_px=size,
                 is_mjpg=not no_mjpg,
                 exposure_ms=exposure_ms,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from manytouch.cli import options
+from manytouch.cli.terminal import options
 
 
 def simulate(
@@ -29,12 +29,12 @@ def simulate(
 
     Example: manytouch simulate two_fingers.toml --out simulated
     """
-    from manytouch.cli.console import Steps
-    from manytouch.cli.stopping import Stop
-    from manytouch.simulation.playing import simulator, solving, state_count, states_folder
-    from manytouch.simulation.scene_file import load_scene
-    from manytouch.sinks.simulated import SimulatedFolder
-    from manytouch.sinks.staging import try_writing
+    from manytouch.cli.terminal.console import Steps
+    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.simulation.scene.file import load_scene
+    from manytouch.simulation.scene.solve import simulator, solving, state_count, states_folder
+    from manytouch.sinks.files.atomic_output import try_writing
+    from manytouch.sinks.files.simulated_folder import SimulatedFolder
 
     said = load_scene(scene)
     try_writing(out)

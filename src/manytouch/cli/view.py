@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from manytouch.cli import options
+from manytouch.cli.terminal import options
 
 
 def view(
@@ -24,9 +24,9 @@ def view(
 
     Example: manytouch view press.mcap --method paper
     """
-    from manytouch.cli.console import Reporter
-    from manytouch.cli.stopping import Stop
-    from manytouch.cli.viewing import Place, viewers
+    from manytouch.cli.terminal.console import Reporter
+    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.viewing import Place, viewers
     from manytouch.errors import MissingExtraError
     from manytouch.session import Playback
 

@@ -12,8 +12,8 @@ from jaxtyping import Float64
 
 from manytouch.design.choose import Design, lattice
 from manytouch.design.prototype import FINGERTIP, SEEN_PX, Prototype, Say, Touched
-from manytouch.estimation.inversion import InversionMemory, MechanicalInversion
-from manytouch.estimation.touching import ModelError, Touching
+from manytouch.estimation.mechanics.contacts import ModelError, Touching
+from manytouch.estimation.mechanics.estimator import MechanicsEstimator, MechanicsState
 from manytouch.values import Contact, Sensor, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
 
@@ -89,7 +89,7 @@ def predicted_accuracy(
     calibrated = prototype.calibrated(chance, say)
     x, y = (np.linspace(0.0, side / 2, count) for side, count in zip(area_mm, places, strict=True))
     place_mm = np.column_stack([part.ravel() for part in np.meshgrid(x, y)])
-    method = MechanicalInversion(touch=Touching(error=NO_MODEL_ERROR))
+    method = MechanicsEstimator(touch=Touching(error=NO_MODEL_ERROR))
     fresh = method.start(calibrated)
     rows = []
     for place, depth_mm in zip(place_mm, prototype.fingertip_depths_mm(place_mm, force_N), strict=True):
@@ -113,7 +113,7 @@ def usual_force_N(found: Design) -> float:
 
 
 def _deviations(
-    method: MechanicalInversion, fresh: InversionMemory, touched: Touched | None, chance: np.random.Generator
+    method: MechanicsEstimator, fresh: MechanicsState, touched: Touched | None, chance: np.random.Generator
 ) -> Sequence[float]:
     """Force and depth of a press, and the deviations of position, depth and force."""
     if touched is None:
@@ -130,7 +130,7 @@ def _deviations(
 
 
 def _told(
-    method: MechanicalInversion, fresh: InversionMemory, touched: Touched, chance: np.random.Generator
+    method: MechanicsEstimator, fresh: MechanicsState, touched: Touched, chance: np.random.Generator
 ) -> Contact | None:
     """The nearest contact that the method finds, or None."""
     state, moved, true_mm = fresh, touched.displacement_px, touched.contact.centre_mm

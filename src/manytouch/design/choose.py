@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from manytouch.calibration.sheet_fit import STIFFNESS_DOUBT
+from manytouch.calibration.sheet.fit import STIFFNESS_DOUBT
 from manytouch.design.deflection import DeflectionCurve, deflection_curve
 from manytouch.design.materials import MATERIALS, POISSON, Material
+from manytouch.design.requirements import DesignError, Requirements
 from manytouch.design.spacing import least_pitch_mm, most_height_mm, most_radius_mm
-from manytouch.design.standoff import StandOff, focal_px, stand_off, vfov_rad
-from manytouch.design.wishes import DesignError, Wishes
+from manytouch.design.stand_off import StandOff, focal_px, stand_off, vfov_rad
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
 
@@ -58,7 +58,7 @@ class Design:
         reasons: in the order in which things were decided.
     """
 
-    wishes: Wishes
+    wishes: Requirements
     sensor: Sensor
     material: Material
     curve: DeflectionCurve
@@ -81,7 +81,7 @@ class Design:
         return self.curve.depth_at(self.wishes.force_N[0] / self.material.young_MPa)
 
 
-def design(wishes: Wishes, *, say: Callable[[str], object] | None = None) -> Design:
+def design(wishes: Requirements, *, say: Callable[[str], object] | None = None) -> Design:
     """Choose a sheet, its markers and where the camera stands.
 
     Args:
@@ -119,7 +119,7 @@ def design(wishes: Wishes, *, say: Callable[[str], object] | None = None) -> Des
     return replace(found, reasons=tuple(_reasons(found)))
 
 
-def _stand_off(wishes: Wishes, size: tuple[float, float]) -> StandOff:
+def _stand_off(wishes: Requirements, size: tuple[float, float]) -> StandOff:
     camera = wishes.camera
     hfov = math.radians(camera.hfov_deg)
     off = stand_off(
@@ -136,17 +136,17 @@ def _stand_off(wishes: Wishes, size: tuple[float, float]) -> StandOff:
     return off
 
 
-def rim_mm(wishes: Wishes, thickness_mm: float) -> float:
+def rim_mm(wishes: Requirements, thickness_mm: float) -> float:
     """What the clamped outline has beside the area that can be touched."""
     reach_mm = RIM_THICKNESSES * thickness_mm + RIM_PITCHES * _pitch_mm(wishes)
     return max(LEAST_RIM_MM, math.ceil(2 * reach_mm) / 2)
 
 
-def _pitch_mm(wishes: Wishes) -> float:
+def _pitch_mm(wishes: Requirements) -> float:
     return min(wishes.separation_mm / PITCHES_APART, WIDEST_PITCH_MM)
 
 
-def _markers(wishes: Wishes, mm_per_px: float) -> tuple[float, float]:
+def _markers(wishes: Requirements, mm_per_px: float) -> tuple[float, float]:
     """Pitch and radius, mm."""
     pitch = _pitch_mm(wishes)
     least = max(LEAST_RADIUS_PX * mm_per_px, wishes.printer.nozzle_mm)
@@ -161,7 +161,7 @@ def _markers(wishes: Wishes, mm_per_px: float) -> tuple[float, float]:
     return pitch, radius
 
 
-def _sheet(wishes: Wishes, say: Callable[[str], object] | None) -> tuple[Material, DeflectionCurve]:
+def _sheet(wishes: Requirements, say: Callable[[str], object] | None) -> tuple[Material, DeflectionCurve]:
     """The softest material, on the thinnest sheet, that holds the largest force."""
     materials = [item for item in MATERIALS if wishes.material in (None, item.name)]
     if not materials:
@@ -196,7 +196,9 @@ def _sheet(wishes: Wishes, say: Callable[[str], object] | None) -> tuple[Materia
     return material, curve
 
 
-def _check_gaps(wishes: Wishes, curve: DeflectionCurve, pitch: float, radius: float, least_mm: float) -> None:
+def _check_gaps(
+    wishes: Requirements, curve: DeflectionCurve, pitch: float, radius: float, least_mm: float
+) -> None:
     gap = curve.least_gap_mm(
         pitch_mm=pitch, radius_mm=radius, height_mm=wishes.marker_height_mm, depth_mm=wishes.deepest_mm
     )
@@ -212,7 +214,7 @@ def _check_gaps(wishes: Wishes, curve: DeflectionCurve, pitch: float, radius: fl
         )
 
 
-def _camera(wishes: Wishes, focal: float, distance_mm: float) -> Camera:
+def _camera(wishes: Requirements, focal: float, distance_mm: float) -> Camera:
     camera = wishes.camera
     return Camera(
         width_px=camera.width_px,

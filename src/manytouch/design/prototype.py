@@ -10,22 +10,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from manytouch.calibration.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
-from manytouch.calibration.sheet import calibrate_sheet
-from manytouch.calibration.sheet_fit import Press
+from manytouch.calibration.sheet.calibrate import calibrate_sheet
+from manytouch.calibration.sheet.fit import Press
+from manytouch.calibration.sheet.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
 from manytouch.design.deflection import FINGERTIP_MM2, clamped_shell, fingertip
-from manytouch.mechanics.dots import Face
-from manytouch.mechanics.equilibrium import equilibrium
-from manytouch.simulation.condensed import condensed
-from manytouch.simulation.deformation import Deformation, TrueContact
+from manytouch.mechanics.markers.images import Face
+from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.simulation.fem.cache import StateCache
-from manytouch.simulation.fem.indenters import Indenter, Sphere
+from manytouch.simulation.fem.contact.indenters import Indenter, Sphere
+from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, press
-from manytouch.simulation.fem.material import NeoHooke
 from manytouch.simulation.fem.sheet import SheetModel
-from manytouch.simulation.imaging import dot_ellipses, outlines
-from manytouch.simulation.playing import states_folder
-from manytouch.simulation.solid_scene import SolidScene
+from manytouch.simulation.render.dot_images import dot_ellipses, outlines
+from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.deformation import Deformation, TrueContact
+from manytouch.simulation.scene.solid_scene import SolidScene
+from manytouch.simulation.scene.solve import states_folder
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 

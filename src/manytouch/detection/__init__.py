@@ -6,10 +6,10 @@ everywhere or in windows around expected places. Both measure each dot in the sa
 flattened, with a covariance that agrees with the error.
 """
 
-from manytouch.detection.appearance import Appearance, appearance_of
-from manytouch.detection.centroid import Dots, measure
+from manytouch.detection.appearance.dot_appearance import Appearance, appearance_of
+from manytouch.detection.appearance.survey import Survey, survey
+from manytouch.detection.measurement.centroid import Dots, measure
 from manytouch.detection.noise import noise_of
 from manytouch.detection.search import DotSearch
-from manytouch.detection.survey import Survey, survey
 
 __all__ = ["Appearance", "DotSearch", "Dots", "Survey", "appearance_of", "measure", "noise_of", "survey"]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.detection import response
+from manytouch.detection import dog_response as response
 from manytouch.values.arrays import Points2, Scalars
 
 REDUCED_RADIUS_PX = 2.0  # or more, up to half as much again
@@ -40,7 +40,7 @@ class Candidates:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Workshop:
+class DogBuffers:
     """Scratch memory for one size of image and of dots, kept from frame to frame.
 
     Attributes:
@@ -69,7 +69,7 @@ class Workshop:
     found: np.ndarray
 
 
-def workshop(image: np.ndarray, radius_px: float) -> Workshop:
+def workshop(image: np.ndarray, radius_px: float) -> DogBuffers:
     """Memory to search images like this one for dots of a radius."""
     factor = max(1, int(radius_px / REDUCED_RADIUS_PX))
     height, width = image.shape[0] // factor, image.shape[1] // factor
@@ -81,7 +81,7 @@ def workshop(image: np.ndarray, radius_px: float) -> Workshop:
     reach = own * np.array(response.AROUND)
     offset = np.rint(reach[None, :, None] * np.stack([np.sin(angle), np.cos(angle)], axis=1)[:, None])
     short = image.dtype == np.uint8 and factor <= MOST_SHORT
-    return Workshop(
+    return DogBuffers(
         shape=image.shape,
         dtype=image.dtype,
         factor=factor,
@@ -104,7 +104,7 @@ def candidates(
     weights: Float64[np.ndarray, " c"],
     radius_px: float,
     least: float,
-    kept: Workshop | None = None,
+    kept: DogBuffers | None = None,
 ) -> Candidates:
     """Peaks of at least the contrast `least` (grey levels of 255) that the ground encloses.
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.detection.appearance import Appearance, appearance_of, radius_in_image
-from manytouch.detection.candidates import Workshop, candidates, workshop
-from manytouch.detection.centroid import measured_rows
+from manytouch.detection.appearance.dot_appearance import Appearance, appearance_of, radius_in_image
+from manytouch.detection.candidates import DogBuffers, candidates, workshop
 from manytouch.detection.condition import First, condition, first_of
+from manytouch.detection.measurement.centroid import measured_rows
+from manytouch.detection.measurement.sampling_pattern import Plans, plans_of
 from manytouch.detection.noise import noise_of
-from manytouch.detection.plans import Plans, plans_of
 from manytouch.detection.selection import select, typical_contrast, without_doubles
 from manytouch.values import Detections, Frame, Sensor
 from manytouch.values.arrays import Points2, Scalars
@@ -20,7 +20,7 @@ WALK = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Searching:
+class DotSearchState:
     """What the search keeps between frames.
 
     Attributes:
@@ -43,7 +43,7 @@ class Searching:
     scale_plans: Plans
     level: float | None = None
     first: First | None = None
-    workshops: tuple[Workshop, ...] = ()
+    workshops: tuple[DogBuffers, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -60,7 +60,7 @@ class DotSearch:
     least_share: float = 0.09
     least_snr: float = 1.5
 
-    def start(self, sensor: Sensor) -> Searching:
+    def start(self, sensor: Sensor) -> DotSearchState:
         """State before the first frame.
 
         Raises:
@@ -72,7 +72,7 @@ class DotSearch:
         radius_px = radius_in_image(sensor.camera, layout.rest_mm, layout.radius_mm)
         radius_px = np.clip(radius_px, appearance.radius_min_px, appearance.radius_max_px)
         scales_px = scales(appearance)
-        return Searching(
+        return DotSearchState(
             appearance=appearance,
             markers=int((~layout.is_missing).sum()),
             radius_px=radius_px,
@@ -82,8 +82,8 @@ class DotSearch:
         )
 
     def step(
-        self, state: Searching, frame: Frame, expected_px: Points2 | None
-    ) -> tuple[Searching, Detections]:
+        self, state: DotSearchState, frame: Frame, expected_px: Points2 | None
+    ) -> tuple[DotSearchState, Detections]:
         """Dots of a frame; `expected_px` (m, 2) limits the search to windows, None looks everywhere."""
         if frame.image is None:
             return state, empty("decode_error")
@@ -143,7 +143,7 @@ class DotSearch:
         return found, edge[:number]
 
     def _everywhere(
-        self, state: Searching, image: np.ndarray, weights: Float64[np.ndarray, " c"], noise: float
+        self, state: DotSearchState, image: np.ndarray, weights: Float64[np.ndarray, " c"], noise: float
     ) -> tuple[Float64[np.ndarray, "n 9"], Scalars]:
         """All that looks like a dot of the right size: rows of `kernels.measure_dots`, and radii."""
         found, scale = [], []
@@ -164,7 +164,7 @@ class DotSearch:
 
 
 def _windows(
-    state: Searching,
+    state: DotSearchState,
     image: np.ndarray,
     weights: Float64[np.ndarray, " c"],
     noise: float,
@@ -178,7 +178,7 @@ def _windows(
     return measured_rows(image, weights, expected_px, radius_px, plans, noise=noise, walk=WALK), radius_px
 
 
-def _with_workshops(state: Searching, image: np.ndarray) -> Searching:
+def _with_workshops(state: DotSearchState, image: np.ndarray) -> DotSearchState:
     """The state with memory for images like this one."""
     kept = state.workshops
     if kept and kept[0].shape == image.shape and kept[0].dtype == image.dtype:

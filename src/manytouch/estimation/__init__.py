@@ -1,22 +1,22 @@
 """Estimation: from tracked markers to the shape of the sheet and to what touches it.
 
-`PerimeterDepth` is the method `perimeter`: the paper's depth (`depth`) on markers tracked by manytouch,
+`PerimeterEstimator` is the method `perimeter`: the paper's depth (`depth`) on markers tracked by manytouch,
 contacts where the sheet is loaded (`load`, `contacts`), identities that last (`identity`). `paper` is the
 paper's own system.
 """
 
-from manytouch.estimation.contacts import ContactFinder
-from manytouch.estimation.identity import ContactIdentity
-from manytouch.estimation.inversion import MechanicalInversion
-from manytouch.estimation.load import LoadModel
-from manytouch.estimation.perimeter import PerimeterDepth
-from manytouch.estimation.view import RobustView
+from manytouch.estimation.contact_tracker import ContactTracker
+from manytouch.estimation.mechanics.estimator import MechanicsEstimator
+from manytouch.estimation.perimeter.contacts import ContactFinder
+from manytouch.estimation.perimeter.estimator import PerimeterEstimator
+from manytouch.estimation.perimeter.load_model import LoadModel
+from manytouch.estimation.perimeter.view_motion import RigidMotionEstimator
 
 __all__ = [
     "ContactFinder",
-    "ContactIdentity",
+    "ContactTracker",
     "LoadModel",
-    "MechanicalInversion",
-    "PerimeterDepth",
-    "RobustView",
+    "MechanicsEstimator",
+    "PerimeterEstimator",
+    "RigidMotionEstimator",
 ]

@@ -17,7 +17,7 @@ def _root(parent, hill):
 
 
 def hills(height: np.ndarray, floor: float, merge: float) -> tuple[np.ndarray, np.ndarray]:
-    """Hills of a map: where does each point above a floor belong, and how high is each hill's peak?
+    """Peaks of a map: where does each point above a floor belong, and how high is each hill's peak?
 
     The map is flooded from its highest point down (the watershed), and a point belongs to the hill of its
     highest neighbour; where two hills meet, the lower one is part of the higher one unless the saddle lies

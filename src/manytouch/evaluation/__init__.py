@@ -1,7 +1,7 @@
 """How wrong is a method? Estimates against truth: metrics, the accuracy suite, the report.
 
-    from manytouch.evaluation.folders import load_result, load_truth
-    from manytouch.evaluation.comparison import compare, figures
+    from manytouch.evaluation.records.folders import load_result, load_truth
+    from manytouch.evaluation.metrics.comparison import compare, figures
 
     print(figures(compare(load_truth(truth_folder), load_result(result_folder)))["depth"])
 

@@ -7,11 +7,11 @@
 `Live` reads it at its own pace while people watch and steer, `Playback` shows a recording again.
 """
 
-from manytouch.session.job import REST_FRAMES, Job, Pitch, Watch, check_region, prepare
 from manytouch.session.live import Live
 from manytouch.session.methods import METHODS, Roi, kernels, pipeline_for
 from manytouch.session.playback import Playback
-from manytouch.session.results import RESULTS, files_in, process, read_all, read_into, result_name
+from manytouch.session.prepare import REST_FRAMES, Job, Observer, Pitch, check_region, prepare
+from manytouch.session.run import RESULTS, files_in, process, read_all, read_into, result_name
 
 __all__ = [
     "METHODS",
@@ -19,10 +19,10 @@ __all__ = [
     "RESULTS",
     "Job",
     "Live",
+    "Observer",
     "Pitch",
     "Playback",
     "Roi",
-    "Watch",
     "check_region",
     "files_in",
     "kernels",

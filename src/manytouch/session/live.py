@@ -8,21 +8,21 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from manytouch.errors import ManytouchError
-from manytouch.pipeline import Pipeline, Sight, Sink
-from manytouch.session.continuity import Continuity
-from manytouch.session.handover import HandOver
-from manytouch.session.job import Job, Watch, close
-from manytouch.session.mailbox import Mailbox
-from manytouch.session.meter import Meter
+from manytouch.pipeline import Pipeline, Sink, TrackedFrame
+from manytouch.session.background_iterator import BackgroundIterator
+from manytouch.session.commands.command_queue import CommandQueue
+from manytouch.session.commands.contact_id_offset import ContactIdOffset
+from manytouch.session.commands.tare import TARE_FRAMES, tared
+from manytouch.session.commands.tuning import parameters_of, tuned
 from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
-from manytouch.session.taping import Taping
-from manytouch.session.tare import TARE_FRAMES, tared
-from manytouch.session.tuning import parameters_of, tuned
+from manytouch.session.prepare import Job, Observer, close
+from manytouch.session.session_recorder import SessionRecorder
+from manytouch.session.throughput import ThroughputMeter
 from manytouch.sources.source import Device
 from manytouch.values import (
-    Beside,
     Command,
+    Comparison,
     Frame,
     Health,
     Press,
@@ -70,8 +70,8 @@ class Live:
         self._job = job
         self._wanted = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
         self._present = self._wanted
-        self._mailbox = Mailbox()
-        self._meter = Meter()
+        self._mailbox = CommandQueue()
+        self._meter = ThroughputMeter()
         self._is_held = False
         self._is_over = threading.Event()
         self._dropped = 0
@@ -79,7 +79,7 @@ class Live:
         self._pace = Pace()
         self._taring: list[TrackedGrid] | None = None
         self._markers_seen = 0
-        self._taping = Taping(job, recordings, self._mailbox.note)
+        self._taping = SessionRecorder(job, recordings, self._mailbox.note)
 
     @property
     def sensor(self) -> Sensor:
@@ -90,13 +90,13 @@ class Live:
         """Ask for something; it is done between two frames."""
         self._mailbox.send(command)
 
-    def beside(self, frame_index: int) -> Beside | None:
+    def beside(self, frame_index: int) -> Comparison | None:
         """What really happened in a frame of a simulated source."""
         tell = getattr(self._job.source, "truth", None)
         truth: Truth | None = None if tell is None else tell(frame_index)
         if truth is None:
             return None
-        return Beside(name="truth", surface=truth.surface, contacts=truth.contacts)
+        return Comparison(name="truth", surface=truth.surface, contacts=truth.contacts)
 
     def health(self) -> Health:
         """How it is doing."""
@@ -128,7 +128,7 @@ class Live:
         sinks: Sequence[Sink],
         *,
         record: Path | None = None,
-        progress: Watch | None = None,
+        progress: Observer | None = None,
         stop: Callable[[], bool] | None = None,
     ) -> None:
         """Read until the source ends or `stop` says so; sinks are closed whatever happens.
@@ -153,7 +153,7 @@ class Live:
             closing.callback(self._taping.end)
             if record is not None:
                 self._record(record)
-            stream = closing.enter_context(HandOver(self._seen(), ahead=AHEAD, stop=stop))
+            stream = closing.enter_context(BackgroundIterator(self._seen(), ahead=AHEAD, stop=stop))
             closing.callback(self._end)
             for reading in self._told(iter(stream)):
                 for sink in sinks:
@@ -170,9 +170,9 @@ class Live:
         self._is_over.set()
         close(self._job.source)
 
-    def _told(self, stream: Iterator[Setup | Sight]) -> Iterator[Reading]:
+    def _told(self, stream: Iterator[Setup | TrackedFrame]) -> Iterator[Reading]:
         """Readings, in the calling thread."""
-        continuity = Continuity()
+        continuity = ContactIdOffset()
         setup = next(stream, None)
         while isinstance(setup, Setup):
             self._present = setup
@@ -183,7 +183,7 @@ class Live:
                 yield continuity(reading)
             setup = following[0] if following else None
 
-    def _seen(self) -> Iterator[Setup | Sight]:
+    def _seen(self) -> Iterator[Setup | TrackedFrame]:
         """Setups, and the markers of each frame with them, in the other thread."""
         while not self._is_over.is_set():
             setup = self._wanted
@@ -289,7 +289,7 @@ class Live:
         self._taping.describe(setup.sensor, setup.pipeline, setup.method)
 
 
-def _until_setup(stream: Iterator[Setup | Sight], following: list[Setup]) -> Iterator[Sight]:
+def _until_setup(stream: Iterator[Setup | TrackedFrame], following: list[Setup]) -> Iterator[TrackedFrame]:
     """Sights up to the next setup, which is put into `following`."""
     for item in stream:
         if isinstance(item, Setup):

@@ -4,13 +4,13 @@ import sys
 from pathlib import Path
 
 from manytouch.detection import DotSearch
-from manytouch.detection.paper import PaperDetection
 from manytouch.errors import ManytouchError
-from manytouch.estimation import MechanicalInversion, PerimeterDepth
-from manytouch.estimation.paper import PaperEstimate
+from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
+from manytouch.paper.detection import PaperDetection
+from manytouch.paper.estimation import PaperEstimation
+from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
-from manytouch.tracking import FollowGrid
-from manytouch.tracking.paper import PaperTracking
+from manytouch.tracking import MarkerTracker
 from manytouch.values import Sensor
 
 METHODS = ("mechanics", "perimeter", "paper")
@@ -55,15 +55,17 @@ def pipeline_for(method: str | None = None, roi_px: Roi | None = None) -> Pipeli
         case "mechanics":
             return Pipeline(
                 detect=DotSearch(roi_px=roi_px),
-                track=FollowGrid(roi_px=roi_px),
-                estimate=MechanicalInversion(),
+                track=MarkerTracker(roi_px=roi_px),
+                estimate=MechanicsEstimator(),
             )
         case "perimeter":
             return Pipeline(
-                detect=DotSearch(roi_px=roi_px), track=FollowGrid(roi_px=roi_px), estimate=PerimeterDepth()
+                detect=DotSearch(roi_px=roi_px),
+                track=MarkerTracker(roi_px=roi_px),
+                estimate=PerimeterEstimator(),
             )
         case "paper":
             return Pipeline(
-                detect=PaperDetection(roi_px=roi_px), track=PaperTracking(), estimate=PaperEstimate()
+                detect=PaperDetection(roi_px=roi_px), track=PaperTracking(), estimate=PaperEstimation()
             )
     raise ManytouchError(f"there is no method {method!r}; there are: {', '.join(METHODS)}")

@@ -8,18 +8,18 @@ from pathlib import Path
 
 from manytouch.errors import SourceError
 from manytouch.pipeline import Sink
-from manytouch.session.job import Job, Watch, prepare
-from manytouch.session.mailbox import Mailbox
-from manytouch.session.meter import Meter
+from manytouch.session.commands.command_queue import CommandQueue
+from manytouch.session.commands.tuning import parameters_of
 from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
-from manytouch.session.tuning import parameters_of
-from manytouch.sinks.description import layout_of
+from manytouch.session.prepare import Job, Observer, prepare
+from manytouch.session.throughput import ThroughputMeter
+from manytouch.sinks.files.description import layout_of
 from manytouch.sources import open_source
-from manytouch.sources.replay import ReplaySource
+from manytouch.sources.files.replay import ReplaySource
 from manytouch.values import (
-    Beside,
     Command,
+    Comparison,
     Frame,
     Health,
     Play,
@@ -69,8 +69,8 @@ class Playback:
         self._job: Job = prepare(self._source, sensor=sensor, method=known)
         self._method = known or recorded
         self._stays = stays
-        self._mailbox = Mailbox()
-        self._meter = Meter()
+        self._mailbox = CommandQueue()
+        self._meter = ThroughputMeter()
         self._pace = Pace()
         self._is_held = False
         self._place = 0
@@ -91,7 +91,7 @@ class Playback:
         """Ask for something; it is done between two frames."""
         self._mailbox.send(command)
 
-    def beside(self, frame_index: int) -> Beside | None:
+    def beside(self, frame_index: int) -> Comparison | None:
         """What was recorded of a frame, where it is read anew in the same unit of length."""
         recording = self._source.recording
         if not self._is_anew or recording.sensor.length_unit != self.sensor.length_unit:
@@ -102,7 +102,7 @@ class Playback:
             return None
         is_alike = len(recorded.surface.displacement_mm) == len(layout_of(self.sensor).rest_mm)
         surface = recorded.surface if is_alike else None
-        return Beside(name="recorded", surface=surface, contacts=recorded.contacts)
+        return Comparison(name="recorded", surface=surface, contacts=recorded.contacts)
 
     def health(self) -> Health:
         """How it is doing."""
@@ -130,7 +130,7 @@ class Playback:
         self,
         sinks: Sequence[Sink],
         *,
-        progress: Watch | None = None,
+        progress: Observer | None = None,
         stop: Callable[[], bool] | None = None,
     ) -> None:
         """Replay until the end or until `stop` says so; sinks are closed whatever happens."""

@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from manytouch.geometry.camera import project
-from manytouch.simulation.deformation import TrueContact
-from manytouch.simulation.imaging import CORNERS, dot_ellipses, outlines
-from manytouch.simulation.mechanics import Mechanics, Watch
-from manytouch.simulation.optics import IN_FOCUS, Faults, Optics, drawn_faults, shadows
-from manytouch.simulation.render import Look, Spot, disc_coverage, photographed
+from manytouch.simulation.render.discs import Look, Spot, disc_coverage, photographed
+from manytouch.simulation.render.dot_images import CORNERS, dot_ellipses, outlines
+from manytouch.simulation.render.optics import IN_FOCUS, Faults, Optics, drawn_faults, shadows
+from manytouch.simulation.scene.deformation import TrueContact
+from manytouch.simulation.scene.mechanics import Mechanics, Watch
 from manytouch.values import (
     Contact,
     Contacts,

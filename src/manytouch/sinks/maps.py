@@ -13,10 +13,10 @@ from jaxtyping import Float64
 from scipy.ndimage import maximum_filter
 
 from manytouch.geometry.sampling import BEYOND_PITCH, sampling_on
-from manytouch.mechanics.dots import Face
-from manytouch.mechanics.patch import SplinePatch
-from manytouch.mechanics.shell import Shell
-from manytouch.sinks.description import layout_of
+from manytouch.mechanics.markers.images import Face
+from manytouch.mechanics.shell.shell import Shell
+from manytouch.mechanics.spline.patch import SplinePatch
+from manytouch.sinks.files.description import layout_of
 from manytouch.values import Layout, Sensor, SheetSpline, Surface
 
 POINTS_PER_PITCH = 4
@@ -69,7 +69,7 @@ class SheetMaps:
         return self._strain(self.displacement(surface))
 
     def strain_std(self, surface: Surface, likely: Sequence[SheetSpline]) -> Map:
-        """Standard deviation of the strain, from sheets as likely as the surface's (`LikelySheets`).
+        """Standard deviation of the strain, from sheets as likely as the surface's (`PosteriorSamples`).
 
         To the noise is added `STRAIN_SHARE` of the largest strain within a thickness: there a solid's face is
         dented sharper than a shell's.
@@ -111,7 +111,7 @@ class SheetMaps:
         return KPA_PER_MPA * pressure_MPa.reshape(len(self.y_mm), len(self.x_mm))
 
     def pressure_std_kPa(self, surface: Surface, likely: Sequence[SheetSpline]) -> Map | None:
-        """Standard deviation of the pressure, from sheets as likely as the surface's (`LikelySheets`).
+        """Standard deviation of the pressure, from sheets as likely as the surface's (`PosteriorSamples`).
 
         It is that of the map, which is as smooth as the spline: a contact narrower than an element is
         shown wider.

@@ -13,7 +13,7 @@ from manytouch.errors import OutputError
 from manytouch.pipeline import Pipeline
 from manytouch.recording import SCHEMA
 from manytouch.recording.writer import OutputFile, RecordingWriter, require_mcap
-from manytouch.sinks.summary import parameters, versions
+from manytouch.sinks.files.summary import parameters, versions
 from manytouch.values import Frame, Reading, Sensor
 
 MOST_WAITING_BYTES = 64 * 2**20

@@ -7,11 +7,11 @@ from dataclasses import replace
 from pathlib import Path
 
 from manytouch.errors import SourceError
-from manytouch.sources.capture import CameraWishes
-from manytouch.sources.images import IMAGE_SUFFIXES, folder_source, image_source
+from manytouch.sources.cameras.capture import CameraRequest
+from manytouch.sources.files.images import IMAGE_SUFFIXES, folder_source, image_source
+from manytouch.sources.files.video import VIDEO_SUFFIXES, video_source
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import Source
-from manytouch.sources.video import VIDEO_SUFFIXES, video_source
 
 SUPPORTED = (
     "a camera's number or device, the address of a stream, a video file, an image, a folder of images, "
@@ -20,7 +20,7 @@ SUPPORTED = (
 
 
 def open_source(
-    text: str | os.PathLike[str], *, fps: float | None = None, camera: CameraWishes | None = None
+    text: str | os.PathLike[str], *, fps: float | None = None, camera: CameraRequest | None = None
 ) -> Source:
     """The source of frames that a text names; nothing is read yet but the first picture.
 
@@ -45,9 +45,9 @@ def open_source(
         raise SourceError(f"The name of the source is empty: give {SUPPORTED}.")
     path = Path(text).expanduser()
     if is_camera(text):
-        from manytouch.sources.camera import camera_source
+        from manytouch.sources.cameras.camera import camera_source
 
-        wishes = CameraWishes() if camera is None else camera
+        wishes = CameraRequest() if camera is None else camera
         return camera_source(text, wishes if fps is None else replace(wishes, fps=fps))
     try:
         return _file_source(text, path, fps)
@@ -70,7 +70,7 @@ def _file_source(text: str, path: Path, fps: float | None) -> Source:
     if path.stat().st_size == 0:
         raise SourceError(f"{text!r} is empty: copy or record it again.")
     if path.suffix.lower() == ".mcap":
-        from manytouch.sources.replay import replay_source
+        from manytouch.sources.files.replay import replay_source
 
         return replay_source(path, fps)
     if path.suffix.lower() in IMAGE_SUFFIXES or (

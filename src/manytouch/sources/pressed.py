@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count, islice
 
-from manytouch.simulation.hands import Hands
-from manytouch.simulation.playing import simulator, solid_scene
+from manytouch.simulation.scene.interactive_indenters import InteractiveIndenters
+from manytouch.simulation.scene.solve import simulator, solid_scene
 from manytouch.sources.simulated import Simulated, solved
 from manytouch.values import Frame, Press, Release, Truth
 
@@ -28,7 +28,7 @@ class PressedSource(Simulated):
             SourceError: there is no such scene, or its file is wrong.
         """
         said, states = solved(scene)
-        self._hands = Hands(solid_scene(said, states), said.bodies, said.sheet, said.fps)
+        self._hands = InteractiveIndenters(solid_scene(said, states), said.bodies, said.sheet, said.fps)
         self.simulator = replace(simulator(said, states), scene=self._hands)
         self._length = None if seconds is None else round(seconds * said.fps)
         self._latest_truth: Truth | None = None

@@ -5,9 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from manytouch.errors import SourceError
-from manytouch.simulation.deformation import Deformation
-from manytouch.simulation.playing import simulator, solving, states_folder
-from manytouch.simulation.scene_file import BUILT_IN, SceneFile, built_in_scenes, load_scene
+from manytouch.simulation.scene.deformation import Deformation
+from manytouch.simulation.scene.file import BUILT_IN, SceneFile, built_in_scenes, load_scene
+from manytouch.simulation.scene.solve import simulator, solving, states_folder
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Frame, Sensor, Truth
 

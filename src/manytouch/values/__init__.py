@@ -19,15 +19,15 @@ from manytouch.values.detections import Detections
 from manytouch.values.frame import Frame
 from manytouch.values.grid import TrackedGrid
 from manytouch.values.health import Health, Setting
-from manytouch.values.reading import Beside, Reading, Truth
+from manytouch.values.reading import Comparison, Reading, Truth
 from manytouch.values.sensor import Camera, Layout, LengthUnit, Polarity, Sensor, Sheet
 from manytouch.values.surface import SheetSpline, Surface
 
 __all__ = [
     "ESTIMATES",
-    "Beside",
     "Camera",
     "Command",
+    "Comparison",
     "Contact",
     "Contacts",
     "Detections",

@@ -51,7 +51,7 @@ class Truth:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Beside:
+class Comparison:
     """What an estimate is shown beside, for the same frame.
 
     Attributes:

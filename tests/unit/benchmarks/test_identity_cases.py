@@ -15,12 +15,12 @@ from identity import runs_of, score, tracked_pictures, tracked_points  # noqa: E
 from sequences import Sequence, can_move, course_of  # noqa: E402
 
 from manytouch.detection import DotSearch  # noqa: E402
-from manytouch.tracking.follow import FollowGrid  # noqa: E402
+from manytouch.tracking.tracker import MarkerTracker  # noqa: E402
 
 
 def test_a_row_at_the_rim_that_a_slip_of_the_whole_left_behind() -> None:
     course = course_of(Sequence(step_pitches=1.2, missing_share=0.02, false_share=0.02, frames=50, seed=4))
-    judged = score(course, tracked_points(course, FollowGrid()))
+    judged = score(course, tracked_points(course, MarkerTracker()))
     assert judged.wrong == 0.0
     assert judged.lost_percent < 0.1
 
@@ -32,7 +32,7 @@ def test_pictures_that_move_by_15_px_per_frame_at_a_pitch_of_17_px() -> None:
     assert 16.9 < course.pitch_px < 17.1
     fastest_px = np.linalg.norm(np.diff(course.centre_px, axis=0), axis=2).max(axis=1)
     assert np.allclose(fastest_px[2:], 15.0, atol=0.1)
-    judged = score(course, tracked_pictures(course, DotSearch(), FollowGrid()))
+    judged = score(course, tracked_pictures(course, DotSearch(), MarkerTracker()))
     assert judged.wrong == 0.0
     assert judged.lost_percent < 0.5
 

@@ -17,7 +17,7 @@ from identity import GivenDots, NoEstimate, runs_of, score, together, tracked_po
 from sequences import Course, Sequence, course_of, dots_in  # noqa: E402
 
 from manytouch.pipeline import Pipeline  # noqa: E402
-from manytouch.tracking.follow import FollowGrid  # noqa: E402
+from manytouch.tracking.tracker import MarkerTracker  # noqa: E402
 from manytouch.values import Detections, Frame, Reading, Sensor, TrackedGrid  # noqa: E402
 
 STD_PX = 0.02
@@ -195,10 +195,10 @@ def test_a_tracker_that_numbers_by_chance_is_found_out(course: Course) -> None:
 
 def test_points_run_through_the_real_pipeline() -> None:
     course = course_of(Sequence(dots=96, size="480p", frames=6))
-    judged = score(course, tracked_points(course, FollowGrid()))
+    judged = score(course, tracked_points(course, MarkerTracker()))
     assert judged.seen > 0.99 * course.is_visible.sum()
     assert judged.wrong == 0.0
-    stages = Pipeline(detect=GivenDots(dots=(), reach_px=1.0), track=FollowGrid(), estimate=NoEstimate())
+    stages = Pipeline(detect=GivenDots(dots=(), reach_px=1.0), track=MarkerTracker(), estimate=NoEstimate())
     assert list(stages.run([], course.sensor)) == []
 
 

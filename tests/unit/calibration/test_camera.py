@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from boards import BOARD, HEIGHT_PX, WIDTH_PX, picture, poses, seen, sightings, true_camera
-from manytouch.calibration.board import Sighting, board_of, find_board, refined
-from manytouch.calibration.board_views import ViewCollection, outlook, part_of
-from manytouch.calibration.camera import calibrate_camera
-from manytouch.calibration.camera_report import camera_info_yaml, in_words, write_report
-from manytouch.calibration.intrinsics import NAMES, fit_intrinsics
+from manytouch.calibration.camera.board import Sighting, board_of, find_board, refined
+from manytouch.calibration.camera.board_views import ViewCollection, outlook, part_of
+from manytouch.calibration.camera.calibrate import calibrate_camera
+from manytouch.calibration.camera.intrinsics import NAMES, fit_intrinsics
+from manytouch.calibration.camera.report import camera_info_yaml, in_words, write_report
 from manytouch.cli import main
 from manytouch.errors import ManytouchError
 from manytouch.geometry.camera import camera_matrix

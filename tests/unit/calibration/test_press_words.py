@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.calibration.press_words import Asked, press_in_words
+from manytouch.calibration.sheet.press_parser import Asked, press_in_words
 from manytouch.errors import SensorError
 from manytouch.values import Sheet
 

@@ -6,16 +6,17 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.calibration import examine, refer, reference, sensor_from_rest
-from manytouch.calibration.evenness import CANNOT_BE_NOTICED
-from manytouch.calibration.flatness import bulge_in_pitches
-from manytouch.calibration.reference import referred
-from manytouch.calibration.rest import sensor_from_dots
-from manytouch.calibration.still import confirmed, still_dots
+from manytouch.calibration import examine, register_rest, sensor_from_rest
+from manytouch.calibration.rest import register_rest as reference
+from manytouch.calibration.rest.assumed_sensor import sensor_from_dots
+from manytouch.calibration.rest.flatness import bulge_in_pitches
+from manytouch.calibration.rest.register_rest import referred
+from manytouch.calibration.rest.rest_frames import confirmed, still_dots
+from manytouch.calibration.rest.shift_check import CANNOT_BE_NOTICED
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import mm_per_px, project
-from manytouch.tracking import FollowGrid
-from manytouch.tracking.arrangement import arrange
+from manytouch.tracking import MarkerTracker
+from manytouch.tracking.lattice.arrange import arrange
 from manytouch.values import Detections, Frame
 
 WIDTH, HEIGHT = 640, 420
@@ -171,9 +172,9 @@ def test_tracking_is_told_the_region_in_which_a_sensor_is_referred(monkeypatch):
 
     def spied(**options):
         asked.append(options["roi_px"])
-        return FollowGrid(**options)
+        return MarkerTracker(**options)
 
-    monkeypatch.setattr(reference, "FollowGrid", spied)
+    monkeypatch.setattr(reference, "MarkerTracker", spied)
     sensor = sensor_of(grid_px())
     assert sensor.layout is not None
     referred(sensor, sensor.layout.rest_px, roi_px=(10, 20, 600, 380))
@@ -210,7 +211,7 @@ def test_from_pictures_to_a_sensor_and_back():
     assert sensor.layout.polarity == "dark"
     np.testing.assert_allclose(sensor.layout.rest_px, points, atol=0.2)
     moved = points + np.array([5.0, -4.0])
-    again = refer(sensor, frames_of(picture(moved)))
+    again = register_rest(sensor, frames_of(picture(moved)))
     assert again.layout is not None
     np.testing.assert_allclose(again.layout.rest_px, moved, atol=0.2)
     report = examine(frames)
@@ -222,17 +223,17 @@ def test_a_wrong_polarity_of_the_file_is_put_right_and_told():
     frames = frames_of(picture(grid_px()))
     sensor = sensor_from_rest(frames, name="drawn")
     wrong = replace(sensor, layout=replace(sensor.layout, polarity="light"), assumptions=())
-    again = refer(wrong, frames)
+    again = register_rest(wrong, frames)
     assert again.layout.polarity == "dark"
     assert "The markers are dark, though the sensor file says light." in again.assumptions
-    silent = refer(replace(sensor, assumptions=()), frames[:1])
+    silent = register_rest(replace(sensor, assumptions=()), frames[:1])
     assert silent.assumptions == ("The sheet is at rest in the first frame that keeps still.",)
 
 
 def test_a_sensor_of_another_image_size_is_refused():
     sensor = sensor_of(grid_px())
     with pytest.raises(SensorError, match="640 x 420 px, but the input has 320 x 200 px"):
-        refer(sensor, frames_of(np.zeros((200, 320), dtype=np.uint8)))
+        register_rest(sensor, frames_of(np.zeros((200, 320), dtype=np.uint8)))
 
 
 def test_frames_of_two_sizes_and_no_frames_are_refused():

@@ -8,15 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.calibration.clamp_line import force_change, in_words
-from manytouch.calibration.rest_pose import calibrate_rest, fitted_pose
+from manytouch.calibration.rest.pose import calibrate_rest, fitted_pose
+from manytouch.calibration.sheet.clamp_line import force_change, in_words
 from manytouch.cli import main
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import onto_plane, project
-from manytouch.simulation.deformation import flat
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.simulation.scene.deformation import flat
+from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
-from manytouch.simulation.solid_scene import SolidScene
 from manytouch.values import Sheet
 from manytouch.values.sensor_file import load_sensor, save_sensor
 

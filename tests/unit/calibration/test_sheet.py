@@ -6,18 +6,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from manytouch.calibration.press_table import press_rows, presses
-from manytouch.calibration.protocol import places_mm, probing_gcode, weight_table
-from manytouch.calibration.sheet import calibrate_sheet
-from manytouch.calibration.sheet_fit import Press, disc
+from manytouch.calibration.sheet.calibrate import calibrate_sheet
+from manytouch.calibration.sheet.fit import Press, disc
+from manytouch.calibration.sheet.press_table import press_rows, presses
+from manytouch.calibration.sheet.protocol import places_mm, probing_gcode, weight_table
 from manytouch.cli import main
 from manytouch.design.deflection import fingertip
 from manytouch.errors import SensorError, SourceError
-from manytouch.mechanics.dots import Dots
-from manytouch.mechanics.equilibrium import equilibrium
-from manytouch.mechanics.patch import SplinePatch
-from manytouch.mechanics.shell import THICK_BENDING, Shell
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.shell.equilibrium import equilibrium
+from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
+from manytouch.mechanics.spline.patch import SplinePatch
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values.sensor_file import save_sensor
 
 YOUNG_MPA, THICKNESS_MM, PRETENSION_N_PER_MM = 2.4, 3.3, 0.15

@@ -7,7 +7,7 @@ import pytest
 
 from manytouch.cli import main
 from manytouch.cli.process import folder_names
-from manytouch.cli.stopping import Stop
+from manytouch.cli.terminal.interrupt import Stop
 from manytouch.errors import ManytouchError
 
 VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "doctor")
@@ -127,6 +127,6 @@ def test_an_interrupt_outside_of_any_run_ends_quietly(capsys, monkeypatch):
     def interrupt() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("manytouch.cli.machine.machine_in_words", interrupt)
+    monkeypatch.setattr("manytouch.cli.terminal.machine.machine_in_words", interrupt)
     assert main(["doctor"]) == 0
     assert capsys.readouterr().err == "stopped\n"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from manytouch.cli.contact_log import ContactLog
+from manytouch.cli.terminal.contact_log import ContactLog
 from manytouch.values import (
     Contact,
     Contacts,

@@ -9,10 +9,11 @@ from cyclopts import App, CycloptsError
 
 from manytouch.cli.evaluate import evaluate
 from manytouch.errors import ManytouchError
-from manytouch.evaluation import own, runner, solutions
-from manytouch.evaluation.cases import Case
-from manytouch.evaluation.runner import Evaluation, Trial
-from manytouch.evaluation.solutions import user_cache
+from manytouch.evaluation import compare_folders as own
+from manytouch.evaluation.suite import runner, solutions
+from manytouch.evaluation.suite.cases import Case
+from manytouch.evaluation.suite.runner import Evaluation, Trial
+from manytouch.evaluation.suite.solutions import user_cache
 from manytouch.session import METHODS
 
 app = App(name="manytouch")
@@ -66,7 +67,7 @@ def solved(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, Path]]:
 @pytest.fixture
 def written(monkeypatch: pytest.MonkeyPatch) -> list[Evaluation]:
     """What would be reported, instead of a report."""
-    from manytouch.evaluation import report
+    from manytouch.evaluation.report import page as report
 
     reported: list[Evaluation] = []
 

@@ -14,16 +14,16 @@ from manytouch.design.accuracy import (
     predicted_accuracy,
     usual_force_N,
 )
-from manytouch.design.build import write_prediction
 from manytouch.design.choose import design
 from manytouch.design.deflection import fingertip
 from manytouch.design.prototype import FINGERTIP, TIP, Prototype, Touched, _touched
-from manytouch.design.wishes import Wishes
-from manytouch.estimation.inversion import MechanicalInversion
-from manytouch.estimation.touching import Touching
-from manytouch.mechanics.equilibrium import equilibrium
-from manytouch.simulation.deformation import contact_of
-from manytouch.simulation.playing import STATES_VARIABLE
+from manytouch.design.requirements import Requirements
+from manytouch.design.write import write_prediction
+from manytouch.estimation.mechanics.contacts import Touching
+from manytouch.estimation.mechanics.estimator import MechanicsEstimator
+from manytouch.mechanics.shell.equilibrium import equilibrium
+from manytouch.simulation.scene.deformation import contact_of
+from manytouch.simulation.scene.solve import STATES_VARIABLE
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -36,7 +36,7 @@ def states(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found():
-    return design(Wishes(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.5, 4.0)))
+    return design(Requirements(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.5, 4.0)))
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +48,7 @@ def test_a_prototype_moves_the_dots_about_as_the_shell_does(found, prototype):
     held = prototype.touched(FINGERTIP, np.array([5.0, -4.0]), 2.0)
     assert held.contact.centre_mm == pytest.approx([5.0, -4.0], abs=0.3)
     assert 1.5 < held.contact.depth_mm < 2.0
-    fresh = MechanicalInversion().start(found.sensor)
+    fresh = MechanicsEstimator().start(found.sensor)
     shape = _shape(fresh, held.contact.centre_mm, held.contact.normal_force_N)
     wanted = fresh.model.dots.displacement_px(shape)
     off = np.linalg.norm(held.displacement_px - wanted, axis=1)
@@ -98,7 +98,7 @@ def _shape(fresh, place_mm, force_N):
 
 
 def test_what_the_method_is_off_by_counts_along_with_the_noise(found):
-    method = MechanicalInversion(touch=Touching(error=NO_MODEL_ERROR))
+    method = MechanicsEstimator(touch=Touching(error=NO_MODEL_ERROR))
     fresh = method.start(replace(found.sensor, sheet=replace(found.sensor.sheet, young_std_MPa=None)))
     shape = _shape(fresh, np.zeros(2), 1.0)
     row = [0.0, 0.0, -1.0, 0.0, 7.0, 0.0, 0.0, 1.0]

@@ -10,9 +10,9 @@ from manytouch.cli import main
 from manytouch.design.choose import LEAST_GAP_PX, LEAST_RIM_MM, design, rim_mm
 from manytouch.design.deflection import deflection_curve
 from manytouch.design.materials import MATERIALS, young_MPa
+from manytouch.design.requirements import DesignError, Optics, Printer, Requirements
 from manytouch.design.spacing import gap_mm, least_pitch_mm, most_height_mm, most_radius_mm
-from manytouch.design.standoff import focal_px, stand_off, vfov_rad
-from manytouch.design.wishes import DesignError, Optics, Printer, Wishes
+from manytouch.design.stand_off import focal_px, stand_off, vfov_rad
 from manytouch.values.sensor_file import load_sensor
 
 
@@ -91,7 +91,7 @@ def test_ten_newtons_press_the_papers_sheet_one_centimetre_at_about_three_megapa
 
 @pytest.fixture(scope="module")
 def usual():
-    return design(Wishes())
+    return design(Requirements())
 
 
 def test_a_design_fulfils_its_wishes(usual):
@@ -115,10 +115,10 @@ def test_a_design_fulfils_its_wishes(usual):
 
 
 def test_a_thick_sheet_has_a_wider_rim():
-    assert rim_mm(Wishes(separation_mm=8.0), 2.0) == LEAST_RIM_MM
-    assert rim_mm(Wishes(separation_mm=8.0), 3.0) == 12.0
-    assert rim_mm(Wishes(separation_mm=10.0), 4.0) == 15.5
-    thick = design(Wishes(area_mm=(40.0, 25.0), thickness_mm=4.0, force_N=(0.5, 4.0)))
+    assert rim_mm(Requirements(separation_mm=8.0), 2.0) == LEAST_RIM_MM
+    assert rim_mm(Requirements(separation_mm=8.0), 3.0) == 12.0
+    assert rim_mm(Requirements(separation_mm=10.0), 4.0) == 15.5
+    thick = design(Requirements(area_mm=(40.0, 25.0), thickness_mm=4.0, force_N=(0.5, 4.0)))
     assert thick.sensor.sheet.size_mm.tolist() == [68.0, 53.0]
     (why,) = (reason.why for reason in thick.reasons if reason.about == "clamped outline")
     assert "a rim of 14 mm: 2 thicknesses" in why
@@ -138,7 +138,7 @@ def test_the_reason_for_the_room_says_what_else_would_leave_it(usual):
 
 
 def test_a_softer_or_stiffer_wish_changes_the_sheet(usual):
-    gentle = design(Wishes(force_N=(0.01, 0.2), deepest_mm=5.0))
+    gentle = design(Requirements(force_N=(0.01, 0.2), deepest_mm=5.0))
     assert gentle.material.young_MPa < usual.material.young_MPa
     assert 2.0 < gentle.depth_at_most_mm <= 5.0
 
@@ -149,7 +149,7 @@ def test_markers_on_pins_must_not_touch_when_pressed(usual):
     assert turn.max() > 0
     assert slope[0] + turn[0] == pytest.approx(slope[10], abs=1e-12)
     with pytest.raises(DesignError, match=r"make them at most .* mm high"):
-        design(Wishes(marker_height_mm=60.0))
+        design(Requirements(marker_height_mm=60.0))
 
 
 @pytest.mark.parametrize(
@@ -170,7 +170,7 @@ def test_markers_on_pins_must_not_touch_when_pressed(usual):
 )
 def test_impossible_wishes_name_what_is_in_the_way(wishes, sentence):
     with pytest.raises(DesignError, match=sentence):
-        design(Wishes(**wishes))
+        design(Requirements(**wishes))
 
 
 def test_the_verb_writes_a_sensor_that_loads(tmp_path, capsys):

@@ -11,9 +11,9 @@ import trimesh
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pypdf import PdfReader
 
-from manytouch.calibration.board import board_of, find_board
-from manytouch.design.build import BOARDS, write_design
-from manytouch.design.casing import (
+from manytouch.calibration.camera.board import board_of, find_board
+from manytouch.design.choose import design
+from manytouch.design.parts.casing import (
     SCREW_RADIUS_MM,
     CasingChoices,
     clamp,
@@ -22,15 +22,15 @@ from manytouch.design.casing import (
     screw_places,
     sheet_parts,
 )
-from manytouch.design.choose import design
-from manytouch.design.guide import screw_length_mm
-from manytouch.design.meshing import mesh_of, write_stl
-from manytouch.design.part_pictures import RISE_DEG, TURN_DEG, _seen
-from manytouch.design.patterns import A4_MM, MARGIN_MM, board_page, write_board, write_pattern
-from manytouch.design.printability import hanging_mm2, objections, open_edges
-from manytouch.design.solids import Bore, Box, Solid, Taper, block, pins
-from manytouch.design.step import write_step
-from manytouch.design.wishes import Printer, Wishes
+from manytouch.design.parts.guide import screw_length_mm
+from manytouch.design.parts.meshing import mesh_of, write_stl
+from manytouch.design.parts.patterns import A4_MM, MARGIN_MM, board_page, write_board, write_pattern
+from manytouch.design.parts.pictures import RISE_DEG, TURN_DEG, _seen
+from manytouch.design.parts.printability import hanging_mm2, objections, open_edges
+from manytouch.design.parts.solids import Bore, Box, Solid, Taper, block, pins
+from manytouch.design.parts.step import write_step
+from manytouch.design.requirements import Printer, Requirements
+from manytouch.design.write import BOARDS, write_design
 from manytouch.errors import OutputError
 from manytouch.values.sensor_file import load_sensor
 
@@ -40,7 +40,7 @@ CHOICES = CasingChoices()
 
 @pytest.fixture(scope="module")
 def found():
-    return design(Wishes(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.1, 5.0)))
+    return design(Requirements(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.1, 5.0)))
 
 
 SOLIDS = {

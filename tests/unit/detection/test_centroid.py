@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from manytouch.detection import measure, noise_of
-from manytouch.simulation.render import DARK_DOTS, LIGHT_DOTS, Look, Spot, render_discs
+from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, Spot, render_discs
 
 WIDTH, HEIGHT = 640, 400
 

@@ -11,10 +11,10 @@ from numba import njit
 
 from manytouch.detection import measure, noise_of
 from manytouch.detection.candidates import candidates, workshop
-from manytouch.detection.plans import CORE, HALF, LANES, RING, STEP, STRIPS, plans_of
+from manytouch.detection.measurement.sampling_pattern import CORE, HALF, LANES, RING, STEP, STRIPS, plans_of
+from manytouch.detection.measurement.simd_strip_sums import STRIP, strip_sums
 from manytouch.detection.selection import without_doubles
-from manytouch.detection.strips import STRIP, strip_sums
-from manytouch.simulation.render import Look, render_discs
+from manytouch.simulation.render.discs import Look, render_discs
 
 WIDTH, HEIGHT = 320, 200
 

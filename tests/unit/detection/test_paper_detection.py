@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.detection.paper import PaperDetection, contour_midpoints, opened
 from manytouch.errors import ManytouchError, SensorError
 from manytouch.geometry.camera import project
-from manytouch.simulation.render import DARK_DOTS, LIGHT_DOTS, Look, render_discs
+from manytouch.paper.detection import PaperDetection, contour_midpoints, opened
+from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, render_discs
 from manytouch.values import Camera, Frame, Layout, Sensor
 
 ROWS, COLUMNS, PITCH_MM, RADIUS_MM = 5, 8, 4.0, 0.9

@@ -6,7 +6,7 @@ import pytest
 from manytouch.detection import DotSearch, appearance_of
 from manytouch.errors import SensorError
 from manytouch.pipeline import Detect
-from manytouch.simulation.render import Look, Spot, render_discs
+from manytouch.simulation.render.discs import Look, Spot, render_discs
 from manytouch.values import Camera, Frame, Layout, Sensor
 
 WIDTH, HEIGHT = 640, 420

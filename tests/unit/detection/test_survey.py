@@ -6,7 +6,7 @@ from scipy.ndimage import gaussian_filter
 
 from manytouch.detection import survey
 from manytouch.errors import LayoutError
-from manytouch.simulation.render import Look, Spot, render_discs
+from manytouch.simulation.render.discs import Look, Spot, render_discs
 from manytouch.values import Frame
 
 WIDTH, HEIGHT = 520, 400

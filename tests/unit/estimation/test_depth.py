@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.depth import perimeter_law, perimeters
+from manytouch.estimation.perimeter.law import perimeter_law, perimeters
 from manytouch.geometry.neighbours import lattice_cells, triangle_cells
 
 ROWS, COLUMNS, DISTANCE = 5, 8, 90.0

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.estimation.force_clusters import Clusters, ForceClusters
+from manytouch.estimation.mechanics.force_clusters import Clusters, ForceClusters
 from spline_loads import LATTICE, SHAPE, pressed
 
 FIND = ForceClusters()

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.growth import DotGrowth
+from manytouch.estimation.uncalibrated.dot_area import DotGrowth
 from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.values import TrackedGrid
 

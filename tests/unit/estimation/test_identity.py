@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from manytouch.errors import SensorError
-from manytouch.estimation.identity import ContactIdentity
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.estimation.contact_tracker import ContactTracker
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values import Camera, Contact, Contacts, Phase, Sensor
 
 SENSOR = demo_sensor(640)  # pitch 4 mm
-IDENTITY = ContactIdentity()
+IDENTITY = ContactTracker()
 
 
 def contact(x: float, y: float, depth: float = 1.0, force_mm2: float = np.nan) -> Contact:
@@ -30,7 +30,7 @@ def contact(x: float, y: float, depth: float = 1.0, force_mm2: float = np.nan) -
 
 
 def played(
-    frames: Sequence[Sequence[Contact]], *, identity: ContactIdentity = IDENTITY, **kept: object
+    frames: Sequence[Sequence[Contact]], *, identity: ContactTracker = IDENTITY, **kept: object
 ) -> list[Contacts]:
     state = identity.start(SENSOR)
     told = []
@@ -46,7 +46,7 @@ def phases(told: list[Contacts]) -> list[dict[int, str]]:
 
 def test_a_contact_starts_when_it_is_confirmed_moves_and_ends_with_its_last_values():
     frames = [[], [contact(0, 0)], [contact(1, 0)], [contact(2, 0, depth=3.0)], [], []]
-    told = played(frames, identity=ContactIdentity(bridge_frames=0))
+    told = played(frames, identity=ContactTracker(bridge_frames=0))
     assert phases(told) == [{}, {}, {0: "start"}, {0: "move"}, {0: "end"}, {}]
     assert told[4].contacts[0].depth_mm == 3.0
     assert told[4].touching == ()

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 
 from manytouch.errors import LayoutError, SensorError
-from manytouch.estimation import ContactIdentity, MechanicalInversion, PerimeterDepth
-from manytouch.estimation.sheet_model import SheetModel
-from manytouch.estimation.solid_face import SolidFace
-from manytouch.mechanics.dots import Face
-from manytouch.mechanics.equilibrium import equilibrium
+from manytouch.estimation import ContactTracker, MechanicsEstimator, PerimeterEstimator
+from manytouch.estimation.mechanics.sheet_model import SheetModel
+from manytouch.estimation.mechanics.solid_correction import SolidCorrection
+from manytouch.mechanics.markers.images import Face
+from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.values import ESTIMATES, Layout, Sensor, Sheet, TrackedGrid
 from manytouch.values.arrays import read_only
 from straight import straight_camera
 
 ROWS, COLUMNS, PITCH_MM = 12, 16, 4.0
 YOUNG_MPA = 2.0
-SHELL = SolidFace(dent=0.0, ring=0.0, clamp=0.0)
-ESTIMATE = MechanicalInversion(identity=ContactIdentity(confirm_frames=1), solid=SHELL)
+SHELL = SolidCorrection(dent=0.0, ring=0.0, clamp=0.0)
+ESTIMATE = MechanicsEstimator(identity=ContactTracker(confirm_frames=1), solid=SHELL)
 
 
 def sensor_of(**sheet: float | None) -> Sensor:
@@ -294,7 +294,7 @@ def test_contacts_of_a_sheet_that_was_assumed_are_those_of_the_other_method(
     sensor = sensor_of(young_MPa=None)
     assert sensor.sheet is not None
     sensor = replace(sensor, sheet=replace(sensor.sheet, is_assumed=True))
-    other = PerimeterDepth()
+    other = PerimeterEstimator()
     state, beside = ESTIMATE.start(sensor), other.start(sensor)
     forces = []
     for seed in range(4):

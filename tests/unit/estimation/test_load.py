@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.estimation.load import LoadModel
-from manytouch.estimation.modes import affordable, best_estimate, products, waves
-from manytouch.estimation.perimeter import PerimeterDepth
+from manytouch.estimation.perimeter.cosine_series import affordable, best_estimate, products, waves
+from manytouch.estimation.perimeter.estimator import PerimeterEstimator
+from manytouch.estimation.perimeter.load_model import LoadModel
 from manytouch.geometry.camera import project
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values import Layout, Sensor, TrackedGrid
 from manytouch.values.arrays import read_only
 
@@ -106,7 +106,7 @@ def test_ten_thousand_markers_start_soon_and_in_little_memory():
     sensor = lattice(80, 125)
     tracemalloc.start()
     begun = time.process_time()
-    state = PerimeterDepth().start(sensor)
+    state = PerimeterEstimator().start(sensor)
     spent = time.process_time() - begun
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
@@ -121,7 +121,7 @@ def test_steps_at_a_thousand_markers_keep_no_memory():
     rest_mm = sensor.layout.rest_mm
     area_px2 = np.full(len(rest_mm), 80.0)
     chance = np.random.default_rng(0)
-    estimate = PerimeterDepth()
+    estimate = PerimeterEstimator()
     state = estimate.start(sensor)
 
     def run(frames: int) -> None:

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.evidence import Evidence
-from manytouch.estimation.force_clusters import Clusters, ForceClusters
-from manytouch.estimation.model_order import ModelOrder
+from manytouch.estimation.mechanics.evidence import Evidence
+from manytouch.estimation.mechanics.force_clusters import Clusters, ForceClusters
+from manytouch.estimation.mechanics.model_order import ModelOrder
 from spline_loads import COUNT, LATTICE, knots, pressed
 
 CLUSTER, ORDER = ForceClusters(merge=0.3), ModelOrder()

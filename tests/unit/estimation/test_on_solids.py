@@ -8,18 +8,18 @@ import pytest
 
 from manytouch.design.choose import lattice
 from manytouch.design.prototype import FINGERTIP, Prototype, Touched
-from manytouch.estimation import MechanicalInversion
-from manytouch.evaluation.bench import told_sensor
-from manytouch.evaluation.solutions import Solutions
-from manytouch.evaluation.suite import cases
+from manytouch.estimation import MechanicsEstimator
+from manytouch.evaluation.suite.sensors import nominal_sensor
+from manytouch.evaluation.suite.solutions import Solutions
+from manytouch.evaluation.suite.suite import cases
 from manytouch.simulation.fem.cache import StateCache
-from manytouch.simulation.imaging import dot_ellipses, outlines
+from manytouch.simulation.render.dot_images import dot_ellipses, outlines
 from manytouch.values import Contacts, Sensor, Sheet, Surface, TrackedGrid
 from manytouch.values.arrays import read_only
 from straight import straight_camera
 
 (CASE,) = (case for case in cases(("nominal",), quick=True, tuning=True) if len(case.touches) == 2)
-SENSOR = told_sensor(CASE)
+SENSOR = nominal_sensor(CASE)
 
 AROUND_MM = np.stack(np.meshgrid(*[np.linspace(-2.0, 2.0, 17)] * 2), axis=-1).reshape(-1, 2)
 
@@ -64,7 +64,7 @@ def last(solved, *, lost_share: float = 0.0, outlier_share: float = 0.0) -> tupl
     chance = np.random.default_rng(3)
     count = len(solved[0][0])
     lost = chance.random(count) < lost_share
-    estimate = MechanicalInversion()
+    estimate = MechanicsEstimator()
     state = estimate.start(SENSOR)
     for seed, (centre_px, *_) in enumerate(solved):
         outliers = chance.random(count) < outlier_share
@@ -94,7 +94,7 @@ def test_depth_and_contacts_of_a_solid(solved, trouble: dict[str, float]) -> Non
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_ten_times_noisier_dots_make_no_contacts_and_hide_none(solved, seed: int) -> None:
-    estimate, none = MechanicalInversion(), np.zeros(len(solved[0][0]), dtype=bool)
+    estimate, none = MechanicsEstimator(), np.zeros(len(solved[0][0]), dtype=bool)
     state = estimate.start(SENSOR)
     depth_error_mm = []
     for frame, (centre_px, depth_mm, *_) in enumerate([*[solved[0]] * 8, *solved[1:]]):
@@ -143,7 +143,7 @@ def beside_the_clamp(tmp_path_factory: pytest.TempPathFactory) -> tuple[Sensor, 
 
 def test_what_a_clamp_does_to_a_centre_is_in_its_deviation(beside_the_clamp: tuple[Sensor, Touched]) -> None:
     sensor, touched = beside_the_clamp
-    estimate = MechanicalInversion()
+    estimate = MechanicsEstimator()
     state = estimate.start(sensor)
     none = np.zeros(len(touched.displacement_px), dtype=bool)
     for frame, share in enumerate([0.0, 0.2, 0.6, 1.0, 1.0, 1.0, 1.0]):

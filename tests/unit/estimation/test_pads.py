@@ -3,17 +3,17 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.pads import PadModel
-from manytouch.estimation.spacing import spacing
+from manytouch.estimation.uncalibrated.spacing import spacing
+from manytouch.estimation.uncalibrated.swelling import SwellingModel
 from manytouch.geometry.neighbours import nearest_neighbours
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
 
 SENSOR = demo_sensor()
 assert SENSOR.layout is not None
 LAYOUT = SENSOR.layout
 REST_MM = LAYOUT.rest_mm[:, :2]
 PITCH_MM = 4.0
-MODEL = PadModel()
+MODEL = SwellingModel()
 PADS = MODEL(LAYOUT, REST_MM, 3.0)
 SPACING = spacing(REST_MM, np.zeros(2), nearest_neighbours(REST_MM))
 

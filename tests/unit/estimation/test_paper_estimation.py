@@ -5,19 +5,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from manytouch.detection.paper import PaperDetection
 from manytouch.errors import LayoutError, SensorError
-from manytouch.estimation.paper import (
-    PaperEstimate,
+from manytouch.geometry.camera import onto_plane, project
+from manytouch.paper.detection import PaperDetection
+from manytouch.paper.estimation import (
+    PaperEstimation,
     inverse_distance,
     marker_quads,
     peaks,
     signed_perimeter,
 )
-from manytouch.geometry.camera import onto_plane, project
+from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sources.simulated import simulated_source
-from manytouch.tracking.paper import PaperTracking
 from manytouch.values import Camera, Layout, Phase, Sensor, TrackedGrid
 
 ROWS, COLUMNS, PITCH_MM, DISTANCE_MM = 6, 9, np.array([4.0, 5.0]), 110.0
@@ -69,7 +69,7 @@ def seen(of, displacement_mm):
 
 
 def read(of, *grids, estimate=None):
-    estimate = estimate or PaperEstimate()
+    estimate = estimate or PaperEstimation()
     state, results = estimate.start(of), []
     for each in grids:
         state, surface, contacts = estimate.step(state, each)
@@ -78,7 +78,7 @@ def read(of, *grids, estimate=None):
 
 
 def depth_mm(of, each, **named):
-    return -read(of, each, estimate=PaperEstimate(**named))[0].displacement_mm[:, 2]
+    return -read(of, each, estimate=PaperEstimation(**named))[0].displacement_mm[:, 2]
 
 
 def bump(of, at_mm, height_mm, width_mm):
@@ -198,7 +198,7 @@ def test_deviations_are_the_observed_scatter():
     random = np.random.default_rng(7)
     depth, _ = bump(of, (3.0, -4.0), 6.0, 9.0)
     moved_px = project(of.camera, of.layout.rest_mm + np.column_stack([0 * depth, 0 * depth, -depth]))
-    estimate = PaperEstimate()
+    estimate = PaperEstimation()
     state = estimate.start(of)
     readings = []
     for _ in range(300):
@@ -258,7 +258,7 @@ def test_peaks_are_deep_enough_apart_enough_and_deepest_first():
 
 def test_layouts_without_rows_or_sensors_without_markers_are_refused():
     of = sensor()
-    estimate = PaperEstimate()
+    estimate = PaperEstimation()
     with pytest.raises(SensorError, match="has no \\[markers\\]"):
         estimate.start(Sensor(name="bare", camera=of.camera))
     with pytest.raises(LayoutError, match="2 x 9 markers"):
@@ -284,7 +284,7 @@ def test_a_press_on_the_axis_is_one_contact_that_starts_moves_and_ends():
     of = sensor(rows=9, columns=13)
     depth, _ = bump(of, (0.0, 0.0), 3.0, 6.0)
     flat, pressed = np.zeros((9 * 13, 3)), np.column_stack([0 * depth, 0 * depth, -depth])
-    estimate = PaperEstimate(contact_depth_pitch=0.2)
+    estimate = PaperEstimation(contact_depth_pitch=0.2)
     state, told = estimate.start(of), []
     for displacement_mm in (flat, pressed, pressed, flat, flat, pressed):
         state, _, contacts = estimate.step(state, seen(of, displacement_mm))
@@ -296,7 +296,7 @@ def test_a_contact_says_what_it_knows_and_nothing_else():
     of = sensor(rows=9, columns=13)
     depth, _ = bump(of, (0.0, 0.0), 3.0, 12.0)
     moved = np.column_stack([np.full_like(depth, 0.5), 0 * depth, -depth])
-    _, contacts = read(of, seen(of, moved), estimate=PaperEstimate(contact_depth_pitch=0.2))
+    _, contacts = read(of, seen(of, moved), estimate=PaperEstimation(contact_depth_pitch=0.2))
     (contact,) = contacts.touching
     assert np.abs(contact.centre_mm).max() < 0.5
     assert contact.depth_mm == pytest.approx(3.0, rel=0.3)
@@ -311,7 +311,7 @@ def test_a_contact_says_what_it_knows_and_nothing_else():
 
 def test_whole_chain_on_rendered_pictures_gives_one_contact_for_one_press():
     simulator = simulated_source("one", seed=1).simulator
-    pipeline = Pipeline(detect=PaperDetection(), track=PaperTracking(), estimate=PaperEstimate())
+    pipeline = Pipeline(detect=PaperDetection(), track=PaperTracking(), estimate=PaperEstimation())
     frames = [simulator.frame(index) for index in (0, 60, 75, 90)]
     readings = list(pipeline.run(frames, simulator.sensor))
     assert [reading.status for reading in readings] == ["ok"] * 4

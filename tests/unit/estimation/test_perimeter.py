@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from manytouch.errors import LayoutError, SensorError
-from manytouch.estimation import ContactIdentity, PerimeterDepth
+from manytouch.estimation import ContactTracker, PerimeterEstimator
 from manytouch.geometry.camera import project
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values import Contacts, Sensor, Surface, TrackedGrid
 from manytouch.values.arrays import read_only
 
@@ -16,7 +16,7 @@ SENSOR = demo_sensor(1280)
 assert SENSOR.layout is not None
 REST_MM = SENSOR.layout.rest_mm
 COUNT = len(REST_MM)
-ESTIMATE = PerimeterDepth(identity=ContactIdentity(confirm_frames=1))
+ESTIMATE = PerimeterEstimator(identity=ContactTracker(confirm_frames=1))
 NOISE_PX = 0.03
 LEVER_MM = 1.5
 

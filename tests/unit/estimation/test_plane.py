@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.plane import plane_table
 from manytouch.geometry.camera import mm_per_px, onto_plane
+from manytouch.geometry.plane_table import plane_table
 from manytouch.values import Camera
 
 CAMERAS = {

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from manytouch.estimation.slip import Grips, SlipWatch
+from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.values import Contact, Contacts, Phase
 
-WATCH = SlipWatch()
+WATCH = SlipDetector()
 
 
 def contact(x_mm: float, shear: float, *, id_: int = 3, phase: Phase = Phase.MOVE) -> Contact:
@@ -25,7 +25,7 @@ def contact(x_mm: float, shear: float, *, id_: int = 3, phase: Phase = Phase.MOV
 
 
 def flags(course: list[tuple[float, float]]) -> list[bool | None]:
-    state, told = Grips(), []
+    state, told = SlipState(), []
     for x_mm, shear in course:
         state, contacts = WATCH(state, Contacts(contacts=(contact(x_mm, shear),)), 4.0)
         told.append(contacts.contacts[0].slip)
@@ -45,6 +45,6 @@ def test_rolling_without_shear_and_easing_off_are_no_slip() -> None:
 
 def test_contacts_that_end_or_are_not_known_have_no_flag() -> None:
     ended = Contacts(contacts=(contact(0.0, 0.5, phase=Phase.END),))
-    state, told = WATCH(Grips(), ended, 4.0)
+    state, told = WATCH(SlipState(), ended, 4.0)
     assert told.contacts[0].slip is None
     assert not state.ratio

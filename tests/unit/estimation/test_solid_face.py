@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.estimation.force_clusters import Clusters
-from manytouch.estimation.sheet_model import NominalSheet, SheetModel
-from manytouch.estimation.solid_face import SolidFace
+from manytouch.estimation.mechanics.force_clusters import Clusters
+from manytouch.estimation.mechanics.sheet_model import NominalSheet, SheetModel
+from manytouch.estimation.mechanics.solid_correction import SolidCorrection
 from manytouch.values import Camera, Layout, Sensor, Sheet
 
-FACE = SolidFace()
+FACE = SolidCorrection()
 ROW, COLUMN = (index.ravel() for index in np.indices((8, 10)))
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.spacing import spacing
+from manytouch.estimation.uncalibrated.spacing import spacing
 from manytouch.geometry.neighbours import nearest_neighbours
 
 ROWS, COLUMNS = 6, 9

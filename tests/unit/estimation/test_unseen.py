@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from manytouch.estimation.unseen import FillUnseen
+from manytouch.estimation.perimeter.interpolation import FillUnseen
 from manytouch.geometry.neighbours import nearest_neighbours
 
 PITCH, ROWS, COLUMNS = 1.3, 11, 15

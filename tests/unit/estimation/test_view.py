@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.view import RobustView, ViewMotion
+from manytouch.estimation.perimeter.view_motion import RigidMotionEstimator, ViewMotion
 
 ROWS, COLUMNS = 9, 14
 PLACE = np.stack(np.meshgrid(np.arange(COLUMNS) * 4.0 - 26.0, np.arange(ROWS) * 5.0 - 20.0), axis=-1).reshape(
     -1, 2
 )
-VIEW = RobustView()
+VIEW = RigidMotionEstimator()
 JUDGES = VIEW.judges(PLACE)
 ALL = np.ones(len(PLACE), dtype=np.bool_)
 MOTION = ViewMotion(shift_mm=np.array([1.7, -0.9]), angle_rad=0.01)

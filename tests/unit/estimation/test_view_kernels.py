@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.view_kernels import reach
+from manytouch.estimation.perimeter.view_kernels import reach
 
 
 @pytest.mark.parametrize("seed", range(20))

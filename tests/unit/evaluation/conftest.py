@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from manytouch.evaluation.record import ContactRows, Record, contact_rows
+from manytouch.evaluation.records.record import ContactRows, Record, contact_rows
 
 ROWS, COLUMNS, PITCH_PX, PITCH_MM = 3, 5, 40.0, 4.0
 

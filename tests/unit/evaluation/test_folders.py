@@ -10,13 +10,13 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from manytouch.evaluation.comparison import compare, figures
-from manytouch.evaluation.contents import plain
-from manytouch.evaluation.folders import load_result, load_truth
-from manytouch.evaluation.live import record_of_readings, record_of_truths
-from manytouch.evaluation.own import evaluate_folders
-from manytouch.evaluation.record import EvaluationError
-from manytouch.sinks.tables import ContactTable, FrameTable, MarkerTable
+from manytouch.evaluation.compare_folders import evaluate_folders
+from manytouch.evaluation.metrics.comparison import compare, figures
+from manytouch.evaluation.records.folders import load_result, load_truth
+from manytouch.evaluation.records.in_memory import record_of_readings, record_of_truths
+from manytouch.evaluation.records.record import EvaluationError
+from manytouch.evaluation.report.report_data import plain
+from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.values import (
     Contact,
     Contacts,

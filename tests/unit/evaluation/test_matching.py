@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from manytouch.evaluation.matching import assigned, match_contacts, nearest_dots
-from manytouch.evaluation.record import ContactRows
+from manytouch.evaluation.metrics.matching import assigned, match_contacts, nearest_dots
+from manytouch.evaluation.records.record import ContactRows
 
 Table = Callable[..., ContactRows]
 

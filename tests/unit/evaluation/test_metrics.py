@@ -6,19 +6,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.evaluation.depth import (
+from manytouch.evaluation.metrics.calibration import calibration
+from manytouch.evaluation.metrics.contacts import contact_figures, contact_samples, force_figures
+from manytouch.evaluation.metrics.depth import (
     depth_figures,
     depth_samples,
     error_against_depth,
     error_map,
     relative_place,
 )
-from manytouch.evaluation.dots import dot_figures, dot_samples
-from manytouch.evaluation.latency import latency_figures
-from manytouch.evaluation.record import ContactRows, Record
-from manytouch.evaluation.separation import pair_samples, separation_curve
-from manytouch.evaluation.touches import contact_figures, contact_samples, force_figures
-from manytouch.evaluation.uncertainty import calibration
+from manytouch.evaluation.metrics.latency import latency_figures
+from manytouch.evaluation.metrics.markers import dot_figures, dot_samples
+from manytouch.evaluation.metrics.separation import pair_samples, separation_curve
+from manytouch.evaluation.records.record import ContactRows, Record
 
 Sheet = Callable[..., Record]
 Table = Callable[..., ContactRows]

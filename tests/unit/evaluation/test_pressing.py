@@ -6,8 +6,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from manytouch.evaluation.cases import RAMP_FRAMES, REST_FRAMES, Case, Touch, pressure_share
-from manytouch.evaluation.pressing import DRAG_MM, Pressed, pressed, sheet_model
+from manytouch.evaluation.suite.cases import RAMP_FRAMES, REST_FRAMES, Case, Touch, pressure_share
+from manytouch.evaluation.suite.pressing import DRAG_MM, Pressed, pressed, sheet_model
 
 pytest.importorskip("skfem")
 

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from hollows import bumps
-from manytouch.estimation.paper import inverse_distance
-from manytouch.evaluation.cases import GROUPS, Case
 from manytouch.evaluation.published import material, places, spacing
 from manytouch.evaluation.published.page import Experiments, contents, row, write_page
 from manytouch.evaluation.published.speed import Speed, plain_map
-from manytouch.evaluation.twin import Recording, played
+from manytouch.evaluation.suite.cases import GROUPS, Case
+from manytouch.evaluation.suite.recordings import Recording, played
+from manytouch.paper.estimation import inverse_distance
 from manytouch.session import pipeline_for
 from manytouch.simulation.fem.cache import StateCache
 

@@ -12,15 +12,16 @@ import numpy as np
 import pytest
 
 from manytouch.errors import MissingExtraError, OutputError
-from manytouch.evaluation import ink, report
-from manytouch.evaluation.cases import Case, Touch
-from manytouch.evaluation.comparison import compare
-from manytouch.evaluation.contents import contents, in_short, plain
-from manytouch.evaluation.judgement import cell, judgement, limits, table
-from manytouch.evaluation.record import ContactRows, Record
-from manytouch.evaluation.runner import Evaluation, Trial
-from manytouch.evaluation.yardsticks import YARDSTICKS, Yardstick, verdict, written
-from manytouch.evaluation.yardsticks import plain as number
+from manytouch.evaluation.metrics.comparison import compare
+from manytouch.evaluation.metrics.metric_specs import YARDSTICKS, MetricSpec, verdict, written
+from manytouch.evaluation.metrics.metric_specs import plain as number
+from manytouch.evaluation.records.record import ContactRows, Record
+from manytouch.evaluation.report import page as report
+from manytouch.evaluation.report import svg_theme as ink
+from manytouch.evaluation.report.ratings import cell, judgement, limits, table
+from manytouch.evaluation.report.report_data import contents, in_short, plain
+from manytouch.evaluation.suite.cases import Case, Touch
+from manytouch.evaluation.suite.runner import Evaluation, Trial
 
 Sheet = Callable[..., Record]
 Table = Callable[..., ContactRows]
@@ -226,10 +227,10 @@ def test_a_missing_package_is_named_with_its_extra(package: str, monkeypatch: py
 
 # words and verdicts
 
-LESS = Yardstick(section="depth", key="a", label="a", unit="mm", good=0.1, poor=1.0)
-MORE = Yardstick(section="depth", key="b", label="b", unit="%", good=98.0, poor=80.0)
-FACTOR = Yardstick(section="depth", key="e", label="e", good=1.5, poor=3.0, aim=1.0, is_factor=True)
-AIM = Yardstick(section="calibration", key="c", label="c", unit="share", good=0.03, poor=0.1, aim=0.95)
+LESS = MetricSpec(section="depth", key="a", label="a", unit="mm", good=0.1, poor=1.0)
+MORE = MetricSpec(section="depth", key="b", label="b", unit="%", good=98.0, poor=80.0)
+FACTOR = MetricSpec(section="depth", key="e", label="e", good=1.5, poor=3.0, aim=1.0, is_factor=True)
+AIM = MetricSpec(section="calibration", key="c", label="c", unit="share", good=0.03, poor=0.1, aim=0.95)
 
 
 @pytest.mark.parametrize(
@@ -241,10 +242,10 @@ AIM = Yardstick(section="calibration", key="c", label="c", unit="share", good=0.
         *((FACTOR, 1.4, "good"), (FACTOR, 0.7, "good"), (FACTOR, 0.5, "fair"), (FACTOR, 0.03, "poor")),
         *((FACTOR, 3.1, "poor"), (FACTOR, 0.0, "poor")),
         (LESS, float("nan"), "none"),
-        (Yardstick(section="depth", key="d", label="d"), 5.0, "none"),
+        (MetricSpec(section="depth", key="d", label="d"), 5.0, "none"),
     ],
 )
-def test_verdicts(line: Yardstick, value: float, word: str) -> None:
+def test_verdicts(line: MetricSpec, value: float, word: str) -> None:
     assert verdict(line, value) == word
 
 

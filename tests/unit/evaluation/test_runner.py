@@ -11,12 +11,12 @@ import pytest
 
 from hollows import bumps
 from manytouch.errors import LayoutError
-from manytouch.evaluation import runner
-from manytouch.evaluation.cases import Case, Misinformation, Touch
-from manytouch.evaluation.comparison import figures, pooled
-from manytouch.evaluation.record import EvaluationError
-from manytouch.evaluation.runner import Evaluation, run_suite, try_case
-from manytouch.evaluation.twin import Recording, played
+from manytouch.evaluation.metrics.comparison import figures, pooled
+from manytouch.evaluation.records.record import EvaluationError
+from manytouch.evaluation.suite import runner
+from manytouch.evaluation.suite.cases import Case, SensorPerturbation, Touch
+from manytouch.evaluation.suite.recordings import Recording, played
+from manytouch.evaluation.suite.runner import Evaluation, run_suite, try_case
 from manytouch.pipeline import Pipeline
 from manytouch.values import Contacts, Detections, Frame, Sensor, Surface, TrackedGrid, Truth
 from manytouch.values.arrays import Points2
@@ -125,7 +125,7 @@ class Watched:
 @pytest.fixture(autouse=True)
 def _referred(monkeypatch: pytest.MonkeyPatch) -> None:
     """The stages need no reference frames."""
-    monkeypatch.setattr(runner, "refer", lambda sensor, frames: sensor)
+    monkeypatch.setattr(runner, "register_rest", lambda sensor, frames: sensor)
 
 
 @cache
@@ -207,12 +207,12 @@ def test_methods_begin_from_the_frames_at_rest_and_what_they_are_told(
 ) -> None:
     given: list[tuple[Sensor, int]] = []
 
-    def refer(sensor: Sensor, frames: Sequence[Frame]) -> Sensor:
+    def register_rest(sensor: Sensor, frames: Sequence[Frame]) -> Sensor:
         given.append((sensor, len(frames)))
         return sensor
 
-    monkeypatch.setattr(runner, "refer", refer)
-    told = replace(CASE, told=Misinformation(thickness_factor=1.1))
+    monkeypatch.setattr(runner, "register_rest", register_rest)
+    told = replace(CASE, told=SensorPerturbation(thickness_factor=1.1))
     try_case(told, {"right": pipeline()}, recording())
     ((sensor, frames),) = given
     assert sensor.sheet is not None
@@ -220,10 +220,10 @@ def test_methods_begin_from_the_frames_at_rest_and_what_they_are_told(
 
 
 def test_a_method_that_cannot_begin_finds_nothing_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
-    def refer(sensor: Sensor, frames: Sequence[Frame]) -> Sensor:
+    def register_rest(sensor: Sensor, frames: Sequence[Frame]) -> Sensor:
         raise LayoutError("no dots")
 
-    monkeypatch.setattr(runner, "refer", refer)
+    monkeypatch.setattr(runner, "register_rest", register_rest)
     comparison = try_case(CASE, {"right": pipeline()}, recording()).comparisons[0]
     silent = figures(comparison)
     assert silent["contacts"]["recall_percent"] == 0

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 
 from manytouch.errors import MissingExtraError
-from manytouch.evaluation import solutions as module
-from manytouch.evaluation.cases import RAMP_FRAMES, Case, Touch
-from manytouch.evaluation.pressing import Pressed, pressed
-from manytouch.evaluation.solutions import Solutions, shipped_name, solve_missing, user_cache
-from manytouch.evaluation.suite import cases
-from manytouch.evaluation.twin import FemTwin, Twin
+from manytouch.evaluation.suite import solutions as module
+from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case, Touch
+from manytouch.evaluation.suite.pressing import Pressed, pressed
+from manytouch.evaluation.suite.recordings import FemTwin, Twin
+from manytouch.evaluation.suite.solutions import Solutions, shipped_name, solve_missing, user_cache
+from manytouch.evaluation.suite.suite import cases
 
 CASE = Case(
     group="nominal",

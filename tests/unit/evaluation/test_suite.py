@@ -7,18 +7,18 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from manytouch.evaluation.bench import lattice, told_sensor, true_sensor
-from manytouch.evaluation.cases import (
+from manytouch.evaluation.records.record import EvaluationError
+from manytouch.evaluation.suite.cases import (
     GROUPS,
     HOLD_FRAMES,
     REST_FRAMES,
     Case,
-    Misinformation,
+    SensorPerturbation,
     Touch,
     pressure_share,
 )
-from manytouch.evaluation.record import EvaluationError
-from manytouch.evaluation.suite import APART_MM, RIM_MM, cases
+from manytouch.evaluation.suite.sensors import lattice, nominal_sensor, true_sensor
+from manytouch.evaluation.suite.suite import APART_MM, RIM_MM, cases
 
 SMALL = Case(
     group="nominal",
@@ -81,7 +81,7 @@ def test_stress_goes_to_the_limits() -> None:
     assert max(len(case.touches) for case in found) == 8
     assert any(case.friction > 0 for case in found)
     assert any(case.missing_share > 0 for case in found)
-    assert any(case.told != Misinformation() for case in found)
+    assert any(case.told != SensorPerturbation() for case in found)
 
 
 def test_quick_takes_some_of_each_group_from_both_halves() -> None:
@@ -122,11 +122,11 @@ def test_the_lattice_is_centred_and_missing_dots_depend_on_the_seed() -> None:
 
 
 def test_what_the_methods_are_told_is_wrong_as_the_case_says() -> None:
-    told = Misinformation(
+    told = SensorPerturbation(
         thickness_factor=1.1, young_factor=0.8, focal_factor=1.01, centre_off_px=5.0, is_lens_known=False
     )
     case = replace(SMALL, told=told, missing_share=0.3)
-    true, wrong = true_sensor(case), told_sensor(case)
+    true, wrong = true_sensor(case), nominal_sensor(case)
     assert wrong.sheet is not None
     assert wrong.layout is not None
     assert wrong.sheet.thickness_mm == pytest.approx(3.3)

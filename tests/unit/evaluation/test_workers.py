@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from manytouch.errors import ManytouchError
-from manytouch.evaluation.workers import worked
+from manytouch.evaluation.suite.workers import worked
 
 
 @pytest.mark.parametrize("processes", [1, 2])
@@ -34,7 +34,7 @@ def test_a_killed_process_is_said_in_a_sentence() -> None:
 BUSY = """
 import os, sys, time
 from pathlib import Path
-from manytouch.evaluation.workers import worked
+from manytouch.evaluation.suite.workers import worked
 
 def work(folder):
     Path(folder, str(os.getpid())).touch()

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numba import njit
 
-from manytouch.mechanics.band import BandFactor, empty_band, factorised
-from manytouch.mechanics.tile import add_product, add_product_16
+from manytouch.mechanics.solver.band import BandFactor, empty_band, factorised
+from manytouch.mechanics.solver.tile import add_product, add_product_16
 
 
 @njit

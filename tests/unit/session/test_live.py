@@ -12,10 +12,10 @@ from cameras import Driver
 from clips import picture, press_of
 from manytouch.pipeline import Controls
 from manytouch.session import Live, pipeline_for, prepare, read_all
-from manytouch.session.handover import HandOver
+from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.sinks.latest_only import LatestOnly
-from manytouch.sources.camera import CameraSource
-from manytouch.sources.capture import CameraWishes, open_camera
+from manytouch.sources.cameras.camera import CameraSource
+from manytouch.sources.cameras.capture import CameraRequest, open_camera
 from manytouch.values import (
     Command,
     Detections,
@@ -266,7 +266,7 @@ def test_a_camera_that_goes_and_comes_back_goes_on_and_is_let_go_at_the_end() ->
         return drivers[-1]
 
     def again() -> object:
-        wishes = CameraWishes(size_px=(320, 240), is_mjpg=False)
+        wishes = CameraRequest(size_px=(320, 240), is_mjpg=False)
         return open_camera(0, wishes, open_with, "linux")  # type: ignore[arg-type]
 
     live = Live(prepare(CameraSource("0", again)))  # type: ignore[arg-type]
@@ -304,7 +304,7 @@ def test_stopping_works_while_no_frame_comes() -> None:
         never.set()
         return True
 
-    with HandOver(silent(), ahead=1, stop=stop) as stream:
+    with BackgroundIterator(silent(), ahead=1, stop=stop) as stream:
         assert list(stream) == [1]
     assert asked
 
@@ -317,7 +317,7 @@ def test_the_hand_over_is_never_further_ahead_than_asked() -> None:
             taken.append(number)
             yield number
 
-    with HandOver(numbers(), ahead=2) as stream:
+    with BackgroundIterator(numbers(), ahead=2) as stream:
         for number in stream:
             time.sleep(0.005)
             assert len(taken) <= number + 5

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from manytouch.session import rehearsal
+from manytouch.session import warm_up as rehearsal
 from manytouch.session.methods import kernels, pipeline_for
 from manytouch.values import Reading
 
@@ -37,10 +37,17 @@ def test_a_touch_is_read_from_its_beginning_to_its_end(monkeypatch: pytest.Monke
 @pytest.mark.parametrize(
     ("method", "known", "is_needed"),
     [
-        ("mechanics", {"manytouch.estimation.law_kernels.sheet": True}, True),
-        ("mechanics", {"manytouch.mechanics.normal.a": True, "manytouch.mechanics.normal.b": False}, False),
-        ("perimeter", {"manytouch.estimation.law_kernels.sheet": False}, True),
-        ("perimeter", {"manytouch.estimation.law_kernels.sheet": True}, False),
+        ("mechanics", {"manytouch.estimation.perimeter.law_kernels.sheet": True}, True),
+        (
+            "mechanics",
+            {
+                "manytouch.mechanics.solver.normal_equations.a": True,
+                "manytouch.mechanics.solver.normal_equations.b": False,
+            },
+            False,
+        ),
+        ("perimeter", {"manytouch.estimation.perimeter.law_kernels.sheet": False}, True),
+        ("perimeter", {"manytouch.estimation.perimeter.law_kernels.sheet": True}, False),
         ("paper", {}, False),
     ],
 )

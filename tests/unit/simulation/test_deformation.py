@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 from manytouch.errors import SourceError
-from manytouch.simulation.condensed import condensed
-from manytouch.simulation.deformation import Deformation, TrueContact
-from manytouch.simulation.deformation_file import STEP_MM, read_deformations, write_deformations
-from manytouch.simulation.fem.contact import touched_face
-from manytouch.simulation.fem.indenters import RoundPunch, Sphere
+from manytouch.simulation.fem.contact.forces import touched_face
+from manytouch.simulation.fem.contact.indenters import RoundPunch, Sphere
+from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, PressurePatch, press
-from manytouch.simulation.fem.material import NeoHooke
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
 from manytouch.simulation.fem.state import SheetState
+from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.deformation import Deformation, TrueContact
+from manytouch.simulation.scene.deformation_file import STEP_MM, read_deformations, write_deformations
 
 MODEL = SheetModel(
     size_mm=(30.0, 22.0), thickness_mm=3.0, material=NeoHooke(young_MPa=3.1, poisson=0.45), element_mm=2.0

@@ -4,14 +4,14 @@ import numpy as np
 import pytest
 
 from manytouch.geometry.camera import project
-from manytouch.simulation.imaging import (
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.simulation.render.dot_images import (
     CORNERS,
     SAME_MOMENT,
     dot_ellipses,
     outlines,
     polygon_ellipses,
 )
-from manytouch.simulation.sensor import demo_sensor
 
 SENSOR = demo_sensor()
 

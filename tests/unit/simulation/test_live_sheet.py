@@ -5,17 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.simulation.deformation import Deformation, unmoved
-from manytouch.simulation.descent import Descent
-from manytouch.simulation.fem.indenters import RoundPunch, Sphere
-from manytouch.simulation.fem.material import NeoHooke
-from manytouch.simulation.live_energy import Bodies, Pressed, prestretch
-from manytouch.simulation.live_kernels import power
-from manytouch.simulation.live_sheet import LiveSheet
-from manytouch.simulation.motion import poses
-from manytouch.simulation.playing import kept_states, question
-from manytouch.simulation.scene_file import BUILT_IN, SceneFile, load_scene
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.simulation.fem.contact.indenters import RoundPunch, Sphere
+from manytouch.simulation.fem.elements.material import NeoHooke
+from manytouch.simulation.scene.deformation import Deformation, unmoved
+from manytouch.simulation.scene.file import BUILT_IN, SceneFile, load_scene
+from manytouch.simulation.scene.motion import poses
+from manytouch.simulation.scene.solve import kept_states, question
+from manytouch.simulation.shell.energy import Bodies, Pressed, prestretch
+from manytouch.simulation.shell.kernels import power
+from manytouch.simulation.shell.live_sheet import LiveSheet
+from manytouch.simulation.shell.minimisation import Descent
 from manytouch.values import Sheet
 
 FOUND = demo_sensor().sheet

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from manytouch.simulation.fem.indenters import Sphere
-from manytouch.simulation.motion import Body, Way, chained, keyframe_times, loading, pressed_way
+from manytouch.simulation.fem.contact.indenters import Sphere
+from manytouch.simulation.scene.motion import Body, Way, chained, keyframe_times, loading, pressed_way
 
 PRESS = pressed_way(1.0, 3.0, from_mm=(2.0, -1.0), to_mm=(8.0, 3.0), depth_mm=4.0, ramp_s=0.5)
 BALL = Sphere(radius_mm=6.0)

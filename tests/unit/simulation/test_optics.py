@@ -9,15 +9,15 @@ import pytest
 from scipy.ndimage import gaussian_filter
 
 from manytouch.geometry.camera import project
-from manytouch.simulation.fem.indenters import Sphere
-from manytouch.simulation.live_energy import Pressed
-from manytouch.simulation.live_sheet import LiveSheet
-from manytouch.simulation.motion import Body, Way, poses, pressed_way
-from manytouch.simulation.optics import Faults, Optics, drawn_faults
-from manytouch.simulation.render import Look
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.simulation.fem.contact.indenters import Sphere
+from manytouch.simulation.render.discs import Look
+from manytouch.simulation.render.optics import Faults, Optics, drawn_faults
+from manytouch.simulation.scene.motion import Body, Way, poses, pressed_way
+from manytouch.simulation.scene.solid_scene import SolidScene
+from manytouch.simulation.shell.energy import Pressed
+from manytouch.simulation.shell.live_sheet import LiveSheet
 from manytouch.simulation.simulator import Simulator
-from manytouch.simulation.solid_scene import SolidScene
 from manytouch.values import Layout, Sheet
 
 SENSOR = demo_sensor(640)

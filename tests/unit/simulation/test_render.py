@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
-from manytouch.simulation.render import DARK_DOTS, LIGHT_DOTS, Look, Spot, disc_coverage, render_discs
+from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, Spot, disc_coverage, render_discs
 
 WIDTH, HEIGHT = 61, 47
 

@@ -8,10 +8,16 @@ import numpy as np
 import pytest
 
 from manytouch.errors import SensorError, SourceError
-from manytouch.simulation.fem.indenters import ConvexBody, Fingertip, LyingCylinder, RoundPunch, SquarePunch
-from manytouch.simulation.playing import question, simulator, solving, state_count
-from manytouch.simulation.scene_bodies import mesh_corners
-from manytouch.simulation.scene_file import BUILT_IN, built_in_scenes, load_scene
+from manytouch.simulation.fem.contact.indenters import (
+    ConvexBody,
+    Fingertip,
+    LyingCylinder,
+    RoundPunch,
+    SquarePunch,
+)
+from manytouch.simulation.scene.bodies import mesh_corners
+from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene
+from manytouch.simulation.scene.solve import question, simulator, solving, state_count
 from manytouch.values.sensor_file import save_sensor
 
 TETRAHEDRON = "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 3 3 6\nf 1 2 3\n"

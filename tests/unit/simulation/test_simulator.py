@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from manytouch.geometry.camera import project
-from manytouch.simulation.render import Look
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.simulation.render.discs import Look
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Phase
 

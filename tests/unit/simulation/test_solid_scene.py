@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.simulation.deformation import Deformation, contact_of, flat
-from manytouch.simulation.mechanics import Mechanics
-from manytouch.simulation.solid_scene import SolidScene, monotone
+from manytouch.simulation.scene.deformation import Deformation, contact_of, flat
+from manytouch.simulation.scene.mechanics import Mechanics
+from manytouch.simulation.scene.solid_scene import SolidScene, monotone
 
 TIME_S = np.array([0.0, 1.0, 1.5, 2.0, 3.0])
 FORCE_N = np.array([[0.0, 0.0, 2.0, 1.0, 0.0], [0.0, 1.0, 0.0, 3.0, 0.0]])

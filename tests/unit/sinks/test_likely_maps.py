@@ -5,14 +5,14 @@ from pathlib import Path
 
 import numpy as np
 
-from manytouch.estimation import MechanicalInversion
-from manytouch.estimation.likely import LikelySheets
-from manytouch.evaluation.bench import told_sensor
-from manytouch.evaluation.solutions import Solutions
-from manytouch.evaluation.suite import cases
+from manytouch.estimation import MechanicsEstimator
+from manytouch.estimation.mechanics.posterior_samples import PosteriorSamples
+from manytouch.evaluation.suite.sensors import nominal_sensor
+from manytouch.evaluation.suite.solutions import Solutions
+from manytouch.evaluation.suite.suite import cases
 from manytouch.geometry.camera import project
-from manytouch.simulation.imaging import dot_ellipses, outlines
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.simulation.render.dot_images import dot_ellipses, outlines
 from manytouch.sinks.maps import SheetMaps, maps_of
 from manytouch.values import TrackedGrid
 from manytouch.values.arrays import read_only
@@ -35,7 +35,7 @@ def look(model, shape_mm: np.ndarray, seed: int) -> TrackedGrid:
 
 
 def test_strain_and_pressure_scatter_by_their_deviations() -> None:
-    estimate, likely = MechanicalInversion(), LikelySheets(SENSOR)
+    estimate, likely = MechanicsEstimator(), PosteriorSamples(SENSOR)
     state = estimate.start(SENSOR)
     model = state.model
     away2 = ((model.patch.place_mm - np.array([10.0, 5.0])) ** 2).sum(axis=1)
@@ -61,7 +61,7 @@ def test_strain_and_pressure_scatter_by_their_deviations() -> None:
 
 
 def test_the_same_surface_has_the_same_deviations_and_noise_makes_them_grow() -> None:
-    likely, estimate = LikelySheets(SENSOR), MechanicalInversion()
+    likely, estimate = PosteriorSamples(SENSOR), MechanicsEstimator()
     state = estimate.start(SENSOR)
     still = np.zeros((state.model.patch.node_count, 3))
     grid = look(state.model, still, 0)
@@ -79,10 +79,10 @@ def test_the_strain_of_a_solid_lies_within_its_deviations(tmp_path: Path) -> Non
     (case,) = (case for case in cases(("nominal",), quick=True, tuning=True) if len(case.touches) == 2)
     states = Solutions(folder=tmp_path).known(case)
     assert states is not None
-    sensor, estimate = told_sensor(case), MechanicalInversion()
+    sensor, estimate = nominal_sensor(case), MechanicsEstimator()
     assert sensor.layout is not None
     edge_mm = outlines(sensor.layout.rest_mm, sensor.layout.radius_mm)
-    likely, maps, state = LikelySheets(sensor), maps_of(sensor), estimate.start(sensor)
+    likely, maps, state = PosteriorSamples(sensor), maps_of(sensor), estimate.start(sensor)
     for seed, solid in enumerate(states):
         moved_mm = solid.displacement_mm(np.ascontiguousarray(edge_mm.reshape(-1, 3)[:, :2]))
         centre_px, _ = dot_ellipses(sensor.camera, edge_mm + moved_mm.reshape(edge_mm.shape))

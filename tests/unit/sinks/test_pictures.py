@@ -6,11 +6,11 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.sinks.annotate import AnnotatedPictures, Annotator
-from manytouch.sinks.drawing import SKY, VERMILION, eight_bit_colour, text_size, write_text
+from manytouch.sinks.files.surface_store import SurfaceMap
 from manytouch.sinks.maps import maps_of
-from manytouch.sinks.picture import BusiestMoment, ChosenMoments, SurfacePicture
-from manytouch.sinks.surface import SurfaceMap
+from manytouch.sinks.pictures.annotate import AnnotatedPictures, Annotator
+from manytouch.sinks.pictures.drawing import SKY, VERMILION, eight_bit_colour, text_size, write_text
+from manytouch.sinks.pictures.surface_picture import BusiestMoment, ChosenMoments, SurfacePicture
 from manytouch.values import Phase
 
 

@@ -3,18 +3,18 @@
 import pytest
 
 from manytouch.errors import OutputError
-from manytouch.sinks.staging import Staged, told
+from manytouch.sinks.files.atomic_output import AtomicOutput, told
 
 
 def test_a_file_takes_its_name_at_the_end_and_replaces_the_one_before(tmp_path):
     final = tmp_path / "deep" / "table.csv"
-    staged = Staged(final)
+    staged = AtomicOutput(final)
     staged.aside.write_text("new")
     assert not final.exists()
     assert staged.aside.suffix == ".csv"
     staged.finish()
     assert [path.name for path in final.parent.iterdir()] == ["table.csv"]
-    again = Staged(final)
+    again = AtomicOutput(final)
     again.aside.write_text("newer")
     assert final.read_text() == "new"
     again.finish()
@@ -25,7 +25,7 @@ def test_a_folder_is_replaced_as_a_whole(tmp_path):
     final = tmp_path / "store.zarr"
     final.mkdir()
     (final / "old").write_text("old")
-    staged = Staged(final)
+    staged = AtomicOutput(final)
     (staged.aside / "part").mkdir(parents=True)
     (staged.aside / "part" / "new").write_text("new")
     staged.finish()
@@ -33,16 +33,16 @@ def test_a_folder_is_replaced_as_a_whole(tmp_path):
 
 
 def test_what_was_left_aside_is_removed_first(tmp_path):
-    first = Staged(tmp_path / "store.zarr")
+    first = AtomicOutput(tmp_path / "store.zarr")
     first.aside.mkdir()
     (first.aside / "half").write_text("ha")
-    assert not Staged(tmp_path / "store.zarr").aside.exists()
+    assert not AtomicOutput(tmp_path / "store.zarr").aside.exists()
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
     (tmp_path / "file").write_text("no folder")
     with pytest.raises(OutputError, match=r"cannot write .*table\.csv: .*; choose a folder"):
-        Staged(tmp_path / "file" / "table.csv")
+        AtomicOutput(tmp_path / "file" / "table.csv")
 
 
 def test_only_the_file_systems_errors_are_translated(tmp_path):

@@ -5,13 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from manytouch.detection.paper import PaperDetection
-from manytouch.estimation.paper import PaperEstimate
+from manytouch.paper.detection import PaperDetection
+from manytouch.paper.estimation import PaperEstimation
+from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
-from manytouch.sinks.description import in_words, pitch_px
-from manytouch.sinks.noise import RestNoise
-from manytouch.sinks.summary import Summary, parameters
-from manytouch.tracking.paper import PaperTracking
+from manytouch.sinks.files.description import in_words, pitch_px
+from manytouch.sinks.files.rest_noise import RestNoise
+from manytouch.sinks.files.summary import Summary, parameters
 from manytouch.values import Phase
 
 
@@ -54,7 +54,7 @@ def summary_in(folder, sensor, frame_count=None):
 
 def pipeline_of():
     return Pipeline(
-        detect=PaperDetection(roi_px=(1, 2, 30, 40)), track=PaperTracking(), estimate=PaperEstimate()
+        detect=PaperDetection(roi_px=(1, 2, 30, 40)), track=PaperTracking(), estimate=PaperEstimation()
     )
 
 
@@ -111,7 +111,7 @@ def test_parameters_name_every_stage():
     assert {name: stage["type"] for name, stage in found.items()} == {
         "detect": "PaperDetection",
         "track": "PaperTracking",
-        "estimate": "PaperEstimate",
+        "estimate": "PaperEstimation",
     }
     json.dumps(found, allow_nan=False)
 

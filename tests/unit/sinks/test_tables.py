@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from manytouch.sinks.tables import ContactTable, FrameTable, MarkerTable, number
+from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable, number
 from manytouch.values import Phase
 
 CONTACT_COLUMNS = (
@@ -117,7 +117,7 @@ def test_a_layout_that_is_no_rectangle_has_no_rows_and_columns(tmp_path, sensor,
 
 
 def test_long_recordings_come_in_row_groups(tmp_path, sensor, reading_of, monkeypatch):
-    monkeypatch.setattr("manytouch.sinks.tables.ROWS_PER_GROUP", 46)
+    monkeypatch.setattr("manytouch.sinks.files.tables.ROWS_PER_GROUP", 46)
     write(MarkerTable(tmp_path, sensor), *(reading_of(index) for index in range(5)))
     file = pq.ParquetFile(tmp_path / "markers.parquet")
     assert [file.metadata.row_group(group).num_rows for group in range(file.num_row_groups)] == [46, 46, 23]

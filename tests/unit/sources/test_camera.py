@@ -12,22 +12,22 @@ import pytest
 
 from cameras import MJPG, Driver, jpeg, number_of, numbered
 from manytouch.errors import SourceError
-from manytouch.sources import camera as camera_module
 from manytouch.sources import open_source
-from manytouch.sources.camera import ArrivalClock, CameraSource, without_password
-from manytouch.sources.capture import CameraWishes, backends, open_camera
+from manytouch.sources.cameras import camera as camera_module
+from manytouch.sources.cameras.camera import ArrivalClock, CameraSource, without_password
+from manytouch.sources.cameras.capture import CameraRequest, backends, open_camera
 from manytouch.sources.source import Device, Source
 from manytouch.values import Frame
 
 BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
 sys.path.append(str(BENCHMARKS))
-ALL = CameraWishes(
+ALL = CameraRequest(
     size_px=(1280, 720), fps=25.0, exposure_ms=8.0, gain=3.0, focus=40.0, white_balance_K=4500.0
 )
 SYSTEMS = {"linux": cv2.CAP_V4L2, "win32": cv2.CAP_DSHOW, "darwin": cv2.CAP_AVFOUNDATION}
 
 
-def opened(platform: str, wishes: CameraWishes, **driver: object) -> tuple[Driver, object]:
+def opened(platform: str, wishes: CameraRequest, **driver: object) -> tuple[Driver, object]:
     made: list[Driver] = []
 
     def open_with(number: int | str, api: int) -> Driver:
@@ -72,7 +72,7 @@ def test_amounts_reach_each_driver_in_its_unit() -> None:
 
 
 def test_automatic_is_switched_on_where_it_is_asked_for() -> None:
-    driver, _ = opened("linux", CameraWishes(exposure_ms="auto", focus="auto", white_balance_K="auto"))
+    driver, _ = opened("linux", CameraRequest(exposure_ms="auto", focus="auto", white_balance_K="auto"))
     assert driver.values[cv2.CAP_PROP_AUTO_EXPOSURE] == 3.0
     assert driver.values[cv2.CAP_PROP_AUTOFOCUS] == 1.0
     assert driver.values[cv2.CAP_PROP_AUTO_WB] == 1.0
@@ -80,7 +80,7 @@ def test_automatic_is_switched_on_where_it_is_asked_for() -> None:
 
 
 def test_nothing_is_set_that_nobody_asked_for() -> None:
-    driver, _ = opened("linux", CameraWishes(is_mjpg=False))
+    driver, _ = opened("linux", CameraRequest(is_mjpg=False))
     assert driver.calls == []
 
 
@@ -105,7 +105,7 @@ def test_the_next_driver_is_tried_where_the_first_does_not_open() -> None:
 
 @pytest.mark.parametrize("platform", SYSTEMS)
 def test_pictures_are_copies_of_the_drivers_buffer(platform: str) -> None:
-    _, capture = opened(platform, CameraWishes(size_px=(320, 240)))
+    _, capture = opened(platform, CameraRequest(size_px=(320, 240)))
     shots = [capture.read() for _ in range(3)]  # type: ignore[attr-defined]
     for number, shot in enumerate(shots):
         image = (
@@ -119,7 +119,7 @@ def test_pictures_are_copies_of_the_drivers_buffer(platform: str) -> None:
 
 
 def test_a_camera_without_jpeg_gives_pictures_instead() -> None:
-    _, capture = opened("linux", CameraWishes(size_px=(320, 240)), has_jpeg=False)
+    _, capture = opened("linux", CameraRequest(size_px=(320, 240)), has_jpeg=False)
     assert capture.read() is None  # type: ignore[attr-defined]
     shot = capture.read()  # type: ignore[attr-defined]
     assert shot.encoded is None
@@ -142,7 +142,7 @@ class Plugged:
             self.drivers[-1].number = first - 1
             return self.drivers[-1]
 
-        return open_camera(0, CameraWishes(size_px=(self.width, 240)), open_with, "linux")  # type: ignore[arg-type]
+        return open_camera(0, CameraRequest(size_px=(self.width, 240)), open_with, "linux")  # type: ignore[arg-type]
 
 
 class Paced(Driver):

@@ -8,7 +8,7 @@ import pytest
 
 from manytouch.errors import SourceError
 from manytouch.sources import open_source
-from manytouch.sources.images import natural_key
+from manytouch.sources.files.images import natural_key
 
 
 def write(path: Path, image: np.ndarray) -> None:

@@ -8,14 +8,14 @@ import pytest
 
 from manytouch.errors import SourceError
 from manytouch.geometry.camera import project
-from manytouch.simulation.condensed import condensed
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.sheet import sheet_solver, solve_sheet
-from manytouch.simulation.imaging import polygon_ellipses
-from manytouch.simulation.playing import LIBRARY, kept_states, question
-from manytouch.simulation.render import Look
-from manytouch.simulation.scene_file import BUILT_IN, load_scene
-from manytouch.simulation.solid_scene import SolidScene
+from manytouch.simulation.render.discs import Look
+from manytouch.simulation.render.dot_images import polygon_ellipses
+from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.file import BUILT_IN, load_scene
+from manytouch.simulation.scene.solid_scene import SolidScene
+from manytouch.simulation.scene.solve import LIBRARY, kept_states, question
 from manytouch.sources import open_source
 from manytouch.sources.simulated import SimulatedSource, simulated_source
 

@@ -9,8 +9,8 @@ import pytest
 
 from manytouch.errors import SourceError
 from manytouch.sources import open_source
-from manytouch.sources.containers import Container, read_container
-from manytouch.sources.video import VideoSource, frames_lost
+from manytouch.sources.files.containers import Container, read_container
+from manytouch.sources.files.video import VideoSource, frames_lost
 from manytouch.values import Frame
 
 COUNT, FPS = 40, 24.0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.tracking.arrangement import arrange
+from manytouch.tracking.lattice.arrange import arrange
 
 
 def grid_px(rows, columns, pitch=(40.0, 31.0)):

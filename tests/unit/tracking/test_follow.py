@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from manytouch.errors import SensorError
-from manytouch.tracking import FollowGrid
+from manytouch.tracking import MarkerTracker
 from manytouch.values import Detections, Layout, Sensor
 from straight import straight_camera
 
@@ -61,7 +61,7 @@ class Judge:
     seed: int = 0
 
     def __post_init__(self):
-        self.follow = FollowGrid()
+        self.follow = MarkerTracker()
         self.state = self.follow.start(self.sensor)
         self.rng = np.random.default_rng(self.seed)
         self.wrong = self.lost = self.visible = 0
@@ -251,7 +251,7 @@ def test_fewer_dots_in_windows_ask_for_a_new_search():
 
 def test_the_order_of_detections_changes_nothing():
     rest = rectangle(7, 11, pitch=(62.0, 47.0))
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     dots = rest + press(rest, rest[40], 30.0, 110.0)
     _, first = follow.step(state, detections_of(dots))
@@ -263,7 +263,7 @@ def test_the_order_of_detections_changes_nothing():
 
 def test_a_state_is_a_value():
     rest = rectangle()
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     before = state.place_px.copy()
     _, first = follow.step(state, detections_of(rest + 3.0))
@@ -305,7 +305,7 @@ def test_a_lattice_given_as_a_table_can_slip_and_is_asked():
 
 
 def test_a_bad_picture_keeps_its_status():
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rectangle()))
     empty = np.zeros((0, 2))
     dark = Detections(
@@ -324,4 +324,4 @@ def test_a_sensor_without_markers_is_refused():
     bare = sensor_of(rectangle())
     bare = Sensor(name="camera only", camera=bare.camera)
     with pytest.raises(SensorError, match="camera only"):
-        FollowGrid().start(bare)
+        MarkerTracker().start(bare)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.tracking.lattice import find_lattice
+from manytouch.tracking.lattice.find import find_lattice
 
 
 def lattice_px(rows=7, columns=11, pitch=(40.0, 31.0)):

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import project
-from manytouch.tracking.paper import PaperTracking, sorted_by_rows
+from manytouch.paper.tracking import PaperTracking, sorted_by_rows
 from manytouch.values import Camera, Detections, Layout, Sensor
 
 ROWS, COLUMNS, PITCH_MM = 5, 7, np.array([4.0, 5.0])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from manytouch.tracking import FollowGrid
-from manytouch.tracking.mesh import CLOSED, OPEN, mesh_of
-from manytouch.tracking.slips import middle
+from manytouch.tracking import MarkerTracker
+from manytouch.tracking.lattice_graph import CLOSED, OPEN, mesh_of
+from manytouch.tracking.matching.shift_ambiguity import middle
 from manytouch.values import Detections, Layout, Sensor
 from straight import straight_camera
 
@@ -64,7 +64,7 @@ def wrong(grid, true_px):
 @pytest.mark.parametrize("angle", [0.0, np.pi / 2, 0.6])
 def test_the_outline_tells_where_the_view_went(shift, angle):
     rest, rng = lattice(10, 14), np.random.default_rng(0)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     away = shift * PITCH * np.array([np.cos(angle), np.sin(angle)])
     for k in range(8):
@@ -78,7 +78,7 @@ def test_the_outline_tells_where_the_view_went(shift, angle):
 @pytest.mark.parametrize("shift", [0.6, 1.0])
 def test_uneven_print_tells_where_the_outline_is_out_of_view(shift):
     rest, rng = lattice(19, 25, jitter=0.02), np.random.default_rng(1)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     for k in range(8):
         true = rest + shift * PITCH * np.array([1.0, 0.0]) * (k // 2 % 2)
@@ -90,7 +90,7 @@ def test_uneven_print_tells_where_the_outline_is_out_of_view(shift):
 
 def test_an_even_pattern_that_fills_the_view_and_jumped_is_not_told():
     rest, rng = lattice(19, 25), np.random.default_rng(2)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     for k in range(4):
         state, grid = follow.step(state, shown(rest + 0.05 * PITCH * k, rng)[0])
@@ -114,7 +114,7 @@ def bulged(rest_px, curvature=0.02):
 def test_looks_tell_where_an_even_pattern_that_fills_the_view_jumped(sign, steps):
     rest, rng = lattice(19, 25), np.random.default_rng(7)
     looks = {sign: 1.0 + 0.04 * rng.standard_normal(len(rest))}
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     for k in range(6):
         state, grid = follow.step(state, shown(rest + 0.01 * k, rng, **looks)[0])
@@ -130,7 +130,7 @@ def test_looks_tell_where_an_even_pattern_that_fills_the_view_jumped(sign, steps
 
 def test_dots_all_alike_that_jump_a_pitch_with_the_view_are_ambiguous_ever_after():
     rest, rng = bulged(lattice(19, 25)), np.random.default_rng(8)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     for _ in range(4):
         state, grid = follow.step(state, shown(rest, rng)[0])
@@ -142,7 +142,7 @@ def test_dots_all_alike_that_jump_a_pitch_with_the_view_are_ambiguous_ever_after
 
 def test_slow_motion_of_dots_all_alike_is_not_ambiguous():
     rest, rng = bulged(lattice(19, 25)), np.random.default_rng(9)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     bell = np.exp(-0.5 * ((rest - rest.mean(axis=0)) ** 2).sum(axis=1, keepdims=True) / (3 * PITCH) ** 2)
     for k in range(20):
@@ -155,7 +155,7 @@ def test_slow_motion_of_dots_all_alike_is_not_ambiguous():
 @pytest.mark.parametrize(("rows", "status"), [(19, "ambiguous_shift"), (9, "ok")])
 def test_after_a_blackout_numbers_are_open_until_the_outline_tells_them(rows, status):
     rest, rng = lattice(rows, 25 if rows > 10 else 13), np.random.default_rng(10)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     for _ in range(3):
         state, _ = follow.step(state, shown(rest, rng)[0])
@@ -170,7 +170,7 @@ def test_after_a_blackout_numbers_are_open_until_the_outline_tells_them(rows, st
 def test_after_a_blackout_looks_tell_the_numbers_where_the_outline_is_out_of_view():
     rest, rng = lattice(19, 25), np.random.default_rng(11)
     contrast = 1.0 + 0.08 * rng.standard_normal(len(rest))
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     for _ in range(5):
         state, _ = follow.step(state, shown(rest, rng, contrast=contrast)[0])
@@ -185,7 +185,7 @@ def test_after_a_blackout_looks_tell_the_numbers_where_the_outline_is_out_of_vie
 
 def test_a_spot_beside_a_hidden_marker_is_not_that_marker():
     rest, rng = lattice(10, 14), np.random.default_rng(3)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     for k in range(12):
         marker = 30 + 7 * k
@@ -198,7 +198,7 @@ def test_a_spot_beside_a_hidden_marker_is_not_that_marker():
 
 def test_half_the_dots_hidden_anew_in_each_frame_slip_nowhere():
     rest, rng = lattice(8, 10), np.random.default_rng(4)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     state, _ = follow.step(state, shown(rest, rng)[0])
     seen = 0
@@ -213,7 +213,7 @@ def test_half_the_dots_hidden_anew_in_each_frame_slip_nowhere():
 
 def test_a_part_that_moved_by_two_pitches_is_not_mistaken_for_the_next_row():
     rest, rng = lattice(14, 19), np.random.default_rng(6)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     state = follow.start(sensor_of(rest))
     bell = np.exp(-0.5 * ((rest - rest.mean(axis=0)) ** 2).sum(axis=1, keepdims=True) / (4 * PITCH) ** 2)
     for k in range(8):
@@ -241,7 +241,7 @@ def test_ghosts_within_the_image_are_closed_and_beyond_it_open():
 
 def test_clutter_beside_hidden_markers_shakes_nobody_else():
     rest, rng = lattice(10, 14), np.random.default_rng(7)
-    follow = FollowGrid()
+    follow = MarkerTracker()
     hidden = np.flatnonzero((np.abs(rest - rest[75]) < 1.5 * PITCH).all(axis=1))
     spots = rest[hidden] + 0.45 * PITCH
     _, grid = follow.step(follow.start(sensor_of(rest)), shown(rest, rng, hidden=hidden, extra_px=spots)[0])

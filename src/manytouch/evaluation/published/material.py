@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.simulation.fem.cache import StateCache
+from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, PressurePatch
-from manytouch.simulation.fem.material import NeoHooke
 from manytouch.simulation.fem.sheet import SheetModel
 from manytouch.simulation.fem.state import SheetState
 from manytouch.values.arrays import Scalars, read_only

@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from manytouch.evaluation.contents import plain
-from manytouch.evaluation.ink import INK, METHODS, SOFT, figure, svg
 from manytouch.evaluation.published import material, places, spacing
 from manytouch.evaluation.published.speed import Speed, speed
-from manytouch.evaluation.solutions import Solutions, solve_missing
-from manytouch.evaluation.twin import FemTwin
-from manytouch.evaluation.workers import Watch
+from manytouch.evaluation.report.report_data import plain
+from manytouch.evaluation.report.svg_theme import INK, METHODS, SOFT, figure, svg
+from manytouch.evaluation.suite.recordings import FemTwin
+from manytouch.evaluation.suite.solutions import Solutions, solve_missing
+from manytouch.evaluation.suite.workers import Watch
 from manytouch.pipeline import Pipeline
 from manytouch.simulation.fem.cache import StateCache
-from manytouch.sinks.staging import Staged, told
+from manytouch.sinks.files.atomic_output import AtomicOutput, told
 
 PAGE = "published.html.jinja"
 HEIGHTS_MM = (0.0, 1.0, 2.0)
@@ -138,7 +138,7 @@ def write_page(found: Experiments, folder: Path) -> Path:
         (folder / "paper.json", json.dumps(told_all, indent=1, allow_nan=False) + "\n"),
         (page, text),
     ):
-        staged = Staged(path)
+        staged = AtomicOutput(path)
         with told(path):
             staged.aside.write_text(content, encoding="utf-8")
         staged.finish()

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.calibration.rest import refer
-from manytouch.evaluation.bench import told_sensor
-from manytouch.evaluation.cases import REST_FRAMES, Case, Touch
-from manytouch.evaluation.twin import Recording, Twin
+from manytouch.calibration.rest.assumed_sensor import register_rest
+from manytouch.evaluation.suite.cases import REST_FRAMES, Case, Touch
+from manytouch.evaluation.suite.recordings import Recording, Twin
+from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.pipeline import Pipeline
 
 SIZE_MM = (160.0, 100.0)
@@ -71,7 +71,7 @@ def _true(recording: Recording) -> Press:
 
 def _read(case: Case, recording: Recording, pipeline: Pipeline) -> Press:
     """The deepest contact of the last frame."""
-    sensor = refer(told_sensor(case), recording.frames[:REST_FRAMES])
+    sensor = register_rest(nominal_sensor(case), recording.frames[:REST_FRAMES])
     *_, last = pipeline.run(recording.frames, sensor)
     found = [contact for contact in last.contacts.touching if np.isfinite(contact.depth_mm)]
     if not found:

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from manytouch.detection.paper import PaperDetection
-from manytouch.estimation.paper import PaperEstimate
-from manytouch.evaluation.twin import Recording
-from manytouch.tracking.paper import PaperTracking
+from manytouch.evaluation.suite.recordings import Recording
+from manytouch.paper.detection import PaperDetection
+from manytouch.paper.estimation import PaperEstimation
+from manytouch.paper.tracking import PaperTracking
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +51,7 @@ def speed(recording: Recording) -> Speed:
 
 
 def _timed(recording: Recording) -> Speed:
-    detect, track, estimate = PaperDetection(), PaperTracking(), PaperEstimate()
+    detect, track, estimate = PaperDetection(), PaperTracking(), PaperEstimation()
     detecting, tracking = detect.start(recording.sensor), track.start(recording.sensor)
     estimating = estimate.start(recording.sensor)
     chain_ms, table_ms = [], []

@@ -18,10 +18,10 @@ from pathlib import Path
 import numpy as np
 
 from manytouch.errors import OutputError
+from manytouch.simulation.fem.elements.mesh import HexMesh
 from manytouch.simulation.fem.loading import Loading
-from manytouch.simulation.fem.mesh import HexMesh
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver
-from manytouch.simulation.fem.solve import Solver
+from manytouch.simulation.fem.solver.newton import Solver
 from manytouch.simulation.fem.state import ContactForce, SheetState
 from manytouch.values.arrays import read_only
 
@@ -110,7 +110,7 @@ def _text(value: object) -> str:
 def code_revision() -> str:
     """A hash of the code that makes the states, without its docstrings."""
     trees = []
-    for path in sorted(Path(__file__).parent.glob("*.py")):
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
         if path.name in NOT_CODE_OF_STATES:
             continue
         tree = ast.parse(path.read_text(encoding="utf-8"))

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.simulation.fem.indenters import Indenter
+from manytouch.simulation.fem.contact.indenters import Indenter
 from manytouch.values.arrays import Points3, read_only
 
 

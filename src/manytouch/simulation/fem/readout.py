@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.simulation.fem.contact import TouchedFace, touched_face
-from manytouch.simulation.fem.indenters import Indenter, signed_distance
+from manytouch.simulation.fem.contact.forces import TouchedFace, touched_face
+from manytouch.simulation.fem.contact.indenters import Indenter, signed_distance
+from manytouch.simulation.fem.elements.mesh import HexMesh, Nodal
 from manytouch.simulation.fem.loading import PressurePatch
-from manytouch.simulation.fem.mesh import HexMesh, Nodal
 from manytouch.simulation.fem.state import ContactForce, SheetState
 from manytouch.values.arrays import read_only
 

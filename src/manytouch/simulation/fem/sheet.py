@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.simulation.fem.assembly import elastic_body
+from manytouch.simulation.fem.elements.assembly import elastic_body
+from manytouch.simulation.fem.elements.material import NeoHooke
+from manytouch.simulation.fem.elements.mesh import sheet_mesh
 from manytouch.simulation.fem.loading import Loading
-from manytouch.simulation.fem.material import NeoHooke
-from manytouch.simulation.fem.mesh import sheet_mesh
-from manytouch.simulation.fem.solve import Solver
+from manytouch.simulation.fem.solver.newton import Solver
 from manytouch.simulation.fem.state import SheetState
 from manytouch.values.arrays import read_only
 

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.simulation.fem.mesh import HexMesh
-from manytouch.simulation.fem.sampling import sample_camera_side
+from manytouch.simulation.fem.elements.mesh import HexMesh
+from manytouch.simulation.fem.elements.sampling import sample_camera_side
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -8,8 +8,8 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from manytouch.sinks.viewer.client_messages import Ack, Points, Show, Wish, read_wish
 from manytouch.sinks.viewer.measuring import Measure, measure_at
-from manytouch.sinks.viewer.wishes import Points, Show, Taken, Wish, read_wish
 from manytouch.values import Layout, Surface
 
 MOST_IN_FLIGHT = 3
@@ -81,7 +81,7 @@ class Browser:
 
 
 class Hub:
-    """All browsers. Lives on the server's loop; `layers`, `is_image_wanted` may be read from any thread."""
+    """All browsers. Used on the server's loop; `layers`, `is_image_wanted` may be read from any thread."""
 
     def __init__(self, order: Callable[[Wish], None], again: Callable[[], None]) -> None:
         """`order` takes wishes that are not for the hub, `again` asks for the present moment once more."""
@@ -148,7 +148,7 @@ class Hub:
             match wish:
                 case None:
                     browser.say({"kind": "note", "text": "the viewer did not understand its own page"})
-                case Taken(number=number):
+                case Ack(number=number):
                     browser.took(number)
                 case Points():
                     browser.choose(wish)

@@ -11,11 +11,11 @@ from starlette.websockets import WebSocket
 
 from manytouch.pipeline import Controls
 from manytouch.sinks.viewer.access import Access, token_for
+from manytouch.sinks.viewer.client_messages import Order, Wish
 from manytouch.sinks.viewer.hub import Hub
 from manytouch.sinks.viewer.messages import number
 from manytouch.sinks.viewer.server import Server, listening_socket, page_files
-from manytouch.sinks.viewer.shot import Photographer, Shot
-from manytouch.sinks.viewer.wishes import Order, Wish
+from manytouch.sinks.viewer.update_encoder import Shot, UpdateEncoder
 from manytouch.values import Health, Reading
 
 HEALTH_EVERY_S = 0.25
@@ -45,7 +45,7 @@ class Viewer:
         """
         page_files()
         self._controls = controls
-        self._photographer = Photographer(controls.sensor)
+        self._photographer = UpdateEncoder(controls.sensor)
         self._sensor_version = controls.health().sensor_version
         self._latest: Reading | None = None
         self._number = 0
@@ -126,7 +126,7 @@ class Viewer:
             self._hub.say(self._health(health))
 
     def _renew(self, version: int) -> None:
-        photographer = Photographer(self._controls.sensor)
+        photographer = UpdateEncoder(self._controls.sensor)
         with self._one_at_a_time:
             self._photographer, self._sensor_version = photographer, version
 

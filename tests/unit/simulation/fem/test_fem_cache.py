@@ -11,11 +11,11 @@ import pytest
 import manytouch.simulation.fem.cache as cache_module
 from manytouch.errors import OutputError
 from manytouch.simulation.fem.cache import StateCache, asked_keys, step_keys
-from manytouch.simulation.fem.indenters import Sphere
+from manytouch.simulation.fem.contact.indenters import Sphere
+from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, PressurePatch, press
-from manytouch.simulation.fem.material import NeoHooke
 from manytouch.simulation.fem.sheet import SheetModel
-from manytouch.simulation.fem.solve import Solver
+from manytouch.simulation.fem.solver.newton import Solver
 
 MODEL = SheetModel(size_mm=(12.0, 10.0), thickness_mm=3.0, material=NeoHooke(young_MPa=1.0, poisson=0.45))
 
@@ -93,9 +93,9 @@ def test_a_folder_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
 def test_another_process_finds_the_same_keys() -> None:
     code = (
         "import numpy as np; from manytouch.simulation.fem import cache;"
-        "from manytouch.simulation.fem.indenters import Sphere;"
+        "from manytouch.simulation.fem.contact.indenters import Sphere;"
         "from manytouch.simulation.fem.loading import Loading, press;"
-        "from manytouch.simulation.fem.material import NeoHooke;"
+        "from manytouch.simulation.fem.elements.material import NeoHooke;"
         "from manytouch.simulation.fem.sheet import SheetModel;"
         "rubber = NeoHooke(young_MPa=1.0, poisson=0.45);"
         "model = SheetModel(size_mm=(12.0, 10.0), thickness_mm=3.0, material=rubber);"

@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from manytouch.simulation.fem.balance import Balance, Stage
-from manytouch.simulation.fem.contact import touched_face
-from manytouch.simulation.fem.fronts import Dissection, Factors
-from manytouch.simulation.fem.indenters import Indenter, RoundPunch, Sphere, SquarePunch
+from manytouch.simulation.fem.contact.forces import touched_face
+from manytouch.simulation.fem.contact.indenters import Indenter, RoundPunch, Sphere, SquarePunch
+from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, PressurePatch, Touch, press
-from manytouch.simulation.fem.material import NeoHooke
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
-from manytouch.simulation.fem.solve import Solver
+from manytouch.simulation.fem.solver.balance import Balance, Stage
+from manytouch.simulation.fem.solver.multifrontal import Dissection, Factors
+from manytouch.simulation.fem.solver.newton import Solver
 from manytouch.simulation.fem.state import SheetState
 
 THICKNESS_MM = 3.0

@@ -3,10 +3,16 @@
 import numpy as np
 import pytest
 
-from manytouch.simulation.fem.assembly import ElasticBody, elastic_body, irons_rule
-from manytouch.simulation.fem.fronts import Dissection
-from manytouch.simulation.fem.material import NeoHooke
-from manytouch.simulation.fem.mesh import HexMesh, reference_nodes, shape_functions, sheet_mesh, tensor_mesh
+from manytouch.simulation.fem.elements.assembly import ElasticBody, elastic_body, irons_rule
+from manytouch.simulation.fem.elements.material import NeoHooke
+from manytouch.simulation.fem.elements.mesh import (
+    HexMesh,
+    reference_nodes,
+    shape_functions,
+    sheet_mesh,
+    tensor_mesh,
+)
+from manytouch.simulation.fem.solver.multifrontal import Dissection
 
 X, Y, Z = np.array([0.0, 1.0, 2.5, 3.0]), np.array([-1.0, 0.2, 1.0]), np.array([0.0, 1.0, 1.6])
 

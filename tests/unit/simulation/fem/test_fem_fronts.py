@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from manytouch.simulation.fem.fronts import Dissection
-from manytouch.simulation.fem.mesh import HexMesh, tensor_mesh
+from manytouch.simulation.fem.elements.mesh import HexMesh, tensor_mesh
+from manytouch.simulation.fem.solver.multifrontal import Dissection
 
 
 def system(seed: int = 0) -> tuple[HexMesh, np.ndarray, np.ndarray, np.ndarray]:

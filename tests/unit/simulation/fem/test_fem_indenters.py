@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.simulation.fem.indenters import (
+from manytouch.simulation.fem.contact.indenters import (
     Fingertip,
     Indenter,
     LyingCylinder,

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from manytouch.simulation.fem.mesh import sheet_mesh
-from manytouch.simulation.fem.sampling import sample_camera_side
+from manytouch.simulation.fem.elements.mesh import sheet_mesh
+from manytouch.simulation.fem.elements.sampling import sample_camera_side
 
 MESH = sheet_mesh((9.0, 6.5), 3.0, element_mm=2.0)
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from manytouch.geometry.sampling import sampling_at
-from manytouch.simulation.sensor import demo_sensor
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.viewer.measuring import PROFILE_POINTS, measure_at
 from manytouch.values import Layout, Surface
 

@@ -23,7 +23,7 @@ from manytouch.sinks.viewer import Viewer
 from manytouch.sinks.viewer.hub import MOST_IN_FLIGHT
 from manytouch.sinks.viewer.messages import unpack
 from manytouch.sinks.viewer.server import page_files
-from manytouch.values import Beside, Press, Record, Stop, Tare
+from manytouch.values import Comparison, Press, Record, Stop, Tare
 from watched import Desk, reading_of
 
 
@@ -143,7 +143,7 @@ def reading_layout(viewer: Viewer) -> Any:
 
 def test_what_an_estimate_is_compared_with_goes_along(viewer: Viewer, desk: Desk) -> None:
     shallower = reading_of(3, 1.5)
-    desk.other = Beside(name="recorded", surface=shallower.surface, contacts=shallower.contacts)
+    desk.other = Comparison(name="recorded", surface=shallower.surface, contacts=shallower.contacts)
     with looking(viewer) as stream:
         hear(stream, "scenery")
         until(lambda: viewer.browsers == 1)
@@ -154,7 +154,7 @@ def test_what_an_estimate_is_compared_with_goes_along(viewer: Viewer, desk: Desk
         assert head["beside"]["name"] == "recorded"
         assert head["beside"]["contacts"][0]["depth_mm"] == 1.5
         np.testing.assert_allclose(parts["difference"], 0.25 * parts["depth"], atol=1e-6)
-        desk.other = Beside(name="recorded", surface=None, contacts=shallower.contacts)
+        desk.other = Comparison(name="recorded", surface=None, contacts=shallower.contacts)
         viewer.write(reading_of(4, 2.0))
         head, parts = see(stream)
     assert head["beside"]["contacts"]

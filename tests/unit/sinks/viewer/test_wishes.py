@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from manytouch.sinks.viewer.wishes import LONGEST_WISH, Order, Points, Show, Taken, read_wish
+from manytouch.sinks.viewer.client_messages import LONGEST_WISH, Ack, Order, Points, Show, read_wish
 from manytouch.values import (
     Play,
     Press,
@@ -59,7 +59,7 @@ def test_what_concerns_one_browser_alone() -> None:
     assert read_wish('{"wish": "show", "layer": "strain", "image": false}') == Show(
         wish="show", layer="strain", image=False
     )
-    assert read_wish('{"wish": "taken", "number": 7}') == Taken(wish="taken", number=7)
+    assert read_wish('{"wish": "taken", "number": 7}') == Ack(wish="taken", number=7)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,62 @@
+"""Markers of a known sensor over the frames of a recording."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from manytouch.detection import DotSearch
+from manytouch.pipeline import sights
+from manytouch.tracking import MarkerTracker
+from manytouch.values import Frame, Sensor
+
+Roi = tuple[int, int, int, int]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Watched:
+    """Where markers were, frame by frame.
+
+    Attributes:
+        timestamp_ns: (k,) of the frames.
+        position_px: (k, m, 2), NaN where not seen.
+        area_px2: (k, m) of the dots, NaN where not seen.
+        contrast: (k,) median grey levels between dots and ground.
+    """
+
+    timestamp_ns: Int64[np.ndarray, " k"]
+    position_px: Float64[np.ndarray, "k m 2"]
+    area_px2: Float64[np.ndarray, "k m"]
+    contrast: Float64[np.ndarray, " k"]
+
+    @property
+    def is_seen(self) -> Bool[np.ndarray, "k m"]:
+        """(k, m) was the marker seen?"""
+        return np.asarray(np.isfinite(self.position_px[:, :, 0]))
+
+    def middle_px(self, chosen: Bool[np.ndarray, " k"]) -> Float64[np.ndarray, "m 2"]:
+        """(m, 2) median place over some frames, NaN for markers seen in less than half of them."""
+        seen = self.is_seen[chosen]
+        often = 2 * seen.sum(axis=0) >= max(int(chosen.sum()), 1)
+        place = np.full((seen.shape[1], 2), np.nan)
+        place[often] = np.nanmedian(self.position_px[chosen][:, often], axis=0)
+        return place
+
+
+def watched(sensor: Sensor, frames: Iterable[Frame], roi_px: Roi | None = None) -> Watched:
+    """Follow the markers of a sensor that fits the recording (see `register_rest`)."""
+    detect, track = DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px)
+    times, places, areas, contrasts = [], [], [], []
+    for sight in sights(detect, track, frames, sensor):
+        grid, contrast = sight.grid, sight.detections.contrast
+        times.append(sight.frame.timestamp_ns)
+        places.append(grid.position_px)
+        areas.append(np.full(len(grid.is_seen), np.nan) if grid.area_px2 is None else grid.area_px2)
+        contrasts.append(float(np.median(contrast)) if len(contrast) else np.nan)
+    return Watched(
+        timestamp_ns=np.array(times, dtype=np.int64),
+        position_px=np.array(places),
+        area_px2=np.array(areas),
+        contrast=np.array(contrasts),
+    )

@@ -1,0 +1,240 @@
+"""A sensor from nothing but the first frames of a recording: its layout, and a camera that is assumed.
+
+The camera is taken as a pinhole without distortion that looks straight at the sheet, so lengths on the
+sheet are pixels times one scale; what the image cannot tell is said in the sensor's `assumptions`.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from manytouch.calibration.rest.first_frames import RestRegion, arranged, image_size, rest_dots
+from manytouch.calibration.rest.flatness import bulge_in_pitches
+from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.calibration.rest.rest_frames import StillDots
+from manytouch.calibration.rest.shift_check import CANNOT_BE_NOTICED, jumps_unseen
+from manytouch.errors import SensorError
+from manytouch.geometry.camera import onto_plane
+from manytouch.tracking.lattice.arrange import Arrangement
+from manytouch.values import Camera, Frame, Layout, Polarity, Sensor, Sheet
+from manytouch.values.arrays import read_only
+
+__all__ = ["register_rest", "sensor_from_dots", "sensor_from_rest"]
+
+ASSUMED_HFOV_DEG = 60.0
+ASSUMED_THICKNESS_PITCHES = 0.75
+_PRESSED_PITCHES = 0.15
+_ODD_PITCHES = 0.03
+
+
+def sensor_from_rest(
+    frames: Sequence[Frame],
+    *,
+    name: str,
+    pitch_mm: float | tuple[float, float] | None = None,
+    hfov_deg: float | None = None,
+    roi_px: RestRegion | None = None,
+) -> Sensor:
+    """Builds a sensor from the first frames of any recording of a sheet with dots.
+
+    Args:
+        frames: the first frames of the recording, untouched in most of them; one is enough.
+        name: what the sensor is called.
+        pitch_mm: spacing of the markers, the geometric mean of both directions or (x, y); None gives
+            lengths in pitches.
+        hfov_deg: horizontal field of view of the camera; 60 degrees when not given.
+        roi_px: x, y, width, height of the part of the image to look at.
+
+    Returns:
+        A sensor whose layout holds the measured `rest_px`, `rest_mm` being their back-projection.
+
+    Raises:
+        SourceError: no frame could be decoded, or frames differ in size.
+        SensorError: an impossible pitch, field of view or region.
+        LayoutError: too few dots.
+    """
+    _check_numbers(pitch_mm, hfov_deg)
+    width, height = image_size(frames, roi_px)
+    appearance, still, notes = rest_dots(frames, roi_px)
+    sensor = sensor_from_dots(
+        still,
+        name=name,
+        width_px=width,
+        height_px=height,
+        polarity=appearance.polarity,
+        colour_weights=appearance.colour_weights,
+        pitch_mm=pitch_mm,
+        hfov_deg=hfov_deg,
+        roi_px=roi_px,
+    )
+    return replace(sensor, assumptions=sensor.assumptions + notes)
+
+
+def sensor_from_dots(
+    still: StillDots,
+    *,
+    name: str,
+    width_px: int,
+    height_px: int,
+    polarity: Polarity,
+    colour_weights: np.ndarray | None = None,
+    pitch_mm: float | tuple[float, float] | None = None,
+    hfov_deg: float | None = None,
+    roi_px: RestRegion | None = None,
+) -> Sensor:
+    """As `sensor_from_rest`, from dots that have been found already."""
+    _check_numbers(pitch_mm, hfov_deg)
+    arrangement = arranged(still, width_px, height_px, roi_px)
+    pitch_px = float(np.sqrt(np.prod(arrangement.pitch_px)))
+    wanted = 1.0 if pitch_mm is None else float(np.sqrt(np.prod(np.broadcast_to(pitch_mm, 2))))
+    focal_px = 0.5 * width_px / np.tan(np.deg2rad(0.5 * (hfov_deg or ASSUMED_HFOV_DEG)))
+    camera = _camera(arrangement, width_px, height_px, focal_px, wanted / pitch_px)
+    layout = _layout(
+        arrangement,
+        still,
+        camera,
+        mm_per_px=wanted / pitch_px,
+        polarity=polarity,
+        colour_weights=colour_weights,
+    )
+    noise = still.noise_px[np.isfinite(still.noise_px)]
+    sensor = Sensor(
+        name=name,
+        camera=camera,
+        layout=layout,
+        sheet=_sheet(layout, wanted),
+        length_unit="pitch" if pitch_mm is None else "mm",
+        centre_noise_px=float(np.median(noise)) if len(still.frames) >= 5 and len(noise) else None,
+        assumptions=tuple(_assumptions(arrangement, still, pitch_mm, hfov_deg)),
+        provenance={
+            "made_by": "manytouch",
+            "from": "first frames at rest",
+            "still_frames": list(still.frames),
+        },
+    )
+    if jumps_unseen(sensor, still, roi_px=roi_px):
+        return replace(sensor, assumptions=(*sensor.assumptions, CANNOT_BE_NOTICED))
+    return sensor
+
+
+def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float | None) -> None:
+    if pitch_mm is not None and not np.all((np.asarray(pitch_mm) > 0) & np.isfinite(pitch_mm)):
+        raise SensorError(
+            f"a pitch of {pitch_mm} mm was given, but a pitch is a positive length, or two: P or X,Y"
+        )
+    if hfov_deg is not None and not 1.0 <= hfov_deg < 179.0:
+        raise SensorError(
+            f"a horizontal field of view of {hfov_deg} degrees was given, but it must lie between 1 and 179"
+        )
+
+
+def _camera(
+    arrangement: Arrangement, width_px: int, height_px: int, focal_px: float, mm_per_px: float
+) -> Camera:
+    """Camera that sees the layout's centre as the sheet's origin, straight on."""
+    centre_px = np.array([0.5 * (width_px - 1), 0.5 * (height_px - 1)])
+    middle_px = 0.5 * (arrangement.centre_px.min(axis=0) + arrangement.centre_px.max(axis=0))
+    if arrangement.row_column is not None:
+        middle_px = arrangement.centre_px.mean(axis=0)
+    offset = mm_per_px * (middle_px - centre_px)
+    return Camera(
+        width_px=width_px,
+        height_px=height_px,
+        fx_px=focal_px,
+        fy_px=focal_px,
+        cx_px=float(centre_px[0]),
+        cy_px=float(centre_px[1]),
+        distortion=read_only(np.zeros(5)),
+        rotation_vector=read_only(np.zeros(3)),
+        translation_mm=read_only(np.array([offset[0], offset[1], focal_px * mm_per_px])),
+    )
+
+
+def _layout(
+    arrangement: Arrangement,
+    still: StillDots,
+    camera: Camera,
+    *,
+    mm_per_px: float,
+    polarity: Polarity,
+    colour_weights: np.ndarray | None,
+) -> Layout:
+    is_missing = arrangement.dot < 0
+    rest_px = arrangement.centre_px.copy()
+    radius_px = np.sqrt(still.area_px2[np.maximum(arrangement.dot, 0)] / np.pi)
+    radius_px[is_missing] = np.median(radius_px[~is_missing])
+    return Layout(
+        rest_mm=read_only(onto_plane(camera, rest_px)),
+        row_column=arrangement.row_column,
+        pitch_mm=read_only(mm_per_px * arrangement.pitch_px),
+        radius_mm=read_only(mm_per_px * radius_px),
+        polarity=polarity,
+        colour_weights=None
+        if colour_weights is None
+        else read_only(np.array(colour_weights, dtype=np.float64)),
+        is_missing=read_only(is_missing),
+        rest_px=read_only(rest_px),
+    )
+
+
+def _sheet(layout: Layout, pitch: float) -> Sheet:
+    """A sheet that ends one pitch beyond its outer markers."""
+    extent = layout.rest_mm[:, :2].max(axis=0) - layout.rest_mm[:, :2].min(axis=0)
+    return Sheet(
+        is_assumed=True,
+        size_mm=read_only(extent + 2.0 * layout.pitch_mm),
+        thickness_mm=ASSUMED_THICKNESS_PITCHES * pitch,
+    )
+
+
+def _assumptions(
+    arrangement: Arrangement,
+    still: StillDots,
+    pitch_mm: float | tuple[float, float] | None,
+    hfov_deg: float | None,
+) -> list[str]:
+    """One plain sentence for each thing that the frames cannot tell."""
+    said = ["The camera has no lens distortion and looks straight at the sheet."]
+    if hfov_deg is None:
+        said.append(f"The camera's horizontal field of view is {ASSUMED_HFOV_DEG:.0f} degrees.")
+    if pitch_mm is None:
+        said.append("Nothing gives the scale, so lengths are in pitches.")
+    elif isinstance(pitch_mm, tuple):
+        given = pitch_mm[0] / pitch_mm[1]
+        seen = float(arrangement.pitch_px[0] / arrangement.pitch_px[1])
+        if abs(np.log(given / seen)) > _ODD_PITCHES:
+            said.append(
+                f"The given pitches are as 1 to {1.0 / given:.3f} in x and y, those in the image as 1 to "
+                f"{1.0 / seen:.3f}; their geometric mean sets the scale."
+            )
+    said.append(
+        f"The sheet is {ASSUMED_THICKNESS_PITCHES} pitches thick and ends one pitch beyond its markers."
+    )
+    if still.moved:
+        said.append(
+            f"The sheet is at rest in the {len(still.frames)} early frames in which the dots keep still."
+        )
+    else:
+        first = "frame" if len(still.frames) == 1 else f"{len(still.frames)} frames"
+        said.append(f"The sheet is at rest in the first {first}.")
+    said += _shape_assumptions(arrangement)
+    return said
+
+
+def _shape_assumptions(arrangement: Arrangement) -> list[str]:
+    said = []
+    missing = int((arrangement.dot < 0).sum())
+    if missing:
+        said.append(
+            f"{missing} of {len(arrangement.dot)} markers were not found at the start and count as absent."
+        )
+    bulge = bulge_in_pitches(arrangement)
+    if bulge > _PRESSED_PITCHES:
+        said.append(
+            f"The markers depart from a regular lattice by {bulge:.2f} pitches at one place at the start, as "
+            "if the sheet were pressed there; what is seen at the start counts as rest."
+        )
+    if arrangement.row_column is None:
+        said.append("The markers form no rectangle of rows and columns; they are numbered as a table.")
+    return said

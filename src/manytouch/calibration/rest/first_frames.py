@@ -1,0 +1,124 @@
+"""The dots of the first frames of a recording, and the layout they form."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from manytouch.calibration.rest.rest_frames import StillDots, confirmed, still_dots
+from manytouch.errors import LayoutError, SensorError, SourceError
+from manytouch.tracking.lattice.arrange import Arrangement, arrange
+from manytouch.values import Camera, Detections, Frame, Layout, Sensor
+from manytouch.values.arrays import Mask, read_only
+
+if TYPE_CHECKING:
+    from manytouch.detection import Appearance
+
+RestRegion = tuple[int, int, int, int]
+MOST_FRAMES = 24
+_LEAST_DOTS = 4
+_FAR = 1e6
+
+
+def image_size(frames: Sequence[Frame], roi_px: RestRegion | None = None) -> tuple[int, int]:
+    """Width and height of all decoded frames; raises when they differ or the region does not fit."""
+    sizes = {each.image.shape[:2] for each in frames if each.image is not None}
+    if not sizes:
+        raise SourceError(
+            f"none of the first {len(frames)} frames could be decoded; a layout needs at least one picture: "
+            "check the file with another player"
+        )
+    if len(sizes) > 1:
+        told = " and ".join(sorted(f"{width} x {height} px" for height, width in sizes))
+        raise SourceError(
+            f"the frames differ in size ({told}), but one camera gives one size: process them separately"
+        )
+    height, width = sizes.pop()
+    if roi_px is not None:
+        x, y, w, h = roi_px
+        if x < 0 or y < 0 or w <= 0 or h <= 0 or x + w > width or y + h > height:
+            raise SensorError(
+                f"the region {x},{y},{w},{h} (x,y,width,height) does not lie within the image of "
+                f"{width} x {height} px: give one that does, or none"
+            )
+    return width, height
+
+
+def rest_dots(
+    frames: Sequence[Frame], roi_px: RestRegion | None
+) -> tuple["Appearance", StillDots, tuple[str, ...]]:
+    """How the dots of an unknown recording look, where they rest, and what was odd about them."""
+    from manytouch.detection import survey
+
+    few = frames[:MOST_FRAMES]
+    surveyed = survey(few, roi_px=roi_px)
+    known = still_dots([surveyed.detections])
+    width, height = image_size(few, roi_px)
+    looks = _seen_from_afar(known, surveyed.appearance, width, height)
+    still = still_dots(searched_frames(looks, few, roi_px))
+    is_same_time = surveyed.frame_index in {few[k].index for k in still.frames} or not still.frames
+    return surveyed.appearance, confirmed(still, known, is_same_time=is_same_time), surveyed.notes
+
+
+def _seen_from_afar(known: StillDots, appearance: "Appearance", width_px: int, height_px: int) -> Sensor:
+    """A sensor that says no more than which dots to look for: one unit of length is one pixel."""
+    markers = len(known.centre_px)
+    return Sensor(
+        name="first look",
+        camera=Camera(
+            width_px=width_px,
+            height_px=height_px,
+            fx_px=_FAR,
+            fy_px=_FAR,
+            cx_px=0.0,
+            cy_px=0.0,
+            distortion=read_only(np.zeros(5)),
+            rotation_vector=read_only(np.zeros(3)),
+            translation_mm=read_only(np.array([0.0, 0.0, _FAR])),
+        ),
+        layout=Layout(
+            rest_mm=read_only(np.column_stack([known.centre_px, np.zeros(markers)])),
+            row_column=None,
+            pitch_mm=read_only(np.ones(2)),
+            radius_mm=read_only(np.sqrt(known.area_px2 / np.pi)),
+            polarity=appearance.polarity,
+            colour_weights=appearance.colour_weights,
+            is_missing=read_only(np.zeros(markers, dtype=bool)),
+        ),
+    )
+
+
+def searched_frames(
+    sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None
+) -> tuple[Detections, ...]:
+    """The dots of each frame, as they will be measured later on."""
+    from manytouch.detection import DotSearch
+
+    search = DotSearch(roi_px=roi_px)
+    state = search.start(sensor)
+    found = []
+    for frame in frames:
+        state, detections = search.step(state, frame, None)
+        found.append(detections)
+    return tuple(found)
+
+
+def arranged(still: StillDots, width_px: int, height_px: int, roi_px: RestRegion | None) -> Arrangement:
+    """The dots as numbered markers; raises when there are too few."""
+    if len(still.centre_px) < _LEAST_DOTS:
+        raise LayoutError(
+            f"only {len(still.centre_px)} dots were found in the first frames, but a layout needs at least "
+            f"{_LEAST_DOTS}: check light and focus, begin the recording untouched, or give the region with "
+            "the dots by --roi X,Y,W,H"
+        )
+    return arrange(still.centre_px, is_cut(still, width_px, height_px, roi_px))
+
+
+def is_cut(still: StillDots, width_px: int, height_px: int, roi_px: RestRegion | None) -> Mask:
+    """(n,) dots that the border of the image, or of the region, cuts."""
+    x, y, w, h = roi_px or (0, 0, width_px, height_px)
+    radius = np.sqrt(np.median(still.area_px2) / np.pi)
+    centre = still.centre_px
+    inside = np.minimum(centre - [x - 0.5, y - 0.5], [x + w - 0.5, y + h - 0.5] - centre).min(axis=1)
+    is_small = still.area_px2 < 0.6 * np.median(still.area_px2)
+    return np.asarray((inside < 0.85 * radius) | ((inside < 1.5 * radius) & is_small))

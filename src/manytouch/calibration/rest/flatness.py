@@ -1,0 +1,51 @@
+"""Does a layout at rest look pressed? How far its markers depart from a smooth lattice, locally."""
+
+import numpy as np
+from scipy.ndimage import median_filter
+
+from manytouch.tracking.lattice.arrange import Arrangement
+
+_LEAST_LINES = 5
+_ROUNDS = 8
+_TUKEY = 4.685
+
+
+def bulge_in_pitches(arrangement: Arrangement) -> float:
+    """Largest local departure, in pitches, from what perspective, a lens or uneven rows explain.
+
+    A robust bicubic surface over (row, column) takes perspective and distortion, free offsets of whole rows
+    and columns take uneven spacing; what is left, smoothed over neighbours, is local. 0 when there
+    are no rows and columns, or too few.
+    """
+    if arrangement.row_column is None:
+        return 0.0
+    rows, columns = (int(number) + 1 for number in arrangement.row_column.max(axis=0))
+    if min(rows, columns) < _LEAST_LINES:
+        return 0.0
+    known = (arrangement.dot >= 0).reshape(rows, columns)
+    position = arrangement.centre_px.reshape(rows, columns, 2)
+    row, column = (
+        2.0 * index / (index.max()) - 1.0 for index in np.indices((rows, columns)).astype(np.float64)
+    )
+    design = np.stack([row**a * column**b for a in range(4) for b in range(4) if a + b <= 3], axis=-1)
+    residual = _robust_residual(design[known], position[known])
+    field = np.zeros((rows, columns, 2))
+    field[known] = residual
+    for axis in (0, 1):
+        field -= np.median(field, axis=axis, keepdims=True)
+    local = np.stack([median_filter(field[..., axis], size=3, mode="nearest") for axis in (0, 1)], axis=-1)
+    return float(np.linalg.norm(local, axis=-1).max() / np.sqrt(np.prod(arrangement.pitch_px)))
+
+
+def _robust_residual(design: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Residuals of a least-squares fit with Tukey's weights."""
+    weight = np.ones(len(value))
+    residual = value
+    for _ in range(_ROUNDS):
+        root = np.sqrt(weight)[:, None]
+        coefficients, *_ = np.linalg.lstsq(design * root, value * root, rcond=None)
+        residual = value - design @ coefficients
+        size = np.linalg.norm(residual, axis=1)
+        scale = max(1.4826 * float(np.median(size)), 1e-3)
+        weight = np.clip(1.0 - (size / (_TUKEY * scale)) ** 2, 0.0, None) ** 2 + 1e-6
+    return residual

@@ -1,0 +1,68 @@
+"""What the first frames say about the layout, for people: is this recording usable?"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from manytouch.calibration.rest.first_frames import RestRegion, arranged, image_size, rest_dots
+from manytouch.calibration.rest.flatness import bulge_in_pitches
+from manytouch.tracking.lattice.find import predicted
+from manytouch.values import Frame
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LayoutReport:
+    """Facts about the markers in the first frames.
+
+    Attributes:
+        dots: number of dots that belong to the pattern.
+        rows, columns: of the lattice, None when the markers form no rectangle.
+        markers: places of the layout.
+        missing: places without a dot.
+        pitch_px: spacing along x and y.
+        residual_px: median distance of a marker from where its neighbours see it; NaN when there are no rows.
+        noise_px: median noise of a centre over the still frames; NaN below three of them.
+        still_frames: number of frames in which nothing moves.
+        bulge_pitches: largest local departure from a smooth lattice: above 0.15 the sheet looks pressed.
+    """
+
+    dots: int
+    rows: int | None
+    columns: int | None
+    markers: int
+    missing: int
+    pitch_px: tuple[float, float]
+    residual_px: float
+    noise_px: float
+    still_frames: int
+    bulge_pitches: float
+
+
+def examine(frames: Sequence[Frame], *, roi_px: RestRegion | None = None) -> LayoutReport:
+    """Finds the layout in the first frames and reports on it; raises as `sensor_from_rest` does."""
+    width, height = image_size(frames, roi_px)
+    _, still, _ = rest_dots(frames, roi_px)
+    arrangement = arranged(still, width, height, roi_px)
+    rows = columns = None
+    residual = float("nan")
+    if arrangement.row_column is not None:
+        rows, columns = (int(number) + 1 for number in arrangement.row_column.max(axis=0))
+        position = np.where((arrangement.dot >= 0)[:, None], arrangement.centre_px, np.nan)
+        guess, votes = predicted(position.reshape(rows, columns, 2))
+        error = np.linalg.norm(position.reshape(rows, columns, 2) - guess, axis=-1)[votes >= 3]
+        error = error[np.isfinite(error)]
+        residual = float(np.median(error)) if len(error) else residual
+    noise = still.noise_px[np.isfinite(still.noise_px)]
+    return LayoutReport(
+        dots=len(still.centre_px),
+        rows=rows,
+        columns=columns,
+        markers=len(arrangement.dot),
+        missing=int((arrangement.dot < 0).sum()),
+        pitch_px=(float(arrangement.pitch_px[0]), float(arrangement.pitch_px[1])),
+        residual_px=residual,
+        noise_px=float(np.median(noise)) if len(noise) else float("nan"),
+        still_frames=len(still.frames),
+        bulge_pitches=bulge_in_pitches(arrangement),
+    )

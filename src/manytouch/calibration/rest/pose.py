@@ -1,0 +1,346 @@
+"""The untouched sheet before a known camera: its pose, its layout, noise, and what is odd about it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.calibration.marker_tracks import Roi, Watched, watched
+from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
+from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.calibration.sharpness import edge_width_px, is_soft
+from manytouch.calibration.sheet.clamp_line import ClampLine, clamp_line, odd_clamp
+from manytouch.detection import appearance_of
+from manytouch.detection.appearance.dot_appearance import radius_in_image
+from manytouch.errors import LayoutError, SensorError
+from manytouch.geometry.camera import camera_matrix, project
+from manytouch.values import Camera, Frame, Layout, Sensor, Sheet
+from manytouch.values.arrays import Points2, read_only
+
+SEEN_SHARE = 0.5
+"""A marker that is seen in less than this share of the frames is missing."""
+STILL_SHARE = 0.02
+BENT_SHARE = 0.02
+NEAR_SHARE = 0.03
+CONTRAST_GREY = 25.0
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RestCalibration:
+    """A sensor whose sheet was watched at rest.
+
+    Attributes:
+        sensor: with pose, layout, missing markers and noise; `rest_px` is where the markers were.
+        residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN where missing.
+        pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm).
+        noise_px: of a marker's centre along an axis, from frame to frame.
+        contrast: grey levels between markers and ground.
+        frames: that were used.
+        clamp: where the sheet is seen to end.
+        odd: sentences.
+    """
+
+    sensor: Sensor
+    residual_px: Points2
+    pose_std: Float64[np.ndarray, "6"]
+    noise_px: float
+    contrast: float
+    frames: int
+    clamp: ClampLine
+    odd: tuple[str, ...]
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square distance of markers from a flat sheet."""
+        left = self.residual_px[np.isfinite(self.residual_px[:, 0])]
+        return float(np.sqrt((left**2).sum(axis=1).mean()))
+
+
+def calibrate_rest(
+    sensor: Sensor,
+    frames: Sequence[Frame],
+    *,
+    pitch_mm: float | tuple[float, float] | None = None,
+    sheet: Sheet | None = None,
+    thickness_mm: float | None = None,
+    roi_px: Roi | None = None,
+) -> RestCalibration:
+    """Find pose, layout and noise from some seconds of the untouched sheet.
+
+    Args:
+        sensor: its camera is known; its layout is used when there is one, and found when there is none.
+        frames: of one recording, untouched.
+        pitch_mm: distance of neighbouring markers, needed when the sensor has no layout.
+        sheet: of the file to write; None keeps the sensor's.
+        thickness_mm: of a sheet whose outline shall be taken from the picture.
+        roi_px: x, y, width, height of the part of the image to look at.
+
+    Raises:
+        SensorError: the scale is not known, the outline cannot be seen where it has to be, or the sensor
+            does not fit the frames.
+        LayoutError: no markers, no lattice, or fewer than half of those of the layout were found.
+    """
+    laid = sensor if sensor.layout is not None else _laid(sensor, frames, pitch_mm, roi_px)
+    layout = laid.layout
+    assert layout is not None
+    if sensor.layout is not None and pitch_mm is not None:
+        layout = _scaled(layout, pitch_mm)
+    laid = replace(laid, layout=layout)
+    seen = watched(register_rest(laid, frames, roi_px=roi_px), frames, roi_px)
+    share = seen.is_seen.mean(axis=0)
+    is_missing = share < SEEN_SHARE
+    if int((~is_missing).sum()) < 6:
+        raise LayoutError(
+            f"only {int((~is_missing).sum())} of {len(is_missing)} markers were seen steadily: check light "
+            "and focus"
+        )
+    place_px = seen.middle_px(np.ones(len(seen.timestamp_ns), dtype=np.bool_))
+    there = ~is_missing & np.isfinite(place_px[:, 0])
+    camera, std = fitted_pose(laid.camera, layout.rest_mm[there], place_px[there])
+    if sensor.layout is None:
+        layout = _as_seen(layout, camera, seen, there)
+    residual = np.full(place_px.shape, np.nan)
+    residual[there] = place_px[there] - project(camera, layout.rest_mm[there])
+    noise = _noise_px(seen, there)
+    found = replace(
+        laid,
+        camera=camera,
+        layout=replace(layout, is_missing=read_only(~there), rest_px=read_only(place_px)),
+        sheet=sheet if sheet is not None else sensor.sheet,
+        centre_noise_px=noise,
+        assumptions=(),
+    )
+    seen_clamp = clamp_line(camera, layout, frames)
+    if thickness_mm is not None and sheet is None:
+        found, seen_clamp = _outlined(found, seen_clamp, thickness_mm)
+    return RestCalibration(
+        sensor=found,
+        residual_px=read_only(residual),
+        pose_std=std,
+        noise_px=noise,
+        contrast=float(np.nanmedian(seen.contrast)),
+        frames=len(seen.timestamp_ns),
+        clamp=seen_clamp,
+        odd=(
+            *_odd(sensor, found, residual, seen, there),
+            *odd_clamp(seen_clamp, found.sheet),
+            *_soft(found, frames, roi_px),
+        ),
+    )
+
+
+def _outlined(found: Sensor, seen: ClampLine, thickness_mm: float) -> tuple[Sensor, ClampLine]:
+    """The sensor with the outline that is seen, and its origin in the middle of that.
+
+    Raises:
+        SensorError: not all sides are seen.
+    """
+    if seen.unseen:
+        raise SensorError(
+            f"the picture does not show where the sheet is clamped ({', '.join(seen.unseen)} missing): give "
+            "its outline by --sheet-mm X,Y"
+        )
+    assert found.layout is not None
+    middle_mm = np.array([*seen.middle_mm, 0.0])
+    rotation, _ = cv2.Rodrigues(found.camera.rotation_vector)
+    camera = replace(
+        found.camera, translation_mm=read_only(found.camera.translation_mm + rotation @ middle_mm)
+    )
+    layout = replace(found.layout, rest_mm=read_only(found.layout.rest_mm - middle_mm))
+    sheet = Sheet(size_mm=read_only(seen.size_mm.copy()), thickness_mm=thickness_mm)
+    moved = ClampLine(side_mm=seen.side_mm - np.repeat(seen.middle_mm, 2))
+    return replace(found, camera=camera, layout=layout, sheet=sheet), moved
+
+
+def fitted_pose(
+    camera: Camera, rest_mm: np.ndarray, place_px: Points2
+) -> tuple[Camera, Float64[np.ndarray, "6"]]:
+    """The camera in the pose that explains where markers of a flat sheet are, and its deviations.
+
+    Args:
+        camera: its lens; its pose is not used.
+        rest_mm: (n, 3) markers in the sheet frame.
+        place_px: (n, 2) where they are seen.
+    """
+    if camera.model == "fisheye":
+        straight = cv2.fisheye.undistortPoints(
+            place_px.reshape(-1, 1, 2), camera_matrix(camera), camera.distortion, P=camera_matrix(camera)
+        )
+        lens = np.zeros(5)
+    else:
+        straight, lens = place_px.reshape(-1, 1, 2), camera.distortion
+    # The sheet's z points away from the camera: of the two poses of a plane the nearer to that is taken.
+    count, turns, shifts, _ = cv2.solvePnPGeneric(
+        rest_mm, straight, camera_matrix(camera), lens, flags=cv2.SOLVEPNP_IPPE
+    )
+    candidates = [_refined(camera, rest_mm, place_px, turns[k], shifts[k]) for k in range(count)]
+    best = min(candidates, key=lambda posed: float(np.square(project(posed, rest_mm) - place_px).sum()))
+    return best, _pose_std(best, rest_mm, place_px)
+
+
+def _refined(
+    camera: Camera, rest_mm: np.ndarray, place_px: Points2, turn: np.ndarray, shift: np.ndarray
+) -> Camera:
+    """The pose of least squares near a first one."""
+    from scipy.optimize import least_squares
+
+    def posed(pose: np.ndarray) -> Camera:
+        return replace(
+            camera, rotation_vector=read_only(pose[:3].copy()), translation_mm=read_only(pose[3:].copy())
+        )
+
+    def residual(pose: np.ndarray) -> np.ndarray:
+        return np.asarray((project(posed(pose), rest_mm) - place_px).ravel())
+
+    found = least_squares(
+        residual, np.concatenate([np.ravel(turn), np.ravel(shift)]), x_scale=[0.01] * 3 + [1.0] * 3
+    )
+    return posed(found.x)
+
+
+def _pose_std(camera: Camera, rest_mm: np.ndarray, place_px: Points2) -> Float64[np.ndarray, "6"]:
+    here = project(camera, rest_mm)
+    columns = []
+    for number, step in enumerate((1e-6, 1e-6, 1e-6, 1e-4, 1e-4, 1e-4)):
+        change = np.zeros(6)
+        change[number] = step
+        moved = replace(
+            camera,
+            rotation_vector=camera.rotation_vector + change[:3],
+            translation_mm=camera.translation_mm + change[3:],
+        )
+        columns.append((project(moved, rest_mm) - here).ravel() / step)
+    slope = np.array(columns).T
+    variance = float(np.square(here - place_px).sum()) / max(here.size - 6, 1)
+    return np.sqrt(variance * np.diag(np.linalg.inv(slope.T @ slope)))
+
+
+def _laid(
+    sensor: Sensor, frames: Sequence[Frame], pitch_mm: float | tuple[float, float] | None, roi_px: Roi | None
+) -> Sensor:
+    """The sensor with the lattice that the frames show, about where it is."""
+    if pitch_mm is None:
+        raise SensorError(
+            f"the sensor {sensor.name!r} has no [markers], so their distance is not known: give --pitch-mm"
+        )
+    found = sensor_from_rest(frames, name=sensor.name, pitch_mm=pitch_mm, roi_px=roi_px)
+    layout = found.layout
+    assert layout is not None
+    if layout.row_column is None or layout.rest_px is None:
+        raise LayoutError(
+            "the markers form no lattice of rows and columns, so one picture does not tell their places in "
+            "mm: write them into the sensor file as rest_mm = [[x, y], ...]"
+        )
+    camera = sensor.camera
+    if (camera.width_px, camera.height_px) != (found.camera.width_px, found.camera.height_px):
+        raise SensorError(
+            f"the camera of {sensor.name!r} is calibrated for {camera.width_px} x {camera.height_px} px, "
+            f"but the frames have {found.camera.width_px} x {found.camera.height_px} px: calibrate it at "
+            "this size"
+        )
+    pitch = np.broadcast_to(np.asarray(pitch_mm, dtype=np.float64), 2)
+    middle = layout.row_column.max(axis=0) / 2
+    rest = np.zeros((len(layout.rest_mm), 3))
+    rest[:, :2] = ((layout.row_column - middle) * pitch[::-1])[:, ::-1]
+    there = ~layout.is_missing & np.isfinite(layout.rest_px[:, 0])
+    posed, _ = fitted_pose(camera, rest[there], layout.rest_px[there])
+    laid = replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()), rest_px=None)
+    return replace(sensor, camera=posed, layout=laid)
+
+
+def _scaled(layout: Layout, pitch_mm: float | tuple[float, float]) -> Layout:
+    pitch = np.broadcast_to(np.asarray(pitch_mm, dtype=np.float64), 2)
+    rest = layout.rest_mm.copy()
+    rest[:, :2] *= pitch / layout.pitch_mm
+    return replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()))
+
+
+def _as_seen(layout: Layout, camera: Camera, seen: Watched, there: np.ndarray) -> Layout:
+    """The layout with the radius that the dots' areas tell."""
+    px_per_mm = float(np.sqrt(camera.fx_px * camera.fy_px)) / float(camera.translation_mm[2])
+    areas = seen.area_px2[:, there]
+    if not np.isfinite(areas).any():
+        return layout
+    radius = float(np.sqrt(np.nanmedian(areas) / np.pi)) / px_per_mm
+    return replace(layout, radius_mm=read_only(np.full(len(layout.rest_mm), radius)))
+
+
+def _noise_px(seen: Watched, there: np.ndarray) -> float:
+    """Of a centre along an axis: differences of frames in a row, so that slow drift does not count."""
+    step = np.diff(seen.position_px[:, there], axis=0)
+    step = step[np.isfinite(step)]
+    if len(step) < 10:
+        raise LayoutError("the noise of the markers needs at least two frames in which they are seen")
+    return max(float(1.4826 * np.median(np.abs(step)) / np.sqrt(2.0)), 1e-3)
+
+
+def _odd(
+    given: Sensor, found: Sensor, residual: np.ndarray, seen: Watched, there: np.ndarray
+) -> Sequence[str]:
+    """What a person should look at."""
+    layout, camera = found.layout, found.camera
+    assert layout is not None
+    px_per_mm = float(np.sqrt(camera.fx_px * camera.fy_px)) / float(camera.translation_mm[2])
+    pitch_px = float(np.sqrt(np.prod(layout.pitch_mm))) * px_per_mm
+    sentences = []
+    left = np.sqrt(np.nanmean(np.square(residual).sum(axis=1)))
+    if left > BENT_SHARE * pitch_px:
+        sentences.append(
+            f"markers lie {left:.2f} px (RMS) off a flat lattice: the sheet is not flat, the lens is not "
+            "calibrated, or pitch_mm along x and y is not what was said"
+        )
+    lost = int((~there).sum()) - (int(given.layout.is_missing.sum()) if given.layout is not None else 0)
+    if lost > 0:
+        sentences.append(f"{lost} markers were not seen and count as missing")
+    drift = np.nanmax(np.linalg.norm(seen.position_px[-1] - seen.position_px[0], axis=1))
+    if drift > STILL_SHARE * pitch_px:
+        sentences.append(f"a marker moved by {drift:.2f} px meanwhile: was the sheet touched?")
+    contrast = float(np.nanmedian(seen.contrast))
+    if contrast < CONTRAST_GREY:
+        sentences.append(
+            f"markers stand out by {contrast:.0f} of 255 grey levels only: give more light or contrast"
+        )
+    if given.layout is not None:
+        nearer = float(given.camera.translation_mm[2]) / float(camera.translation_mm[2]) - 1.0
+        if abs(nearer) > NEAR_SHARE:
+            sentences.append(
+                f"the sheet is {camera.translation_mm[2]:.1f} mm away, {100 * abs(nearer):.0f} % "
+                f"{'nearer' if nearer > 0 else 'farther'} than the file says: check pitch_mm "
+                f"({layout.pitch_mm[0]:g} mm) and the camera's calibration"
+            )
+    sentences += _outside(found, px_per_mm)
+    return sentences
+
+
+def _soft(found: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> list[str]:
+    """Dots out of focus."""
+    layout = found.layout
+    assert layout is not None and layout.rest_px is not None  # noqa: PT018 - just found
+    there = ~layout.is_missing
+    image = next(frame.image for frame in frames if frame.image is not None)
+    weights = appearance_of(found).weights(1 if image.ndim == 2 else image.shape[2])
+    radius_px = radius_in_image(found.camera, layout.rest_mm[there], layout.radius_mm[there])
+    edge_px = edge_width_px(image, weights, layout.rest_px[there], radius_px, roi_px=roi_px)
+    if not is_soft(edge_px, radius_px):
+        return []
+    return [f"the dots are out of focus: their edges are {edge_px:.1f} px wide; focus the lens on the sheet"]
+
+
+def _outside(found: Sensor, px_per_mm: float) -> list[str]:
+    """Markers that are cut by the picture's border or lie outside the clamp."""
+    layout, camera, sheet = found.layout, found.camera, found.sheet
+    assert layout is not None
+    place = project(camera, layout.rest_mm[~layout.is_missing])
+    room = np.minimum(place, np.array([camera.width_px, camera.height_px]) - 1 - place).min(axis=1)
+    cut = int((room < layout.radius_mm[0] * px_per_mm).sum())
+    sentences = [f"{cut} markers are cut by the border of the picture"] if cut else []
+    if sheet is not None:
+        over = np.abs(layout.rest_mm[:, :2]) > sheet.size_mm / 2
+        if over.any():
+            sentences.append(
+                f"{int(over.any(axis=1).sum())} markers lie outside the clamped outline of "
+                f"{sheet.size_mm[0]:g} x {sheet.size_mm[1]:g} mm: check size_mm and offset_mm"
+            )
+    return sentences

@@ -1,0 +1,172 @@
+"""The dots of the frames in which nothing moves."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.spatial import Delaunay, QhullError, cKDTree
+
+from manytouch.tracking.lattice.find import find_lattice, local_spacing
+from manytouch.values import Detections
+from manytouch.values.arrays import Counts, Points2, Scalars, read_only
+
+_GATE = 0.35
+_MOST_MORE = 0.15
+_ENLARGED = 1.03
+_MAD_TO_STD = 1.4826
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class StillDots:
+    """Dots that most of the still frames show, each by its medians.
+
+    Attributes:
+        centre_px: (n, 2).
+        area_px2: (n,).
+        contrast: (n,) grey levels of 255.
+        noise_px: (n,) robust standard deviation of a centre in one direction; NaN below three frames.
+        times_seen: (n,) number of still frames that show the dot.
+        frames: numbers of the still frames within the frames that were given.
+        moved: did the dots move in other frames?
+    """
+
+    centre_px: Points2
+    area_px2: Scalars
+    contrast: Scalars
+    noise_px: Scalars
+    times_seen: Counts
+    frames: tuple[int, ...]
+    moved: bool
+
+
+def still_dots(detections: Sequence[Detections]) -> StillDots:
+    """Merges the dots of those frames that agree with each other, the earliest such group of some size.
+
+    Frames with a bad status are left out unless there is no other. A dot counts when at least two
+    fifths of the group's frames show it.
+    """
+    usable = [k for k, each in enumerate(detections) if each.status == "ok" and len(each.centre_px) > 0]
+    usable = usable or [k for k, each in enumerate(detections) if len(each.centre_px) > 0]
+    if not usable:
+        return _merged([], (), moved=False)
+    centres = [detections[k].centre_px for k in usable]
+    agrees = _agreement(centres)
+    sizes = agrees.sum(axis=1)
+    chosen = int(np.argmax(sizes >= 0.6 * sizes.max()))
+    group = np.flatnonzero(agrees[chosen])
+    frames = tuple(usable[k] for k in group)
+    return _merged([detections[k] for k in frames], frames, moved=bool(len(group) < 0.8 * len(usable)))
+
+
+def confirmed(still: StillDots, known: StillDots, *, is_same_time: bool) -> StillDots:
+    """The still dots that belong to the pattern of which one frame's `known` dots were taken.
+
+    A search by size alone also finds glints and stripes. A dot counts when the first look at the pattern
+    found it, or when it lies within it on its lattice, unless there are many such. Known dots that the
+    search missed are taken over when they are of the same time.
+    """
+    if len(known.centre_px) < 2 or len(still.centre_px) < 2:
+        return known if is_same_time else still
+    gate = _GATE * local_spacing(known.centre_px)
+    _, again = pairs(known.centre_px, still.centre_px, gate)
+    is_known = np.isin(np.arange(len(still.centre_px)), again)
+    distance, nearest = cKDTree(known.centre_px).query(still.centre_px)
+    lattice = find_lattice(still.centre_px)
+    is_more = np.zeros(len(is_known), dtype=bool)
+    if lattice is not None and not lattice.winds and lattice.is_member.sum() > 0.6 * len(known.centre_px):
+        is_more = lattice.is_member & ~is_known & (distance > gate[nearest]) & _within(still, known)
+    keep = is_known if is_more.sum() > _MOST_MORE * len(known.centre_px) else is_known | is_more
+    parts = [(still, keep)]
+    if is_same_time:
+        apart, _ = cKDTree(still.centre_px[keep]).query(known.centre_px) if keep.any() else (gate, None)
+        parts.append((known, apart >= gate))
+    return replace(
+        still,
+        centre_px=read_only(np.concatenate([each.centre_px[chosen] for each, chosen in parts])),
+        area_px2=read_only(np.concatenate([each.area_px2[chosen] for each, chosen in parts])),
+        contrast=read_only(np.concatenate([each.contrast[chosen] for each, chosen in parts])),
+        noise_px=read_only(np.concatenate([each.noise_px[chosen] for each, chosen in parts])),
+        times_seen=read_only(np.concatenate([each.times_seen[chosen] for each, chosen in parts])),
+    )
+
+
+def _within(still: StillDots, known: StillDots) -> np.ndarray:
+    """(n,) still dots inside the outline of the known ones, a little enlarged."""
+    middle = known.centre_px.mean(axis=0)
+    try:
+        outline = Delaunay(middle + _ENLARGED * (known.centre_px - middle))
+    except QhullError:  # all on one line
+        return np.zeros(len(still.centre_px), dtype=bool)
+    return np.asarray(outline.find_simplex(still.centre_px) >= 0)
+
+
+def pairs(first: np.ndarray, second: np.ndarray, gate_px: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of points (n, 2) and (k, 2) that are each other's nearest, within gates (n,)."""
+    if len(first) == 0 or len(second) == 0:
+        return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
+    distance, forth = cKDTree(second).query(first)
+    _, back = cKDTree(first).query(second)
+    mutual = (back[forth] == np.arange(len(first))) & (distance < gate_px)
+    return np.flatnonzero(mutual), forth[mutual]
+
+
+def _agreement(centres: list[np.ndarray]) -> np.ndarray:
+    """(f, f) do two frames show the same dots at the same places?"""
+    number = len(centres)
+    agrees = np.eye(number, dtype=bool)
+    spacing = [local_spacing(each) if len(each) > 1 else np.array([np.inf]) for each in centres]
+    for a in range(number):
+        for b in range(a + 1, number):
+            first, second = pairs(centres[a], centres[b], _GATE * spacing[a])
+            if len(first) < 0.6 * min(len(centres[a]), len(centres[b])):
+                continue
+            usual = float(np.median(spacing[a])) if np.isfinite(spacing[a]).all() else 10.0
+            shift = np.linalg.norm(centres[a][first] - centres[b][second], axis=1)
+            most, nearly_all = np.quantile(shift, [0.8, 0.97])
+            agrees[a, b] = agrees[b, a] = most < 0.2 + 0.02 * usual and nearly_all < 0.3 + 0.1 * usual
+    return agrees
+
+
+def _merged(group: list[Detections], frames: tuple[int, ...], *, moved: bool) -> StillDots:
+    """Medians of each dot over the frames of a group."""
+    known = np.zeros((0, 2))
+    rows: list[np.ndarray] = []  # per frame: (n, 4) x, y, area, contrast of each known dot
+    for each in group:
+        gate = _GATE * (local_spacing(known) if len(known) > 1 else np.full(len(known), np.inf))
+        first, second = pairs(known, each.centre_px, gate)
+        fresh = np.setdiff1d(np.arange(len(each.centre_px)), second)
+        # A fresh dot close to a known one is that one, split or shadowed, not another marker.
+        if len(known) > 1 and len(fresh):
+            distance, nearest = cKDTree(known).query(each.centre_px[fresh])
+            fresh = fresh[distance > gate[nearest]]
+        values = np.column_stack([each.centre_px, each.area_px2, each.contrast])
+        row = np.full((len(known) + len(fresh), 4), np.nan)
+        row[first] = values[second]
+        row[len(known) :] = values[fresh]
+        known = np.concatenate([known, each.centre_px[fresh]])
+        rows.append(row)
+    table = np.full((len(group), len(known), 4), np.nan)
+    for k, row in enumerate(rows):
+        table[k, : len(row)] = row
+    times = np.isfinite(table[..., 0]).sum(axis=0)
+    table = table[:, times >= max(1.0, 0.4 * len(group))]
+    return _medians(table, frames, moved=moved)
+
+
+def _medians(table: np.ndarray, frames: tuple[int, ...], *, moved: bool) -> StillDots:
+    times = np.isfinite(table[..., 0]).sum(axis=0)
+    middle = np.nanmedian(table, axis=0) if table.size else np.zeros((0, 4))
+    noise = np.full(len(middle), np.nan)
+    enough = times >= 3
+    if enough.any():
+        spread = np.nanmedian(np.abs(table[:, enough, :2] - middle[enough, :2]), axis=0)
+        noise[enough] = _MAD_TO_STD * np.sqrt((spread**2).mean(axis=1))
+    return StillDots(
+        centre_px=read_only(np.ascontiguousarray(middle[:, :2])),
+        area_px2=read_only(np.ascontiguousarray(middle[:, 2])),
+        contrast=read_only(np.ascontiguousarray(middle[:, 3])),
+        noise_px=read_only(noise),
+        times_seen=read_only(times.astype(np.int64)),
+        frames=frames,
+        moved=moved,
+    )

@@ -1,0 +1,252 @@
+"""Options that several verbs share, and how their words become values."""
+
+import math
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from cyclopts import Parameter, Token, validators
+
+from manytouch.cli.terminal.failures import wrong_words
+
+Method = Literal["mechanics", "perimeter", "paper"]
+
+
+def _numbers(tokens: Sequence[Token], counts: tuple[int, ...], form: str) -> list[float]:
+    text = tokens[0].value
+    try:
+        found = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ValueError(f"expected {form}, found {text!r}") from None
+    if len(found) not in counts or not all(map(math.isfinite, found)):
+        raise ValueError(f"expected {form}, found {text!r}")
+    return found
+
+
+def _pitch(_: Any, tokens: Sequence[Token]) -> float | tuple[float, float]:
+    found = _numbers(tokens, (1, 2), "a length or X,Y in mm")
+    if min(found) <= 0:
+        raise ValueError("a pitch is more than 0 mm")
+    return found[0] if len(found) == 1 else (found[0], found[1])
+
+
+def numbers(count: int, form: str) -> Any:
+    """A converter for some numbers with commas between them."""
+
+    def convert(_: Any, tokens: Sequence[Token]) -> tuple[float, ...]:
+        return tuple(_numbers(tokens, (count,), form))
+
+    return convert
+
+
+def pair(form: str) -> Any:
+    """A converter for two numbers."""
+    return numbers(2, form)
+
+
+def _roi(_: Any, tokens: Sequence[Token]) -> tuple[int, int, int, int]:
+    found = _numbers(tokens, (4,), "X,Y,W,H in whole px")
+    if any(value != int(value) for value in found):
+        raise ValueError("expected X,Y,W,H in whole px")
+    x, y, width, height = map(int, found)
+    return x, y, width, height
+
+
+def _frames(_: Any, tokens: Sequence[Token]) -> tuple[int, ...]:
+    words = tokens[0].value.split(",")
+    if not all(word.strip().isdecimal() for word in words):
+        raise ValueError(f"expected numbers of frames N,N,... from 0, found {tokens[0].value}")
+    return tuple(int(word) for word in words)
+
+
+def _size(_: Any, tokens: Sequence[Token]) -> tuple[int, int]:
+    words = tokens[0].value.lower().split("x")
+    if len(words) != 2 or not all(word.isdecimal() and int(word) > 0 for word in words):
+        raise ValueError(f"expected WIDTHxHEIGHT in px such as 2560x1440, found {tokens[0].value!r}")
+    return int(words[0]), int(words[1])
+
+
+def _amount(_: Any, tokens: Sequence[Token]) -> float | str:
+    text = tokens[0].value
+    if text == "auto":
+        return text
+    try:
+        value = float(text)
+    except ValueError:
+        raise ValueError(f"expected a number or auto, found {text!r}") from None
+    if not 0 <= value < math.inf:
+        raise ValueError(f"expected a number from 0, or auto, found {text}")
+    return value
+
+
+def _asked(name: str, metavar: str, words: str, converter: Any = _amount) -> Parameter:
+    """Something to ask a camera for."""
+    return Parameter(name=name, metavar=metavar, converter=converter, n_tokens=1, group="Camera", help=words)
+
+
+def _is_token(_: Any, value: str | None) -> None:
+    if value is not None and not re.fullmatch(r"[A-Za-z0-9_~.-]{8,200}", value):
+        raise ValueError("a token has 8 to 200 letters, digits, or - _ ~ . characters")
+
+
+def refuse_two_scales(verb: str, sensor: str | None, pitch_mm: object, hfov_deg: object) -> None:
+    """A sensor file says pitch and camera.
+
+    Raises:
+        CycloptsError: the words say them too.
+    """
+    if sensor is not None and (pitch_mm is not None or hfov_deg is not None):
+        raise wrong_words(
+            verb, "a sensor already says pitch and camera: leave --pitch-mm and --hfov-deg away"
+        )
+
+
+def positive(what: str, below: float | None = None) -> Any:
+    """A converter for numbers above 0, and below a limit where there is one."""
+
+    def convert(_: Any, tokens: Sequence[Token]) -> float:
+        (value,) = _numbers(tokens, (1,), what)
+        if not value > 0 or (below is not None and value >= below):
+            limit = "" if below is None else f" and less than {below:g}"
+            raise ValueError(f"expected {what} above 0{limit}, found {tokens[0].value}")
+        return value
+
+    return convert
+
+
+def switch(words: str) -> Parameter:
+    """An option that is on when it is named."""
+    return Parameter(negative=(), show_default=False, help=words)
+
+
+def folder(words: str) -> Parameter:
+    """An option that names a folder."""
+    return Parameter(negative=(), metavar="DIR", help=words)
+
+
+def _is_recording(_: Any, path: Path | None) -> None:
+    if path is not None and path.suffix.lower() != ".mcap":
+        raise ValueError("expected a name that ends in .mcap, by which recordings are known")
+
+
+SOURCE_WORDS = "Camera (0, /dev/video2), address of a stream, video, image, folder of images, or sim:."
+NoView = Annotated[bool, switch("Without the viewer.")]
+Host = Annotated[
+    str,
+    Parameter(
+        name="--host",
+        metavar="ADDRESS",
+        help="Address that the viewer listens on; others than this machine's own get a token.",
+    ),
+]
+Port = Annotated[
+    int,
+    Parameter(
+        name="--port",
+        validator=validators.Number(gte=0, lte=65535),
+        help="Port of the viewer. [default: a free one]",
+        show_default=False,
+    ),
+]
+ViewToken = Annotated[
+    str | None,
+    Parameter(
+        name="--token",
+        validator=_is_token,
+        help="Word that the viewer asks visitors for. Without one it is made where others can reach it.",
+    ),
+]
+SensorFile = Annotated[
+    str | None,
+    Parameter(
+        name="--sensor",
+        metavar="FILE",
+        help="Sensor file of this camera and sheet. Without one the markers are found in the first frames.",
+    ),
+]
+MethodName = Annotated[
+    Method | None,
+    Parameter(
+        name="--method",
+        help="How depth is told. [default: mechanics; perimeter without a sheet]",
+        show_default=False,
+    ),
+]
+PitchMm = Annotated[
+    Any,
+    Parameter(
+        name="--pitch-mm",
+        metavar="P|X,Y",
+        converter=_pitch,
+        n_tokens=1,
+        allow_leading_hyphen=True,
+        help="Distance of neighbouring markers in mm. Without it lengths are in pitches.",
+    ),
+]
+HfovDeg = Annotated[
+    Any,
+    Parameter(
+        name="--hfov-deg",
+        metavar="A",
+        converter=positive("an angle in degrees", 180.0),
+        n_tokens=1,
+        help="Horizontal field of view of the camera. Without it 60 degrees are assumed.",
+    ),
+]
+RoiPx = Annotated[
+    Any,
+    Parameter(
+        name="--roi",
+        metavar="X,Y,W,H",
+        converter=_roi,
+        n_tokens=1,
+        allow_leading_hyphen=True,
+        help="Look only at this part of the image, px.",
+    ),
+]
+PictureFrames = Annotated[
+    Any,
+    Parameter(
+        name="--picture",
+        metavar="N,N,...",
+        converter=_frames,
+        n_tokens=1,
+        help="Also draw the surface in 3-D at these frames, counted from 0.",
+    ),
+]
+Fps = Annotated[
+    Any,
+    Parameter(
+        name="--fps",
+        metavar="F",
+        converter=positive("a number of frames per second"),
+        n_tokens=1,
+        help="Frames per second, where the input does not say or says wrong.",
+    ),
+]
+Size = Annotated[Any, _asked("--size", "WxH", "Size of the camera's pictures, px.", _size)]
+ExposureMs = Annotated[Any, _asked("--exposure-ms", "T|auto", "Exposure time of the camera.")]
+Gain = Annotated[Any, _asked("--gain", "G", "Gain, in the camera's own unit.", positive("a gain"))]
+Focus = Annotated[Any, _asked("--focus", "F|auto", "Focus, in the camera's own unit.")]
+WhiteBalanceK = Annotated[Any, _asked("--white-balance-K", "T|auto", "Colour temperature of the light.")]
+NoMjpg = Annotated[
+    bool,
+    Parameter(
+        name="--no-mjpg",
+        negative=(),
+        show_default=False,
+        group="Camera",
+        help="Do not ask for Motion JPEG; large pictures then come slowly over USB.",
+    ),
+]
+RecordFile = Annotated[
+    Path | None,
+    Parameter(
+        name="--record",
+        negative=(),
+        metavar="FILE.mcap",
+        validator=_is_recording,
+        help="Record the pictures as they come, and the readings, to be replayed or opened in Foxglove.",
+    ),
+]

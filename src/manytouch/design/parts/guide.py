@@ -1,0 +1,116 @@
+"""What to buy and print for a design, and how to put it together."""
+
+import csv
+import io
+import math
+from collections.abc import Iterator, Mapping
+
+from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, WEIGHTS_G
+from manytouch.design.choose import Design
+from manytouch.design.parts.casing import CasingChoices, Part, height_mm, ledge_mm, screw_places
+from manytouch.design.parts.meshing import PartMesh
+
+PRINTED_DENSITY_G_PER_CM3 = 1.2
+SCREW_LENGTHS_MM = (8, 10, 12, 16, 20, 25, 30)
+
+
+def bill_of_materials(
+    found: Design, parts: tuple[Part, ...], meshes: Mapping[str, PartMesh], choices: CasingChoices
+) -> str:
+    """CSV: item, count, what, remark. Masses are of solid prints."""
+    table = io.StringIO()
+    writer = csv.writer(table, lineterminator="\n")
+    writer.writerow(["item", "count", "what", "remark"])
+    for part in parts:
+        volume = meshes[part.name].volume_mm3 / 1000
+        mass = volume * PRINTED_DENSITY_G_PER_CM3
+        writer.writerow([part.name, 1, part.material, f"{volume:.1f} cm³, {mass:.0f} g, {part.name}.stl"])
+    writer.writerows(_bought(found, choices))
+    return table.getvalue()
+
+
+def screw_length_mm(found: Design, choices: CasingChoices) -> int:
+    """The shortest usual M3 screw that goes through clamp, sheet and flange into the nut.
+
+    The nut sits in the flange, so that only what is left above it counts.
+    """
+    assert found.sensor.sheet is not None
+    through = choices.clamp_mm + found.sensor.sheet.thickness_mm + choices.clamp_mm
+    return next(length for length in SCREW_LENGTHS_MM if length >= through)
+
+
+def assembly(found: Design, choices: CasingChoices) -> str:
+    """The guide, as Markdown."""
+    sensor = found.sensor
+    sheet, layout = sensor.sheet, sensor.layout
+    assert sheet is not None and layout is not None  # noqa: PT018 - a design has both
+    screws = len(screw_places(sensor, choices))
+    how = (
+        f"Print `sheet.3mf` in two colours, camera side up: the markers are {choices.flush_mm:g} mm deep "
+        "in the face."
+        if layout.height_mm == 0
+        else f"Print `sheet.3mf` camera side up; change to the light filament for the pins "
+        f"({layout.height_mm:g} mm high)."
+    )
+    steps = (
+        f"{how} Solid (100 % infill, lines alternating by 45°), since an even sheet is what the forces are "
+        "told by.",
+        "Print `casing.stl` as it stands, the camera's plate down, in black and matt filament, and "
+        "`clamp.stl`.",
+        f"Fix the camera board under the plate, its lens through the hole. The centre of the lens should "
+        f"then be {sensor.camera.translation_mm[2]:.1f} mm below the sheet "
+        f"({height_mm(sensor, choices):.1f} mm from the outside of the plate to the rim). A millimetre "
+        "more or less does not matter: it is calibrated.",
+        f"Lay an LED strip on the ledge all around ({_strip_mm(found, choices):.0f} mm), and its cable and "
+        "the camera's through the hole. Spread the light with a strip of white paper before it.",
+        "Paint or line the inside matt black; the markers alone shall shine.",
+        "Lay the printed marker pattern on the rim, markers down; focus the camera on it, then lock focus, "
+        "exposure and white balance. Take it off and `manytouch calibrate camera` with a printed board; "
+        "later the sheet is in the way.",
+        f"Put {screws} M3 nuts into the flange from below. Lay the sheet on the rim, markers down, without "
+        "pulling it; lay the clamp on it and tighten the screws crosswise, a little at a time.",
+        "`manytouch calibrate rest`, then `manytouch calibrate sheet` with presses of known force: only then "
+        "are newtons newtons.",
+    )
+    picture = "![the parts as they are printed](parts.png)"
+    lines = [
+        f"# {sensor.name}",
+        "",
+        picture,
+        "",
+        *(f"{place}. {step}" for place, step in enumerate(steps, 1)),
+        "",
+    ]
+    return "\n".join(lines)
+
+
+def _bought(found: Design, choices: CasingChoices) -> Iterator[list[object]]:
+    camera = found.wishes.camera
+    screws = len(screw_places(found.sensor, choices))
+    yield [
+        "camera",
+        1,
+        f"{camera.width_px} x {camera.height_px} px, {camera.hfov_deg:g} degrees wide, focus from "
+        f"{camera.least_focus_mm:g} mm",
+        f"board holes {choices.board_holes_mm[0]:g} x {choices.board_holes_mm[1]:g} mm",
+    ]
+    yield ["screw", screws, f"M3 x {screw_length_mm(found, choices)}", "clamp"]
+    yield ["nut", screws, "M3", "in the casing's flange"]
+    yield ["screw", 4, "M2 x 6, self-tapping", "camera board"]
+    yield [
+        "LED strip",
+        1,
+        f"{_strip_mm(found, choices):.0f} mm, white, 5 V",
+        f"at most {ledge_mm(found.sensor, choices):.0f} mm wide",
+    ]
+    yield ["matt black paint", 1, "spray, or black flock", "inside of the casing"]
+    yield ["ball", 1, f"{2 * TIP_RADIUS_MM:g} mm, a marble", "under the weights, or as the printer's tip"]
+    yield ["weights", 1, f"{', '.join(f'{grams:g}' for grams in WEIGHTS_G)} g", "or a kitchen scale"]
+    yield ["USB cable", 1, "of the camera", f"through a hole of {2 * choices.cable_radius_mm:g} mm"]
+
+
+def _strip_mm(found: Design, choices: CasingChoices) -> float:
+    assert found.sensor.sheet is not None
+    width = ledge_mm(found.sensor, choices)
+    x, y = (float(side) - width for side in found.sensor.sheet.size_mm)
+    return float(math.floor(2 * (x + y)))

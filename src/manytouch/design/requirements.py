@@ -1,0 +1,101 @@
+"""What a person wants of a sensor, and what there is to build it with."""
+
+import math
+from dataclasses import dataclass, fields
+
+from manytouch.errors import ManytouchError
+
+
+class DesignError(ManytouchError):
+    """No sensor can be built that fulfils the wishes; the sentence names the one in the way."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Printer:
+    """What can be printed.
+
+    Attributes:
+        nozzle_mm: width of a line; nothing is thinner.
+        bed_mm: largest part along x, y and z.
+    """
+
+    nozzle_mm: float = 0.4
+    bed_mm: tuple[float, float, float] = (220.0, 220.0, 250.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Optics:
+    """A camera as its data sheet tells it.
+
+    Attributes:
+        width_px, height_px: of its picture.
+        hfov_deg: horizontal field of view.
+        least_focus_mm: the least distance at which it is in focus.
+        fps: pictures per second at that size.
+    """
+
+    width_px: int = 2560
+    height_px: int = 1440
+    hfov_deg: float = 63.7
+    least_focus_mm: float = 100.0
+    fps: float = 30.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Requirements:
+    """What the sensor shall do.
+
+    Attributes:
+        area_mm: (x, y) that can be touched.
+        deepest_mm: press that it shall allow.
+        force_N: smallest and largest normal force of a fingertip (1 cm²) that matter.
+        separation_mm: two equal contacts this far apart shall be told apart.
+        camera: what looks at it.
+        printer: what makes its parts.
+        marker_height_mm: how far markers stand off the sheet; 0 prints them flush, in a second colour.
+        material: name of a material of `MATERIALS`; None chooses.
+        thickness_mm: of the sheet; None chooses.
+    """
+
+    area_mm: tuple[float, float] = (100.0, 60.0)
+    deepest_mm: float = 10.0
+    force_N: tuple[float, float] = (0.1, 10.0)
+    separation_mm: float = 8.0
+    camera: Optics = Optics()
+    printer: Printer = Printer()
+    marker_height_mm: float = 0.0
+    material: str | None = None
+    thickness_mm: float | None = None
+
+    def __post_init__(self) -> None:
+        wrong = [
+            f"{name} = {value}"
+            for name, value in _numbers(self)
+            if not math.isfinite(value) or value < 0 or (value == 0 and name != "marker_height_mm")
+        ]
+        if wrong:
+            raise DesignError(f"these wishes are impossible: {', '.join(wrong)}; give numbers above 0")
+        if self.force_N[0] >= self.force_N[1]:
+            raise DesignError(
+                f"the force range {self.force_N[0]:g} to {self.force_N[1]:g} N is empty: give the smaller "
+                "first"
+            )
+        if self.camera.hfov_deg >= 170:
+            raise DesignError(
+                f"a field of view of {self.camera.hfov_deg:g} degrees is no pinhole camera's: give less "
+                "than 170"
+            )
+
+
+def _numbers(value: object, prefix: str = "") -> list[tuple[str, float]]:
+    found: list[tuple[str, float]] = []
+    for item in fields(value):  # type: ignore[arg-type]
+        here = getattr(value, item.name)
+        name = f"{prefix}{item.name}"
+        if isinstance(here, int | float):
+            found.append((name, float(here)))
+        elif isinstance(here, tuple):
+            found += [(f"{name}[{place}]", float(number)) for place, number in enumerate(here)]
+        elif isinstance(here, Printer | Optics):
+            found += _numbers(here, f"{item.name}.")
+    return found

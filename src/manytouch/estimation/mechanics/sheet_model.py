@@ -1,0 +1,190 @@
+"""The mechanical model of a sensor's sheet, with nominal values for what its file does not say."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation.mechanics.force_clusters import ForceLattice
+from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
+from manytouch.mechanics.solver.normal_equations import NormalEquations
+from manytouch.mechanics.spline.patch import Nodal, PointBasis, SplinePatch
+from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
+from manytouch.values.arrays import Mask, read_only
+
+_LEAST_MARKERS = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SheetModel:
+    """Everything about the sheet that stays the same between frames.
+
+    Attributes:
+        camera, layout: of the sensor.
+        patch, shell, dots, normal: of mechanics; `normal` holds scratch memory only.
+        lattice: of the nodes, in sheet coordinates.
+        nodes: basis at the nodes.
+        pitch_mm: geometric mean.
+        thickness_mm: of the sheet.
+        young_MPa: None when forces stay relative.
+        young_share: its relative deviation.
+        is_outside: (n,) nodes whose forces may be those of the unknown sheet beyond the view.
+        is_beyond: (n,) these, and those so near to a clamped outline that its own forces are on them.
+        is_nominal: were thickness and outline assumed?
+    """
+
+    camera: Camera
+    layout: Layout
+    patch: SplinePatch
+    shell: Shell
+    dots: Dots
+    normal: NormalEquations
+    lattice: ForceLattice
+    nodes: PointBasis
+    pitch_mm: float
+    thickness_mm: float
+    young_MPa: float | None
+    young_share: float
+    is_outside: Mask
+    is_beyond: Mask
+    is_nominal: bool
+
+    def spline(self, coefficient_mm: Nodal, force_mm2: Nodal) -> SheetSpline:
+        """Shape and forces as a value."""
+        return SheetSpline(
+            size_mm=self.patch.size_mm,
+            centre_mm=self.patch.centre_mm,
+            elements=self.patch.elements,
+            is_clamped=self.patch.boundary == "clamped",
+            thickness_mm=self.thickness_mm,
+            poisson=self.shell.poisson,
+            coefficient_mm=coefficient_mm,
+            force_over_E_mm2=force_mm2,
+            young_MPa=self.young_MPa,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class NominalSheet:
+    """What is assumed of a sheet, and how finely it is divided.
+
+    Attributes:
+        poisson: of rubber that is nearly incompressible.
+        thickness_pitch: where nothing says how thick the sheet is.
+        beyond_pitch: how far the model goes on beyond the outer markers where the outline is not known.
+        element_thickness: elements are at most this many thicknesses long, and at most one pitch.
+        most_elements: more are made longer, or frames would take too long.
+        rim_mm: contacts whose centre is nearer to a clamped outline are not believed, in thicknesses; a
+            clamp line that is off by a third of that makes forces there.
+    """
+
+    poisson: float = 0.45
+    thickness_pitch: float = 0.75
+    beyond_pitch: float = 2.5
+    element_thickness: float = 1.4
+    most_elements: int = 1200
+    rim_thickness: float = 2.0
+
+    def __call__(self, sensor: Sensor) -> SheetModel:
+        """The model of a sensor's sheet.
+
+        Raises:
+            SensorError: the sensor has no layout.
+            LayoutError: it has too few markers.
+        """
+        layout = sensor.layout
+        if layout is None:
+            raise SensorError(
+                f"sensor {sensor.name!r} has no [markers]: mechanics needs to know how they lie; "
+                "run `manytouch calibrate rest` first"
+            )
+        if len(layout.rest_mm) < _LEAST_MARKERS:
+            raise LayoutError(
+                f"the layout of sensor {sensor.name!r} has {len(layout.rest_mm)} markers, but mechanics "
+                f"needs at least {_LEAST_MARKERS}: give a region with more of them, or --method perimeter"
+            )
+        sheet, pitch_mm = sensor.sheet, float(np.sqrt(np.prod(layout.pitch_mm)))
+        is_nominal = sheet is None or sheet.is_assumed
+        thickness_mm = self.thickness_pitch * pitch_mm if sheet is None else sheet.thickness_mm
+        patch = self._patch(layout, None if is_nominal else sheet, thickness_mm, pitch_mm)
+        shell = self._shell(patch, sheet, thickness_mm)
+        dots = Dots(
+            shell=shell,
+            camera=sensor.camera,
+            rest_mm=layout.rest_mm,
+            radius_mm=layout.radius_mm,
+            height_mm=layout.height_mm,
+        )
+        low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
+        slack_mm = 0.5 * layout.pitch_mm
+        is_unseen = ((patch.place_mm < low - slack_mm) | (patch.place_mm > high + slack_mm)).any(axis=1)
+        is_outside = is_unseen | patch.is_rim if is_nominal else patch.is_rim
+        inner_mm = np.maximum(-low, high) + slack_mm
+        if not is_nominal and sheet is not None:
+            inner_mm = 0.5 * sheet.size_mm - self.rim_thickness * thickness_mm
+        return SheetModel(
+            camera=sensor.camera,
+            layout=layout,
+            patch=patch,
+            shell=shell,
+            dots=dots,
+            normal=NormalEquations(shell=shell, dots=dots),
+            lattice=ForceLattice(
+                shape=patch.shape,
+                place_mm=patch.place_mm,
+                element_mm=np.array(patch.size_mm) / np.array(patch.elements),
+                inner_mm=read_only(inner_mm),
+                force_unit_mm2=pitch_mm * thickness_mm,
+            ),
+            nodes=patch.at(patch.place_mm),
+            pitch_mm=pitch_mm,
+            thickness_mm=thickness_mm,
+            young_MPa=None if sheet is None or sensor.length_unit != "mm" else sheet.young_MPa,
+            young_share=_young_share(sheet),
+            is_outside=read_only(is_outside),
+            is_beyond=read_only(is_outside | (np.abs(patch.place_mm) > inner_mm).any(axis=1)),
+            is_nominal=is_nominal,
+        )
+
+    def _patch(
+        self, layout: Layout, sheet: Sheet | None, thickness_mm: float, pitch_mm: float
+    ) -> SplinePatch:
+        """The sheet of the file, or what the markers cover and something around it."""
+        if sheet is not None:
+            size_mm, centre_mm = sheet.size_mm, np.zeros(2)
+        else:
+            low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
+            size_mm = high - low + 2.0 * self.beyond_pitch * layout.pitch_mm
+            centre_mm = 0.5 * (low + high)
+        longest_mm = np.minimum(layout.pitch_mm, self.element_thickness * thickness_mm)
+        count = np.maximum(np.rint(size_mm / longest_mm), 4)
+        count = np.maximum(np.floor(count * min(1.0, np.sqrt(self.most_elements / np.prod(count)))), 4)
+        return SplinePatch(
+            size_mm=(float(size_mm[0]), float(size_mm[1])),
+            elements=(int(count[0]), int(count[1])),
+            boundary="clamped" if sheet is not None else "soft",
+            centre_mm=(float(centre_mm[0]), float(centre_mm[1])),
+        )
+
+    def _shell(self, patch: SplinePatch, sheet: Sheet | None, thickness_mm: float) -> Shell:
+        """Forces over E: a pretension counts only where E is known."""
+        stretched_mm, bending, poisson = 0.0, 1.0, self.poisson
+        if sheet is not None:
+            poisson = self.poisson if sheet.poisson is None else sheet.poisson
+            bending = 1.0 if sheet.bending_factor is None else sheet.bending_factor
+            if sheet.pretension_N_per_mm is not None and sheet.young_MPa is not None:
+                stretched_mm = sheet.pretension_N_per_mm / sheet.young_MPa
+        return Shell(
+            patch=patch,
+            thickness_mm=thickness_mm,
+            poisson=poisson,
+            pretension_over_E_mm=stretched_mm,
+            bending_factor=THICK_BENDING * bending,
+        )
+
+
+def _young_share(sheet: Sheet | None) -> float:
+    if sheet is None or sheet.young_MPa is None or sheet.young_std_MPa is None:
+        return 0.0
+    return sheet.young_std_MPa / sheet.young_MPa

@@ -1,0 +1,102 @@
+"""Which estimate belongs to which truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import cKDTree
+
+from manytouch.evaluation.records.record import ContactRows
+from manytouch.values.arrays import Counts, Points2, Scalars, read_only
+
+GATE_MM = 3.0
+PITCH_MM = 4.0  # of the sheet for which the gate was chosen; in pitches it is 3 mm of 4 mm
+FAINT_MM = 0.3
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ContactPairs:
+    """Contacts of truth and estimate that belong together, as rows of their tables.
+
+    Attributes:
+        true_row, estimated_row: (k,) of each pair.
+        is_required: true contacts that must be found; the others are too faint to be asked for.
+        is_counted: estimated contacts that are right or wrong; the others sit on a faint true one.
+    """
+
+    true_row: Counts
+    estimated_row: Counts
+    is_required: Bool[np.ndarray, " t"]
+    is_counted: Bool[np.ndarray, " e"]
+
+
+def assigned(distance: Float64[np.ndarray, "a b"], gate: float) -> Int64[np.ndarray, "k 2"]:
+    """One-to-one pairs (row, column) nearer than a gate: as many as can be, then of least total distance.
+
+    Hungarian method (Kuhn 1955, doi:10.1002/nav.3800020109). NaN is never near.
+    """
+    near = np.nan_to_num(distance, nan=np.inf) < gate
+    if not near.any():
+        return np.zeros((0, 2), dtype=np.int64)
+    refused = 10.0 * gate * min(distance.shape)
+    row, column = linear_sum_assignment(np.where(near, distance, refused))
+    kept = near[row, column]
+    return np.column_stack([row[kept], column[kept]]).astype(np.int64)
+
+
+def match_contacts(
+    truth: ContactRows, estimated: ContactRows, *, gate_mm: float = GATE_MM, faint_mm: float = FAINT_MM
+) -> ContactPairs:
+    """Pair the contacts of each frame by the distance of their centres.
+
+    A true contact that presses less than `faint_mm` deep need not be found, and who finds it is not
+    wrong: it takes part in the pairing and is then left out of both counts. Where its depth is not
+    known it must be found.
+    """
+    true_rows, estimated_rows = [], []
+    for frame in np.intersect1d(truth.frame, estimated.frame):
+        mine, theirs = rows_of(truth, int(frame)), rows_of(estimated, int(frame))
+        away = np.linalg.norm(truth.centre_mm[mine][:, None] - estimated.centre_mm[theirs][None], axis=2)
+        pair = assigned(away, gate_mm)
+        true_rows.append(mine[pair[:, 0]])
+        estimated_rows.append(theirs[pair[:, 1]])
+    true_row = np.concatenate([np.zeros(0, np.int64), *true_rows])
+    estimated_row = np.concatenate([np.zeros(0, np.int64), *estimated_rows])
+    is_required = ~(truth.depth_mm < faint_mm)
+    is_counted = np.ones(len(estimated.frame), dtype=bool)
+    is_counted[estimated_row] = is_required[true_row]
+    kept = is_required[true_row]
+    return ContactPairs(
+        true_row=read_only(true_row[kept]),
+        estimated_row=read_only(estimated_row[kept]),
+        is_required=read_only(is_required),
+        is_counted=read_only(is_counted),
+    )
+
+
+def rows_of(rows: ContactRows, frame: int) -> Counts:
+    """Which rows belong to a frame; they stand together, for rows are in the order of their frames."""
+    begin, end = np.searchsorted(rows.frame, [frame, frame + 1])
+    return np.arange(begin, end)
+
+
+def nearest_dots(
+    truth: Float64[np.ndarray, "t 2"], estimated: Points2, gate_px: float
+) -> tuple[Counts, Scalars]:
+    """For each estimated dot (n,) the true dot it stands for, -1 for none, and their distance.
+
+    It is the nearest one within the gate; of several estimates on one true dot only the nearest is
+    right.
+    """
+    count = len(estimated)
+    which, away = np.full(count, -1), np.full(count, np.nan)
+    if count == 0 or len(truth) == 0:
+        return which, away
+    distance, nearest = cKDTree(truth).query(estimated, distance_upper_bound=gate_px)
+    order = np.argsort(distance, kind="stable")
+    order = order[np.isfinite(distance[order])]
+    _, first = np.unique(nearest[order], return_index=True)
+    right = order[first]
+    which[right], away[right] = nearest[right], distance[right]
+    return which, away

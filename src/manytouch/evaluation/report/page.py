@@ -1,0 +1,131 @@
+"""The report: one HTML page that needs nothing else, and the same as JSON."""
+
+import base64
+import json
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from manytouch.errors import MissingExtraError
+from manytouch.evaluation.metrics.comparison import MethodErrors, calibrations
+from manytouch.evaluation.metrics.separation import RATIOS
+from manytouch.evaluation.report import charts, maps
+from manytouch.evaluation.report.ratings import case_rows, halves_rows, judgement, table
+from manytouch.evaluation.report.report_data import contents, part, unit_of
+from manytouch.evaluation.report.svg_theme import require_matplotlib
+from manytouch.evaluation.suite.runner import Evaluation
+from manytouch.sinks.files.atomic_output import AtomicOutput, told
+
+PAGE = "page.html.jinja"
+QUANTITIES = ("centre", "depth", "position", "force")
+WORST_PER_METHOD = 2
+
+
+def require_packages() -> None:
+    """Raises MissingExtraError when the page cannot be made; to be asked before a long run."""
+    if find_spec("jinja2") is None:
+        raise MissingExtraError("the report", "jinja2", "report")
+    require_matplotlib()
+
+
+def write_report(evaluation: Evaluation, folder: Path) -> Path:
+    """Write report.html and report.json; each is complete or absent.
+
+    Returns:
+        The page.
+
+    Raises:
+        MissingExtraError: jinja2 or matplotlib is not installed.
+        OutputError: the folder cannot be written.
+    """
+    require_packages()
+    told_all = contents(evaluation)
+    _write(folder / "report.json", json.dumps(told_all, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    page = folder / "report.html"
+    _write(page, rendered(evaluation, told_all))
+    return page
+
+
+def rendered(evaluation: Evaluation, told_all: dict[str, Any]) -> str:
+    """The page as text."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+    from markupsafe import Markup
+
+    environment = Environment(
+        loader=PackageLoader("manytouch.evaluation", "."),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    compared = {method: one for method in evaluation.methods if (one := part(evaluation, method)) is not None}
+    unit = unit_of(evaluation)
+    drawn = _drawings(evaluation, compared, unit)
+    return environment.get_template(PAGE).render(
+        evaluation=evaluation,
+        told=told_all,
+        unit=unit,
+        compared=compared,
+        judgement=judgement(told_all),
+        table=lambda section: table(told_all, section),
+        halves=halves_rows(told_all),
+        cases=case_rows(told_all),
+        drawn={name: [Markup(item) for item in items] for name, items in drawn.items()},
+        worst=_worst(evaluation, unit, Markup),
+        settings=json.dumps(told_all["settings"], indent=1, ensure_ascii=False),
+        minutes=evaluation.seconds / 60,
+    )
+
+
+def _drawings(evaluation: Evaluation, compared: dict[str, MethodErrors], unit: str) -> dict[str, list[str]]:
+    if not compared:
+        return {}
+    deviations = {method: calibrations(one) for method, one in compared.items()}
+    promised = [name for name in QUANTITIES if any(found[name] for found in deviations.values())]
+    forces = [one.contacts for one in compared.values()]
+    is_force = any(np.isfinite(one.force_N - one.true_force_N).any() for one in forces)
+    depth = [charts.depth_error_chart(compared)]
+    if len(evaluation.trials) > 1:
+        depth.append(charts.rmse_chart(evaluation.trials, evaluation.methods))
+    return {
+        "maps": maps.error_maps(compared),
+        "depth": depth,
+        "contacts": [charts.position_chart(compared), charts.offset_chart(compared)],
+        "force": [charts.force_chart(compared)] if is_force else [],
+        "separation": [charts.separation_chart(compared, ratio) for ratio in RATIOS],
+        "reliability": [charts.reliability_chart(deviations, name) for name in promised],
+        "latency": [charts.latency_chart(compared)],
+    }
+
+
+def _worst(evaluation: Evaluation, unit: str, markup: Any) -> list[dict[str, Any]]:
+    shown = []
+    for method in evaluation.methods:
+        everything = [one for trial in evaluation.trials for one in trial.comparisons if one.method == method]
+        for moment in maps.worst_moments(everything, WORST_PER_METHOD):
+            shown.append(
+                {
+                    "moment": moment,
+                    "missed": int((~moment.is_found).sum()),
+                    "false": int((~moment.is_right).sum()),
+                    "maps": markup(maps.worst_figure(moment, unit)),
+                    "picture": None if moment.picture is None else data_address(moment.picture),
+                }
+            )
+    return shown
+
+
+def data_address(picture: np.ndarray) -> str:
+    """A picture as the address of itself."""
+    _, encoded = cv2.imencode(".jpg", picture, [cv2.IMWRITE_JPEG_QUALITY, 72])
+    return "data:image/jpeg;base64," + base64.b64encode(encoded.tobytes()).decode("ascii")
+
+
+def _write(path: Path, text: str) -> None:
+    staged = AtomicOutput(path)
+    with told(path):
+        staged.aside.write_text(text, encoding="utf-8")
+    staged.finish()

@@ -1,0 +1,182 @@
+"""The report's tables and sentences: which figures are good and which are poor."""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from manytouch.evaluation.metrics.metric_specs import YARDSTICKS, MetricSpec, found, off_aim, verdict, written
+from manytouch.values import LengthUnit
+
+SIGNS = {"good": "●", "fair": "◐", "poor": "○", "none": ""}
+NOT_GIVEN = "not given"
+SAME_SHARE_PERCENT = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """One figure of a table.
+
+    Attributes:
+        text: with its unit.
+        verdict: good, fair, poor or none.
+        sign: the same as a shape, for those who do not see the colour.
+        is_best: better than those of all other methods?
+    """
+
+    text: str
+    verdict: str
+    sign: str
+    is_best: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One line of a table: a label and a cell for each method."""
+
+    section: str
+    label: str
+    limits: str
+    cells: tuple[Cell, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judgement:
+    """What is good and what is poor of one method: labels and figures."""
+
+    method: str
+    good: tuple[tuple[str, str], ...]
+    poor: tuple[tuple[str, str], ...]
+    missing: tuple[str, ...]
+
+
+def table(told: dict[str, Any], section: str) -> list[Row]:
+    """The rows of a section, or of "summary", of all recordings; without figures that nobody gives."""
+    everything = [told["figures"][method]["all"] for method in told["methods"]]
+    unit: LengthUnit = told["unit"]
+    lines = [
+        line for line in YARDSTICKS if (line.is_head if section == "summary" else line.section == section)
+    ]
+    rows = []
+    for line in lines:
+        cells = [cell(line, figured, unit) for figured in everything]
+        if section != "summary" and all(one.text == NOT_GIVEN for one in cells):
+            continue
+        best = _best(line, everything)
+        if best is not None and [one.text for one in cells].count(cells[best].text) == 1:
+            cells[best] = replace(cells[best], is_best=True)
+        rows.append(
+            Row(section=line.section, label=line.label, limits=limits(line, unit), cells=tuple(cells))
+        )
+    return rows
+
+
+def cell(line: MetricSpec, figured: dict[str, Any], unit: LengthUnit) -> Cell:
+    """A figure with its verdict; a separation that is never reached is poor, not missing."""
+    value = found(line, figured)
+    if line.section == "separation" and not np.isfinite(value) and figured["separation"]["pairs"]:
+        return Cell(text="never", verdict="poor", sign=SIGNS["poor"])
+    word = verdict(line, value, unit)
+    return Cell(text=written(line, value, unit), verdict=word, sign=SIGNS[word])
+
+
+def limits(line: MetricSpec, unit: LengthUnit) -> str:
+    """From where on a figure is good and poor, for the table's last column."""
+    if line.good is None or line.poor is None:
+        return ""
+    scale = 0.25 if line.unit == "mm" and unit == "pitch" else 1.0
+    good, poor = line.good * scale, line.poor * scale
+    if line.is_factor:
+        return f"{line.aim:g} within × {good:g}, poor beyond × {poor:g}"
+    if line.unit == "share" and line.aim is not None:
+        return f"{100 * line.aim:g} ± {100 * good:g}, poor beyond ± {100 * poor:g}"
+    if line.aim is not None:
+        return f"{line.aim:g} ± {good:g}, poor beyond ± {poor:g}"
+    sides = ("≥", "<") if good > poor else ("≤", ">")
+    return f"{sides[0]} {good:g}, poor {sides[1]} {poor:g}"
+
+
+def judgement(told: dict[str, Any]) -> list[Judgement]:
+    """What of the summary is good of each method, what is poor, and what it does not give."""
+    lines = [line for line in YARDSTICKS if line.is_head]
+    judged = []
+    for method in told["methods"]:
+        shown = [(line.label, cell(line, told["figures"][method]["all"], told["unit"])) for line in lines]
+        sides = {
+            word: tuple((label, one.text) for label, one in shown if one.verdict == word) for word in SIGNS
+        }
+        judged.append(
+            Judgement(
+                method=method,
+                good=sides["good"],
+                poor=sides["poor"],
+                missing=tuple(label for label, _ in sides["none"]),
+            )
+        )
+    return judged
+
+
+def halves_rows(told: dict[str, Any]) -> list[dict[str, Any]]:
+    """Main figures by group and half, one row for each part and method."""
+    names = {
+        "nominal": "nominal",
+        "separation": "separation",
+        "stress": "stress",
+        "looked_at": "half that may be looked at",
+        "held_out": "half that is held out",
+    }
+    keys = (
+        *(("depth", "rmse_median_mm"), ("depth", "rmse_worst_mm"), ("depth", "peak_percent")),
+        *(("contacts", "precision_percent"), ("contacts", "recall_percent")),
+        *(("contacts", "position_median_mm"), ("force", "normal_median_percent")),
+    )
+    lines = [next(line for line in YARDSTICKS if (line.section, line.key) == key) for key in keys]
+    rows = []
+    for name, words in names.items():
+        for method in told["methods"]:
+            figured = told["figures"][method].get(name)
+            if figured is not None:
+                values = [written(line, found(line, figured), told["unit"]) for line in lines]
+                rows.append({"part": words, "method": method, "values": values})
+    return rows
+
+
+def case_rows(told: dict[str, Any]) -> list[dict[str, Any]]:
+    """The main figures of every recording."""
+    keys = (("depth", "rmse_median_mm"), ("contacts", "recall_percent"), ("contacts", "precision_percent"))
+    lines = [next(line for line in YARDSTICKS if (line.section, line.key) == key) for key in keys]
+    return [
+        {
+            "title": one["title"],
+            "case": one["case"],
+            "cells": [
+                [cell(line, one["figures"][method], told["unit"]) for line in lines]
+                for method in told["methods"]
+            ],
+        }
+        for one in told["cases"]
+    ]
+
+
+def _best(line: MetricSpec, everything: list[dict[str, Any]]) -> int | None:
+    """The method with the best figure; None where they cannot be compared.
+
+    Errors of depth and force are those of what is given, so they are not ranked when the methods do
+    not give about the same share.
+    """
+    if line.good is None or line.poor is None:
+        return None
+    known = [(found(line, one), index) for index, one in enumerate(everything)]
+    known = [(value, index) for value, index in known if np.isfinite(value)]
+    given = {"depth": "given_percent", "force": "normal_given_percent"}.get(line.section)
+    if given is not None and line.key != given:
+        shares = [float(one[line.section][given] or 0.0) for one in everything]
+        if max(shares) - min(shares) > SAME_SHARE_PERCENT:
+            return None
+    if len(known) < 2:
+        return None
+    if line.aim is not None:
+        known = [(off_aim(line, value), index) for value, index in known]
+    elif line.good > line.poor:
+        known = [(-value, index) for value, index in known]
+    return min(known)[1]

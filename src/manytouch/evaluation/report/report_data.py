@@ -1,0 +1,121 @@
+"""An evaluation as plain numbers: what report.json says and the page shows."""
+
+import math
+from collections.abc import Iterable
+from dataclasses import asdict
+from typing import Any
+
+from manytouch.evaluation.metrics.comparison import MethodErrors, calibrations, curves, figures, pooled
+from manytouch.evaluation.metrics.metric_specs import YARDSTICKS, found, verdict, written
+from manytouch.evaluation.suite.runner import Evaluation, Trial
+
+SCHEMA = 1
+PARTS = ("all", "nominal", "separation", "stress", "looked_at", "held_out")
+
+
+def contents(evaluation: Evaluation) -> dict[str, Any]:
+    """Everything in numbers and words; None where a figure is not given."""
+    whole = {method: part(evaluation, method) for method in evaluation.methods}
+    told: dict[str, Any] = plain(
+        {
+            "schema": SCHEMA,
+            "title": evaluation.title,
+            "truth": evaluation.truth_in_words,
+            "unit": unit_of(evaluation),
+            "methods": list(evaluation.methods),
+            "recordings": len(evaluation.trials),
+            "seconds": evaluation.seconds,
+            "figures": {method: _parts(evaluation, method) for method in evaluation.methods},
+            "curves": {method: curves(one) for method, one in whole.items() if one is not None},
+            "promised": _promised(whole.values()),
+            "verdicts": {method: _verdicts(one) for method, one in whole.items() if one is not None},
+            "cases": [_case(trial) for trial in evaluation.trials],
+            "left_out": dict(evaluation.left_out),
+            "notes": {method: list(one.notes) for method, one in whole.items() if one is not None},
+            "settings": dict(evaluation.settings),
+        }
+    )
+    return told
+
+
+def part(evaluation: Evaluation, method: str, name: str = "all") -> MethodErrors | None:
+    """A method's errors on one of `PARTS` of the recordings, pooled; None when there are none."""
+    some = [
+        one
+        for trial in evaluation.trials
+        if belongs(trial, name)
+        for one in trial.comparisons
+        if one.method == method
+    ]
+    return pooled(some, evaluation.title) if some else None
+
+
+def in_short(evaluation: Evaluation, method: str) -> str:
+    """The main figures of a method in one line."""
+    keys = (
+        *(("depth", "rmse_median_mm"), ("depth", "peak_percent"), ("contacts", "precision_percent")),
+        *(("contacts", "recall_percent"), ("contacts", "position_median_mm"), ("latency", "p50_ms")),
+    )
+    one = part(evaluation, method)
+    if one is None:
+        return "no recording"
+    everything = figures(one)
+    lines = [line for line in YARDSTICKS if (line.section, line.key) in keys]
+    return ", ".join(f"{line.label} {written(line, found(line, everything), one.unit)}" for line in lines)
+
+
+def unit_of(evaluation: Evaluation) -> str:
+    """The unit of all lengths."""
+    return evaluation.trials[0].comparisons[0].unit if evaluation.trials else "mm"
+
+
+def belongs(trial: Trial, name: str) -> bool:
+    """Does a recording belong to one of `PARTS`?"""
+    if name == "all":
+        return True
+    if trial.case is None:
+        return False
+    if name in {"looked_at", "held_out"}:
+        return trial.case.looked_at == (name == "looked_at")
+    return trial.case.group == name
+
+
+def _promised(compared: Iterable[MethodErrors | None]) -> dict[str, bool]:
+    """Of which quantities any method gives deviations that can be judged."""
+    given = [calibrations(one) for one in compared if one is not None]
+    return {name: any(one[name] for one in given) for name in ("centre", "depth", "position", "force")}
+
+
+def _parts(evaluation: Evaluation, method: str) -> dict[str, Any]:
+    parts = {name: part(evaluation, method, name) for name in PARTS}
+    return {name: figures(one) for name, one in parts.items() if one is not None}
+
+
+def _verdicts(comparison: MethodErrors) -> dict[str, str]:
+    everything = figures(comparison)
+    return {
+        f"{line.section}.{line.key}": word
+        for line in YARDSTICKS
+        if (word := verdict(line, found(line, everything), comparison.unit)) != "none"
+    }
+
+
+def _case(trial: Trial) -> dict[str, Any]:
+    return {
+        "title": trial.title,
+        "case": None if trial.case is None else asdict(trial.case),
+        "figures": {one.method: figures(one) for one in trial.comparisons},
+        "notes": {one.method: list(one.notes) for one in trial.comparisons},
+    }
+
+
+def plain(value: Any) -> Any:
+    """Only what JSON knows; NaN and infinity become None."""
+    if isinstance(value, dict):
+        return {str(key): plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, bool) or value is None or isinstance(value, str | int):
+        return value
+    number = float(value)
+    return number if math.isfinite(number) else None

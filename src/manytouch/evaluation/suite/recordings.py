@@ -1,0 +1,108 @@
+"""Who makes the pictures and the truth of a case."""
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+
+from manytouch.evaluation.suite.cases import RAMP_FRAMES, REST_FRAMES, Case
+from manytouch.evaluation.suite.sensors import true_sensor
+from manytouch.evaluation.suite.solutions import Solutions
+from manytouch.simulation.render.discs import Look
+from manytouch.simulation.render.optics import Optics
+from manytouch.simulation.scene.deformation import Deformation, unmoved
+from manytouch.simulation.scene.solid_scene import SolidScene
+from manytouch.simulation.simulator import Simulator
+from manytouch.values import Frame, Sensor, Truth
+
+FPS = 30.0
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Recording:
+    """A case, played.
+
+    Attributes:
+        sensor: as it truly is.
+        frames: the pictures, the first 15 at rest.
+        truths: one for each frame.
+    """
+
+    sensor: Sensor
+    frames: tuple[Frame, ...]
+    truths: tuple[Truth, ...]
+
+
+@runtime_checkable
+class Twin(Protocol):
+    """A digital twin of the sensor that can play cases."""
+
+    @property
+    def in_words(self) -> str:
+        """What kind of truth it is, and what is not in it."""
+
+    def refusal(self, case: Case) -> str | None:
+        """Why it cannot play a case; None when it can."""
+
+    def play(self, case: Case) -> Recording:
+        """Pictures and truth of a case."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FemTwin:
+    """The sheet as a 3-D solid under rigid balls, one equilibrium per frame of the ramp.
+
+    Attributes:
+        solutions: the solved cases.
+    """
+
+    solutions: Solutions
+
+    @property
+    def in_words(self) -> str:
+        return (
+            "A clamped sheet of nearly incompressible rubber (neo-Hooke) under pretension as a 3-D solid: "
+            "quadratic finite elements with large deformation, pressed by rigid balls, with friction where "
+            "a case says so; the camera sees the bent dots through its lens, in uneven light and with "
+            "noise. Not in it: creep, sag, uneven thickness, shadows of the fingers"
+        )
+
+    def refusal(self, case: Case) -> str | None:
+        states = self.solutions.known(case)
+        if states is None:
+            return "it is not solved yet"
+        return None if len(states) == RAMP_FRAMES else "no equilibrium was found"
+
+    def play(self, case: Case) -> Recording:
+        states = self.solutions.known(case) or self.solutions.solve(case)
+        return played(case, states)
+
+
+def played(case: Case, states: tuple[Deformation, ...]) -> Recording:
+    """The recording of a sheet that is at rest, goes through some states, and stays in the last.
+
+    Every frame of the ramp is one of the states, so nothing is interpolated.
+    """
+    sensor = true_sensor(case)
+    frames = np.array([0, *range(REST_FRAMES - 1, REST_FRAMES + len(states)), case.frame_count])
+    rest = unmoved(states[0])
+    scene = SolidScene(
+        name=case.title,
+        time_s=frames / FPS,
+        states=(rest, rest, *states, states[-1]),
+        seed=case.seed,
+        duration_s=case.frame_count / FPS,
+    )
+    simulator = Simulator(
+        sensor=sensor,
+        scene=scene,
+        fps=FPS,
+        look=Look(tilt_x=0.12, tilt_y=-0.08, vignetting=0.25, read_noise=case.noise),
+        optics=Optics(blur_px=0.8 * case.width_px / 1280),
+    )
+    numbers = range(case.frame_count)
+    return Recording(
+        sensor=sensor,
+        frames=tuple(simulator.frame(number) for number in numbers),
+        truths=tuple(simulator.truth(number) for number in numbers),
+    )

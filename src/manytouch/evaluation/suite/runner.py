@@ -1,0 +1,200 @@
+"""Runs the suite: every case played once and read by every method."""
+
+import hashlib
+import os
+import pickle
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache, partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import manytouch
+from manytouch.calibration.rest.assumed_sensor import register_rest
+from manytouch.errors import ManytouchError
+from manytouch.evaluation.metrics.comparison import MethodErrors, compare
+from manytouch.evaluation.metrics.contacts import contact_figures
+from manytouch.evaluation.metrics.depth import depth_figures
+from manytouch.evaluation.records.in_memory import record_of_readings, record_of_truths
+from manytouch.evaluation.records.record import Record, contact_rows
+from manytouch.evaluation.suite.cases import REST_FRAMES, Case
+from manytouch.evaluation.suite.recordings import Recording, Twin
+from manytouch.evaluation.suite.sensors import nominal_sensor
+from manytouch.evaluation.suite.workers import Watch, worked
+from manytouch.pipeline import Pipeline
+from manytouch.sinks.files.atomic_output import told
+from manytouch.values.arrays import read_only
+
+CONTACT_COLUMNS = (
+    *("frame", "id", "x", "y", "depth", "normal_force", "shear_x", "shear_y", "x_std", "y_std"),
+    *("depth_std", "force_std", "shear_x_std", "shear_y_std"),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Trial:
+    """One recording and what each method made of it.
+
+    Attributes:
+        title: of the recording.
+        case: of the suite, or None for a recording of somebody's own.
+        comparisons: one for each method.
+    """
+
+    title: str
+    case: Case | None
+    comparisons: tuple[MethodErrors, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Evaluation:
+    """All that a report tells.
+
+    Attributes:
+        title: of the report.
+        truth_in_words: what the truth is, and what is not in it.
+        methods: in the order of the tables.
+        trials: all recordings.
+        left_out: titles of cases that could not be played, and why.
+        settings: parameters, versions and whatever else should be known, by method.
+        seconds: that the whole took; NaN when it was only compared.
+    """
+
+    title: str
+    truth_in_words: str
+    methods: tuple[str, ...]
+    trials: tuple[Trial, ...]
+    left_out: Mapping[str, str] = field(default_factory=dict)
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    seconds: float = float("nan")
+
+
+def run_suite(
+    cases: Sequence[Case],
+    methods: Mapping[str, Pipeline],
+    twin: Twin,
+    *,
+    settings: Mapping[str, Any],
+    watch: Watch | None = None,
+    stop: Callable[[], bool] | None = None,
+    processes: int = 1,
+    kept: Path | None = None,
+) -> Evaluation:
+    """Play cases and compare what the methods read with what was true.
+
+    Args:
+        cases: from `suite.cases`.
+        methods: pipelines by the names of their methods.
+        twin: who plays the cases.
+        settings: for the record.
+        watch: told what happens.
+        stop: asked before each case; once it says True the rest is left out.
+        processes: cases that are read at once.
+        kept: folder in which each trial is kept, so that a run that was killed goes on; None: nowhere.
+    """
+    begun_s = time.monotonic()
+    left_out = {case.title: reason for case in cases if (reason := twin.refusal(case)) is not None}
+    playable = [case for case in cases if case.title not in left_out]
+    if watch is not None:
+        watch.begin("reading", len(playable))
+        for reason in dict.fromkeys(left_out.values()):
+            count = list(left_out.values()).count(reason)
+            watch.say(f"left out: {count} {'case' if count == 1 else 'cases'}, since {reason}")
+    trials: dict[int, Trial] = {}
+    read = partial(kept_trial, methods=methods, twin=twin, kept=kept)
+    for number, trial in worked(read, playable, processes=processes, stop=stop):
+        trials[number] = trial
+        if watch is not None:
+            watch.done(playable[number].title, in_words(trial))
+    left_out |= {
+        case.title: "the run was stopped" for number, case in enumerate(playable) if number not in trials
+    }
+    return Evaluation(
+        title="Accuracy suite",
+        truth_in_words=twin.in_words,
+        methods=tuple(methods),
+        trials=tuple(trials[number] for number in sorted(trials)),
+        left_out=left_out,
+        settings=settings,
+        seconds=time.monotonic() - begun_s,
+    )
+
+
+def kept_trial(case: Case, *, methods: Mapping[str, Pipeline], twin: Twin, kept: Path | None) -> Trial:
+    """A case's trial: the one that is kept where nothing has changed since, else a new one, which is kept."""
+    if kept is None:
+        return try_case(case, methods, twin.play(case))
+    depends = (code_of_the_package(), repr(case), repr(dict(methods)), repr(twin))
+    path = kept / f"{hashlib.sha256(chr(10).join(depends).encode()).hexdigest()[:24]}.trial"
+    try:
+        trial = pickle.loads(path.read_bytes())
+    except (OSError, pickle.UnpicklingError, EOFError):
+        trial = None
+    if isinstance(trial, Trial):
+        return trial
+    trial = try_case(case, methods, twin.play(case))
+    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    with told(path):
+        kept.mkdir(parents=True, exist_ok=True)
+        aside.write_bytes(pickle.dumps(trial))
+        aside.replace(path)
+    return trial
+
+
+@cache
+def code_of_the_package() -> str:
+    """A hash of every line of manytouch: any of them may change what a method says."""
+    package = Path(manytouch.__file__).parent
+    sources = (path.read_bytes() for path in sorted(package.rglob("*.py")))
+    return hashlib.sha256(b"\0".join(sources)).hexdigest()
+
+
+def try_case(case: Case, methods: Mapping[str, Pipeline], recording: Recording) -> Trial:
+    """Read a recording with every method, each from the sensor as it is told."""
+    truth = record_of_truths(recording.truths, recording.sensor, name=case.title)
+    pictures = {frame.index: frame.image for frame in recording.frames}
+    comparisons = []
+    for method, pipeline in methods.items():
+        note: tuple[str, ...] = ()
+        try:
+            sensor = register_rest(nominal_sensor(case), recording.frames[:REST_FRAMES])
+            for _ in pipeline.run(recording.frames[:2], sensor):
+                pass  # compiling and first touches are in no frame's time
+            readings = tuple(pipeline.run(recording.frames, sensor))
+            estimated = record_of_readings(readings, sensor, name=case.title, method=method)
+        except ManytouchError as error:
+            note = (f"{case.title}: {method} could not begin: {error}",)
+            estimated = silent(truth, method)
+        found = compare(truth, estimated, picture=pictures.get)
+        comparisons.append(replace(found, notes=(*note, *found.notes)))
+    return Trial(title=case.title, case=case, comparisons=tuple(comparisons))
+
+
+def silent(truth: Record, method: str) -> Record:
+    """What a method says that says nothing: it is measured like all others."""
+    no_contacts = contact_rows({name: np.zeros(0) for name in CONTACT_COLUMNS})
+    return replace(
+        truth,
+        method=method,
+        status=("not_begun",) * len(truth.frame),
+        centre_px=read_only(np.full(truth.centre_px.shape, np.nan)),
+        centre_std_px=read_only(np.full(truth.centre_px.shape, np.nan)),
+        depth_mm=read_only(np.full(truth.depth_mm.shape, np.nan)),
+        depth_std_mm=read_only(np.full(truth.depth_mm.shape, np.nan)),
+        contacts=no_contacts,
+    )
+
+
+def in_words(trial: Trial) -> str:
+    """One line: what each method made of a recording."""
+    parts: list[str] = []
+    for comparison in trial.comparisons:
+        rmse = depth_figures(comparison.depth)["rmse_median_mm"]
+        depth = f"depth RMSE {rmse:.3f} {comparison.unit}" if np.isfinite(rmse) else "no depth"
+        recall = contact_figures(comparison.contacts)["recall_percent"]
+        found = "no contact to find" if np.isnan(recall) else f"{recall:.0f} % of the contacts found"
+        parts.append(f"{comparison.method}: {depth}, {found}")
+    return "; ".join(parts)

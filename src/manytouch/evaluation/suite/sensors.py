@@ -1,0 +1,82 @@
+"""The sensor of a case, as it truly is and as the methods are told."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from manytouch.evaluation.suite.cases import Case
+from manytouch.values import Camera, Layout, Sensor, Sheet
+from manytouch.values.arrays import read_only
+
+DESIGNED_WIDTH_PX, FOCAL_PX, DISTANCE_MM = 2560, 2061.0, 116.3  # for a sheet of 120 x 80 mm
+DISTORTION = (-0.04, 0.006, 2e-4, -3e-4, 0.0)
+
+
+def true_sensor(case: Case) -> Sensor:
+    """The sensor as it is: the picture just holds the sheet, the lens has a mild barrel distortion."""
+    width_mm, height_mm = case.size_mm
+    share = case.width_px / DESIGNED_WIDTH_PX
+    camera = Camera(
+        width_px=case.width_px,
+        height_px=round(1440 * share),
+        fx_px=FOCAL_PX * share,
+        fy_px=FOCAL_PX * share,
+        cx_px=1280.0 * share - 0.5,
+        cy_px=720.0 * share - 0.5,
+        distortion=read_only(np.array(DISTORTION)),
+        rotation_vector=read_only(np.zeros(3)),
+        translation_mm=read_only(np.array([0.0, 0.0, DISTANCE_MM * max(width_mm / 120.0, height_mm / 80.0)])),
+    )
+    sheet = Sheet(
+        size_mm=read_only(np.array(case.size_mm)),
+        thickness_mm=case.thickness_mm,
+        young_MPa=case.young_MPa,
+        poisson=case.poisson,
+        pretension_N_per_mm=case.pretension_N_per_mm,
+        bending_factor=1.0,
+    )
+    return Sensor(name=case.title, camera=camera, layout=lattice(case), sheet=sheet, centre_noise_px=0.03)
+
+
+def lattice(case: Case) -> Layout:
+    """As many dots as the sheet holds, without those that were not printed."""
+    columns, rows = (int(size // case.pitch_mm) for size in case.size_mm)
+    row, column = (index.ravel() for index in np.indices((rows, columns)))
+    rest_mm = np.zeros((rows * columns, 3))
+    rest_mm[:, 0] = (column - (columns - 1) / 2) * case.pitch_mm
+    rest_mm[:, 1] = (row - (rows - 1) / 2) * case.pitch_mm
+    missing = np.random.default_rng(case.seed).random(len(rest_mm)) < case.missing_share
+    return Layout(
+        rest_mm=read_only(rest_mm),
+        row_column=read_only(np.column_stack([row, column]).astype(np.int64)),
+        pitch_mm=read_only(np.full(2, case.pitch_mm)),
+        radius_mm=read_only(np.full(len(rest_mm), case.pitch_mm / 4)),
+        polarity="light",
+        is_missing=read_only(missing),
+    )
+
+
+def nominal_sensor(case: Case) -> Sensor:
+    """The sensor as its file says: all dots printed, and what else the case tells wrongly."""
+    true, told = true_sensor(case), case.told
+    assert true.layout is not None
+    assert true.sheet is not None
+    assert true.sheet.young_MPa is not None
+    camera, off_px = true.camera, told.centre_off_px * case.width_px / DESIGNED_WIDTH_PX
+    return replace(
+        true,
+        camera=replace(
+            camera,
+            fx_px=camera.fx_px * told.focal_factor,
+            fy_px=camera.fy_px * told.focal_factor,
+            cx_px=camera.cx_px + off_px,
+            cy_px=camera.cy_px + off_px,
+            distortion=camera.distortion if told.is_lens_known else read_only(np.zeros(5)),
+        ),
+        layout=replace(true.layout, is_missing=read_only(np.zeros(len(true.layout.rest_mm), dtype=bool))),
+        sheet=replace(
+            true.sheet,
+            thickness_mm=true.sheet.thickness_mm * told.thickness_factor,
+            young_MPa=true.sheet.young_MPa * told.young_factor,
+        ),
+    )

@@ -1,0 +1,130 @@
+"""Solved cases: those that ship with the package, and those kept in a folder.
+
+One file per case, named after everything its states depend on. A file that ships is named after the
+case alone; one that was solved here also after the code that solved it.
+"""
+
+import hashlib
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+
+from manytouch.errors import SourceError
+from manytouch.evaluation.suite import pressing
+from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case
+from manytouch.evaluation.suite.pressing import pressed, sheet_model
+from manytouch.evaluation.suite.workers import Watch, worked
+from manytouch.simulation.fem.cache import code_revision
+from manytouch.simulation.fem.elements.mesh import reference_nodes
+from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.deformation import Deformation
+from manytouch.simulation.scene.deformation_file import read_deformations, write_deformations
+
+SHIPPED = "deformations"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Solutions:
+    """The states of cases, step by step.
+
+    Attributes:
+        folder: where what is solved is kept; safe to share between processes.
+    """
+
+    folder: Path
+
+    def known(self, case: Case) -> tuple[Deformation, ...] | None:
+        """The states of a case, fewer than `RAMP_FRAMES` where no equilibrium was found; None: not solved."""
+        for path in (files("manytouch.evaluation") / SHIPPED / shipped_name(case), self._path(case)):
+            found = _read(path)
+            if found is not None:
+                return found
+        return None
+
+    def solve(self, case: Case) -> tuple[Deformation, ...]:
+        """Solve a case and keep it.
+
+        Raises:
+            OutputError: the folder cannot be written.
+            MissingExtraError: scikit-fem is not installed.
+        """
+        states = []
+        for step in pressed(case):
+            states.append(condensed(step.state, step.loading))
+            if states[-1].status != "ok":
+                break
+        keep(self._path(case), states)
+        return tuple(state for state in states if state.status == "ok")
+
+    def _path(self, case: Case) -> Path:
+        code = Path(pressing.__file__).read_text(encoding="utf-8")
+        return self.folder / _name(case, code_revision(), code)
+
+
+def solve_missing(
+    cases: Sequence[Case],
+    solutions: Solutions,
+    *,
+    watch: Watch | None = None,
+    stop: Callable[[], bool] | None = None,
+    processes: int = 1,
+) -> None:
+    """Solve the cases that are not known; one that was begun is kept when it is whole.
+
+    Raises:
+        OutputError: the folder cannot be written.
+        MissingExtraError: scikit-fem is not installed.
+    """
+    missing = [case for case in cases if solutions.known(case) is None]
+    if not missing:
+        return
+    reference_nodes()  # says what is missing here, before others are asked to solve
+    if watch is not None:
+        watch.say(f"{len(missing)} of {len(cases)} cases are to be solved first; kept in {solutions.folder}")
+        watch.begin("solving", len(missing))
+    for number, states in worked(solutions.solve, missing, processes=processes, stop=stop):
+        if watch is not None:
+            words = f"{len(states)} of {RAMP_FRAMES} states in balance"
+            watch.done(missing[number].title, words)
+
+
+def keep(path: Path, states: list[Deformation]) -> None:
+    """Write the states in balance, or the first one, which is then not, when there are none."""
+    in_balance = [state for state in states if state.status == "ok"]
+    write_deformations(path, {str(step): state for step, state in enumerate(in_balance or states[:1])})
+
+
+def shipped_name(case: Case) -> str:
+    """The file of a case in the package."""
+    return _name(case)
+
+
+def user_cache() -> Path:
+    """The folder for what can be computed again: XDG_CACHE_HOME, else ~/.cache."""
+    base = os.environ.get("XDG_CACHE_HOME")
+    return (Path(base) if base else Path.home() / ".cache") / "manytouch"
+
+
+def _name(case: Case, *more: str) -> str:
+    """Title and a hash of all that decides how the sheet deforms."""
+    depends = (
+        repr(sheet_model(case)),
+        repr((RAMP_FRAMES, case.touches, case.strength_is, case.deepest_mm, case.friction)),
+        repr(case.seed if case.friction else None),
+        *more,
+    )
+    key = hashlib.sha256("\n".join(depends).encode()).hexdigest()
+    return f"{case.group}-{case.name}-{key[:12]}.npz"
+
+
+def _read(path: Path | Traversable) -> tuple[Deformation, ...] | None:
+    if not path.is_file():
+        return None
+    try:
+        states = read_deformations(path).values()
+    except SourceError:
+        return None  # damaged: solved again
+    return tuple(state for state in states if state.status == "ok")

@@ -1,0 +1,136 @@
+"""The sheet as a shell on a spline patch: its energy, internal forces and tangent, divided by E."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Float64
+
+from manytouch.mechanics.shell import kernels as shell_kernels
+from manytouch.mechanics.spline import basis
+from manytouch.mechanics.spline.patch import Nodal, SplinePatch
+
+SUPPORT_PER_MM = 1e-3
+"""Stiffness of the springs along a soft boundary, per E and area: 1 mm off presses with 0.001 E."""
+
+THICK_BENDING = 0.7
+"""Bending factor of a sheet that is about as thick as its dents are wide, and gives way in shear as well."""
+
+THICK_SHEAR = 0.1
+"""How far its fibres lag behind the normal there; both fitted to 3-D finite elements (ADR 0015)."""
+
+GAUSS_POINTS = 3
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Shell:
+    """A sheet that stretches without limit (neo-Hooke, plane stress) and bends linearly.
+
+    Frame: sheet frame, z from the camera out of the sensor; a press has w < 0 and forces f_z < 0. All
+    energies and forces are divided by E: mm^3 and mm^2. Derivation: docs/derivations/mechanics.md.
+
+    Attributes:
+        patch: the rectangle that is modelled.
+        thickness_mm: of the sheet, mounted.
+        poisson: 0 to less than 0.5.
+        pretension_over_E_mm: membrane force per length when nothing touches.
+        bending_factor: on t^3 / (12 (1 - poisson^2)); 1 is a thin plate of this thickness.
+        shear_factor: straight fibres through the sheet stand on slopes w + shear_factor t^2 lap w instead of
+            w; 0 is a thin plate.
+        support_per_mm: of the springs that hold a soft boundary, per E and area; has no effect on a
+            clamped patch.
+    """
+
+    patch: SplinePatch
+    thickness_mm: float
+    poisson: float = 0.45
+    pretension_over_E_mm: float = 0.0
+    bending_factor: float = 1.0
+    shear_factor: float = THICK_SHEAR
+    support_per_mm: float = SUPPORT_PER_MM
+
+    def __post_init__(self) -> None:
+        if not 0.0 <= self.poisson < 0.5:
+            raise ValueError(f"Poisson's ratio must be at least 0 and below 0.5, not {self.poisson}")
+        if not self.thickness_mm > 0.0:
+            raise ValueError(f"the thickness of a sheet must be positive, not {self.thickness_mm} mm")
+
+    @property
+    def shear_mm2(self) -> float:
+        """What multiplies the Laplacian of w in the slope that fibres stand on."""
+        return self.shear_factor * self.thickness_mm**2
+
+    def energy(self, coefficient_mm: Nodal) -> float:
+        """Energy over E (mm^3), 0 at rest."""
+        springs = 0.5 * float((self._spring_mm[:, None] * coefficient_mm**2).sum())
+        elastic = float(shell_kernels.energy(coefficient_mm, *self._arguments))
+        return elastic + springs - float((self._at_rest * coefficient_mm).sum())
+
+    def forces(self, coefficient_mm: Nodal) -> Nodal:
+        """Forces over E (mm^2) that hold the sheet in this shape: dW/dc, 0 where unknowns are held."""
+        force = np.empty_like(coefficient_mm)
+        shell_kernels.forces(coefficient_mm, *self._arguments, force)
+        force += self._spring_mm[:, None] * coefficient_mm - self._at_rest
+        force[~self.patch.is_free] = 0.0
+        return force
+
+    def forces_and_tangent(self, coefficient_mm: Nodal, force: Nodal, tangent: np.ndarray) -> None:
+        """The same into `force`, and its derivative into `tangent` (nodes, 3, 3, 7, 8), per E (mm).
+
+        tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q lies a - 3 further
+        along the slow and b - 3 further along the fast axis.
+        """
+        shell_kernels.forces_and_tangent(coefficient_mm, *self._arguments, force, tangent)
+        force += self._spring_mm[:, None] * coefficient_mm - self._at_rest
+        middle = shell_kernels.REACH
+        for i in range(3):
+            tangent[:, i, i, middle, middle] += self._spring_mm
+        shell_kernels.hold(self.patch.is_free, self.patch.shape, force, tangent)
+
+    def empty_tangent(self, precision: type[np.floating] = np.float64) -> Float[np.ndarray, "nodes 3 3 7 8"]:
+        """Room for a tangent; its precision is that of the work on it."""
+        return np.zeros((self.patch.node_count, 3, 3, shell_kernels.ROW, shell_kernels.STRIP), precision)
+
+    def product(self, tangent: np.ndarray, nodal: Nodal) -> Nodal:
+        """Tangent times a vector."""
+        result = np.empty_like(nodal)
+        shell_kernels.product(tangent, self.patch.shape, np.ascontiguousarray(nodal), result)
+        return result
+
+    @cached_property
+    def _spring_mm(self) -> Float64[np.ndarray, " nodes"]:
+        return np.where(self.patch.is_rim, self.support_per_mm * self.patch.area_mm2, 0.0)
+
+    @cached_property
+    def _at_rest(self) -> Nodal:
+        """What holds the pretension along a free outline; the sheet beyond goes on doing so."""
+        force = np.empty((self.patch.node_count, 3))
+        shell_kernels.forces(np.zeros_like(force), *self._arguments, force)
+        return force
+
+    @cached_property
+    def _arguments(self) -> tuple[object, ...]:
+        """What the kernels want to know, between coefficients and results."""
+        node, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+        patch = self.patch
+        tables, lengths = [], []
+        for axis in patch.axes:
+            length, elements = patch.size_mm[axis], patch.elements[axis]
+            step = length / elements
+            place = (np.arange(elements)[:, None] + 0.5 * (node + 1.0)) * step
+            _, table = basis.values(length, elements, place.ravel())
+            tables.append(np.ascontiguousarray(table.reshape(elements, GAUSS_POINTS, 4, 4)[:, :, :3]))
+            lengths.append(0.5 * step * weight)
+        nu, t = self.poisson, self.thickness_mm
+        rigidity = self.bending_factor * t**3 / (12.0 * (1.0 - nu**2))
+        sheet = (
+            t,
+            0.5 / (1.0 + nu),
+            1.0 / (3.0 * (1.0 - 2.0 * nu)),
+            self.pretension_over_E_mm,
+            rigidity,
+            rigidity * nu,
+            rigidity * 0.5 * (1.0 - nu),
+        )
+        weights = np.outer(lengths[0], lengths[1]).ravel()
+        return (*tables, weights, patch.shape, patch.dropped, patch.is_x_slow, sheet)

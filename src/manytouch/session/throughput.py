@@ -1,0 +1,43 @@
+"""How fast readings come, and how late."""
+
+import time
+from collections import deque
+
+import numpy as np
+
+RATE_OVER_NS = 2 * 10**9
+LATENCIES = 300
+
+
+class ThroughputMeter:
+    """Counts readings as they reach the sinks; may be read from other threads."""
+
+    def __init__(self) -> None:
+        self.frames = 0
+        self._done_ns: deque[int] = deque(maxlen=1000)
+        self._latency_ms: deque[float] = deque(maxlen=LATENCIES)
+
+    def count(self, arrived_ns: int | None) -> None:
+        """A reading has reached all sinks; its frame had arrived at this `time.monotonic_ns`."""
+        now_ns = time.monotonic_ns()
+        self.frames += 1
+        self._done_ns.append(now_ns)
+        if arrived_ns is not None:
+            self._latency_ms.append((now_ns - arrived_ns) * 1e-6)
+
+    @property
+    def fps(self) -> float:
+        """Readings per second of the last two seconds."""
+        now_ns = time.monotonic_ns()
+        recent = [done_ns for done_ns in tuple(self._done_ns) if now_ns - done_ns < RATE_OVER_NS]
+        span_ns = max(now_ns - recent[0], 1) if len(recent) > 1 else 0
+        return (len(recent) - 1) * 1e9 / span_ns if span_ns else 0.0
+
+    @property
+    def latency_ms(self) -> tuple[float, float]:
+        """Median and 99th percentile of the last readings; NaN before the first."""
+        known = tuple(self._latency_ms)
+        if not known:
+            return float("nan"), float("nan")
+        middle, late = np.percentile(known, [50, 99])
+        return float(middle), float(late)

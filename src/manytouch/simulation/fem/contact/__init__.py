@@ -1,0 +1,1 @@
+"""TODO: two sentences: what is inside and what is not."""

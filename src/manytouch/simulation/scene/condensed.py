@@ -1,0 +1,78 @@
+"""From a solved state of the finite elements to what pictures and truth need of it."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from manytouch.simulation.fem.contact.forces import TouchedFace, touched_face
+from manytouch.simulation.fem.contact.indenters import signed_distance
+from manytouch.simulation.fem.elements.mesh import HexMesh, Nodal, reference_nodes
+from manytouch.simulation.fem.loading import Loading
+from manytouch.simulation.fem.readout import FINE_POINTS, patch_shares
+from manytouch.simulation.fem.state import SheetState
+from manytouch.simulation.scene.deformation import Deformation, Lattice, TrueContact, fill_middles
+from manytouch.values.arrays import Mask, read_only
+
+
+def condensed(state: SheetState, loading: Loading) -> Deformation:
+    """What a solved state of a loading shows and bears: its camera-side face and its contacts.
+
+    A state that did not converge may know of fewer contacts than the loading has.
+    """
+    x_mm, y_mm = (with_middles(line) for line in state.mesh.lines_mm[:2])
+    found = Deformation(
+        x_mm=x_mm,
+        y_mm=y_mm,
+        face_mm=_face(state.mesh, state.displacement_mm),
+        contacts=(),
+        status=state.status,
+    )
+    face = touched_face(state.mesh, points=FINE_POINTS, rule="middles")
+    contacts = []
+    for touched, contact in zip(_touched(state, loading, face), state.contacts, strict=False):
+        rest_mm = face.rest_mm.reshape(-1, 3)[touched, :2] if touched.any() else contact.centre_mm[None]
+        depth_mm = -found.displacement_mm(np.ascontiguousarray(rest_mm))[:, 2]
+        contacts.append(
+            TrueContact(
+                force_N=contact.force_N,
+                torque_Nmm=contact.torque_Nmm,
+                area_mm2=contact.area_mm2,
+                centre_mm=contact.centre_mm,
+                depth_mm=float(depth_mm.max()) if contact.force_N[2] != 0.0 else np.nan,
+            )
+        )
+    return Deformation(
+        x_mm=x_mm, y_mm=y_mm, face_mm=found.face_mm, contacts=tuple(contacts), status=state.status
+    )
+
+
+def with_middles(line: np.ndarray) -> np.ndarray:
+    """Grid lines and the places half-way between them."""
+    out = np.empty(2 * len(line) - 1)
+    out[::2], out[1::2] = line, 0.5 * (line[:-1] + line[1:])
+    return read_only(out)
+
+
+def _face(mesh: HexMesh, displacement_mm: Nodal) -> Lattice:
+    """The camera-side face's displacements as a lattice."""
+    cells = [len(line) - 1 for line in mesh.lines_mm[:2]]
+    face_mm = np.zeros((2 * cells[0] + 1, 2 * cells[1] + 1, 3))
+    halves = np.rint(2 * reference_nodes()).astype(np.int64)
+    column, row = np.divmod(np.arange(len(mesh.camera_side)), cells[1])
+    for node in np.flatnonzero(halves[:, 2] == 0):
+        at = (2 * column + halves[node, 0], 2 * row + halves[node, 1])
+        face_mm[at] = displacement_mm[mesh.element[mesh.camera_side, node]]
+    fill_middles(face_mm)
+    return read_only(face_mm.astype(np.float32))
+
+
+def _touched(state: SheetState, loading: Loading, face: TouchedFace) -> list[Mask]:
+    """Which of the face's points each touch and each patch covers, as its area is counted."""
+    place_mm = face.displaced(state.mesh, state.displacement_mm).reshape(-1, 3)
+    covered = []
+    for number, touch in enumerate(loading.touches):
+        rotation = Rotation.from_rotvec(state.rotation_vector[number].copy()).as_matrix()
+        there_mm = (place_mm - state.position_mm[number]) @ rotation
+
+        covered.append(signed_distance(touch.indenter, there_mm)[0] < 0.0)
+    covered += [patch_shares(face, patch).ravel() > 0.0 for patch in loading.patches]
+    return covered

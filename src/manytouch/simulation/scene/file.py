@@ -1,0 +1,243 @@
+"""The scene file: TOML, checked key by key like the sensor file, every mistake named at once."""
+
+import tomllib
+from dataclasses import dataclass
+from importlib.resources import files
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, ValidationError
+
+from manytouch.errors import SensorError, SourceError
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, Spot
+from manytouch.simulation.render.optics import Faults, Optics, drawn_faults
+from manytouch.simulation.scene.bodies import BodySection, Pair
+from manytouch.simulation.scene.motion import Body
+from manytouch.values import Layout, Sensor, Sheet
+from manytouch.values.sections import Count, NonNegative, Number, Positive, Section, all_mistakes
+from manytouch.values.sensor_file import load_sensor
+
+BUILT_IN = files("manytouch.simulation") / "scenes"
+Share = Annotated[float, Field(ge=0, le=1)]
+Level = Annotated[float, Field(ge=0, le=255)]
+Levels = Annotated[list[Level], Field(min_length=3, max_length=3)]
+Some = Annotated[int, Field(ge=0)]
+
+
+class _Spot(Section):
+    centre_px: Pair
+    radius_px: Positive
+    amount: Positive
+
+    def spot(self) -> Spot:
+        x, y = self.centre_px
+        return Spot(centre_px=(x, y), radius_px=self.radius_px, amount=self.amount)
+
+
+class _Light(Section):
+    ground: Level | Levels | None = None
+    dot: Level | Levels | None = None
+    tilt_x: Number = 0.0
+    tilt_y: Number = 0.0
+    vignetting: Share = 0.0
+    glare: list[_Spot] = Field(default_factory=list)
+    shadows: list[_Spot] = Field(default_factory=list)
+    read_noise: NonNegative = 0.0
+    shot_noise: NonNegative = 0.0
+    flicker: Share = 0.0
+    flicker_Hz: NonNegative = 0.0
+
+
+class _Lens(Section):
+    blur_px: Positive = 0.8
+    aperture_mm: NonNegative = 0.0
+    focus_mm: Positive | None = None
+    exposure_s: NonNegative = 0.0
+    jpeg_quality: Annotated[int, Field(ge=1, le=100)] | None = None
+
+
+class _Faults(Section):
+    missing: Some = 0
+    half_printed: Some = 0
+    dust: Some = 0
+    body_shadow: Share = 0.0
+
+
+class _Solid(Section):
+    element_mm: Positive = 2.0
+    layers: Count = 1
+    step_mm: Positive = 1.25
+
+
+class _File(Section):
+    schema_version: Annotated[int, Field(alias="schema", ge=1, le=1)]
+    name: str = Field(default="scene", pattern=r"^[A-Za-z0-9][A-Za-z0-9 _.-]*$")
+    seconds: Positive
+    fps: Positive = 30.0
+    seed: Annotated[int, Field(ge=0, lt=2**31)] = 0
+    sensor: str = Field(default="demo", min_length=1)
+    width_px: Count | None = None
+    mechanics: Literal["solid", "shell"] = "solid"
+    solid: _Solid = Field(default_factory=_Solid)
+    light: _Light = Field(default_factory=_Light)
+    lens: _Lens = Field(default_factory=_Lens)
+    faults: _Faults = Field(default_factory=_Faults)
+    bodies: list[BodySection] = Field(default_factory=list)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Mesh:
+    """How finely the sheet is solved.
+
+    Attributes:
+        element_mm: largest width of the elements.
+        layers: of elements through the thickness.
+        step_mm: furthest way of a body from one equilibrium to the next.
+    """
+
+    element_mm: float
+    layers: int
+    step_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SceneFile:
+    """What a scene file says.
+
+    Attributes:
+        name, duration_s, fps, seed: of the recording; the seed is of noise and faults.
+        sensor: that is pressed; layout and sheet are there, the sheet's material is known.
+        mechanics: "solid", 3-D finite elements, or "shell", the sheet that is solved live.
+        mesh: of the solid.
+        bodies: that press.
+        look, optics, faults: of the pictures.
+    """
+
+    name: str
+    duration_s: float
+    fps: float
+    seed: int
+    sensor: Sensor
+    mechanics: Literal["solid", "shell"]
+    mesh: Mesh
+    bodies: tuple[Body, ...]
+    look: Look
+    optics: Optics
+    faults: Faults
+
+    @property
+    def layout(self) -> Layout:
+        """Of the sensor."""
+        assert self.sensor.layout is not None
+        return self.sensor.layout
+
+    @property
+    def sheet(self) -> Sheet:
+        """Of the sensor."""
+        assert self.sensor.sheet is not None
+        return self.sensor.sheet
+
+
+def built_in_scenes() -> tuple[str, ...]:
+    """Names of the scenes in the package."""
+    return tuple(
+        sorted(path.name.removesuffix(".toml") for path in BUILT_IN.iterdir() if path.name.endswith(".toml"))
+    )
+
+
+def load_scene(path: str | Path | Traversable, *, width_px: int | None = None) -> SceneFile:
+    """Read a scene file; paths in it start at its folder.
+
+    Args:
+        path: the file.
+        width_px: of the pictures of the demo sensor, instead of the file's.
+
+    Raises:
+        SourceError: the file is missing, is no TOML, or has unknown keys, wrong types or impossible
+            values; the message lists all of them. Or its meshes cannot be read.
+        SensorError: its sensor file is wrong, or does not say enough.
+    """
+    path = Path(path) if isinstance(path, str) else path
+    try:
+        table = tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SourceError(f"there is no scene file {path}: give the path of an existing .toml") from None
+    except (UnicodeDecodeError, OSError) as error:
+        raise SourceError(f"{path} cannot be read as a scene file: {error}") from None
+    except tomllib.TOMLDecodeError as error:
+        raise SourceError(f"{path} is not valid TOML: {error}") from None
+    try:
+        checked = _File.model_validate(table)
+    except ValidationError as error:
+        raise SourceError(all_mistakes(f"scene file {path}", error)) from None
+    folder = path.parent if isinstance(path, Path) else Path()
+    return _scene(checked, folder, width_px or checked.width_px)
+
+
+def _scene(file: _File, folder: Path, width_px: int | None) -> SceneFile:
+    sensor = _sensor(file.sensor, folder, width_px)
+    if sensor.layout is None or sensor.sheet is None:
+        raise SensorError(f"the sensor {sensor.name!r} of a scene needs [sheet] and [markers]")
+    if sensor.sheet.young_MPa is None or sensor.sheet.poisson is None:
+        raise SensorError(
+            f"the sheet of the sensor {sensor.name!r} needs young_MPa and poisson to be pressed"
+        )
+    faults, count = file.faults, int((~sensor.layout.is_missing).sum())
+    if faults.missing + faults.half_printed > count:
+        raise SourceError(
+            f"{faults.missing} missing and {faults.half_printed} half-printed dots are more than the {count} "
+            f"dots of the sensor {sensor.name!r}"
+        )
+    return SceneFile(
+        name=file.name,
+        duration_s=file.seconds,
+        fps=file.fps,
+        seed=file.seed,
+        sensor=sensor,
+        mechanics=file.mechanics,
+        mesh=Mesh(**file.solid.model_dump()),
+        bodies=tuple(body for section in file.bodies for body in section.bodies(folder)),
+        look=_look(file.light, sensor.layout.polarity),
+        optics=Optics(**file.lens.model_dump(), flicker=file.light.flicker, flicker_Hz=file.light.flicker_Hz),
+        faults=drawn_faults(
+            sensor.layout,
+            sensor.sheet,
+            missing=faults.missing,
+            half_printed=faults.half_printed,
+            dust=faults.dust,
+            shadow=faults.body_shadow,
+            seed=file.seed,
+        ),
+    )
+
+
+def _sensor(text: str, folder: Path, width_px: int | None) -> Sensor:
+    if text == "demo":
+        return demo_sensor() if width_px is None else demo_sensor(width_px)
+    sensor = load_sensor(folder / text)
+    if width_px not in {None, sensor.camera.width_px}:
+        raise SensorError(
+            f"width_px = {width_px} is for the demo sensor; the camera of {text} has "
+            f"{sensor.camera.width_px} px"
+        )
+    return sensor
+
+
+def _look(light: _Light, polarity: str) -> Look:
+    usual = DARK_DOTS if polarity == "dark" else LIGHT_DOTS
+    ground, dot = (
+        level if isinstance(level, float) else (level[0], level[1], level[2])
+        for level in (
+            usual.ground if light.ground is None else light.ground,
+            usual.dot if light.dot is None else light.dot,
+        )
+    )
+    return Look(
+        ground=ground,
+        dot=dot,
+        **light.model_dump(include={"tilt_x", "tilt_y", "vignetting", "read_noise", "shot_noise"}),
+        glare=tuple(spot.spot() for spot in light.glare),
+        shadows=tuple(spot.spot() for spot in light.shadows),
+    )

@@ -1,0 +1,170 @@
+"""How rigid bodies move on the sheet in time: press, slide, roll, tap, or any way through given points.
+
+Between two waypoints a body goes with the smooth step s^2 (3 - 2 s), so it rests at each of them.
+Depth is that of its lowest point below the undeformed touched face; above it depth is negative.
+"""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial.transform import Rotation
+
+from manytouch.simulation.fem.contact.indenters import Indenter
+from manytouch.simulation.fem.loading import Loading, Touch
+from manytouch.values.arrays import Scalars, read_only
+
+PARKED_MM = 1.0
+"""Height above the undeformed face at which a body waits before and after it presses."""
+APPROACH_S = 0.1
+"""Time from there to the face."""
+ARM_MM = 10.0
+"""What a turn moves."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Way:
+    """Where a body goes.
+
+    Attributes:
+        time_s: (w,) of the waypoints, increasing; before the first and after the last it rests there.
+        place_mm: (w, 3) x, y, depth.
+        rotation_vector: (w, 3) of its frame (Rodrigues, rad), sheet_from_indenter.
+    """
+
+    time_s: Float64[np.ndarray, " w"]
+    place_mm: Float64[np.ndarray, "w 3"]
+    rotation_vector: Float64[np.ndarray, "w 3"]
+
+    def at(self, time_s: Scalars) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 3"]]:
+        """Places (n, 3) x, y, depth and rotation vectors (n, 3) at times."""
+        after = np.clip(np.searchsorted(self.time_s, time_s, side="right"), 1, len(self.time_s) - 1)
+        begin, end = self.time_s[after - 1], self.time_s[after]
+        share = np.clip((time_s - begin) / (end - begin), 0.0, 1.0)
+        share = (share**2 * (3.0 - 2.0 * share))[:, None]
+        places, turns = (
+            way[after - 1] + share * (way[after] - way[after - 1])
+            for way in (self.place_mm, self.rotation_vector)
+        )
+        return places, turns
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Body:
+    """A rigid body on its way.
+
+    Attributes:
+        indenter: its shape.
+        way: where it goes.
+        friction: Coulomb's coefficient against the sheet.
+        pivot_mm: height above its lowest point of the point that the way leads, about which it turns.
+    """
+
+    indenter: Indenter
+    way: Way
+    friction: float = 0.0
+    pivot_mm: float = 0.0
+
+
+def pressed_way(
+    start_s: float,
+    end_s: float,
+    *,
+    from_mm: tuple[float, float],
+    to_mm: tuple[float, float] | None = None,
+    depth_mm: float,
+    ramp_s: float,
+    turn_from: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    turn_to: tuple[float, float, float] | None = None,
+) -> Way:
+    """Down at a place, on to another and another orientation, up; it meets the flat sheet at start_s.
+
+    Raises:
+        ValueError: the ramps do not fit between start and end.
+    """
+    if not 0.0 < ramp_s <= 0.5 * (end_s - start_s):
+        raise ValueError(
+            f"a ramp of {ramp_s:g} s down and another up do not fit between {start_s:g} s and {end_s:g} s"
+        )
+    to_mm, turn_to = to_mm or from_mm, turn_to or turn_from
+    down_s, up_s = start_s + ramp_s, end_s - ramp_s
+    times = [start_s - APPROACH_S, start_s, down_s, up_s, end_s, end_s + APPROACH_S]
+    depths = [-PARKED_MM, 0.0, depth_mm, depth_mm, 0.0, -PARKED_MM]
+    rows = [(*(from_mm if place < 3 else to_mm), depth) for place, depth in enumerate(depths)]
+    turns = [turn_from] * 3 + [turn_to] * 3
+    kept = [0, 1, 2, 3, 4, 5] if up_s > down_s + 1e-9 else [0, 1, 2, 4, 5]
+    return Way(
+        time_s=read_only(np.array(times)[kept]),
+        place_mm=read_only(np.array(rows)[kept]),
+        rotation_vector=read_only(np.array(turns)[kept]),
+    )
+
+
+def chained(ways: list[Way]) -> Way:
+    """One way after the other; between them it moves straight over."""
+    time_s = np.concatenate([way.time_s for way in ways])
+    if np.any(np.diff(time_s) <= 0.0):
+        raise ValueError("the ways of a body overlap in time")
+    return Way(
+        time_s=read_only(time_s),
+        place_mm=read_only(np.concatenate([way.place_mm for way in ways])),
+        rotation_vector=read_only(np.concatenate([way.rotation_vector for way in ways])),
+    )
+
+
+def keyframe_times(bodies: tuple[Body, ...], duration_s: float, *, step_mm: float) -> Scalars:
+    """Times (k,), from 0 to the end, at which equilibria are enough.
+
+    All waypoints on the sheet, and between them steps in which nothing near the sheet goes further than
+    step_mm.
+    """
+    waypoints = [body.way.time_s[body.way.place_mm[:, 2] >= 0.0] for body in bodies]
+    events = np.unique(np.round(np.clip(np.concatenate([[0.0, duration_s], *waypoints]), 0.0, duration_s), 6))
+    times = [0.0]
+    for begin, end in pairwise(events):
+        line = np.linspace(begin, end, 33)
+        travel_mm = max((_farthest_mm(body.way, line) for body in bodies), default=0.0)
+        parts = max(1, math.ceil(travel_mm * 32 / step_mm - 1e-9))
+        times += (begin + (end - begin) * np.arange(1, parts + 1) / parts).tolist()
+    return read_only(np.round(np.array(times), 6))
+
+
+def _farthest_mm(way: Way, time_s: Scalars) -> float:
+    """How far it goes at most from one time to the next; nothing as long as it is in the air."""
+    places, turns = way.at(time_s)
+    moved_mm = np.linalg.norm(np.diff(places, axis=0), axis=1)
+    moved_mm += ARM_MM * np.linalg.norm(np.diff(turns, axis=0), axis=1)
+    return float(moved_mm[np.maximum(places[:-1, 2], places[1:, 2]) > 0.0].max(initial=0.0))
+
+
+def poses(
+    bodies: tuple[Body, ...], time_s: float, *, thickness_mm: float
+) -> Iterator[tuple[Body, np.ndarray, np.ndarray]]:
+    """Each body, where its frame's origin is at a time (3,) and how it is turned (3,)."""
+    if not bodies:
+        return
+    asked = loading(bodies, np.array([time_s]), thickness_mm=thickness_mm)
+    for body, touch in zip(bodies, asked.touches, strict=True):
+        yield body, touch.position_mm[0], touch.rotation_vector[0]
+
+
+def loading(bodies: tuple[Body, ...], time_s: Scalars, *, thickness_mm: float) -> Loading:
+    """The steps of a loading at keyframes, rounded to 0.1 um so that they are the same everywhere."""
+    touches = []
+    for body in bodies:
+        places, turns = body.way.at(time_s)
+        arm_mm = np.array([0.0, 0.0, body.pivot_mm])
+        position_mm = places * [1.0, 1.0, -1.0] + [0.0, 0.0, thickness_mm] + arm_mm
+        position_mm -= Rotation.from_rotvec(turns).apply(arm_mm)
+        touches.append(
+            Touch(
+                indenter=body.indenter,
+                position_mm=read_only(np.round(position_mm, 4) + 0.0),
+                rotation_vector=read_only(np.round(turns, 6) + 0.0),
+                friction=body.friction,
+            )
+        )
+    return Loading(touches=tuple(touches))

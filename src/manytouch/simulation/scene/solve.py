@@ -1,0 +1,155 @@
+"""A scene file, solved: from bodies on their ways to the simulated sensor."""
+
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+
+from manytouch.errors import SourceError
+from manytouch.simulation.fem.cache import StateCache, asked_keys
+from manytouch.simulation.fem.elements.material import NeoHooke
+from manytouch.simulation.fem.loading import Loading
+from manytouch.simulation.fem.sheet import SheetModel
+from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.deformation import Deformation, flat
+from manytouch.simulation.scene.deformation_file import read_deformations
+from manytouch.simulation.scene.file import SceneFile
+from manytouch.simulation.scene.motion import keyframe_times, loading, poses
+from manytouch.simulation.scene.solid_scene import SolidScene
+from manytouch.simulation.shell.energy import Pressed
+from manytouch.simulation.shell.live_sheet import LiveSheet
+from manytouch.simulation.simulator import Simulator
+from manytouch.values.arrays import Scalars
+
+STATES_VARIABLE = "MANYTOUCH_STATES"
+MOST_STEPS = 200
+LIBRARY = files("manytouch.simulation") / "library"
+
+
+def states_folder() -> Path:
+    """Where solved states are kept for a user: $MANYTOUCH_STATES, or the usual place for such files."""
+    chosen = os.environ.get(STATES_VARIABLE)
+    usual = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache"
+    return Path(chosen or Path(usual) / "manytouch" / "states").expanduser()
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Question:
+    """What the finite elements are asked for a scene.
+
+    Attributes:
+        model: the sheet and its mesh.
+        time_s: (k,) of the keyframes.
+        loading: its steps are the keyframes; None where nothing ever presses.
+        keys: one name for each keyframe, under which it is kept.
+    """
+
+    model: SheetModel
+    time_s: Scalars
+    loading: Loading | None
+    keys: tuple[str, ...]
+
+    def states(self, folder: Path) -> Iterator[Deformation]:
+        """Every keyframe in turn, solved where the folder does not hold it yet."""
+        if self.loading is None:
+            return
+        for state in StateCache(folder=folder).states(self.model, self.loading):
+            yield condensed(state, self.loading)
+
+
+def question(scene: SceneFile) -> Question:
+    """The finite elements' task of a scene."""
+    sheet, mesh = scene.sheet, scene.mesh
+    assert sheet.young_MPa is not None
+    assert sheet.poisson is not None
+    material = NeoHooke(
+        young_MPa=sheet.young_MPa, poisson=sheet.poisson, density_kg_m3=sheet.density_kg_m3 or 960.0
+    )
+    model = SheetModel(
+        size_mm=(float(sheet.size_mm[0]), float(sheet.size_mm[1])),
+        thickness_mm=sheet.thickness_mm,
+        material=material,
+        pretension_N_per_mm=sheet.pretension_N_per_mm or 0.0,
+        element_mm=mesh.element_mm,
+        layers=mesh.layers,
+    )
+    time_s = keyframe_times(scene.bodies, scene.duration_s, step_mm=mesh.step_mm)
+    if not scene.bodies:
+        return Question(model=model, time_s=time_s, loading=None, keys=())
+    asked = loading(scene.bodies, time_s, thickness_mm=sheet.thickness_mm)
+    return Question(model=model, time_s=time_s, loading=asked, keys=tuple(asked_keys(model, asked)))
+
+
+def kept_states(name: str, keys: tuple[str, ...]) -> tuple[Deformation, ...] | None:
+    """The states that the package ships for a built-in scene; None where they answer another question."""
+    path = LIBRARY / f"{name}.npz"
+    if not path.is_file():
+        return None
+    known = read_deformations(path)
+    return tuple(known[key] for key in keys) if all(key in known for key in keys) else None
+
+
+def solving(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
+    """The states at the keyframes of a scene, one by one: shipped, kept in a folder, or solved now.
+
+    Raises:
+        SourceError: no equilibrium is found.
+        OutputError: the folder cannot be written.
+    """
+    if scene.mechanics == "shell":
+        yield from _solved_live(scene)
+        return
+    asked = question(scene)
+    shipped = kept_states(scene.name, asked.keys) if asked.keys else None
+    if shipped is not None:
+        yield from shipped
+        return
+    for time_s, state in zip(asked.time_s.tolist(), asked.states(folder), strict=False):
+        if state.status != "ok":
+            raise SourceError(
+                f"the scene {scene.name!r} could not be solved beyond {time_s:.2f} s: press less deep there, "
+                "or take smaller elements or steps in [solid]"
+            )
+        yield state
+
+
+def state_count(scene: SceneFile) -> int:
+    """How many states `solving` gives."""
+    return len(question(scene).time_s) if scene.bodies else 0
+
+
+def _solved_live(scene: SceneFile) -> Iterator[Deformation]:
+    """The states at the keyframes of a scene as the live sheet finds them, each on its own."""
+    sheet, thickness_mm = LiveSheet(scene.sheet), scene.sheet.thickness_mm
+    for time_s in question(scene).time_s.tolist() if scene.bodies else ():
+        bodies = [
+            Pressed(indenter=body.indenter, position_mm=position_mm, rotation_vector=rotation_vector)
+            for body, position_mm, rotation_vector in poses(scene.bodies, time_s, thickness_mm=thickness_mm)
+        ]
+        for _ in range(3):  # thickness follows from call to call
+            sheet.settle(bodies, most=MOST_STEPS)
+        yield sheet.deformation()
+
+
+def simulator(scene: SceneFile, states: tuple[Deformation, ...]) -> Simulator:
+    """The simulated sensor of a scene and all its states."""
+    return Simulator(
+        sensor=scene.sensor,
+        scene=solid_scene(scene, states),
+        fps=scene.fps,
+        look=scene.look,
+        optics=scene.optics,
+        faults=scene.faults,
+    )
+
+
+def solid_scene(scene: SceneFile, states: tuple[Deformation, ...]) -> SolidScene:
+    """A scene and all its states as the sheet in time."""
+    time_s = question(scene).time_s
+    if not scene.bodies:
+        x, y = (float(size) for size in scene.sheet.size_mm)
+        states = (flat((x, y)),) * len(time_s)
+    return SolidScene(
+        name=scene.name, time_s=time_s, states=states, seed=scene.seed, duration_s=scene.duration_s
+    )

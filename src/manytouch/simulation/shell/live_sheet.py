@@ -1,0 +1,116 @@
+"""A clamped sheet under rigid bodies, solved while they move: a shear-deformable shell on a grid of 2 mm.
+
+Its fibres stay straight but need not stay normal to the middle surface; membrane and bending are neo-Hooke
+in two layers, at any stretch and slope; bodies are pressed into the touched face, which gives way a little
+like a bed of springs. See docs/derivations/live-sheet.md, also for what is left out.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from manytouch.simulation.scene.deformation import Deformation, TrueContact
+from manytouch.simulation.shell import kernels
+from manytouch.simulation.shell.energy import Bodies, LiveEnergy, Pressed
+from manytouch.simulation.shell.minimisation import Descent
+from manytouch.values import Sheet
+from manytouch.values.arrays import read_only
+
+SPACING_MM = 2.0
+
+
+class LiveSheet:
+    """The sheet as it is now; `settle` brings it to equilibrium with the bodies that press."""
+
+    def __init__(self, sheet: Sheet, spacing_mm: float = SPACING_MM) -> None:
+        """The sheet at rest.
+
+        Args:
+            sheet: its material must be known; a pretension that is not known counts as none.
+            spacing_mm: of the grid, about.
+
+        Raises:
+            ValueError: the sheet has no Young's modulus or Poisson's ratio.
+        """
+        self.energy = LiveEnergy(sheet, spacing_mm)
+        self._descent = Descent(self.energy.softness())
+        self._thickness_mm = sheet.thickness_mm
+        self.value = np.zeros((5, *self.energy.shape))
+        self.stretch = np.ones(self.energy.shape)
+        self._bodies = Bodies((), self._thickness_mm)
+        self._look(self.value)
+
+    def settle(self, bodies: Sequence[Pressed], most: int = 14) -> bool:
+        """Bring the sheet nearer to equilibrium with these bodies; has it come there?
+
+        Args:
+            bodies: all that press; one that comes to lie deeper in the sheet than half of its width at once
+                may be lost.
+            most: times to look at the energy, which bounds the work. Where bodies come suddenly, several
+                calls may be needed; the thickness of the sheet always follows from call to call.
+        """
+        self._bodies = Bodies(bodies, self._thickness_mm)
+        self.stretch = self.energy.thinned()
+        found = self._descent(self._look, self.value, most)
+        self.value = found.value
+        return found.is_settled
+
+    def begin(self, face: Deformation) -> None:
+        """Take the shape of a sheet of the same outline; its fibres stand on the face, as long as at rest."""
+        energy = self.energy
+        place_mm = np.stack(np.meshgrid(energy.x_mm, energy.y_mm, indexing="ij"), axis=-1).reshape(-1, 2)
+        moved_mm, normal = face.normals(place_mm)
+        moved_mm += energy.half_mm * (normal - [0.0, 0.0, 1.0])
+        columns = np.column_stack([moved_mm, normal[:, :2] / normal[:, 2:]])
+        self.value = np.ascontiguousarray(columns.T).reshape(self.value.shape)
+        for line in (self.value[:, 0], self.value[:, -1], self.value[:, :, 0], self.value[:, :, -1]):
+            line[:] = 0.0
+        self.stretch = np.ones(energy.shape)
+        self._descent.forget()
+        self._look(self.value)
+
+    def deformation(self) -> Deformation:
+        """The sheet as it is, and what the bodies do to it, in their order."""
+        energy = self.energy
+        kernels.fibres(self.value, self.stretch, energy.fibre)
+        face_mm = self.value[:3] - energy.half_mm * energy.fibre
+        face_mm[2] += energy.half_mm
+        found = Deformation(
+            x_mm=energy.x_mm,
+            y_mm=energy.y_mm,
+            face_mm=read_only(np.ascontiguousarray(np.moveaxis(face_mm, 0, -1), dtype=np.float32)),
+            contacts=(),
+            status="ok",
+        )
+        contacts = tuple(self._contact(number, found) for number in range(len(self._bodies.told)))
+        return replace(found, contacts=contacts)
+
+    def _look(self, value: np.ndarray) -> tuple[float, np.ndarray]:
+        return self.energy(value, self.stretch, self._bodies)
+
+    def _contact(self, body: int, face: Deformation) -> TrueContact:
+        told, energy = self._bodies.told[body], self.energy
+        if told[2] == 0.0:
+            return NOTHING
+        centre_mm = told[4:6] / told[2]
+        start_mm = np.array([energy.x_mm[0], energy.y_mm[0]])
+        place_mm = start_mm + (np.argwhere(energy.covered == body) + 0.5) * 0.5 * energy.spacing_mm
+        about_mm = centre_mm + face.displacement_mm(centre_mm[None])[0, :2]
+        return TrueContact(
+            force_N=read_only(told[:3].copy()),
+            torque_Nmm=float(told[3] - about_mm[0] * told[1] + about_mm[1] * told[0]),
+            area_mm2=float(told[6]),
+            centre_mm=read_only(centre_mm),
+            depth_mm=-float(face.displacement_mm(place_mm)[:, 2].min()),
+        )
+
+
+NOTHING = TrueContact(
+    force_N=read_only(np.zeros(3)),
+    torque_Nmm=np.nan,
+    area_mm2=0.0,
+    centre_mm=read_only(np.full(2, np.nan)),
+    depth_mm=np.nan,
+)
+"""A body that does not touch."""

@@ -1,0 +1,186 @@
+"""summary.json: what was read, with what, what was assumed, what came out, and what was odd."""
+
+import dataclasses
+import json
+import platform
+from collections import Counter
+from collections.abc import Mapping
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import manytouch
+from manytouch.pipeline import Pipeline
+from manytouch.sinks.files.atomic_output import AtomicOutput, told
+from manytouch.sinks.files.description import in_numbers, layout_of
+from manytouch.sinks.files.rest_noise import RestNoise
+from manytouch.values import Reading, Sensor
+
+SCHEMA = 1
+RARELY_SEEN = 0.5
+
+
+class Summary:
+    """Gathers figures over a run and writes them at its end."""
+
+    def __init__(
+        self, folder: Path, *, sensor: Sensor, pipeline: Pipeline, method: str, recording: Mapping[str, Any]
+    ) -> None:
+        """Begin a summary.
+
+        Args:
+            folder: where summary.json shall lie.
+            sensor: the sensor in use.
+            pipeline: its stages; their parameters are written down.
+            method: name of the method.
+            recording: what is known of the input; `frame_count` is how many frames it announced, or None.
+        """
+        self._staged = AtomicOutput(folder / "summary.json")
+        self._sensor = sensor
+        self._pipeline = pipeline
+        self._method = method
+        self._recording = dict(recording)
+        markers = len(layout_of(sensor).rest_mm)
+        self._noise = RestNoise(markers)
+        self._seen = np.zeros(markers, dtype=np.int64)
+        self._status: Counter[str] = Counter()
+        self._contacts: set[int] = set()
+        self._most_at_once = 0
+        self._frames_touched = 0
+        self._milliseconds: list[float] = []
+        self._last_index = -1
+
+    def write(self, reading: Reading) -> None:
+        """Take in a frame."""
+        touching = reading.contacts.touching
+        self._noise.add(reading)
+        self._seen += reading.grid.is_seen
+        self._status[reading.status] += 1
+        self._contacts.update(contact.id for contact in touching)
+        self._most_at_once = max(self._most_at_once, len(touching))
+        self._frames_touched += bool(touching)
+        self._last_index = reading.frame.index
+        self._milliseconds.append(reading.milliseconds)
+
+    def close(self) -> None:
+        """Write the file."""
+        with told(self._staged.path):
+            text = json.dumps(self.contents(), indent=1, ensure_ascii=False, allow_nan=False)
+            self._staged.aside.write_text(text + "\n", encoding="utf-8")
+        self._staged.finish()
+
+    @property
+    def noise_px(self) -> dict[str, Any]:
+        """Noise of the markers at rest: median, worst, and of each marker (null where not known)."""
+        noise = self._noise.per_marker_px()
+        known = noise[np.isfinite(noise)]
+        return {
+            "median": _rounded(np.median(known)) if len(known) else None,
+            "worst": _rounded(known.max()) if len(known) else None,
+            "per_marker": [_rounded(value) for value in noise],
+        }
+
+    @property
+    def counts(self) -> dict[str, Any]:
+        """Frames, frames per status, contacts, markers."""
+        return {
+            "frames": sum(self._status.values()),
+            "status": dict(sorted(self._status.items())),
+            "frames_with_contact": self._frames_touched,
+            "contacts": len(self._contacts),
+            "contacts_at_once": self._most_at_once,
+            "markers": int((~layout_of(self._sensor).is_missing).sum()),
+        }
+
+    def contents(self) -> dict[str, Any]:
+        """Everything that the file says."""
+        return {
+            "schema": SCHEMA,
+            "input": self._recording,
+            "method": self._method,
+            "sensor": in_numbers(self._sensor),
+            "assumptions": list(self._sensor.assumptions),
+            "counts": self.counts,
+            "milliseconds": self._latency(),
+            "noise_px": self.noise_px,
+            "odd": self.odd(),
+            "parameters": parameters(self._pipeline),
+            "versions": versions(),
+        }
+
+    def odd(self) -> list[str]:
+        """Sentences about what somebody should look at."""
+        frames = sum(self._status.values())
+        sentences = []
+        for status, count in sorted(self._status.items()):
+            if status != "ok":
+                has = "frame has" if frames == 1 else "frames have"
+                sentences.append(f"{count} of {frames} {has} the status {status}")
+        announced = self._recording.get("frame_count")
+        if announced is not None and announced != frames:
+            sentences.append(
+                f"the input announced {announced} frames; {frames} were read, up to number {self._last_index}"
+            )
+        present = ~layout_of(self._sensor).is_missing
+        decoded = frames - self._status["decode_error"]
+        rare = np.flatnonzero(present & (self._seen < RARELY_SEEN * decoded))
+        if len(rare):
+            named = ", ".join(str(marker) for marker in rare[:12]) + (", ..." if len(rare) > 12 else "")
+            who = "1 marker is" if len(rare) == 1 else f"{len(rare)} markers are"
+            sentences.append(f"{who} seen on less than half of the frames: {named}")
+        return sentences
+
+    def _latency(self) -> dict[str, float | None]:
+        if not self._milliseconds:
+            return {"p50": None, "p95": None, "p99": None}
+        found = np.percentile(self._milliseconds, [50, 95, 99])
+        return {name: _rounded(value) for name, value in zip(("p50", "p95", "p99"), found, strict=True)}
+
+
+def versions() -> dict[str, str | None]:
+    """Versions of what computes; null for what is not installed."""
+    found: dict[str, str | None] = {
+        "manytouch": manytouch.__version__,
+        "python": platform.python_version(),
+        "platform": platform.platform(),
+    }
+    packages = {
+        "numpy": ("numpy",),
+        "numba": ("numba",),
+        "opencv": ("opencv-python-headless", "opencv-python"),
+    }
+    for name, candidates in packages.items():
+        found[name] = next((held for held in map(installed, candidates) if held is not None), None)
+    return found
+
+
+def installed(package: str) -> str | None:
+    """The version of an installed package, or None."""
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return None
+
+
+def parameters(pipeline: Pipeline) -> dict[str, Any]:
+    """The parameters of every stage, by the stage's name."""
+    stages = {"detect": pipeline.detect, "track": pipeline.track, "estimate": pipeline.estimate}
+    return {name: {"type": type(stage).__name__, **_plain(stage)} for name, stage in stages.items()}
+
+
+def _plain(value: Any) -> Any:
+    if dataclasses.is_dataclass(value):
+        return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, tuple | list):
+        return [_plain(item) for item in value]
+    if value is None or isinstance(value, bool | int | float | str):
+        return value
+    return str(value)
+
+
+def _rounded(value: float) -> float | None:
+    return round(float(value), 4) if np.isfinite(value) else None

@@ -1,0 +1,128 @@
+"""Dense maps of every frame, as a Zarr store that xarray opens: depth, its deviation, strain, pressure.
+
+import xarray
+depth = xarray.open_zarr("out/press/surface.zarr").depth_mm
+"""
+
+import warnings
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from manytouch.errors import MissingExtraError
+from manytouch.sinks.files.atomic_output import AtomicOutput, told
+from manytouch.sinks.files.tables import time_s
+from manytouch.sinks.maps import Map, maps_of
+from manytouch.values import Reading, Sensor
+
+FRAMES_PER_CHUNK = 16
+
+
+def require_zarr() -> None:
+    """Refuse early where the package is not installed.
+
+    Raises:
+        MissingExtraError: it is not.
+    """
+    if find_spec("zarr") is None:
+        raise MissingExtraError("the depth map", "zarr", "surface")
+
+
+class SurfaceMap:
+    """surface.zarr: maps over (frame, y, x), NaN where not known, with coordinates and units."""
+
+    def __init__(self, folder: Path, sensor: Sensor) -> None:
+        require_zarr()
+        import zarr
+
+        self._unit = sensor.length_unit
+        self._maps = maps_of(sensor)
+        self._staged = AtomicOutput(folder / "surface.zarr")
+        with told(self._staged.path):
+            self._group: Any = zarr.create_group(str(self._staged.aside), zarr_format=3)
+        self._group.attrs.update({"title": f"the sheet of {sensor.name}", "unit": self._unit})
+        axis = {"units": self._unit, "long_name": "undeformed sheet coordinate"}
+        self._coordinate("x", self._maps.x_mm, axis)
+        self._coordinate("y", self._maps.y_mm, axis)
+        shape = (len(self._maps.y_mm), len(self._maps.x_mm))
+        self._told: dict[str, Any] = {
+            name: self._map(f"{name}_{unit}" if unit else name, shape, unit, words)
+            for name, unit, words in (
+                ("depth", self._unit, "depth of the camera-side face, positive when pressed"),
+                ("depth_std", self._unit, "standard deviation of the depth"),
+                ("strain", "", "largest principal Green-Lagrange strain of the camera-side face"),
+                ("pressure", "kPa", "pressure of what touches, positive in compression"),
+            )
+            if name != "pressure" or (sensor.sheet is not None and sensor.sheet.young_MPa is not None)
+        }
+        self._frame = self._array("frame", (), "int64", ("frame",))
+        self._frame.attrs["long_name"] = "number of the frame in its input"
+        self._time = self._array("time_s", (), "float64", ("frame",))
+        self._time.attrs.update({"units": "s", "long_name": "time since the input's start"})
+        self._unknown = np.full(shape, np.nan)
+        self._waiting: list[tuple[int, float, dict[str, Map]]] = []
+
+    def write(self, reading: Reading) -> None:
+        """Add a frame."""
+        surface, maps = reading.surface, self._maps
+        found = {
+            "depth": maps.depth(surface),
+            "depth_std": maps.depth_std(surface),
+            "strain": maps.strain(surface),
+        }
+        if "pressure" in self._told:
+            pressure = maps.pressure_kPa(surface)
+            found["pressure"] = self._unknown if pressure is None else pressure
+        self._waiting.append((reading.frame.index, time_s(reading.frame.timestamp_ns), found))
+        if len(self._waiting) == FRAMES_PER_CHUNK:
+            self._append()
+
+    def close(self) -> None:
+        """Complete the store."""
+        import zarr
+
+        self._append()
+        with told(self._staged.path), warnings.catch_warnings():
+            # xarray looks for consolidated metadata; zarr warns that format 3 does not define them yet
+            warnings.filterwarnings("ignore", message="Consolidated metadata", category=UserWarning)
+            zarr.consolidate_metadata(self._group.store)
+        self._staged.finish()
+
+    def _append(self) -> None:
+        if not self._waiting:
+            return
+        frames, times, found = zip(*self._waiting, strict=True)
+        with told(self._staged.path):
+            self._frame.append(np.array(frames, dtype=np.int64))
+            self._time.append(np.array(times))
+            for name, array in self._told.items():
+                array.append(np.stack([maps[name] for maps in found]).astype(np.float32))
+        self._waiting = []
+
+    def _map(self, name: str, shape: tuple[int, ...], unit: str, words: str) -> Any:
+        array = self._array(name, shape, "float32", ("frame", "y", "x"))
+        array.attrs.update({"units": unit or "1", "long_name": words, "coordinates": "time_s"})
+        return array
+
+    def _array(self, name: str, shape: tuple[int, ...], kind: str, dimensions: tuple[str, ...]) -> Any:
+        """An array that grows with the frames."""
+        fill = np.nan if kind.startswith("float") else 0
+        with told(self._staged.path):
+            return self._group.create_array(
+                name,
+                shape=(0, *shape),
+                chunks=(FRAMES_PER_CHUNK, *shape),
+                dtype=kind,
+                fill_value=fill,
+                dimension_names=dimensions,
+            )
+
+    def _coordinate(self, name: str, values: np.ndarray, attributes: dict[str, str]) -> None:
+        with told(self._staged.path):
+            array = self._group.create_array(
+                name, shape=values.shape, chunks=values.shape, dtype="float64", dimension_names=(name,)
+            )
+            array[:] = values
+        array.attrs.update(attributes)

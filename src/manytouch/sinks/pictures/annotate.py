@@ -1,0 +1,261 @@
+"""The camera's picture with markers, displacements and contacts drawn into it."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from manytouch.errors import OutputError
+from manytouch.geometry.camera import mm_per_px, project
+from manytouch.sinks.files.atomic_output import AtomicOutput, told
+from manytouch.sinks.files.description import layout_of, pitch_px, rest_px
+from manytouch.sinks.pictures import drawing
+from manytouch.values import Contact, Reading, Sensor
+from manytouch.values.arrays import Points2
+
+LONG_SIDE_PX = 1000
+ARROW_SCALE = 3
+SMALLEST_ARROW_PX = 4.0
+
+
+class Annotator:
+    """Draws readings of one sensor; small pictures are enlarged so that words can be read.
+
+    Attributes:
+        zoom: whole-number factor between the camera's picture and the drawn one.
+    """
+
+    def __init__(self, sensor: Sensor) -> None:
+        self._sensor = sensor
+        self._layout = layout_of(sensor)
+        self._rest_px = rest_px(sensor)
+        camera = sensor.camera
+        self.zoom = max(1, round(LONG_SIDE_PX / max(camera.width_px, camera.height_px)))
+        self._pitch = float(np.nanmin(pitch_px(sensor))) * self.zoom
+        self._long_side = max(camera.width_px, camera.height_px) * self.zoom
+        self._words = max(12.0, 0.014 * self._long_side)
+        self._bar = round(2.2 * self._words)
+        self._last: np.ndarray | None = None
+        self._white: float | None = None
+
+    def __call__(self, reading: Reading) -> np.ndarray:
+        """The annotated picture, (h, w, 3) uint8 in B, G, R, of the same even size for every reading."""
+        picture = self._ground(reading)
+        self._draw_markers(picture, reading)
+        self._draw_arrows(picture, reading)
+        self._draw_contacts(picture, reading)
+        return self._framed(picture, reading)
+
+    def _ground(self, reading: Reading) -> np.ndarray:
+        camera = self._sensor.camera
+        size = (camera.width_px * self.zoom, camera.height_px * self.zoom)
+        image = reading.frame.image
+        if image is None:
+            blank = np.full((size[1], size[0], 3), 40, np.uint8)
+            return blank if self._last is None else self._last // 2
+        if self._white is None:
+            self._white = float(np.percentile(image, 99.9))
+        ground = drawing.eight_bit_colour(image, self._white)
+        if (ground.shape[1], ground.shape[0]) != size:
+            ground = np.asarray(cv2.resize(ground, size, interpolation=cv2.INTER_CUBIC))
+        self._last = ground
+        return ground.copy()
+
+    def _place(self, position_px: Points2) -> Points2:
+        """From the camera's pixels to those of the enlarged picture; centres of pixels are whole."""
+        return (position_px + 0.5) * self.zoom - 0.5
+
+    def _draw_markers(self, picture: np.ndarray, reading: Reading) -> None:
+        seen = reading.grid.is_seen
+        place = self._place(np.where(seen[:, None], reading.grid.position_px, self._rest_px))
+        radius_px = self._layout.radius_mm / mm_per_px(self._sensor.camera) * self.zoom
+        height = float(np.clip(0.17 * self._pitch, 8.0, self._words))
+        width = int(np.clip(self._pitch / 40, 1, 3))
+        widest = drawing.text_size(str(len(place) - 1), height)[0]
+        every = max(1, int(np.ceil(1.15 * widest / self._pitch)))
+        for marker in np.flatnonzero(~self._layout.is_missing):
+            centre = (place[marker, 0], place[marker, 1])
+            if not seen[marker]:
+                drawing.cross(picture, centre, max(3.0, 0.08 * self._pitch), drawing.WHITE)
+                continue
+            radius = max(float(radius_px[marker]), 2.0)
+            drawing.disc_outline(picture, centre, radius, drawing.SKY, width)
+            if marker % every == 0:
+                half = drawing.text_size(str(marker), height)[0] / 2
+                left = (centre[0] - half, centre[1] + radius + width + height + 3)
+                drawing.write_text(picture, str(marker), left, height, drawing.WHITE)
+
+    def _draw_arrows(self, picture: np.ndarray, reading: Reading) -> None:
+        camera, surface = self._sensor.camera, reading.surface
+        known = reading.grid.is_seen & np.isfinite(surface.displacement_mm).all(axis=1)
+        at_rest = project(camera, surface.position_mm[known] - surface.displacement_mm[known])
+        moved = (project(camera, surface.position_mm[known]) - at_rest) * self.zoom
+        begin = self._place(reading.grid.position_px[known]) - moved
+        end = begin + ARROW_SCALE * moved
+        width = max(1, round(self._long_side / 1000))
+        for index in np.flatnonzero(np.hypot(*moved.T) * ARROW_SCALE >= SMALLEST_ARROW_PX):
+            drawing.arrow(picture, tuple(begin[index]), tuple(end[index]), drawing.YELLOW, width)
+
+    def _draw_contacts(self, picture: np.ndarray, reading: Reading) -> None:
+        width = max(2, round(self._long_side / 500))
+        taken: list[tuple[float, float, float, float]] = []
+        for contact in reading.contacts.touching:
+            if not np.isfinite(contact.centre_px).all():
+                continue
+            x, y = self._place(contact.centre_px[None])[0]
+            radius = self._radius_of(contact)
+            drawing.disc_outline(picture, (x, y), radius, drawing.VERMILION, width)
+            drawing.cross(picture, (x, y), 1.5 * width + 2, drawing.VERMILION, width)
+            self._label(picture, contact, (float(x), float(y), radius), taken)
+
+    def _radius_of(self, contact: Contact) -> float:
+        """Of a circle as large as the contact, in px of the drawn picture; half a pitch when not known."""
+        radius = np.sqrt(contact.area_mm2 / np.pi) / mm_per_px(self._sensor.camera) * self.zoom
+        return float(radius) if radius > 0 else 0.5 * self._pitch
+
+    def _label(
+        self,
+        picture: np.ndarray,
+        contact: Contact,
+        circle: tuple[float, float, float],
+        taken: list[tuple[float, float, float, float]],
+    ) -> None:
+        text = f"#{contact.id}  {self.depth_words(contact)}"
+        height = 1.1 * self._words
+        width = drawing.text_size(text, height)[0] + height
+        tall = 2.0 * height
+        x, y, radius = circle
+        left = float(np.clip(x - width / 2, 0, max(picture.shape[1] - width, 0)))
+        tops = [y - radius - tall - 4, y + radius + 4]
+        tops += [top + step * tall for step in (1, 2, 3, -1, -2, -3) for top in tops[:2]]
+        inside = [top for top in tops if 0 <= top <= picture.shape[0] - tall] or [0.0]
+        free = [
+            top for top in inside if not any(_overlap((left, top, width, tall), other) for other in taken)
+        ]
+        top = (free or inside)[0]
+        taken.append((left, top, width, tall))
+        drawing.plate(picture, (left, top), (width, tall))
+        place = (left + height / 2, top + 1.5 * height)
+        drawing.write_text(picture, text, place, height, drawing.WHITE, outline=False)
+
+    def depth_words(self, contact: Contact) -> str:
+        """Depth and its deviation in the sensor's unit."""
+        unit, std = self._sensor.length_unit, contact.std("depth")
+        if not np.isfinite(contact.depth_mm):
+            return "depth not known"
+        if not np.isfinite(std):
+            return f"{contact.depth_mm:.2f} {unit}"
+        return f"{contact.depth_mm:.2f} ± {std:.2f} {unit}"
+
+    def _framed(self, picture: np.ndarray, reading: Reading) -> np.ndarray:
+        """With a line of facts above and a legend below, in an even number of rows and columns."""
+        height, width = picture.shape[:2]
+        whole = np.full((height + 2 * self._bar, width, 3), 24, np.uint8)
+        whole[self._bar : self._bar + height] = picture
+        present = int((~self._layout.is_missing).sum())
+        contacts = len(reading.contacts.touching)
+        facts = "   ".join(
+            (
+                f"frame {reading.frame.index}",
+                f"{reading.frame.timestamp_ns * 1e-9:.2f} s",
+                reading.status,
+                f"{int(reading.grid.is_seen.sum())} of {present} markers",
+                f"{contacts} contact" + ("" if contacts == 1 else "s"),
+            )
+        )
+        baseline = 0.5 * (self._bar + self._words)
+        drawing.write_text(whole, facts, (self._words, baseline), self._fit(facts, width), drawing.WHITE)
+        self._legend(whole, height + self._bar + baseline, width)
+        return np.pad(whole, ((0, whole.shape[0] % 2), (0, whole.shape[1] % 2), (0, 0)))
+
+    def _fit(self, text: str, width: int) -> float:
+        return min(
+            self._words, self._words * (width - 2 * self._words) / drawing.text_size(text, self._words)[0]
+        )
+
+    def _legend(self, whole: np.ndarray, baseline: float, width: int) -> None:
+        bar_px = _round_number(0.4 * self._pitch / self.zoom / ARROW_SCALE)
+        entries = ("marker", "not seen", f"moved {bar_px:g} px (arrows x {ARROW_SCALE})", "contact")
+        size = self._fit("oo".join(entries) + "oo" * 8, width)
+        length = bar_px * ARROW_SCALE * self.zoom
+        x, middle = self._words, baseline - 0.5 * size
+        stroke = max(1, round(self._long_side / 1000))
+        for index, entry in enumerate(entries):
+            begin = (x, middle)
+            if index == 0:
+                drawing.disc_outline(whole, (x + size / 2, middle), size / 2, drawing.SKY)
+            elif index == 1:
+                drawing.cross(whole, (x + size / 2, middle), size / 2, drawing.WHITE)
+            elif index == 2:
+                drawing.arrow(whole, begin, (x + length, middle), drawing.YELLOW, stroke)
+                x += length - size
+            else:
+                drawing.disc_outline(whole, (x + size / 2, middle), 0.7 * size, drawing.VERMILION, 2)
+            x += 1.7 * size
+            drawing.write_text(whole, entry, (x, baseline), size, drawing.WHITE)
+            x += drawing.text_size(entry, size)[0] + 2 * size
+
+
+class AnnotatedPictures:
+    """annotated.mp4, or a folder `annotated` of PNG files when the input is single pictures."""
+
+    def __init__(self, folder: Path, sensor: Sensor, *, as_video: bool, fps: float | None) -> None:
+        self._draw = Annotator(sensor)
+        self._staged = AtomicOutput(folder / ("annotated.mp4" if as_video else "annotated"))
+        self._fps = fps or 25.0
+        self._video: cv2.VideoWriter | None = None
+        self._as_video = as_video
+        if not as_video:
+            with told(self._staged.path):
+                self._staged.aside.mkdir()
+
+    def write(self, reading: Reading) -> None:
+        """Add a frame."""
+        picture = self._draw(reading)
+        if not self._as_video:
+            write_png(self._staged.aside / f"{reading.frame.index:06d}.png", picture)
+            return
+        if self._video is None:
+            self._video = self._opened(picture.shape[1], picture.shape[0])
+        self._video.write(picture)
+
+    def close(self) -> None:
+        """Complete the video or the folder; a video without frames is left out."""
+        if self._as_video:
+            if self._video is None:
+                return
+            self._video.release()
+        self._staged.finish()
+
+    def _opened(self, width_px: int, height_px: int) -> cv2.VideoWriter:
+        code = cv2.VideoWriter.fourcc(*"mp4v")
+        video = cv2.VideoWriter(str(self._staged.aside), code, self._fps, (width_px, height_px))
+        if not video.isOpened():
+            raise OutputError(
+                f"cannot write {self._staged.path}: this OpenCV has no MPEG-4 encoder; "
+                "install opencv-python-headless from PyPI, or leave --annotate away"
+            )
+        return video
+
+
+def write_png(path: Path, picture: np.ndarray) -> None:
+    """Write a picture, also where OpenCV's own file names fail (umlauts on Windows).
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    _, encoded = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 3])
+    with told(path):
+        path.write_bytes(encoded.tobytes())
+
+
+def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
+    apart_x = one[0] >= other[0] + other[2] or other[0] >= one[0] + one[2]
+    apart_y = one[1] >= other[1] + other[3] or other[1] >= one[1] + one[3]
+    return not (apart_x or apart_y)
+
+
+def _round_number(value: float) -> float:
+    """1, 2 or 5 times a power of ten, not above the value."""
+    power = 10.0 ** np.floor(np.log10(max(value, 1e-6)))
+    return float(power * max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-9)))

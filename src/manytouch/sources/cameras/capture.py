@@ -1,0 +1,322 @@
+"""What is asked of a camera, in the order that each system's driver needs, and what it answers.
+
+OpenCV passes properties on to the driver one by one, and a driver may forget one when another is set:
+
+- V4L2 (Linux): the format first, since it decides which sizes and rates there are; width and height act
+  together. Without conversion the driver's JPEG is handed over as it is.
+- DirectShow (Windows): setting a rate builds the graph anew without the format, and a size takes the format
+  with it; so rate, format, size, and the format again for releases that only then heed it.
+- Media Foundation (Windows, where DirectShow does not open): it chooses the format itself.
+- AVFoundation (macOS): size and rate only; exposure and focus are not offered.
+"""
+
+import math
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol, runtime_checkable
+
+import numpy as np
+
+from manytouch.sources.quiet_opencv import cv2
+from manytouch.values import Setting
+from manytouch.values.arrays import Image, read_only
+
+Amount = float | Literal["auto"] | None
+JPEG_BEGIN, JPEG_END = b"\xff\xd8", b"\xff\xd9"
+MJPG = cv2.VideoWriter.fourcc(*"MJPG")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraRequest:
+    """What a camera is asked for; None leaves it as it is.
+
+    Attributes:
+        size_px: width, height.
+        fps: frames per second.
+        is_mjpg: Motion JPEG, without which USB carries large pictures only a few times a second.
+        exposure_ms, white_balance_K: fixed, or "auto".
+        focus: in the driver's own unit, or "auto".
+        gain: in the driver's own unit.
+    """
+
+    size_px: tuple[int, int] | None = None
+    fps: float | None = None
+    is_mjpg: bool = True
+    exposure_ms: Amount = None
+    gain: float | None = None
+    focus: Amount = None
+    white_balance_K: Amount = None
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Shot:
+    """A picture as a driver hands it over; one of image and encoded is there.
+
+    Attributes:
+        image: grey or BGR, a copy of the driver's buffer.
+        encoded: a whole JPEG, a copy of the driver's buffer.
+        driver_ns: the driver's own time of it, None where it does not tell.
+    """
+
+    image: Image | None
+    encoded: bytes | None
+    driver_ns: int | None
+
+
+@runtime_checkable
+class Capture(Protocol):
+    """An open camera or stream."""
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """What was asked for, and what the camera says."""
+
+    def read(self) -> Shot | None:
+        """Wait for the next picture; None when none came."""
+
+    def release(self) -> None:
+        """Let go of the device."""
+
+
+@runtime_checkable
+class VideoCapture(Protocol):
+    """What is used of `cv2.VideoCapture`."""
+
+    def isOpened(self) -> bool: ...
+
+    def set(self, prop: int, value: float) -> bool: ...
+
+    def get(self, prop: int) -> float: ...
+
+    def grab(self) -> bool: ...
+
+    def retrieve(self) -> tuple[bool, Any]: ...
+
+    def release(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Backend:
+    """How a system's driver wants to be asked.
+
+    Attributes:
+        name: for people.
+        api: OpenCV's number of it.
+        order: properties in the order in which they are set; others are not offered.
+        hands_over_jpeg: can it leave the camera's JPEG as it is?
+        exposure_is: unit of exposure: 100 microseconds, or the logarithm to base 2 of seconds.
+        manual, automatic: values of the switch for automatic exposure.
+        tells_time: is its POS_MSEC the time of the picture?
+    """
+
+    name: str
+    api: int
+    order: tuple[str, ...]
+    hands_over_jpeg: bool = False
+    exposure_is: Literal["100us", "log2_s"] = "log2_s"
+    manual: float = 0.0
+    automatic: float = 1.0
+    tells_time: bool = False
+
+    def exposure(self, milliseconds: float) -> float:
+        """An exposure in the driver's unit."""
+        return 10.0 * milliseconds if self.exposure_is == "100us" else math.log2(1e-3 * milliseconds)
+
+    def milliseconds(self, exposure: float) -> float:
+        """An exposure from the driver's unit."""
+        return 0.1 * exposure if self.exposure_is == "100us" else 1e3 * 2.0**exposure
+
+
+_LIGHT = (
+    *("automatic exposure", "exposure", "gain"),
+    *("automatic focus", "focus", "automatic white balance", "white balance"),
+)
+V4L2 = Backend(
+    name="V4L2",
+    api=cv2.CAP_V4L2,
+    order=("format", "width", "height", "rate", "as it is", *_LIGHT),
+    hands_over_jpeg=True,
+    exposure_is="100us",
+    manual=1.0,
+    automatic=3.0,
+    tells_time=True,
+)
+DIRECTSHOW = Backend(
+    name="DirectShow", api=cv2.CAP_DSHOW, order=("rate", "format", "width", "height", "format", *_LIGHT)
+)
+MEDIA_FOUNDATION = Backend(
+    name="Media Foundation", api=cv2.CAP_MSMF, order=("width", "height", "rate", *_LIGHT), tells_time=True
+)
+AVFOUNDATION = Backend(name="AVFoundation", api=cv2.CAP_AVFOUNDATION, order=("width", "height", "rate"))
+FFMPEG = Backend(name="FFmpeg", api=cv2.CAP_FFMPEG, order=(), tells_time=True)
+
+_PROPERTY = {
+    "format": cv2.CAP_PROP_FOURCC,
+    "width": cv2.CAP_PROP_FRAME_WIDTH,
+    "height": cv2.CAP_PROP_FRAME_HEIGHT,
+    "rate": cv2.CAP_PROP_FPS,
+    "as it is": cv2.CAP_PROP_CONVERT_RGB,
+    "automatic exposure": cv2.CAP_PROP_AUTO_EXPOSURE,
+    "exposure": cv2.CAP_PROP_EXPOSURE,
+    "gain": cv2.CAP_PROP_GAIN,
+    "automatic focus": cv2.CAP_PROP_AUTOFOCUS,
+    "focus": cv2.CAP_PROP_FOCUS,
+    "automatic white balance": cv2.CAP_PROP_AUTO_WB,
+    "white balance": cv2.CAP_PROP_WB_TEMPERATURE,
+}
+_AMOUNTS: dict[str, Callable[[CameraRequest], Amount]] = {
+    "exposure": lambda wishes: wishes.exposure_ms,
+    "focus": lambda wishes: wishes.focus,
+    "white balance": lambda wishes: wishes.white_balance_K,
+}
+
+
+def backends(platform: str = sys.platform) -> tuple[Backend, ...]:
+    """Those of a system, the first that opens is taken."""
+    if platform == "darwin":
+        return (AVFOUNDATION,)
+    return (DIRECTSHOW, MEDIA_FOUNDATION) if platform == "win32" else (V4L2,)
+
+
+def requests(wishes: CameraRequest, backend: Backend) -> dict[str, float]:
+    """Values to set, by property, in the driver's units."""
+    wanted: dict[str, float] = {}
+    if wishes.is_mjpg:
+        wanted["format"] = float(MJPG)
+        if backend.hands_over_jpeg:
+            wanted["as it is"] = 0.0
+    if wishes.size_px is not None:
+        wanted["width"], wanted["height"] = map(float, wishes.size_px)
+    if wishes.fps is not None:
+        wanted["rate"] = wishes.fps
+    if wishes.gain is not None:
+        wanted["gain"] = wishes.gain
+    for name, amount_of in _AMOUNTS.items():
+        amount = amount_of(wishes)
+        if amount is None:
+            continue
+        manual, automatic = (backend.manual, backend.automatic) if name == "exposure" else (0.0, 1.0)
+        wanted[f"automatic {name}"] = automatic if amount == "auto" else manual
+        if amount != "auto":
+            wanted[name] = backend.exposure(amount) if name == "exposure" else amount
+    return {name: value for name, value in wanted.items() if name in backend.order}
+
+
+class OpenCvCapture:
+    """A camera or stream that OpenCV has opened, asked for what was wished."""
+
+    def __init__(self, capture: VideoCapture, wishes: CameraRequest, backend: Backend) -> None:
+        self._capture = capture
+        self._wishes = wishes
+        self._backend = backend
+        wanted = requests(wishes, backend)
+        for name in backend.order:
+            if name in wanted:
+                capture.set(_PROPERTY[name], wanted[name])
+        self._is_raw = "as it is" in wanted
+
+    @property
+    def settings(self) -> tuple[Setting, ...]:
+        """What was asked for, and what the camera says."""
+        wishes, rate = self._wishes, self._found("rate")
+        asked_size = None if wishes.size_px is None else f"{wishes.size_px[0]} x {wishes.size_px[1]} px"
+        width, height = self._found("width"), self._found("height")
+        found_size = None if width is None or height is None else f"{width:g} x {height:g} px"
+        code = self._found("format")
+        exposure = self._found("exposure")
+        return (
+            Setting(name="driver", asked=None, found=self._backend.name),
+            Setting(name="size", asked=asked_size, found=found_size),
+            Setting(name="rate", asked=_words(wishes.fps, "per second"), found=_words(rate, "per second")),
+            Setting(
+                name="format",
+                asked="MJPG" if wishes.is_mjpg else None,
+                found=None if code is None else _letters(int(code)),
+            ),
+            Setting(
+                name="exposure",
+                asked=_words(wishes.exposure_ms, "ms"),
+                found=None if exposure is None else _words(self._backend.milliseconds(exposure), "ms"),
+            ),
+            Setting(name="gain", asked=_words(wishes.gain), found=_words(self._found("gain"))),
+            Setting(name="focus", asked=_words(wishes.focus), found=_words(self._found("focus"))),
+            Setting(
+                name="white balance",
+                asked=_words(wishes.white_balance_K, "K"),
+                found=_words(self._found("white balance"), "K"),
+            ),
+        )
+
+    def read(self) -> Shot | None:
+        """Wait for the next picture; None when none came."""
+        if not self._capture.grab():
+            return None
+        driver_ns = self._time_ns()
+        decoded, image = self._capture.retrieve()
+        if not decoded or image is None or image.size == 0:
+            return None
+        if not self._is_raw:
+            return Shot(image=read_only(image.copy()), encoded=None, driver_ns=driver_ns)
+        encoded = whole_jpeg(image)
+        if encoded is None:  # the camera has no JPEG to give: let the driver make pictures of what it has
+            self._is_raw = False
+            self._capture.set(_PROPERTY["as it is"], 1.0)
+            return None
+        return Shot(image=None, encoded=encoded, driver_ns=driver_ns)
+
+    def release(self) -> None:
+        """Let go of the device."""
+        self._capture.release()
+
+    def _found(self, name: str) -> float | None:
+        """A property as the camera tells it."""
+        if name not in self._backend.order and name not in ("width", "height", "rate", "format"):
+            return None
+        value = float(self._capture.get(_PROPERTY[name]))
+        unknown = value == -1.0 and not (name == "exposure" and self._backend.exposure_is == "log2_s")
+        is_empty = value <= 0 and name in ("width", "height", "rate", "format", "white balance")
+        return None if not math.isfinite(value) or unknown or is_empty else value
+
+    def _time_ns(self) -> int | None:
+        milliseconds = self._capture.get(cv2.CAP_PROP_POS_MSEC) if self._backend.tells_time else 0.0
+        return round(milliseconds * 1e6) if math.isfinite(milliseconds) and milliseconds > 0 else None
+
+
+def whole_jpeg(buffer: np.ndarray) -> bytes | None:
+    """The JPEG that a driver's buffer begins with, without what follows its end; None when it holds none."""
+    if buffer.dtype != np.uint8 or (buffer.ndim > 1 and min(buffer.shape[:2]) != 1):
+        return None
+    encoded = buffer.tobytes()
+    end = encoded.rfind(JPEG_END)
+    return encoded[: end + 2] if encoded.startswith(JPEG_BEGIN) and end > 0 else None
+
+
+def open_camera(
+    number_or_path: int | str,
+    wishes: CameraRequest,
+    open_with: Callable[[int | str, int], VideoCapture] | None = None,
+    platform: str = sys.platform,
+) -> OpenCvCapture | None:
+    """A camera with the first of the system's drivers that opens it; None when none does."""
+    for backend in backends(platform):
+        capture = (open_with or cv2.VideoCapture)(number_or_path, backend.api)
+        if capture.isOpened():
+            return OpenCvCapture(capture, wishes, backend)
+        capture.release()
+    return None
+
+
+def _words(amount: float | str | None, unit: str = "") -> str | None:
+    if amount is None or isinstance(amount, str):
+        return amount
+    return f"{amount:.4g} {unit}".rstrip()
+
+
+def _letters(code: int) -> str:
+    letters = bytes((code >> shift) & 0xFF for shift in (0, 8, 16, 24))
+    return (
+        letters.decode("ascii", errors="replace")
+        if all(32 <= letter < 127 for letter in letters)
+        else hex(code)
+    )

@@ -1,0 +1,190 @@
+"""Video files, read with OpenCV."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from manytouch.errors import SourceError
+from manytouch.sources.files.containers import Container, read_container
+from manytouch.sources.quiet_opencv import cv2
+from manytouch.sources.source import ASSUMED_FPS, evenly_timed_ns
+from manytouch.values import Frame
+from manytouch.values.arrays import read_only
+
+VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv", ".ts")
+MOST_FRAMES = 1_000_000  # a header that promises more is not believed
+MOST_FAILURES = 1_000  # grabs in a row that may fail before a file counts as ended
+LONGEST_PAUSE_NS = 60 * 10**9  # a larger step of the container's clock is taken for an error of it
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class VideoSource:
+    """A video file; each iteration opens it anew.
+
+    Timestamps are the container's own, from 0, unless the rate is given. Frames that a damaged file
+    has lost follow as frames without a picture, as far as the file tells that they existed.
+
+    Attributes:
+        name: stem for the folder of its results.
+        path: the file.
+        fps: rate in frames per second; None when the file does not say.
+        is_rate_given: should timestamps follow `fps` instead of the container?
+        frame_count: frames that the file promises; None when it does not say.
+        width_px, height_px: size of its first frame.
+    """
+
+    name: str
+    path: Path
+    fps: float | None
+    is_rate_given: bool
+    frame_count: int | None
+    width_px: int
+    height_px: int
+
+    @property
+    def is_live(self) -> bool:
+        return False
+
+    def __iter__(self) -> Iterator[Frame]:
+        capture = _opened(self.path)
+        clock = _Clock(fps=self.fps, follows_container=not self.is_rate_given)
+        index = failures = all_failures = 0
+        try:
+            while failures <= self._patience(index):
+                if not capture.grab():
+                    failures += 1
+                    continue
+                container_ns = _position_ns(capture)
+                if failures:
+                    for _ in range(self._lost_before(index, failures, clock.periods_until(container_ns))):
+                        yield self._frame(index, clock.missed(), None)
+                        index += 1
+                    all_failures += failures
+                    failures = 0
+                decoded, image = capture.retrieve()
+                fits = decoded and image is not None and image.shape[:2] == (self.height_px, self.width_px)
+                yield self._frame(index, clock.at(container_ns), read_only(image) if fits else None)
+                index += 1
+        finally:
+            capture.release()
+        for _ in range(frames_lost(self.frame_count, index, all_failures, read_container(self.path))):
+            yield self._frame(index, clock.missed(), None)
+            index += 1
+
+    def _frame(self, index: int, timestamp_ns: int, image: object) -> Frame:
+        return Frame(index=index, timestamp_ns=timestamp_ns, camera=self.name, image=image)  # type: ignore[arg-type]
+
+    def _patience(self, index: int) -> int:
+        """How many grabs in a row may fail: a decoder gives up on every packet of a damaged stretch."""
+        return 0 if self.frame_count is None else min(max(self.frame_count - index, 0), MOST_FAILURES)
+
+    def _lost_before(self, index: int, failures: int, periods: int) -> int:
+        """Frames that a damaged stretch has cost: by the clock, else by the packets that failed."""
+        lost = periods - 1 if periods > 1 else failures
+        return lost if self.frame_count is None else max(min(lost, self.frame_count - index - 1), 0)
+
+
+class _Clock:
+    """Timestamps of one run through a file: the container's while they make sense."""
+
+    def __init__(self, *, fps: float | None, follows_container: bool) -> None:
+        self._fps = fps
+        self._follows = follows_container
+        self._period_ns = round(1e9 / (fps or ASSUMED_FPS))
+        self._first_ns: int | None = None
+        self._last_ns = -self._period_ns
+        self._count = 0
+
+    def at(self, container_ns: int | None) -> int:
+        """Timestamp of a frame that was decoded."""
+        if self._first_ns is None and container_ns is not None:
+            self._first_ns = container_ns - self._last_ns - self._period_ns
+        if not self._follows or container_ns is None or self._first_ns is None:
+            return self.missed()
+        step_ns = container_ns - self._first_ns - self._last_ns
+        if not 0 < step_ns <= LONGEST_PAUSE_NS:
+            return self.missed()
+        self._count += 1
+        self._last_ns += step_ns
+        return self._last_ns
+
+    def missed(self) -> int:
+        """Timestamp of a frame that tells no time: one period on."""
+        self._count += 1
+        if not self._follows:
+            self._last_ns = evenly_timed_ns(self._count - 1, self._fps)
+        else:
+            self._last_ns += self._period_ns
+        return self._last_ns
+
+    def periods_until(self, container_ns: int | None) -> int:
+        """Frame periods from the last frame to this time of the container; 0 when not known."""
+        if container_ns is None or self._first_ns is None or not self._follows:
+            return 0
+        return max(round((container_ns - self._first_ns - self._last_ns) / self._period_ns), 0)
+
+
+def frames_lost(promised: int | None, delivered: int, failures: int, container: Container) -> int:
+    """Frames that a file has lost at an unknown place.
+
+    A promise counts as a loss only where it is exact: not for containers that tell a duration alone,
+    nor for an MP4 whose edit list leaves frames out. An AVI may be off by a few when it is healthy.
+    """
+    if promised is None or container.kind == "other":
+        return 0
+    lost = max(promised - delivered, 0)
+    if container.is_cut_short or failures:
+        return lost
+    return lost if container.kind == "riff" and lost > max(2, 0.01 * promised) else 0
+
+
+def video_source(path: Path, fps: float | None) -> VideoSource:
+    """A video file as a source; raises SourceError when it is none."""
+    if read_container(path).is_cut_short and not _opened(path).isOpened():
+        raise SourceError(
+            f"{str(path)!r} is cut short: it ends before the index without which its frames cannot be found; "
+            f"copy or record it again."
+        )
+    refusal = SourceError(
+        f"{str(path)!r} cannot be decoded as a video or an image: check that it is complete and of a "
+        f"common kind ({', '.join(suffix[1:] for suffix in VIDEO_SUFFIXES)}), or convert it to MP4."
+    )
+    if _is_text(path):
+        raise refusal
+    capture = _opened(path)
+    try:
+        image = next((image for decoded, image in (capture.read() for _ in range(100)) if decoded), None)
+        if image is None:
+            raise refusal
+        rate = capture.get(cv2.CAP_PROP_FPS)
+        promised = capture.get(cv2.CAP_PROP_FRAME_COUNT)
+    finally:
+        capture.release()
+    return VideoSource(
+        name=path.stem,
+        path=path,
+        fps=fps or (rate if math.isfinite(rate) and 0 < rate <= 10_000 else None),
+        is_rate_given=fps is not None,
+        frame_count=int(promised) if math.isfinite(promised) and 0 < promised <= MOST_FRAMES else None,
+        width_px=image.shape[1],
+        height_px=image.shape[0],
+    )
+
+
+def _opened(path: Path) -> "cv2.VideoCapture":
+    """FFmpeg first: other backends may take a name with digits for a sequence of images."""
+    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
+    return capture if capture.isOpened() else cv2.VideoCapture(str(path))
+
+
+def _position_ns(capture: "cv2.VideoCapture") -> int | None:
+    milliseconds = capture.get(cv2.CAP_PROP_POS_MSEC)
+    return round(milliseconds * 1e6) if math.isfinite(milliseconds) else None
+
+
+def _is_text(path: Path) -> bool:
+    """FFmpeg plays a text file as a film of a terminal."""
+    with path.open("rb") as file:
+        head = file.read(4096)
+    return not any(byte < 9 or 13 < byte < 27 for byte in head)
