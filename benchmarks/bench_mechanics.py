@@ -10,12 +10,12 @@ from collections.abc import Callable
 
 import numpy as np
 
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Dots
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
 from manytouch.mechanics.solver import band_kernels
 from manytouch.mechanics.solver.band import factorised
 from manytouch.mechanics.solver.normal_equations import NormalEquations
-from manytouch.mechanics.spline.patch import SplinePatch
 from manytouch.simulation.demo_sensor import demo_sensor
 
 

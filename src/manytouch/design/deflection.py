@@ -9,10 +9,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.design.spacing import gap_mm
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
-from manytouch.mechanics.spline.patch import SplinePatch
 
 FINGERTIP_MM2 = 100.0  # 1 cm², as in Table 1 of the paper
 ELEMENT_MM = 5.0

@@ -13,9 +13,9 @@ from jaxtyping import Float64
 from scipy.ndimage import maximum_filter
 
 from manytouch.geometry.sampling import BEYOND_PITCH, sampling_on
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.mechanics.spline.patch import SplinePatch
 from manytouch.sinks.files.description import layout_of
 from manytouch.values import Layout, Sensor, SheetSpline, Surface
 

@@ -13,10 +13,10 @@ from manytouch.calibration.sheet.protocol import places_mm, probing_gcode, weigh
 from manytouch.cli import main
 from manytouch.design.deflection import fingertip
 from manytouch.errors import SensorError, SourceError
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Dots
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
-from manytouch.mechanics.spline.patch import SplinePatch
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values.sensor_file import save_sensor
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Dots
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.mechanics.spline.patch import SplinePatch
 from manytouch.values import Camera
 
 PATCHES = {

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from manytouch.geometry.camera import project
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers import projection as projection_kernels
 from manytouch.mechanics.markers.images import Dots, Face
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.mechanics.spline.patch import SplinePatch
 from manytouch.values import Camera
 
 H = 1e-4

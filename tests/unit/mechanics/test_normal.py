@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Dots
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.normal_equations import NormalEquations
-from manytouch.mechanics.spline.patch import SplinePatch
 from manytouch.values import Camera
 
 H = 1e-5

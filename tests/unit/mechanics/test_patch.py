@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.mechanics.spline.patch import SplinePatch
+from manytouch.geometry.spline.patch import SplinePatch
 
 
 def points_of(patch: SplinePatch, count: int = 40) -> np.ndarray:

@@ -9,10 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.shell import material as material_kernels
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.mechanics.spline.patch import SplinePatch
 
 H = 1e-5
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.mechanics.spline.patch import SplinePatch
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.maps import SheetMaps
 from manytouch.values import SheetSpline, Surface

@@ -14,10 +14,10 @@ from jaxtyping import Float64
 
 from manytouch.detection.search import level_of
 from manytouch.geometry.camera import project
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
-from manytouch.mechanics.spline.patch import SplinePatch
 from manytouch.values import Camera, Frame, Layout, Sheet
 from manytouch.values.arrays import Points2, Scalars
 

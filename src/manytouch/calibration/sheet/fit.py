@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Dots
 from manytouch.mechanics.shell.equilibrium import equilibrium, tangent_factor
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
-from manytouch.mechanics.spline.patch import SplinePatch
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 

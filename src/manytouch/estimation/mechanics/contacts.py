@@ -8,8 +8,8 @@ from jaxtyping import Float64
 from manytouch.estimation.mechanics.force_clusters import Clusters
 from manytouch.estimation.mechanics.sheet_model import SheetModel
 from manytouch.geometry.camera import project
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
-from manytouch.mechanics.spline.patch import Nodal
 from manytouch.values import ESTIMATES, Contact, Phase
 from manytouch.values.arrays import read_only
 

@@ -18,7 +18,7 @@ from jaxtyping import Float64, Int64
 from manytouch.estimation.mechanics.gauss_newton import Fit
 from manytouch.estimation.mechanics.patch_kernels import fitted
 from manytouch.estimation.mechanics.sheet_model import SheetModel
-from manytouch.mechanics.spline import basis
+from manytouch.geometry.spline import basis
 from manytouch.values.arrays import Points2, Scalars
 
 _FEWEST = 9

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.mechanics.spline.patch import Nodal
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points2, Scalars
 
 

@@ -16,8 +16,8 @@ import numpy as np
 
 from manytouch.estimation.mechanics.force_clusters import smoothed
 from manytouch.estimation.mechanics.sheet_model import SheetModel
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.solver.normal_equations import Curvature
-from manytouch.mechanics.spline.patch import Nodal
 from manytouch.values.arrays import Covariances2, Points2, read_only
 
 

@@ -21,7 +21,7 @@ from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.evidence import Evidence
 from manytouch.estimation.mechanics.force_clusters import Clusters, ForceLattice, smoothed
-from manytouch.mechanics.spline.patch import Nodal
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Mask, Points2
 
 Weigh = Callable[[Int64[np.ndarray, " n"]], Evidence | None]

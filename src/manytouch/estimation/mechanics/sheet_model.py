@@ -6,10 +6,10 @@ import numpy as np
 
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.mechanics.force_clusters import ForceLattice
+from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
 from manytouch.mechanics.markers.images import Dots
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
 from manytouch.mechanics.solver.normal_equations import NormalEquations
-from manytouch.mechanics.spline.patch import Nodal, PointBasis, SplinePatch
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Mask, read_only
 

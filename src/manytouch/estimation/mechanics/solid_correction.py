@@ -12,7 +12,7 @@ import numpy as np
 
 from manytouch.estimation.mechanics.force_clusters import Clusters
 from manytouch.estimation.mechanics.sheet_model import SheetModel
-from manytouch.mechanics.spline.patch import Nodal
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points2, Scalars
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.sheet_model import SheetModel
-from manytouch.mechanics.spline.patch import Nodal
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Covariances3, Mask, Points3, read_only
 
 _SAMPLES = 60

@@ -6,10 +6,10 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from manytouch.geometry.spline.patch import Nodal, PointBasis
 from manytouch.mechanics.markers import kernels as dot_kernels
 from manytouch.mechanics.markers.projection import parameters
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.mechanics.spline.patch import Nodal, PointBasis
 from manytouch.values import Camera
 
 OUTLINE_POINTS = 12

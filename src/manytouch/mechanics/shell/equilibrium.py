@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.band import BandFactor, empty_band, factorised
-from manytouch.mechanics.spline.patch import Nodal
 
 Load = Nodal | Callable[[Nodal], Nodal]
 """Nodal forces over E (mm^2), or how they follow from the coefficients."""

@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float, Float64
 
+from manytouch.geometry.spline import basis
+from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.shell import kernels as shell_kernels
-from manytouch.mechanics.spline import basis
-from manytouch.mechanics.spline.patch import Nodal, SplinePatch
 
 SUPPORT_PER_MM = 1e-3
 """Stiffness of the springs along a soft boundary, per E and area: 1 mm off presses with 0.001 E."""

@@ -5,12 +5,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float, Float64, Int64
 
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Dots
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver import band_kernels
 from manytouch.mechanics.solver.band import BandFactor, empty_band, factorised
-from manytouch.mechanics.spline.patch import Nodal
 
 LEAST_DAMPING = 1e-7  # of the largest diagonal entry, when the matrix cannot be factorised without
 

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from manytouch.mechanics.spline import basis
+from manytouch.geometry.spline import basis
 from manytouch.values.arrays import read_only
 
 RIM_ROWS = 2

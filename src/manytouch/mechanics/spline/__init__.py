@@ -1,1 +1,0 @@
-"""TODO: two sentences: what is inside and what is not."""
