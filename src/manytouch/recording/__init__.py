@@ -1,17 +1,19 @@
-"""Recordings: MCAP files of frames as they came, readings, and what made them.
+"""The file format of recordings (MCAP): encoding, writing and reading of frames, readings and sessions.
 
-    /camera     foxglove.CompressedImage (protobuf): JPEG as the camera gave it, else PNG; no data where there
-                was no picture. Every frame that arrived, also those that nobody had time to read.
-    /reading    JSON: one per frame that was read, with numbers for people and all values to the last bit
-    /surface    foxglove.PointCloud (protobuf): the markers in the sheet's frame, with depth
+When to record, in which thread, and how to show a recording is decided in `sinks`, `sources` and `session`.
+
+    /camera     foxglove.CompressedImage (protobuf): JPEG as the camera delivered it, else PNG; no data if the
+                frame could not be decoded. All frames that arrived, also those that were not processed.
+    /reading    JSON: one per processed frame, with the main numbers readable and all values bit for bit
+    /surface    foxglove.PointCloud (protobuf): the markers in the sheet frame, with depth
     /session    JSON: sensor, method, parameters, versions; at the start and after every change
     /calibration, /transform
-                foxglove.CameraCalibration and FrameTransform (protobuf): the lens, and where the sheet lies
-                before the camera; with the first frame after every /session
-    /log        foxglove.Log (protobuf): what there was to tell
+                foxglove.CameraCalibration and FrameTransform (protobuf): intrinsic parameters and pose of the
+                camera; with the first frame after every /session
+    /log        foxglove.Log (protobuf): messages of the session
 
-A message's sequence is the number of its frame; its log time is the start of the recording plus the frame's
-timestamp. Nothing is compressed and every chunk is small, so a file that was cut off is good up to there.
+The sequence of a message is the index of its frame; its log time is the start of the recording plus the
+timestamp of the frame. Nothing is compressed and chunks are small, so that a truncated file is readable.
 """
 
 CAMERA, READING, SURFACE, SESSION, LOG = "/camera", "/reading", "/surface", "/session", "/log"

@@ -1,4 +1,4 @@
-"""Messages of a recording: frames, readings, sessions, in the schemas of the package's docstring."""
+"""Messages of a recording, in the schemas that the docstring of the package lists."""
 
 import json
 from collections.abc import Mapping
@@ -8,11 +8,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from manytouch.geometry.camera import camera_matrix
-from manytouch.recording.packing import packed, unpacked
+from manytouch.recording.json_codec import from_json, to_json
 from manytouch.values import Camera, Contact, Frame, Reading, Sensor
 
 _NUMBER = {"type": ["number", "null"]}
-_VALUE = {"type": "object", "description": "a value of manytouch, to the last bit"}
+_VALUE = {"type": "object", "description": "a value of manytouch, bit for bit"}
 READING_SCHEMA: dict[str, Any] = {
     "type": "object",
     "title": "manytouch.Reading",
@@ -59,8 +59,8 @@ SESSION_SCHEMA: dict[str, Any] = {
 }
 
 
-def reading_bytes(reading: Reading) -> bytes:
-    """A reading without its frame."""
+def encode_reading(reading: Reading) -> bytes:
+    """Encode a reading without its frame."""
     return _bytes(
         {
             "frame": reading.frame.index,
@@ -70,33 +70,33 @@ def reading_bytes(reading: Reading) -> bytes:
             "markers_seen": int(reading.grid.is_seen.sum()),
             "contacts": [_contact(contact) for contact in reading.contacts.contacts],
             "values": {
-                "detections": packed(reading.detections),
-                "grid": packed(reading.grid),
-                "surface": packed(reading.surface),
-                "contacts": packed(reading.contacts),
+                "detections": to_json(reading.detections),
+                "grid": to_json(reading.grid),
+                "surface": to_json(reading.surface),
+                "contacts": to_json(reading.contacts),
             },
         }
     )
 
 
-def reading_of(message: bytes, frame: Frame) -> Reading:
-    """The reading of a frame.
+def decode_reading(message: bytes, frame: Frame) -> Reading:
+    """Decode the reading of a frame.
 
     Raises:
-        SourceError: it cannot be understood.
+        SourceError: the message is damaged, or was written by a later version.
     """
-    held = json.loads(message)
-    values = {name: unpacked(each) for name, each in held["values"].items()}
-    return Reading(frame=frame, milliseconds=float(held["milliseconds"]), **values)
+    encoded = json.loads(message)
+    values = {name: from_json(each) for name, each in encoded["values"].items()}
+    return Reading(frame=frame, milliseconds=float(encoded["milliseconds"]), **values)
 
 
-def session_bytes(sensor: Sensor, about: Mapping[str, Any]) -> bytes:
-    """What made the readings; `about` holds what the schema asks for but the sensor."""
-    return _bytes({**about, "sensor": packed(sensor)})
+def encode_session(sensor: Sensor, about: Mapping[str, Any]) -> bytes:
+    """Encode what produced the readings; `about` has all fields of the schema except the sensor."""
+    return _bytes({**about, "sensor": to_json(sensor)})
 
 
 def surface_message(reading: Reading, log_ns: int) -> Any:
-    """The markers in the sheet's frame as a foxglove.PointCloud: x, y, z, depth in float32."""
+    """The markers in the sheet frame as a foxglove.PointCloud of x, y, z, depth in float32."""
     from foxglove_schemas_protobuf.PackedElementField_pb2 import PackedElementField
     from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
@@ -105,13 +105,13 @@ def surface_message(reading: Reading, log_ns: int) -> Any:
     cloud = PointCloud(frame_id="sheet", point_stride=16, data=points.tobytes())
     cloud.timestamp.FromNanoseconds(log_ns)
     cloud.pose.orientation.w = 1.0
-    for place, name in enumerate(("x", "y", "z", "depth")):
-        cloud.fields.add(name=name, offset=4 * place, type=PackedElementField.FLOAT32)
+    for index, name in enumerate(("x", "y", "z", "depth")):
+        cloud.fields.add(name=name, offset=4 * index, type=PackedElementField.FLOAT32)
     return cloud
 
 
 def calibration_message(camera: Camera, frame_id: str, log_ns: int) -> Any:
-    """The lens and the sensor's size as a foxglove.CameraCalibration."""
+    """The intrinsic parameters of the camera as a foxglove.CameraCalibration."""
     from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 
     projection = np.column_stack([camera_matrix(camera), np.zeros(3)])
@@ -130,26 +130,28 @@ def calibration_message(camera: Camera, frame_id: str, log_ns: int) -> Any:
 
 
 def transform_message(camera: Camera, frame_id: str, log_ns: int) -> Any:
-    """The sheet's frame in the camera's as a foxglove.FrameTransform, in the units of /surface."""
+    """The pose of the sheet in the camera frame as a foxglove.FrameTransform, in the units of /surface."""
     from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 
     message = FrameTransform(parent_frame_id=frame_id, child_frame_id="sheet")
     message.timestamp.FromNanoseconds(log_ns)
     x, y, z = camera.translation_mm.tolist()
     message.translation.x, message.translation.y, message.translation.z = x, y, z
-    turn = message.rotation
-    turn.x, turn.y, turn.z, turn.w = Rotation.from_rotvec(camera.rotation_vector.copy()).as_quat().tolist()
+    rotation = message.rotation
+    rotation.x, rotation.y, rotation.z, rotation.w = (
+        Rotation.from_rotvec(camera.rotation_vector.copy()).as_quat().tolist()
+    )
     return message
 
 
 def _contact(contact: Contact) -> dict[str, Any]:
     x, y = contact.centre_mm
-    shear_x, shear_y, press = contact.force_N
+    shear_x, shear_y, force_z = contact.force_N
     numbers = {
         "x_mm": x,
         "y_mm": y,
         "depth_mm": contact.depth_mm,
-        "normal_force_N": -press,
+        "normal_force_N": -force_z,
         "shear_x_N": shear_x,
         "shear_y_N": shear_y,
         "area_mm2": contact.area_mm2,
@@ -160,5 +162,5 @@ def _contact(contact: Contact) -> dict[str, Any]:
     return {"contact": contact.id, "phase": contact.phase.value, **known}
 
 
-def _bytes(held: Any) -> bytes:
-    return json.dumps(held, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode("utf-8")
+def _bytes(encoded: Any) -> bytes:
+    return json.dumps(encoded, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode("utf-8")

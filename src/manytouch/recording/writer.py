@@ -19,22 +19,22 @@ from manytouch.recording.messages import (
     READING_SCHEMA,
     SESSION_SCHEMA,
     calibration_message,
-    reading_bytes,
-    session_bytes,
+    encode_reading,
+    encode_session,
     surface_message,
     transform_message,
 )
 from manytouch.values import Camera, Frame, Reading, Sensor
 
-CHUNK = 2**14  # bytes; a frame and its reading are more, so that hardly anything waits in memory
+CHUNK = 2**14  # bytes; smaller than a frame with its reading, so that hardly any data remains in memory
 FAST_FPS = 10.0
 
 
 def require_mcap() -> None:
-    """Refuse to record where the packages for it are missing.
+    """Check that the packages for recording are installed.
 
     Raises:
-        MissingExtraError: they are.
+        MissingExtraError: one is not installed.
     """
     try:
         import foxglove_schemas_protobuf  # noqa: F401
@@ -45,7 +45,7 @@ def require_mcap() -> None:
 
 @runtime_checkable
 class OutputFile(Protocol):
-    """What is used of a file."""
+    """The methods of a file that the writer uses."""
 
     def write(self, data: bytes) -> int: ...
 
@@ -59,18 +59,18 @@ class OutputFile(Protocol):
 
 
 class RecordingWriter:
-    """Messages into an open file; after each call all of it is with the operating system.
+    """Writes messages into an open file; each call passes all its data to the operating system.
 
-    What the file raises (OSError) goes to the caller; the file is then good up to `whole_bytes`.
+    Errors of the file (OSError) are raised; the file is then valid up to `valid_bytes`.
     """
 
     def __init__(self, file: OutputFile, *, started_unix_ns: int, fps: float | None) -> None:
-        """Begin.
+        """Write the start of the recording.
 
         Args:
-            file: open for writing, at its beginning.
-            started_unix_ns: time of day at timestamp 0.
-            fps: expected rate; below `FAST_FPS` every message is a chunk of its own.
+            file: open for writing, at its start.
+            started_unix_ns: Unix time at timestamp 0.
+            fps: expected frame rate; below `FAST_FPS` every message is a chunk of its own.
 
         Raises:
             MissingExtraError: the packages for recording are not installed.
@@ -115,53 +115,54 @@ class RecordingWriter:
             self._channels[topic] = self._writer.register_channel(
                 topic=topic, message_encoding="json", schema_id=number
             )
-        self._untold: Camera | None = None
+        self._unwritten_camera: Camera | None = None
         self._last_ns = 0
-        self.whole_bytes = 0
+        self.valid_bytes = 0
 
     def session(self, sensor: Sensor, about: Mapping[str, Any]) -> None:
-        """What makes the readings that follow."""
-        told = {**about, "started_unix_ns": self._started_ns}
-        self._add(SESSION, session_bytes(sensor, told), self._started_ns + self._last_ns, 0)
-        self._untold = sensor.camera
+        """Write what produces the readings that follow."""
+        session = {**about, "started_unix_ns": self._started_ns}
+        self._add(SESSION, encode_session(sensor, session), self._started_ns + self._last_ns, 0)
+        self._unwritten_camera = sensor.camera
 
     def frame(self, frame: Frame, encoded: bytes, suffix: str) -> None:
-        """A frame.
+        """Write a frame.
 
         Args:
-            frame: its numbers.
-            encoded: JPEG or PNG, empty where there is no picture.
+            frame: index, time and camera of the frame.
+            encoded: JPEG or PNG, empty if the frame has no image.
             suffix: "jpeg" or "png".
         """
         self._last_ns = frame.timestamp_ns
         log_ns = self._started_ns + frame.timestamp_ns
-        if self._untold is not None:
-            camera, self._untold = self._untold, None
-            for topic, tell in ((CALIBRATION, calibration_message), (TRANSFORM, transform_message)):
-                self._add(topic, tell(camera, frame.camera, log_ns).SerializeToString(), log_ns, frame.index)
+        if self._unwritten_camera is not None:
+            camera, self._unwritten_camera = self._unwritten_camera, None
+            for topic, describe in ((CALIBRATION, calibration_message), (TRANSFORM, transform_message)):
+                described = describe(camera, frame.camera, log_ns).SerializeToString()
+                self._add(topic, described, log_ns, frame.index)
         message = self._image(frame_id=frame.camera, data=encoded, format=suffix)
         message.timestamp.FromNanoseconds(log_ns)
         self._add(CAMERA, message.SerializeToString(), log_ns, frame.index)
 
     def reading(self, reading: Reading) -> None:
-        """What was read from a frame."""
+        """Write the reading of a frame."""
         log_ns = self._started_ns + reading.frame.timestamp_ns
         cloud = surface_message(reading, log_ns).SerializeToString()
         self._add(SURFACE, cloud, log_ns, reading.frame.index)
-        self._add(READING, reading_bytes(reading), log_ns, reading.frame.index)
+        self._add(READING, encode_reading(reading), log_ns, reading.frame.index)
 
     def log(self, sentence: str) -> None:
-        """Something there is to tell."""
+        """Write a message of the session."""
         log_ns = self._started_ns + self._last_ns
         message = self._log(level=self._log.Level.INFO, message=sentence, name="manytouch")
         message.timestamp.FromNanoseconds(log_ns)
         self._add(LOG, message.SerializeToString(), log_ns, 0)
 
     def finish(self) -> None:
-        """Write the index at the end."""
+        """Write the index at the end of the file."""
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.flush()
-        self.whole_bytes = self._file.tell()
+        self.valid_bytes = self._file.tell()
 
     def _add(self, topic: str, data: bytes, log_ns: int, sequence: int) -> None:
         self._writer.add_message(
@@ -172,4 +173,4 @@ class RecordingWriter:
             sequence=sequence % 2**32,
         )
         self._file.flush()
-        self.whole_bytes = self._file.tell()
+        self.valid_bytes = self._file.tell()

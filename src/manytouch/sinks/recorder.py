@@ -182,7 +182,7 @@ class Recorder:
 
     def _fail(self, error: OSError) -> None:
         """End the file after the last message that is whole."""
-        whole = 0 if self._writer is None else self._writer.whole_bytes
+        whole = 0 if self._writer is None else self._writer.valid_bytes
         try:
             self._file.truncate(whole)
             self._file.close()

@@ -1,4 +1,7 @@
-"""The nouns of manytouch: immutable values without algorithms, one per arrow of the pipeline."""
+"""Immutable values that the stages, sources, sinks and sessions exchange, and the sensor file.
+
+No algorithm is in here: what computes a value from another one is in the packages above.
+"""
 
 from manytouch.values.commands import (
     Command,

@@ -1,4 +1,4 @@
-"""Array types of the values, and how they are made read-only."""
+"""Array types of the values, and a function that makes an array read-only."""
 
 from typing import TypeVar
 
@@ -23,3 +23,8 @@ def read_only(array: Array) -> Array:
     """The same array, no longer writable through this reference (no copy)."""
     array.flags.writeable = False
     return array
+
+
+def count_of(count: int, noun: str) -> str:
+    """A count with its noun, such as "1 contact" or "2 contacts"."""
+    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

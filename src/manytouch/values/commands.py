@@ -1,4 +1,4 @@
-"""What a person asks of a session while it runs; `manytouch.session` does it between two frames."""
+"""Requests to a running session; `manytouch.session` carries them out between two frames."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -6,33 +6,33 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Start:
-    """Go on after `Stop`."""
+    """Continue after `Stop`."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stop:
-    """Hold: what a camera shows meanwhile is not read, and does not count as dropped; a file waits."""
+    """Pause. Frames that a camera delivers meanwhile are skipped and not counted as dropped; a file waits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tare:
-    """What the next frames show is the untouched sheet."""
+    """Take the marker positions of the next frames as the reference; the sheet must be untouched."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UseMethod:
-    """Read with another method from the next frame on."""
+    """Process with another method from the next frame on."""
 
     method: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Tune:
-    """Give a parameter of a stage another value.
+    """Change a parameter of a stage.
 
     Attributes:
-        parameter: stage and field, such as "detect.least_share"; `Health.parameters` names all.
-        value: a whole number where the parameter is one.
+        parameter: stage and field, such as "detect.least_share"; `Health.parameters` lists all of them.
+        value: the new value; integral if the parameter is an integer.
     """
 
     parameter: str
@@ -41,10 +41,10 @@ class Tune:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Record:
-    """Begin a recording.
+    """Start a recording.
 
     Attributes:
-        path: the file; None makes a name from the time, in the session's folder.
+        path: the file; None: a name made from the time, in the session's folder.
     """
 
     path: Path | None = None
@@ -57,12 +57,12 @@ class StopRecording:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Press:
-    """Press the simulated sensor, or move a finger that presses it.
+    """Press the simulated sensor, or move an indenter that presses it.
 
     Attributes:
-        finger: which one.
+        finger: number of the indenter.
         x_mm, y_mm: undeformed sheet coordinates.
-        depth_mm: how deep.
+        depth_mm: depth of the press, positive.
     """
 
     finger: int
@@ -73,21 +73,21 @@ class Press:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Release:
-    """Lift a finger off the simulated sensor."""
+    """Lift an indenter off the simulated sensor."""
 
     finger: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seek:
-    """Go to a place of a recording, counted in frames from 0."""
+    """Go to a frame of a recording, counted from 0."""
 
     frame: int
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Play:
-    """Replay at a multiple of the recorded pace."""
+    """Play back at a multiple of the recorded rate."""
 
     speed: float
 

@@ -1,4 +1,4 @@
-"""What touches the sheet."""
+"""Contacts of one frame."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -6,12 +6,14 @@ from enum import StrEnum
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.values.arrays import count_of
+
 ESTIMATES = ("x", "y", "depth", "shear_x", "shear_y", "normal_force", "torque", "area")
 """Order of rows and columns of `Contact.covariance`."""
 
 
 class Phase(StrEnum):
-    """Where a contact is in its life; `end` is the first frame without it and carries its last values."""
+    """Phase of a contact track; `end` is the first frame without the contact and repeats its last values."""
 
     START = "start"
     MOVE = "move"
@@ -20,21 +22,21 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Contact:
-    """One contact in one frame. NaN means not known; it is never 0 by default.
+    """One contact in one frame. NaN means unknown; no estimate is 0 by default.
 
     Attributes:
-        id: stays the same while the contact lasts; never used again.
+        id: identity, constant while the contact lasts and never reused.
         phase: start, move or end.
         centre_mm: (2,) x, y in undeformed sheet coordinates.
-        centre_px: (2,) where it shows in the present image.
+        centre_px: (2,) the centre in the present image.
         depth_mm: largest depth of the camera-side face within the contact.
         force_N: (3,) of the object on the sheet, x, y, z; a press has z < 0 and normal force = -z.
         torque_Nmm: about the sheet's normal.
-        area_mm2: size of the contact.
-        covariance: (8, 8) of the estimates in the order of `ESTIMATES`, NaN where not known.
-        normal_force_over_E_mm2: normal force over Young's modulus, which needs no stiffness.
-        shear_over_E_mm2: (2,) the shear force likewise.
-        slip: does it slide over the sheet? None where nobody can tell.
+        area_mm2: area of the contact.
+        covariance: (8, 8) of the estimates in the order of `ESTIMATES`, NaN where unknown.
+        normal_force_over_E_mm2: normal force divided by Young's modulus; does not depend on the stiffness.
+        shear_over_E_mm2: shear force x, y divided by Young's modulus.
+        slip: whether it slides over the sheet; None if unknown.
     """
 
     id: int
@@ -51,18 +53,25 @@ class Contact:
     slip: bool | None = None
 
     def std(self, estimate: str) -> float:
-        """Standard deviation of one of `ESTIMATES`, in its own unit; NaN where not known."""
-        place = ESTIMATES.index(estimate)
-        return float(np.sqrt(self.covariance[place, place]))
+        """Standard deviation of one of `ESTIMATES`, in its own unit; NaN if unknown."""
+        index = ESTIMATES.index(estimate)
+        return float(np.sqrt(self.covariance[index, index]))
+
+    def __repr__(self) -> str:
+        x_mm, y_mm = self.centre_mm
+        return (
+            f"Contact({self.id}, {self.phase}, at ({x_mm:.2f}, {y_mm:.2f}) mm, depth {self.depth_mm:.2f} mm, "
+            f"normal force {-self.force_N[2]:.3g} N)"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Contacts:
-    """All contacts of one frame (may be none), and whether to trust that.
+    """All contacts of one frame (may be none), and the status of their estimation.
 
     Attributes:
-        contacts: in the order of their ids, with those that end in this frame.
-        status: "ok", or why the contacts could not be told in this frame.
+        contacts: in the order of their ids, including those that end in this frame.
+        status: "ok", or why the contacts of this frame could not be estimated.
     """
 
     contacts: tuple[Contact, ...] = ()
@@ -70,5 +79,8 @@ class Contacts:
 
     @property
     def touching(self) -> tuple[Contact, ...]:
-        """The contacts that are there in this frame, without those that just ended."""
+        """The contacts that are present in this frame, without those that just ended."""
         return tuple(contact for contact in self.contacts if contact.phase is not Phase.END)
+
+    def __repr__(self) -> str:
+        return f"Contacts({count_of(len(self.touching), 'contact')}, {self.status})"

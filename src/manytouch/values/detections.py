@@ -1,8 +1,8 @@
-"""The dots that one frame shows."""
+"""Dots of one frame."""
 
 from dataclasses import dataclass
 
-from manytouch.values.arrays import Covariances2, Points2, Scalars
+from manytouch.values.arrays import Covariances2, Points2, Scalars, count_of
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -13,8 +13,9 @@ class Detections:
         centre_px: (n, 2) x, y in the image as the camera gave it, whole-image coordinates.
         covariance_px2: (n, 2, 2) of the centres.
         area_px2: (n,) area of the dot in the image.
-        contrast: (n,) dot against its ground in grey levels of 255, positive for the sensor's polarity.
-        status: "ok", or what is wrong with the whole picture: decode_error, dark, saturated, blurred.
+        contrast: (n,) grey level of the dot minus that of its background, of 255; positive for the sensor's
+            polarity.
+        status: "ok", or what is wrong with the whole image: decode_error, dark, saturated, blurred.
     """
 
     centre_px: Points2
@@ -22,3 +23,6 @@ class Detections:
     area_px2: Scalars
     contrast: Scalars
     status: str = "ok"
+
+    def __repr__(self) -> str:
+        return f"Detections({count_of(len(self.centre_px), 'dot')}, {self.status})"

@@ -1,4 +1,4 @@
-"""One picture as a source gives it."""
+"""One image of a source."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,15 @@ from manytouch.values.arrays import Image
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Frame:
-    """One picture, or the note that there should have been one.
+    """One image, or the record that it could not be decoded.
 
     Attributes:
-        index: number of the frame in its source, from 0; gaps are frames that were dropped.
-        timestamp_ns: middle of the exposure, monotonic, 0 at the source's start.
+        index: number of the frame in its source, from 0; a gap means dropped frames.
+        timestamp_ns: middle of the exposure, monotonic, 0 at the start of the source.
         camera: name of the source or camera.
-        image: (h, w) or (h, w, 3) in BGR order, uint8 or uint16; None when it could not be decoded.
-        encoded: the bytes as the camera gave them, or None.
-        arrived_ns: this machine's `time.monotonic_ns` when all of it had arrived; None where nothing arrives.
+        image: (h, w) or (h, w, 3) in BGR order, uint8 or uint16; None if it could not be decoded.
+        encoded: the bytes as the camera delivered them, or None.
+        arrived_ns: `time.monotonic_ns` when the frame had arrived; None for sources that are not live.
     """
 
     index: int
@@ -24,3 +24,10 @@ class Frame:
     image: Image | None
     encoded: bytes | None = None
     arrived_ns: int | None = None
+
+    def __repr__(self) -> str:
+        if self.image is None:
+            shown = "not decoded"
+        else:
+            shown = f"{self.image.shape[1]} x {self.image.shape[0]} px, {self.image.dtype}"
+        return f"Frame({self.index} of {self.camera!r}, {self.timestamp_ns * 1e-9:.3f} s, {shown})"

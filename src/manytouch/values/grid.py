@@ -1,4 +1,4 @@
-"""The markers of the layout as one frame shows them."""
+"""Markers of one frame."""
 
 from dataclasses import dataclass
 
@@ -7,15 +7,15 @@ from manytouch.values.arrays import Counts, Covariances2, Mask, Points2, Scalars
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TrackedGrid:
-    """Which dot is which marker; index = marker of the layout.
+    """Marker positions of one frame; the index is the marker of the layout.
 
     Attributes:
-        position_px: (m, 2) measured centres; NaN where not seen.
+        position_px: (m, 2) measured centres x, y; NaN where not seen.
         covariance_px2: (m, 2, 2); NaN where not seen.
-        is_seen: (m,) a marker whose identity is doubtful is not seen.
-        frames_unseen: (m,) frames since it was last seen; 0 where seen.
-        area_px2: (m,) of the dots in the image; NaN where not seen; None where nothing measured it.
-        status: "ok", or few_markers, or what the detections said of the picture.
+        is_seen: (m,) false also where the identity of the dot is doubtful.
+        frames_unseen: (m,) frames since the marker was last seen; 0 where seen.
+        area_px2: (m,) area of the dots; NaN where not seen; None if the method does not measure it.
+        status: "ok", or few_markers, or the status of the detections.
     """
 
     position_px: Points2
@@ -24,3 +24,6 @@ class TrackedGrid:
     frames_unseen: Counts
     area_px2: Scalars | None = None
     status: str = "ok"
+
+    def __repr__(self) -> str:
+        return f"TrackedGrid({int(self.is_seen.sum())} of {len(self.is_seen)} markers seen, {self.status})"

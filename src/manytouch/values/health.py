@@ -1,4 +1,4 @@
-"""How a session is doing."""
+"""State of a running session as it is displayed."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,36 +10,36 @@ class Setting:
 
     Attributes:
         name: such as "exposure".
-        asked: what was asked for, in words; None when nothing was.
-        found: what the camera says, in words; None when it does not tell.
+        requested: the requested value as text; None if nothing was requested.
+        found: the value that the camera reports, as text; None if it reports none.
     """
 
     name: str
-    asked: str | None
+    requested: str | None
     found: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
-    """A session at one moment.
+    """State of a session at one time.
 
     Attributes:
-        is_running: False between `Stop` and `Start`.
-        source: "ok", or a sentence about what is wrong with it.
+        is_running: false between `Stop` and `Start`.
+        source: "ok", or a sentence on what is wrong with the source.
         fps: readings per second of the last two seconds.
-        latency_ms_p50, latency_ms_p99: from the arrival of a frame until all sinks had its reading, over the
-            last 300 readings; NaN before the first.
+        latency_ms_p50, latency_ms_p99: from the arrival of a frame until all sinks have received its reading,
+            over the last 300 readings; NaN before the first.
         frames: readings so far.
-        dropped: frames that arrived and were not read, because reading was too slow.
+        dropped: frames that arrived but were not processed, because processing was too slow.
         markers_seen, markers: of the last frame, and of the layout.
-        method, methods: in use, and those there are.
-        parameters: by stage and field; those that `Tune` changes.
+        method, methods: the method in use, and those available.
+        parameters: that `Tune` can change, by stage and field.
         settings: of the camera.
         recording: name of the file, or None.
-        notes: what there was to tell, newest last.
-        frame, frame_count: place on a recording's timeline; None when there is none.
-        can_press: does `Press` do anything?
-        sensor_version: grows with every change of the sensor value.
+        notes: messages of the session, newest last.
+        frame, frame_count: position in a recording and its length; None if the source is not a recording.
+        can_press: whether the source accepts `Press`.
+        sensor_version: increases with every change of the sensor.
     """
 
     is_running: bool

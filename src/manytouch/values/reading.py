@@ -1,7 +1,8 @@
-"""Everything that is known of one frame."""
+"""All results of one frame, and its ground truth in simulation."""
 
 from dataclasses import dataclass
 
+from manytouch.values.arrays import count_of
 from manytouch.values.contacts import Contacts
 from manytouch.values.detections import Detections
 from manytouch.values.frame import Frame
@@ -11,12 +12,12 @@ from manytouch.values.surface import Surface
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Reading:
-    """One frame, read: the only thing sinks see.
+    """Results of all stages for one frame; the value that sinks receive.
 
     Attributes:
-        frame: the picture it comes from.
-        detections, grid, surface, contacts: what each stage made of it.
-        milliseconds: from the decoded frame to this reading.
+        frame: the frame that was processed.
+        detections, grid, surface, contacts: the results of the stages.
+        milliseconds: processing time from the decoded frame to this reading.
     """
 
     frame: Frame
@@ -28,18 +29,25 @@ class Reading:
 
     @property
     def status(self) -> str:
-        """The first stage's word that is not "ok", or "ok"."""
+        """Status of the first stage that is not "ok", or "ok"."""
         words = (self.detections.status, self.grid.status, self.surface.status, self.contacts.status)
         return next((word for word in words if word != "ok"), "ok")
+
+    def __repr__(self) -> str:
+        seen, markers = int(self.grid.is_seen.sum()), len(self.grid.is_seen)
+        contacts = count_of(len(self.contacts.touching), "contact")
+        return (
+            f"Reading(frame {self.frame.index}, {seen} of {markers} markers seen, {contacts}, {self.status})"
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Truth:
-    """What really happened in one simulated frame, in the same values as its estimate.
+    """Ground truth of one simulated frame, in the same values as its estimate.
 
     Attributes:
-        frame_index: the frame it belongs to.
-        grid: true centres of the markers' images.
+        frame_index: index of the frame.
+        grid: true centres of the dots.
         surface: the true surface at the markers.
         contacts: the true contacts.
     """
@@ -49,14 +57,17 @@ class Truth:
     surface: Surface
     contacts: Contacts
 
+    def __repr__(self) -> str:
+        return f"Truth(frame {self.frame_index}, {count_of(len(self.contacts.touching), 'contact')})"
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Comparison:
-    """What an estimate is shown beside, for the same frame.
+    """Another result for the same frame, which is shown next to the estimate.
 
     Attributes:
-        name: what it is, in one word: "truth" or "recorded".
-        surface: its surface at the same markers; None where its markers are others.
+        name: "truth" or "recorded".
+        surface: at the same markers; None if it has other markers.
         contacts: its contacts.
     """
 

@@ -13,13 +13,13 @@ Polarity = Literal["light", "dark"]
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Camera:
-    """A camera and where it looks from.
+    """Intrinsic parameters and pose of a camera.
 
     Attributes:
         model: "pinhole" (Brown-Conrady, distortion k1 k2 p1 p2 k3) or "fisheye" (k1..k4), as OpenCV.
-        width_px, height_px: size of the image these parameters belong to.
-        fx_px, fy_px, cx_px, cy_px: (0, 0) is the centre of the first pixel.
-        distortion: (5,) or (4,).
+        width_px, height_px: size of the image that these parameters are for.
+        fx_px, fy_px, cx_px, cy_px: focal lengths and principal point, from the centre of the first pixel.
+        distortion: (5,) or (4,) coefficients of the model.
         rotation_vector: (3,) Rodrigues vector of cam_from_sheet, rad.
         translation_mm: (3,) of cam_from_sheet.
     """
@@ -35,23 +35,30 @@ class Camera:
     rotation_vector: Float64[np.ndarray, "3"]
     translation_mm: Float64[np.ndarray, "3"]
 
+    def __repr__(self) -> str:
+        x_mm, y_mm, z_mm = self.translation_mm
+        return (
+            f"Camera({self.model}, {self.width_px} x {self.height_px} px, focal length {self.fx_px:.1f} px, "
+            f"sheet at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm)"
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Layout:
-    """Where the markers lie when nothing touches, in the order of their numbers.
+    """Rest positions and properties of the markers, in the order of their numbers.
 
     Attributes:
         rest_mm: (m, 3) sheet frame, z = 0 on the camera-side face.
-        row_column: (m, 2), or None when the layout is no rectangle. marker = row * columns + column.
-        pitch_mm: (2,) spacing along x and y (median neighbour distance when there are no rows).
+        row_column: (m, 2) with marker = row * columns + column; None if the layout is not a lattice.
+        pitch_mm: (2,) pitch along x and y (median neighbour distance if the layout is not a lattice).
         radius_mm: (m,) of each marker.
-        height_mm: how far the tips stand off the camera-side face.
-        polarity: are the markers lighter or darker than their ground? "auto": not known before the
-            first frames are seen.
-        colour_weights: (3,) weights of B, G, R that make markers stand out, or None for plain grey.
-        is_missing: (m,) known to be absent; such a marker is never seen.
-        rest_px: (m, 2) centres measured at rest (the reference for displacements), or None:
-            then the projection of `rest_mm` is the reference.
+        height_mm: height of the marker tips above the camera-side face.
+        polarity: whether the markers are lighter or darker than their background; "auto": to be found in
+            the first frames.
+        colour_weights: (3,) weights of B, G, R with the best contrast of the markers; None: plain grey.
+        is_missing: (m,) whether the marker is known to be absent; such a marker is never seen.
+        rest_px: (m, 2) centres measured at rest (the reference of displacements); None: the reference is the
+            projection of `rest_mm`.
     """
 
     rest_mm: Float64[np.ndarray, "m 3"]
@@ -66,26 +73,32 @@ class Layout:
 
     @property
     def shape(self) -> tuple[int, int] | None:
-        """(rows, columns), or None when the layout is no rectangle."""
+        """(rows, columns); None if the layout is not a lattice."""
         if self.row_column is None:
             return None
         rows, columns = self.row_column.max(axis=0) + 1
         return int(rows), int(columns)
 
+    def __repr__(self) -> str:
+        count = f"{len(self.rest_mm)}" if self.shape is None else f"{self.shape[0]} x {self.shape[1]}"
+        x_mm, y_mm = self.pitch_mm
+        missing = int(self.is_missing.sum())
+        return f"Layout({count} {self.polarity} markers, pitch {x_mm:.4g} x {y_mm:.4g} mm, {missing} missing)"
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Sheet:
-    """The soft sheet. None means not known; forces are then relative.
+    """The soft sheet. None means unknown; forces are relative if the stiffness is unknown.
 
     Attributes:
         size_mm: (2,) clamped outline along x and y, centred on the origin.
         thickness_mm: of the sheet without its markers.
         young_MPa, poisson, density_kg_m3: of its material.
-        young_std_MPa: deviation of young_MPa, from calibration; None counts as none.
-        boundary: how its outline is held.
-        pretension_N_per_mm: calibrated, never guessed.
-        bending_factor: calibrated factor on the bending stiffness.
-        is_assumed: were size and thickness assumed, because nothing said them? Never so in a sensor file.
+        young_std_MPa: standard deviation of young_MPa, from calibration; None counts as 0.
+        boundary: how its outline is fixed.
+        pretension_N_per_mm: from calibration; never assumed.
+        bending_factor: bending stiffness over that of a homogeneous plate, from calibration.
+        is_assumed: whether size and thickness are assumptions; never true in a sensor file.
     """
 
     size_mm: Float64[np.ndarray, "2"]
@@ -99,20 +112,26 @@ class Sheet:
     density_kg_m3: float | None = None
     is_assumed: bool = False
 
+    def __repr__(self) -> str:
+        x_mm, y_mm = self.size_mm
+        stiffness = "E unknown" if self.young_MPa is None else f"E {self.young_MPa:g} MPa"
+        assumed = ", assumed" if self.is_assumed else ""
+        return f"Sheet({x_mm:g} x {y_mm:g} x {self.thickness_mm:g} mm, {stiffness}, {self.boundary}{assumed})"
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Sensor:
-    """Camera, layout and sheet, designed or calibrated: the same type.
+    """Camera, layout and sheet; one type for designed and calibrated sensors.
 
     Attributes:
-        name: for people.
+        name: shown in messages and results.
         camera: intrinsics and pose.
-        layout: None in a file that holds a camera only.
-        sheet: None when not known.
-        length_unit: "pitch" when nothing gives the scale: every length named _mm is then in pitches
-            (one pitch = the geometric mean of the lattice's two).
-        centre_noise_px: noise of a marker's centre, from calibration; None when not measured.
-        assumptions: sentences about what had to be assumed; printed and recorded.
+        layout: None if only the camera is known.
+        sheet: None if unknown.
+        scale_is_known: false if nothing gives the scale. The pitch (geometric mean of the lattice's two) is
+            then assumed to be 1 mm, so that every length in mm is also a number of pitches.
+        centre_noise_px: noise of a marker's centre, from calibration; None if not measured.
+        assumptions: sentences on what had to be assumed; printed and recorded.
         provenance: free keys: who made this, when, from what, residuals.
     """
 
@@ -120,7 +139,16 @@ class Sensor:
     camera: Camera
     layout: Layout | None = None
     sheet: Sheet | None = None
-    length_unit: LengthUnit = "mm"
+    scale_is_known: bool = True
     centre_noise_px: float | None = None
     assumptions: tuple[str, ...] = ()
     provenance: Mapping[str, object] = field(default_factory=dict)
+
+    @property
+    def length_unit(self) -> LengthUnit:
+        """The unit that writers name in columns and labels: "mm", or "pitch" if the scale is unknown."""
+        return "mm" if self.scale_is_known else "pitch"
+
+    def __repr__(self) -> str:
+        scale = "" if self.scale_is_known else ", scale unknown"
+        return f"Sensor({self.name!r}, {self.camera}, {self.layout}, {self.sheet}{scale})"

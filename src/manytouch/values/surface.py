@@ -1,25 +1,25 @@
-"""The shape of the sheet."""
+"""Estimated shape of the sheet."""
 
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.values.arrays import Covariances3, Points3
+from manytouch.values.arrays import Covariances3, Points3, count_of
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SheetSpline:
-    """The shape of the sheet's middle surface and what holds it there, by coefficients of cubic B-splines.
+    """Displacement of the sheet's middle surface and the forces on it, as coefficients of cubic B-splines.
 
     Attributes:
-        size_mm, centre_mm: of the rectangle that they describe, along x and y.
-        elements: along x and y.
-        is_clamped: is the outline held? Else the sheet goes on beyond it.
-        thickness_mm, poisson: of the sheet, for its faces.
-        coefficient_mm: (nodes, 3) of the displacement; `mechanics.SplinePatch` knows their order.
-        force_over_E_mm2: (nodes, 3) forces on the sheet over Young's modulus.
-        young_MPa: None when not known.
+        size_mm, centre_mm: of the rectangle that the spline covers, along x and y.
+        elements: number of elements along x and y.
+        is_clamped: whether the outline is clamped; otherwise the sheet continues beyond it.
+        thickness_mm, poisson: of the sheet; they determine the positions of its faces.
+        coefficient_mm: (nodes, 3) of the displacement, in the order of `mechanics.SplinePatch`.
+        force_over_E_mm2: (nodes, 3) nodal forces on the sheet divided by Young's modulus.
+        young_MPa: None if unknown.
     """
 
     size_mm: tuple[float, float]
@@ -32,20 +32,24 @@ class SheetSpline:
     force_over_E_mm2: Float64[np.ndarray, "nodes 3"]
     young_MPa: float | None
 
+    def __repr__(self) -> str:
+        (x_mm, y_mm), (columns, rows) = self.size_mm, self.elements
+        return f"SheetSpline({x_mm:g} x {y_mm:g} mm, {columns} x {rows} elements)"
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Surface:
-    """The sheet's camera-side face at the markers; `manytouch.geometry.sampling` gives it anywhere else.
+    """The camera-side face of the sheet at the markers; `manytouch.sample` evaluates it at any point.
 
     Sheet frame: z out of the sensor, so a press has displacement z < 0 and depth = -z > 0.
-    Lengths are in the sensor's unit (mm, or pitches when the sensor has no scale).
+    If the scale of the sensor is unknown, lengths assume a pitch of 1 mm.
 
     Attributes:
         position_mm: (m, 3) rest position plus displacement.
-        displacement_mm: (m, 3) from rest; NaN where not known.
-        covariance_mm2: (m, 3, 3) of the displacement; NaN where not known.
-        spline: shape and forces everywhere, from methods that know them.
-        status: "ok", or why this surface should not be trusted.
+        displacement_mm: (m, 3) from rest; NaN where unknown.
+        covariance_mm2: (m, 3, 3) of the displacement; NaN where unknown.
+        spline: shape and forces of the whole sheet, from methods that estimate them; else None.
+        status: "ok", or why this surface is unreliable.
     """
 
     position_mm: Points3
@@ -53,3 +57,9 @@ class Surface:
     covariance_mm2: Covariances3
     spline: SheetSpline | None = None
     status: str = "ok"
+
+    def __repr__(self) -> str:
+        depth_mm = -self.displacement_mm[:, 2]
+        known = depth_mm[np.isfinite(depth_mm)]
+        deepest = f"depth up to {known.max():.2f} mm" if known.size else "depth unknown"
+        return f"Surface({count_of(len(depth_mm), 'marker')}, {deepest}, {self.status})"

@@ -15,10 +15,10 @@ def test_what_a_camera_does_otherwise_is_named() -> None:
     lines = list(
         settings_in_words(
             [
-                Setting(name="size", asked="2560 x 1440 px", found="1280 x 720 px"),
-                Setting(name="exposure", asked="8 ms", found=None),
-                Setting(name="focus", asked="auto", found="12"),
-                Setting(name="gain", asked="3", found="3"),
+                Setting(name="size", requested="2560 x 1440 px", found="1280 x 720 px"),
+                Setting(name="exposure", requested="8 ms", found=None),
+                Setting(name="focus", requested="auto", found="12"),
+                Setting(name="gain", requested="3", found="3"),
             ]
         )
     )

@@ -22,7 +22,7 @@ from cameras import jpeg
 from clips import picture, press_of
 from manytouch.errors import OutputError, SourceError
 from manytouch.geometry.camera import project
-from manytouch.recording.packing import packed, unpacked
+from manytouch.recording.json_codec import from_json, to_json
 from manytouch.recording.reader import Recording
 from manytouch.session import Live, Playback, prepare, process, read_all
 from manytouch.sinks import recorder as recorder_module
@@ -129,24 +129,24 @@ def recorded(
 def test_sensors_and_contacts_come_back_to_the_last_bit(recorded: tuple[Path, Seen, Live]) -> None:
     _, seen, live = recorded
     for value in (live.sensor, seen.readings[30].contacts, seen.readings[30].surface, seen.readings[0].grid):
-        assert same(unpacked(json.loads(json.dumps(packed(value), allow_nan=False))), value)
+        assert same(from_json(json.loads(json.dumps(to_json(value), allow_nan=False))), value)
     with pytest.raises(TypeError):
-        packed(object())
+        to_json(object())
     with pytest.raises(SourceError, match="later version"):
-        unpacked({"type": "Contact", "charm": 3})
+        from_json({"type": "Contact", "charm": 3})
     with pytest.raises(SourceError, match="later version"):
-        unpacked({"type": "Popen", "args": "true"})
+        from_json({"type": "Popen", "args": "true"})
 
 
 def test_whatever_a_reading_may_hold_can_be_recorded() -> None:
     from manytouch import values
-    from manytouch.recording import packing
+    from manytouch.recording import json_codec
 
     asked = {kind.__name__ for kind in typing.get_args(values.Command)}
     others = {"Frame", "Reading", "Truth", "Comparison", "Health", "Setting"}
     held = {name for name in values.__all__ if is_dataclass(getattr(values, name))} - asked - others
     assert held
-    assert held <= set(packing._VALUES)
+    assert held <= set(json_codec.RECORDED_TYPES)
 
 
 def test_stored_readings_are_those_of_the_run(recorded: tuple[Path, Seen, Live]) -> None:
@@ -275,7 +275,7 @@ def test_a_file_that_was_cut_off_is_good_up_to_there(
         recording = Recording(cut)
         assert len(recording) >= last
         last = len(recording)
-        assert recording.is_whole == (share == 0.999), "of the last only the index is cut"
+        assert recording.is_complete == (share == 0.999), "of the last only the index is cut"
         again = Seen()
         playback = Playback(cut)
         playback.run([again])
@@ -289,7 +289,7 @@ def test_a_file_that_was_cut_off_is_good_up_to_there(
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [(b"", "empty"), (b"not an mcap at all", "no MCAP file"), (b"\x89MCAP0\r\n", "cut off too early")],
+    [(b"", "empty"), (b"not an mcap at all", "not an MCAP file"), (b"\x89MCAP0\r\n", "truncated")],
 )
 def test_what_is_no_recording_is_one_sentence(tmp_path: Path, content: bytes, words: str) -> None:
     path = tmp_path / "x.mcap"
@@ -348,7 +348,7 @@ def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path) -> None:
     said += [(int(line.split()[0]), float(line.split()[1])) for line in child.stdout if line.endswith("\n")]
     child.stdout.close()
     recording = Recording(path)
-    assert not recording.is_whole
+    assert not recording.is_complete
     kept = recording.frames[-1].sequence
     assert [place.sequence for place in recording.frames] == list(range(kept + 1))
     lost = [at_s for index, at_s in said if index > kept]
@@ -402,14 +402,14 @@ def test_what_cannot_be_packed_ends_the_recording_in_words(
             raise TypeError("Ghost is no value")
         return b"{}"
 
-    monkeypatch.setattr("manytouch.recording.writer.reading_bytes", no_value)
+    monkeypatch.setattr("manytouch.recording.writer.encode_reading", no_value)
     live = Live(prepare(Pictures(frames=40)))
     seen = Seen()
     live.run([seen], record=tmp_path / "x.mcap")
     assert len(seen.readings) == 40
     assert any("Ghost is no value: x.mcap ended" in note for note in live.health().notes)
     recording = Recording(tmp_path / "x.mcap")
-    assert recording.is_whole
+    assert recording.is_complete
     assert len(recording) >= 20
 
 
@@ -428,7 +428,7 @@ def test_room_is_kept_for_the_end_of_the_file(tmp_path: Path, monkeypatch: pytes
     assert len(seen.readings) == 60
     assert any("disk is full" in note for note in live.health().notes)
     recording = Recording(path)
-    assert recording.is_whole, "with its index"
+    assert recording.is_complete, "with its index"
     assert 3 < len(recording) < 60
 
 
@@ -446,10 +446,10 @@ def test_a_button_begins_and_ends_a_recording(tmp_path: Path) -> None:
     (path,) = tmp_path.glob("recording-*.mcap")
     assert any("stop it first" in note for note in live.health().notes)
     recording = Recording(path)
-    assert recording.is_whole
+    assert recording.is_complete
     assert 30 <= len(recording) <= 45
     assert recording.frames[0].sequence >= 10
-    assert recording.was_read(0)
+    assert recording.has_reading(0)
 
 
 def test_frames_that_nobody_reads_are_recorded_and_noted(tmp_path: Path) -> None:
@@ -466,7 +466,9 @@ def test_frames_that_nobody_reads_are_recorded_and_noted(tmp_path: Path) -> None
     recorder.close()
     recording = Recording(path)
     assert [place.sequence for place in recording.frames] == list(range(2, 20))
-    assert [recording.was_read(place) for place in range(18)] == [bool(index % 2) for index in range(2, 20)]
+    assert [recording.has_reading(place) for place in range(18)] == [
+        bool(index % 2) for index in range(2, 20)
+    ]
 
 
 def test_what_the_disk_is_too_slow_for_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -527,6 +529,6 @@ def test_a_timeline_is_scrubbed(recorded: tuple[Path, Seen, Live]) -> None:
 
 def test_phases_are_their_own_type_again(recorded: tuple[Path, Seen, Live]) -> None:
     contacts = [c for reading in recorded[1].readings for c in reading.contacts.contacts]
-    back = unpacked(packed(contacts[0]))
+    back = from_json(to_json(contacts[0]))
     assert isinstance(back, Contact)
     assert back.phase is Phase(contacts[0].phase)

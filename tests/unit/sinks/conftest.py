@@ -41,7 +41,7 @@ def make_sensor(unit: str = "mm", young_MPa: float | None = 2.0) -> Sensor:
             is_missing=missing,
         ),
         sheet=Sheet(size_mm=np.array([40.0, 30.0]), thickness_mm=3.0, young_MPa=young_MPa),
-        length_unit=unit,
+        scale_is_known=unit == "mm",
         assumptions=("The camera has no distortion.",),
     )
 

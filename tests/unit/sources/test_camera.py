@@ -40,7 +40,7 @@ def opened(platform: str, wishes: CameraRequest, **driver: object) -> tuple[Driv
 
 
 def said(capture: object) -> dict[str, tuple[str | None, str | None]]:
-    return {setting.name: (setting.asked, setting.found) for setting in capture.settings}  # type: ignore[attr-defined]
+    return {setting.name: (setting.requested, setting.found) for setting in capture.settings}  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("platform", SYSTEMS)

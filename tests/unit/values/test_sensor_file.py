@@ -91,7 +91,7 @@ def test_the_deviation_of_stiffness_needs_a_stiffness(written: Path, tmp_path: P
     save_sensor(sensor, tmp_path / "again.toml")
     assert load_sensor(tmp_path / "again.toml").sheet.young_std_MPa == sensor.sheet.young_std_MPa == 0.1
     written.write_text(both.replace("young_MPa = 2.5\n", ""))
-    with pytest.raises(SensorError, match="young_std_MPa is the deviation of young_MPa: give that too"):
+    with pytest.raises(SensorError, match="young_std_MPa is the standard deviation of young_MPa"):
         load_sensor(written)
 
 
@@ -126,7 +126,7 @@ def test_measured_positions_keep_rows_and_columns(written: Path, tmp_path: Path)
         ("fx_px = 2061.0", 'fx_px = "a"', "camera.fx_px = 'a'"),
         ("thickness_mm = 3.0", "thickness_mm = -3.0", "sheet.thickness_mm = -3.0"),
         ("width_px = 2560\n", "", "camera.width_px is missing"),
-        ("[[3, 29]]", "[[3, 30]]", "missing [3, 30] lies outside 20 x 30"),
+        ("[[3, 29]]", "[[3, 30]]", "missing [3, 30] is outside 20 x 30"),
         ("schema = 1", "schema = 2", "schema = 2"),
         ("distortion = [-0.1, 0.0, 0.0, 0.0, 0.0]", "distortion = [0.1]", "has 5 numbers, found 1"),
         ('polarity = "light"', 'polarity = "grey"', "markers.polarity = 'grey'"),
@@ -136,11 +136,11 @@ def test_measured_positions_keep_rows_and_columns(written: Path, tmp_path: Path)
         (
             "radius_mm = 1.0",
             "radius_mm = 2.5",
-            "radius_mm = 2.5 makes neighbours that are 3 mm apart overlap",
+            "radius_mm = 2.5 overlap: the smallest distance between two is 3 mm",
         ),
         ("radius_mm = 1.0", "radius_mm = -1.0", "wrong: markers.radius_mm = -1.0: input should be greater"),
         ("pitch_mm = [4.0, 3.0]", "pitch_mm = [4.0]", "wrong: markers.pitch_mm = [4.0]: list should have at"),
-        ("pitch_mm = [4.0, 3.0]", "pitch_mm = 9.0", "markers lie outside the clamped outline"),
+        ("pitch_mm = [4.0, 3.0]", "pitch_mm = 9.0", "markers are outside the clamped outline"),
     ],
 )
 def test_a_mistake_is_named(written: Path, old: str, new: str, said: str) -> None:
@@ -164,13 +164,13 @@ def test_all_mistakes_are_named_at_once(written: Path) -> None:
 def test_what_could_not_be_read_again_is_not_saved(written: Path, tmp_path: Path) -> None:
     sensor = load_sensor(written)
     small = replace(sensor, sheet=replace(sensor.sheet, size_mm=np.array([50.0, 40.0])))
-    with pytest.raises(SensorError, match="markers lie outside the clamped outline"):
+    with pytest.raises(SensorError, match="markers are outside the clamped outline"):
         save_sensor(small, tmp_path / "small.toml")
     assert not (tmp_path / "small.toml").exists()
 
 
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
-    with pytest.raises(SensorError, match="there is no sensor file"):
+    with pytest.raises(SensorError, match="does not exist"):
         load_sensor(tmp_path / "nowhere.toml")
 
 

@@ -104,7 +104,7 @@ def sensor_from_dots(
         camera=camera,
         layout=layout,
         sheet=_sheet(layout, wanted),
-        length_unit="pitch" if pitch_mm is None else "mm",
+        scale_is_known=pitch_mm is not None,
         centre_noise_px=float(np.median(noise)) if len(still.frames) >= 5 and len(noise) else None,
         assumptions=tuple(_assumptions(arrangement, still, pitch_mm, hfov_deg)),
         provenance={

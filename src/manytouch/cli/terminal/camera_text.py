@@ -19,10 +19,10 @@ def settings_in_words(settings: Sequence[Setting]) -> Iterator[str]:
     if told:
         yield f"camera: {', '.join(told)}"
     for setting in settings:
-        if setting.asked in (None, "auto", setting.found):
+        if setting.requested in (None, "auto", setting.found):
             continue
         says = "this driver does not tell" if setting.found is None else f"it says {setting.found}"
-        yield f"camera: {setting.name} {setting.asked} was asked for; {says}"
+        yield f"camera: {setting.name} {setting.requested} was asked for; {says}"
 
 
 def pace_in_words(health: Health) -> str:

@@ -140,7 +140,7 @@ class NominalSheet:
             nodes=patch.at(patch.place_mm),
             pitch_mm=pitch_mm,
             thickness_mm=thickness_mm,
-            young_MPa=None if sheet is None or sensor.length_unit != "mm" else sheet.young_MPa,
+            young_MPa=None if sheet is None or not sensor.scale_is_known else sheet.young_MPa,
             young_share=_young_share(sheet),
             is_outside=read_only(is_outside),
             is_beyond=read_only(is_outside | (np.abs(patch.place_mm) > inner_mm).any(axis=1)),

@@ -12,7 +12,7 @@ from manytouch.errors import SourceError
 from manytouch.simulation.fem.contact import indenters
 from manytouch.simulation.scene.motion import Body, Way, chained, pressed_way
 from manytouch.values.arrays import read_only
-from manytouch.values.sections import Count, NonNegative, Number, Positive, Section
+from manytouch.values.sensor_file.sections import Count, NonNegative, Number, Positive, Section
 
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]

@@ -16,8 +16,8 @@ from manytouch.simulation.render.optics import Faults, Optics, drawn_faults
 from manytouch.simulation.scene.bodies import BodySection, Pair
 from manytouch.simulation.scene.motion import Body
 from manytouch.values import Layout, Sensor, Sheet
-from manytouch.values.sections import Count, NonNegative, Number, Positive, Section, all_mistakes
 from manytouch.values.sensor_file import load_sensor
+from manytouch.values.sensor_file.sections import Count, NonNegative, Number, Positive, Section, all_mistakes
 
 BUILT_IN = files("manytouch.simulation") / "scenes"
 Share = Annotated[float, Field(ge=0, le=1)]

@@ -226,24 +226,26 @@ class OpenCvCapture:
         code = self._found("format")
         exposure = self._found("exposure")
         return (
-            Setting(name="driver", asked=None, found=self._backend.name),
-            Setting(name="size", asked=asked_size, found=found_size),
-            Setting(name="rate", asked=_words(wishes.fps, "per second"), found=_words(rate, "per second")),
+            Setting(name="driver", requested=None, found=self._backend.name),
+            Setting(name="size", requested=asked_size, found=found_size),
+            Setting(
+                name="rate", requested=_words(wishes.fps, "per second"), found=_words(rate, "per second")
+            ),
             Setting(
                 name="format",
-                asked="MJPG" if wishes.is_mjpg else None,
+                requested="MJPG" if wishes.is_mjpg else None,
                 found=None if code is None else _letters(int(code)),
             ),
             Setting(
                 name="exposure",
-                asked=_words(wishes.exposure_ms, "ms"),
+                requested=_words(wishes.exposure_ms, "ms"),
                 found=None if exposure is None else _words(self._backend.milliseconds(exposure), "ms"),
             ),
-            Setting(name="gain", asked=_words(wishes.gain), found=_words(self._found("gain"))),
-            Setting(name="focus", asked=_words(wishes.focus), found=_words(self._found("focus"))),
+            Setting(name="gain", requested=_words(wishes.gain), found=_words(self._found("gain"))),
+            Setting(name="focus", requested=_words(wishes.focus), found=_words(self._found("focus"))),
             Setting(
                 name="white balance",
-                asked=_words(wishes.white_balance_K, "K"),
+                requested=_words(wishes.white_balance_K, "K"),
                 found=_words(self._found("white balance"), "K"),
             ),
         )

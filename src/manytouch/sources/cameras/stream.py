@@ -30,8 +30,8 @@ class MultipartCapture:
     def settings(self) -> tuple[Setting, ...]:
         """A stream cannot be asked for anything."""
         return (
-            Setting(name="driver", asked=None, found="HTTP"),
-            Setting(name="format", asked=None, found="MJPG"),
+            Setting(name="driver", requested=None, found="HTTP"),
+            Setting(name="format", requested=None, found="MJPG"),
         )
 
     def read(self) -> Shot | None:

@@ -79,7 +79,7 @@ class ReplaySource:
     @property
     def warning(self) -> str | None:
         """What to tell about the file, or None."""
-        if self.recording.is_whole:
+        if self.recording.is_complete:
             return None
         return f"{self.recording.path.name} was cut off; its {len(self.recording)} whole frames are replayed"
 
@@ -93,7 +93,7 @@ class ReplaySource:
 
     def reading(self, place: int) -> Reading | None:
         """The stored reading of the frame at a place; None when it was not read."""
-        return self.recording.reading(self.frame(place)) if self.recording.was_read(place) else None
+        return self.recording.reading(self.frame(place)) if self.recording.has_reading(place) else None
 
 
 def replay_source(path: Path, fps: float | None = None) -> ReplaySource:

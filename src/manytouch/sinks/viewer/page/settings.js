@@ -29,9 +29,9 @@ export function fillSettings({ scenery, health }) {
     label.append(name.replace(".", " › ").replaceAll("_", " "), input);
     return label;
   }));
-  const settings = health.settings.flatMap(({ name, asked, found }) => {
+  const settings = health.settings.flatMap(({ name, requested, found }) => {
     const dt = Object.assign(document.createElement("dt"), { textContent: name });
-    const dd = Object.assign(document.createElement("dd"), { textContent: `${found ?? "not told"}${asked && asked !== found ? ` (asked for ${asked})` : ""}` });
+    const dd = Object.assign(document.createElement("dd"), { textContent: `${found ?? "not reported"}${requested && requested !== found ? ` (requested: ${requested})` : ""}` });
     return [dt, dd];
   });
   find("camera-settings").replaceChildren(...(settings.length ? settings : [Object.assign(document.createElement("dd"), { textContent: "no camera settings of this source" })]));

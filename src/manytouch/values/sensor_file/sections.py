@@ -1,4 +1,4 @@
-"""What the TOML files of this package share: strict sections, and mistakes told all at once."""
+"""Strict sections of TOML files, and a message that lists all mistakes of a file."""
 
 from typing import Annotated, Any
 
@@ -10,18 +10,18 @@ Number = Annotated[float, Field(allow_inf_nan=False)]
 Count = Annotated[int, Field(gt=0)]
 ONE, SEVERAL = "<one>", "<several>"
 IsList = Discriminator(lambda value: SEVERAL if isinstance(value, list) else ONE)
-"""Of a number or a list of them: judge it as what it is, so that only one mistake is told."""
+"""Discriminates a number from a list, so that only the mistakes of the matching alternative are reported."""
 One, Several = Tag(ONE), Tag(SEVERAL)
 
 
 class Section(BaseModel):
-    """A table of a file: no other keys, no other types."""
+    """A table of a file; unknown keys and other types are refused."""
 
     model_config = ConfigDict(extra="forbid", strict=True)
 
 
 def all_mistakes(file: str, error: ValidationError) -> str:
-    """One sentence that names every mistake of a file ("sensor file s.toml")."""
+    """One sentence that lists every mistake of a file, such as "sensor file s.toml"."""
     mistakes = []
     for item in error.errors():
         key = ".".join(str(part) for part in item["loc"] if not _is_inner(part))
@@ -43,5 +43,5 @@ def all_mistakes(file: str, error: ValidationError) -> str:
 
 
 def _is_inner(part: Any) -> bool:
-    """Is this part of a place pydantic's own, and no key of the file?"""
+    """Whether this part of a location is internal to pydantic and not a key of the file."""
     return part in (ONE, SEVERAL) or str(part).startswith("function-")
