@@ -28,6 +28,7 @@ _HOMES = {
     "open_source": "manytouch.sources",
     "pipeline_for": "manytouch.session",
     "process": "manytouch.session",
+    "sample": "manytouch.geometry.surface_sampling",
     "save_sensor": "manytouch.values.sensor_file",
     "sensor_from_rest": "manytouch.calibration.rest.assumed_sensor",
 }
@@ -53,6 +54,7 @@ __all__ = [
     "open_source",
     "pipeline_for",
     "process",
+    "sample",
     "save_sensor",
     "sensor_from_rest",
 ]
@@ -60,6 +62,7 @@ __all__ = [
 if TYPE_CHECKING:
     from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
     from manytouch.errors import ManytouchError
+    from manytouch.geometry.surface_sampling import sample
     from manytouch.pipeline import Pipeline
     from manytouch.session import pipeline_for, process
     from manytouch.sources import open_source

@@ -274,6 +274,7 @@ def _surface(
         position_mm=read_only(state.layout.rest_mm + displacement_mm),
         displacement_mm=read_only(displacement_mm),
         covariance_mm2=read_only(covariance_mm2),
+        layout=state.layout,
         status="ok" if np.isfinite(depth_mm).any() else "few_markers",
     )
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from manytouch.geometry.camera import camera_matrix
 from manytouch.recording.json_codec import from_json, to_json
-from manytouch.values import Camera, Contact, Frame, Reading, Sensor
+from manytouch.values import Camera, Contact, Frame, Layout, Reading, Sensor
 
 _NUMBER = {"type": ["number", "null"]}
 _VALUE = {"type": "object", "description": "a value of manytouch, bit for bit"}
@@ -60,7 +61,7 @@ SESSION_SCHEMA: dict[str, Any] = {
 
 
 def encode_reading(reading: Reading) -> bytes:
-    """Encode a reading without its frame."""
+    """Encode a reading without its frame, and without the layout, which is part of the recorded sensor."""
     return _bytes(
         {
             "frame": reading.frame.index,
@@ -72,21 +73,22 @@ def encode_reading(reading: Reading) -> bytes:
             "values": {
                 "detections": to_json(reading.detections),
                 "grid": to_json(reading.grid),
-                "surface": to_json(reading.surface),
+                "surface": to_json(replace(reading.surface, layout=None)),
                 "contacts": to_json(reading.contacts),
             },
         }
     )
 
 
-def decode_reading(message: bytes, frame: Frame) -> Reading:
-    """Decode the reading of a frame.
+def decode_reading(message: bytes, frame: Frame, layout: Layout | None) -> Reading:
+    """Decode the reading of a frame of a sensor with this layout.
 
     Raises:
         SourceError: the message is damaged, or was written by a later version.
     """
     encoded = json.loads(message)
     values = {name: from_json(each) for name, each in encoded["values"].items()}
+    values["surface"] = replace(values["surface"], layout=layout)
     return Reading(frame=frame, milliseconds=float(encoded["milliseconds"]), **values)
 
 

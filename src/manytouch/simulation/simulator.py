@@ -103,6 +103,7 @@ class Simulator:
             position_mm=read_only(layout.rest_mm + displacement_mm),
             displacement_mm=read_only(displacement_mm),
             covariance_mm2=read_only(np.zeros((count, 3, 3))),
+            layout=layout,
         )
         centre_px, _ = dot_ellipses(self.sensor.camera, self._outline_at(time_s)[: count * CORNERS])
         return Truth(

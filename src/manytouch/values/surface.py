@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.values.arrays import Covariances3, Points3, count_of
+from manytouch.values.sensor import Layout
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -17,7 +18,8 @@ class SheetSpline:
         elements: number of elements along x and y.
         is_clamped: whether the outline is clamped; otherwise the sheet continues beyond it.
         thickness_mm, poisson: of the sheet; they determine the positions of its faces.
-        coefficient_mm: (nodes, 3) of the displacement, in the order of `mechanics.SplinePatch`.
+        shear_mm2: straight fibres through the sheet follow the slopes of w + shear_mm2 lap w.
+        coefficient_mm: (nodes, 3) of the displacement, in the order of `geometry.spline.SplinePatch`.
         force_over_E_mm2: (nodes, 3) nodal forces on the sheet divided by Young's modulus.
         young_MPa: None if unknown.
     """
@@ -31,6 +33,7 @@ class SheetSpline:
     coefficient_mm: Float64[np.ndarray, "nodes 3"]
     force_over_E_mm2: Float64[np.ndarray, "nodes 3"]
     young_MPa: float | None
+    shear_mm2: float = 0.0
 
     def __repr__(self) -> str:
         (x_mm, y_mm), (columns, rows) = self.size_mm, self.elements
@@ -49,6 +52,7 @@ class Surface:
         displacement_mm: (m, 3) from rest; NaN where unknown.
         covariance_mm2: (m, 3, 3) of the displacement; NaN where unknown.
         spline: shape and forces of the whole sheet, from methods that estimate them; else None.
+        layout: the markers at rest; None only where a surface need not be sampled.
         status: "ok", or why this surface is unreliable.
     """
 
@@ -56,6 +60,7 @@ class Surface:
     displacement_mm: Points3
     covariance_mm2: Covariances3
     spline: SheetSpline | None = None
+    layout: Layout | None = None
     status: str = "ok"
 
     def __repr__(self) -> str:

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from manytouch.sinks.files.surface_store import SurfaceMap
-from manytouch.sinks.maps import maps_of
 from manytouch.sinks.pictures.annotate import AnnotatedPictures, Annotator
 from manytouch.sinks.pictures.drawing import SKY, VERMILION, eight_bit_colour, text_size, write_text
 from manytouch.sinks.pictures.surface_picture import BusiestMoment, ChosenMoments, SurfacePicture
+from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import Phase
 
 
@@ -104,19 +104,19 @@ def test_depth_map_reproduces_a_plane_and_covers_the_markers(sensor, reading_of)
     rest = sensor.layout.rest_mm
     displacement = np.zeros_like(rest)
     displacement[:, 2] = -(1.0 + 0.05 * rest[:, 0] - 0.1 * rest[:, 1])
-    dense = maps_of(sensor)
-    depth = dense.depth(dataclasses.replace(reading.surface, displacement_mm=displacement))
-    x, y = np.meshgrid(dense.x_mm, dense.y_mm)
-    assert depth.shape == (len(dense.y_mm), len(dense.x_mm))
-    assert dense.x_mm[0] <= rest[:, 0].min()
-    assert dense.y_mm[-1] >= rest[:, 1].max()
+    grid = surface_grid(sensor)
+    depth = grid.sampler.depth(dataclasses.replace(reading.surface, displacement_mm=displacement))
+    x, y = np.meshgrid(grid.x_mm, grid.y_mm)
+    assert depth.shape == (len(grid.y_mm), len(grid.x_mm))
+    assert grid.x_mm[0] <= rest[:, 0].min()
+    assert grid.y_mm[-1] >= rest[:, 1].max()
     assert depth == pytest.approx(1.0 + 0.05 * x - 0.1 * y, abs=1e-6)
 
 
 def test_depth_map_is_not_known_around_an_unseen_marker_only(sensor, reading_of):
-    dense = maps_of(sensor)
-    depth = dense.depth(reading_of(0, unseen=(10,), depth_mm=0.5).surface)
-    x, y = np.meshgrid(dense.x_mm, dense.y_mm)
+    grid = surface_grid(sensor)
+    depth = grid.sampler.depth(reading_of(0, unseen=(10,), depth_mm=0.5).surface)
+    x, y = np.meshgrid(grid.x_mm, grid.y_mm)
     unknown = sensor.layout.rest_mm[[9, 10]]
     away = np.min([np.hypot(x - marker[0], y - marker[1]) for marker in unknown], axis=0)
     assert np.isnan(depth[away < 1.0]).all()
@@ -124,7 +124,7 @@ def test_depth_map_is_not_known_around_an_unseen_marker_only(sensor, reading_of)
 
 
 def test_depth_map_of_nothing_is_not_known(sensor, reading_of):
-    assert np.isnan(maps_of(sensor).depth(reading_of(0, unseen=tuple(range(24))).surface)).all()
+    assert np.isnan(surface_grid(sensor).sampler.depth(reading_of(0, unseen=tuple(range(24))).surface)).all()
 
 
 def test_depth_store_has_dimensions_coordinates_and_all_frames(tmp_path, sensor, reading_of):

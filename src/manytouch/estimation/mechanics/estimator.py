@@ -267,6 +267,7 @@ class MechanicsEstimator:
             position_mm=read_only(np.full((count, 3), np.nan)),
             displacement_mm=read_only(np.full((count, 3), np.nan)),
             covariance_mm2=read_only(np.full((count, 3, 3), np.nan)),
+            layout=state.model.layout,
             status=status,
         )
         if state.pads is not None:
@@ -295,6 +296,7 @@ class MechanicsEstimator:
             displacement_mm=read_only(displacement_mm),
             covariance_mm2=read_only(covariance_mm2),
             spline=model.spline(shape.coefficient_mm, shape.force_mm2),
+            layout=model.layout,
             status=status,
         )
 

@@ -62,6 +62,7 @@ class SheetModel:
             coefficient_mm=coefficient_mm,
             force_over_E_mm2=force_mm2,
             young_MPa=self.young_MPa,
+            shear_mm2=self.shell.shear_mm2,
         )
 
 

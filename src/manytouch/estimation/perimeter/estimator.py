@@ -258,6 +258,7 @@ class PerimeterEstimator:
             position_mm=read_only(position_mm),
             displacement_mm=read_only(displacement_mm),
             covariance_mm2=read_only(spread_mm2),
+            layout=state.layout,
             status=grid.status,
         )
         return surface, moved_mm, std_mm
@@ -280,6 +281,7 @@ class PerimeterEstimator:
             position_mm=read_only(np.full((count, 3), np.nan)),
             displacement_mm=read_only(np.full((count, 3), np.nan)),
             covariance_mm2=read_only(np.full((count, 3, 3), np.nan)),
+            layout=state.layout,
             status=status,
         )
         lives, contacts = self.identity.step(state.lives, (), status=status)

@@ -14,7 +14,7 @@ import numpy as np
 from manytouch.errors import MissingExtraError
 from manytouch.sinks.files.atomic_output import AtomicOutput, told
 from manytouch.sinks.files.tables import time_s
-from manytouch.sinks.maps import Map, maps_of
+from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import Reading, Sensor
 
 FRAMES_PER_CHUNK = 16
@@ -38,16 +38,17 @@ class SurfaceMap:
         import zarr
 
         self._unit = sensor.length_unit
-        self._maps = maps_of(sensor)
+        grid = surface_grid(sensor)
+        self._sampler = grid.sampler
         self._staged = AtomicOutput(folder / "surface.zarr")
         with told(self._staged.path):
             self._group: Any = zarr.create_group(str(self._staged.aside), zarr_format=3)
         self._group.attrs.update({"title": f"the sheet of {sensor.name}", "unit": self._unit})
         axis = {"units": self._unit, "long_name": "undeformed sheet coordinate"}
-        self._coordinate("x", self._maps.x_mm, axis)
-        self._coordinate("y", self._maps.y_mm, axis)
-        shape = (len(self._maps.y_mm), len(self._maps.x_mm))
-        self._told: dict[str, Any] = {
+        self._coordinate("x", grid.x_mm, axis)
+        self._coordinate("y", grid.y_mm, axis)
+        shape = (len(grid.y_mm), len(grid.x_mm))
+        self._arrays: dict[str, Any] = {
             name: self._map(f"{name}_{unit}" if unit else name, shape, unit, words)
             for name, unit, words in (
                 ("depth", self._unit, "depth of the camera-side face, positive when pressed"),
@@ -61,20 +62,18 @@ class SurfaceMap:
         self._frame.attrs["long_name"] = "number of the frame in its input"
         self._time = self._array("time_s", (), "float64", ("frame",))
         self._time.attrs.update({"units": "s", "long_name": "time since the input's start"})
-        self._unknown = np.full(shape, np.nan)
-        self._waiting: list[tuple[int, float, dict[str, Map]]] = []
+        self._waiting: list[tuple[int, float, dict[str, np.ndarray]]] = []
 
     def write(self, reading: Reading) -> None:
         """Add a frame."""
-        surface, maps = reading.surface, self._maps
+        surface, sampler = reading.surface, self._sampler
         found = {
-            "depth": maps.depth(surface),
-            "depth_std": maps.depth_std(surface),
-            "strain": maps.strain(surface),
+            "depth": sampler.depth(surface),
+            "depth_std": sampler.depth_std(surface),
+            "strain": sampler.strain(surface),
         }
-        if "pressure" in self._told:
-            pressure = maps.pressure_kPa(surface)
-            found["pressure"] = self._unknown if pressure is None else pressure
+        if "pressure" in self._arrays:
+            found["pressure"] = sampler.pressure_kPa(surface)
         self._waiting.append((reading.frame.index, time_s(reading.frame.timestamp_ns), found))
         if len(self._waiting) == FRAMES_PER_CHUNK:
             self._append()
@@ -97,8 +96,8 @@ class SurfaceMap:
         with told(self._staged.path):
             self._frame.append(np.array(frames, dtype=np.int64))
             self._time.append(np.array(times))
-            for name, array in self._told.items():
-                array.append(np.stack([maps[name] for maps in found]).astype(np.float32))
+            for name, array in self._arrays.items():
+                array.append(np.stack([fields[name] for fields in found]).astype(np.float32))
         self._waiting = []
 
     def _map(self, name: str, shape: tuple[int, ...], unit: str, words: str) -> Any:

@@ -9,8 +9,8 @@ import numpy as np
 
 from manytouch.errors import MissingExtraError
 from manytouch.sinks.files.atomic_output import AtomicOutput, told
-from manytouch.sinks.maps import maps_of
 from manytouch.sinks.pictures.annotate import Annotator
+from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import Contact, Reading, Sensor
 
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ class SurfacePicture:
         if find_spec("matplotlib") is None:
             raise MissingExtraError("a picture of the surface", "matplotlib", "plot")
         self._sensor = sensor
-        self._maps = maps_of(sensor)
+        self._grid = surface_grid(sensor)
         self._annotate = Annotator(sensor)
 
     def save(self, reading: Reading, path: Path) -> Path:
@@ -70,8 +70,8 @@ class SurfacePicture:
 
         axes, scale = places
         unit = self._sensor.length_unit
-        depth = self._maps.depth(reading.surface)
-        x_mm, y_mm = np.meshgrid(self._maps.x_mm, self._maps.y_mm)
+        depth = self._grid.sampler.depth(reading.surface)
+        x_mm, y_mm = np.meshgrid(self._grid.x_mm, self._grid.y_mm)
         shallowest, deepest = float(np.nanmin(depth, initial=0.0)), float(np.nanmax(depth, initial=0.0))
         top = max(deepest, 1e-3 * float(np.ptp(x_mm)))
         surface = axes.plot_surface(

@@ -9,7 +9,7 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from manytouch.sinks.viewer.client_messages import Ack, Points, Show, Wish, read_wish
-from manytouch.sinks.viewer.measuring import Measure, measure_at
+from manytouch.sinks.viewer.measuring import Measurement, measure_at
 from manytouch.values import Layout, Surface
 
 MOST_IN_FLIGHT = 3
@@ -27,7 +27,7 @@ class Browser:
         self.socket = socket
         self.layer, self.is_image_wanted = "depth", True
         self.points: Points | None = None
-        self._measure: tuple[Layout, Measure] | None = None
+        self._measure: tuple[Layout, Measurement] | None = None
         self._sentences: deque[str] = deque(maxlen=MOST_SENTENCES)
         self._update: tuple[int, bytes] | None = None
         self._sent = self._taken = 0

@@ -8,9 +8,9 @@ from typing import Any
 import cv2
 import numpy as np
 
-from manytouch.geometry.sampling import BEYOND_PITCH
+from manytouch.geometry.surface_sampling import sampler_on
 from manytouch.sinks.files.description import layout_of, rest_px
-from manytouch.sinks.maps import SheetMaps
+from manytouch.sinks.surface_grid import SurfaceGrid, grid_corners
 from manytouch.sinks.viewer.health import PictureHealth, residual_mm
 from manytouch.sinks.viewer.messages import number, pack
 from manytouch.values import ESTIMATES, Comparison, Contact, Contacts, Layout, Reading, Sensor, Surface
@@ -38,7 +38,7 @@ class UpdateEncoder:
     def __init__(self, sensor: Sensor) -> None:
         layout = layout_of(sensor)
         self.sensor, self.layout = sensor, layout
-        self._maps = viewer_maps(layout)
+        self._grid = viewer_grid(layout)
         self._rest_px = rest_px(sensor)
         self._picture = PictureHealth()
 
@@ -48,8 +48,8 @@ class UpdateEncoder:
         return {
             "sensor": self.sensor.name,
             "unit": self.sensor.length_unit,
-            "x_mm": [number(value) for value in self._maps.x_mm],
-            "y_mm": [number(value) for value in self._maps.y_mm],
+            "x_mm": [number(value) for value in self._grid.x_mm],
+            "y_mm": [number(value) for value in self._grid.y_mm],
             "image_px": [camera.width_px, camera.height_px],
             "rest_px": [[number(x, 2), number(y, 2)] for x, y in self._rest_px],
             "rest_mm": [[number(x), number(y)] for x, y, _ in self.layout.rest_mm],
@@ -61,7 +61,7 @@ class UpdateEncoder:
         """The message of a shot, and ms from the frame's arrival to it (None for files)."""
         reading, beside = shot.reading, shot.beside
         surface, picture = reading.surface, reading.frame.image
-        depth = self._maps.depth(surface)
+        depth = self._grid.sampler.depth(surface)
         head: dict[str, Any] = {
             "kind": "reading",
             "number": number_of_update,
@@ -101,24 +101,22 @@ class UpdateEncoder:
         self, layer: str, surface: Surface, beside: Comparison | None, depth: np.ndarray
     ) -> np.ndarray | None:
         if layer == "strain":
-            return self._maps.strain(surface)
+            return self._grid.sampler.strain(surface)
         if layer == "pressure":
-            return self._maps.pressure_kPa(surface)
+            return self._grid.sampler.pressure_kPa(surface)
         if layer == "difference" and beside is not None and beside.surface is not None:
-            return np.asarray(depth - self._maps.depth(beside.surface))
+            return np.asarray(depth - self._grid.sampler.depth(beside.surface))
         return None
 
 
-def viewer_maps(layout: Layout) -> SheetMaps:
-    """Maps over the markers and half a pitch beyond, 100 x 60 points on a sheet of 5 : 3."""
-    rest_mm = layout.rest_mm[:, :2]
-    beyond = BEYOND_PITCH * layout.pitch_mm
-    low, high = rest_mm.min(axis=0) - beyond, rest_mm.max(axis=0) + beyond
+def viewer_grid(layout: Layout) -> SurfaceGrid:
+    """A grid over the markers and half a pitch beyond, 100 x 60 points on a sheet of 5 : 3."""
+    low, high = grid_corners(layout)
     side = high - low
     count = np.clip(np.round(LONGEST * side / side.max()), FEWEST, SHORTEST_OF_LONG).astype(int)
     count[int(np.argmax(side))] = LONGEST
     x_mm, y_mm = (np.linspace(low[axis], high[axis], count[axis]) for axis in (0, 1))
-    return SheetMaps(layout, x_mm, y_mm)
+    return SurfaceGrid(x_mm=x_mm, y_mm=y_mm, sampler=sampler_on(layout, x_mm, y_mm))
 
 
 def jpeg(picture: np.ndarray) -> bytes:

@@ -1,12 +1,16 @@
 """Measures at chosen points."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from manytouch.geometry.sampling import sampling_at
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.viewer.measuring import PROFILE_POINTS, measure_at
-from manytouch.values import Layout, Surface
+from manytouch.sinks.viewer.update_encoder import viewer_grid
+from manytouch.values import Layout, SheetSpline, Surface
 
 POINT_MM = np.array([[-20.0, 8.0], [25.0, -6.0]])
 
@@ -23,7 +27,7 @@ def surface_of(layout: Layout, depth_mm: np.ndarray, std_mm: float = 0.1) -> Sur
     moved[:, 2] = -depth_mm
     covariance = np.tile(std_mm**2 * np.eye(3), (len(depth_mm), 1, 1))
     return Surface(
-        position_mm=layout.rest_mm + moved, displacement_mm=moved, covariance_mm2=covariance, status="ok"
+        position_mm=layout.rest_mm + moved, displacement_mm=moved, covariance_mm2=covariance, layout=layout
     )
 
 
@@ -36,6 +40,31 @@ def test_a_point_reads_the_estimate_with_its_deviation(layout: Layout) -> None:
     assert 2.9 < point["depth_mm"] < 3.05
     assert 0.05 < point["std_mm"] <= 0.1
     assert "profile" not in found
+
+
+@pytest.mark.parametrize("has_spline", [True, False])
+def test_a_measured_point_has_the_depth_that_is_drawn(layout: Layout, has_spline: bool) -> None:
+    patch = SplinePatch(size_mm=(120.0, 80.0), elements=(30, 20))
+    coefficient_mm = np.zeros((patch.node_count, 3))
+    coefficient_mm[np.argmin(np.hypot(*(patch.place_mm - (2.0, 2.0)).T)), 2] = -3.0
+    spline = SheetSpline(
+        size_mm=patch.size_mm,
+        centre_mm=patch.centre_mm,
+        elements=patch.elements,
+        is_clamped=True,
+        thickness_mm=3.0,
+        poisson=0.45,
+        coefficient_mm=coefficient_mm,
+        force_over_E_mm2=np.zeros_like(coefficient_mm),
+        young_MPa=None,
+    )
+    noise_mm = np.random.default_rng(3).normal(0.0, 0.1, len(layout.rest_mm))
+    surface = replace(surface_of(layout, 1.0 + noise_mm), spline=spline if has_spline else None)
+    grid = viewer_grid(layout)
+    drawn_mm = grid.sampler.depth(surface).astype("<f4")
+    for row, column in ((31, 52), (7, 90), (0, 0)):
+        measured = measure_at(layout, np.array([[grid.x_mm[column], grid.y_mm[row]]]))(surface)
+        assert measured["points"][0]["depth_mm"] == pytest.approx(drawn_mm[row, column], abs=1e-6)
 
 
 def test_two_points_read_their_distance_in_space(layout: Layout) -> None:

@@ -1,4 +1,4 @@
-"""Deviations of strain and pressure against many noisy looks at one sheet."""
+"""Standard deviations of strain and pressure against the scatter of many noisy frames of one sheet."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -11,18 +11,19 @@ from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.evaluation.suite.suite import cases
 from manytouch.geometry.camera import project
+from manytouch.geometry.surface_sampling import sampler_on
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.dot_images import dot_ellipses, outlines
-from manytouch.sinks.maps import SheetMaps, maps_of
+from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import TrackedGrid
 from manytouch.values.arrays import read_only
 
 SENSOR = demo_sensor(1280)
 NOISE_PX = 0.15
-LOOKS = 24
+FRAMES = 16
 
 
-def look(model, shape_mm: np.ndarray, seed: int) -> TrackedGrid:
+def noisy_grid(model, shape_mm: np.ndarray, seed: int) -> TrackedGrid:
     centre_px = project(model.camera, model.layout.rest_mm) + model.dots.displacement_px(shape_mm)
     centre_px += np.random.default_rng(seed).normal(0.0, NOISE_PX, centre_px.shape)
     count = len(centre_px)
@@ -35,44 +36,43 @@ def look(model, shape_mm: np.ndarray, seed: int) -> TrackedGrid:
 
 
 def test_strain_and_pressure_scatter_by_their_deviations() -> None:
-    estimate, likely = MechanicsEstimator(), PosteriorSamples(SENSOR)
+    estimate, draw = MechanicsEstimator(), PosteriorSamples(SENSOR)
     state = estimate.start(SENSOR)
     model = state.model
     away2 = ((model.patch.place_mm - np.array([10.0, 5.0])) ** 2).sum(axis=1)
     pressed = np.outer(np.exp(-away2 / 120.0), [0.0, 0.0, -2.0]) * model.patch.is_free
     for seed in range(6):
-        state, surface, _ = estimate.step(state, look(model, pressed, 1000 + seed))
+        state, surface, _ = estimate.step(state, noisy_grid(model, pressed, 1000 + seed))
     x_mm, y_mm = np.linspace(-2.0, 22.0, 25), np.linspace(-7.0, 17.0, 25)
-    maps = SheetMaps(model.layout, x_mm, y_mm)
-    sheets = likely(surface, look(model, pressed, 0))
-    assert len(sheets) == likely.draws
-    model_std = maps.strain_std(surface, (surface.spline,))
-    strain_std = np.sqrt(maps.strain_std(surface, sheets) ** 2 - model_std**2)
-    pressure_std = maps.pressure_std_kPa(surface, sheets)
+    sampler = sampler_on(model.layout, x_mm, y_mm)
+    posterior = draw(surface, noisy_grid(model, pressed, 0))
+    assert len(posterior) == draw.draws
+    model_std = sampler.strain_std(surface, (surface.spline,))
+    strain_std = np.sqrt(sampler.strain_std(surface, posterior) ** 2 - model_std**2)
+    pressure_std = sampler.pressure_std_kPa(surface, posterior)
     found = []
-    for seed in range(LOOKS):
-        _, other, _ = estimate.step(state, look(model, pressed, seed))
-        found.append((maps.strain(other), maps.pressure_kPa(other)))
-    for claimed, told in zip((strain_std, pressure_std), zip(*found, strict=True), strict=True):
-        assert claimed is not None
-        scatter = np.std(told, axis=0)
-        # What is claimed holds the prior's doubt as well as the noise.
+    for seed in range(FRAMES):
+        _, other, _ = estimate.step(state, noisy_grid(model, pressed, seed))
+        found.append((sampler.strain(other), sampler.pressure_kPa(other)))
+    for claimed, values in zip((strain_std, pressure_std), zip(*found, strict=True), strict=True):
+        scatter = np.std(values, axis=0)
+        # The posterior contains the uncertainty of the prior as well as the noise.
         assert 0.4 < np.sqrt(np.mean((scatter / claimed) ** 2)) < 1.15
 
 
 def test_the_same_surface_has_the_same_deviations_and_noise_makes_them_grow() -> None:
-    likely, estimate = PosteriorSamples(SENSOR), MechanicsEstimator()
+    draw, estimate = PosteriorSamples(SENSOR), MechanicsEstimator()
     state = estimate.start(SENSOR)
     still = np.zeros((state.model.patch.node_count, 3))
-    grid = look(state.model, still, 0)
+    grid = noisy_grid(state.model, still, 0)
     _, surface, _ = estimate.step(state, grid)
-    maps = SheetMaps(state.model.layout, np.linspace(-20, 20, 21), np.linspace(-10, 10, 11))
-    one, other = (maps.strain_std(surface, likely(surface, grid)) for _ in range(2))
+    sampler = sampler_on(state.model.layout, np.linspace(-20, 20, 21), np.linspace(-10, 10, 11))
+    one, other = (sampler.strain_std(surface, draw(surface, grid)) for _ in range(2))
     np.testing.assert_array_equal(one, other)
     noisier = replace(grid, covariance_px2=read_only(16.0 * grid.covariance_px2))
-    assert np.median(maps.strain_std(surface, likely(surface, noisier)) / one) > 1.5
-    assert likely(replace(surface, spline=None), grid) == ()
-    assert np.isnan(maps.strain_std(replace(surface, spline=None), ())).all()
+    assert np.median(sampler.strain_std(surface, draw(surface, noisier)) / one) > 1.5
+    assert draw(replace(surface, spline=None), grid) == ()
+    assert np.isnan(sampler.strain_std(replace(surface, spline=None), ())).all()
 
 
 def test_the_strain_of_a_solid_lies_within_its_deviations(tmp_path: Path) -> None:
@@ -82,7 +82,9 @@ def test_the_strain_of_a_solid_lies_within_its_deviations(tmp_path: Path) -> Non
     sensor, estimate = nominal_sensor(case), MechanicsEstimator()
     assert sensor.layout is not None
     edge_mm = outlines(sensor.layout.rest_mm, sensor.layout.radius_mm)
-    likely, maps, state = PosteriorSamples(sensor), maps_of(sensor), estimate.start(sensor)
+    draw, state = PosteriorSamples(sensor), estimate.start(sensor)
+    surface_points = surface_grid(sensor)
+    sampler = surface_points.sampler
     for seed, solid in enumerate(states):
         moved_mm = solid.displacement_mm(np.ascontiguousarray(edge_mm.reshape(-1, 3)[:, :2]))
         centre_px, _ = dot_ellipses(sensor.camera, edge_mm + moved_mm.reshape(edge_mm.shape))
@@ -95,11 +97,11 @@ def test_the_strain_of_a_solid_lies_within_its_deviations(tmp_path: Path) -> Non
             frames_unseen=read_only(np.zeros(count, dtype=np.int64)),
         )
         state, surface, _ = estimate.step(state, grid)
-    place_mm = np.stack(np.meshgrid(maps.x_mm, maps.y_mm), axis=-1).reshape(-1, 2)
+    place_mm = np.stack(np.meshgrid(surface_points.x_mm, surface_points.y_mm), axis=-1).reshape(-1, 2)
     _, gradient = states[-1].camera_side(np.ascontiguousarray(place_mm))
     green = 0.5 * (np.einsum("mki,mkj->mij", gradient, gradient) - np.eye(2))
-    true = np.linalg.eigvalsh(green)[:, 1].reshape(len(maps.y_mm), len(maps.x_mm))
-    z = (maps.strain(surface) - true) / maps.strain_std(surface, likely(surface, grid))
+    true = np.linalg.eigvalsh(green)[:, 1].reshape(len(surface_points.y_mm), len(surface_points.x_mm))
+    z = (sampler.strain(surface) - true) / sampler.strain_std(surface, draw(surface, grid))
     known, near = np.isfinite(z), true > 0.3 * np.nanmax(true)
     assert np.mean(np.abs(z[known]) < 1.96) > 0.85
     assert np.mean(np.abs(z[known & near]) < 1.96) > 0.75

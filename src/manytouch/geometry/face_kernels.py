@@ -1,0 +1,66 @@
+"""Displacement of the camera-side face of a bent sheet, compiled.
+
+The face lies half a deformed thickness from the middle surface, along the sheet's fibres. Derivation:
+docs/derivations/mechanics.md, "Dots".
+"""
+
+# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
+# no_type_check keeps checkers of annotations, which numba cannot compile, out of them
+
+import math
+from typing import no_type_check
+
+import numpy as np
+from numba import njit
+
+THINNEST, THICKEST = 0.5, 1.3  # limits of deformed over undeformed thickness, as in mechanics.markers
+
+
+@njit(cache=True, nogil=True)
+@no_type_check
+def displace_face(
+    coefficient_mm: np.ndarray,
+    node: np.ndarray,
+    weight: np.ndarray,
+    thickness_mm: float,
+    poisson: float,
+    out: np.ndarray,
+) -> None:
+    """Displacement (k, 3) of k points of the camera-side face.
+
+    Args:
+        coefficient_mm: (nodes, 3) of the middle surface.
+        node: (k, 16) nodes whose basis functions are not 0 at each point.
+        weight: (k, 5, 16) of these: value, d/dx, d/dy, and what fibres tilt more than the surface, along
+            x and y.
+        thickness_mm, poisson: of the sheet.
+        out: (k, 3) the result, in the sheet frame.
+    """
+    field = np.empty((3, 3))
+    for k in range(len(node)):
+        field[:] = 0.0
+        tilt_x = tilt_y = 0.0
+        for n in range(16):
+            source = node[k, n]
+            for j in range(3):
+                value = coefficient_mm[source, j]
+                for part in range(3):
+                    field[part, j] += weight[k, part, n] * value
+            tilt_x += weight[k, 3, n] * coefficient_mm[source, 2]
+            tilt_y += weight[k, 4, n] * coefficient_mm[source, 2]
+        field[1, 0] += 1.0
+        field[2, 1] += 1.0
+        stretch = -1.0
+        for j in range(3):
+            stretch += 0.5 * (field[1, j] ** 2 + field[2, j] ** 2)
+        ratio = min(max(1.0 - poisson / (1.0 - poisson) * stretch, THINNEST), THICKEST)
+        field[1, 2] += tilt_x
+        field[2, 2] += tilt_y
+        normal_x = field[1, 1] * field[2, 2] - field[1, 2] * field[2, 1]
+        normal_y = field[1, 2] * field[2, 0] - field[1, 0] * field[2, 2]
+        normal_z = field[1, 0] * field[2, 1] - field[1, 1] * field[2, 0]
+        length = math.sqrt(normal_x**2 + normal_y**2 + normal_z**2)
+        lever = 0.5 * thickness_mm * ratio / length
+        out[k, 0] = field[0, 0] - lever * normal_x
+        out[k, 1] = field[0, 1] - lever * normal_y
+        out[k, 2] = field[0, 2] - lever * normal_z + 0.5 * thickness_mm

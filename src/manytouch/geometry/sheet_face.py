@@ -1,0 +1,82 @@
+"""Fields of a `SheetSpline` at fixed points: displacement of the camera-side face, and pressure."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from manytouch.geometry.spline.patch import SplinePatch
+from manytouch.values import SheetSpline
+from manytouch.values.arrays import Points2, Points3, Scalars
+
+SplineShape = tuple[object, ...]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SheetFace:
+    """Points of the camera-side face, with the basis functions of one patch there.
+
+    Attributes:
+        node: (k, 16) nodes of the basis functions that are not 0 at each point.
+        weight: (k, 5, 16) see `face_kernels.displace_face`.
+        area_mm2: (nodes,) integral of each basis function.
+    """
+
+    node: Int64[np.ndarray, "k 16"]
+    weight: Float64[np.ndarray, "k 5 16"]
+    area_mm2: Float64[np.ndarray, " nodes"]
+
+    def displacement_mm(self, spline: SheetSpline) -> Points3:
+        """(k, 3) in the sheet frame; the depth is minus its z."""
+        from manytouch.geometry.face_kernels import displace_face
+
+        found_mm = np.empty((len(self.node), 3))
+        coefficient_mm = np.ascontiguousarray(spline.coefficient_mm)
+        displace_face(coefficient_mm, self.node, self.weight, spline.thickness_mm, spline.poisson, found_mm)
+        return found_mm
+
+    def pressure_MPa(self, spline: SheetSpline) -> Scalars:
+        """(k,) positive in compression; NaN where Young's modulus is not known.
+
+        The force of a node is spread over the integral of its basis function, so the integral of the
+        pressure is the total force, and the pressure is as smooth as the spline.
+        """
+        if spline.young_MPa is None:
+            return np.full(len(self.node), np.nan)
+        nodal_MPa = -spline.young_MPa * spline.force_over_E_mm2[:, 2] / self.area_mm2
+        return np.asarray(np.einsum("kn,kn->k", self.weight[:, 0], nodal_MPa[self.node]))
+
+
+def sheet_face(spline: SheetSpline, point_mm: Points2) -> SheetFace:
+    """Prepare points (k, 2) of the undeformed sheet; points outside the patch are moved to its outline."""
+    patch = SplinePatch(
+        size_mm=spline.size_mm,
+        elements=spline.elements,
+        boundary="clamped" if spline.is_clamped else "soft",
+        centre_mm=spline.centre_mm,
+    )
+    first, table = patch.window(point_mm)
+    slow, fast = table[:, 0], table[:, 1]
+
+    def product(a: int, b: int) -> np.ndarray:
+        """(k, 16) derivative a along the slow axis and b along the fast one."""
+        return np.asarray((slow[:, a, :, None] * fast[:, b, None, :]).reshape(-1, 16))
+
+    slopes = [product(1, 0), product(0, 1)]
+    tilts = [
+        spline.shear_mm2 * (product(3, 0) + product(1, 2)),
+        spline.shear_mm2 * (product(2, 1) + product(0, 3)),
+    ]
+    order = 1 if patch.is_x_slow else -1
+    local = np.arange(4)
+    node = (first[:, :1] + local)[:, :, None] * patch.shape[1] + (first[:, 1:] + local)[:, None, :]
+    return SheetFace(
+        node=node.reshape(-1, 16),
+        weight=np.ascontiguousarray(np.stack([product(0, 0), *slopes[::order], *tilts[::order]], axis=1)),
+        area_mm2=patch.area_mm2,
+    )
+
+
+def spline_shape(spline: SheetSpline) -> SplineShape:
+    """What `sheet_face` depends on; splines of equal shape can share its result."""
+    return (spline.size_mm, spline.centre_mm, spline.elements, spline.is_clamped, spline.shear_mm2)
