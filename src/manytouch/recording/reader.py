@@ -105,7 +105,7 @@ class Recording:
     def reading(self, frame: Frame) -> Reading | None:
         """The recorded reading of a frame; None if the frame was not processed."""
         location = self._readings.get(frame.index)
-        return None if location is None else decode_reading(self._data(location), frame)
+        return None if location is None else decode_reading(self._data(location), frame, self.sensor.layout)
 
     def _data(self, location: MessageLocation) -> bytes:
         with self.path.open("rb") as file:
