@@ -23,8 +23,8 @@ from manytouch.simulation.fem.contact.indenters import (
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, press
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
-from manytouch.simulation.fem.solver.multifrontal import Dissection
-from manytouch.simulation.fem.solver.newton import Solver
+from manytouch.simulation.fem.solver.multifrontal import MultifrontalSolver
+from manytouch.simulation.fem.solver.newton import NewtonSolver
 
 MODEL = SheetModel(size_mm=(120.0, 80.0), thickness_mm=3.0, material=NeoHooke(young_MPa=3.1, poisson=0.45))
 DEPTHS_MM = np.array([2.0, 4.0, 6.0, 8.0, 10.0])
@@ -39,11 +39,11 @@ def best_s(work: Callable[[], object], times: int = 3) -> float:
     return min(taken)
 
 
-def linear_system(solver: Solver) -> None:
+def linear_system(solver: NewtonSolver) -> None:
     body, free = solver.body, solver.is_free
     still = np.zeros_like(body.mesh.node_mm)
     _, tangent = body.forces_and_tangent(still)
-    order = Dissection(mesh=body.mesh, is_free=free)
+    order = MultifrontalSolver(mesh=body.mesh, is_free=free)
     print(f"forces                {best_s(lambda: body.forces(still)):8.3f} s")
     print(f"forces and tangent    {best_s(lambda: body.forces_and_tangent(still)):8.3f} s")
     for name, is_symmetric in (("Cholesky", True), ("LU", False)):
@@ -65,7 +65,7 @@ def linear_system(solver: Solver) -> None:
     print(f"SuperLU, MMD_AT_PLUS_A{best_s(superlu, 1):8.3f} s  ({matrix.shape[0]} unknowns)")
 
 
-def presses(solver: Solver, name: str, loading: Loading) -> None:
+def presses(solver: NewtonSolver, name: str, loading: Loading) -> None:
     begin = time.perf_counter()
     states = list(solve_sheet(solver, loading))
     taken, systems = time.perf_counter() - begin, sum(state.newton_steps for state in states)

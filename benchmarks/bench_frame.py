@@ -21,7 +21,7 @@ import numpy as np
 from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.methods import pipeline_for
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
-from manytouch.simulation.scene.solve import simulator, solving, states_folder
+from manytouch.simulation.scene.solve import simulator, solve_scene, states_folder
 from manytouch.values import Frame, Sensor
 
 WARM_FRAMES = 20
@@ -50,7 +50,7 @@ class Timed:
 def footage(pictures: int, fps: float) -> tuple[Sensor, tuple[Frame, ...]]:
     """The sensor and frames of some seconds of fingers."""
     said = replace(load_scene(BUILT_IN / "fingers.toml", width_px=2560), fps=fps)
-    camera = simulator(said, tuple(solving(said, states_folder())))
+    camera = simulator(said, tuple(solve_scene(said, states_folder())))
     return camera.sensor, tuple(camera.frame(index) for index in range(pictures))
 
 

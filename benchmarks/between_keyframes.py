@@ -12,11 +12,11 @@ import numpy as np
 
 from manytouch.simulation.fem.cache import StateCache
 from manytouch.simulation.fem.sheet import sheet_solver
-from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene
 from manytouch.simulation.scene.motion import loading
 from manytouch.simulation.scene.solid_scene import SolidScene
-from manytouch.simulation.scene.solve import question, states_folder
+from manytouch.simulation.scene.solve import solid_problem, states_folder
 
 
 def main() -> None:
@@ -27,11 +27,11 @@ def main() -> None:
     asked = parser.parse_args()
     is_built_in = asked.scene in built_in_scenes()
     scene = load_scene(BUILT_IN / f"{asked.scene}.toml" if is_built_in else asked.scene)
-    task = question(scene)
+    task = solid_problem(scene)
     if task.loading is None:
         raise SystemExit("nothing moves in this scene")
     kept = list(StateCache(folder=asked.states).states(task.model, task.loading))
-    brief = tuple(condensed(state, task.loading) for state in kept)
+    brief = tuple(condense(state, task.loading) for state in kept)
     played = SolidScene(name=scene.name, time_s=task.time_s, states=brief, duration_s=float(task.time_s[-1]))
     solver, worst = sheet_solver(task.model), []
     middle_s = 0.5 * (task.time_s[1:] + task.time_s[:-1])
@@ -51,7 +51,7 @@ def main() -> None:
                 for touch in half_way.touches
             ),
         )
-        found = condensed(solver.step(kept[number], once, 0), once)
+        found = condense(solver.step(kept[number], once, 0), once)
         guess = played.face(float(middle_s[number]))
         off_mm = np.abs(found.face_mm - guess.face_mm).max()
         true_N = sum(contact.normal_force_N for contact in found.contacts)

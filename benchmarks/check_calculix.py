@@ -34,7 +34,7 @@ EDGES = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4),
 
 @dataclass(frozen=True, kw_only=True)
 class Agreement:
-    """Both programs' answers to the same question.
+    """Both programs' answers to the same problem.
 
     Attributes:
         depth_mm: of the middle of the camera-side face, manytouch and CalculiX.

@@ -14,7 +14,7 @@ import numpy as np
 
 from manytouch.session.methods import pipeline_for
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
-from manytouch.simulation.scene.solve import simulator, solving, states_folder
+from manytouch.simulation.scene.solve import simulator, solve_scene, states_folder
 from manytouch.values import Frame, Sensor
 
 
@@ -42,7 +42,7 @@ def untouched(frames: int, noise: float, width_px: int) -> tuple[Sensor, Iterato
     """The demo's sensor and so many noisy pictures of it."""
     said = load_scene(BUILT_IN / "rest.toml", width_px=width_px)
     said = replace(said, look=replace(said.look, read_noise=noise, shot_noise=0.0), duration_s=1e9)
-    camera = simulator(said, tuple(solving(said, states_folder())))
+    camera = simulator(said, tuple(solve_scene(said, states_folder())))
     return camera.sensor, (camera.frame(index) for index in range(frames))
 
 

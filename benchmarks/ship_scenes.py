@@ -10,13 +10,13 @@ from pathlib import Path
 
 from manytouch.simulation.scene.deformation_file import STEP_MM, write_deformations
 from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene
-from manytouch.simulation.scene.solve import question, states_folder
+from manytouch.simulation.scene.solve import solid_problem, states_folder
 
 LIBRARY = Path(__file__).parents[1] / "src" / "manytouch" / "simulation" / "library"
 
 
 def ship(name: str, folder: Path) -> None:
-    asked = question(load_scene(BUILT_IN / f"{name}.toml"))
+    asked = solid_problem(load_scene(BUILT_IN / f"{name}.toml"))
     begin, states = time.perf_counter(), []
     for time_s, state in zip(asked.time_s.tolist(), asked.states(folder), strict=True):
         if state.status != "ok":

@@ -15,7 +15,7 @@ from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.elements.mesh import HexMesh, tensor_mesh
 from manytouch.simulation.fem.loading import Loading, PressurePatch, press
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
-from manytouch.simulation.fem.solver.newton import Solver
+from manytouch.simulation.fem.solver.newton import NewtonSolver
 
 CENTRE = np.zeros((1, 2))
 
@@ -67,7 +67,7 @@ def test_a_clamped_square_plate_stiffens_as_levy_found() -> None:
     np.testing.assert_allclose(deflection, expected, rtol=0.03)
 
 
-def quarter(mesh: HexMesh, material: NeoHooke, *, holds_bottom: bool) -> Solver:
+def quarter(mesh: HexMesh, material: NeoHooke, *, holds_bottom: bool) -> NewtonSolver:
     """Mirrored at x = 0 and y = 0, held at the far sides and, for a block, at the bottom."""
     (x, y, _), node = mesh.lines_mm, mesh.node_mm
     free = np.ones_like(node, dtype=np.bool_)
@@ -75,7 +75,7 @@ def quarter(mesh: HexMesh, material: NeoHooke, *, holds_bottom: bool) -> Solver:
     free[np.isclose(node[:, 1], 0.0), 1] = False
     far = np.isclose(node[:, 0], x[-1]) | np.isclose(node[:, 1], y[-1])
     free[far | (holds_bottom & np.isclose(node[:, 2], 0.0))] = False
-    return Solver(body=elastic_body(mesh, material), is_free=free)
+    return NewtonSolver(body=elastic_body(mesh, material), is_free=free)
 
 
 @pytest.mark.slow

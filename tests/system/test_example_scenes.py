@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from manytouch.simulation.scene.file import load_scene
-from manytouch.simulation.scene.solve import question, simulator, solving
+from manytouch.simulation.scene.solve import simulator, solid_problem, solve_scene
 
 SCENES = sorted((Path(__file__).parents[2] / "examples" / "scenes").glob("*.toml"))
 
@@ -16,9 +16,9 @@ SCENES = sorted((Path(__file__).parents[2] / "examples" / "scenes").glob("*.toml
 def test_an_example_scene_presses_the_sheet(path: Path, tmp_path: Path) -> None:
     scene = load_scene(path)
     assert scene.name == path.stem.replace("_", " ")
-    assert 10 < len(question(scene).keys) < 80
+    assert 10 < len(solid_problem(scene).keys) < 80
     quick = replace(scene, mechanics="shell")
-    rough = simulator(quick, tuple(solving(quick, tmp_path)))
+    rough = simulator(quick, tuple(solve_scene(quick, tmp_path)))
     counts = [len(rough.truth(index).contacts.touching) for index in range(0, rough.frame_count, 5)]
     assert max(counts) == (1 if scene.name == "bad light" else 2)
     image = np.asarray(rough.frame(rough.frame_count // 2).image)

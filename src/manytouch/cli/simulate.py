@@ -32,7 +32,7 @@ def simulate(
     from manytouch.cli.terminal.console import Steps
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.simulation.scene.file import load_scene
-    from manytouch.simulation.scene.solve import simulator, solving, state_count, states_folder
+    from manytouch.simulation.scene.solve import simulator, solve_scene, state_count, states_folder
     from manytouch.sinks.files.atomic_output import try_writing
     from manytouch.sinks.files.simulated_folder import SimulatedFolder
 
@@ -44,7 +44,7 @@ def simulate(
         )
         count, found = state_count(said), []
         folder = states or states_folder()
-        for state in steps.through("states of the sheet", solving(said, folder), count):
+        for state in steps.through("states of the sheet", solve_scene(said, folder), count):
             found.append(state)
             if stop() and len(found) < count:
                 steps.say(

@@ -22,7 +22,7 @@ from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, press
 from manytouch.simulation.fem.sheet import SheetModel
 from manytouch.simulation.render.dot_images import dot_ellipses, outlines
-from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.scene.solve import states_folder
@@ -134,7 +134,7 @@ class Prototype:
         if state.status != "ok":
             return None
         last = press(body, thickness_mm=thickness_mm, path_mm=path[-1:])
-        return condensed(state, Loading(touches=(last,)))
+        return condense(state, Loading(touches=(last,)))
 
 
 def _press(found: Touched, place_mm: np.ndarray, chance: np.random.Generator) -> Press:

@@ -6,11 +6,11 @@ import numpy as np
 from jaxtyping import Float32, Float64
 
 from manytouch.geometry.camera import project
-from manytouch.simulation.render.discs import Look, Spot, disc_coverage, photographed
+from manytouch.simulation.render.discs import Look, Spot, disc_coverage, image_from_coverage
 from manytouch.simulation.render.dot_images import CORNERS, dot_ellipses, outlines
-from manytouch.simulation.render.optics import IN_FOCUS, Faults, Optics, drawn_faults, shadows
+from manytouch.simulation.render.optics import IN_FOCUS, Faults, ImagingSettings, draw_faults, shadows
 from manytouch.simulation.scene.deformation import TrueContact
-from manytouch.simulation.scene.mechanics import Mechanics, Watch
+from manytouch.simulation.scene.mechanics import Mechanics, PointMotion
 from manytouch.values import (
     Contact,
     Contacts,
@@ -52,16 +52,16 @@ class Simulator:
     scene: Mechanics
     fps: float = 30.0
     look: Look = DEMO_LOOK
-    optics: Optics = IN_FOCUS
+    optics: ImagingSettings = IN_FOCUS
     faults: Faults | None = None
     _faults: Faults = field(init=False, repr=False)
-    _markers: Watch = field(init=False, repr=False)
+    _markers: PointMotion = field(init=False, repr=False)
     _outline_mm: Points3 = field(init=False, repr=False)
-    _outline: Watch = field(init=False, repr=False)
+    _outline: PointMotion = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         layout, sheet = self._layout, self._sheet
-        faults = self.faults or drawn_faults(layout, sheet)
+        faults = self.faults or draw_faults(layout, sheet)
         dust_mm = np.column_stack([faults.dust_mm, np.zeros(len(faults.dust_mm))])
         outline_mm = np.concatenate(
             [outlines(layout.rest_mm, layout.radius_mm), outlines(dust_mm, faults.dust_radius_mm)]
@@ -85,7 +85,9 @@ class Simulator:
         if self._faults.shadow:
             look = replace(look, shadows=look.shadows + self._shadows(time_s))
         seed = (self.scene.seed << 32) + index
-        image, encoded = self.optics.compressed(photographed(self._coverage(time_s), look=look, seed=seed))
+        image, encoded = self.optics.compressed(
+            image_from_coverage(self._coverage(time_s), look=look, seed=seed)
+        )
         return Frame(
             index=index,
             timestamp_ns=round(index * 1e9 / self.fps),

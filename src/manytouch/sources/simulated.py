@@ -7,7 +7,7 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.file import BUILT_IN, SceneFile, built_in_scenes, load_scene
-from manytouch.simulation.scene.solve import simulator, solving, states_folder
+from manytouch.simulation.scene.solve import simulator, solve_scene, states_folder
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Frame, Sensor, Truth
 
@@ -70,7 +70,7 @@ class SimulatedSource(Simulated):
 
     def lasting(self, seconds: float) -> "SimulatedSource":
         """The same source cut, or played again and again, to a number of seconds."""
-        scene = self.simulator.scene.lasting(seconds)
+        scene = self.simulator.scene.with_duration(seconds)
         return SimulatedSource(simulator=replace(self.simulator, scene=scene))
 
 
@@ -109,4 +109,4 @@ def solved(scene: str = "", width_px: int = WIDTH_PX) -> tuple[SceneFile, tuple[
             f"There is no simulated scene {name!r}: there are {', '.join(built_in_scenes())}, as in "
             "'sim:one'; or give the path of a scene file (.toml)."
         )
-    return said, tuple(solving(said, states_folder()))
+    return said, tuple(solve_scene(said, states_folder()))

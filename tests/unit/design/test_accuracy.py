@@ -22,7 +22,7 @@ from manytouch.design.write import write_prediction
 from manytouch.estimation.mechanics.contacts import Touching
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.mechanics.shell.equilibrium import equilibrium
-from manytouch.simulation.scene.deformation import contact_of
+from manytouch.simulation.scene.deformation import contact_from_row
 from manytouch.simulation.scene.solve import STATES_VARIABLE
 
 
@@ -107,7 +107,7 @@ def test_what_the_method_is_off_by_counts_along_with_the_noise(found):
     def deviations(row):
         chance = np.random.default_rng(0)
         return _deviations(
-            method, fresh, Touched(displacement_px=seen, contact=contact_of(np.array(row))), chance
+            method, fresh, Touched(displacement_px=seen, contact=contact_from_row(np.array(row))), chance
         )
 
     force, depth, position, depth_off, force_off = deviations(row)

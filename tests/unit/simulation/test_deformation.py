@@ -13,7 +13,7 @@ from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, PressurePatch, press
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
 from manytouch.simulation.fem.state import SheetState
-from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
 from manytouch.simulation.scene.deformation_file import STEP_MM, read_deformations, write_deformations
 
@@ -48,7 +48,7 @@ def states() -> list[SheetState]:
 
 def test_it_moves_every_place_as_the_finite_elements_do(states: list[SheetState]) -> None:
     for state in states:
-        brief = condensed(state, LOADING)
+        brief = condense(state, LOADING)
         displacement_mm, gradient = state.camera_side(PLACE_MM)
         found_mm, slope = brief.camera_side(PLACE_MM)
         np.testing.assert_allclose(found_mm, displacement_mm, atol=1e-6)
@@ -58,14 +58,14 @@ def test_it_moves_every_place_as_the_finite_elements_do(states: list[SheetState]
 
 def test_outside_the_sheet_nothing_is_known(states: list[SheetState]) -> None:
     outside_mm = np.array([[15.01, 0.0], [0.0, -11.01], [15.0, 11.0]])
-    moved_mm, slope = condensed(states[0], LOADING).camera_side(outside_mm)
+    moved_mm, slope = condense(states[0], LOADING).camera_side(outside_mm)
     assert np.isnan(moved_mm[:2]).all()
     assert np.isnan(slope[:2]).all()
     np.testing.assert_array_equal(moved_mm[2], 0.0)
 
 
 def test_contacts_keep_their_forces_and_know_their_depth(states: list[SheetState]) -> None:
-    ball, punch, patch = condensed(states[-1], LOADING).contacts
+    ball, punch, patch = condense(states[-1], LOADING).contacts
     kept = states[-1].contacts
     assert [contact.normal_force_N for contact in (ball, punch, patch)] == [
         contact.normal_force_N for contact in kept
@@ -84,13 +84,13 @@ def test_contacts_keep_their_forces_and_know_their_depth(states: list[SheetState
 
 
 def test_what_does_not_touch_has_no_force_and_no_place(states: list[SheetState]) -> None:
-    punch = condensed(states[0], LOADING).contacts[1]
+    punch = condense(states[0], LOADING).contacts[1]
     assert not punch.is_touching
     assert np.isnan([punch.depth_mm, *punch.centre_mm]).all()
 
 
 def test_a_file_gives_back_what_it_was_given(states: list[SheetState], tmp_path: Path) -> None:
-    given = {f"{number}": condensed(state, LOADING) for number, state in enumerate(states)}
+    given = {f"{number}": condense(state, LOADING) for number, state in enumerate(states)}
     size = write_deformations(tmp_path / "a.npz", given)
     found = read_deformations(tmp_path / "a.npz")
     assert size == (tmp_path / "a.npz").stat().st_size < 0.6 * 2 * 3 * 3 * 31 * 23  # 16-bit numbers
@@ -141,7 +141,7 @@ def test_the_largest_displacements_come_back_too(tmp_path: Path) -> None:
 
 
 def test_different_sheets_do_not_share_a_file(states: list[SheetState], tmp_path: Path) -> None:
-    one = condensed(states[0], LOADING)
+    one = condense(states[0], LOADING)
     other = replace(one, x_mm=one.x_mm * 2.0)
     with pytest.raises(ValueError, match="one sheet"):
         write_deformations(tmp_path / "a.npz", {"a": one, "b": other})
@@ -151,7 +151,7 @@ def test_a_damaged_or_missing_file_is_said_so(states: list[SheetState], tmp_path
     file = tmp_path / "a.npz"
     with pytest.raises(SourceError, match="cannot read deformations"):
         read_deformations(file)
-    write_deformations(file, {"a": condensed(states[0], LOADING)})
+    write_deformations(file, {"a": condense(states[0], LOADING)})
     whole = file.read_bytes()
     for damaged in (whole[: len(whole) // 2], whole[:-2000] + bytes(2000), b"nothing"):
         file.write_bytes(damaged)

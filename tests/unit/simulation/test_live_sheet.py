@@ -8,14 +8,14 @@ import pytest
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.fem.contact.indenters import RoundPunch, Sphere
 from manytouch.simulation.fem.elements.material import NeoHooke
-from manytouch.simulation.scene.deformation import Deformation, unmoved
+from manytouch.simulation.scene.deformation import Deformation, undeformed
 from manytouch.simulation.scene.file import BUILT_IN, SceneFile, load_scene
 from manytouch.simulation.scene.motion import poses
-from manytouch.simulation.scene.solve import kept_states, question
-from manytouch.simulation.shell.energy import Bodies, Pressed, prestretch
+from manytouch.simulation.scene.solve import shipped_states, solid_problem
+from manytouch.simulation.shell.energy import ContactBodies, PosedIndenter, prestretch
 from manytouch.simulation.shell.kernels import power
 from manytouch.simulation.shell.live_sheet import LiveSheet
-from manytouch.simulation.shell.minimisation import Descent
+from manytouch.simulation.shell.minimisation import EnergyMinimiser
 from manytouch.values import Sheet
 
 FOUND = demo_sensor().sheet
@@ -25,13 +25,13 @@ BALL = Sphere(radius_mm=6.0)
 MOST = 300
 
 
-def ball(x_mm: float, y_mm: float, depth_mm: float, thickness_mm: float = 3.0) -> Pressed:
+def ball(x_mm: float, y_mm: float, depth_mm: float, thickness_mm: float = 3.0) -> PosedIndenter:
     """A ball, its lowest point so deep below the touched face."""
     position_mm = np.array([x_mm, y_mm, thickness_mm - depth_mm])
-    return Pressed(indenter=BALL, position_mm=position_mm, rotation_vector=np.zeros(3))
+    return PosedIndenter(indenter=BALL, position_mm=position_mm, rotation_vector=np.zeros(3))
 
 
-def settled(sheet: LiveSheet, *bodies: Pressed) -> Deformation:
+def settled(sheet: LiveSheet, *bodies: PosedIndenter) -> Deformation:
     """In equilibrium, the thickness too."""
     for _ in range(6):
         is_settled = sheet.settle(bodies, MOST)
@@ -39,7 +39,7 @@ def settled(sheet: LiveSheet, *bodies: Pressed) -> Deformation:
     return sheet.deformation()
 
 
-def pressed(*bodies: Pressed, sheet: Sheet = SHEET, spacing_mm: float = 2.0) -> Deformation:
+def pressed(*bodies: PosedIndenter, sheet: Sheet = SHEET, spacing_mm: float = 2.0) -> Deformation:
     """Approached in steps of 1 mm or less."""
     live = LiveSheet(sheet, spacing_mm)
     for lift_mm in np.arange(9.0, -0.5, -1.0):
@@ -60,7 +60,7 @@ def test_the_slope_of_the_energy_is_its_derivative() -> None:
     value, way = (np.zeros_like(live.value) for _ in range(2))
     value[:, 1:-1, 1:-1] = 0.1 * chance.normal(size=value[:, 1:-1, 1:-1].shape)
     way[:, 1:-1, 1:-1] = chance.normal(size=value[:, 1:-1, 1:-1].shape)
-    bodies = Bodies([ball(3.0, -5.0, 2.0)], 3.0)
+    bodies = ContactBodies([ball(3.0, -5.0, 2.0)], 3.0)
     stretch = chance.uniform(0.8, 1.1, live.stretch.shape)
     _, slope = live.energy(value, stretch, bodies)
     assert bodies.told[0, 2] < 0.0
@@ -79,7 +79,7 @@ def test_powers_are_powers() -> None:
 @pytest.mark.parametrize("tension_N_per_mm", [0.0, 0.4, 2.0])
 def test_a_flat_sheet_is_in_equilibrium_and_pulls_with_its_pretension(tension_N_per_mm: float) -> None:
     """Stretching the whole sheet a little costs the tension and then E t / (1 - nu), about."""
-    live, nobody = LiveSheet(replace(SHEET, pretension_N_per_mm=tension_N_per_mm)), Bodies((), 3.0)
+    live, nobody = LiveSheet(replace(SHEET, pretension_N_per_mm=tension_N_per_mm)), ContactBodies((), 3.0)
     energy, slope = live.energy(np.zeros_like(live.value), live.stretch, nobody)
     assert abs(energy) < 1e-9
     assert np.abs(slope).max() < 1e-9
@@ -100,7 +100,7 @@ def test_a_flat_sheet_is_in_equilibrium_and_pulls_with_its_pretension(tension_N_
 def test_clamped_plates_under_even_load(size_mm: tuple[float, float], expected: float) -> None:
     """w D / (q a^4) of thin plates, Timoshenko; a pressure of dead weight on the middle surface."""
     thin = replace(SHEET, size_mm=np.array(size_mm), thickness_mm=2.0, pretension_N_per_mm=0.0)
-    live, nobody = LiveSheet(thin, 3.0), Bodies((), 2.0)
+    live, nobody = LiveSheet(thin, 3.0), ContactBodies((), 2.0)
     area_mm2 = float(np.prod(live.energy.spacing_mm))
     load_MPa = 1e-7
 
@@ -111,7 +111,7 @@ def test_clamped_plates_under_even_load(size_mm: tuple[float, float], expected: 
 
     value = np.zeros_like(live.value)
     for _ in range(5):
-        value = Descent(live.energy.softness())(energy_of, value, 200).value
+        value = EnergyMinimiser(live.energy.softness())(energy_of, value, 200).value
     bending_Nmm = 3.1 * 8.0 / (12 * (1 - 0.45**2))
     found = float(value[2].max()) * bending_Nmm / (load_MPa * size_mm[1] ** 4)
     assert found == pytest.approx(expected, rel=0.02)
@@ -185,7 +185,7 @@ def test_it_can_begin_where_another_sheet_is() -> None:
     live.begin(found)
     assert np.abs(live.deformation().face_mm - found.face_mm).max() < 0.35  # fibres need not be normal
     assert np.abs(settled(live, ball(10.0, -5.0, 5.0)).face_mm - found.face_mm).max() < 0.01
-    live.begin(unmoved(found))
+    live.begin(undeformed(found))
     assert np.abs(live.deformation().face_mm).max() == 0.0
 
 
@@ -199,8 +199,8 @@ def test_a_flat_punch_on_a_tilted_sheet_bears_on_an_edge() -> None:
 
 def solid(name: str) -> tuple[SceneFile, np.ndarray, tuple[Deformation, ...]]:
     scene = load_scene(BUILT_IN / f"{name}.toml", width_px=1280)
-    asked = question(scene)
-    states = kept_states(name, asked.keys)
+    asked = solid_problem(scene)
+    states = shipped_states(name, asked.keys)
     assert states is not None
     return scene, asked.time_s, states
 
@@ -215,7 +215,7 @@ def test_it_agrees_with_the_shipped_3d_states(name: str) -> None:
     live, compared, forces = LiveSheet(SHEET), 0, []
     for number, state in list(enumerate(states))[:: 1 if name == "one" else 4]:
         bodies = [
-            Pressed(indenter=body.indenter, position_mm=position_mm, rotation_vector=turn)
+            PosedIndenter(indenter=body.indenter, position_mm=position_mm, rotation_vector=turn)
             for body, position_mm, turn in poses(scene.bodies, float(time_s[number]), thickness_mm=3.0)
         ]
         live.settle(bodies, MOST)

@@ -1,13 +1,20 @@
-"""Bodies on their ways."""
+"""ContactBodies on their ways."""
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
 from manytouch.simulation.fem.contact.indenters import Sphere
-from manytouch.simulation.scene.motion import Body, Way, chained, keyframe_times, loading, pressed_way
+from manytouch.simulation.scene.motion import (
+    Body,
+    Trajectory,
+    concatenate_trajectories,
+    keyframe_times,
+    loading,
+    press_trajectory,
+)
 
-PRESS = pressed_way(1.0, 3.0, from_mm=(2.0, -1.0), to_mm=(8.0, 3.0), depth_mm=4.0, ramp_s=0.5)
+PRESS = press_trajectory(1.0, 3.0, from_mm=(2.0, -1.0), to_mm=(8.0, 3.0), depth_mm=4.0, ramp_s=0.5)
 BALL = Sphere(radius_mm=6.0)
 
 
@@ -30,11 +37,11 @@ def test_it_rests_at_every_waypoint() -> None:
 
 def test_ramps_must_fit_and_ways_must_follow_each_other() -> None:
     with pytest.raises(ValueError, match="do not fit"):
-        pressed_way(1.0, 2.0, from_mm=(0.0, 0.0), depth_mm=1.0, ramp_s=0.6)
+        press_trajectory(1.0, 2.0, from_mm=(0.0, 0.0), depth_mm=1.0, ramp_s=0.6)
     with pytest.raises(ValueError, match="overlap"):
-        chained([PRESS, PRESS])
-    later = pressed_way(4.0, 5.0, from_mm=(0.0, 0.0), depth_mm=1.0, ramp_s=0.2)
-    assert chained([PRESS, later]).at(np.array([4.5]))[0][0, 2] == 1.0
+        concatenate_trajectories([PRESS, PRESS])
+    later = press_trajectory(4.0, 5.0, from_mm=(0.0, 0.0), depth_mm=1.0, ramp_s=0.2)
+    assert concatenate_trajectories([PRESS, later]).at(np.array([4.5]))[0][0, 2] == 1.0
 
 
 def test_keyframes_are_close_where_something_moves_and_nowhere_else() -> None:
@@ -56,7 +63,7 @@ def test_keyframes_are_close_where_something_moves_and_nowhere_else() -> None:
 def test_a_body_that_rolls_does_not_slip() -> None:
     """The point that touches first stands still while a ball turns by a small angle."""
     turn = np.array([0.0, 0.02, 0.0])
-    way = Way(
+    way = Trajectory(
         time_s=np.array([0.0, 1.0]),
         place_mm=np.array([[0.0, 0.0, 1.0], [0.02 * 6.0, 0.0, 1.0]]),
         rotation_vector=np.stack([np.zeros(3), turn]),

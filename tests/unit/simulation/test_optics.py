@@ -12,23 +12,23 @@ from manytouch.geometry.camera import project
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.fem.contact.indenters import Sphere
 from manytouch.simulation.render.discs import Look
-from manytouch.simulation.render.optics import Faults, Optics, drawn_faults
-from manytouch.simulation.scene.motion import Body, Way, poses, pressed_way
+from manytouch.simulation.render.optics import Faults, ImagingSettings, draw_faults
+from manytouch.simulation.scene.motion import Body, Trajectory, poses, press_trajectory
 from manytouch.simulation.scene.solid_scene import SolidScene
-from manytouch.simulation.shell.energy import Pressed
+from manytouch.simulation.shell.energy import PosedIndenter
 from manytouch.simulation.shell.live_sheet import LiveSheet
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Layout, Sheet
 
 SENSOR = demo_sensor(640)
 PLAIN = Look(ground=0.0, dot=200.0)
-SLIDE = pressed_way(0.0, 2.0, from_mm=(-20.0, 0.0), to_mm=(20.0, 0.0), depth_mm=4.0, ramp_s=0.25)
-TAP = pressed_way(0.4, 0.9, from_mm=(35.0, 20.0), depth_mm=5.0, ramp_s=0.2)
+SLIDE = press_trajectory(0.0, 2.0, from_mm=(-20.0, 0.0), to_mm=(20.0, 0.0), depth_mm=4.0, ramp_s=0.25)
+TAP = press_trajectory(0.4, 0.9, from_mm=(35.0, 20.0), depth_mm=5.0, ramp_s=0.2)
 INDEX = 15
 
 
 @cache
-def scene(way: Way, duration_s: float) -> SolidScene:
+def scene(way: Trajectory, duration_s: float) -> SolidScene:
     """A ball on its way."""
     _, sheet = layout_and_sheet()
     body, live, states = Body(indenter=Sphere(radius_mm=6.0), way=way), LiveSheet(sheet), []
@@ -36,7 +36,7 @@ def scene(way: Way, duration_s: float) -> SolidScene:
     for at_s in time_s.tolist():
         live.settle(
             [
-                Pressed(indenter=body.indenter, position_mm=position_mm, rotation_vector=turn)
+                PosedIndenter(indenter=body.indenter, position_mm=position_mm, rotation_vector=turn)
                 for body, position_mm, turn in poses((body,), at_s, thickness_mm=sheet.thickness_mm)
             ],
             most=40,
@@ -51,13 +51,17 @@ def layout_and_sheet() -> tuple[Layout, Sheet]:
     return SENSOR.layout, SENSOR.sheet
 
 
-def simulator(optics: Optics | None = None, faults: Faults | None = None, look: Look = PLAIN) -> Simulator:
+def simulator(
+    optics: ImagingSettings | None = None, faults: Faults | None = None, look: Look = PLAIN
+) -> Simulator:
     return Simulator(
-        sensor=SENSOR, scene=scene(SLIDE, 2.0), look=look, optics=optics or Optics(), faults=faults
+        sensor=SENSOR, scene=scene(SLIDE, 2.0), look=look, optics=optics or ImagingSettings(), faults=faults
     )
 
 
-def picture(optics: Optics | None = None, faults: Faults | None = None, look: Look = PLAIN) -> np.ndarray:
+def picture(
+    optics: ImagingSettings | None = None, faults: Faults | None = None, look: Look = PLAIN
+) -> np.ndarray:
     return np.asarray(simulator(optics, faults, look).frame(INDEX).image, dtype=np.float64)
 
 
@@ -80,7 +84,7 @@ def spread(window: np.ndarray) -> np.ndarray:
 
 
 def test_what_is_out_of_focus_is_blurred_by_its_circle_of_confusion() -> None:
-    optics = Optics(aperture_mm=4.0, focus_mm=110.0)
+    optics = ImagingSettings(aperture_mm=4.0, focus_mm=110.0)
     blur_px = optics.blurs_px(SENSOR.camera, np.array([[0.0, 0.0, 0.0], [10.0, 0.0, -6.3]]))
     f_px = SENSOR.camera.fx_px
     assert blur_px == pytest.approx([np.hypot(0.8, f_px * (1 / 110 - 1 / 116.3)), 0.8])
@@ -92,7 +96,7 @@ def test_what_is_out_of_focus_is_blurred_by_its_circle_of_confusion() -> None:
 
 def test_only_what_moves_is_smeared_and_its_middle_stays() -> None:
     sharp = replace(simulator(), scene=scene(TAP, 1.0))
-    smeared = replace(sharp, optics=Optics(exposure_s=0.06))
+    smeared = replace(sharp, optics=ImagingSettings(exposure_s=0.06))
     still, moving = (np.asarray(one.frame(INDEX).image, dtype=np.float64) for one in (sharp, smeared))
     before_px, here_px, after_px = (sharp.truth(INDEX + k).grid.position_px for k in (-1, 0, 1))
     ahead = int(np.argmax(np.linalg.norm(after_px - before_px, axis=1)))
@@ -115,13 +119,13 @@ def test_only_what_moves_is_smeared_and_its_middle_stays() -> None:
 
 def test_light_flickers_in_time() -> None:
     look = Look(ground=100.0, dot=100.0)
-    flickering = simulator(Optics(flicker=0.2, flicker_Hz=7.5), look=look)
+    flickering = simulator(ImagingSettings(flicker=0.2, flicker_Hz=7.5), look=look)
     levels = [float(np.asarray(flickering.frame(index).image).mean()) for index in range(5)]
     assert levels == pytest.approx([100.0, 120.0, 100.0, 80.0, 100.0], abs=0.6)
 
 
 def test_jpeg_loses_a_little_and_its_bytes_are_kept() -> None:
-    frame = simulator(Optics(jpeg_quality=60)).frame(INDEX)
+    frame = simulator(ImagingSettings(jpeg_quality=60)).frame(INDEX)
     lost = np.abs(np.asarray(frame.image, dtype=np.float64) - picture())
     assert 0.1 < lost.mean() < 4.0
     assert frame.encoded is not None
@@ -132,7 +136,7 @@ def test_jpeg_loses_a_little_and_its_bytes_are_kept() -> None:
 
 def test_missing_and_half_printed_dots_are_missing_and_half() -> None:
     layout, sheet = layout_and_sheet()
-    faults = drawn_faults(layout, sheet, missing=5, half_printed=4, seed=3)
+    faults = draw_faults(layout, sheet, missing=5, half_printed=4, seed=3)
     missing, half = np.flatnonzero(~faults.is_printed), np.flatnonzero(np.isfinite(faults.cut[:, 2]))
     assert (len(missing), len(half)) == (5, 4)
     assert not set(missing) & set(half)
@@ -147,15 +151,15 @@ def test_missing_and_half_printed_dots_are_missing_and_half() -> None:
     np.testing.assert_array_equal(
         truth.grid.position_px[half], simulator().truth(INDEX).grid.position_px[half]
     )
-    again = drawn_faults(layout, sheet, missing=5, half_printed=4, seed=3)
+    again = draw_faults(layout, sheet, missing=5, half_printed=4, seed=3)
     np.testing.assert_array_equal(again.is_printed, faults.is_printed)
-    assert not np.array_equal(drawn_faults(layout, sheet, missing=5, seed=4).is_printed, faults.is_printed)
+    assert not np.array_equal(draw_faults(layout, sheet, missing=5, seed=4).is_printed, faults.is_printed)
 
 
 def test_dust_lies_on_the_sheet_and_moves_with_it() -> None:
     layout, sheet = layout_and_sheet()
     speck = replace(
-        drawn_faults(layout, sheet, dust=1),
+        draw_faults(layout, sheet, dust=1),
         dust_mm=np.array([[2.0, 2.0]]),
         dust_radius_mm=np.array([0.4]),
         is_printed=np.zeros(600, dtype=bool),
@@ -175,7 +179,7 @@ def test_dust_lies_on_the_sheet_and_moves_with_it() -> None:
 def test_bodies_take_light_where_they_press() -> None:
     layout, sheet = layout_and_sheet()
     look = Look(ground=100.0, dot=100.0)
-    shaded = simulator(faults=drawn_faults(layout, sheet, shadow=0.4), look=look)
+    shaded = simulator(faults=draw_faults(layout, sheet, shadow=0.4), look=look)
     image = np.asarray(shaded.frame(INDEX).image, dtype=np.float64)
     x, y = np.rint(shaded.truth(INDEX).contacts.contacts[0].centre_px).astype(int)
     assert image[y, x] == pytest.approx(60.0, abs=1.0)

@@ -17,7 +17,7 @@ from manytouch.simulation.fem.contact.indenters import (
 )
 from manytouch.simulation.scene.bodies import mesh_corners
 from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene
-from manytouch.simulation.scene.solve import question, simulator, solving, state_count
+from manytouch.simulation.scene.solve import simulator, solid_problem, solve_scene, state_count
 from manytouch.values.sensor_file import save_sensor
 
 TETRAHEDRON = "v 0 0 0\nv 9 0 0\nv 0 9 0\nv 3 3 6\nf 1 2 3\n"
@@ -106,7 +106,7 @@ def test_a_file_says_everything(tmp_path: Path) -> None:
     assert (scene.optics.jpeg_quality, scene.optics.flicker_Hz, scene.optics.exposure_s) == (85, 100.0, 0.004)
     assert (~scene.faults.is_printed).sum() == 3
     assert len(scene.faults.dust_mm) == 12
-    model = question(scene).model
+    model = solid_problem(scene).model
     assert (model.element_mm, model.layers, model.pretension_N_per_mm) == (4.0, 2, 0.4)
     assert model.size_mm == (120.0, 80.0)
 
@@ -206,7 +206,7 @@ def test_a_scene_on_the_shell_is_solved_at_once(tmp_path: Path) -> None:
     (tmp_path / "body.obj").write_text(TETRAHEDRON)
     text = EVERYTHING.replace('sensor = "demo"', 'sensor = "demo"\nmechanics = "shell"')
     scene = load_scene(written(tmp_path, text))
-    states = tuple(solving(scene, tmp_path / "none"))
+    states = tuple(solve_scene(scene, tmp_path / "none"))
     assert len(states) == state_count(scene)
     assert not (tmp_path / "none").exists()
     assert len(simulator(scene, states).truth(12).contacts.touching) >= 3

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.simulation.scene.deformation import Deformation, contact_of, flat
+from manytouch.simulation.scene.deformation import Deformation, contact_from_row, flat
 from manytouch.simulation.scene.mechanics import Mechanics
 from manytouch.simulation.scene.solid_scene import SolidScene, monotone
 
@@ -20,9 +20,9 @@ def bent(number: int) -> Deformation:
     sink_mm = (0.0, 1.0, 3.0, 4.0, 0.0)[number]
     face_mm[:, :, 2] = -sink_mm - 0.1 * sink_mm * rest.x_mm[:, None]
     contacts = tuple(
-        contact_of(np.array([0.0, 0.0, -force, 0.5, 2.0 * force, number, body, sink_mm]))
+        contact_from_row(np.array([0.0, 0.0, -force, 0.5, 2.0 * force, number, body, sink_mm]))
         if force
-        else contact_of(np.array([0.0, 0.0, -0.0, np.nan, 0.0, np.nan, np.nan, np.nan]))
+        else contact_from_row(np.array([0.0, 0.0, -0.0, np.nan, 0.0, np.nan, np.nan, np.nan]))
         for body, force in enumerate(FORCE_N[:, number])
     )
     return replace(rest, face_mm=face_mm, contacts=contacts)
@@ -65,7 +65,7 @@ def test_each_touch_has_an_id_of_its_own_and_no_force_at_its_ends() -> None:
 
 
 def test_it_can_be_played_again_and_again() -> None:
-    longer = SCENE.lasting(7.0)
+    longer = SCENE.with_duration(7.0)
     assert longer.duration_s == 7.0
     assert sorted(longer.contacts(4.0)) == [SCENE.touch_count]
     place_mm = np.array([[1.0, 1.0]])

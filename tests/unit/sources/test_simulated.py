@@ -12,10 +12,10 @@ from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.sheet import sheet_solver, solve_sheet
 from manytouch.simulation.render.discs import Look
 from manytouch.simulation.render.dot_images import polygon_ellipses
-from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
 from manytouch.simulation.scene.solid_scene import SolidScene
-from manytouch.simulation.scene.solve import LIBRARY, kept_states, question
+from manytouch.simulation.scene.solve import LIBRARY, shipped_states, solid_problem
 from manytouch.sources import open_source
 from manytouch.sources.simulated import SimulatedSource, simulated_source
 
@@ -83,7 +83,7 @@ def test_seeds_differ_in_their_noise_alone() -> None:
 @pytest.mark.parametrize("name", ["fingers", "one"])
 def test_what_is_shipped_answers_the_scenes_question(name: str) -> None:
     scene = load_scene(BUILT_IN / f"{name}.toml")
-    states = kept_states(name, question(scene).keys)
+    states = shipped_states(name, solid_problem(scene).keys)
     assert states is not None, "run python benchmarks/ship_scenes.py"
     assert {state.status for state in states} == {"ok"}
     assert (LIBRARY / f"{name}.npz").stat().st_size < 1_500_000
@@ -92,9 +92,9 @@ def test_what_is_shipped_answers_the_scenes_question(name: str) -> None:
 def test_a_shipped_state_is_what_the_solver_finds() -> None:
     """A keyframe in the middle of the press, reached at once on coarser elements."""
     scene = load_scene(BUILT_IN / "one.toml")
-    asked = question(scene)
+    asked = solid_problem(scene)
     number = len(asked.keys) // 2
-    states = kept_states("one", asked.keys)
+    states = shipped_states("one", asked.keys)
     assert states is not None
     assert asked.loading is not None
     touch = asked.loading.touches[0]
@@ -102,7 +102,7 @@ def test_a_shipped_state_is_what_the_solver_finds() -> None:
     once = replace(touch, position_mm=touch.position_mm[place], rotation_vector=touch.rotation_vector[place])
     loading = Loading(touches=(once,))
     (state,) = solve_sheet(sheet_solver(replace(asked.model, element_mm=5.0)), loading)
-    shipped, found = states[number], condensed(state, loading)
+    shipped, found = states[number], condense(state, loading)
     assert found.contacts[0].normal_force_N == pytest.approx(shipped.contacts[0].normal_force_N, rel=0.05)
     place_mm = np.array([[14.0, -8.0], [0.0, 0.0], [-30.0, 10.0], [40.0, -25.0]])
     np.testing.assert_allclose(found.displacement_mm(place_mm), shipped.displacement_mm(place_mm), atol=0.06)
@@ -117,7 +117,7 @@ def test_a_scene_of_ones_own_is_solved_and_kept(tmp_path: Path, monkeypatch: pyt
     assert (source.name, source.width_px, source.fps, source.frame_count) == ("sim-mine", 320, 10.0, 10)
     contact = source.truth(5).contacts.touching[0]
     assert 0.3 < contact.depth_mm < 0.6
-    assert len(list((tmp_path / "states").iterdir())) == len(question(load_scene(path)).keys)
+    assert len(list((tmp_path / "states").iterdir())) == len(solid_problem(load_scene(path)).keys)
 
 
 def test_an_unknown_scene_is_told_which_there_are() -> None:

@@ -16,7 +16,7 @@ from manytouch.simulation.fem.contact.indenters import Sphere
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, press
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver
-from manytouch.simulation.fem.solver.newton import Solver
+from manytouch.simulation.fem.solver.newton import NewtonSolver
 from manytouch.simulation.fem.state import SheetState
 
 ELEMENT_MM = 2.0
@@ -71,7 +71,7 @@ def pressed(case: Case, element_mm: float = ELEMENT_MM) -> Iterator[Pressed]:
 
 
 def _reached(
-    case: Case, solver: Solver, state: SheetState | None, *, share: float, depth_mm: Depths
+    case: Case, solver: NewtonSolver, state: SheetState | None, *, share: float, depth_mm: Depths
 ) -> Pressed:
     """The equilibrium with the balls at a share of their depths."""
     drag_mm = np.zeros(2)
@@ -94,7 +94,7 @@ def _reached(
 
 
 def _balanced(
-    case: Case, solver: Solver, state: SheetState | None, *, share: float, depth_mm: Depths
+    case: Case, solver: NewtonSolver, state: SheetState | None, *, share: float, depth_mm: Depths
 ) -> tuple[Pressed, Depths]:
     """The equilibrium in which the forces stand in the ratio of the strengths, and its final depths.
 

@@ -9,8 +9,8 @@ from manytouch.evaluation.suite.cases import RAMP_FRAMES, REST_FRAMES, Case
 from manytouch.evaluation.suite.sensors import true_sensor
 from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.simulation.render.discs import Look
-from manytouch.simulation.render.optics import Optics
-from manytouch.simulation.scene.deformation import Deformation, unmoved
+from manytouch.simulation.render.optics import ImagingSettings
+from manytouch.simulation.scene.deformation import Deformation, undeformed
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Frame, Sensor, Truth
@@ -85,7 +85,7 @@ def played(case: Case, states: tuple[Deformation, ...]) -> Recording:
     """
     sensor = true_sensor(case)
     frames = np.array([0, *range(REST_FRAMES - 1, REST_FRAMES + len(states)), case.frame_count])
-    rest = unmoved(states[0])
+    rest = undeformed(states[0])
     scene = SolidScene(
         name=case.title,
         time_s=frames / FPS,
@@ -98,7 +98,7 @@ def played(case: Case, states: tuple[Deformation, ...]) -> Recording:
         scene=scene,
         fps=FPS,
         look=Look(tilt_x=0.12, tilt_y=-0.08, vignetting=0.25, read_noise=case.noise),
-        optics=Optics(blur_px=0.8 * case.width_px / 1280),
+        optics=ImagingSettings(blur_px=0.8 * case.width_px / 1280),
     )
     numbers = range(case.frame_count)
     return Recording(

@@ -19,7 +19,7 @@ from manytouch.evaluation.suite.pressing import pressed, sheet_model
 from manytouch.evaluation.suite.workers import Watch, worked
 from manytouch.simulation.fem.cache import code_revision
 from manytouch.simulation.fem.elements.mesh import reference_nodes
-from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.deformation_file import read_deformations, write_deformations
 
@@ -53,7 +53,7 @@ class Solutions:
         """
         states = []
         for step in pressed(case):
-            states.append(condensed(step.state, step.loading))
+            states.append(condense(step.state, step.loading))
             if states[-1].status != "ok":
                 break
         keep(self._path(case), states)

@@ -21,7 +21,7 @@ from manytouch.errors import OutputError
 from manytouch.simulation.fem.elements.mesh import HexMesh
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver
-from manytouch.simulation.fem.solver.newton import Solver
+from manytouch.simulation.fem.solver.newton import NewtonSolver
 from manytouch.simulation.fem.state import ContactForce, SheetState
 from manytouch.values.arrays import read_only
 
@@ -64,10 +64,10 @@ class StateCache:
 
 def step_keys(model: SheetModel, loading: Loading) -> list[str]:
     """A name for each step that changes with everything its state depends on."""
-    return [_hash(code_revision(), _text(_settings()), key) for key in asked_keys(model, loading)]
+    return [_hash(code_revision(), _text(_settings()), key) for key in problem_keys(model, loading)]
 
 
-def asked_keys(model: SheetModel, loading: Loading) -> list[str]:
+def problem_keys(model: SheetModel, loading: Loading) -> list[str]:
     """A name for each step that says what is asked: the sheet and the loading up to there.
 
     Unlike `step_keys` it stays when the solver changes; files that are shipped are looked up by it.
@@ -88,7 +88,7 @@ def asked_keys(model: SheetModel, loading: Loading) -> list[str]:
 
 def _settings() -> dict[str, object]:
     """The defaults of the solver's parameters."""
-    return {item.name: repr(item.default) for item in fields(Solver) if item.default is not MISSING}
+    return {item.name: repr(item.default) for item in fields(NewtonSolver) if item.default is not MISSING}
 
 
 def _hash(*texts: str) -> str:

@@ -11,7 +11,7 @@ from manytouch.values.arrays import Points3, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Touch:
+class IndenterPath:
     """One indenter and its way through the steps.
 
     Attributes:
@@ -56,7 +56,7 @@ class PressurePatch:
 class Loading:
     """Everything that touches the sheet, over the same steps."""
 
-    touches: tuple[Touch, ...] = ()
+    touches: tuple[IndenterPath, ...] = ()
     patches: tuple[PressurePatch, ...] = ()
 
     def __post_init__(self) -> None:
@@ -80,7 +80,7 @@ def press(
     path_mm: Points3,
     friction: float = 0.0,
     yaw_rad: Float64[np.ndarray, " k"] | None = None,
-) -> Touch:
+) -> IndenterPath:
     """An upright indenter along x, y and depth below the undeformed touched face.
 
     Args:
@@ -94,7 +94,7 @@ def press(
     if yaw_rad is not None:
         rotation[:, 2] = yaw_rad
     position_mm = path_mm * [1.0, 1.0, -1.0] + [0.0, 0.0, thickness_mm]
-    return Touch(
+    return IndenterPath(
         indenter=indenter,
         position_mm=read_only(position_mm),
         rotation_vector=read_only(rotation),

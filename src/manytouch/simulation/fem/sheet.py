@@ -9,7 +9,7 @@ from manytouch.simulation.fem.elements.assembly import elastic_body
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.elements.mesh import sheet_mesh
 from manytouch.simulation.fem.loading import Loading
-from manytouch.simulation.fem.solver.newton import Solver
+from manytouch.simulation.fem.solver.newton import NewtonSolver
 from manytouch.simulation.fem.state import SheetState
 from manytouch.values.arrays import read_only
 
@@ -35,15 +35,17 @@ class SheetModel:
     layers: int = 1
 
 
-def sheet_solver(model: SheetModel) -> Solver:
+def sheet_solver(model: SheetModel) -> NewtonSolver:
     """A solver for a clamped sheet: all nodes of its side faces are held."""
     mesh = sheet_mesh(model.size_mm, model.thickness_mm, element_mm=model.element_mm, layers=model.layers)
     body = elastic_body(mesh, model.material, pretension_N_per_mm=model.pretension_N_per_mm)
     free = np.repeat(~mesh.is_on_outline[:, None], 3, axis=1)
-    return Solver(body=body, is_free=read_only(free), gravity=model.gravity)
+    return NewtonSolver(body=body, is_free=read_only(free), gravity=model.gravity)
 
 
-def solve_sheet(solver: Solver, loading: Loading, start: SheetState | None = None) -> Iterator[SheetState]:
+def solve_sheet(
+    solver: NewtonSolver, loading: Loading, start: SheetState | None = None
+) -> Iterator[SheetState]:
     """The states of all steps in their order, each reached from the one before."""
     state = solver.start(loading) if start is None else start
     for number in range(loading.steps):

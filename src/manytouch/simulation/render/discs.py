@@ -103,7 +103,7 @@ def render_discs(
         contrast=contrast,
         cut=cut,
     )
-    return photographed(coverage, look=look, seed=seed, bits=bits)
+    return image_from_coverage(coverage, look=look, seed=seed, bits=bits)
 
 
 def disc_coverage(
@@ -132,7 +132,7 @@ def disc_coverage(
     return coverage
 
 
-def photographed(
+def image_from_coverage(
     coverage: np.ndarray, *, look: Look = LIGHT_DOTS, seed: int | None = None, bits: int = 8
 ) -> Image:
     """The picture of a coverage under a look's light and noise; see `render_discs`."""
@@ -160,7 +160,7 @@ def photographed(
 
 
 def _separable(spots: tuple[Spot, ...], width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Factors (s, width) and (s, height) whose outer products are the spots."""
+    """Factorisation (s, width) and (s, height) whose outer products are the spots."""
     along_x = np.zeros((len(spots), width), dtype=np.float32)
     along_y = np.zeros((len(spots), height), dtype=np.float32)
     for place, spot in enumerate(spots):

@@ -12,7 +12,7 @@ from manytouch.values.arrays import Image, Points2, Points3, Scalars, read_only
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Optics:
+class ImagingSettings:
     """How the camera takes its pictures.
 
     Attributes:
@@ -61,7 +61,7 @@ class Optics:
         return read_only(np.asarray(decoded)), code.tobytes()
 
 
-IN_FOCUS = Optics()
+IN_FOCUS = ImagingSettings()
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -83,7 +83,7 @@ class Faults:
     shadow: float = 0.0
 
 
-def drawn_faults(
+def draw_faults(
     layout: Layout,
     sheet: Sheet,
     *,

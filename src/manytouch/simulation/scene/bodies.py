@@ -10,7 +10,7 @@ from pydantic import Field, model_validator
 
 from manytouch.errors import SourceError
 from manytouch.simulation.fem.contact import indenters
-from manytouch.simulation.scene.motion import Body, Way, chained, pressed_way
+from manytouch.simulation.scene.motion import Body, Trajectory, concatenate_trajectories, press_trajectory
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor_file.sections import Count, NonNegative, Number, Positive, Section
 
@@ -147,7 +147,7 @@ class _Press(Section):
     ramp_s: Positive = 0.25
     turn_deg: Triple = Field(default_factory=lambda: [0.0, 0.0, 0.0])
 
-    def ways(self, pivot_mm: float) -> list[Way]:
+    def ways(self, pivot_mm: float) -> list[Trajectory]:
         return [_pressed(self, _two(self.at_mm), _two(self.at_mm), self.turn_deg, self.turn_deg)]
 
 
@@ -161,7 +161,7 @@ class _Slide(Section):
     ramp_s: Positive = 0.25
     turn_deg: Triple = Field(default_factory=lambda: [0.0, 0.0, 0.0])
 
-    def ways(self, pivot_mm: float) -> list[Way]:
+    def ways(self, pivot_mm: float) -> list[Trajectory]:
         return [_pressed(self, _two(self.from_mm), _two(self.to_mm), self.turn_deg, self.turn_deg)]
 
 
@@ -175,7 +175,7 @@ class _Roll(Section):
     end_s: Positive
     ramp_s: Positive = 0.25
 
-    def ways(self, pivot_mm: float) -> list[Way]:
+    def ways(self, pivot_mm: float) -> list[Trajectory]:
         """The middle goes as far as the angle's arc is long, from half of it before to half behind at_mm."""
         angle, direction = math.radians(self.angle_deg), math.radians(self.direction_deg)
         ahead = np.array([math.cos(direction), math.sin(direction)])
@@ -194,11 +194,11 @@ class _Tap(Section):
     every_s: Positive = 0.6
     times: Count = 1
 
-    def ways(self, pivot_mm: float) -> list[Way]:
+    def ways(self, pivot_mm: float) -> list[Trajectory]:
         starts = [self.start_s + number * self.every_s for number in range(self.times)]
         at_mm = _two(self.at_mm)
         return [
-            pressed_way(
+            press_trajectory(
                 start, start + self.touch_s, from_mm=at_mm, depth_mm=self.depth_mm, ramp_s=0.4 * self.touch_s
             )
             for start in starts
@@ -216,7 +216,7 @@ class _CloseIn(Section):
     end_s: Positive
     ramp_s: Positive = 0.25
 
-    def pair(self) -> tuple[Way, Way]:
+    def pair(self) -> tuple[Trajectory, Trajectory]:
         """Of two bodies on opposite sides of the centre."""
         angle = math.radians(self.direction_deg)
         ahead = np.array([math.cos(angle), math.sin(angle)])
@@ -245,11 +245,11 @@ class _Path(Section):
             raise ValueError(f"turns_deg has {len(self.turns_deg)} rows for {len(self.points)} points")
         return self
 
-    def ways(self, pivot_mm: float) -> list[Way]:
+    def ways(self, pivot_mm: float) -> list[Trajectory]:
         rows = np.array(self.points, dtype=np.float64)
         turns = np.zeros((len(rows), 3)) if self.turns_deg is None else np.deg2rad(self.turns_deg)
         return [
-            Way(
+            Trajectory(
                 time_s=read_only(rows[:, 0].copy()),
                 place_mm=read_only(rows[:, 1:].copy()),
                 rotation_vector=read_only(np.asarray(turns, dtype=np.float64)),
@@ -274,7 +274,7 @@ class BodySection(Section):
         self._ways()
         return self
 
-    def _ways(self) -> list[Way]:
+    def _ways(self) -> list[Trajectory]:
         first = self.motions[0]
         if isinstance(first, _CloseIn):
             return list(first.pair())
@@ -284,7 +284,7 @@ class BodySection(Section):
             if not isinstance(motion, _CloseIn)
             for way in motion.ways(self.shape.pivot_mm)
         ]
-        return [chained(ways)]
+        return [concatenate_trajectories(ways)]
 
     def bodies(self, folder: Path) -> list[Body]:
         """One body, or two that close in.
@@ -309,9 +309,9 @@ def _pressed(
     to_mm: tuple[float, float],
     turn_from_deg: list[float],
     turn_to_deg: list[float],
-) -> Way:
+) -> Trajectory:
     begin, end = (tuple(math.radians(part) for part in turn) for turn in (turn_from_deg, turn_to_deg))
-    return pressed_way(
+    return press_trajectory(
         motion.start_s,
         motion.end_s,
         from_mm=from_mm,

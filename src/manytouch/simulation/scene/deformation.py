@@ -95,7 +95,7 @@ class Deformation:
         return found_mm
 
 
-def unmoved(like: Deformation) -> Deformation:
+def undeformed(like: Deformation) -> Deformation:
     """The same sheet with nothing on it."""
     return replace(like, face_mm=read_only(np.zeros_like(like.face_mm)), contacts=(), status="ok")
 
@@ -107,7 +107,7 @@ def flat(size_mm: tuple[float, float]) -> Deformation:
     return Deformation(x_mm=x_mm, y_mm=y_mm, face_mm=face_mm, contacts=(), status="ok")
 
 
-def contact_of(row: np.ndarray) -> TrueContact:
+def contact_from_row(row: np.ndarray) -> TrueContact:
     """A contact from force, torque, area, centre and depth in a row of 8."""
     return TrueContact(
         force_N=read_only(row[:3].copy()),
@@ -118,8 +118,8 @@ def contact_of(row: np.ndarray) -> TrueContact:
     )
 
 
-def row_of(contact: TrueContact) -> list[float]:
-    """The row of `contact_of`."""
+def row_from_contact(contact: TrueContact) -> list[float]:
+    """The row of `contact_from_row`."""
     return [*contact.force_N, contact.torque_Nmm, contact.area_mm2, *contact.centre_mm, contact.depth_mm]
 
 

@@ -16,7 +16,12 @@ from pathlib import Path
 import numpy as np
 
 from manytouch.errors import OutputError, SourceError
-from manytouch.simulation.scene.deformation import Deformation, contact_of, fill_middles, row_of
+from manytouch.simulation.scene.deformation import (
+    Deformation,
+    contact_from_row,
+    fill_middles,
+    row_from_contact,
+)
 from manytouch.values.arrays import read_only
 
 STEP_MM = 2e-4
@@ -48,7 +53,7 @@ def write_deformations(
         y_mm=states[0].y_mm,
         keys=np.array(list(deformations)),
         status=np.array([state.status for state in states]),
-        contacts=np.array([[row_of(contact) for contact in state.contacts] for state in states]),
+        contacts=np.array([[row_from_contact(contact) for contact in state.contacts] for state in states]),
         faces=np.frombuffer(_squeezed(whole), dtype=np.uint8),
     )
     aside = path.with_name(f".{path.name}.part")
@@ -87,7 +92,7 @@ def read_deformations(path: Path | Traversable) -> dict[str, Deformation]:
             x_mm=x_mm,
             y_mm=y_mm,
             face_mm=face_mm,
-            contacts=tuple(contact_of(row) for row in rows.reshape(-1, 8)),
+            contacts=tuple(contact_from_row(row) for row in rows.reshape(-1, 8)),
             status=str(status),
         )
         for key, face_mm, rows, status in zip(keys, faces_mm, table["contacts"], table["status"], strict=True)

@@ -12,7 +12,7 @@ from pydantic import Field, ValidationError
 from manytouch.errors import SensorError, SourceError
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, Spot
-from manytouch.simulation.render.optics import Faults, Optics, drawn_faults
+from manytouch.simulation.render.optics import Faults, ImagingSettings, draw_faults
 from manytouch.simulation.scene.bodies import BodySection, Pair
 from manytouch.simulation.scene.motion import Body
 from manytouch.values import Layout, Sensor, Sheet
@@ -88,7 +88,7 @@ class _File(Section):
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Mesh:
+class MeshSettings:
     """How finely the sheet is solved.
 
     Attributes:
@@ -121,10 +121,10 @@ class SceneFile:
     seed: int
     sensor: Sensor
     mechanics: Literal["solid", "shell"]
-    mesh: Mesh
+    mesh: MeshSettings
     bodies: tuple[Body, ...]
     look: Look
-    optics: Optics
+    optics: ImagingSettings
     faults: Faults
 
     @property
@@ -197,11 +197,13 @@ def _scene(file: _File, folder: Path, width_px: int | None) -> SceneFile:
         seed=file.seed,
         sensor=sensor,
         mechanics=file.mechanics,
-        mesh=Mesh(**file.solid.model_dump()),
+        mesh=MeshSettings(**file.solid.model_dump()),
         bodies=tuple(body for section in file.bodies for body in section.bodies(folder)),
         look=_look(file.light, sensor.layout.polarity),
-        optics=Optics(**file.lens.model_dump(), flicker=file.light.flicker, flicker_Hz=file.light.flicker_Hz),
-        faults=drawn_faults(
+        optics=ImagingSettings(
+            **file.lens.model_dump(), flicker=file.light.flicker, flicker_Hz=file.light.flicker_Hz
+        ),
+        faults=draw_faults(
             sensor.layout,
             sensor.sheet,
             missing=faults.missing,

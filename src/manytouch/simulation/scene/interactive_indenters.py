@@ -9,10 +9,10 @@ import numpy as np
 
 from manytouch.simulation.fem.contact.indenters import Indenter, Sphere
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
-from manytouch.simulation.scene.mechanics import Watch
+from manytouch.simulation.scene.mechanics import PointMotion
 from manytouch.simulation.scene.motion import Body, poses
 from manytouch.simulation.scene.solid_scene import SolidScene
-from manytouch.simulation.shell.energy import Pressed
+from manytouch.simulation.shell.energy import PosedIndenter
 from manytouch.simulation.shell.live_sheet import LiveSheet
 from manytouch.values import Press, Release, Sheet
 from manytouch.values.arrays import Points2, Points3
@@ -47,8 +47,8 @@ class _Finger:
         self.position_mm = self.position_mm + way_mm
 
     @property
-    def pressed(self) -> Pressed:
-        return Pressed(
+    def pressed(self) -> PosedIndenter:
+        return PosedIndenter(
             indenter=self.indenter, position_mm=self.position_mm, rotation_vector=self.rotation_vector
         )
 
@@ -102,11 +102,11 @@ class InteractiveIndenters:
     def seed(self) -> int:
         return self.scene.seed
 
-    def lasting(self, duration_s: float) -> "InteractiveIndenters":
+    def with_duration(self, duration_s: float) -> "InteractiveIndenters":
         """The same hands, not yet on the sheet, over a scene of another duration."""
-        return InteractiveIndenters(self.scene.lasting(duration_s), self.bodies, self.sheet, self.fps)
+        return InteractiveIndenters(self.scene.with_duration(duration_s), self.bodies, self.sheet, self.fps)
 
-    def watch(self, place_mm: Points2, height_mm: float = 0.0) -> Watch:
+    def watch(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """See `Mechanics`; of the latest frames."""
         place_mm = np.ascontiguousarray(place_mm)
 

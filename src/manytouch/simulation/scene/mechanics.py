@@ -6,7 +6,7 @@ from typing import Protocol, runtime_checkable
 from manytouch.simulation.scene.deformation import TrueContact
 from manytouch.values.arrays import Points2, Points3
 
-Watch = Callable[[float], Points3]
+PointMotion = Callable[[float], Points3]
 """Displacements (m, 3) of places that were named before, at a time in s."""
 
 
@@ -26,10 +26,10 @@ class Mechanics(Protocol):
     def seed(self) -> int:
         """Of the image noise."""
 
-    def lasting(self, duration_s: float) -> "Mechanics":
+    def with_duration(self, duration_s: float) -> "Mechanics":
         """The same cut, or played again and again, to another duration."""
 
-    def watch(self, place_mm: Points2, height_mm: float = 0.0) -> Watch:
+    def watch(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """How points move that stand height_mm off the camera-side face above undeformed places (m, 2)."""
 
     def contacts(self, time_s: float) -> dict[int, TrueContact]:

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
 from manytouch.simulation.fem.contact.indenters import Indenter
-from manytouch.simulation.fem.loading import Loading, Touch
+from manytouch.simulation.fem.loading import IndenterPath, Loading
 from manytouch.values.arrays import Scalars, read_only
 
 PARKED_MM = 1.0
@@ -26,7 +26,7 @@ ARM_MM = 10.0
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Way:
+class Trajectory:
     """Where a body goes.
 
     Attributes:
@@ -64,12 +64,12 @@ class Body:
     """
 
     indenter: Indenter
-    way: Way
+    way: Trajectory
     friction: float = 0.0
     pivot_mm: float = 0.0
 
 
-def pressed_way(
+def press_trajectory(
     start_s: float,
     end_s: float,
     *,
@@ -79,7 +79,7 @@ def pressed_way(
     ramp_s: float,
     turn_from: tuple[float, float, float] = (0.0, 0.0, 0.0),
     turn_to: tuple[float, float, float] | None = None,
-) -> Way:
+) -> Trajectory:
     """Down at a place, on to another and another orientation, up; it meets the flat sheet at start_s.
 
     Raises:
@@ -96,19 +96,19 @@ def pressed_way(
     rows = [(*(from_mm if place < 3 else to_mm), depth) for place, depth in enumerate(depths)]
     turns = [turn_from] * 3 + [turn_to] * 3
     kept = [0, 1, 2, 3, 4, 5] if up_s > down_s + 1e-9 else [0, 1, 2, 4, 5]
-    return Way(
+    return Trajectory(
         time_s=read_only(np.array(times)[kept]),
         place_mm=read_only(np.array(rows)[kept]),
         rotation_vector=read_only(np.array(turns)[kept]),
     )
 
 
-def chained(ways: list[Way]) -> Way:
+def concatenate_trajectories(ways: list[Trajectory]) -> Trajectory:
     """One way after the other; between them it moves straight over."""
     time_s = np.concatenate([way.time_s for way in ways])
     if np.any(np.diff(time_s) <= 0.0):
         raise ValueError("the ways of a body overlap in time")
-    return Way(
+    return Trajectory(
         time_s=read_only(time_s),
         place_mm=read_only(np.concatenate([way.place_mm for way in ways])),
         rotation_vector=read_only(np.concatenate([way.rotation_vector for way in ways])),
@@ -132,7 +132,7 @@ def keyframe_times(bodies: tuple[Body, ...], duration_s: float, *, step_mm: floa
     return read_only(np.round(np.array(times), 6))
 
 
-def _farthest_mm(way: Way, time_s: Scalars) -> float:
+def _farthest_mm(way: Trajectory, time_s: Scalars) -> float:
     """How far it goes at most from one time to the next; nothing as long as it is in the air."""
     places, turns = way.at(time_s)
     moved_mm = np.linalg.norm(np.diff(places, axis=0), axis=1)
@@ -160,7 +160,7 @@ def loading(bodies: tuple[Body, ...], time_s: Scalars, *, thickness_mm: float) -
         position_mm = places * [1.0, 1.0, -1.0] + [0.0, 0.0, thickness_mm] + arm_mm
         position_mm -= Rotation.from_rotvec(turns).apply(arm_mm)
         touches.append(
-            Touch(
+            IndenterPath(
                 indenter=body.indenter,
                 position_mm=read_only(np.round(position_mm, 4) + 0.0),
                 rotation_vector=read_only(np.round(turns, 6) + 0.0),

@@ -10,13 +10,18 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from manytouch.simulation.scene.deformation import Deformation, TrueContact, contact_of, row_of
-from manytouch.simulation.scene.mechanics import Watch
+from manytouch.simulation.scene.deformation import (
+    Deformation,
+    TrueContact,
+    contact_from_row,
+    row_from_contact,
+)
+from manytouch.simulation.scene.mechanics import PointMotion
 from manytouch.values.arrays import Points2, Points3, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Episode:
+class ContactEpisode:
     """One touch from the keyframe before it to the keyframe after it.
 
     Attributes:
@@ -46,7 +51,7 @@ class SolidScene:
     seed: int = 0
     duration_s: float
     _faces_mm: Float32[np.ndarray, "k a b 3"] = field(init=False, repr=False)
-    _episodes: tuple[Episode, ...] = field(init=False, repr=False)
+    _episodes: tuple[ContactEpisode, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.states) != len(self.time_s):
@@ -54,7 +59,7 @@ class SolidScene:
         object.__setattr__(self, "_faces_mm", np.stack([state.face_mm for state in self.states]))
         object.__setattr__(self, "_episodes", _episodes(self.states))
 
-    def lasting(self, duration_s: float) -> "SolidScene":
+    def with_duration(self, duration_s: float) -> "SolidScene":
         """This scene cut, or played again and again, to another duration."""
         return replace(self, duration_s=duration_s)
 
@@ -64,7 +69,7 @@ class SolidScene:
         face_mm = monotone(self.time_s, self._faces_mm, local_s)
         return replace(self.states[0], face_mm=read_only(face_mm), contacts=(), status="ok")
 
-    def watch(self, place_mm: Points2, height_mm: float = 0.0) -> Watch:
+    def watch(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """See `Mechanics`: points off the face stay on its normal."""
         place_mm = np.ascontiguousarray(place_mm)
 
@@ -82,7 +87,7 @@ class SolidScene:
             if span_s[0] <= local_s <= span_s[-1]:
                 row = monotone(span_s, episode.table, local_s)
                 if row[2] != 0.0:
-                    found[number * len(self._episodes) + id_] = contact_of(row)
+                    found[number * len(self._episodes) + id_] = contact_from_row(row)
         return found
 
     @property
@@ -124,7 +129,7 @@ def _slope(time_s: np.ndarray, value: np.ndarray, at: int) -> np.ndarray:
     return np.where(left * right > 0.0, mean, 0.0).astype(value.dtype)
 
 
-def _episodes(states: tuple[Deformation, ...]) -> tuple[Episode, ...]:
+def _episodes(states: tuple[Deformation, ...]) -> tuple[ContactEpisode, ...]:
     """Each touch of each body, in the order of their beginnings."""
     found = []
     bodies = max((len(state.contacts) for state in states), default=0)
@@ -133,12 +138,14 @@ def _episodes(states: tuple[Deformation, ...]) -> tuple[Episode, ...]:
         touches = np.array([contact is not None and contact.is_touching for contact in contacts])
         edge = np.flatnonzero(np.diff(np.concatenate([[False], touches, [False]]).astype(np.int8)))
         for begin, end in edge.reshape(-1, 2):
-            rows = [row_of(contact) for contact in contacts[begin:end] if contact is not None]
+            rows = [row_from_contact(contact) for contact in contacts[begin:end] if contact is not None]
             if begin > 0:
                 rows.insert(0, _fading(rows[0], states[begin - 1]))
             if end < len(states):
                 rows.append(_fading(rows[-1], states[end]))
-            found.append((int(begin), body, Episode(first=max(int(begin) - 1, 0), table=np.array(rows))))
+            found.append(
+                (int(begin), body, ContactEpisode(first=max(int(begin) - 1, 0), table=np.array(rows)))
+            )
     return tuple(episode for _, _, episode in sorted(found, key=lambda item: item[:2]))
 
 

@@ -7,17 +7,17 @@ from importlib.resources import files
 from pathlib import Path
 
 from manytouch.errors import SourceError
-from manytouch.simulation.fem.cache import StateCache, asked_keys
+from manytouch.simulation.fem.cache import StateCache, problem_keys
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.sheet import SheetModel
-from manytouch.simulation.scene.condensed import condensed
+from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation, flat
 from manytouch.simulation.scene.deformation_file import read_deformations
 from manytouch.simulation.scene.file import SceneFile
 from manytouch.simulation.scene.motion import keyframe_times, loading, poses
 from manytouch.simulation.scene.solid_scene import SolidScene
-from manytouch.simulation.shell.energy import Pressed
+from manytouch.simulation.shell.energy import PosedIndenter
 from manytouch.simulation.shell.live_sheet import LiveSheet
 from manytouch.simulation.simulator import Simulator
 from manytouch.values.arrays import Scalars
@@ -35,7 +35,7 @@ def states_folder() -> Path:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Question:
+class SolidProblem:
     """What the finite elements are asked for a scene.
 
     Attributes:
@@ -55,10 +55,10 @@ class Question:
         if self.loading is None:
             return
         for state in StateCache(folder=folder).states(self.model, self.loading):
-            yield condensed(state, self.loading)
+            yield condense(state, self.loading)
 
 
-def question(scene: SceneFile) -> Question:
+def solid_problem(scene: SceneFile) -> SolidProblem:
     """The finite elements' task of a scene."""
     sheet, mesh = scene.sheet, scene.mesh
     assert sheet.young_MPa is not None
@@ -76,13 +76,13 @@ def question(scene: SceneFile) -> Question:
     )
     time_s = keyframe_times(scene.bodies, scene.duration_s, step_mm=mesh.step_mm)
     if not scene.bodies:
-        return Question(model=model, time_s=time_s, loading=None, keys=())
+        return SolidProblem(model=model, time_s=time_s, loading=None, keys=())
     asked = loading(scene.bodies, time_s, thickness_mm=sheet.thickness_mm)
-    return Question(model=model, time_s=time_s, loading=asked, keys=tuple(asked_keys(model, asked)))
+    return SolidProblem(model=model, time_s=time_s, loading=asked, keys=tuple(problem_keys(model, asked)))
 
 
-def kept_states(name: str, keys: tuple[str, ...]) -> tuple[Deformation, ...] | None:
-    """The states that the package ships for a built-in scene; None where they answer another question."""
+def shipped_states(name: str, keys: tuple[str, ...]) -> tuple[Deformation, ...] | None:
+    """The states that the package ships for a built-in scene; None where that problem is another one."""
     path = LIBRARY / f"{name}.npz"
     if not path.is_file():
         return None
@@ -90,7 +90,7 @@ def kept_states(name: str, keys: tuple[str, ...]) -> tuple[Deformation, ...] | N
     return tuple(known[key] for key in keys) if all(key in known for key in keys) else None
 
 
-def solving(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
+def solve_scene(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
     """The states at the keyframes of a scene, one by one: shipped, kept in a folder, or solved now.
 
     Raises:
@@ -100,8 +100,8 @@ def solving(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
     if scene.mechanics == "shell":
         yield from _solved_live(scene)
         return
-    asked = question(scene)
-    shipped = kept_states(scene.name, asked.keys) if asked.keys else None
+    asked = solid_problem(scene)
+    shipped = shipped_states(scene.name, asked.keys) if asked.keys else None
     if shipped is not None:
         yield from shipped
         return
@@ -115,16 +115,16 @@ def solving(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
 
 
 def state_count(scene: SceneFile) -> int:
-    """How many states `solving` gives."""
-    return len(question(scene).time_s) if scene.bodies else 0
+    """How many states `solve_scene` gives."""
+    return len(solid_problem(scene).time_s) if scene.bodies else 0
 
 
 def _solved_live(scene: SceneFile) -> Iterator[Deformation]:
     """The states at the keyframes of a scene as the live sheet finds them, each on its own."""
     sheet, thickness_mm = LiveSheet(scene.sheet), scene.sheet.thickness_mm
-    for time_s in question(scene).time_s.tolist() if scene.bodies else ():
+    for time_s in solid_problem(scene).time_s.tolist() if scene.bodies else ():
         bodies = [
-            Pressed(indenter=body.indenter, position_mm=position_mm, rotation_vector=rotation_vector)
+            PosedIndenter(indenter=body.indenter, position_mm=position_mm, rotation_vector=rotation_vector)
             for body, position_mm, rotation_vector in poses(scene.bodies, time_s, thickness_mm=thickness_mm)
         ]
         for _ in range(3):  # thickness follows from call to call
@@ -146,7 +146,7 @@ def simulator(scene: SceneFile, states: tuple[Deformation, ...]) -> Simulator:
 
 def solid_scene(scene: SceneFile, states: tuple[Deformation, ...]) -> SolidScene:
     """A scene and all its states as the sheet in time."""
-    time_s = question(scene).time_s
+    time_s = solid_problem(scene).time_s
     if not scene.bodies:
         x, y = (float(size) for size in scene.sheet.size_mm)
         states = (flat((x, y)),) * len(time_s)

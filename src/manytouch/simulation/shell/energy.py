@@ -16,7 +16,7 @@ from manytouch.simulation.fem.contact.indenters import (
     RoundPunch,
     Sphere,
     SquarePunch,
-    packed,
+    pack,
 )
 from manytouch.simulation.shell import kernels
 from manytouch.simulation.shell.preconditioner import Preconditioner
@@ -28,7 +28,7 @@ BED = 1.7  # stiffness of the touched face, in young_MPa / thickness_mm
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Pressed:
+class PosedIndenter:
     """A rigid body where it is now.
 
     Attributes:
@@ -42,12 +42,12 @@ class Pressed:
     rotation_vector: Float64[np.ndarray, "3"]
 
 
-class Bodies:
-    """Bodies as the kernels want them, and what they do to the sheet (see `kernels.touch`)."""
+class ContactBodies:
+    """ContactBodies as the kernels want them, and what they do to the sheet (see `kernels.touch`)."""
 
-    def __init__(self, bodies: Sequence[Pressed], thickness_mm: float) -> None:
+    def __init__(self, bodies: Sequence[PosedIndenter], thickness_mm: float) -> None:
         """Args: bodies; thickness_mm: of the sheet at rest."""
-        self.kind, self.numbers = packed(tuple(body.indenter for body in bodies))
+        self.kind, self.numbers = pack(tuple(body.indenter for body in bodies))
         places = np.array([body.position_mm for body in bodies]).reshape(-1, 3)
         self.position_mm = places - [0.0, 0.0, 0.5 * thickness_mm]
         turns = [Rotation.from_rotvec(body.rotation_vector.copy()).as_matrix() for body in bodies]
@@ -56,7 +56,7 @@ class Bodies:
         self.told = np.zeros((len(places), 7))
 
 
-class LiveEnergy:
+class ShellEnergy:
     """The sheet on its grid, as a function of its unknowns: displacements and tilts (5, a, b)."""
 
     def __init__(self, sheet: Sheet, spacing_mm: float) -> None:
@@ -121,7 +121,9 @@ class LiveEnergy:
         )
         return float(energy), out
 
-    def __call__(self, value: np.ndarray, stretch: np.ndarray, bodies: Bodies) -> tuple[float, np.ndarray]:
+    def __call__(
+        self, value: np.ndarray, stretch: np.ndarray, bodies: ContactBodies
+    ) -> tuple[float, np.ndarray]:
         """Energy in N mm above that at rest, and its derivatives (5, a, b), which are 0 on the outline.
 
         Args:

@@ -12,8 +12,8 @@ import numpy as np
 
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
 from manytouch.simulation.shell import kernels
-from manytouch.simulation.shell.energy import Bodies, LiveEnergy, Pressed
-from manytouch.simulation.shell.minimisation import Descent
+from manytouch.simulation.shell.energy import ContactBodies, PosedIndenter, ShellEnergy
+from manytouch.simulation.shell.minimisation import EnergyMinimiser
 from manytouch.values import Sheet
 from manytouch.values.arrays import read_only
 
@@ -33,15 +33,15 @@ class LiveSheet:
         Raises:
             ValueError: the sheet has no Young's modulus or Poisson's ratio.
         """
-        self.energy = LiveEnergy(sheet, spacing_mm)
-        self._descent = Descent(self.energy.softness())
+        self.energy = ShellEnergy(sheet, spacing_mm)
+        self._descent = EnergyMinimiser(self.energy.softness())
         self._thickness_mm = sheet.thickness_mm
         self.value = np.zeros((5, *self.energy.shape))
         self.stretch = np.ones(self.energy.shape)
-        self._bodies = Bodies((), self._thickness_mm)
+        self._bodies = ContactBodies((), self._thickness_mm)
         self._look(self.value)
 
-    def settle(self, bodies: Sequence[Pressed], most: int = 14) -> bool:
+    def settle(self, bodies: Sequence[PosedIndenter], most: int = 14) -> bool:
         """Bring the sheet nearer to equilibrium with these bodies; has it come there?
 
         Args:
@@ -50,7 +50,7 @@ class LiveSheet:
             most: times to look at the energy, which bounds the work. Where bodies come suddenly, several
                 calls may be needed; the thickness of the sheet always follows from call to call.
         """
-        self._bodies = Bodies(bodies, self._thickness_mm)
+        self._bodies = ContactBodies(bodies, self._thickness_mm)
         self.stretch = self.energy.thinned()
         found = self._descent(self._look, self.value, most)
         self.value = found.value

@@ -16,7 +16,7 @@ NOTHING = 1e-12  # N mm
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Found:
+class Minimum:
     """Where the descent ended.
 
     Attributes:
@@ -30,7 +30,7 @@ class Found:
     is_settled: bool
 
 
-class Descent:
+class EnergyMinimiser:
     """Finds minima of an energy; the energy falls in every step, so it cannot run away."""
 
     def __init__(self, softness: Callable[[np.ndarray], np.ndarray]) -> None:
@@ -44,7 +44,7 @@ class Descent:
 
     def __call__(
         self, energy_of: Callable[[np.ndarray], tuple[float, np.ndarray]], value: np.ndarray, most: int
-    ) -> Found:
+    ) -> Minimum:
         """Go down from a value, looking at the energy at most so many times.
 
         Args:
@@ -75,7 +75,7 @@ class Descent:
                 break
             self._remember(share * step, turned - slope)
             value, slope = tried, turned
-        return Found(value=value, looks=looks, is_settled=is_settled)
+        return Minimum(value=value, looks=looks, is_settled=is_settled)
 
     def _remember(self, moved: np.ndarray, turned: np.ndarray) -> None:
         product = float(np.vdot(moved, turned))

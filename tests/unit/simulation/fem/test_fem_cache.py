@@ -1,4 +1,4 @@
-"""Kept states: the same as solved ones, and found only for the same question."""
+"""Kept states: the same as solved ones, and found only for the same problem."""
 
 import subprocess
 import sys
@@ -10,12 +10,12 @@ import pytest
 
 import manytouch.simulation.fem.cache as cache_module
 from manytouch.errors import OutputError
-from manytouch.simulation.fem.cache import StateCache, asked_keys, step_keys
+from manytouch.simulation.fem.cache import StateCache, problem_keys, step_keys
 from manytouch.simulation.fem.contact.indenters import Sphere
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, PressurePatch, press
 from manytouch.simulation.fem.sheet import SheetModel
-from manytouch.simulation.fem.solver.newton import Solver
+from manytouch.simulation.fem.solver.newton import NewtonSolver
 
 MODEL = SheetModel(size_mm=(12.0, 10.0), thickness_mm=3.0, material=NeoHooke(young_MPa=1.0, poisson=0.45))
 
@@ -41,7 +41,7 @@ def test_a_kept_state_is_the_solved_one_and_is_not_solved_again(
     def refuse(*_: object) -> None:
         raise AssertionError("solved again")
 
-    monkeypatch.setattr(Solver, "step", refuse)
+    monkeypatch.setattr(NewtonSolver, "step", refuse)
     again = list(cache.states(MODEL, pressing(0.3, 0.6, 0.8)))
     np.testing.assert_array_equal(again[2].shear_MPa, longer[2].shear_MPa)
 
@@ -113,8 +113,8 @@ def test_another_process_finds_the_same_keys() -> None:
 
 
 def test_what_is_asked_keeps_its_name_when_the_solver_changes(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked, solved = asked_keys(MODEL, pressing(0.3, 0.6)), step_keys(MODEL, pressing(0.3, 0.6))
+    asked, solved = problem_keys(MODEL, pressing(0.3, 0.6)), step_keys(MODEL, pressing(0.3, 0.6))
     monkeypatch.setattr(cache_module, "code_revision", lambda: "another")
-    assert asked_keys(MODEL, pressing(0.3, 0.6)) == asked
+    assert problem_keys(MODEL, pressing(0.3, 0.6)) == asked
     assert set(step_keys(MODEL, pressing(0.3, 0.6))).isdisjoint(solved)
-    assert asked_keys(MODEL, pressing(0.3, 0.7))[1] != asked[1]
+    assert problem_keys(MODEL, pressing(0.3, 0.7))[1] != asked[1]

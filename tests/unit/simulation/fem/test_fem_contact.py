@@ -10,11 +10,11 @@ from threadpoolctl import threadpool_info, threadpool_limits
 from manytouch.simulation.fem.contact.forces import touched_face
 from manytouch.simulation.fem.contact.indenters import Indenter, RoundPunch, Sphere, SquarePunch
 from manytouch.simulation.fem.elements.material import NeoHooke
-from manytouch.simulation.fem.loading import Loading, PressurePatch, Touch, press
+from manytouch.simulation.fem.loading import IndenterPath, Loading, PressurePatch, press
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
-from manytouch.simulation.fem.solver.balance import Balance, Stage
-from manytouch.simulation.fem.solver.multifrontal import Dissection, Factors
-from manytouch.simulation.fem.solver.newton import Solver
+from manytouch.simulation.fem.solver.balance import ForceBalance, Substep
+from manytouch.simulation.fem.solver.multifrontal import Factorisation, MultifrontalSolver
+from manytouch.simulation.fem.solver.newton import NewtonSolver
 from manytouch.simulation.fem.state import SheetState
 
 THICKNESS_MM = 3.0
@@ -27,13 +27,13 @@ MODEL = SheetModel(
 
 
 @cache
-def solver(model: SheetModel = MODEL) -> Solver:
+def solver(model: SheetModel = MODEL) -> NewtonSolver:
     return sheet_solver(model)
 
 
 def touch(
     indenter: Indenter, *path_mm: tuple[float, float, float], friction: float = 0.0, yaw: float = 0.0
-) -> Touch:
+) -> IndenterPath:
     path = np.array(path_mm)
     return press(
         indenter,
@@ -61,12 +61,12 @@ def test_the_step_is_solved_and_nothing_is_left_over() -> None:
 def test_the_fronts_are_factorised_in_one_thread(monkeypatch: pytest.MonkeyPatch) -> None:
     threads = []
 
-    def factorise(self: Dissection, tangent: np.ndarray, *, is_symmetric: bool) -> Factors:
+    def factorise(self: MultifrontalSolver, tangent: np.ndarray, *, is_symmetric: bool) -> Factorisation:
         threads.extend(each["num_threads"] for each in threadpool_info() if each["user_api"] == "blas")
         return plain(self, tangent, is_symmetric=is_symmetric)
 
-    plain = Dissection.factorise
-    monkeypatch.setattr(Dissection, "factorise", factorise)
+    plain = MultifrontalSolver.factorise
+    monkeypatch.setattr(MultifrontalSolver, "factorise", factorise)
     loading = Loading(touches=(touch(Sphere(radius_mm=5.0), (0.0, 0.0, 0.2)),))
     with threadpool_limits(limits=2, user_api="blas"):
         assert list(solve_sheet(solver(), loading))[-1].status == "ok"
@@ -184,14 +184,14 @@ def test_the_tangent_agrees_with_differences(indenter: Indenter, friction: float
         touches=(touch(indenter, (0.4, 0.3, 1.0), (0.45, 0.35, 1.2), friction=friction, yaw=0.05),)
     )
     state = solver_.step(solver_.start(loading), loading, 0)
-    balance = Balance(
+    balance = ForceBalance(
         body=solver_.body,
         face=touched_face(solver_.body.mesh),
         loading=loading,
         stiffness_MPa_per_mm=30.0,
         rounding_mm=0.02,
     )
-    stage: Stage = balance.course(state, 1, (0.0, 0.0, 0.0)).stage(1.0, state)
+    stage: Substep = balance.course(state, 1, (0.0, 0.0, 0.0)).stage(1.0, state)
     rng = np.random.default_rng(2)
     bent = state.displacement_mm + 0.01 * rng.standard_normal(state.displacement_mm.shape) * solver_.is_free
     along = rng.standard_normal(bent.shape) * solver_.is_free

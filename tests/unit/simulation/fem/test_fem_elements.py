@@ -12,7 +12,7 @@ from manytouch.simulation.fem.elements.mesh import (
     sheet_mesh,
     tensor_mesh,
 )
-from manytouch.simulation.fem.solver.multifrontal import Dissection
+from manytouch.simulation.fem.solver.multifrontal import MultifrontalSolver
 
 X, Y, Z = np.array([0.0, 1.0, 2.5, 3.0]), np.array([-1.0, 0.2, 1.0]), np.array([0.0, 1.0, 1.6])
 
@@ -126,7 +126,7 @@ def test_patch_a_constant_strain_is_found_exactly(poisson: float) -> None:
     exact = mesh.node_mm @ strain.T
     free = np.repeat(~on_surface(mesh)[:, None], 3, axis=1)
     found = np.where(free, 0.8 * exact, exact)
-    order = Dissection(mesh=mesh, is_free=free)
+    order = MultifrontalSolver(mesh=mesh, is_free=free)
     for _ in range(12):
         force, tangent = body.forces_and_tangent(found)
         found = found - order.factorise(tangent, is_symmetric=True).solve(np.where(free, force, 0.0))
@@ -154,7 +154,7 @@ def plane_wave_errors(cells: int, poisson: float) -> tuple[float, float]:
     free = np.repeat(~on_surface(mesh)[:, None], 3, axis=1)
     found = np.where(free, 0.0, exact)
     force, tangent = body.forces_and_tangent(found)
-    order = Dissection(mesh=mesh, is_free=free)
+    order = MultifrontalSolver(mesh=mesh, is_free=free)
     found = found + order.factorise(tangent, is_symmetric=True).solve(np.where(free, load - force, 0.0))
     there = np.einsum("qn,eni->eqi", value, found[mesh.element])
     gradient = cells * np.einsum("qnj,eni->eqij", slope, found[mesh.element])

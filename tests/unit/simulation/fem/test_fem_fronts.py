@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from manytouch.simulation.fem.elements.mesh import HexMesh, tensor_mesh
-from manytouch.simulation.fem.solver.multifrontal import Dissection
+from manytouch.simulation.fem.solver.multifrontal import MultifrontalSolver
 
 
 def system(seed: int = 0) -> tuple[HexMesh, np.ndarray, np.ndarray, np.ndarray]:
@@ -34,7 +34,9 @@ def test_it_solves_what_a_dense_solver_solves(kind: str) -> None:
         tangent = tangent - 25.0 * np.eye(60)
     if kind == "not symmetric":
         tangent = tangent + 0.3 * np.random.default_rng(9).standard_normal(tangent.shape)
-    factors = Dissection(mesh=mesh, is_free=free).factorise(tangent, is_symmetric=kind != "not symmetric")
+    factors = MultifrontalSolver(mesh=mesh, is_free=free).factorise(
+        tangent, is_symmetric=kind != "not symmetric"
+    )
     expected = dense_solution(mesh, tangent, free, right)
     np.testing.assert_allclose(factors.solve(right), expected, atol=1e-8 * np.abs(expected).max())
     assert (factors.pivoted_parts == 0) == (kind == "positive")
@@ -42,12 +44,12 @@ def test_it_solves_what_a_dense_solver_solves(kind: str) -> None:
 
 def test_held_unknowns_stay() -> None:
     mesh, tangent, free, right = system(4)
-    found = Dissection(mesh=mesh, is_free=free).factorise(tangent, is_symmetric=True).solve(right)
+    found = MultifrontalSolver(mesh=mesh, is_free=free).factorise(tangent, is_symmetric=True).solve(right)
     assert np.all(found[~free] == 0.0)
 
 
 def test_a_body_that_nothing_holds_is_refused() -> None:
     mesh, tangent, _, right = system()
-    order = Dissection(mesh=mesh, is_free=np.ones_like(right, dtype=np.bool_))
+    order = MultifrontalSolver(mesh=mesh, is_free=np.ones_like(right, dtype=np.bool_))
     with pytest.raises(np.linalg.LinAlgError, match="not held"):
         order.factorise(np.zeros_like(tangent), is_symmetric=True)

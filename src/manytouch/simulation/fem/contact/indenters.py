@@ -163,7 +163,7 @@ def convex_hull(corner_mm: Points3, *, edge_radius_mm: float = 0.3) -> ConvexBod
     )
 
 
-def packed(indenters: tuple[Indenter, ...]) -> tuple[np.ndarray, np.ndarray]:
+def pack(indenters: tuple[Indenter, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Kinds (t,) and parameters (t, longest) for the compiled distance."""
     described = [indenter.numbers for indenter in indenters]
     table = np.zeros((len(described), max((len(numbers) for _, numbers in described), default=1)))
@@ -176,7 +176,7 @@ def signed_distance(
     indenter: Indenter, point_mm: Points3
 ) -> tuple[Float64[np.ndarray, " n"], Points3, Float64[np.ndarray, "n 3 3"]]:
     """Distance (n,), gradient (n, 3) and Hessian (n, 3, 3) at points of the indenter's frame."""
-    kind, numbers = packed((indenter,))
+    kind, numbers = pack((indenter,))
     value, gradient = np.empty(len(point_mm)), np.empty((len(point_mm), 3))
     hessian = np.empty((len(point_mm), 3, 3))
     _many(kind[0], numbers[0], point_mm, value, gradient, hessian)

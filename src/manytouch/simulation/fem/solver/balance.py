@@ -7,7 +7,7 @@ from jaxtyping import Bool, Float64
 from scipy.spatial.transform import Rotation
 
 from manytouch.simulation.fem.contact.forces import TouchedFace, add_contact
-from manytouch.simulation.fem.contact.indenters import packed, signed_distance
+from manytouch.simulation.fem.contact.indenters import pack, signed_distance
 from manytouch.simulation.fem.elements.assembly import ElasticBody
 from manytouch.simulation.fem.elements.mesh import Nodal, Poses
 from manytouch.simulation.fem.loading import Loading
@@ -17,7 +17,7 @@ from manytouch.values.arrays import read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Stage:
+class Substep:
     """Where the indenters are at some share of a step, and what friction remembers there.
 
     Attributes:
@@ -35,7 +35,7 @@ class Stage:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Course:
+class LoadStep:
     """The way of a step: from a state to new poses and dead loads, in a straight line.
 
     Attributes:
@@ -49,12 +49,12 @@ class Course:
     rotation_vector: Poses
     dead_N: Nodal
 
-    def stage(self, share: float, last: SheetState) -> Stage:
+    def stage(self, share: float, last: SheetState) -> Substep:
         """A share of the way, seen from the last equilibrium on it."""
         begin = self.begin
         vector = begin.rotation_vector + share * (self.rotation_vector - begin.rotation_vector)
         rotation = _matrices(vector)
-        return Stage(
+        return Substep(
             position_mm=begin.position_mm + share * (self.position_mm - begin.position_mm),
             rotation_vector=vector,
             rotation=rotation,
@@ -75,7 +75,7 @@ def _matrices(vector: Poses) -> Float64[np.ndarray, "touches 3 3"]:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Balance:
+class ForceBalance:
     """Forces out of balance, and their derivative, for a loading."""
 
     body: ElasticBody
@@ -87,7 +87,7 @@ class Balance:
     _numbers: np.ndarray = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        kind, numbers = packed(tuple(touch.indenter for touch in self.loading.touches))
+        kind, numbers = pack(tuple(touch.indenter for touch in self.loading.touches))
         object.__setattr__(self, "_kind", kind)
         object.__setattr__(self, "_numbers", numbers)
 
@@ -102,16 +102,16 @@ class Balance:
         position = np.array([touch.position_mm[number] for touch in touches]).reshape(-1, 3)
         return position, np.array([touch.rotation_vector[number] for touch in touches]).reshape(-1, 3)
 
-    def course(self, begin: SheetState, number: int, gravity: tuple[float, float, float]) -> Course:
+    def course(self, begin: SheetState, number: int, gravity: tuple[float, float, float]) -> LoadStep:
         """The way from a state to a step of the loading."""
         dead_N = self.body.weight_N[:, None] * np.array(gravity)
         for patch in self.loading.patches:
             dead_N += patch_forces(self.body.mesh, patch) * patch.force_N[number]
         position, rotation = self.poses(number)
-        return Course(begin=begin, position_mm=position, rotation_vector=rotation, dead_N=dead_N)
+        return LoadStep(begin=begin, position_mm=position, rotation_vector=rotation, dead_N=dead_N)
 
     def residual(
-        self, state: SheetState, stage: Stage, displacement: Nodal, is_free: Bool[np.ndarray, "nodes 3"]
+        self, state: SheetState, stage: Substep, displacement: Nodal, is_free: Bool[np.ndarray, "nodes 3"]
     ) -> tuple[Nodal, float, float]:
         """Forces out of balance (n, 3), the size of the forces that act, and the smallest J."""
         _, inner, smallest = self.body.forces(displacement)
@@ -123,7 +123,7 @@ class Balance:
         return np.where(is_free, inner - outer - stage.dead_N, 0.0), scale, smallest
 
     def tangent(
-        self, state: SheetState, stage: Stage, displacement: Nodal, *, is_exact: bool = True
+        self, state: SheetState, stage: Substep, displacement: Nodal, *, is_exact: bool = True
     ) -> Float64[np.ndarray, "e 60 60"]:
         """Derivative of the forces out of balance by each element's nodes.
 
@@ -134,7 +134,7 @@ class Balance:
         self._contacts(state, stage, displacement, nothing, tangent, bending=1.0 if is_exact else 0.0)
         return tangent
 
-    def penetration_mm(self, state: SheetState, stage: Stage, displacement: Nodal) -> float:
+    def penetration_mm(self, state: SheetState, stage: Substep, displacement: Nodal) -> float:
         """How far an indenter enters the face at worst."""
         force = np.zeros_like(displacement)
         return max(self._contacts(state, stage, displacement, force, np.empty((0, 60, 60)))[3], default=0.0)
@@ -142,7 +142,7 @@ class Balance:
     def _contacts(
         self,
         state: SheetState,
-        stage: Stage,
+        stage: Substep,
         displacement: Nodal,
         force: np.ndarray,
         tangent: np.ndarray,
@@ -190,7 +190,7 @@ class Balance:
         return pressure, shear, normal, deepest
 
     def _memory(
-        self, number: int, state: SheetState, stage: Stage
+        self, number: int, state: SheetState, stage: Substep
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What friction knows of the last equilibrium: see `add_contact`.
 
@@ -220,7 +220,9 @@ class Balance:
                 lifted[number, 2] += inside_mm + 1e-3
         return lifted
 
-    def settled(self, state: SheetState, stage: Stage, displacement: Nodal, residual_N: float) -> SheetState:
+    def settled(
+        self, state: SheetState, stage: Substep, displacement: Nodal, residual_N: float
+    ) -> SheetState:
         """The state that has been found, with its tractions."""
         outer = np.zeros_like(displacement)
         pressure, shear, normal, deepest = self._contacts(

@@ -42,7 +42,7 @@ class _Front:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Dissection:
+class MultifrontalSolver:
     """The order of elimination for a mesh and its free unknowns (3 node + axis)."""
 
     mesh: HexMesh
@@ -92,8 +92,8 @@ class Dissection:
         )
         return len(self._fronts) - 1, unknown[whole:], times[whole:]
 
-    def factorise(self, tangent: Float64[np.ndarray, "e 60 60"], *, is_symmetric: bool) -> "Factors":
-        """Factors of the sum of the element matrices over the free unknowns.
+    def factorise(self, tangent: Float64[np.ndarray, "e 60 60"], *, is_symmetric: bool) -> "Factorisation":
+        """Factorisation of the sum of the element matrices over the free unknowns.
 
         A part whose matrix is not positive definite, or any when the matrices are not symmetric, is
         factorised with partial pivoting inside the part.
@@ -107,7 +107,7 @@ class Dissection:
                 _add_matrix(matrix, left.pop(child), place)
             part, left[position] = _eliminate(matrix, front.eliminated, is_symmetric)
             parts.append(part)
-        return Factors(fronts=self._fronts, parts=parts)
+        return Factorisation(fronts=self._fronts, parts=parts)
 
 
 def _front(
@@ -146,7 +146,7 @@ class _Part:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Factors:
+class Factorisation:
     """A factorised system of equations."""
 
     fronts: list[_Front]
@@ -182,7 +182,7 @@ class Factors:
 
 
 def _eliminate(matrix: np.ndarray, count: int, is_symmetric: bool) -> tuple[_Part, np.ndarray]:
-    """Factors of the first unknowns, and the matrix that is left for the others."""
+    """Factorisation of the first unknowns, and the matrix that is left for the others."""
     rest = np.ascontiguousarray(matrix[count:, count:])
     if count == 0:
         empty = np.zeros((0, 0))

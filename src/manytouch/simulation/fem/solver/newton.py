@@ -11,14 +11,14 @@ from manytouch.simulation.fem.elements.assembly import ElasticBody
 from manytouch.simulation.fem.elements.mesh import Nodal
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import with_patches
-from manytouch.simulation.fem.solver.balance import Balance, Course, Stage
-from manytouch.simulation.fem.solver.multifrontal import Dissection
+from manytouch.simulation.fem.solver.balance import ForceBalance, LoadStep, Substep
+from manytouch.simulation.fem.solver.multifrontal import MultifrontalSolver
 from manytouch.simulation.fem.state import SheetState
 from manytouch.values.arrays import read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Solver:
+class NewtonSolver:
     """Steps a body from equilibrium to equilibrium.
 
     Attributes:
@@ -48,10 +48,10 @@ class Solver:
     tolerance: float = 1e-5
     most_iterations: int = 40
     smallest_share: float = 1e-3
-    _order: Dissection = field(init=False, repr=False)
+    _order: MultifrontalSolver = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_order", Dissection(mesh=self.body.mesh, is_free=self.is_free))
+        object.__setattr__(self, "_order", MultifrontalSolver(mesh=self.body.mesh, is_free=self.is_free))
 
     def start(self, loading: Loading) -> SheetState:
         """The unloaded sheet, the indenters of the loading's first step lifted off it."""
@@ -90,8 +90,8 @@ class Solver:
         found = replace(found, status="ok" if done else "not_converged", reached=reached, newton_steps=solved)
         return with_patches(found, loading.patches, number) if done else found
 
-    def _balance(self, loading: Loading) -> Balance:
-        return Balance(
+    def _balance(self, loading: Loading) -> ForceBalance:
+        return ForceBalance(
             body=self.body,
             face=touched_face(self.body.mesh),
             loading=loading,
@@ -104,7 +104,7 @@ class Solver:
         mu, k = self.body.shear_MPa, self.body.bulk_MPa
         return 9.0 * k * mu / (3.0 * k + mu)
 
-    def _march(self, balance: Balance, course: Course) -> tuple[SheetState, float, int]:
+    def _march(self, balance: ForceBalance, course: LoadStep) -> tuple[SheetState, float, int]:
         """Go the way in shares that converge: the state, the share reached, linear systems solved."""
         state, reached, solved = course.begin, 0.0, 0
         slide_mm = self.largest_slide_mm if balance.has_friction else np.inf
@@ -126,7 +126,7 @@ class Solver:
             state, reached, share = found, target, min(2.0 * share, largest)
         return state, reached, solved
 
-    def _velocity(self, balance: Balance, course: Course, state: SheetState, reached: float) -> Nodal:
+    def _velocity(self, balance: ForceBalance, course: LoadStep, state: SheetState, reached: float) -> Nodal:
         """How the sheet follows the way, to first order: d displacement / d share."""
         here, ahead = course.stage(reached, state), course.stage(reached + 1e-7, state)
         out = [balance.residual(state, at, state.displacement_mm, self.is_free)[0] for at in (here, ahead)]
@@ -138,8 +138,8 @@ class Solver:
 
     def _guess(
         self,
-        balance: Balance,
-        course: Course,
+        balance: ForceBalance,
+        course: LoadStep,
         state: SheetState,
         *,
         velocity: Nodal,
@@ -157,7 +157,7 @@ class Solver:
             share = 0.7 * (target - reached)
 
     def _solve(
-        self, balance: Balance, state: SheetState, stage: Stage, guess: Nodal
+        self, balance: ForceBalance, state: SheetState, stage: Substep, guess: Nodal
     ) -> tuple[SheetState | None, int]:
         """Newton's method from a guess; None when it does not converge."""
         displacement = guess
@@ -192,9 +192,9 @@ class Solver:
 
     def _search(
         self,
-        balance: Balance,
+        balance: ForceBalance,
         state: SheetState,
-        stage: Stage,
+        stage: Substep,
         *,
         displacement: Nodal,
         move: Nodal,

@@ -13,7 +13,7 @@ from manytouch.simulation.scene.deformation import Deformation, Lattice, TrueCon
 from manytouch.values.arrays import Mask, read_only
 
 
-def condensed(state: SheetState, loading: Loading) -> Deformation:
+def condense(state: SheetState, loading: Loading) -> Deformation:
     """What a solved state of a loading shows and bears: its camera-side face and its contacts.
 
     A state that did not converge may know of fewer contacts than the loading has.
