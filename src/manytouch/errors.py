@@ -1,20 +1,20 @@
-"""Everything manytouch raises.
+"""All errors that manytouch raises.
 
-A frame that went wrong is never an exception: it is a `status` in the reading. What raises is a
-wrong file, a wrong sensor or a missing device, and its sentence says what was given, what was
-expected and what to do.
+Trouble with a single frame is not an error: it is the `status` of its reading. An error means a wrong file,
+a wrong sensor, a missing device or a missing package; its message states what was given, what was expected
+and what to do.
 
     ManytouchError
     ├── SourceError        a video, image, folder or device cannot be opened or read
-    ├── SensorError        a sensor file is wrong, or does not fit the recording
+    ├── SensorError        a sensor file is wrong, or does not match the recording
     ├── LayoutError        no dots, or no usable arrangement of dots, were found
-    ├── OutputError        results cannot be written where they were asked for
-    └── MissingExtraError  an optional package is needed for what was asked
+    ├── OutputError        results cannot be written to the requested place
+    └── MissingExtraError  an optional package that the request needs is not installed
 """
 
 
 class ManytouchError(Exception):
-    """Base of all errors that a user can cause and mend; the message is one clear sentence."""
+    """Base of all errors that users can cause and correct; the message is one sentence."""
 
 
 class SourceError(ManytouchError):
@@ -22,7 +22,7 @@ class SourceError(ManytouchError):
 
 
 class SensorError(ManytouchError):
-    """A sensor file is wrong, or the sensor does not fit the frames."""
+    """A sensor file is wrong, or the sensor does not match the frames."""
 
 
 class LayoutError(ManytouchError):
@@ -30,13 +30,14 @@ class LayoutError(ManytouchError):
 
 
 class OutputError(ManytouchError):
-    """Results cannot be written where they were asked for."""
+    """Results cannot be written to the requested place."""
 
 
 class MissingExtraError(ManytouchError):
-    """An optional package is needed; the message names the extra to install."""
+    """An optional package is not installed; the message names the extra to install."""
 
     def __init__(self, purpose: str, package: str, extra: str) -> None:
         super().__init__(
-            f"{purpose} needs the package {package}, which is not installed: pip install 'manytouch[{extra}]'"
+            f"{purpose} requires the package {package}, which is not installed: "
+            f"run pip install 'manytouch[{extra}]'"
         )

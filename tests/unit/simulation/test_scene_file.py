@@ -150,7 +150,7 @@ def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
         ("start_s = 2.0, end_s = 3.0", "start_s = 1.2, end_s = 3.0", "overlap"),
         ("[1.0, 0.0, -20.0, 2.0]", "[0.0, 0.0, -20.0, 2.0]", "must increase"),
         ("missing = 3", "missing = 700", "more than the 600"),
-        ('sensor = "demo"', 'sensor = "nowhere.toml"', "no sensor file"),
+        ('sensor = "demo"', 'sensor = "nowhere.toml"', "does not exist"),
         ('file = "body.obj"', 'file = "none.obj"', "cannot read the mesh"),
         ("schema = 1", "schema = [", "not valid TOML"),
     ],

@@ -1,0 +1,48 @@
+from manytouch.calibration import sensor_from_rest as sensor_from_rest
+from manytouch.errors import (
+    LayoutError as LayoutError,
+    ManytouchError as ManytouchError,
+    MissingExtraError as MissingExtraError,
+    OutputError as OutputError,
+    SensorError as SensorError,
+    SourceError as SourceError,
+)
+from manytouch.geometry.surface_sampling import sample as sample
+from manytouch.pipeline import (
+    Detect as Detect,
+    Estimate as Estimate,
+    Pipeline as Pipeline,
+    Sink as Sink,
+    Track as Track,
+)
+from manytouch.session import (
+    METHODS as METHODS,
+    Observer as Observer,
+    pipeline_for as pipeline_for,
+    prepare as prepare,
+    process as process,
+)
+from manytouch.sources import Source as Source, open_source as open_source
+from manytouch.values import (
+    Camera as Camera,
+    Contact as Contact,
+    Contacts as Contacts,
+    Detections as Detections,
+    Frame as Frame,
+    Layout as Layout,
+    Phase as Phase,
+    Reading as Reading,
+    Sensor as Sensor,
+    Sheet as Sheet,
+    SheetSpline as SheetSpline,
+    Surface as Surface,
+    TrackedGrid as TrackedGrid,
+    Truth as Truth,
+)
+from manytouch.values.sensor_file import (
+    known_sensors as known_sensors,
+    load_sensor as load_sensor,
+    save_sensor as save_sensor,
+)
+
+__version__: str
