@@ -44,8 +44,9 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
 def inlined_kernel(**options: Any) -> Callable[[Function], Function]:
     """Decorator for small kernels that are called once per dot: inlined, without reference counts.
 
-    Counting the references to arrays at each call takes as long as the work itself. Such a kernel must only use
-    arrays that its caller keeps, and create none. Without numba's internal switch it is correct, but slower.
+    Counting the references to arrays at each call takes as long as the work itself. Such a kernel must only
+    use arrays that its caller keeps, and create none. Without numba's internal switch it is correct, but
+    slower.
     """
     uncounted = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
     return kernel(forceinline=True, **uncounted, **options)
