@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.viewing import Place
     from manytouch.pipeline import Sink
-    from manytouch.sinks.pictures.surface_picture import BusiestMoment
+    from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.values import Reading
 
 DEFAULT_SECONDS = 10.0
@@ -66,14 +66,14 @@ def _read(seconds: float, out: Path, reporter: "Reporter") -> None:
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.session import prepare, read_into
-    from manytouch.sinks.pictures.surface_picture import BusiestMoment
+    from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.sources.simulated import simulated_source
 
     with Stop() as stop:
         source = simulated_source().lasting(seconds)
         job = prepare(source, progress=reporter)
         log = ContactLog(job.sensor, reporter.say, source.truth)
-        moment = BusiestMoment(job.sensor)
+        moment = BusiestFrame(job.sensor)
         summary = read_into(job, out, annotate=True, sinks=[log, moment], progress=reporter, stop=stop)
     reporter.finish(summary, out)
     _draw(moment, out, reporter)
@@ -85,7 +85,7 @@ def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.cli.terminal.viewing import viewers
     from manytouch.session import Live, files_in, prepare
-    from manytouch.sinks.pictures.surface_picture import BusiestMoment
+    from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.sources.pressed import PressedSource
 
     with Stop() as stop:
@@ -93,7 +93,7 @@ def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter
         job = prepare(source, method="mechanics", progress=reporter)
         live = Live(job, recordings=out)
         log = ContactLog(job.sensor, reporter.say, source.truth)
-        moment = BusiestMoment(job.sensor)
+        moment = BusiestFrame(job.sensor)
         files, summary = files_in(out, job)
         last_ns = round((seconds or KEPT_SECONDS) * 1e9)
         kept = [_Beginning(sink, last_ns) for sink in (*files, moment, summary)]
@@ -104,7 +104,7 @@ def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter
     _draw(moment, out, reporter)
 
 
-def _draw(moment: "BusiestMoment", out: Path, reporter: "Reporter") -> None:
+def _draw(moment: "BusiestFrame", out: Path, reporter: "Reporter") -> None:
     """Draw the moment with most contacts, where the extra is there for it."""
     from manytouch.errors import MissingExtraError
 

@@ -76,7 +76,7 @@ def evaluate(
     """
     from manytouch.cli.terminal.console import Reporter
     from manytouch.evaluation.report.page import require_packages, write_report
-    from manytouch.sinks.files.atomic_output import try_writing
+    from manytouch.sinks.files.atomic_output import check_writable
 
     given = folders or []
     if len(given) not in {0, 2}:
@@ -93,7 +93,7 @@ def evaluate(
         raise wrong_words("evaluate", "--paper is not the suite: without --quick, --group and --tuning")
     require_packages()
     if not given:
-        try_writing(out)  # before hours of work
+        check_writable(out)  # before hours of work
     reporter = Reporter(bar=False)
     if paper:
         return _paper(method, cache=cache, processes=max(processes, 1), out=out)

@@ -50,7 +50,7 @@ def process(
     from manytouch.cli.terminal.failures import report
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.session import prepare, read_into
-    from manytouch.sinks.pictures.surface_picture import ChosenMoments
+    from manytouch.sinks.pictures.surface_picture import SelectedFrames
 
     failed = 0
     with Stop() as stop:
@@ -75,7 +75,7 @@ def process(
                     if stop():
                         break
                     folder = out / name
-                    moments = ChosenMoments(folder, job.sensor, picture) if picture else None
+                    moments = SelectedFrames(folder, job.sensor, picture) if picture else None
                     summary = read_into(
                         job,
                         folder,

@@ -33,11 +33,11 @@ def simulate(
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.simulation.scene.file import load_scene
     from manytouch.simulation.scene.solve import simulator, solve_scene, state_count, states_folder
-    from manytouch.sinks.files.atomic_output import try_writing
+    from manytouch.sinks.files.atomic_output import check_writable
     from manytouch.sinks.files.simulated_folder import SimulatedFolder
 
     said = load_scene(scene)
-    try_writing(out)
+    check_writable(out)
     with Stop() as stop, Steps() as steps:
         steps.say(
             f"scene {said.name}: {len(said.bodies)} bodies, {said.duration_s:g} s on {said.sensor.name}"

@@ -14,7 +14,7 @@ from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.prepare import Job, Observer, prepare
 from manytouch.session.throughput import ThroughputMeter
-from manytouch.sinks.files.description import layout_of
+from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.sources import open_source
 from manytouch.sources.files.replay import ReplaySource
 from manytouch.values import (

@@ -8,9 +8,9 @@ from manytouch.errors import OutputError
 from manytouch.pipeline import Sink
 from manytouch.session.methods import Roi
 from manytouch.session.prepare import Job, Observer, Pitch, prepare
-from manytouch.sinks.files.atomic_output import aside, remove, told
+from manytouch.sinks.files.atomic_output import output_errors, remove, temporary_path
 from manytouch.sinks.files.summary import Summary
-from manytouch.sinks.files.surface_store import SurfaceMap, require_zarr
+from manytouch.sinks.files.surface_store import SurfaceStore, require_zarr
 from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.sinks.pictures.annotate import AnnotatedPictures
 from manytouch.sources import Source
@@ -125,7 +125,7 @@ def files_in(
         FrameTable(folder),
     ]
     if surface:
-        files.append(SurfaceMap(folder, job.sensor))
+        files.append(SurfaceStore(folder, job.sensor))
     if annotate:
         files.append(AnnotatedPictures(folder, job.sensor, as_video=job.is_video, fps=job.source.fps))
     return files, summary
@@ -188,10 +188,10 @@ def _check_apart(folder: Path, source: Source) -> None:
 
 
 def _clear(folder: Path) -> None:
-    with told(folder):
+    with output_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
         for left in folder.glob(CHOSEN):
             left.unlink()
         for name in RESULTS:
             remove(folder / name)
-            remove(aside(folder / name))
+            remove(temporary_path(folder / name))

@@ -8,7 +8,7 @@ from pathlib import Path
 from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Pipeline
 from manytouch.session.prepare import Job
-from manytouch.sinks.files.atomic_output import told
+from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.recorder import Recorder
 from manytouch.sources.source import Device
 from manytouch.values import Frame, Reading, Sensor
@@ -105,6 +105,6 @@ def _moved_aside(path: Path) -> Path | None:
     number = 1
     while (aside := path.with_name(f"{path.stem}-{number}{path.suffix}")).exists():
         number += 1
-    with told(path):
+    with output_errors(path):
         path.rename(aside)
     return aside

@@ -7,7 +7,7 @@ from jaxtyping import Float64
 
 from manytouch.geometry.sampling import BEYOND_PITCH
 from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_on
-from manytouch.sinks.files.description import layout_of
+from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.values import Layout, Sensor
 
 POINTS_PER_PITCH = 4

@@ -6,10 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.sinks.files.surface_store import SurfaceMap
+from manytouch.sinks.files.surface_store import SurfaceStore
 from manytouch.sinks.pictures.annotate import AnnotatedPictures, Annotator
 from manytouch.sinks.pictures.drawing import SKY, VERMILION, eight_bit_colour, text_size, write_text
-from manytouch.sinks.pictures.surface_picture import BusiestMoment, ChosenMoments, SurfacePicture
+from manytouch.sinks.pictures.surface_picture import BusiestFrame, SelectedFrames, SurfacePicture
 from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import Phase
 
@@ -129,7 +129,7 @@ def test_depth_map_of_nothing_is_not_known(sensor, reading_of):
 
 def test_depth_store_has_dimensions_coordinates_and_all_frames(tmp_path, sensor, reading_of):
     zarr = pytest.importorskip("zarr")
-    sink = SurfaceMap(tmp_path, sensor)
+    sink = SurfaceStore(tmp_path, sensor)
     for index in range(19):
         sink.write(reading_of(2 * index, depth_mm=0.1 * index))
     assert not (tmp_path / "surface.zarr").exists()
@@ -150,7 +150,7 @@ def test_depth_store_has_dimensions_coordinates_and_all_frames(tmp_path, sensor,
 
 def test_picture_of_the_moment_with_most_contacts(tmp_path, sensor, reading_of, contact_of):
     pytest.importorskip("matplotlib")
-    moment = BusiestMoment(sensor)
+    moment = BusiestFrame(sensor)
     assert moment.draw(tmp_path / "none.png") is None
     moment.write(reading_of(0))
     moment.write(reading_of(1, (contact_of(1, depth_mm=1.0), contact_of(2, depth_mm=1.0))))
@@ -165,7 +165,7 @@ def test_picture_of_the_moment_with_most_contacts(tmp_path, sensor, reading_of, 
 
 def test_pictures_of_chosen_frames(tmp_path, sensor, reading_of, contact_of):
     pytest.importorskip("matplotlib")
-    chosen = ChosenMoments(tmp_path, sensor, (1, 5))
+    chosen = SelectedFrames(tmp_path, sensor, (1, 5))
     for index in range(3):
         chosen.write(reading_of(index, (contact_of(),)))
     chosen.close()

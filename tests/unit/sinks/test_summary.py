@@ -9,8 +9,8 @@ from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
-from manytouch.sinks.files.description import in_words, pitch_px
 from manytouch.sinks.files.rest_noise import RestNoise
+from manytouch.sinks.files.sensor_description import describe_sensor, pitch_px
 from manytouch.sinks.files.summary import Summary, parameters
 from manytouch.values import Phase
 
@@ -117,5 +117,5 @@ def test_parameters_name_every_stage():
 
 
 def test_a_sensor_in_words(sensor):
-    assert in_words(sensor) == "4 x 6 markers, dark, pitch 40 x 32 px, 1 missing"
+    assert describe_sensor(sensor) == "4 x 6 markers, dark, pitch 40 x 32 px, 1 missing"
     assert pitch_px(sensor) == pytest.approx([40.0, 32.0])

@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
 from manytouch.session import Job
-from manytouch.sinks.files.description import in_words
+from manytouch.sinks.files.sensor_description import describe_sensor
 from manytouch.sinks.files.summary import Summary
 from manytouch.values import Reading
 
@@ -44,7 +44,7 @@ class Reporter:
 
     def begin(self, job: Job) -> None:
         """Say what was found and what had to be assumed."""
-        self.say(f"found {in_words(job.sensor)}")
+        self.say(f"found {describe_sensor(job.sensor)}")
         for assumption in job.sensor.assumptions:
             self.say(f"assumed: {assumption}")
         self._total = job.source.frame_count

@@ -25,7 +25,7 @@ from manytouch.evaluation.suite.recordings import Recording, Twin
 from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.evaluation.suite.workers import Watch, worked
 from manytouch.pipeline import Pipeline
-from manytouch.sinks.files.atomic_output import told
+from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.values.arrays import read_only
 
 CONTACT_COLUMNS = (
@@ -137,7 +137,7 @@ def kept_trial(case: Case, *, methods: Mapping[str, Pipeline], twin: Twin, kept:
         return trial
     trial = try_case(case, methods, twin.play(case))
     aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    with told(path):
+    with output_errors(path):
         kept.mkdir(parents=True, exist_ok=True)
         aside.write_bytes(pickle.dumps(trial))
         aside.replace(path)

@@ -1,4 +1,4 @@
-"""Results that are complete or absent: written aside in the same folder, renamed at the end."""
+"""Results that are complete or absent: written under a temporary name, renamed at the end."""
 
 import os
 import shutil
@@ -10,61 +10,70 @@ from manytouch.errors import OutputError
 
 
 class AtomicOutput:
-    """One result, a file or a folder, on its way to its final name.
+    """A result, a file or a folder, that gets its final name when it is complete.
 
-    It is written under `aside`, a hidden name in the same folder that keeps the suffix; `finish`
-    flushes it to the disk and renames it. What a killed run left aside is removed first.
+    It is written to `temporary_path`, a hidden name in the same folder with the same suffix; `commit` flushes
+    it to the disk and renames it. What an interrupted run left there is removed first.
 
     Attributes:
         path: the final name.
-        aside: where it is written until then.
+        temporary_path: where to write until `commit`.
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        self.aside = aside(path)
-        with told(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            remove(self.aside)
+        """Prepare the folder.
 
-    def finish(self) -> None:
-        """Give the result its final name; from here on it is complete."""
-        with told(self.path):
-            for part in _parts(self.aside):
+        Raises:
+            OutputError: the folder cannot be written.
+        """
+        self.path = path
+        self.temporary_path = temporary_path(path)
+        with output_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            remove(self.temporary_path)
+
+    def commit(self) -> None:
+        """Flush the result to the disk and give it its final name.
+
+        Raises:
+            OutputError: the result cannot be written.
+        """
+        with output_errors(self.path):
+            for part in _parts(self.temporary_path):
                 _flush(part)
             if self.path.is_dir():
                 shutil.rmtree(self.path)
-            self.aside.replace(self.path)
+            self.temporary_path.replace(self.path)
             _flush(self.path.parent)
 
     def discard(self) -> None:
-        """Remove what was written aside."""
-        remove(self.aside)
+        """Remove what was written."""
+        remove(self.temporary_path)
 
 
-def try_writing(folder: Path) -> None:
-    """Write into a folder and leave no trace, before something is computed for long that shall go there.
+def check_writable(folder: Path) -> None:
+    """Check, before a long computation, that its results can be written; leaves no trace.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the folder cannot be written.
     """
-    trial = folder / f".{os.getpid()}.trial"
-    new = [each for each in (folder, *folder.parents) if not each.exists()]
-    with told(folder):
+    probe = folder / f".{os.getpid()}.probe"
+    created = [each for each in (folder, *folder.parents) if not each.exists()]
+    with output_errors(folder):
         folder.mkdir(parents=True, exist_ok=True)
-        trial.touch()
-        trial.unlink()
-        for each in new:
+        probe.touch()
+        probe.unlink()
+        for each in created:
             each.rmdir()
 
 
-def aside(path: Path) -> Path:
-    """The temporary name of a result."""
+def temporary_path(path: Path) -> Path:
+    """The name under which a result is written until it is complete."""
     return path.with_name(f".{path.stem}.partial{path.suffix}")
 
 
 def remove(path: Path) -> None:
-    """Remove a file or a folder, if it is there."""
+    """Remove a file or a folder, if it exists."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path)
     else:
@@ -72,8 +81,8 @@ def remove(path: Path) -> None:
 
 
 @contextmanager
-def told(path: Path) -> Iterator[None]:
-    """Say which result could not be written when the file system refuses.
+def output_errors(path: Path) -> Iterator[None]:
+    """Report a refusal of the file system as an error that names the result and a remedy.
 
     Raises:
         OutputError: instead of any OSError inside.
@@ -83,7 +92,7 @@ def told(path: Path) -> Iterator[None]:
     except OSError as error:
         reason = error.strerror or str(error)
         raise OutputError(
-            f"cannot write {path}: {reason}; choose a folder that can be written and has room"
+            f"cannot write {path}: {reason}; choose a folder that is writable and has enough space"
         ) from error
 
 

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from manytouch.errors import OutputError
-from manytouch.sinks.files.atomic_output import AtomicOutput, told
+from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
 from manytouch.sinks.files.tables import ContactTable, MarkerTable
 from manytouch.values import Detections, Frame, Reading, Sensor, Truth
 from manytouch.values.arrays import read_only
@@ -23,21 +23,21 @@ class SimulatedFolder:
 
     def __init__(self, folder: Path, sensor: Sensor) -> None:
         self._frames = AtomicOutput(folder / "frames")
-        with told(folder):
-            self._frames.aside.mkdir()
+        with output_errors(folder):
+            self._frames.temporary_path.mkdir()
             (folder / "truth").mkdir(exist_ok=True)
         save_sensor(sensor, folder / "sensor.toml")
         self._tables = (ContactTable(folder / "truth", sensor), MarkerTable(folder / "truth", sensor))
 
     def write(self, frame: Frame, truth: Truth) -> None:
         """Add a picture and what really happened in it."""
-        path = self._frames.aside / f"{frame.index:06d}.png"
-        with told(path):
+        path = self._frames.temporary_path / f"{frame.index:06d}.png"
+        with output_errors(path):
             done = frame.image is not None and cv2.imwrite(
                 str(path), np.asarray(frame.image), [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
             )
         if not done:
-            raise OutputError(f"cannot write {path}: choose a folder that can be written and has room")
+            raise OutputError(f"cannot write {path}: choose a folder that is writable and has enough space")
         reading = Reading(
             frame=frame,
             detections=_none(),
@@ -53,7 +53,7 @@ class SimulatedFolder:
         """Complete all files."""
         for table in self._tables:
             table.close()
-        self._frames.finish()
+        self._frames.commit()
 
 
 def _none() -> Detections:

@@ -13,9 +13,9 @@ import numpy as np
 
 import manytouch
 from manytouch.pipeline import Pipeline
-from manytouch.sinks.files.atomic_output import AtomicOutput, told
-from manytouch.sinks.files.description import in_numbers, layout_of
+from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
 from manytouch.sinks.files.rest_noise import RestNoise
+from manytouch.sinks.files.sensor_description import layout_of, sensor_to_dict
 from manytouch.values import Reading, Sensor
 
 SCHEMA = 1
@@ -37,7 +37,7 @@ class Summary:
             method: name of the method.
             recording: what is known of the input; `frame_count` is how many frames it announced, or None.
         """
-        self._staged = AtomicOutput(folder / "summary.json")
+        self._output = AtomicOutput(folder / "summary.json")
         self._sensor = sensor
         self._pipeline = pipeline
         self._method = method
@@ -66,10 +66,10 @@ class Summary:
 
     def close(self) -> None:
         """Write the file."""
-        with told(self._staged.path):
+        with output_errors(self._output.path):
             text = json.dumps(self.contents(), indent=1, ensure_ascii=False, allow_nan=False)
-            self._staged.aside.write_text(text + "\n", encoding="utf-8")
-        self._staged.finish()
+            self._output.temporary_path.write_text(text + "\n", encoding="utf-8")
+        self._output.commit()
 
     @property
     def noise_px(self) -> dict[str, Any]:
@@ -100,7 +100,7 @@ class Summary:
             "schema": SCHEMA,
             "input": self._recording,
             "method": self._method,
-            "sensor": in_numbers(self._sensor),
+            "sensor": sensor_to_dict(self._sensor),
             "assumptions": list(self._sensor.assumptions),
             "counts": self.counts,
             "milliseconds": self._latency(),

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from manytouch.errors import MissingExtraError
-from manytouch.sinks.files.atomic_output import AtomicOutput, told
+from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
 from manytouch.sinks.files.tables import time_s
 from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import Reading, Sensor
@@ -30,7 +30,7 @@ def require_zarr() -> None:
         raise MissingExtraError("the depth map", "zarr", "surface")
 
 
-class SurfaceMap:
+class SurfaceStore:
     """surface.zarr: maps over (frame, y, x), NaN where not known, with coordinates and units."""
 
     def __init__(self, folder: Path, sensor: Sensor) -> None:
@@ -40,9 +40,9 @@ class SurfaceMap:
         self._unit = sensor.length_unit
         grid = surface_grid(sensor)
         self._sampler = grid.sampler
-        self._staged = AtomicOutput(folder / "surface.zarr")
-        with told(self._staged.path):
-            self._group: Any = zarr.create_group(str(self._staged.aside), zarr_format=3)
+        self._output = AtomicOutput(folder / "surface.zarr")
+        with output_errors(self._output.path):
+            self._group: Any = zarr.create_group(str(self._output.temporary_path), zarr_format=3)
         self._group.attrs.update({"title": f"the sheet of {sensor.name}", "unit": self._unit})
         axis = {"units": self._unit, "long_name": "undeformed sheet coordinate"}
         self._coordinate("x", grid.x_mm, axis)
@@ -83,17 +83,17 @@ class SurfaceMap:
         import zarr
 
         self._append()
-        with told(self._staged.path), warnings.catch_warnings():
+        with output_errors(self._output.path), warnings.catch_warnings():
             # xarray looks for consolidated metadata; zarr warns that format 3 does not define them yet
             warnings.filterwarnings("ignore", message="Consolidated metadata", category=UserWarning)
             zarr.consolidate_metadata(self._group.store)
-        self._staged.finish()
+        self._output.commit()
 
     def _append(self) -> None:
         if not self._waiting:
             return
         frames, times, found = zip(*self._waiting, strict=True)
-        with told(self._staged.path):
+        with output_errors(self._output.path):
             self._frame.append(np.array(frames, dtype=np.int64))
             self._time.append(np.array(times))
             for name, array in self._arrays.items():
@@ -108,7 +108,7 @@ class SurfaceMap:
     def _array(self, name: str, shape: tuple[int, ...], kind: str, dimensions: tuple[str, ...]) -> Any:
         """An array that grows with the frames."""
         fill = np.nan if kind.startswith("float") else 0
-        with told(self._staged.path):
+        with output_errors(self._output.path):
             return self._group.create_array(
                 name,
                 shape=(0, *shape),
@@ -119,7 +119,7 @@ class SurfaceMap:
             )
 
     def _coordinate(self, name: str, values: np.ndarray, attributes: dict[str, str]) -> None:
-        with told(self._staged.path):
+        with output_errors(self._output.path):
             array = self._group.create_array(
                 name, shape=values.shape, chunks=values.shape, dtype="float64", dimension_names=(name,)
             )

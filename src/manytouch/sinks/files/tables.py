@@ -13,8 +13,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from manytouch.sinks.files.atomic_output import AtomicOutput, told
-from manytouch.sinks.files.description import layout_of
+from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.values import Contact, LengthUnit, Reading, Sensor
 
 ROWS_PER_GROUP = 65536
@@ -58,20 +58,20 @@ class _CsvTable:
     """A CSV file that appears when it is complete."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        self._staged = AtomicOutput(path)
-        with told(path):
-            self._file = self._staged.aside.open("w", newline="", encoding="utf-8")
+        self._output = AtomicOutput(path)
+        with output_errors(path):
+            self._file = self._output.temporary_path.open("w", newline="", encoding="utf-8")
             self._writer = csv.writer(self._file, lineterminator="\n")
             self._writer.writerow(columns)
 
     def add(self, rows: Iterable[Sequence[object]]) -> None:
-        with told(self._staged.path):
+        with output_errors(self._output.path):
             self._writer.writerows(rows)
 
     def close(self) -> None:
-        with told(self._staged.path):
+        with output_errors(self._output.path):
             self._file.close()
-        self._staged.finish()
+        self._output.commit()
 
 
 class ContactTable:
@@ -142,10 +142,10 @@ class MarkerTable:
         place = layout.row_column
         self._row_column = None if place is None else place[self._marker].astype(np.int32)
         self._schema = marker_schema(sensor.length_unit)
-        self._staged = AtomicOutput(folder / "markers.parquet")
-        with told(self._staged.path):
+        self._output = AtomicOutput(folder / "markers.parquet")
+        with output_errors(self._output.path):
             self._file = pq.ParquetWriter(
-                self._staged.aside, self._schema, compression="zstd", use_dictionary=False
+                self._output.temporary_path, self._schema, compression="zstd", use_dictionary=False
             )
         self._waiting: list[pa.RecordBatch] = []
         self._rows = 0
@@ -182,13 +182,13 @@ class MarkerTable:
     def close(self) -> None:
         """Complete the file."""
         self._append()
-        with told(self._staged.path):
+        with output_errors(self._output.path):
             self._file.close()
-        self._staged.finish()
+        self._output.commit()
 
     def _append(self) -> None:
         if self._waiting:
-            with told(self._staged.path):
+            with output_errors(self._output.path):
                 self._file.write_table(pa.Table.from_batches(self._waiting), row_group_size=self._rows)
         self._waiting, self._rows = [], 0
 

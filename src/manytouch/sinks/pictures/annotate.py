@@ -7,8 +7,8 @@ import numpy as np
 
 from manytouch.errors import OutputError
 from manytouch.geometry.camera import mm_per_px, project
-from manytouch.sinks.files.atomic_output import AtomicOutput, told
-from manytouch.sinks.files.description import layout_of, pitch_px, rest_px
+from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.sensor_description import layout_of, pitch_px, rest_px
 from manytouch.sinks.pictures import drawing
 from manytouch.values import Contact, Reading, Sensor
 from manytouch.values.arrays import Points2
@@ -201,19 +201,19 @@ class AnnotatedPictures:
 
     def __init__(self, folder: Path, sensor: Sensor, *, as_video: bool, fps: float | None) -> None:
         self._draw = Annotator(sensor)
-        self._staged = AtomicOutput(folder / ("annotated.mp4" if as_video else "annotated"))
+        self._output = AtomicOutput(folder / ("annotated.mp4" if as_video else "annotated"))
         self._fps = fps or 25.0
         self._video: cv2.VideoWriter | None = None
         self._as_video = as_video
         if not as_video:
-            with told(self._staged.path):
-                self._staged.aside.mkdir()
+            with output_errors(self._output.path):
+                self._output.temporary_path.mkdir()
 
     def write(self, reading: Reading) -> None:
         """Add a frame."""
         picture = self._draw(reading)
         if not self._as_video:
-            write_png(self._staged.aside / f"{reading.frame.index:06d}.png", picture)
+            write_png(self._output.temporary_path / f"{reading.frame.index:06d}.png", picture)
             return
         if self._video is None:
             self._video = self._opened(picture.shape[1], picture.shape[0])
@@ -225,14 +225,14 @@ class AnnotatedPictures:
             if self._video is None:
                 return
             self._video.release()
-        self._staged.finish()
+        self._output.commit()
 
     def _opened(self, width_px: int, height_px: int) -> cv2.VideoWriter:
         code = cv2.VideoWriter.fourcc(*"mp4v")
-        video = cv2.VideoWriter(str(self._staged.aside), code, self._fps, (width_px, height_px))
+        video = cv2.VideoWriter(str(self._output.temporary_path), code, self._fps, (width_px, height_px))
         if not video.isOpened():
             raise OutputError(
-                f"cannot write {self._staged.path}: this OpenCV has no MPEG-4 encoder; "
+                f"cannot write {self._output.path}: this OpenCV has no MPEG-4 encoder; "
                 "install opencv-python-headless from PyPI, or leave --annotate away"
             )
         return video
@@ -245,7 +245,7 @@ def write_png(path: Path, picture: np.ndarray) -> None:
         OutputError: the file cannot be written.
     """
     _, encoded = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 3])
-    with told(path):
+    with output_errors(path):
         path.write_bytes(encoded.tobytes())
 
 

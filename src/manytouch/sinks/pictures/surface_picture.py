@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from manytouch.errors import MissingExtraError
-from manytouch.sinks.files.atomic_output import AtomicOutput, told
+from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
 from manytouch.sinks.pictures.annotate import Annotator
 from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import Contact, Reading, Sensor
@@ -36,10 +36,10 @@ class SurfacePicture:
     def save(self, reading: Reading, path: Path) -> Path:
         """Draw a reading into a file (PNG, PDF or SVG by its suffix); complete or absent."""
         figure = self.figure(reading)
-        staged = AtomicOutput(path)
-        with told(path):
-            figure.savefig(staged.aside, dpi=DOTS_PER_INCH)
-        staged.finish()
+        output = AtomicOutput(path)
+        with output_errors(path):
+            figure.savefig(output.temporary_path, dpi=DOTS_PER_INCH)
+        output.commit()
         return path
 
     def figure(self, reading: Reading) -> "Figure":
@@ -119,7 +119,7 @@ class SurfacePicture:
             label.set_bbox({"facecolor": "white", "edgecolor": MARK, "alpha": 0.85, "pad": 1.5})
 
 
-class ChosenMoments:
+class SelectedFrames:
     """Draws the surface at chosen frames into `picture-000060.png`, ...; a sink."""
 
     def __init__(self, folder: Path, sensor: Sensor, frames: Collection[int]) -> None:
@@ -146,7 +146,7 @@ class ChosenMoments:
         return sorted(self._frames)
 
 
-class BusiestMoment:
+class BusiestFrame:
     """Remembers the frame with most contacts, the deepest of such; a sink."""
 
     def __init__(self, sensor: Sensor) -> None:

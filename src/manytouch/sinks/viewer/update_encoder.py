@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from manytouch.geometry.surface_sampling import sampler_on
-from manytouch.sinks.files.description import layout_of, rest_px
+from manytouch.sinks.files.sensor_description import layout_of, rest_px
 from manytouch.sinks.surface_grid import SurfaceGrid, grid_corners
 from manytouch.sinks.viewer.health import PictureHealth, residual_mm
 from manytouch.sinks.viewer.messages import number, pack

@@ -49,7 +49,7 @@ def pitch_px(sensor: Sensor) -> Float64[np.ndarray, "2"]:
     return np.array([np.nanmedian(step) if np.isfinite(step).any() else np.nan for step in steps])
 
 
-def in_words(sensor: Sensor) -> str:
+def describe_sensor(sensor: Sensor) -> str:
     """One line, such as "8 x 10 markers, dark, pitch 62 x 77 px, 2 missing"."""
     layout = layout_of(sensor)
     x_px, y_px = pitch_px(sensor)
@@ -66,7 +66,7 @@ def in_words(sensor: Sensor) -> str:
     return ", ".join(words)
 
 
-def in_numbers(sensor: Sensor) -> dict[str, Any]:
+def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:
     """The sensor as plain numbers and lists; null where not known."""
     layout, camera, sheet = layout_of(sensor), sensor.camera, sensor.sheet
     rows, columns = layout.shape if layout.shape is not None else (None, None)
