@@ -62,7 +62,7 @@ class Tracked:
             self.detecting, detections = detect.step(self.detecting, frame, None)
             self.tracking, grid = track.step(before, detections)
         if self.end == SURFACE:
-            surface, _, _ = estimate.shape(self.estimating, grid)
+            surface = estimate.surface(self.estimating.geometry, grid).surface
         elif self.end == CONTACTS:
             self.estimating, surface, _ = estimate.step(self.estimating, grid)
         if self.end != IDENTITIES:
@@ -250,11 +250,11 @@ def stage_methods(footage_sensor: Sensor) -> list[Method]:
 
     def shaping(footage: Footage) -> Run:
         estimate = pipeline_for("perimeter").estimate
-        memory = estimate.start(footage_sensor)
+        geometry = estimate.surface.start(footage_sensor)
         given = [_seen(footage, index) for index in range(len(footage.frames))]
 
         def run(index: int) -> Answer:
-            estimate.shape(memory, given[index])
+            estimate.surface(geometry, given[index])
             return Answer()
 
         return run

@@ -1,21 +1,26 @@
-"""Estimation: from tracked markers to the shape of the sheet and to what touches it.
+"""Estimation: from tracked markers to the shape of the sheet and its contacts.
 
-`PerimeterEstimator` is the method `perimeter`: the paper's depth (`depth`) on markers tracked by manytouch,
-contacts where the sheet is loaded (`load`, `contacts`), identities that last (`identity`). `paper` is the
-paper's own system.
+The methods `mechanics` and `perimeter` with what they share; the paper's own system is `manytouch.paper`.
 """
 
+from manytouch.estimation.contact_finder import ContactFinder, MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker
+from manytouch.estimation.load.contact_finder import LoadContactFinder
+from manytouch.estimation.load.displacement_load import LoadModel
+from manytouch.estimation.load.load_peaks import LoadPeakFinder
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
-from manytouch.estimation.perimeter.contacts import ContactFinder
 from manytouch.estimation.perimeter.estimator import PerimeterEstimator
-from manytouch.estimation.perimeter.load_model import LoadModel
+from manytouch.estimation.perimeter.marker_surface import MarkerSurface
 from manytouch.estimation.perimeter.view_motion import RigidMotionEstimator
 
 __all__ = [
     "ContactFinder",
     "ContactTracker",
+    "LoadContactFinder",
     "LoadModel",
+    "LoadPeakFinder",
+    "MarkerMotion",
+    "MarkerSurface",
     "MechanicsEstimator",
     "PerimeterEstimator",
     "RigidMotionEstimator",

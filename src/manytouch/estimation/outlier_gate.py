@@ -36,6 +36,8 @@ class OutlierGate:
             is_seen: (m,).
             neighbour: (m, k) the markers around each one.
         """
-        from manytouch.estimation.kernels import loners
+        from manytouch.estimation.kernels import neighbour_agreement
 
-        return np.asarray(loners(innovation_px, std_px, is_seen, neighbour, self.stds, self.spreads))
+        return np.asarray(
+            neighbour_agreement(innovation_px, std_px, is_seen, neighbour, self.stds, self.spreads)
+        )

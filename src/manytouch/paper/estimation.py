@@ -179,13 +179,13 @@ class PaperEstimation:
             for row, column in zip(*peaks(plane, least_mm, state.reach), strict=True)
         ]
 
-        def is_there(centre_mm: Points2) -> Mask:
+        def is_loaded(centre_mm: Points2) -> Mask:
             column = np.abs(centre_mm[:, :1] - state.surface.x_mm).argmin(axis=1)
             row = np.abs(centre_mm[:, 1:] - state.surface.y_mm).argmin(axis=1)
             return np.asarray(plane[row, column] > least_mm)
 
         identity, contacts = self.identity.step(
-            state.identity, found, is_there=is_there, status=surface.status
+            state.identity, found, is_loaded=is_loaded, status=surface.status
         )
         return replace(state, identity=identity), surface, contacts
 

@@ -3,15 +3,17 @@
 Of all shapes of the sheet that explain where the dots are, the one is taken that is held by the fewest
 forces, which press and do not pull (`descent`). Depth is read from the shape, contacts from the forces
 (`force_clusters`), deviations from the normal matrix of the last step and the model's error. Where the
-sheet had to be assumed, contacts are found by how the dots swell (`pads`), and the shape says how hard
-they press.
+sheet had to be assumed, contacts are found from the swelling of the dots (`uncalibrated`), and the shape
+gives their forces.
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.estimation.contact_finder import ContactFinder
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.mechanics.contacts import Touching
 from manytouch.estimation.mechanics.evidence import evidence
@@ -22,9 +24,10 @@ from manytouch.estimation.mechanics.sheet_model import NominalSheet, SheetModel
 from manytouch.estimation.mechanics.solid_correction import SolidCorrection
 from manytouch.estimation.mechanics.surface_covariance import MarkerTrust, SurfaceError
 from manytouch.estimation.outlier_gate import OutlierGate
-from manytouch.estimation.perimeter.estimator import PerimeterEstimator, PerimeterState
+from manytouch.estimation.perimeter.marker_surface import MarkerGeometry, MarkerSurface
 from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
+from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.mechanics.solver.normal_equations import Curvature
@@ -49,8 +52,9 @@ class MechanicsState:
         near_frames: frames since then.
         seen_mm: (k, 2) where forces stood in the frame before, contacts or not.
         grips: of the contacts on the sheet.
-        lives: contacts that last.
-        pads: what finds contacts where the sheet was assumed; else None.
+        tracks: of the contacts.
+        uncalibrated: geometry of the markers, and state of the finder of contacts, where the sheet was
+            assumed; else None.
     """
 
     model: SheetModel
@@ -65,8 +69,8 @@ class MechanicsState:
     near_frames: int
     seen_mm: Float64[np.ndarray, "k 2"]
     grips: SlipState
-    lives: ContactTrackerState
-    pads: PerimeterState | None
+    tracks: ContactTrackerState
+    uncalibrated: tuple[MarkerGeometry, Any] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -85,7 +89,8 @@ class MechanicsEstimator:
         error: of the displacements of markers.
         settle: reference while nothing touches.
         slip: which contacts slide.
-        find: contacts where the sheet was assumed.
+        marker_surface: depth of the markers where the sheet was assumed.
+        uncalibrated_contact_finder: finds contacts there.
         pad_pitch: forces so near to one of these are its own.
         model_std_pitch, nominal_std_pitch: of a dot's place, what the model does not explain, when the
             sheet is known and when it was assumed.
@@ -111,7 +116,8 @@ class MechanicsEstimator:
     error: SurfaceError = field(default_factory=SurfaceError)
     settle: ReferenceDrift = field(default_factory=ReferenceDrift)
     slip: SlipDetector = field(default_factory=SlipDetector)
-    find: PerimeterEstimator = field(default_factory=PerimeterEstimator)
+    marker_surface: MarkerSurface = field(default_factory=MarkerSurface)
+    uncalibrated_contact_finder: ContactFinder = field(default_factory=uncalibrated_contact_finder)
     pad_pitch: float = 2.0
     model_std_pitch: float = 8.4e-4
     nominal_std_pitch: float = 5e-3
@@ -154,9 +160,21 @@ class MechanicsEstimator:
             near_frames=0,
             seen_mm=read_only(np.zeros((0, 2))),
             grips=SlipState(),
-            lives=self.identity.start(sensor),
-            pads=self.find.start(sensor) if model.is_nominal else None,
+            tracks=self.identity.start(sensor),
+            uncalibrated=self._start_uncalibrated(sensor) if model.is_nominal else None,
         )
+
+    def _start_uncalibrated(self, sensor: Sensor) -> tuple[MarkerGeometry, Any]:
+        return self.marker_surface.start(sensor), self.uncalibrated_contact_finder.start(sensor)
+
+    def _find_uncalibrated(
+        self, uncalibrated: tuple[MarkerGeometry, Any], grid: TrackedGrid
+    ) -> tuple[tuple[MarkerGeometry, Any], Contacts]:
+        """Contacts, without forces, of the next frame of a sheet that was assumed."""
+        geometry, finder_state = uncalibrated
+        motion = self.marker_surface(geometry, grid)
+        finder_state, contacts = self.uncalibrated_contact_finder.step(finder_state, grid, motion)
+        return (geometry, finder_state), contacts
 
     def step(self, state: MechanicsState, grid: TrackedGrid) -> tuple[MechanicsState, Surface, Contacts]:
         """Surface and contacts of the next frame. It never raises: a bad frame has a status."""
@@ -178,39 +196,44 @@ class MechanicsEstimator:
         status = grid.status if grid.status != "ok" else fit.status
         clusters, significance = self._clusters(state, fit, noise)
         surface = self._surface(state, grid, fit, clusters, status)
-        if state.pads is not None:
-            return self._with_pads(state, state.pads, grid, fit, surface)
+        if state.uncalibrated is not None:
+            return self._step_uncalibrated(state, state.uncalibrated, grid, fit, surface)
         found = self.touch(model, clusters, fit.shape.coefficient_mm, fit.shape.force_mm2)
         is_firm = (self._is_firm(model, clusters, state.seen_mm) & (significance >= self.new_stds)).tolist()
         seen_mm = read_only(np.array([contact.centre_mm for contact in found]).reshape(-1, 2))
-        lives, contacts = self.identity.step(
-            state.lives,
+        tracks, contacts = self.identity.step(
+            state.tracks,
             found,
-            is_firm=is_firm if fit.status == "ok" else [False] * len(found),
-            is_there=lambda place_mm: self._is_there(model, fit, place_mm, noise),
+            may_start=is_firm if fit.status == "ok" else [False] * len(found),
+            is_loaded=lambda place_mm: self._is_there(model, fit, place_mm, noise),
             status=status,
         )
         grips, contacts = self.slip(state.grips, contacts, model.pitch_mm)
         reference_px = state.reference_px
-        if status == "ok" and not lives.lives and not any(is_firm):
+        if status == "ok" and not tracks.tracks and not any(is_firm):
             reference_px = self.settle(reference_px, state.began_px, grid, state.pitch_px)
         after = replace(
             state,
             shape=fit.shape,
             near=fit.near,
             near_frames=0 if fit.steps else state.near_frames + 1,
-            lives=lives,
+            tracks=tracks,
             grips=grips,
             reference_px=reference_px,
             seen_mm=seen_mm,
         )
         return after, surface, contacts
 
-    def _with_pads(
-        self, state: MechanicsState, pads: PerimeterState, grid: TrackedGrid, fit: Fit, surface: Surface
+    def _step_uncalibrated(
+        self,
+        state: MechanicsState,
+        uncalibrated: tuple[MarkerGeometry, Any],
+        grid: TrackedGrid,
+        fit: Fit,
+        surface: Surface,
     ) -> tuple[MechanicsState, Surface, Contacts]:
         """Contacts by how the dots swell; forces over E by the shape, NaN where it explains none there."""
-        pads, _, contacts = self.find.step(pads, grid)
+        uncalibrated, contacts = self._find_uncalibrated(uncalibrated, grid)
         centre_mm = np.array([contact.centre_mm for contact in contacts.contacts]).reshape(-1, 2)
         away_mm = np.linalg.norm(state.model.patch.place_mm[:, None] - centre_mm, axis=2)
         told = []
@@ -228,14 +251,14 @@ class MechanicsEstimator:
                 )
             )
         reference_px = state.reference_px
-        if surface.status == "ok" and not pads.lives.lives:
+        if surface.status == "ok" and not self.uncalibrated_contact_finder.is_touched(uncalibrated[1]):
             reference_px = self.settle(reference_px, state.began_px, grid, state.pitch_px)
         after = replace(
             state,
             shape=fit.shape,
             near=fit.near,
             near_frames=0 if fit.steps else state.near_frames + 1,
-            pads=pads,
+            uncalibrated=uncalibrated,
             reference_px=reference_px,
         )
         return after, surface, replace(contacts, contacts=tuple(told))
@@ -270,11 +293,11 @@ class MechanicsEstimator:
             layout=state.model.layout,
             status=status,
         )
-        if state.pads is not None:
-            pads, _, contacts = self.find.step(state.pads, grid)
-            return replace(state, pads=pads), surface, contacts
-        lives, contacts = self.identity.step(state.lives, (), status=status)
-        return replace(state, lives=lives), surface, contacts
+        if state.uncalibrated is not None:
+            uncalibrated, contacts = self._find_uncalibrated(state.uncalibrated, grid)
+            return replace(state, uncalibrated=uncalibrated), surface, contacts
+        tracks, contacts = self.identity.step(state.tracks, (), status=status)
+        return replace(state, tracks=tracks), surface, contacts
 
     def _surface(
         self, state: MechanicsState, grid: TrackedGrid, fit: Fit, clusters: Clusters, status: str
@@ -310,7 +333,7 @@ class MechanicsEstimator:
         hidden_mm2 = self.hidden * (noise - 1.0) * self.descend.sparse * model.lattice.force_unit_mm2
         force_mm2 = np.where(force_mm2[:, 2:] > -hidden_mm2, 0.0, force_mm2)
         clusters = self.cluster(model.lattice, force_mm2)
-        held_mm = np.array([contact.centre_mm for contact in state.lives.held]).reshape(-1, 2)
+        held_mm = np.array([contact.centre_mm for contact in state.tracks.touching]).reshape(-1, 2)
         clusters = self.order(
             model.lattice,
             force_mm2,

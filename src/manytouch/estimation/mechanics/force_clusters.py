@@ -136,11 +136,11 @@ class ForceClusters:
 
     def __call__(self, lattice: ForceLattice, force_mm2: Nodal) -> Clusters:
         """The clusters of nodal forces (n, 3) over E, z out of the sensor."""
-        from manytouch.estimation.kernels import hills
+        from manytouch.estimation.watershed import watershed
 
         press_mm2 = smoothed(np.maximum(-force_mm2[:, 2], 0.0).reshape(lattice.shape))
         floor_mm2 = max(self.floor_share * float(press_mm2.max()), self.floor * lattice.force_unit_mm2)
-        label, _ = hills(press_mm2, floor_mm2, self.merge)
+        label, _ = watershed(press_mm2, floor_mm2, self.merge)
         clusters = moments(lattice, force_mm2, label.ravel())
         strongest_mm2 = float(clusters.normal_mm2.max(initial=0.0))
         least_mm2 = max(self.least * lattice.force_unit_mm2, self.least_share * strongest_mm2)

@@ -1,8 +1,9 @@
 """The paper's depth for any layout, with its derivatives: equations 11 to 13 of Senarath et al.
 
 m = d (1 - a/b), a and b the perimeters of a cell of neighbouring markers at rest and now, d the distance
-of the camera from the sheet. Markers are taken where their rays meet the sheet's plane at rest, which is the
-image but for the camera's tilt and scale. So a sheet that comes nearer by z as a whole reads exactly z.
+of the camera from the sheet. Markers are projected along their rays onto the plane of the sheet at rest,
+which removes tilt and scale of the camera. The depth of a sheet that comes nearer by z as a whole is exactly
+z.
 """
 
 from dataclasses import dataclass
@@ -10,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int32
 
+from manytouch.estimation.perimeter.law_inputs import CellLists, Rays
 from manytouch.geometry.neighbours import Cells
 from manytouch.values.arrays import Covariances2, Covariances3, Points2, Points3, read_only
 
@@ -21,7 +23,7 @@ class PerimeterLaw:
     Attributes:
         cells: of the layout.
         rest_mm: (m, 2) where the markers' rays meet the plane of the sheet at rest.
-        eye_mm: (2,) foot of the camera in that plane.
+        axis_mm: (2,) foot of the camera in that plane.
         distance_mm: d of equation 11.
         rest_perimeter_mm: (c,) a of equation 11.
         cell_first: (m + 1,) where the cells at each marker begin in `cell`.
@@ -34,7 +36,7 @@ class PerimeterLaw:
 
     cells: Cells
     rest_mm: Points2
-    eye_mm: Float64[np.ndarray, "2"]
+    axis_mm: Float64[np.ndarray, "2"]
     distance_mm: float
     rest_perimeter_mm: Float64[np.ndarray, " c"]
     cell_first: Int32[np.ndarray, " m1"]
@@ -45,12 +47,23 @@ class PerimeterLaw:
     entry: Int32[np.ndarray, " p"]
 
     @property
-    def lists(self) -> tuple[np.ndarray, ...]:
-        """What the kernels take."""
-        return (
-            *(self.cells.corner, self.rest_perimeter_mm, self.cell_first, self.cell),
-            *(self.first, self.pair_corner, self.entry_first, self.entry),
+    def lists(self) -> CellLists:
+        """The cells as the kernels take them."""
+        return CellLists(
+            self.cells.corner,
+            self.rest_perimeter_mm,
+            self.cell_first,
+            self.cell,
+            self.first,
+            self.pair_corner,
+            self.entry_first,
+            self.entry,
         )
+
+    @property
+    def rays(self) -> Rays:
+        """The rays at rest as the kernels take them."""
+        return Rays(self.rest_mm, self.axis_mm, self.distance_mm)
 
     def __call__(self, plane_mm: Points2, covariance_mm2: Covariances2) -> tuple[Points3, Covariances3]:
         """Displacements (m, 3) of the markers, and their covariances.
@@ -62,15 +75,14 @@ class PerimeterLaw:
         A marker at depth m is at the point of its ray that is m nearer to the camera; its covariance is the
         propagated one, with all correlations between a marker's own place and the perimeters around it.
         """
-        from manytouch.estimation.perimeter.law_kernels import lawful
+        from manytouch.estimation.perimeter.law_kernels import law_displacements
 
-        place = (plane_mm, self.rest_mm, self.eye_mm, self.distance_mm)
-        displacement, covariance = lawful(*place, self.lists, covariance_mm2)
+        displacement, covariance = law_displacements(plane_mm, self.rays, self.lists, covariance_mm2)
         return displacement, covariance
 
 
 def perimeter_law(
-    cells: Cells, rest_mm: Points2, eye_mm: Float64[np.ndarray, "2"], distance_mm: float
+    cells: Cells, rest_mm: Points2, axis_mm: Float64[np.ndarray, "2"], distance_mm: float
 ) -> PerimeterLaw:
     """The law for cells of markers that rest at (m, 2) in a plane at this distance from the camera."""
     count = len(rest_mm)
@@ -83,20 +95,20 @@ def perimeter_law(
     return PerimeterLaw(
         cells=cells,
         rest_mm=read_only(rest_mm),
-        eye_mm=read_only(eye_mm),
+        axis_mm=read_only(axis_mm),
         distance_mm=distance_mm,
         rest_perimeter_mm=read_only(rest_perimeter_mm),
-        cell_first=_short(np.searchsorted(cells.marker, np.arange(count + 1))),
-        cell=_short(cells.cell),
-        first=_short(np.searchsorted(number, np.arange(count + 1) * count)),
-        pair_corner=_short(number % count),
-        entry_first=_short(np.append(entry_first, len(key))),
-        entry=_short(entry[order]),
+        cell_first=_int32(np.searchsorted(cells.marker, np.arange(count + 1))),
+        cell=_int32(cells.cell),
+        first=_int32(np.searchsorted(number, np.arange(count + 1) * count)),
+        pair_corner=_int32(number % count),
+        entry_first=_int32(np.append(entry_first, len(key))),
+        entry=_int32(entry[order]),
     )
 
 
-def _short(number: np.ndarray) -> np.ndarray:
-    """Half of the memory: these lists are read anew in each frame."""
+def _int32(number: np.ndarray) -> np.ndarray:
+    """In half of the memory, because these lists are read in each frame."""
     return read_only(number.astype(np.int32))
 
 

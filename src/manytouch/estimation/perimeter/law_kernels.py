@@ -1,11 +1,12 @@
-"""Compiled loops of the paper's depth, over flat arrays."""
+"""Compiled loops of the paper's depth and of its standard deviation."""
 
-# ruff: noqa: PLR0917 - compiled functions hold whole loops and take positional arguments
-
-from typing import no_type_check
+# ruff: noqa: PLR0917 - compiled functions take positional arguments
 
 import numpy as np
 from numba import njit
+
+from manytouch.estimation.perimeter.law_inputs import CellLists, LawErrors, Rays
+from manytouch.values.kernels import Floats, Integers, no_type_check
 
 FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays what it is
 ONE, TWO, THREE = (np.uint64(number) for number in (1, 2, 3))
@@ -13,8 +14,9 @@ ONE, TWO, THREE = (np.uint64(number) for number in (1, 2, 3))
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def cell_depths(plane, corner, rest_perimeter, distance):
+def cell_depths(plane: Floats, cells: CellLists, distance: float) -> tuple[Floats, Floats]:
     """Depth (c,) of each cell, and its derivative (c, 4, 2) with respect to its corners in the plane."""
+    corner, rest_perimeter = cells.corner, cells.rest_perimeter
     depth = np.empty(len(corner))
     slope = np.empty((len(corner), 4, 2))
     for c in range(len(corner)):
@@ -39,17 +41,18 @@ def cell_depths(plane, corner, rest_perimeter, distance):
         each = 1.0 / perimeter if perimeter > 0.0 else np.nan
         ratio = rest_perimeter[c] * each
         depth[c] = distance * (1.0 - ratio)
-        steep = distance * ratio * each
+        scale = distance * ratio * each
         for k in range(4):
-            slope[c, k, 0] *= steep
-            slope[c, k, 1] *= steep
+            slope[c, k, 0] *= scale
+            slope[c, k, 1] *= scale
     return depth, slope
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def marker_depths(cell_first, cell, cell_depth):
+def marker_depths(cells: CellLists, cell_depth: Floats) -> Floats:
     """Mean (m,) of the cells at each marker; NaN where there are none."""
+    cell_first, cell = cells.cell_first, cells.cell
     depth = np.empty(len(cell_first) - 1)
     for m in range(len(depth)):
         total = 0.0
@@ -62,14 +65,16 @@ def marker_depths(cell_first, cell, cell_depth):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def depth_noise(slope, cell_first, first, pair_corner, entry_first, entry, covariance):
-    """Variance (m,) of the depths, and their covariance (m, 2) with the markers' own places.
+def depth_noise(slope: Floats, cells: CellLists, covariance: Floats) -> tuple[Floats, Floats]:
+    """Variance (m,) of the depths, and their covariance (m, 2) with the markers' own positions.
 
     Args:
-        slope: (c, 4, 2) derivatives of the cells' depths.
-        cell_first, first, pair_corner, entry_first, entry: of the law.
-        covariance: (m, 2, 2) of the places.
+        slope: (c, 4, 2) derivatives of the depths of the cells.
+        cells: of the layout.
+        covariance: (m, 2, 2) of the positions.
     """
+    cell_first, first, pair_corner = cells.cell_first, cells.first, cells.pair_corner
+    entry_first, entry = cells.entry_first, cells.entry
     # flat arrays and unsigned indices: they need no check for negative ones
     flat, spread = slope.reshape(-1), covariance.reshape(-1)
     count = len(first) - 1
@@ -98,19 +103,30 @@ def depth_noise(slope, cell_first, first, pair_corner, entry_first, entry, covar
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def along_rays(plane, rest, eye, distance, depth, covariance, variance, mixed):
-    """Displacements (m, 3) of markers at some depth on their rays, and their covariances (m, 3, 3)."""
-    moved = np.empty((len(plane), 3))
+def along_rays(
+    plane: Floats, rays: Rays, depth: Floats, covariance: Floats, variance: Floats, mixed: Floats
+) -> tuple[Floats, Floats]:
+    """Displacements (m, 3) of markers at given depths on their rays, and their covariances (m, 3, 3).
+
+    Args:
+        plane: (m, 2) where the rays meet the plane of the sheet at rest.
+        rays: at rest.
+        depth, variance: (m,) with their variances.
+        covariance: (m, 2, 2) of `plane`.
+        mixed: (m, 2) covariance of the depth with `plane`.
+    """
+    rest, axis = rays.rest, rays.axis
+    displacement = np.empty((len(plane), 3))
     out = np.empty((len(plane), 3, 3))
-    each = 1.0 / distance
+    each = 1.0 / rays.distance
     for m in range(len(plane)):
         shrink = 1.0 - depth[m] * each
         for i in range(2):
-            arm = plane[m, i] - eye[i]
-            moved[m, i] = eye[i] + shrink * arm - rest[m, i]
+            arm = plane[m, i] - axis[i]
+            displacement[m, i] = axis[i] + shrink * arm - rest[m, i]
             reach = arm * each
             for j in range(2):
-                other = (plane[m, j] - eye[j]) * each
+                other = (plane[m, j] - axis[j]) * each
                 out[m, i, j] = (
                     shrink * shrink * covariance[m, i, j]
                     - shrink * (mixed[m, i] * other + mixed[m, j] * reach)
@@ -118,111 +134,118 @@ def along_rays(plane, rest, eye, distance, depth, covariance, variance, mixed):
                 )
             out[m, i, 2] = -(shrink * mixed[m, i] - variance[m] * reach)
             out[m, 2, i] = out[m, i, 2]
-        moved[m, 2] = -depth[m]
+        displacement[m, 2] = -depth[m]
         out[m, 2, 2] = variance[m]
-    return moved, out
+    return displacement, out
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def lawful(plane, rest, eye, distance, law, covariance):
-    """Displacements (m, 3) and their covariances (m, 3, 3); `law` is `PerimeterLaw.lists`."""
-    corner, rest_perimeter, cell_first, cell, first, pair_corner, entry_first, entry = law
-    cell_depth, slope = cell_depths(plane, corner, rest_perimeter, distance)
-    depth = marker_depths(cell_first, cell, cell_depth)
-    variance, mixed = depth_noise(slope, cell_first, first, pair_corner, entry_first, entry, covariance)
-    return along_rays(plane, rest, eye, distance, depth, covariance, variance, mixed)
+def law_displacements(
+    plane: Floats, rays: Rays, cells: CellLists, covariance: Floats
+) -> tuple[Floats, Floats]:
+    """Displacements (m, 3) by the law and their covariances (m, 3, 3) from noise; see `along_rays`."""
+    cell_depth, slope = cell_depths(plane, cells, rays.distance)
+    depth = marker_depths(cells, cell_depth)
+    variance, mixed = depth_noise(slope, cells, covariance)
+    return along_rays(plane, rays, depth, covariance, variance, mixed)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def sheet(moved, motion, rest, eye, distance, law, covariance, around, rest_mm, feigned, spill, scale):
-    """The sheet at its markers: positions and displacements (m, 3), and covariances (m, 3, 3).
+def surface_at_markers(
+    displacement: Floats, view: Floats, rays: Rays, cells: CellLists, covariance: Floats, errors: LawErrors
+) -> tuple[Floats, Floats]:
+    """Displacements (m, 3) of the markers without the motion of the view, and covariances (m, 3, 3).
 
     Args:
-        moved: (m, 2) displacements in the plane at rest.
-        motion: (3,) of the view: x, y and angle.
-        rest, eye, distance, law: of `PerimeterLaw`.
-        covariance: (m, 2, 2) of `moved`.
-        around: neighbours of each marker and what their depths add to the errors: see `law_errors`.
-        rest_mm: (m, 3) of the layout.
-        feigned, spill, scale: see `law_errors`.
+        displacement: (m, 2) in the plane at rest.
+        view: (3,) motion of the view: x, y and angle.
+        rays, cells: of the law.
+        covariance: (m, 2, 2) of `displacement`.
+        errors: of the law.
     """
-    index, lean, bend = around
-    cosine, sine = np.cos(motion[2]) - 1.0, np.sin(motion[2])
-    plane = np.empty_like(moved)
-    for m in range(len(moved)):
+    rest = rays.rest
+    cosine, sine = np.cos(view[2]) - 1.0, np.sin(view[2])
+    plane = np.empty_like(displacement)
+    for m in range(len(displacement)):
         x, y = rest[m, 0], rest[m, 1]
-        plane[m, 0] = x + moved[m, 0] - motion[0] - (cosine * x - sine * y)
-        plane[m, 1] = y + moved[m, 1] - motion[1] - (sine * x + cosine * y)
-    displacement, spread = lawful(plane, rest, eye, distance, law, covariance)
-    depth, variance = -displacement[:, 2], spread[:, 2, 2].copy()
-    error = law_errors(depth, variance, index, lean, bend, feigned, spill, scale)
-    # what is wrong in depth moves the marker along its ray
-    widen(spread, error, rest, eye, distance)
-    return rest_mm + displacement, displacement, spread
+        plane[m, 0] = x + displacement[m, 0] - view[0] - (cosine * x - sine * y)
+        plane[m, 1] = y + displacement[m, 1] - view[1] - (sine * x + cosine * y)
+    out, spread = law_displacements(plane, rays, cells, covariance)
+    error = law_error_variances(-out[:, 2], spread[:, 2, 2].copy(), errors)
+    # an error of the depth moves the marker along its ray
+    add_depth_variances(spread, error, rays)
+    return out, spread
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def _add_neighbours(depth, variance, index, lean, bend, sums):
-    """Adds to `sums` (5, m) what one neighbour of each marker (m,) says, see `law_errors`."""
-    leant, lean_noise, bent, bend_noise, around = sums[0], sums[1], sums[2], sums[3], sums[4]
-    for m in range(np.uint64(len(index))):
-        n = np.uint64(index[m])
+def _add_neighbours(
+    depth: Floats, variance: Floats, neighbour: Integers, slope: Floats, curvature: Floats, sums: Floats
+) -> None:
+    """Adds the contribution of one neighbour of each marker (m,) to `sums` (5, m)."""
+    by_slope, slope_noise, by_curvature, curvature_noise, squares = (
+        sums[0],
+        sums[1],
+        sums[2],
+        sums[3],
+        sums[4],
+    )
+    for m in range(np.uint64(len(neighbour))):
+        n = np.uint64(neighbour[m])
         there = depth[n]
         rise, noise = there - depth[m], np.sqrt(variance[n] + variance[m])
-        leant[m] += lean[m] * rise
-        lean_noise[m] += abs(lean[m]) * noise
-        bent[m] += bend[m] * rise
-        bend_noise[m] += bend[m] * noise
-        around[m] += there * there
+        by_slope[m] += slope[m] * rise
+        slope_noise[m] += abs(slope[m]) * noise
+        by_curvature[m] += curvature[m] * rise
+        curvature_noise[m] += curvature[m] * noise
+        squares[m] += there * there
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def law_errors(depth, variance, index, lean, bend, feigned, spill, scale):
-    """Variance (m,) of the law about the depth of the sheet, from the slope and curvature of its own map.
+def law_error_variances(depth: Floats, variance: Floats, errors: LawErrors) -> Floats:
+    """Variance (m,) of the law's deviation from the depth, from slope and curvature of its own map.
 
     Args:
-        depth, variance: (m,); what their noise feigns in slope and curvature is taken off.
-        index: (k, m) the neighbours of each marker.
-        lean, bend: (k, m) what a neighbour's depth above the marker's own adds to the two errors of the law.
-        feigned: how much of the noise.
-        spill: mean squares of the whole map that may show up anywhere.
-        scale: relative deviation of all depths.
+        depth, variance: (m,); what their noise adds to slope and curvature is subtracted.
+        errors: weights and parameters.
     """
-    count, known, square = len(index), 0, 0.0
+    count, known, square = len(errors.neighbour), 0, 0.0
     for m in range(len(depth)):
         if not np.isnan(depth[m]):
             square += depth[m] * depth[m]
             known += 1
-    spilt = spill * square / max(known, 1)
+    spilt = errors.spill * square / max(known, 1)
     total, sums = np.empty(len(depth)), np.zeros((5, len(depth)))
     for k in range(count):
-        _add_neighbours(depth, variance, index[k], lean[k], bend[k], sums)
+        _add_neighbours(depth, variance, errors.neighbour[k], errors.slope[k], errors.curvature[k], sums)
     for m in range(len(depth)):
-        leant, lean_noise, bent, bend_noise = sums[0, m], sums[1, m], sums[2, m], sums[3, m]
-        error = max(leant * leant - feigned * lean_noise * lean_noise, 0.0)
-        error += max(bent * bent - feigned * bend_noise * bend_noise, 0.0)
-        # The map that slope and curvature are taken from holds the error itself, so what the law adds is
-        # never more than what the map shows.
+        by_slope, slope_noise, by_curvature, curvature_noise = sums[0, m], sums[1, m], sums[2, m], sums[3, m]
+        error = max(by_slope * by_slope - errors.noise_factor * slope_noise * slope_noise, 0.0)
+        error += max(
+            by_curvature * by_curvature - errors.noise_factor * curvature_noise * curvature_noise, 0.0
+        )
+        # Slope and curvature are those of a map that contains the error itself, so the error is limited to
+        # what the map shows.
         shown = 0.5 * (depth[m] * depth[m] + sums[4, m] / count) + spilt
         error *= shown / max((np.sqrt(error) + np.sqrt(shown)) ** 2, 1e-300)
-        total[m] = error + (scale * depth[m]) ** 2
-        # A marker or neighbour in no cell has no depth, and so has its error none.
-        if np.isnan(leant) or np.isnan(lean_noise):
+        total[m] = error + (errors.scale_std * depth[m]) ** 2
+        # The error is unknown where the depth of the marker or of a neighbour is.
+        if np.isnan(by_slope) or np.isnan(slope_noise):
             total[m] = np.nan
     return total
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def widen(covariance, error, rest, eye, distance):
-    """Adds errors (m,) of depth, which move markers along their rays, to covariances (m, 3, 3)."""
-    each = 1.0 / distance
+def add_depth_variances(covariance: Floats, variance: Floats, rays: Rays) -> None:
+    """Adds variances (m,) of the depth, which moves markers along their rays, to covariances (m, 3, 3)."""
+    rest, axis = rays.rest, rays.axis
+    each = 1.0 / rays.distance
     for m in range(len(rest)):
-        x, y, here = (rest[m, 0] - eye[0]) * each, (rest[m, 1] - eye[1]) * each, error[m]
+        x, y, here = (rest[m, 0] - axis[0]) * each, (rest[m, 1] - axis[1]) * each, variance[m]
         covariance[m, 0, 0] += here * x * x
         covariance[m, 1, 1] += here * y * y
         covariance[m, 2, 2] += here

@@ -1,19 +1,39 @@
-"""Compiled loops that find the motion of the view, over flat arrays."""
+"""Compiled loops that find the motion of the view."""
 
-# ruff: noqa: PLR0917 - compiled functions hold whole loops and take positional arguments
+# ruff: noqa: PLR0917 - compiled functions take positional arguments
 
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 
+from manytouch.values.kernels import Flags, Floats, Integers, no_type_check
+
 FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays what it is
-ENOUGH = 256  # places, of which deviations differ little
+STD_SAMPLE = 256  # covariances that a median is taken of, because they differ little
+
+
+class MotionSearch(NamedTuple):
+    """Hypotheses and parameters of the search; see `RigidMotionEstimator`.
+
+    Attributes:
+        pairs: (n, 2) markers that define a motion each.
+        weight: (m,) of the markers.
+        share: of the weight that must fit.
+        voters: approximate number of markers on which motions are compared.
+        rounds: of the refinement.
+    """
+
+    pairs: Integers
+    weight: Floats
+    share: float
+    voters: int
+    rounds: int
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def border_weights(rest, border_weight):
+def border_weights(rest: Floats, border_weight: float) -> Floats:
     """(m,) from 1 in the middle to `border_weight` at the border of points (m, 2)."""
     weight = np.zeros(len(rest))
     for axis in range(2):
@@ -26,8 +46,8 @@ def border_weights(rest, border_weight):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def _squares(x, y, u, v, motion, out):
-    """Squared residuals of a motion."""
+def _squared_residuals(x: Floats, y: Floats, u: Floats, v: Floats, motion: Floats, out: Floats) -> None:
+    """Writes the squared residuals (m,) of a motion (3,) at places x, y with displacements u, v."""
     shift_x, shift_y, turn = motion[0], motion[1], motion[2]
     for m in range(len(x)):
         a = u[m] - shift_x + turn * y[m]
@@ -37,7 +57,8 @@ def _squares(x, y, u, v, motion, out):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def _weight_below(square, weight, limit):
+def _weight_below(square: Floats, weight: Floats, limit: float) -> float:
+    """Sum of the weights (m,) whose squared residuals (m,) are below a limit."""
     total = 0.0
     for m in range(len(square)):
         total += weight[m] if square[m] < limit else 0.0
@@ -46,8 +67,10 @@ def _weight_below(square, weight, limit):
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
 @no_type_check
-def _fitted(x, y, u, v, w, square, gate, motion):
-    """Writes the motion (3,) that fits best with Tukey's weight; none counts beyond the gate."""
+def _fit_motion(
+    x: Floats, y: Floats, u: Floats, v: Floats, w: Floats, square: Floats, gate: float, motion: Floats
+) -> None:
+    """Writes the motion (3,) that fits best with Tukey's weight, which is 0 beyond the gate."""
     each = 1.0 / (gate * gate) if gate > 0.0 else 0.0
     total = mean_x = mean_y = middle_x = middle_y = lever = turn = 0.0
     for m in range(len(x)):
@@ -69,8 +92,8 @@ def _fitted(x, y, u, v, w, square, gate, motion):
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def reach(residual, weight, goal):
-    """The least residual (m,) within which the weight (m,) is at least `goal`; both arrays are reordered.
+def weighted_quantile(residual: Floats, weight: Floats, goal: float) -> float:
+    """The smallest residual (m,) up to which the weights (m,) add up to `goal`; reorders both arrays.
 
     C. A. R. Hoare 1961, doi:10.1145/366622.366647, with weights.
     """
@@ -95,26 +118,26 @@ def reach(residual, weight, goal):
         else:
             passed += left
             low = j + 1
-    return residual[low]
+    return float(residual[low])
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def proposed(rest, moved, is_seen, weight, pairs, part, voters):
-    """The motion (3,) of x, y and angle, of those that pairs of markers propose, that fits part of them best.
+def propose_motion(rest: Floats, displacement: Floats, is_seen: Flags, search: MotionSearch) -> Floats:
+    """The motion (3,) of x, y and angle that fits `share` of the weight best.
+
+    Every pair of markers defines a motion; the median displacement without a rotation is another one.
 
     Args:
-        rest, moved: (m, 2) places and displacements.
-        is_seen, weight: (m,).
-        pairs: (n, 2) markers; the voters' median displacement without a turn is proposed too.
-        part: of the weight that must fit.
-        voters: markers that judge, about.
+        rest, displacement: (m, 2) places and displacements.
+        is_seen: (m,).
+        search: hypotheses and parameters.
     """
-    seen = np.flatnonzero(is_seen)
-    voter = seen[:: max(1, len(seen) // voters)]
-    x, y, u, v = rest[voter, 0], rest[voter, 1], moved[voter, 0], moved[voter, 1]
-    w = weight[voter]
-    goal = part * w.sum()
+    pairs, seen = search.pairs, np.flatnonzero(is_seen)
+    voter = seen[:: max(1, len(seen) // search.voters)]
+    x, y, u, v = rest[voter, 0], rest[voter, 1], displacement[voter, 0], displacement[voter, 1]
+    w = search.weight[voter]
+    goal = search.share * w.sum()
     square = np.empty(len(voter))
     best, least = np.zeros(3), np.inf
     motion = np.empty(3)
@@ -125,46 +148,53 @@ def proposed(rest, moved, is_seen, weight, pairs, part, voters):
             apart = span_x * span_x + span_y * span_y
             if not (is_seen[a] and is_seen[b] and apart > 0.0):
                 continue
-            off_x, off_y = moved[b, 0] - moved[a, 0], moved[b, 1] - moved[a, 1]
+            off_x = displacement[b, 0] - displacement[a, 0]
+            off_y = displacement[b, 1] - displacement[a, 1]
             motion[2] = (off_y * span_x - off_x * span_y) / apart
-            motion[0] = 0.5 * (moved[a, 0] + moved[b, 0] + motion[2] * (rest[a, 1] + rest[b, 1]))
-            motion[1] = 0.5 * (moved[a, 1] + moved[b, 1] - motion[2] * (rest[a, 0] + rest[b, 0]))
+            motion[0] = 0.5 * (
+                displacement[a, 0] + displacement[b, 0] + motion[2] * (rest[a, 1] + rest[b, 1])
+            )
+            motion[1] = 0.5 * (
+                displacement[a, 1] + displacement[b, 1] - motion[2] * (rest[a, 0] + rest[b, 0])
+            )
         else:
             motion[0], motion[1], motion[2] = np.median(u), np.median(v), 0.0
-        _squares(x, y, u, v, motion, square)
+        _squared_residuals(x, y, u, v, motion, square)
         if _weight_below(square, w, least) >= goal:
-            least = reach(square, w.copy(), goal)
+            least = weighted_quantile(square, w.copy(), goal)
             best[:] = motion
     return best
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def refined(rest, moved, is_seen, weight, motion, part, std, voters, rounds):
-    """The motion (3,) after rounds of least squares with Tukey's weight, from the one that was proposed.
+def refine_motion(
+    rest: Floats, displacement: Floats, is_seen: Flags, std: float, search: MotionSearch, motion: Floats
+) -> Floats:
+    """The motion (3,) after rounds of least squares with Tukey's weight, from a proposed one.
 
-    How far residuals may lie is told by `voters` of the markers, about.
+    The scale of the residuals is taken from about `voters` of the markers; it is at least `std`.
     """
     seen = np.flatnonzero(is_seen)
-    x, y, u, v = rest[seen, 0], rest[seen, 1], moved[seen, 0], moved[seen, 1]
-    w = weight[seen]
-    step = max(1, len(seen) // voters)
-    voted = w[::step].copy()
-    goal = part * voted.sum()
+    x, y, u, v = rest[seen, 0], rest[seen, 1], displacement[seen, 0], displacement[seen, 1]
+    w = search.weight[seen]
+    step = max(1, len(seen) // search.voters)
+    voter_weight = w[::step].copy()
+    goal = search.share * voter_weight.sum()
     square = np.empty(len(seen))
     motion = motion.copy()
-    for _ in range(rounds):
-        _squares(x, y, u, v, motion, square)
-        scale = np.sqrt(reach(square[::step].copy(), voted.copy(), goal))
-        _fitted(x, y, u, v, w, square, 3.0 * max(scale, std), motion)
+    for _ in range(search.rounds):
+        _squared_residuals(x, y, u, v, motion, square)
+        scale = np.sqrt(weighted_quantile(square[::step].copy(), voter_weight.copy(), goal))
+        _fit_motion(x, y, u, v, w, square, 3.0 * max(scale, std), motion)
     return motion
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def usual_std(covariance, is_seen):
-    """Median deviation along an axis of the places (m, 2, 2) that are known; some hundreds tell it."""
-    step, wait = max(1, is_seen.sum() // ENOUGH), 0
+def median_std(covariance: Floats, is_seen: Flags) -> float:
+    """Median standard deviation along an axis of the seen ones of covariances (m, 2, 2), from a sample."""
+    step, wait = max(1, is_seen.sum() // STD_SAMPLE), 0
     spread = np.empty(len(covariance))
     number = 0
     for m in range(len(covariance)):
@@ -173,14 +203,16 @@ def usual_std(covariance, is_seen):
                 spread[number] = covariance[m, 0, 0] + covariance[m, 1, 1]
                 number, wait = number + 1, step
             wait -= 1
-    return np.sqrt(np.median(spread[:number]) / 2.0)
+    return float(np.sqrt(np.median(spread[:number]) / 2.0))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 @no_type_check
-def motion_of(rest, moved, is_seen, std, weight, pairs, part, voters, rounds):
-    """The motion (3,) of the view; none when nothing is seen. See `view.RigidMotionEstimator`."""
+def estimate_motion(
+    rest: Floats, displacement: Floats, is_seen: Flags, std: float, search: MotionSearch
+) -> Floats:
+    """The motion (3,) of the view, 0 when no marker is seen; see `RigidMotionEstimator`."""
     if not is_seen.any():
         return np.zeros(3)
-    motion = proposed(rest, moved, is_seen, weight, pairs, part, voters)
-    return refined(rest, moved, is_seen, weight, motion, part, std, voters, rounds)
+    motion = propose_motion(rest, displacement, is_seen, search)
+    return refine_motion(rest, displacement, is_seen, std, search, motion)

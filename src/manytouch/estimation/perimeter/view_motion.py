@@ -1,4 +1,4 @@
-"""How far the whole view moved: what camera and frame did, not what touches the sheet."""
+"""Motion of the whole view, which is caused by the camera or its mount and not by contacts."""
 
 from dataclasses import dataclass
 
@@ -21,20 +21,20 @@ class ViewMotion:
     angle_rad: float
 
     def displacement(self, rest_mm: Points2) -> Points2:
-        """(m, 2) motion of points at rest."""
+        """(m, 2) displacement of points at rest."""
         cosine, sine = np.cos(self.angle_rad), np.sin(self.angle_rad)
         turn = np.array([[cosine - 1.0, -sine], [sine, cosine - 1.0]])
-        moved: Points2 = self.shift_mm + rest_mm @ turn.T
-        return moved
+        displacement: Points2 = self.shift_mm + rest_mm @ turn.T
+        return displacement
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MotionHypotheses:
-    """What the layout decides of finding the view.
+    """What a search for the motion needs of the layout.
 
     Attributes:
-        pairs: (candidates, 2) markers that propose a motion.
-        weight: (m,) of the markers: more at the border.
+        pairs: (candidates, 2) markers that define a motion each.
+        weight: (m,) of the markers; larger at the border.
     """
 
     pairs: np.ndarray
@@ -43,58 +43,61 @@ class MotionHypotheses:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RigidMotionEstimator:
-    """Finds the motion that the far field has in common.
+    """Estimates the rigid motion that the markers far from contacts have in common.
 
-    A press moves the markers near it, each a little otherwise; where nothing presses they move as one. So
-    of many candidate motions (each fixed by two markers that lie far apart) the one is taken that the
-    best-agreeing part of the markers fits closest (least quantile of squares, P. J. Rousseeuw 1984,
-    doi:10.1080/01621459.1984.10477105), those near the border counting more; it is then refined by
-    re-weighted least squares with Tukey's weight. The scale is not estimated: a press in the middle of
-    a sheet looks like a change of scale.
+    A press moves the markers near it, each differently; elsewhere they move together. Of many candidate
+    motions (each defined by two markers that are far apart) the estimate is the one with the least quantile
+    of squared residuals (P. J. Rousseeuw 1984, doi:10.1080/01621459.1984.10477105), in which markers near the
+    border have more weight; it is then refined by iteratively re-weighted least squares with Tukey's weight.
+    The
+    scale is not estimated: a press in the middle of a sheet resembles a change of scale.
 
     Attributes:
-        part: of the markers' weight that must move as one.
-        border_weight: of a marker at the border, against 1 in the middle.
-        candidates: pairs of markers that propose a motion.
-        voters: markers that judge the proposals and what is far off, about; the refinement uses all.
-        refinements: steps of re-weighting.
+        share: of the markers' weight that must move together.
+        border_weight: of a marker at the border, relative to 1 in the middle.
+        candidates: number of pairs that define a motion.
+        voters: approximate number of markers on which motions are compared; the refinement uses all.
+        refinements: rounds of re-weighting.
     """
 
-    part: float = 0.35
+    share: float = 0.35
     border_weight: float = 2.0
     candidates: int = 48
     voters: int = 150
     refinements: int = 4
 
-    def judges(self, rest_mm: Points2) -> MotionHypotheses:
-        """Pairs of markers far apart, the same for the same layout, and the weights of all."""
+    def hypotheses(self, rest_mm: Points2) -> MotionHypotheses:
+        """Pairs of distant markers, the same for equal layouts, and the weights of all markers."""
         from manytouch.estimation.perimeter.view_kernels import border_weights
 
-        chance = np.random.default_rng(0)
+        random = np.random.default_rng(0)
         count = len(rest_mm)
-        first = chance.integers(count, size=8 * self.candidates)
-        second = chance.integers(count, size=8 * self.candidates)
-        far = np.linalg.norm(rest_mm[first] - rest_mm[second], axis=1)
-        best = np.argsort(-far, kind="stable")[: 4 * self.candidates : 4]
+        first = random.integers(count, size=8 * self.candidates)
+        second = random.integers(count, size=8 * self.candidates)
+        distance = np.linalg.norm(rest_mm[first] - rest_mm[second], axis=1)
+        best = np.argsort(-distance, kind="stable")[: 4 * self.candidates : 4]
         pairs = np.column_stack([first[best], second[best]])
         return MotionHypotheses(pairs=pairs, weight=border_weights(rest_mm, self.border_weight))
 
     def __call__(
-        self, rest_mm: Points2, moved_mm: Points2, is_seen: Mask, std_mm: float, judges: MotionHypotheses
+        self,
+        rest_mm: Points2,
+        displacement_mm: Points2,
+        is_seen: Mask,
+        std_mm: float,
+        hypotheses: MotionHypotheses,
     ) -> ViewMotion:
-        """The motion of the view from displacements (m, 2); none when nothing is seen.
+        """The motion of the view, 0 when no marker is seen.
 
         Args:
             rest_mm: (m, 2) in the plane of the sheet.
-            moved_mm: (m, 2) displacements; those of markers that are not seen are not looked at.
+            displacement_mm: (m, 2); those of markers that are not seen are not used.
             is_seen: (m,).
-            std_mm: of a marker's place; residuals below it tell nothing.
-            judges: from `judges`.
+            std_mm: standard deviation of a marker's position; smaller residuals are not weighted.
+            hypotheses: from `hypotheses`.
         """
-        from manytouch.estimation.perimeter.view_kernels import motion_of
+        from manytouch.estimation.perimeter.view_kernels import MotionSearch, estimate_motion
 
-        motion = motion_of(
-            *(rest_mm, moved_mm, is_seen, std_mm, judges.weight, judges.pairs),
-            *(self.part, self.voters, self.refinements),
-        )
+        search = MotionSearch(hypotheses.pairs, hypotheses.weight, self.share, self.voters, self.refinements)
+        motion = estimate_motion(rest_mm, displacement_mm, is_seen, std_mm, search)
         return ViewMotion(shift_mm=read_only(motion[:2]), angle_rad=float(motion[2]))

@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Contacts where the view or the sheet was assumed: a load map from dot areas and marker spacings.
+
+Only the source of the load is here; how its peaks become contacts is in `load`, surfaces are in `perimeter`.
+"""

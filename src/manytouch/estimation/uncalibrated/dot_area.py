@@ -1,4 +1,4 @@
-"""How much each dot has grown in the image since the sheet was at rest."""
+"""Change of the area of each dot in the image since the sheet was at rest."""
 
 from dataclasses import dataclass
 
@@ -10,24 +10,24 @@ from manytouch.values.arrays import Scalars, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class DotGrowth:
+class DotAreaChange:
     """Change of the logarithm of each dot's area.
 
     Attributes:
-        limit: largest change that is believed, either way; a dot that a glint cuts seems to shrink by more.
-        settle: part of what remains while nothing touches that is taken for rest, per frame.
+        limit: changes are clipped to this size; a dot that a glint cuts seems to shrink by more.
+        drift: share of the remaining change that a frame at rest adds to the areas at rest.
     """
 
     limit: float = 0.4
-    settle: float = 0.01
+    drift: float = 0.01
 
     def __call__(self, grid: TrackedGrid, rest: Scalars, neighbours: Neighbours) -> Scalars | None:
-        """Growth (m,) of all markers; None when the frame tells no areas.
+        """(m,) change for all markers; None for a frame without areas.
 
         Args:
             grid: markers of the frame.
             rest: (m,) logarithm of the areas at rest in px^2, NaN where not known.
-            neighbours: of the markers; those that show nothing take the mean of theirs, or 0.
+            neighbours: of the markers; a marker without an area gets the mean of its neighbours, or 0.
         """
         if grid.area_px2 is None:
             return None
@@ -42,24 +42,24 @@ class DotGrowth:
         return read_only(growth)
 
     def std(self, grid: TrackedGrid) -> float | None:
-        """Usual standard deviation of a growth, from that of the centres.
+        """Median standard deviation of a change, from that of the centres; None for a frame without areas.
 
         Noise on the outline of a disc of radius r moves its centre along an axis by s and changes the
         logarithm of its area by sqrt(2) s / r: the weights along the outline are cos and 1.
         """
         if grid.area_px2 is None:
             return None
-        from manytouch.estimation.kernels import median
+        from manytouch.estimation.kernels import median_where
 
-        variance_px2 = median(grid.covariance_px2[:, 0, 0], grid.is_seen)
-        return float(np.sqrt(2.0 * np.pi * variance_px2 / median(grid.area_px2, grid.is_seen)))
+        variance_px2 = median_where(grid.covariance_px2[:, 0, 0], grid.is_seen)
+        return float(np.sqrt(2.0 * np.pi * variance_px2 / median_where(grid.area_px2, grid.is_seen)))
 
     def at_rest(self, grid: TrackedGrid, rest: Scalars, frames: int) -> Scalars:
-        """Logarithm (m,) of the areas at rest after one more frame at rest; `frames` came before it."""
+        """(m,) logarithm of the areas at rest after one more frame at rest; `frames` came before it."""
         if grid.area_px2 is None:
             return rest
         with np.errstate(invalid="ignore", divide="ignore"):
             now = np.log(grid.area_px2)
         now[~np.isfinite(now)] = np.nan
-        moved = rest + max(self.settle, 1.0 / (frames + 1)) * (now - rest)
+        moved = rest + max(self.drift, 1.0 / (frames + 1)) * (now - rest)
         return read_only(np.where(np.isnan(rest), now, np.where(np.isnan(moved), rest, moved)))

@@ -1,4 +1,4 @@
-"""The estimate of loads: that of the Gaussian process, and affordable for many markers."""
+"""The estimate of loads: that of the Gaussian process, and finest_affordable_wavelength for many markers."""
 
 import gc
 import time
@@ -8,9 +8,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.estimation.perimeter.cosine_series import affordable, best_estimate, products, waves
+from manytouch.estimation.load.cosine_series import (
+    best_linear_estimate,
+    cosine_products,
+    finest_affordable_wavelength,
+    wave_numbers,
+)
+from manytouch.estimation.load.displacement_load import LoadModel
 from manytouch.estimation.perimeter.estimator import PerimeterEstimator
-from manytouch.estimation.perimeter.load_model import LoadModel
 from manytouch.geometry.camera import project
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.values import Layout, Sensor, TrackedGrid
@@ -37,11 +42,11 @@ def lattice(rows: int, columns: int) -> Sensor:
 @pytest.mark.parametrize(("count", "parts"), [(7, 2), (1100, 1)])
 def test_the_estimate_is_that_from_the_covariance_of_all_observations(count: int, parts: int):
     """Equation 2.25 of Rasmussen and Williams, which needs a matrix as large as the observations are many."""
-    chance = np.random.default_rng(4)
-    design = chance.normal(size=(parts, count, 31))
-    error = chance.uniform(0.1, 4.0, count)
-    smooth = chance.uniform(0.2, 1.0, 12)
-    estimate, spread = best_estimate(lambda at: design[:, at], error, smooth)
+    random = np.random.default_rng(4)
+    design = random.normal(size=(parts, count, 31))
+    error = random.uniform(0.1, 4.0, count)
+    smooth = random.uniform(0.2, 1.0, 12)
+    estimate, spread = best_linear_estimate(lambda at: design[:, at], error, smooth)
     observed = design.reshape(-1, 31)
     covariance = observed @ observed.T + np.diag(np.tile(error, parts) ** 2)
     expected = smooth[:, None] ** 2 * np.linalg.solve(covariance, observed[:, :12]).T
@@ -56,16 +61,17 @@ def test_the_map_is_that_of_the_model_as_it_is_written():
     assert sensor.sheet is not None
     model, pitch_mm = LoadModel(), np.sqrt(np.prod(sensor.layout.pitch_mm))
     rest = sensor.layout.rest_mm[:, :2] / pitch_mm
-    chart = model(sensor, sensor.layout.rest_mm[:, :2])
+    load_map = model(sensor, sensor.layout.rest_mm[:, :2])
     distance, lever = sensor.camera.translation_mm[2] / pitch_mm, sensor.sheet.thickness_mm / pitch_mm / 2
-    waves_xy = chart.wave_x, chart.wave_y
-    square = (chart.wave_x[:, None] ** 2 + chart.wave_y**2).ravel()
+    waves_xy = load_map.wave_x, load_map.wave_y
+    square = (load_map.wave_x[:, None] ** 2 + load_map.wave_y**2).ravel()
     smooth = np.exp(-0.25 * model.fingertip**2 * square)
     hollow = smooth / (square + model.decay**-2)
-    at = rest - chart.low
-    arm, plain = rest / distance, products(at, *waves_xy)
+    at = rest - load_map.low
+    arm, plain = rest / distance, cosine_products(at, *waves_xy)
     load = [
-        (arm[:, k, None] * plain - lever * products(at, *waves_xy, k == 0, k == 1)) * hollow for k in range(2)
+        (arm[:, k, None] * plain - lever * cosine_products(at, *waves_xy, k == 0, k == 1)) * hollow
+        for k in range(2)
     ]
     covariance = np.vstack(load) @ np.vstack(load).T
     tangential = (plain * hollow) @ (plain * hollow).T
@@ -85,21 +91,21 @@ def test_the_map_is_that_of_the_model_as_it_is_written():
         covariance += np.outer(motion, motion)
     expected = smooth[:, None] ** 2 * np.linalg.solve(covariance, np.vstack(load)).T
     scale = np.abs(expected).max()
-    np.testing.assert_allclose(chart.estimate, expected, rtol=1e-4, atol=1e-6 * scale)
+    np.testing.assert_allclose(load_map.estimate, expected, rtol=1e-4, atol=1e-6 * scale)
 
 
 def test_series_get_coarser_only_where_they_are_too_many():
     size, pitch = np.array([44.0, 29.0]), np.array([1.0, 1.0])
-    assert affordable(size, pitch, 4.0, 420) == 4.0
-    coarser = affordable(3.0 * size, pitch, 4.0, 420)
-    wave_x, wave_y = waves(3.0 * size, pitch, coarser)
+    assert finest_affordable_wavelength(size, pitch, 4.0, 420) == 4.0
+    coarser = finest_affordable_wavelength(3.0 * size, pitch, 4.0, 420)
+    wave_x, wave_y = wave_numbers(3.0 * size, pitch, coarser)
     assert 300 < len(wave_x) * len(wave_y) <= 420
 
 
 def test_a_thousand_markers_keep_all_products():
-    chart = LoadModel()(lattice(26, 40), lattice(26, 40).layout.rest_mm[:, :2])
+    load_map = LoadModel()(lattice(26, 40), lattice(26, 40).layout.rest_mm[:, :2])
     every = LoadModel(most_products=10**6)(lattice(26, 40), lattice(26, 40).layout.rest_mm[:, :2])
-    assert chart.estimate.shape == every.estimate.shape
+    assert load_map.estimate.shape == every.estimate.shape
 
 
 def test_ten_thousand_markers_start_soon_and_in_little_memory():
@@ -110,7 +116,7 @@ def test_ten_thousand_markers_start_soon_and_in_little_memory():
     spent = time.process_time() - begun
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert len(state.law.rest_mm) == 10_000
+    assert len(state.geometry.layout.rest_mm) == 10_000
     assert peak < 400e6
     assert spent < 15.0  # about 2 s on one core; it was minutes
 
@@ -120,7 +126,7 @@ def test_steps_at_a_thousand_markers_keep_no_memory():
     assert sensor.layout is not None
     rest_mm = sensor.layout.rest_mm
     area_px2 = np.full(len(rest_mm), 80.0)
-    chance = np.random.default_rng(0)
+    random = np.random.default_rng(0)
     estimate = PerimeterEstimator()
     state = estimate.start(sensor)
 
@@ -132,7 +138,7 @@ def test_steps_at_a_thousand_markers_keep_no_memory():
             moved = np.column_stack([hollow[:, None] * offset / 24.0, -hollow])
             position = project(sensor.camera, rest_mm + moved)
             grid = TrackedGrid(
-                position_px=read_only(position + chance.normal(0, 0.03, position.shape)),
+                position_px=read_only(position + random.normal(0, 0.03, position.shape)),
                 covariance_px2=read_only(np.tile(0.03**2 * np.eye(2), (len(rest_mm), 1, 1))),
                 is_seen=read_only(np.ones(len(rest_mm), dtype=np.bool_)),
                 frames_unseen=read_only(np.zeros(len(rest_mm), dtype=np.int64)),

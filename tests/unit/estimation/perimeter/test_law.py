@@ -21,40 +21,40 @@ LAWS = pytest.mark.parametrize(
 NOISE = 0.02**2 * np.array([[1.0, 0.3], [0.3, 0.6]]) * np.ones((len(PLACE), 1, 1))
 
 
-def seen(point_mm: np.ndarray) -> np.ndarray:
+def on_plane(point_mm: np.ndarray) -> np.ndarray:
     """Where the rays of points of the sheet meet its plane at rest."""
     return EYE + (point_mm[:, :2] - EYE) * (DISTANCE / (DISTANCE + point_mm[:, 2:]))
 
 
 @LAWS
 @pytest.mark.parametrize("z", [-7.0, -0.5, 0.0, 3.0])
-def test_a_plane_that_comes_nearer_reads_exactly_how_much(law, z: float):
+def test_the_depth_of_a_plane_that_comes_nearer_is_exact(law, z: float):
     point = np.column_stack([PLACE, np.full(len(PLACE), z)])
-    displacement, _ = law(seen(point), NOISE)
+    displacement, _ = law(on_plane(point), NOISE)
     np.testing.assert_allclose(displacement, [[0.0, 0.0, z]] * len(PLACE), atol=1e-9)
 
 
 @LAWS
-def test_a_turn_in_the_plane_is_no_depth(law):
+def test_a_rotation_in_the_plane_has_depth_zero(law):
     turn = np.array([[np.cos(0.1), -np.sin(0.1)], [np.sin(0.1), np.cos(0.1)]])
     displacement, _ = law(PLACE @ turn.T + [3.0, 1.0], NOISE)
     np.testing.assert_allclose(displacement[:, 2], 0.0, atol=1e-9)
 
 
 @LAWS
-def test_stretch_reads_as_depth_which_is_the_weakness_of_the_law(law):
+def test_a_stretch_is_measured_as_depth(law):
     displacement, _ = law(1.01 * PLACE, NOISE)
     np.testing.assert_allclose(-displacement[:, 2], DISTANCE * (1 - 1 / 1.01), rtol=1e-9)
 
 
 @LAWS
 def test_the_covariance_is_that_of_many_trials(law):
-    chance = np.random.default_rng(5)
+    random = np.random.default_rng(5)
     point = np.column_stack([PLACE, -3.0 * np.exp(-(PLACE**2).sum(axis=1) / 100.0)])
-    middle = seen(point)
+    middle = on_plane(point)
     _, covariance = law(middle, NOISE)
     root = np.linalg.cholesky(NOISE[0])
-    trials = np.array([law(middle + chance.normal(size=PLACE.shape) @ root.T, NOISE)[0] for _ in range(2500)])
+    trials = np.array([law(middle + random.normal(size=PLACE.shape) @ root.T, NOISE)[0] for _ in range(2500)])
     off = trials - trials.mean(axis=0)
     observed = np.einsum("tmi,tmj->mij", off, off) / len(trials)
     scale = np.sqrt(np.einsum("mii->mi", covariance))

@@ -1,0 +1,174 @@
+"""Contacts at the peaks of a load, followed from frame to frame."""
+
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.errors import SensorError
+from manytouch.estimation.contact_finder import MarkerMotion
+from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
+from manytouch.estimation.load.displacement_load import DisplacementLoad
+from manytouch.estimation.load.load_peaks import LoadPeakFinder, LoadPeaks
+from manytouch.estimation.load.load_source import LoadSource
+from manytouch.geometry.camera import onto_plane, project
+from manytouch.geometry.sampling import GridSampling, sampling_on
+from manytouch.values import ESTIMATES, Camera, Contact, Contacts, Phase, Sensor, TrackedGrid
+from manytouch.values.arrays import Points2, read_only
+
+_DEPTH = ESTIMATES.index("depth")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LoadContactState:
+    """What a `LoadContactFinder` keeps between frames.
+
+    Attributes:
+        camera: of the sensor.
+        sampling: from markers to the points of the load map.
+        centre_std_mm: standard deviation of centres, along each axis, that is added for the assumptions.
+        load: state of the load source.
+        rest_mm: (m, 2) displacement of the untouched sheet, which creeps, from its rest.
+        rest_frames: frames at rest so far.
+        recent_load: strongest load of the frames before, fading.
+        tracks: of the contacts.
+    """
+
+    camera: Camera
+    sampling: GridSampling
+    centre_std_mm: float
+    load: Any
+    rest_mm: Points2
+    rest_frames: int
+    recent_load: float
+    tracks: ContactTrackerState
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LoadContactFinder:
+    """Finds contacts at the peaks of a load and follows them: a `ContactFinder`.
+
+    Attributes:
+        load: source of the load.
+        peaks: which peaks of the load are contacts.
+        tracker: which contact is which of the frame before.
+        drift: share of the remaining displacement that a frame without contacts adds to the rest position.
+        assumed_centre_std_pitch: standard deviation of a centre along each axis that follows from the
+            assumptions about view and sheet, in pitches.
+    """
+
+    load: LoadSource = field(default_factory=DisplacementLoad)
+    peaks: LoadPeakFinder = field(default_factory=LoadPeakFinder)
+    tracker: ContactTracker = field(default_factory=ContactTracker)
+    drift: float = 0.01
+    assumed_centre_std_pitch: float = 0.0
+
+    def start(self, sensor: Sensor) -> LoadContactState:
+        """Everything that depends on the sensor only.
+
+        Raises:
+            SensorError: the sensor has no layout.
+        """
+        tracks = self.tracker.start(sensor)
+        layout, camera = sensor.layout, sensor.camera
+        if layout is None:
+            raise SensorError(
+                f"sensor {sensor.name!r} has no [markers]: run `manytouch calibrate rest` first"
+            )
+        rest_px = project(camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
+        plane_mm = onto_plane(camera, rest_px)[:, :2]
+        load = self.load.start(sensor, plane_mm)
+        load_map = self.load.load_map(load)
+        return LoadContactState(
+            camera=camera,
+            sampling=sampling_on(layout, load_map.x_mm, load_map.y_mm),
+            centre_std_mm=self.assumed_centre_std_pitch * load_map.pitch_mm,
+            load=load,
+            rest_mm=read_only(np.zeros_like(plane_mm)),
+            rest_frames=0,
+            recent_load=0.0,
+            tracks=tracks,
+        )
+
+    def step(
+        self, state: LoadContactState, grid: TrackedGrid, motion: MarkerMotion | None
+    ) -> tuple[LoadContactState, Contacts]:
+        """Contacts of the next frame; `motion` is None where too few markers are seen."""
+        if motion is None:
+            status = "few_markers" if grid.status == "ok" else grid.status
+            tracks, contacts = self.tracker.step(state.tracks, (), status=status)
+            return replace(state, tracks=tracks), contacts
+        if state.rest_frames == 0:
+            state = replace(state, load=self.load.update_rest(state.load, grid, 0))
+        displacement_mm = motion.displacement_mm - state.rest_mm
+        load = self.load.load(state.load, grid, displacement_mm, motion.std_mm)
+        peaks = self.peaks(load, state.recent_load)
+        if len(peaks.load):
+            peaks = replace(peaks, centre_mm=self.load.refine(state.load, load, peaks.centre_mm))
+        tracks, contacts = self.tracker.step(
+            state.tracks,
+            self._contacts(state, peaks, motion),
+            may_start=peaks.may_start.tolist(),
+            is_loaded=lambda point_mm: load.at(point_mm) > peaks.floor,
+            status=grid.status,
+        )
+        state = replace(state, tracks=tracks, recent_load=self.peaks.fade(peaks, state.recent_load))
+        if grid.status == "ok" and not tracks.tracks and len(peaks.load) == 0:
+            state = replace(
+                state,
+                rest_mm=read_only(state.rest_mm + self.drift * displacement_mm),
+                load=self.load.update_rest(state.load, grid, state.rest_frames),
+                rest_frames=state.rest_frames + 1,
+            )
+        return state, contacts
+
+    def is_touched(self, state: LoadContactState) -> bool:
+        """Was a contact found in the last frame, or one that is not confirmed yet?"""
+        return bool(state.tracks.tracks)
+
+    def _contacts(self, state: LoadContactState, peaks: LoadPeaks, motion: MarkerMotion) -> list[Contact]:
+        """Contacts without identity; the depth is the largest one of the surface within the region."""
+        if len(peaks.load) == 0:
+            return []
+        surface, sampling = motion.surface, state.sampling
+        row, column = np.nonzero(peaks.region >= 0)
+        peak_at = peaks.region[row, column]
+        depth_at = sampling.at(-surface.displacement_mm[:, 2], row, column)
+        height = np.where(np.isfinite(depth_at), depth_at, -np.inf)
+        regions = [np.flatnonzero(peak_at == peak) for peak in range(len(peaks.load))]
+        deepest = [int(region[np.argmax(height[region])]) for region in regions]
+        depth_std = sampling.at(np.sqrt(surface.covariance_mm2[:, 2, 2]), row[deepest], column[deepest])
+        now_mm = peaks.centre_mm + _displacement_at(sampling, motion.displacement_mm, peaks.centre_mm)
+        centre_px = project(state.camera, np.column_stack([now_mm, np.zeros(len(now_mm))]))
+        contacts = []
+        for peak in range(len(peaks.load)):
+            covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
+            covariance[:2, :2] = peaks.covariance_mm2[peak] + state.centre_std_mm**2 * np.eye(2)
+            covariance[_DEPTH, _DEPTH] = depth_std[peak] ** 2
+            contacts.append(
+                Contact(
+                    id=-1,
+                    phase=Phase.MOVE,
+                    centre_mm=read_only(peaks.centre_mm[peak].copy()),
+                    centre_px=read_only(centre_px[peak].copy()),
+                    depth_mm=float(depth_at[deepest[peak]]),
+                    force_N=read_only(np.full(3, np.nan)),
+                    torque_Nmm=float("nan"),
+                    area_mm2=float(peaks.area_mm2[peak]),
+                    covariance=read_only(covariance),
+                )
+            )
+        return contacts
+
+
+def _displacement_at(
+    sampling: GridSampling, displacement_mm: Float64[np.ndarray, "m 2"], point_mm: Points2
+) -> Points2:
+    """Displacements (n, 2) at the points of the grid nearest to the given ones; 0 where unknown."""
+    x_mm, y_mm = sampling.x_mm, sampling.y_mm
+    column = np.rint((point_mm[:, 0] - x_mm[0]) / (x_mm[1] - x_mm[0])).astype(int)
+    row = np.rint((point_mm[:, 1] - y_mm[0]) / (y_mm[1] - y_mm[0])).astype(int)
+    row, column = np.clip(row, 0, len(y_mm) - 1), np.clip(column, 0, len(x_mm) - 1)
+    at = np.column_stack([sampling.at(displacement_mm[:, axis], row, column) for axis in range(2)])
+    return np.where(np.isfinite(at), at, 0.0)

@@ -1,0 +1,154 @@
+"""Peaks of a load map that are contacts."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.load.load_map import LoadMap
+from manytouch.estimation.load.load_source import Load
+from manytouch.values.arrays import Mask, Points2, Scalars
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LoadPeaks:
+    """The peaks of one frame, the strongest first.
+
+    Attributes:
+        centre_mm: (c, 2) centroid of the load near each peak.
+        covariance_mm2: (c, 2, 2) of the centres.
+        load: (c,) load at the peak, times the pitch.
+        load_std: (c,) standard deviation of it from the noise of the centres.
+        area_mm2: (c,) of the part above half of the peak.
+        may_start: (c,) clear enough to start a contact; the others can only continue one.
+        floor: load below which no contact lasts in this frame.
+        region: (ny, nx) number of the peak above half of which a point of the map lies, or -1.
+    """
+
+    centre_mm: Points2
+    covariance_mm2: Float64[np.ndarray, "c 2 2"]
+    load: Scalars
+    load_std: Scalars
+    area_mm2: Scalars
+    may_start: Mask
+    floor: float
+    region: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LoadPeakFinder:
+    """Finds the peaks of a load map that are contacts.
+
+    A contact must exceed the noise of the centres, what remains of an earlier press while the sheet creeps
+    back, and the ripples around the strongest press.
+
+    Attributes:
+        start_load: least load times pitch (the angle in rad by which the slope turns within a pitch) of a new
+            contact; a sheet that creeps back or settles after its frame was moved stays below.
+        stay_load: a contact lasts while it stays above.
+        creep_share: share of an earlier press that a soft sheet keeps for a while; no contact is below it.
+        creep_memory: factor by which that fades from frame to frame.
+        noise_stds: a new contact exceeds this many standard deviations of the noise, a lasting one half of
+            it.
+        start_share: a new contact exceeds this share of the strongest load in the frame.
+        stay_share: a lasting one exceeds this share.
+        merge: two peaks are one if the saddle between them is above this share of the lower one.
+        top_share: the centre is the centroid of the load above this share of the peak.
+        model_std_pitch: least standard deviation of a centre that the model does not explain, in pitches.
+        model_std_radius: the same as a share of the radius of the contact; both are added in quadrature.
+    """
+
+    start_load: float = 0.02
+    stay_load: float = 0.015
+    creep_share: float = 0.2
+    creep_memory: float = 0.98
+    noise_stds: float = 6.0
+    start_share: float = 0.45
+    stay_share: float = 0.4
+    merge: float = 0.75
+    top_share: float = 0.7
+    model_std_pitch: float = 0.15
+    model_std_radius: float = 0.15
+
+    def __call__(self, load: Load, recent_load: float = 0.0) -> LoadPeaks:
+        """The peaks of a load that are contacts.
+
+        Args:
+            load: of the frame.
+            recent_load: strongest load of the frames before, from `fade`.
+        """
+        from manytouch.estimation.watershed import watershed
+
+        load_map = load.load_map
+        value = load_map.load(load.coefficients)
+        strongest = float(value.max())
+        crept = self.creep_share * recent_load
+        floor = max(self.stay_load, crept, self.stay_share * strongest)
+        if not strongest > floor:
+            return _no_peaks(value, max(self.stay_load, crept))
+        label, peak = watershed(np.ascontiguousarray(value), floor / 2.0, self.merge)
+        height = value.ravel()[peak]
+        column, row = peak % len(load_map.x_mm), peak // len(load_map.x_mm)
+        peak_mm = np.column_stack([load_map.x_mm[column], load_map.y_mm[row]])
+        # Peaks are sorted by height, the highest first.
+        count = int((height > floor).sum())
+        std = np.full(len(peak), np.inf)
+        std[:count] = load_map.load_std(peak_mm[:count], load.variance)
+        stays = height > np.maximum(floor, 0.5 * self.noise_stds * std)
+        if not stays.any():
+            return _no_peaks(value, max(self.stay_load, crept))
+        centre_mm, area_mm2, region = self._shapes(load_map, value, label, height, stays)
+        height, std, peak_mm = height[stays], std[stays], peak_mm[stays]
+        model_mm = np.hypot(
+            self.model_std_pitch * load_map.pitch_mm, self.model_std_radius * np.sqrt(area_mm2 / np.pi)
+        )
+        noise_mm2 = load_map.centre_covariance(peak_mm, load.variance, load.coefficients)
+        start = max(self.start_load, crept, self.start_share * strongest)
+        return LoadPeaks(
+            centre_mm=centre_mm,
+            covariance_mm2=noise_mm2 + model_mm[:, None, None] ** 2 * np.eye(2),
+            load=height,
+            load_std=std,
+            area_mm2=area_mm2,
+            may_start=(height > start) & (height > self.noise_stds * std),
+            floor=max(self.stay_load, crept),
+            region=region,
+        )
+
+    def fade(self, peaks: LoadPeaks, recent_load: float) -> float:
+        """The strongest load of this frame and of those before, which fades."""
+        return float(max([self.creep_memory * recent_load, *peaks.load.tolist()]))
+
+    def _shapes(
+        self, load_map: LoadMap, load: np.ndarray, label: np.ndarray, height: np.ndarray, stays: np.ndarray
+    ) -> tuple[Points2, Scalars, np.ndarray]:
+        """Centres (c, 2), areas (c,) and regions (ny, nx) of the peaks that stay."""
+        at = np.flatnonzero(label >= 0)
+        at = at[stays[label.ravel()[at]]]
+        peak, value = (np.cumsum(stays) - 1)[label.ravel()[at]], load.ravel()[at]
+        share = value / height[stays][peak]
+        region = np.full(load.shape, -1, dtype=np.int64)
+        region.ravel()[at[share > 0.5]] = peak[share > 0.5]
+        count = int(stays.sum())
+        cell_mm2 = float((load_map.x_mm[1] - load_map.x_mm[0]) * (load_map.y_mm[1] - load_map.y_mm[0]))
+        area_mm2 = np.bincount(peak[share > 0.5], minlength=count) * cell_mm2
+        weight = np.where(share > self.top_share, value, 0.0)
+        row, column = np.divmod(at, load.shape[1])
+        total = np.bincount(peak, weight, minlength=count)
+        x_mm = np.bincount(peak, weight * load_map.x_mm[column], minlength=count) / total
+        y_mm = np.bincount(peak, weight * load_map.y_mm[row], minlength=count) / total
+        return np.column_stack([x_mm, y_mm]), area_mm2, region
+
+
+def _no_peaks(load: np.ndarray, floor: float) -> LoadPeaks:
+    """No contacts on a map."""
+    return LoadPeaks(
+        centre_mm=np.zeros((0, 2)),
+        covariance_mm2=np.zeros((0, 2, 2)),
+        load=np.zeros(0),
+        load_std=np.zeros(0),
+        area_mm2=np.zeros(0),
+        may_start=np.zeros(0, dtype=np.bool_),
+        floor=floor,
+        region=np.full(load.shape, -1, dtype=np.int64),
+    )

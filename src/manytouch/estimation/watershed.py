@@ -1,0 +1,81 @@
+"""Peaks of a map and the regions that belong to them, by watershed."""
+
+import numpy as np
+from numba import njit
+
+from manytouch.values.kernels import Floats, Integers, no_type_check
+
+
+def watershed(height: np.ndarray, floor: float, merge: float) -> tuple[np.ndarray, np.ndarray]:
+    """Labels each point of a map with the peak that it belongs to.
+
+    The map is flooded from its highest point down. A point belongs to the region of its highest neighbour;
+    where two regions meet, the lower one becomes part of the higher one unless the saddle lies below `merge`
+    times its peak.
+
+    Args:
+        height: (rows, columns); NaN counts as below everything.
+        floor: points that are not higher belong to no region.
+        merge: share of the lower peak; a saddle above it joins the regions.
+
+    Returns:
+        (rows, columns) number of the region or -1, and (p,) flat indices of the peaks, the highest first.
+    """
+    flat = height.ravel()
+    above = np.flatnonzero(flat > floor)
+    # sorted here, because numpy sorts faster than compiled loops
+    label, peak = _flood(flat, above[np.argsort(-flat[above])], height.shape[1], merge)
+    return label.reshape(height.shape), peak
+
+
+@njit(cache=True, nogil=True)
+@no_type_check
+def _root(parent: Integers, region: int) -> int:
+    """The region that `region` has become part of."""
+    while parent[region] != region:
+        region = parent[region]
+    return region
+
+
+@njit(cache=True, nogil=True)
+@no_type_check
+def _flood(flat: Floats, order: Integers, columns: int, merge: float) -> tuple[Integers, Integers]:
+    """As `watershed`, from the flat indices (n,) of the points above the floor, the highest first."""
+    rows = len(flat) // columns
+    label = np.full(rows * columns, -1, np.int64)
+    parent = np.empty(len(order), np.int64)
+    peak = np.empty(len(order), np.int64)
+    count = 0
+    for i in order:
+        row, column = i // columns, i % columns
+        own, highest = -1, 0.0
+        for a in range(max(row - 1, 0), min(row + 2, rows)):
+            for b in range(max(column - 1, 0), min(column + 2, columns)):
+                near = a * columns + b
+                if label[near] < 0:
+                    continue
+                other = _root(parent, label[near])
+                if own >= 0 and own != other:
+                    high, lower = min(own, other), max(own, other)
+                    if flat[i] > merge * flat[peak[lower]]:
+                        parent[lower] = high
+                        own = other = high
+                # The highest neighbour decides; otherwise the highest region would surround the others.
+                if own < 0 or flat[near] > highest:
+                    own, highest = other, flat[near]
+        if own < 0:
+            own = count
+            parent[count] = count
+            peak[count] = i
+            count += 1
+        label[i] = own
+    number = np.full(count, -1, np.int64)
+    kept = 0
+    for k in range(count):
+        if parent[k] == k:
+            number[k] = kept
+            peak[kept] = peak[k]
+            kept += 1
+    for i in order:
+        label[i] = number[_root(parent, label[i])]
+    return label, peak[:kept].copy()
