@@ -208,7 +208,7 @@ def sheet(
     from manytouch.calibration.sheet.press_table import PressRow, press_rows
     from manytouch.calibration.sheet.press_table import presses as watched_presses
     from manytouch.calibration.sheet.protocol import probing_gcode, weight_table
-    from manytouch.cli.terminal.typed_presses import typed_presses
+    from manytouch.calibration.sheet.typed_presses import typed_presses
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     if plan is None and (presses is None or out is None):

@@ -27,8 +27,8 @@ def doctor(
     """
     from rich.console import Console
 
-    from manytouch.cli.terminal.machine import machine_in_words
-    from manytouch.cli.terminal.recording_check import examine
+    from manytouch.session.diagnosis.installation import machine_in_words
+    from manytouch.session.diagnosis.recording import examine
 
     console = Console(highlight=False, soft_wrap=True)
     for line in machine_in_words():

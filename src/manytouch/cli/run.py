@@ -48,12 +48,12 @@ def run(
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
-    from manytouch.cli.terminal.camera_text import pace_in_words, settings_in_words
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.cli.terminal.viewing import Place, viewers
     from manytouch.session import Live, Playback, files_in, prepare, result_name
+    from manytouch.session.diagnosis.camera import pace_in_words, settings_in_words
     from manytouch.sources.cameras.capture import CameraRequest
 
     reporter = Reporter(bar=False)

@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""What the commands share: options, progress and messages on the console, Ctrl-C, the viewer's address.
+
+Nothing in here computes results.
+"""

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from manytouch.calibration.sheet import typed_presses as dialogue
 from manytouch.calibration.sheet.press_table import press_rows, presses
-from manytouch.cli.terminal import typed_presses as dialogue
-from manytouch.cli.terminal.typed_presses import typed_presses
+from manytouch.calibration.sheet.typed_presses import typed_presses
 from manytouch.errors import OutputError, SensorError
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources import open_source

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 import manytouch
-from manytouch.cli.terminal.camera_text import cameras_in_words
-from manytouch.session import kernels
+from manytouch.session.diagnosis.camera import cameras_in_words
+from manytouch.session.methods import kernels
 from manytouch.sinks.files.summary import installed
 from manytouch.sources.quiet_opencv import cv2
 

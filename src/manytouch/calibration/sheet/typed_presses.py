@@ -5,10 +5,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 from manytouch.calibration.sheet.calibrate import LEAST_PRESSES
+from manytouch.calibration.sheet.camera_presses import Ask, PressedLive, Say
 from manytouch.calibration.sheet.press_parser import EXAMPLE, Asked, press_in_words
 from manytouch.calibration.sheet.press_table import PressRow, press_rows, write_presses
 from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, TOUCHED_RADIUS_MM
-from manytouch.cli.terminal.live_presses import Ask, PressedLive, Say
 from manytouch.errors import ManytouchError, OutputError, SensorError
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import Device

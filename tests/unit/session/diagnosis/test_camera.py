@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manytouch.cli.terminal.camera_text import cameras_in_words, rate_in_words, settings_in_words
+from manytouch.session.diagnosis.camera import cameras_in_words, rate_in_words, settings_in_words
 from manytouch.values import Frame, Setting
 
 
@@ -49,7 +49,7 @@ class Steady:
 
 def test_the_rate_is_measured_and_judged(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([10.0, 10.89])
-    monkeypatch.setattr("manytouch.cli.terminal.camera_text.time.monotonic", lambda: next(clock))
+    monkeypatch.setattr("manytouch.session.diagnosis.camera.time.monotonic", lambda: next(clock))
     words = rate_in_words(Steady())
     assert "100.0 frames per second arrive, 50.6 are decoded here; the camera says 200" in words
 

@@ -8,11 +8,12 @@ import numpy as np
 from manytouch import calibration
 from manytouch.calibration import LayoutReport
 from manytouch.calibration.sharpness import edge_width_px, is_soft
-from manytouch.cli.terminal.camera_text import rate_in_words, settings_in_words
 from manytouch.detection import Appearance, survey
 from manytouch.detection.search import level_of
 from manytouch.errors import LayoutError, SourceError
-from manytouch.session import REST_FRAMES, Roi, check_region
+from manytouch.session.diagnosis.camera import rate_in_words, settings_in_words
+from manytouch.session.methods import Roi
+from manytouch.session.prepare import REST_FRAMES, check_region
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import Device
 from manytouch.values import Detections, Frame
