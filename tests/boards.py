@@ -6,13 +6,13 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from manytouch.calibration.camera.board import MARKER_SHARE, Board, Sighting, board_of
+from manytouch.calibration.camera.board import MARKER_SHARE, Board, BoardDetection, parse_board
 from manytouch.geometry.camera import onto_plane, project
 from manytouch.values import Camera
 
 WIDTH_PX, HEIGHT_PX = 480, 360
 FINE = 2  # samples per pixel along x and y
-BOARD = board_of("chessboard:8x5", 20.0)
+BOARD = parse_board("chessboard:8x5", 20.0)
 
 
 def true_camera(model: str = "pinhole") -> Camera:
@@ -49,13 +49,13 @@ def seen(camera: Camera, board: Board, pose: tuple[np.ndarray, np.ndarray]) -> n
     return project(replace(camera, rotation_vector=pose[0], translation_mm=pose[1]), board.point_mm)
 
 
-def sightings(camera: Camera, count: int, noise_px: float, seed: int = 0) -> list[Sighting]:
+def board_detections(camera: Camera, count: int, noise_px: float, seed: int = 0) -> list[BoardDetection]:
     chance = np.random.default_rng(1000 + seed)
     found = []
     for pose in poses(count, seed):
         place = seen(camera, BOARD, pose)
         place = place + chance.normal(0.0, noise_px, place.shape)
-        found.append(Sighting(number=np.arange(len(place)), place_px=place))
+        found.append(BoardDetection(number=np.arange(len(place)), place_px=place))
     return found
 
 

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from boards import picture, poses
-from manytouch.calibration.camera.board import board_of
+from manytouch.calibration.camera.board import parse_board
 from manytouch.values import Camera
 from manytouch.values.sensor_file import load_sensor
 
@@ -31,7 +31,7 @@ def blocks() -> list[tuple[str, str]]:
 def take_views(camera: Camera, folder: Path) -> None:
     """Pictures of the printed chessboard through the lens that the simulated sensor has."""
     folder.mkdir()
-    board = board_of("chessboard:9x6", 25.0)
+    board = parse_board("chessboard:9x6", 25.0)
     lens = replace(camera, rotation_vector=np.zeros(3), translation_mm=np.array([0.0, 0.0, 1.0]))
     for number, (turn, shift) in enumerate(poses(VIEWS, seed=3, board=board)):
         shown = picture(lens, board, (turn, shift * [1.0, 1.0, 1.15]), seed=number)

@@ -1,4 +1,10 @@
-"""Calibration: from frames or boards to a `Sensor`; each module reports how well it is known."""
+"""Calibration of camera, rest state and sheet: from frames, views of a board or presses to a `Sensor` with
+deviations.
+
+Inside are the camera (`camera`), pose, layout and noise of the untouched sheet (`rest`) and the mechanics
+of the
+sheet (`sheet`). Reading results of a calibrated sensor is not: that is estimation.
+"""
 
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.layout_report import LayoutReport, examine

@@ -1,4 +1,4 @@
-"""Markers of a known sensor over the frames of a recording."""
+"""Positions of the markers of a known sensor over the frames of a recording."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -15,14 +15,14 @@ Roi = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Watched:
-    """Where markers were, frame by frame.
+class MarkerTracks:
+    """Marker positions, frame by frame.
 
     Attributes:
         timestamp_ns: (k,) of the frames.
         position_px: (k, m, 2), NaN where not seen.
         area_px2: (k, m) of the dots, NaN where not seen.
-        contrast: (k,) median grey levels between dots and ground.
+        contrast: (k,) median grey levels between dots and background.
     """
 
     timestamp_ns: Int64[np.ndarray, " k"]
@@ -32,11 +32,11 @@ class Watched:
 
     @property
     def is_seen(self) -> Bool[np.ndarray, "k m"]:
-        """(k, m) was the marker seen?"""
+        """(k, m) whether the marker was seen."""
         return np.asarray(np.isfinite(self.position_px[:, :, 0]))
 
-    def middle_px(self, chosen: Bool[np.ndarray, " k"]) -> Float64[np.ndarray, "m 2"]:
-        """(m, 2) median place over some frames, NaN for markers seen in less than half of them."""
+    def median_px(self, chosen: Bool[np.ndarray, " k"]) -> Float64[np.ndarray, "m 2"]:
+        """(m, 2) median position over the chosen frames; NaN for markers seen in less than half of them."""
         seen = self.is_seen[chosen]
         often = 2 * seen.sum(axis=0) >= max(int(chosen.sum()), 1)
         place = np.full((seen.shape[1], 2), np.nan)
@@ -44,8 +44,8 @@ class Watched:
         return place
 
 
-def watched(sensor: Sensor, frames: Iterable[Frame], roi_px: Roi | None = None) -> Watched:
-    """Follow the markers of a sensor that fits the recording (see `register_rest`)."""
+def track_markers(sensor: Sensor, frames: Iterable[Frame], roi_px: Roi | None = None) -> MarkerTracks:
+    """Track the markers of a sensor that was registered to the recording (see `register_rest`)."""
     detect, track = DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px)
     times, places, areas, contrasts = [], [], [], []
     for sight in sights(detect, track, frames, sensor):
@@ -54,7 +54,7 @@ def watched(sensor: Sensor, frames: Iterable[Frame], roi_px: Roi | None = None) 
         places.append(grid.position_px)
         areas.append(np.full(len(grid.is_seen), np.nan) if grid.area_px2 is None else grid.area_px2)
         contrasts.append(float(np.median(contrast)) if len(contrast) else np.nan)
-    return Watched(
+    return MarkerTracks(
         timestamp_ns=np.array(times, dtype=np.int64),
         position_px=np.array(places),
         area_px2=np.array(areas),

@@ -1,4 +1,4 @@
-"""How sharp dots are in a picture."""
+"""Sharpness of the dots of an image."""
 
 import numpy as np
 
@@ -18,13 +18,13 @@ def edge_width_px(
     *,
     roi_px: tuple[int, int, int, int] | None = None,
 ) -> float:
-    """Median width of the dots' edges from ground to dot; NaN where no dot is whole.
+    """Median width of the edges of the dots, from background to dot, px; NaN if no dot is complete.
 
     Args:
         image: (h, w) or (h, w, 3) as the camera gave it.
         weights: (c,) of its channels, as `Appearance.weights` gives them.
         centre_px, radius_px: (n, 2), (n,) of the dots.
-        roi_px: x, y, width, height of the part of the image to look at.
+        roi_px: x, y, width, height of the region of interest.
     """
     part, corner = cropped(image, roi_px)
     scaled = weights * level_of(image)
@@ -34,5 +34,5 @@ def edge_width_px(
 
 
 def is_soft(edge_px: float, radius_px: Scalars) -> bool:
-    """Are edges so wide that the lens is out of focus, or the picture smeared?"""
+    """Whether the edges are so wide that the lens is out of focus or the image is blurred by motion."""
     return edge_px > SOFT_EDGE_PX and edge_px > SOFT_SHARE * float(np.median(radius_px))

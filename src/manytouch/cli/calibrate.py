@@ -62,19 +62,19 @@ def camera(
     """
     from rich.console import Console
 
-    from manytouch.calibration.camera.board import board_of
+    from manytouch.calibration.camera.board import parse_board
     from manytouch.calibration.camera.calibrate import calibrate_camera
-    from manytouch.calibration.camera.report import in_words, write_report
+    from manytouch.calibration.camera.report import describe, write_report
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.values import Sensor
     from manytouch.values.sensor_file import save_sensor
 
     console = Console(highlight=False, soft_wrap=True)
-    wanted = board_of(board, square_mm)
+    wanted = parse_board(board, square_mm)
     with Stop() as stop:
         look = _Looking(console.print, stop, is_live=any(not Path(text).exists() for text in images))
-        found = calibrate_camera(_pictures(images), wanted, model=model, look=look)
-    for line in in_words(found):
+        found = calibrate_camera(_pictures(images), wanted, model=model, on_view=look)
+    for line in describe(found):
         console.print(f"  {line}", markup=False)
     if report is not None:
         write_report(found, report, name)
@@ -118,7 +118,7 @@ def rest(
     """Find the pose of the sheet, its markers and their noise from a few untouched seconds.
 
     Says how far the markers are from a flat lattice, which are missing, how much
-    they jitter, where the sheet is seen to end, and what is odd: a sheet that is
+    they jitter, where the sheet is seen to end, and warnings: a sheet that is
     not flat, markers cut off, a wrong scale.
 
     Example: manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm 4 --out sensor.toml
@@ -129,7 +129,7 @@ def rest(
     from rich.console import Console
 
     from manytouch.calibration.rest.pose import calibrate_rest
-    from manytouch.calibration.sheet.clamp_line import in_words
+    from manytouch.calibration.sheet.clamp_line import describe
     from manytouch.sources import open_source
     from manytouch.values import Sheet
     from manytouch.values.sensor_file import load_sensor, save_sensor
@@ -156,15 +156,15 @@ def rest(
         f"turned by {turn[0]:.3f}, {turn[1]:.3f}, {turn[2]:.3f} ± {std_turn.max():.3f} degrees about x, y, z",
         f"markers {found.rms_px:.3f} px (RMS) from a flat lattice, noise {found.noise_px:.3f} px, contrast "
         f"{found.contrast:.0f} grey levels",
-        in_words(found.clamp, found.sensor.sheet),
-        *(f"odd: {sentence}" for sentence in found.odd),
+        describe(found.clamp, found.sensor.sheet),
+        *(f"odd: {sentence}" for sentence in found.warnings),
     ):
         console.print(f"  {line}")
     provenance = {
         **found.sensor.provenance,
         "rest": f"calibrated from {found.frames} frames of {Path(source).name}",
         "rest_rms_px": round(found.rms_px, 4),
-        "rest_odd": list(found.odd),
+        "rest_odd": list(found.warnings),
     }
     save_sensor(replace(found.sensor, provenance=provenance), out)
     console.print(f"  sensor in {out}")
@@ -205,8 +205,7 @@ def sheet(
     from rich.console import Console
 
     from manytouch.calibration.sheet.calibrate import calibrate_sheet
-    from manytouch.calibration.sheet.press_table import PressRow, press_rows
-    from manytouch.calibration.sheet.press_table import presses as watched_presses
+    from manytouch.calibration.sheet.press_table import PressRow, measure_presses, read_press_table
     from manytouch.calibration.sheet.protocol import probing_gcode, weight_table
     from manytouch.calibration.sheet.typed_presses import typed_presses
     from manytouch.values.sensor_file import load_sensor, save_sensor
@@ -229,13 +228,13 @@ def sheet(
     assert out is not None
     if presses.lower().endswith(".csv"):
         table = Path(presses)
-        rows: tuple[PressRow, ...] | None = press_rows(table)
+        rows: tuple[PressRow, ...] | None = read_press_table(table)
     else:
         table = out.with_name(f"{out.stem}-presses.csv")
         rows = typed_presses(known, presses, table, say=lambda text: console.print(f"  {text}"))
     if rows is None:
         return 0
-    found = calibrate_sheet(known, watched_presses(known, rows, table.parent))
+    found = calibrate_sheet(known, measure_presses(known, rows, table.parent))
     for line in _sheet_in_words(found):
         console.print(f"  {line}")
     provenance = {
@@ -249,7 +248,7 @@ def sheet(
 
 
 def _sheet_in_words(found: "SheetCalibration") -> Iterator[str]:
-    """Values with their deviations, what the presses agree to, what they do not tell, and what is odd."""
+    """Values with their deviations, residuals, undetermined parameters and warnings."""
     told, std = found.sheet, found.std
     yield f"thickness {told.thickness_mm:.3f} ± {std['thickness_mm']:.3f} mm"
     yield f"bending factor {told.bending_factor:.3f} ± {std['bending_factor']:.3f}"
@@ -264,8 +263,8 @@ def _sheet_in_words(found: "SheetCalibration") -> Iterator[str]:
             f"forces told from the other presses alone are {sum(off) / len(off):+.1f} % off on average, "
             f"at most {max(map(abs, off)):.1f} %"
         )
-    yield from found.not_told
-    yield from (f"odd: {sentence}" for sentence in found.odd)
+    yield from found.undetermined
+    yield from (f"odd: {sentence}" for sentence in found.warnings)
 
 
 def _pictures(texts: list[str]) -> Iterator[tuple[str, "Frame"]]:

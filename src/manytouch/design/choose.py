@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from manytouch.calibration.sheet.fit import STIFFNESS_DOUBT
+from manytouch.calibration.sheet.fit import STIFFNESS_PRIOR_STD
 from manytouch.design.deflection import DeflectionCurve, deflection_curve
 from manytouch.design.materials import MATERIALS, POISSON, Material
 from manytouch.design.requirements import DesignError, Requirements
@@ -103,7 +103,7 @@ def design(wishes: Requirements, *, say: Callable[[str], object] | None = None) 
         size_mm=read_only(np.array(size)),
         thickness_mm=curve.thickness_mm,
         young_MPa=round(material.young_MPa, 3),
-        young_std_MPa=round(STIFFNESS_DOUBT * material.young_MPa, 3),
+        young_std_MPa=round(STIFFNESS_PRIOR_STD * material.young_MPa, 3),
         poisson=POISSON,
         bending_factor=1.0,
         density_kg_m3=material.density_kg_m3,

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from manytouch.calibration.camera.board import board_of
+from manytouch.calibration.camera.board import parse_board
 from manytouch.design.accuracy import PredictedAccuracy, predicted_accuracy, usual_force_N
 from manytouch.design.choose import Design
 from manytouch.design.parts.casing import CasingChoices, Part, parts_of
@@ -56,7 +56,7 @@ def write_design(
         draw_parts(parts, meshes, folder / "parts.png")
         write_pattern(found.sensor, folder / "patterns" / "markers")
         for text, square_mm in BOARDS.items():
-            write_board(board_of(text, square_mm), folder / "patterns" / text.replace(":", "-"))
+            write_board(parse_board(text, square_mm), folder / "patterns" / text.replace(":", "-"))
         bill = bill_of_materials(found, parts, meshes, choices)
         (folder / "bill_of_materials.csv").write_text(bill, encoding="utf-8")
         (folder / "assembly.md").write_text(assembly(found, choices), encoding="utf-8")

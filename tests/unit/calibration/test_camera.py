@@ -8,12 +8,12 @@ import cv2
 import numpy as np
 import pytest
 
-from boards import BOARD, HEIGHT_PX, WIDTH_PX, picture, poses, seen, sightings, true_camera
-from manytouch.calibration.camera.board import Sighting, board_of, find_board, refined
-from manytouch.calibration.camera.board_views import ViewCollection, outlook, part_of
+from boards import BOARD, HEIGHT_PX, WIDTH_PX, board_detections, picture, poses, seen, true_camera
+from manytouch.calibration.camera.board import BoardDetection, find_board, parse_board, refine_corners
+from manytouch.calibration.camera.board_views import ViewCollection, part_of, pose_features
 from manytouch.calibration.camera.calibrate import calibrate_camera
 from manytouch.calibration.camera.intrinsics import NAMES, fit_intrinsics
-from manytouch.calibration.camera.report import camera_info_yaml, in_words, write_report
+from manytouch.calibration.camera.report import camera_info_yaml, describe, write_report
 from manytouch.cli import main
 from manytouch.errors import ManytouchError
 from manytouch.geometry.camera import camera_matrix
@@ -45,7 +45,11 @@ def test_deviations_tell_how_wrong_the_parameters_are(model):
     errors = []
     for seed in range(24):
         found = fit_intrinsics(
-            BOARD, sightings(camera, 14, 0.2, seed), width_px=WIDTH_PX, height_px=HEIGHT_PX, model=model
+            BOARD,
+            board_detections(camera, 14, 0.2, seed),
+            width_px=WIDTH_PX,
+            height_px=HEIGHT_PX,
+            model=model,
         )
         std = np.array([found.std[name] for name in NAMES[model]])
         free = std > 0
@@ -56,16 +60,20 @@ def test_deviations_tell_how_wrong_the_parameters_are(model):
 
 
 def test_the_third_coefficient_is_held_where_it_cannot_be_told():
-    without = fit_intrinsics(BOARD, sightings(true_camera(), 12, 0.3), width_px=WIDTH_PX, height_px=HEIGHT_PX)
+    without = fit_intrinsics(
+        BOARD, board_detections(true_camera(), 12, 0.3), width_px=WIDTH_PX, height_px=HEIGHT_PX
+    )
     assert without.camera.distortion[4] == 0.0
     assert without.std["k3"] == 0.0
     bent = replace(true_camera(), distortion=np.array([-0.3, 0.2, 0.0, 0.0, -0.9]))
-    with_it = fit_intrinsics(BOARD, sightings(bent, 14, 0.02), width_px=WIDTH_PX, height_px=HEIGHT_PX)
+    with_it = fit_intrinsics(BOARD, board_detections(bent, 14, 0.02), width_px=WIDTH_PX, height_px=HEIGHT_PX)
     assert with_it.camera.distortion[4] == pytest.approx(-0.9, abs=4 * with_it.std["k3"])
 
 
 def test_the_new_matrix_shows_only_what_the_camera_sees():
-    found = fit_intrinsics(BOARD, sightings(true_camera(), 12, 0.1), width_px=WIDTH_PX, height_px=HEIGHT_PX)
+    found = fit_intrinsics(
+        BOARD, board_detections(true_camera(), 12, 0.1), width_px=WIDTH_PX, height_px=HEIGHT_PX
+    )
     corners = np.array([[[0.0, 0.0]], [[WIDTH_PX - 1.0, 0.0]], [[0.0, HEIGHT_PX - 1.0]]])
     rays = cv2.undistortPoints(corners, found.new_matrix, None)
     ray = np.column_stack([rays.reshape(-1, 2), np.ones(3)])
@@ -77,12 +85,12 @@ def test_the_new_matrix_shows_only_what_the_camera_sees():
 
 @pytest.mark.parametrize("text", ["chessboard:8x5", "charuco:8x6", "circles:8x5", "circles-asymmetric:4x7"])
 def test_a_board_is_found_where_it_is(text):
-    board, camera = board_of(text, 20.0), true_camera()
+    board, camera = parse_board(text, 20.0), true_camera()
     pose = next(iter(poses(1, seed=3, board=board)))
     image = picture(camera, board, pose)
     found = find_board(image, board)
     assert found is not None
-    sharp = refined(image, found, 5) if board.has_corners else found
+    sharp = refine_corners(image, found, 5) if board.has_corners else found
     there = seen(camera, board, pose)[sharp.number]
     if board.kind == "circles":  # it looks the same upside down
         there = min(there, there[::-1], key=lambda place: np.abs(place - sharp.place_px).max())
@@ -102,10 +110,10 @@ def test_calibration_from_pictures_finds_the_camera(pictures):
 def test_bad_views_are_refused_with_the_reason(pictures):
     blurred = cv2.GaussianBlur(pictures[3], (0, 0), 9.0)
     empty = np.full_like(pictures[0], 120)
-    odd = pictures[5][: HEIGHT_PX - 20]
+    warnings = pictures[5][: HEIGHT_PX - 20]
     moved = cv2.resize(pictures[12], None, fx=0.9, fy=1.0)
     moved = cv2.copyMakeBorder(moved, 0, 0, 0, WIDTH_PX - moved.shape[1], cv2.BORDER_REPLICATE)
-    given = [*pictures[:10], blurred, empty, odd, pictures[2], moved]
+    given = [*pictures[:10], blurred, empty, warnings, pictures[2], moved]
     found = calibrate_camera(frames(given), BOARD)
     reasons = dict(found.refused)
     assert reasons["view 11"] == "shows no whole chessboard:8x5"
@@ -124,33 +132,33 @@ def test_a_sharper_view_takes_the_place_of_a_blurrier_one(pictures):
     collection = ViewCollection(board=BOARD)
     soft = cv2.GaussianBlur(pictures[0], (0, 0), 1.6)
     for name, frame in frames([soft, pictures[0]]):
-        assert collection.offer(frame, name) is None
+        assert collection.add(frame, name) is None
     assert [view.name for view in collection.views] == ["view 1"]
     assert collection.refused == [("view 0", "looks the same as view 1, which is sharper")]
 
 
 def test_what_is_missing_is_said_until_it_has_been_seen(pictures):
     collection = ViewCollection(board=BOARD)
-    collection.offer(frames(pictures)[0][1], "first")
+    collection.add(frames(pictures)[0][1], "first")
     missing = " | ".join(collection.missing())
     assert "11 more views" in missing
     assert "bottom right" in missing
     assert "nearer, or farther" in missing
     for name, frame in frames([picture(true_camera(), BOARD, pose) for pose in poses(40, seed=5)]):
-        collection.offer(frame, name)
+        collection.add(frame, name)
     assert collection.missing() == ()
 
 
 @pytest.mark.parametrize("turn_deg", [(0.0, 30.0), (25.0, 0.0), (-20.0, 15.0)])
 def test_the_outlook_tells_place_size_and_tilt(turn_deg):
-    board, size = board_of("chessboard:8x5", 20.0), (600, 400)
+    board, size = parse_board("chessboard:8x5", 20.0), (600, 400)
     turn = np.deg2rad([*turn_deg, 0.0])
     matrix = np.array([[600.0, 0.0, 300.0], [0.0, 600.0, 200.0], [0.0, 0.0, 1.0]])
     place, _ = cv2.projectPoints(
         board.point_mm - [70.0, 40.0, 0.0], turn, np.array([30.0, -20.0, 400.0]), matrix, None
     )
-    sighting = Sighting(number=np.arange(40), place_px=place.reshape(-1, 2))
-    x, y, extent, about_y, about_x = outlook(board, sighting, size)
+    detection = BoardDetection(number=np.arange(40), place_px=place.reshape(-1, 2))
+    x, y, extent, about_y, about_x = pose_features(board, detection, size)
     assert [x, y] == pytest.approx([0.5 + 45.0 / 600.0, 0.5 - 30.0 / 400.0], abs=0.02)
     assert extent == pytest.approx(np.linalg.norm(np.ptp(place.reshape(-1, 2), axis=0)) / np.hypot(600, 400))
     normal = cv2.Rodrigues(turn)[0][:, 2]
@@ -170,7 +178,7 @@ def test_views_that_are_all_as_near_are_not_enough(pictures):
             distance = 300.0 / (nearer if number == 3 else 1.0)
             shift = np.array([0.0, 0.0, distance]) - cv2.Rodrigues(turn)[0] @ middle
             image = picture(true_camera(), BOARD, (turn, shift), seed=number)
-            assert collection.offer(replace(frame, image=image), name) is None
+            assert collection.add(replace(frame, image=image), name) is None
         return collection
 
     assert "the board nearer, or farther away" in offered(1.0).missing()
@@ -184,7 +192,7 @@ def test_parts_of_the_picture_are_named_from_the_top_left():
 
 def test_the_report_holds_words_numbers_ros_and_a_picture(pictures, tmp_path: Path):
     found = calibrate_camera(frames(pictures), BOARD)
-    assert any("focal length 4" in line for line in in_words(found))
+    assert any("focal length 4" in line for line in describe(found))
     write_report(found, tmp_path / "report", "left")
     numbers = json.loads((tmp_path / "report" / "calibration.json").read_text())
     assert numbers["rms_px"] == pytest.approx(found.intrinsics.rms_px)
@@ -211,12 +219,12 @@ def test_the_report_holds_words_numbers_ros_and_a_picture(pictures, tmp_path: Pa
 )
 def test_an_impossible_board_is_refused(board, square, sentence):
     with pytest.raises(ManytouchError, match=sentence):
-        board_of(board, square)
+        parse_board(board, square)
 
 
 def test_a_wrong_board_size_is_named(pictures):
     with pytest.raises(ManytouchError, match="they show a chessboard:8x5, so give --board chessboard:8x5"):
-        calibrate_camera(frames(pictures[:4]), board_of("chessboard:9x6", 20.0))
+        calibrate_camera(frames(pictures[:4]), parse_board("chessboard:9x6", 20.0))
 
 
 def test_one_view_only_says_what_else_is_needed(pictures):

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from manytouch.calibration.sheet.press_parser import Asked, press_in_words
+from manytouch.calibration.sheet.press_parser import PressContext, parse_press
 from manytouch.errors import SensorError
 from manytouch.values import Sheet
 
 SHEET = Sheet(size_mm=np.array([80.0, 60.0]), thickness_mm=2.0)
-FILM = Asked(input="presses.mp4", begin_s=0.0, end_s=12.0, sheet=SHEET)
-CAMERA = Asked(input="presses-1", begin_s=None, end_s=None, sheet=SHEET)
+FILM = PressContext(input="presses.mp4", begin_s=0.0, end_s=12.0, sheet=SHEET)
+CAMERA = PressContext(input="presses-1", begin_s=None, end_s=None, sheet=SHEET)
 
 
 @pytest.mark.parametrize(
@@ -23,7 +23,7 @@ CAMERA = Asked(input="presses-1", begin_s=None, end_s=None, sheet=SHEET)
     ],
 )
 def test_words_become_a_press(text, place, force_N, time_s, radius_mm):
-    row = press_in_words(text, 3, FILM)
+    row = parse_press(text, 3, FILM)
     assert (row.line, row.input) == (3, "presses.mp4")
     assert (row.x_mm, row.y_mm, row.radius_mm) == (*place, radius_mm)
     assert row.force_N == (None if force_N is None else pytest.approx(force_N))
@@ -31,9 +31,9 @@ def test_words_become_a_press(text, place, force_N, time_s, radius_mm):
 
 
 def test_before_a_camera_no_time_is_needed():
-    assert press_in_words("18,-12 50 g", 1, CAMERA).time_s is None
+    assert parse_press("18,-12 50 g", 1, CAMERA).time_s is None
     with pytest.raises(SensorError, match="a time is not needed: the camera looks when you press Enter"):
-        press_in_words("18,-12 50 g 3 s", 1, CAMERA)
+        parse_press("18,-12 50 g 3 s", 1, CAMERA)
 
 
 @pytest.mark.parametrize(
@@ -66,4 +66,4 @@ def test_before_a_camera_no_time_is_needed():
 )
 def test_a_wrong_line_is_told_why(text, sentence):
     with pytest.raises(SensorError, match=sentence):
-        press_in_words(text, 1, FILM)
+        parse_press(text, 1, FILM)

@@ -10,9 +10,9 @@ from manytouch.calibration import examine, register_rest, sensor_from_rest
 from manytouch.calibration.rest import register_rest as reference
 from manytouch.calibration.rest.assumed_sensor import sensor_from_dots
 from manytouch.calibration.rest.flatness import bulge_in_pitches
-from manytouch.calibration.rest.register_rest import referred
-from manytouch.calibration.rest.rest_frames import confirmed, still_dots
-from manytouch.calibration.rest.shift_check import CANNOT_BE_NOTICED
+from manytouch.calibration.rest.register_rest import register_dots
+from manytouch.calibration.rest.rest_frames import confirm_rest_dots, merge_rest_dots
+from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.tracking import MarkerTracker
@@ -47,7 +47,12 @@ def noisy(points, frames=9, noise=0.1, seed=0):
 
 def sensor_of(points, **options):
     return sensor_from_dots(
-        still_dots(noisy(points)), name="any", width_px=WIDTH, height_px=HEIGHT, polarity="dark", **options
+        merge_rest_dots(noisy(points)),
+        name="any",
+        width_px=WIDTH,
+        height_px=HEIGHT,
+        polarity="dark",
+        **options,
     )
 
 
@@ -99,7 +104,7 @@ def test_missing_dots_are_known_and_said():
 
 
 def test_one_frame_is_enough():
-    still = still_dots(noisy(grid_px(), frames=1))
+    still = merge_rest_dots(noisy(grid_px(), frames=1))
     sensor = sensor_from_dots(still, name="one", width_px=WIDTH, height_px=HEIGHT, polarity="light")
     assert sensor.layout is not None
     assert sensor.layout.shape == (7, 10)
@@ -112,7 +117,7 @@ def test_the_still_frames_are_taken_when_the_sheet_is_pressed_early():
     frames = noisy(points, frames=8)
     for k in range(7):
         frames += noisy(points + (4.0 + 4.0 * k) * bell * np.array([1.0, 0.4]), frames=1, seed=k)
-    still = still_dots(frames)
+    still = merge_rest_dots(frames)
     assert still.frames == tuple(range(8))
     assert still.moved
     sensor = sensor_from_dots(still, name="any", width_px=WIDTH, height_px=HEIGHT, polarity="dark")
@@ -120,7 +125,7 @@ def test_the_still_frames_are_taken_when_the_sheet_is_pressed_early():
 
 
 def test_frames_with_a_bad_status_are_left_out():
-    still = still_dots([detections_of(grid_px() + 9.0, status="dark"), *noisy(grid_px(), frames=3)])
+    still = merge_rest_dots([detections_of(grid_px() + 9.0, status="dark"), *noisy(grid_px(), frames=3)])
     assert still.frames == (1, 2, 3)
 
 
@@ -160,7 +165,7 @@ def test_a_known_sensor_is_referred_though_its_pose_is_off(degrees, shift):
     assert sensor.layout is not None
     moved = turned(sensor.layout.rest_px, degrees, shift)
     dots = np.random.default_rng(1).permutation(np.delete(moved, 20, axis=0))
-    found = referred(sensor, dots)
+    found = register_dots(sensor, dots)
     assert found.layout is not None
     rest = np.delete(found.layout.rest_px, 20, axis=0)
     np.testing.assert_allclose(rest, np.delete(moved, 20, axis=0), atol=1e-9)
@@ -177,7 +182,7 @@ def test_tracking_is_told_the_region_in_which_a_sensor_is_referred(monkeypatch):
     monkeypatch.setattr(reference, "MarkerTracker", spied)
     sensor = sensor_of(grid_px())
     assert sensor.layout is not None
-    referred(sensor, sensor.layout.rest_px, roi_px=(10, 20, 600, 380))
+    register_dots(sensor, sensor.layout.rest_px, roi_px=(10, 20, 600, 380))
     assert asked == [(10, 20, 600, 380)]
 
 
@@ -185,7 +190,7 @@ def test_a_recording_of_another_sheet_is_refused():
     sensor = sensor_of(grid_px())
     other = np.random.default_rng(2).uniform([50.0, 50.0], [600.0, 380.0], (25, 2))
     with pytest.raises(LayoutError, match="of the 70 markers"):
-        referred(sensor, other)
+        register_dots(sensor, other)
 
 
 def picture(points, radius=8, width=WIDTH, height=HEIGHT):
@@ -252,10 +257,12 @@ def test_a_region_outside_the_image_is_refused():
 
 def test_glints_beyond_the_pattern_and_doubles_are_not_confirmed():
     points = grid_px()
-    known = still_dots(noisy(np.delete(points, 25, axis=0), frames=1))
+    known = merge_rest_dots(noisy(np.delete(points, 25, axis=0), frames=1))
     beyond = points[:10] - np.array([0.0, 40.0])
     double = points[[3]] + np.array([8.0, 6.0])
-    found = confirmed(still_dots(noisy(np.concatenate([points, beyond, double]))), known, is_same_time=True)
+    found = confirm_rest_dots(
+        merge_rest_dots(noisy(np.concatenate([points, beyond, double]))), known, is_same_time=True
+    )
     distance = np.linalg.norm(found.centre_px[:, None] - points[None], axis=-1)
     assert len(found.centre_px) == 70
     np.testing.assert_array_equal(np.sort(distance.argmin(axis=1)), np.arange(70))
@@ -267,22 +274,22 @@ def overflowing():
 
 
 def test_an_even_pattern_of_like_dots_that_fills_the_view_says_what_cannot_be_noticed():
-    assert CANNOT_BE_NOTICED in sensor_of(overflowing()).assumptions
+    assert UNDETECTABLE_SHIFT in sensor_of(overflowing()).assumptions
 
 
-@pytest.mark.parametrize("odd", ["rim", "gap", "print", "area", "contrast"])
-def test_whatever_tells_a_jump_by_a_pitch_spares_the_remark(odd):
-    points = grid_px() if odd == "rim" else overflowing()
+@pytest.mark.parametrize("warnings", ["rim", "gap", "print", "area", "contrast"])
+def test_whatever_tells_a_jump_by_a_pitch_spares_the_remark(warnings):
+    points = grid_px() if warnings == "rim" else overflowing()
     chance = np.random.default_rng(5)
-    if odd == "gap":
+    if warnings == "gap":
         points = np.delete(points, 70, axis=0)
-    elif odd == "print":
+    elif warnings == "print":
         points = points + chance.normal(0.0, 1.0, points.shape)
-    still = still_dots(noisy(points))
+    still = merge_rest_dots(noisy(points))
     unlike = 1.0 + 0.08 * chance.standard_normal(len(still.centre_px))
-    if odd == "area":
+    if warnings == "area":
         still = replace(still, area_px2=still.area_px2 * unlike)
-    elif odd == "contrast":
+    elif warnings == "contrast":
         still = replace(still, contrast=still.contrast * unlike)
     sensor = sensor_from_dots(still, name="any", width_px=WIDTH, height_px=HEIGHT, polarity="dark")
-    assert CANNOT_BE_NOTICED not in sensor.assumptions
+    assert UNDETECTABLE_SHIFT not in sensor.assumptions

@@ -1,4 +1,4 @@
-"""The untouched sheet before a known camera: pose, layout, noise, and what is odd."""
+"""The untouched sheet before a known camera: pose, layout, noise, and what is warnings."""
 
 import re
 from dataclasses import replace
@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.calibration.rest.pose import calibrate_rest, fitted_pose
-from manytouch.calibration.sheet.clamp_line import force_change, in_words
+from manytouch.calibration.rest.pose import calibrate_rest, fit_pose
+from manytouch.calibration.sheet.clamp_line import describe, force_change
 from manytouch.cli import main
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import onto_plane, project
@@ -71,7 +71,7 @@ def test_a_layout_that_is_known_keeps_its_numbers_and_gets_the_pose(tilted_frame
     found = calibrate_rest(near, tilted_frames)
     assert found.sensor.camera.translation_mm == pytest.approx(SHIFT, abs=0.05)
     assert found.sensor.layout.rest_mm == pytest.approx(near.layout.rest_mm)
-    assert "5 markers were not seen and count as missing" in found.odd
+    assert "5 markers were not seen and count as missing" in found.warnings
 
 
 def test_the_pose_deviations_tell_how_wrong_the_pose_is():
@@ -80,7 +80,7 @@ def test_the_pose_deviations_tell_how_wrong_the_pose_is():
     chance = np.random.default_rng(2)
     errors = []
     for _ in range(20):
-        camera, std = fitted_pose(
+        camera, std = fit_pose(
             sensor.camera, sensor.layout.rest_mm, place + chance.normal(0.0, 0.3, place.shape)
         )
         wrong = np.concatenate([camera.rotation_vector - TURN, camera.translation_mm - SHIFT])
@@ -104,7 +104,7 @@ def test_the_pose_is_found_through_a_fisheye_lens():
 
 def test_a_wrong_scale_is_odd(tilted_frames):
     found = calibrate_rest(tilted_sensor(), tilted_frames, pitch_mm=4.4)
-    assert any("9 % farther than the file says" in sentence for sentence in found.odd), found.odd
+    assert any("9 % farther than the file says" in sentence for sentence in found.warnings), found.warnings
     assert found.sensor.camera.translation_mm[2] == pytest.approx(1.1 * SHIFT[2], rel=2e-3)
 
 
@@ -112,13 +112,13 @@ def test_unequal_pitches_told_as_equal_do_not_look_flat(tilted_frames):
     told = tilted_sensor()
     rest_mm = told.layout.rest_mm * [1.0, 1.06, 1.0]
     found = calibrate_rest(replace(told, layout=replace(told.layout, rest_mm=rest_mm)), tilted_frames)
-    assert any("off a flat lattice" in sentence for sentence in found.odd)
+    assert any("off a flat lattice" in sentence for sentence in found.warnings)
 
 
 def test_markers_outside_the_clamp_are_odd(tilted_frames):
     small = Sheet(size_mm=np.array([100.0, 80.0]), thickness_mm=3.0)
     found = calibrate_rest(tilted_sensor(), tilted_frames, sheet=small)
-    assert any("lie outside the clamped outline of 100 x 80 mm" in sentence for sentence in found.odd)
+    assert any("lie outside the clamped outline of 100 x 80 mm" in sentence for sentence in found.warnings)
     assert found.sensor.sheet is small
 
 
@@ -128,8 +128,8 @@ def test_dots_out_of_focus_are_odd(tilted_frames):
         calibrate_rest(camera_only(tilted_sensor()), frames, pitch_mm=4.0)
         for frames in (tilted_frames, blurred)
     )
-    assert not any("out of focus" in sentence for sentence in sharp.odd)
-    (sentence,) = [sentence for sentence in soft.odd if "out of focus" in sentence]
+    assert not any("out of focus" in sentence for sentence in sharp.warnings)
+    (sentence,) = [sentence for sentence in soft.warnings if "out of focus" in sentence]
     width = float(re.search(r"edges are ([\d.]+) px wide", sentence).group(1))
     # a straight step under a Gaussian rises from 15 to 85 % within 2.07 deviations, a disc's a little sooner
     assert width == pytest.approx(2.07 * 3.5, rel=0.25)
@@ -141,7 +141,7 @@ def test_a_marker_that_moves_meanwhile_is_odd(tilted_frames):
         for number, frame in enumerate(tilted_frames)
     ]
     found = calibrate_rest(camera_only(tilted_sensor()), moved, pitch_mm=4.0)
-    (sentence,) = [sentence for sentence in found.odd if "was the sheet touched" in sentence]
+    (sentence,) = [sentence for sentence in found.warnings if "was the sheet touched" in sentence]
     assert float(re.search(r"moved by ([\d.]+) px", sentence).group(1)) == pytest.approx(7.0, abs=0.2)
 
 
@@ -185,8 +185,8 @@ def test_the_clamp_line_is_found_where_the_sheet_is_seen_to_end(far_frames, outs
     assert taken.sheet.size_mm == pytest.approx([121.0, 83.0], abs=0.2)
     assert taken.sheet.thickness_mm == 3.0
     assert taken.layout.rest_mm.mean(axis=0) == pytest.approx([-0.5, 0.4, 0.0], abs=0.1)
-    left_px = project(taken.camera, taken.layout.rest_mm) - taken.layout.rest_px
-    assert np.nanmax(np.abs(left_px)) < 0.2
+    residual_rms_px = project(taken.camera, taken.layout.rest_mm) - taken.layout.rest_px
+    assert np.nanmax(np.abs(residual_rms_px)) < 0.2
 
 
 def test_a_clamp_line_elsewhere_than_said_is_odd(far_frames):
@@ -194,11 +194,11 @@ def test_a_clamp_line_elsewhere_than_said_is_odd(far_frames):
     frames = mounted(far_frames, sensor.camera, (120.0, 83.0))
     said = Sheet(size_mm=np.array([120.4, 80.0]), thickness_mm=3.0)
     found = calibrate_rest(sensor, frames, sheet=said)
-    (sentence,) = [sentence for sentence in found.odd if "seen to end elsewhere" in sentence]
+    (sentence,) = [sentence for sentence in found.warnings if "seen to end elsewhere" in sentence]
     assert "top at -41.5 mm, bottom at 41.5 mm" in sentence
     assert "left" not in sentence
     assert found.sensor.sheet is said
-    assert "seen to end at 120.0 x 83.0 mm; [sheet] says 120.4 x 80 mm" in in_words(found.clamp, said)
+    assert "seen to end at 120.0 x 83.0 mm; [sheet] says 120.4 x 80 mm" in describe(found.clamp, said)
 
 
 def test_a_clamp_line_out_of_sight_is_taken_as_given(far_frames):
@@ -207,15 +207,15 @@ def test_a_clamp_line_out_of_sight_is_taken_as_given(far_frames):
     found = calibrate_rest(sensor, frames)
     assert found.clamp.unseen == ("top",)
     assert found.clamp.side_mm[[0, 1, 3]] == pytest.approx([-60.0, 60.0, 41.5], abs=0.1)
-    assert "not all sides (top missing), so it is taken as given, 120 x 80 mm" in in_words(
+    assert "not all sides (top missing), so it is taken as given, 120 x 80 mm" in describe(
         found.clamp, sensor.sheet
     )
     with pytest.raises(SensorError, match=r"\(top missing\): give its outline by --sheet-mm X,Y"):
         calibrate_rest(camera_only(sensor), frames, pitch_mm=4.0, thickness_mm=3.0)
     nowhere = calibrate_rest(sensor, far_frames)
     assert nowhere.clamp.unseen == ("left", "right", "top", "bottom")
-    assert not any("seen to end" in sentence for sentence in nowhere.odd)
-    assert "shows it on no side" in in_words(nowhere.clamp, sensor.sheet)
+    assert not any("seen to end" in sentence for sentence in nowhere.warnings)
+    assert "shows it on no side" in describe(nowhere.clamp, sensor.sheet)
 
 
 def test_light_that_falls_off_is_no_clamp_line(far_frames):

@@ -8,7 +8,7 @@ import pytest
 
 from manytouch.calibration.sheet.calibrate import calibrate_sheet
 from manytouch.calibration.sheet.fit import Press, disc
-from manytouch.calibration.sheet.press_table import press_rows, presses
+from manytouch.calibration.sheet.press_table import measure_presses, read_press_table
 from manytouch.calibration.sheet.protocol import places_mm, probing_gcode, weight_table
 from manytouch.cli import main
 from manytouch.design.deflection import fingertip
@@ -138,7 +138,7 @@ def test_the_truth_lies_within_three_deviations(fitted):
 
 
 def test_a_press_that_bears_elsewhere_or_fits_badly_is_named(fitted):
-    assert fitted.odd == ()
+    assert fitted.warnings == ()
     sensor = small_sensor()
     held = pressed(sensor)
     aside = replace(held[1], place_mm=held[1].place_mm + np.array([-2.0, 2.4]))
@@ -148,11 +148,11 @@ def test_a_press_that_bears_elsewhere_or_fits_badly_is_named(fitted):
     found = calibrate_sheet(
         sensor, [held[0], aside, *held[2:4], replace(held[4], displacement_px=held[4].displacement_px + torn)]
     )
-    assert [re.search(r"press \d", sentence).group() for sentence in found.odd] == ["press 1", "press 4"]
+    assert [re.search(r"press \d", sentence).group() for sentence in found.warnings] == ["press 1", "press 4"]
     assert re.search(
-        r"up to (2\.[5-9]|3\.[0-4]) mm off its named place; a flat foot near the clamp", found.odd[0]
+        r"up to (2\.[5-9]|3\.[0-4]) mm off its named place; a flat foot near the clamp", found.warnings[0]
     )
-    assert re.search(r"fits badly: 0\.\d+ px are left over, 0\.0\d px is usual", found.odd[1])
+    assert re.search(r"fits badly: 0\.\d+ px are left over, 0\.0\d px is usual", found.warnings[1])
 
 
 def test_deviations_count_what_shell_and_solid_differ_by_and_how_well_scales_read(fitted):
@@ -163,11 +163,11 @@ def test_deviations_count_what_shell_and_solid_differ_by_and_how_well_scales_rea
 
 
 def test_what_shallow_presses_do_not_tell_is_said(fitted):
-    assert not any("thickness_mm" in sentence for sentence in fitted.not_told)
+    assert not any("thickness_mm" in sentence for sentence in fitted.undetermined)
     sensor = small_sensor()
     shallow = calibrate_sheet(sensor, pressed(sensor, newtons=0.03))
     for name in ("bending_factor", "thickness_mm"):
-        assert any(f"do not tell {name} better than" in sentence for sentence in shallow.not_told)
+        assert any(f"do not tell {name} better than" in sentence for sentence in shallow.undetermined)
 
 
 def test_dots_under_what_touches_do_not_count(fitted):
@@ -190,7 +190,7 @@ def test_without_a_force_stiffness_stays_unknown():
     assert found.sheet.young_MPa is None
     assert found.sheet.young_std_MPa is None
     assert "young_MPa" not in found.std
-    assert any("no force was read" in sentence for sentence in found.not_told)
+    assert any("no force was read" in sentence for sentence in found.undetermined)
     assert np.isnan(found.left_out).all()
 
 
@@ -220,25 +220,25 @@ def test_a_disc_is_filled_evenly():
 def test_a_table_of_presses_names_each_mistake(tmp_path):
     table = tmp_path / "presses.csv"
     table.write_text("input,x_mm,y_mm\na.mp4,1,2\n")
-    (row,) = press_rows(table)
+    (row,) = read_press_table(table)
     assert (row.input, row.x_mm, row.radius_mm, row.force_N, row.time_s) == ("a.mp4", 1.0, 2.0, None, None)
     table.write_text("input,x_mm,why\na.mp4,1,2\n")
     with pytest.raises(SourceError, match="missing: y_mm; unknown: why"):
-        press_rows(table)
+        read_press_table(table)
     table.write_text("input,x_mm,y_mm,normal_force_N\n,one,,-2\n")
     with pytest.raises(
         SensorError, match=r"input is empty.*x_mm = 'one' is no number; y_mm is empty; normal_force_N = -2"
     ):
-        press_rows(table)
+        read_press_table(table)
     with pytest.raises(SourceError, match="cannot be read"):
-        press_rows(tmp_path / "nothing.csv")
+        read_press_table(tmp_path / "nothing.csv")
 
 
 def test_presses_are_read_from_a_recording(tmp_path):
     sensor = demo_sensor(1280)
     table = tmp_path / "presses.csv"
     table.write_text("input,time_s,x_mm,y_mm\nsim:one,3.0,14,-8\n")
-    (press,) = presses(sensor, press_rows(table), tmp_path)
+    (press,) = measure_presses(sensor, read_press_table(table), tmp_path)
     reach = np.linalg.norm(press.displacement_px, axis=1)
     assert press.is_seen.sum() > 590
     assert reach.max() > 3.0
@@ -247,7 +247,7 @@ def test_presses_are_read_from_a_recording(tmp_path):
     assert 0.01 <= press.noise_px < 0.05
     table.write_text("input,time_s,x_mm,y_mm\nsim:one,60,14,-8\n")
     with pytest.raises(SourceError, match="correct time_s"):
-        presses(sensor, press_rows(table), tmp_path)
+        measure_presses(sensor, read_press_table(table), tmp_path)
 
 
 def test_the_plan_is_a_table_that_can_be_read_and_gcode_that_presses(tmp_path, capsys):
@@ -255,7 +255,7 @@ def test_the_plan_is_a_table_that_can_be_read_and_gcode_that_presses(tmp_path, c
     save_sensor(sensor, tmp_path / "sensor.toml")
     words = ["calibrate", "sheet", "--sensor", str(tmp_path / "sensor.toml")]
     assert main([*words, "--plan", str(tmp_path / "plan")]) == 0
-    rows = press_rows(tmp_path / "plan" / "presses.csv")
+    rows = read_press_table(tmp_path / "plan" / "presses.csv")
     assert len(rows) == 7
     assert {round(row.force_N / 9.81 * 1000) for row in rows} == {50, 100, 200}
     assert {(row.x_mm, row.y_mm) for row in rows} == {tuple(place) for place in places_mm(sensor).tolist()}

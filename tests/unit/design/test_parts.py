@@ -11,7 +11,7 @@ import trimesh
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pypdf import PdfReader
 
-from manytouch.calibration.camera.board import board_of, find_board
+from manytouch.calibration.camera.board import find_board, parse_board
 from manytouch.design.choose import design
 from manytouch.design.parts.casing import (
     SCREW_RADIUS_MM,
@@ -207,7 +207,7 @@ def test_markers_are_printed_where_they_belong(found, tmp_path: Path):
 
 
 def test_a_chessboard_has_true_squares_and_fits_the_page(tmp_path: Path):
-    _, pdf = write_board(board_of("chessboard:9x6", 25.0), tmp_path / "board")
+    _, pdf = write_board(parse_board("chessboard:9x6", 25.0), tmp_path / "board")
     page = PdfReader(pdf).pages[0]
     assert float(page.mediabox.width) == pytest.approx(297.0 * POINTS_PER_MM, abs=0.01)
     text = page.get_contents().get_data().decode("latin1")
@@ -219,12 +219,12 @@ def test_a_chessboard_has_true_squares_and_fits_the_page(tmp_path: Path):
     black = np.isclose(sides, 25.0, atol=0.01).all(axis=1).sum()
     assert black == 35
     with pytest.raises(OutputError, match="does not fit an A4 page"):
-        write_board(board_of("chessboard:12x9", 25.0), tmp_path / "board")
+        write_board(parse_board("chessboard:12x9", 25.0), tmp_path / "board")
 
 
 @pytest.mark.parametrize("text", BOARDS)
 def test_a_printed_board_is_found_and_has_its_size(text: str):
-    board = board_of(text, BOARDS[text])
+    board = parse_board(text, BOARDS[text])
     figure = board_page(board)
     FigureCanvasAgg(figure)
     dots_per_mm = 6.0
@@ -262,7 +262,7 @@ def test_parts_are_seen_from_above_with_what_lies_before_hiding_what_lies_behind
 
 
 def test_black_is_one_path_so_that_no_hairline_is_printed_in_it(tmp_path: Path):
-    svg, _ = write_board(board_of("charuco:10x7", 25.0), tmp_path / "board")
+    svg, _ = write_board(parse_board("charuco:10x7", 25.0), tmp_path / "board")
     paths = re.findall(r'<path d="([^"]*)"', svg.read_text().partition('<g id="text_')[0])
     closed = [path for path in paths if path.rstrip().endswith("z")]
     _page, ink = closed

@@ -1,4 +1,4 @@
-"""Boards for calibrating a camera, and how they are found in a picture."""
+"""Calibration boards and their detection in an image."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,7 +15,7 @@ FORMS = "chessboard:9x6 (inner corners), charuco:8x6 (squares), circles:9x6 or c
 
 MARKER_SHARE = 0.75
 """Side of a ChArUco marker over the side of a square."""
-_SEARCH_WIDTH_PX = 1280  # boards are looked for in pictures of at most this width, then refined
+_SEARCH_WIDTH_PX = 1280  # boards are searched in images of at most this width, then refined
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,12 +41,12 @@ class Board:
 
     @property
     def has_corners(self) -> bool:
-        """Are its points corners of squares, which a window around them can refine?"""
+        """Whether its points are corners of squares, which can be refined in a window."""
         return self.kind in ("chessboard", "charuco")
 
     @property
     def point_mm(self) -> Points3:
-        """(n, 3) its points, z = 0."""
+        """(n, 3) its points, z = 0, mm."""
         if self.kind == "charuco":
             return np.asarray(_charuco(self).getChessboardCorners(), dtype=np.float64)
         row, column = (index.ravel().astype(np.float64) for index in np.indices((self.rows, self.columns)))
@@ -56,36 +56,36 @@ class Board:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Sighting:
-    """Points of a board in one picture.
+class BoardDetection:
+    """Points of a board in one image.
 
     Attributes:
-        number: (n,) which points.
-        place_px: (n, 2) where they are.
+        number: (n,) indices of the points.
+        place_px: (n, 2) their positions.
     """
 
     number: np.ndarray
     place_px: Points2
 
 
-def board_of(text: str, square_mm: float) -> Board:
-    """The board that a text such as `chessboard:9x6` names.
+def parse_board(text: str, square_mm: float) -> Board:
+    """Parse a board such as `chessboard:9x6`.
 
     Raises:
-        ManytouchError: no such board, too small, or an impossible size.
+        ManytouchError: unknown kind, too few points, or an invalid size.
     """
     kind, _, rest = text.partition(":")
     size, _, dictionary = rest.partition(":")
     columns, _, rows = size.partition("x")
     if kind not in get_args(Kind) or not (columns.isdecimal() and rows.isdecimal()):
-        raise ManytouchError(f"{text!r} is no board: give KIND:COLUMNSxROWS, such as {FORMS}")
+        raise ManytouchError(f"{text!r} is not a board: give KIND:COLUMNSxROWS, such as {FORMS}")
     if min(int(columns), int(rows)) < 3:
         raise ManytouchError(f"the board {text!r} is too small: at least 3 by 3 points are needed")
     if not (np.isfinite(square_mm) and square_mm > 0):
-        raise ManytouchError(f"a square of {square_mm:g} mm is impossible: measure one on the printed board")
+        raise ManytouchError(f"a square of {square_mm:g} mm is not valid: measure one on the printed board")
     if dictionary and (kind != "charuco" or not hasattr(cv2.aruco, dictionary)):
         raise ManytouchError(
-            f"{dictionary!r} in {text!r} is no dictionary of ChArUco markers: give one of OpenCV's names, "
+            f"{dictionary!r} in {text!r} is not a dictionary of ChArUco markers: give one of OpenCV's names, "
             "such as charuco:8x6:DICT_5X5_100"
         )
     options = {"dictionary": dictionary} if dictionary else {}
@@ -95,60 +95,64 @@ def board_of(text: str, square_mm: float) -> Board:
     return board
 
 
-def charuco_ink(board: Board) -> tuple[np.ndarray, int]:
-    """What is black on a ChArUco board, as whole pixels, and how many of them are a square's side."""
+def charuco_pattern(board: Board) -> tuple[np.ndarray, int]:
+    """Black pixels of a ChArUco board (h, w), and the side of a square in pixels."""
     charuco = _charuco(board)
     modules = charuco.getDictionary().markerSize + 2
     side_px = 2 * modules * round(1.0 / (1.0 - MARKER_SHARE))
-    picture = charuco.generateImage((board.columns * side_px, board.rows * side_px), marginSize=0)
-    return np.asarray(picture) < 128, side_px
+    image = charuco.generateImage((board.columns * side_px, board.rows * side_px), marginSize=0)
+    return np.asarray(image) < 128, side_px
 
 
-def find_board(image: np.ndarray, board: Board) -> Sighting | None:
-    """Look for a board in a grey picture; None when it is not there.
+def find_board(image: np.ndarray, board: Board) -> BoardDetection | None:
+    """Find a board in a grey image; None if it is not visible.
 
-    A ChArUco board may be partly hidden (at least six of its corners must be seen); the others only
-    count when they are seen whole.
+    A ChArUco board may be partly hidden (at least six of its corners must be visible); the other kinds
+    must be completely visible.
     """
     share = min(1.0, _SEARCH_WIDTH_PX / image.shape[1])
     small = (
         image if share == 1.0 else cv2.resize(image, None, fx=share, fy=share, interpolation=cv2.INTER_AREA)
     )
-    found = _charuco_corners(small, board) if board.kind == "charuco" else _whole(small, board)
+    found = _charuco_corners(small, board) if board.kind == "charuco" else _find_whole_board(small, board)
     if found is None:
         return None
     number, place = found
     place = (place + 0.5) / share - 0.5
-    sighting = Sighting(number=read_only(number), place_px=read_only(place))
+    detection = BoardDetection(number=read_only(number), place_px=read_only(place))
     if share < 1.0 and board.has_corners:
-        return refined(image, sighting, max(3, round(1.5 / share)))
+        return refine_corners(image, detection, max(3, round(1.5 / share)))
     if share < 1.0:
-        whole = _whole(image, board)
-        return None if whole is None else Sighting(number=read_only(whole[0]), place_px=read_only(whole[1]))
-    return sighting
+        whole = _find_whole_board(image, board)
+        return (
+            None
+            if whole is None
+            else BoardDetection(number=read_only(whole[0]), place_px=read_only(whole[1]))
+        )
+    return detection
 
 
-def refined(image: np.ndarray, sighting: Sighting, half_window_px: int) -> Sighting:
-    """Corners moved to where the gradients within a window say they are (Foerstner and Guelch, 1987)."""
-    place = np.ascontiguousarray(sighting.place_px, dtype=np.float32).reshape(-1, 1, 2).copy()
+def refine_corners(image: np.ndarray, detection: BoardDetection, half_window_px: int) -> BoardDetection:
+    """Refine corners by the gradients within a window (Foerstner and Guelch, 1987)."""
+    place = np.ascontiguousarray(detection.place_px, dtype=np.float32).reshape(-1, 1, 2).copy()
     stop = (cv2.TERM_CRITERIA_EPS + cv2.TERM_CRITERIA_MAX_ITER, 60, 1e-4)
     window = (half_window_px, half_window_px)
     moved = cv2.cornerSubPix(image, place, window, (-1, -1), stop)
-    return Sighting(
-        number=sighting.number, place_px=read_only(np.asarray(moved, dtype=np.float64).reshape(-1, 2))
+    return BoardDetection(
+        number=detection.number, place_px=read_only(np.asarray(moved, dtype=np.float64).reshape(-1, 2))
     )
 
 
-def spacing_px(sighting: Sighting) -> float:
-    """Least distance of two points, px."""
+def spacing_px(detection: BoardDetection) -> float:
+    """Smallest distance of two points, px."""
     from scipy.spatial import KDTree
 
-    distance, _ = KDTree(sighting.place_px).query(sighting.place_px, k=2)
+    distance, _ = KDTree(detection.place_px).query(detection.place_px, k=2)
     return float(distance[:, 1].min())
 
 
-def _whole(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:
-    """Boards of which every point must be seen."""
+def _find_whole_board(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | None:
+    """Find boards all points of which must be visible."""
     size = (board.columns, board.rows)
     if board.kind == "chessboard":
         flags = cv2.CALIB_CB_ADAPTIVE_THRESH | cv2.CALIB_CB_NORMALIZE_IMAGE | cv2.CALIB_CB_FAST_CHECK
@@ -167,7 +171,7 @@ def _whole(image: np.ndarray, board: Board) -> tuple[np.ndarray, np.ndarray] | N
 
 
 def _circle_detector(image: np.ndarray, board: Board) -> cv2.SimpleBlobDetector:
-    """Finds blobs as large as most: a letter beside the board would spoil the grid."""
+    """Detector of blobs of the most frequent size: text next to the board would disturb the grid."""
     blobs = cv2.SimpleBlobDetector.Params()
     blobs.maxArea = max(blobs.maxArea, image.size / (board.columns * board.rows))
     sizes_px = [blob.size for blob in cv2.SimpleBlobDetector.create(blobs).detect(image)]

@@ -1,4 +1,4 @@
-"""Choosing views of a board while looking: sharp ones, each unlike the others, and what is still missing."""
+"""Selection of board views during capture: sharp, different from each other, and what is still missing."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -6,19 +6,18 @@ from dataclasses import dataclass, field
 import cv2
 import numpy as np
 
-from manytouch.calibration.camera.board import Board, Sighting, find_board, spacing_px
+from manytouch.calibration.camera.board import Board, BoardDetection, find_board, spacing_px
 from manytouch.values import Frame
 
 MOST_VIEWS = 40
 ENOUGH_VIEWS = 12
 BLURRED_EDGE_PX = 5.0
-"""An edge that takes more than this to go from dark to light is blurred, if that is more than a
-quarter of a square too."""
+"""An edge wider than this, from dark to light, is blurred if it is also wider than a quarter of a square."""
 _BLURRED_SHARE = 0.25
 _ALIKE = 0.02
 _TILTED_DEG = 15.0
 _NEAR_TO_FAR = 1.4
-_LEAST_POINTS = 4  # of a part of the picture that counts as covered
+_LEAST_POINTS = 4  # of a part of the image that is covered
 PARTS = (
     *("top left", "top", "top right"),
     *("left", "middle", "right"),
@@ -28,31 +27,31 @@ PARTS = (
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class BoardView:
-    """A picture of a board that is worth using.
+    """An accepted image of a board.
 
     Attributes:
-        name: of the picture.
+        name: of the image.
         image: (h, w) grey.
-        sighting: the board's points.
+        detection: points of the board.
         edge_px: width of its edges from dark to light.
-        outlook: (5,) place (x, y) and size in shares of the picture, tilts about y and x in rad.
+        pose_features: (5,) position (x, y) and size as shares of the image, tilt about y and x in rad.
     """
 
     name: str
     image: np.ndarray
-    sighting: Sighting
+    detection: BoardDetection
     edge_px: float
-    outlook: np.ndarray
+    pose_features: np.ndarray
 
 
 @dataclass(slots=True, kw_only=True)
 class ViewCollection:
-    """Takes pictures one by one, keeps the views worth keeping, and says why it refuses the others.
+    """Collects board views image by image and gives a reason for each rejection.
 
     Attributes:
-        board: what to look for.
-        views: kept, in the order of their coming.
-        refused: name of the picture and reason.
+        board: to find.
+        views: accepted, in order of capture.
+        refused: name of the image and reason.
     """
 
     board: Board
@@ -60,15 +59,15 @@ class ViewCollection:
     refused: list[tuple[str, str]] = field(default_factory=list)
     size_px: tuple[int, int] | None = None
 
-    def offer(self, frame: Frame, name: str) -> str | None:
-        """Look at a picture; the reason why it is not kept, or None when it is."""
+    def add(self, frame: Frame, name: str) -> str | None:
+        """Add an image; returns the reason for a rejection, or None if it was accepted."""
         reason = self._refusal(frame, name)
         if reason is not None:
             self.refused.append((name, reason))
         return reason
 
     def missing(self) -> tuple[str, ...]:
-        """What further views should show; empty when there are enough of every kind."""
+        """What further views should show; empty if there are enough of every kind."""
         return tuple(self._missing())
 
     def _refusal(self, frame: Frame, name: str) -> str | None:
@@ -79,40 +78,38 @@ class ViewCollection:
         if self.size_px is None:
             self.size_px = size
         if size != self.size_px:
-            return (
-                f"has {size[0]} x {size[1]} px, the pictures before it {self.size_px[0]} x {self.size_px[1]}"
-            )
-        sighting = find_board(image, self.board)
-        if sighting is None:
-            return f"shows no whole {self.board}"
-        edge_px, square_px = edge_width_px(image, sighting), spacing_px(sighting)
+            return f"has {size[0]} x {size[1]} px, the images before it {self.size_px[0]} x {self.size_px[1]}"
+        detection = find_board(image, self.board)
+        if detection is None:
+            return f"does not show a complete {self.board}"
+        edge_px, square_px = edge_width_px(image, detection), spacing_px(detection)
         if edge_px > max(BLURRED_EDGE_PX, _BLURRED_SHARE * square_px):
             return f"is blurred: its edges are {edge_px:.1f} px wide"
         view = BoardView(
             name=name,
             image=image,
-            sighting=sighting,
+            detection=detection,
             edge_px=edge_px,
-            outlook=outlook(self.board, sighting, size),
+            pose_features=pose_features(self.board, detection, size),
         )
-        return self._kept(view)
+        return self._add_view(view)
 
-    def _kept(self, view: BoardView) -> str | None:
-        """Keep a view, or let it take the place of a blurrier one that looks the same."""
+    def _add_view(self, view: BoardView) -> str | None:
+        """Add a view, or replace a less sharp one in the same pose."""
         for number, other in enumerate(self.views):
-            if np.linalg.norm(view.outlook - other.outlook) < _ALIKE:
+            if np.linalg.norm(view.pose_features - other.pose_features) < _ALIKE:
                 if view.edge_px < 0.9 * other.edge_px:
-                    self.refused.append((other.name, f"looks the same as {view.name}, which is sharper"))
+                    self.refused.append((other.name, f"shows the same pose as {view.name}, which is sharper"))
                     self.views[number] = view
                     return None
-                return f"looks the same as {other.name}"
+                return f"shows the same pose as {other.name}"
         self.views.append(view)
         if len(self.views) > MOST_VIEWS:
-            outlooks = np.array([other.outlook for other in self.views])
-            apart = np.linalg.norm(outlooks[:, None] - outlooks[None], axis=2)
-            np.fill_diagonal(apart, np.inf)
-            gone = self.views.pop(int(np.argmin(apart.min(axis=1))))
-            self.refused.append((gone.name, "adds least to the views that there are"))
+            features = np.array([other.pose_features for other in self.views])
+            distance = np.linalg.norm(features[:, None] - features[None], axis=2)
+            np.fill_diagonal(distance, np.inf)
+            gone = self.views.pop(int(np.argmin(distance.min(axis=1))))
+            self.refused.append((gone.name, "adds least to the other views"))
         return None
 
     def _missing(self) -> Iterator[str]:
@@ -120,31 +117,31 @@ class ViewCollection:
             yield f"{ENOUGH_VIEWS - len(self.views)} more views"
         if not self.views or self.size_px is None:
             return
-        counts = part_counts(np.concatenate([view.sighting.place_px for view in self.views]), self.size_px)
+        counts = part_counts(np.concatenate([view.detection.place_px for view in self.views]), self.size_px)
         empty = [name for name, count in zip(PARTS, counts, strict=True) if count < _LEAST_POINTS]
         if empty:
-            yield f"the board in the picture's {', '.join(empty)}"
-        outlooks = np.array([view.outlook for view in self.views])
+            yield f"the board in the {', '.join(empty)}"
+        features = np.array([view.pose_features for view in self.views])
         for column, ways in ((3, ("left", "right")), (4, ("up", "down"))):
-            tilt = np.rad2deg(outlooks[:, column])
+            tilt = np.rad2deg(features[:, column])
             if not (tilt.max() > _TILTED_DEG or tilt.min() < -_TILTED_DEG):
                 yield f"the board tilted by 20 to 45 degrees {ways[0]} or {ways[1]}"
-        if outlooks[:, 2].max() < _NEAR_TO_FAR * outlooks[:, 2].min():
+        if features[:, 2].max() < _NEAR_TO_FAR * features[:, 2].min():
             yield "the board nearer, or farther away"
 
 
 def grey(image: np.ndarray) -> np.ndarray:
-    """(h, w) uint8 of a picture that may have colours or 16 bits."""
+    """Convert an image with colours or 16 bits to (h, w) uint8."""
     if image.dtype == np.uint16:
         image = (image >> 8).astype(np.uint8)
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 
-def edge_width_px(image: np.ndarray, sighting: Sighting) -> float:
-    """How many px the board's edges need from dark to light: range over steepest slope, median of points."""
-    half = max(3, round(0.4 * spacing_px(sighting)))
+def edge_width_px(image: np.ndarray, detection: BoardDetection) -> float:
+    """Width of the edges of the board, px: grey range over steepest slope, median over the points."""
+    half = max(3, round(0.4 * spacing_px(detection)))
     widths = []
-    for x, y in np.rint(sighting.place_px).astype(int):
+    for x, y in np.rint(detection.place_px).astype(int):
         left, top = max(x - half, 0), max(y - half, 0)
         part = image[top : y + half + 1, left : x + half + 1].astype(np.float32)
         if min(part.shape) < 3:
@@ -155,15 +152,15 @@ def edge_width_px(image: np.ndarray, sighting: Sighting) -> float:
     return float(np.median(widths)) if widths else np.inf
 
 
-def outlook(board: Board, sighting: Sighting, size_px: tuple[int, int]) -> np.ndarray:
+def pose_features(board: Board, detection: BoardDetection, size_px: tuple[int, int]) -> np.ndarray:
     """Place, size and tilt of a board in a picture; tilts assume a camera of about 53 degrees."""
     width, height = size_px
-    place = sighting.place_px
+    place = detection.place_px
     centre = place.mean(axis=0) / [width, height]
     extent = float(np.linalg.norm(np.ptp(place, axis=0)) / np.hypot(width, height))
     matrix = np.array([[width, 0.0, width / 2], [0.0, width, height / 2], [0.0, 0.0, 1.0]])
     is_found, turn, _ = cv2.solvePnP(
-        board.point_mm[sighting.number],
+        board.point_mm[detection.number],
         np.ascontiguousarray(place),
         matrix,
         np.zeros(5),
@@ -177,11 +174,11 @@ def outlook(board: Board, sighting: Sighting, size_px: tuple[int, int]) -> np.nd
 
 
 def part_counts(place_px: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-    """(9,) points in each of the nine parts of the picture, in the order of `PARTS`."""
+    """(9,) points in each of the nine parts of the image, in the order of `PARTS`."""
     return np.bincount(part_of(place_px, size_px), minlength=len(PARTS))
 
 
 def part_of(place_px: np.ndarray, size_px: tuple[int, int]) -> np.ndarray:
-    """(n,) which of the nine parts of the picture holds each point."""
+    """(n,) index of the part of the image that contains each point."""
     column, row = np.clip((3 * (place_px + 0.5) / np.asarray(size_px)).astype(int), 0, 2).T
     return np.asarray(3 * row + column)

@@ -1,18 +1,18 @@
-"""A camera calibrated from pictures of a board: choose views, refine corners, fit, drop what does not fit."""
+"""Camera calibration from images of a board: select views, refine corners, fit, reject outliers."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.calibration.camera.board import Board, board_of, find_board, refined, spacing_px
+from manytouch.calibration.camera.board import Board, find_board, parse_board, refine_corners, spacing_px
 from manytouch.calibration.camera.board_views import PARTS, BoardView, ViewCollection, grey, part_of
 from manytouch.calibration.camera.intrinsics import LEAST_VIEWS, Intrinsics, Model, fit_intrinsics
 from manytouch.errors import ManytouchError
 from manytouch.values import Frame
 
 HALF_WINDOWS_PX = (3, 4, 5, 6, 8, 10, 13, 16)
-"""Corners are refined in windows of these halves; the one with the least residual is kept."""
+"""Half widths of the windows in which corners are refined; the one with the smallest residual is kept."""
 _WINDOW_SHARE = 0.42  # of the distance to the next corner, which must not be in the window
 _OUTLIER = 2.5
 _OUTLIER_PX = 0.3
@@ -21,14 +21,14 @@ _NAMED_WITHOUT_BOARD = 3
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class CameraCalibration:
-    """A calibrated camera with all that tells how far to trust it.
+    """A calibrated camera with its residuals and the views used.
 
     Attributes:
-        board: what was looked at.
+        board: in the views.
         intrinsics: the result.
         views: used, in the order of `intrinsics.residual_px`.
-        refused: name of the picture and reason.
-        half_window_px: in which corners were refined; None for circles.
+        refused: name of the image and reason.
+        half_window_px: half width of the window in which corners were refined; None for circles.
         missing: what further views should show.
     """
 
@@ -41,9 +41,9 @@ class CameraCalibration:
 
     @property
     def part_rms_px(self) -> np.ndarray:
-        """(9,) residual in each part of the picture (`PARTS`), NaN where no point lies."""
+        """(9,) RMS residual in each part of the image (`PARTS`); NaN without points."""
         camera = self.intrinsics.camera
-        place = np.concatenate([view.sighting.place_px for view in self.views])
+        place = np.concatenate([view.detection.place_px for view in self.views])
         square = (np.concatenate(self.intrinsics.residual_px) ** 2).sum(axis=1)
         part = part_of(place, (camera.width_px, camera.height_px))
         counts = np.bincount(part, minlength=len(PARTS))
@@ -56,31 +56,31 @@ def calibrate_camera(
     board: Board,
     *,
     model: Model = "pinhole",
-    look: Callable[[ViewCollection, str | None], bool] | None = None,
+    on_view: Callable[[ViewCollection, str | None], bool] | None = None,
 ) -> CameraCalibration:
     """Calibrate a camera.
 
     Args:
-        frames: pictures with their names.
-        board: what they show.
+        frames: images with their names.
+        board: in the images.
         model: of the lens.
-        look: called after each picture with all views so far and the reason why this one was refused;
-            once it says True no more pictures are taken.
+        on_view: called after each image with all views so far and the reason for a rejection; capture ends
+            when it returns True.
 
     Raises:
-        ManytouchError: no board, too few good views, or no camera explains them; it says what to do.
+        ManytouchError: no board was found, too few views were accepted, or no camera fits them.
     """
     collection = ViewCollection(board=board)
     first_without: list[Frame] = []
     for name, frame in frames:
-        reason = collection.offer(frame, name)
+        reason = collection.add(frame, name)
         if reason is not None and len(first_without) < _NAMED_WITHOUT_BOARD:
             first_without.append(frame)
-        if look is not None and look(collection, reason):
+        if on_view is not None and on_view(collection, reason):
             break
     if len(collection.views) < LEAST_VIEWS:
-        raise ManytouchError(_too_few(collection, first_without))
-    intrinsics, views, half_px, dropped = _fitted(collection, model)
+        raise ManytouchError(_too_few_views_message(collection, first_without))
+    intrinsics, views, half_px, dropped = _fit(collection, model)
     return CameraCalibration(
         board=board,
         intrinsics=intrinsics,
@@ -91,7 +91,7 @@ def calibrate_camera(
     )
 
 
-def _fitted(
+def _fit(
     collection: ViewCollection, model: Model
 ) -> tuple[Intrinsics, tuple[BoardView, ...], int | None, list[tuple[str, str]]]:
     views = tuple(collection.views)
@@ -114,18 +114,18 @@ def _fitted(
 def _best_window(
     collection: ViewCollection, views: tuple[BoardView, ...], model: Model
 ) -> tuple[Intrinsics, tuple[BoardView, ...], int | None]:
-    """The fit with the least residual over the windows in which corners can be refined."""
+    """The fit with the smallest residual over the corner windows."""
     assert collection.size_px is not None
     board, (width_px, height_px) = collection.board, collection.size_px
 
     def fit(used: tuple[BoardView, ...]) -> Intrinsics:
-        sightings = [view.sighting for view in used]
-        return fit_intrinsics(board, sightings, width_px=width_px, height_px=height_px, model=model)
+        detections = [view.detection for view in used]
+        return fit_intrinsics(board, detections, width_px=width_px, height_px=height_px, model=model)
 
     if not board.has_corners:
         return fit(views), views, None
     found = []
-    most_px = max(_WINDOW_SHARE * spacing_px(view.sighting) for view in views)
+    most_px = max(_WINDOW_SHARE * spacing_px(view.detection) for view in views)
     for half_px in [half for half in HALF_WINDOWS_PX if half <= max(most_px, HALF_WINDOWS_PX[0])]:
         sharper = tuple(_with_window(view, half_px) for view in views)
         found.append((fit(sharper), sharper, half_px))
@@ -135,28 +135,28 @@ def _best_window(
 def _with_window(view: BoardView, half_px: int) -> BoardView:
     from dataclasses import replace
 
-    room_px = max(2, int(_WINDOW_SHARE * spacing_px(view.sighting)))
-    return replace(view, sighting=refined(view.image, view.sighting, min(half_px, room_px)))
+    room_px = max(2, int(_WINDOW_SHARE * spacing_px(view.detection)))
+    return replace(view, detection=refine_corners(view.image, view.detection, min(half_px, room_px)))
 
 
-def _too_few(collection: ViewCollection, without: list[Frame]) -> str:
+def _too_few_views_message(collection: ViewCollection, without: list[Frame]) -> str:
     board, number = collection.board, len(collection.views)
     reasons = [reason for _, reason in collection.refused]
     if not reasons and not number:
-        return "there is no picture: give views of a board, a video or a camera that shows it"
-    if number == 0 and all(reason.startswith("shows no whole") for reason in reasons):
+        return "no image was given: give views of a board, a video or a camera"
+    if number == 0 and all(reason.startswith("does not show a complete") for reason in reasons):
         other = _other_size(board, without)
         hint = (
-            f"they show a {other}, so give --board {other}"
+            f"they show a {other}: give --board {other}"
             if other is not None
-            else "see that the whole board is in the picture, flat, sharp and evenly lit, and that kind "
-            "and size are named right (a chessboard by its inner corners, one less than squares)"
+            else "check that the complete board is visible, flat, sharp and evenly lit, and that kind and "
+            "size are correct (a chessboard by its inner corners, one less than squares)"
         )
-        return f"none of the {len(reasons)} pictures shows a {board}: {hint}"
+        return f"none of the {len(reasons)} images shows a {board}: {hint}"
     blurred = sum(reason.startswith("is blurred") for reason in reasons)
     hint = (
-        f"{blurred} of {number + len(reasons)} pictures are blurred: focus the lens, hold board and camera "
-        "still, give more light; "
+        f"{blurred} of {number + len(reasons)} images are blurred: focus the lens, keep board and camera "
+        "still, increase the light; "
         if 2 * blurred > len(reasons)
         else ""
     )
@@ -170,14 +170,14 @@ def _too_few(collection: ViewCollection, without: list[Frame]) -> str:
 
 
 def _other_size(board: Board, frames: list[Frame]) -> str | None:
-    """A chessboard of another size near the one that was named, if that is what the pictures show."""
+    """A chessboard of a similar size, if the images show one."""
     if board.kind != "chessboard":
         return None
     tried = [
         (board.columns + dx, board.rows + dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1) if (dx, dy) != (0, 0)
     ]
     for columns, rows in [size for size in tried if min(size) >= 3]:
-        other = board_of(f"chessboard:{columns}x{rows}", board.square_mm)
+        other = parse_board(f"chessboard:{columns}x{rows}", board.square_mm)
         for frame in frames:
             if frame.image is not None and find_board(grey(frame.image), other) is not None:
                 return str(other)

@@ -1,7 +1,7 @@
-"""Intrinsics of a camera from views of a board, and how well they are known.
+"""Intrinsic parameters of a camera from views of a board, with standard deviations.
 
 Model: OpenCV's pinhole (Brown-Conrady, k1 k2 p1 p2 k3) or fisheye (k1..k4). The fit is OpenCV's (Z. Zhang,
-doi:10.1109/34.888718); deviations come from the normal matrix of all its unknowns, poses included.
+doi:10.1109/34.888718); deviations come from the normal matrix of all unknowns, poses included.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.calibration.camera.board import Board, Sighting
+from manytouch.calibration.camera.board import Board, BoardDetection
 from manytouch.errors import ManytouchError
 from manytouch.values import Camera
 from manytouch.values.arrays import Points2, read_only
@@ -29,14 +29,14 @@ _LEAST_DEVIATIONS = 2.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Intrinsics:
-    """A camera as views of a board show it.
+    """Intrinsic parameters fitted to views of a board.
 
     Attributes:
-        camera: without a pose (the nominal one stands in).
-        std: deviation of each parameter, by the names in `NAMES`; 0 where it is held at 0.
-        residual_px: for each view (n, 2), seen minus predicted.
-        rms_px: root of the mean squared distance of seen and predicted points.
-        new_matrix: (3, 3) of a camera without distortion that shows only what this one sees, without
+        camera: with a placeholder pose.
+        std: deviation of each parameter, by the names in `NAMES`; 0 if it is fixed at 0.
+        residual_px: for each view (n, 2), measured minus predicted.
+        rms_px: RMS distance of measured and predicted points.
+        new_matrix: (3, 3) of a camera without distortion that shows only what this camera images, without
             borders (OpenCV's new camera matrix at alpha 0).
     """
 
@@ -53,44 +53,55 @@ class Intrinsics:
 
 
 def fit_intrinsics(
-    board: Board, sightings: Sequence[Sighting], *, width_px: int, height_px: int, model: Model = "pinhole"
+    board: Board,
+    detections: Sequence[BoardDetection],
+    *,
+    width_px: int,
+    height_px: int,
+    model: Model = "pinhole",
 ) -> Intrinsics:
-    """The camera that explains some views of a board best.
+    """Fit a camera to views of a board.
 
-    The third radial coefficient of a pinhole is held at 0 when the views cannot tell it from 0 (within
-    two deviations).
+    The third radial coefficient of a pinhole is fixed at 0 if its estimate lies within two standard
+    deviations
+    of 0.
 
     Raises:
-        ManytouchError: fewer than `LEAST_VIEWS` views, or no camera explains them.
+        ManytouchError: fewer than `LEAST_VIEWS` views, or no camera fits them.
     """
-    if len(sightings) < LEAST_VIEWS:
+    if len(detections) < LEAST_VIEWS:
         raise ManytouchError(
-            f"{len(sightings)} good views of the board are too few: at least {LEAST_VIEWS} are needed, "
+            f"{len(detections)} good views of the board are too few: at least {LEAST_VIEWS} are needed, "
             "better 15, with the board tilted in different directions, near and far, and in every corner"
         )
-    found = _fitted(board, sightings, (width_px, height_px), model, has_k3=True)
+    found = _fit(board, detections, (width_px, height_px), model, has_k3=True)
     if model == "pinhole" and abs(found.camera.distortion[4]) < _LEAST_DEVIATIONS * found.std["k3"]:
-        found = _fitted(board, sightings, (width_px, height_px), model, has_k3=False)
+        found = _fit(board, detections, (width_px, height_px), model, has_k3=False)
     return found
 
 
-def _fitted(
-    board: Board, sightings: Sequence[Sighting], size_px: tuple[int, int], model: Model, *, has_k3: bool
+def _fit(
+    board: Board,
+    detections: Sequence[BoardDetection],
+    size_px: tuple[int, int],
+    model: Model,
+    *,
+    has_k3: bool,
 ) -> Intrinsics:
-    point_mm = [board.point_mm[sighting.number] for sighting in sightings]
-    place_px = [np.ascontiguousarray(sighting.place_px) for sighting in sightings]
+    point_mm = [board.point_mm[detection.number] for detection in detections]
+    place_px = [np.ascontiguousarray(detection.place_px) for detection in detections]
     try:
-        matrix, distortion, poses = _opencv(point_mm, place_px, size_px, model, has_k3=has_k3)
+        matrix, distortion, poses = _fit_with_opencv(point_mm, place_px, size_px, model, has_k3=has_k3)
     except cv2.error as error:
         raise ManytouchError(
-            f"no {model} camera explains the {len(sightings)} views "
+            f"no {model} camera fits the {len(detections)} views "
             f"({str(error.err).strip() or 'no solution'}): take views with the board tilted by 20 to "
-            "45 degrees in different directions, and see that its size is named right"
+            "45 degrees in different directions, and check the size of the board"
         ) from None
     free = np.ones(len(NAMES[model]), dtype=np.bool_)
     if model == "pinhole" and not has_k3:
         free[8] = False
-    residual, derivative = _projected(point_mm, place_px, matrix, distortion, poses)
+    residual, derivative = _residuals_and_derivatives(point_mm, place_px, matrix, distortion, poses)
     std = _deviations(residual, derivative, free)
     width, height = size_px
     camera = Camera(
@@ -116,7 +127,7 @@ def _fitted(
 
 
 def new_matrix(camera: Camera) -> Float64[np.ndarray, "3 3"]:
-    """Matrix of the undistorted camera that shows no place which this one does not see."""
+    """Matrix of an undistorted camera whose image lies completely inside that of this camera."""
     from manytouch.geometry.camera import camera_matrix
 
     size = (camera.width_px, camera.height_px)
@@ -129,7 +140,7 @@ def new_matrix(camera: Camera) -> Float64[np.ndarray, "3 3"]:
     return np.asarray(found, dtype=np.float64)
 
 
-def _opencv(
+def _fit_with_opencv(
     point_mm: list[np.ndarray],
     place_px: list[np.ndarray],
     size_px: tuple[int, int],
@@ -163,7 +174,7 @@ def _opencv(
     return np.asarray(matrix), np.asarray(distortion, dtype=np.float64).ravel()[:numbers], poses
 
 
-def _projected(
+def _residuals_and_derivatives(
     point_mm: list[np.ndarray],
     place_px: list[np.ndarray],
     matrix: np.ndarray,

@@ -1,4 +1,4 @@
-"""A camera calibration in words, as ROS `camera_info`, as numbers, and as a picture."""
+"""Report of a camera calibration: text, ROS `camera_info`, JSON and a plot."""
 
 import json
 from pathlib import Path
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 GOOD_RMS_PX = 0.5
 ARROW_LENGTH_PX = 14.0
-"""Length of the median residual in the picture, at a width of 640 px."""
+"""Length of the median residual in the plot, at an image width of 640 px."""
 
 
-def in_words(calibration: CameraCalibration) -> list[str]:
-    """What was found, how well it is known, and what is odd."""
+def describe(calibration: CameraCalibration) -> list[str]:
+    """Lines of text: parameters, standard deviations and warnings."""
     found, camera = calibration.intrinsics, calibration.intrinsics.camera
     std, points = found.std, sum(len(part) for part in found.residual_px)
     window = calibration.half_window_px
@@ -33,12 +33,14 @@ def in_words(calibration: CameraCalibration) -> list[str]:
     names = ("k1", "k2", "p1", "p2", "k3") if camera.model == "pinhole" else ("k1", "k2", "k3", "k4")
     lines = [
         f"{len(calibration.views)} views of a {calibration.board}, {points} points, "
-        f"{len(calibration.refused)} pictures refused{how}",
+        f"{len(calibration.refused)} images rejected{how}",
         f"focal length {camera.fx_px:.2f} ± {std['fx_px']:.2f}, {camera.fy_px:.2f} ± {std['fy_px']:.2f} px",
         f"optical centre {camera.cx_px:.2f} ± {std['cx_px']:.2f}, {camera.cy_px:.2f} ± {std['cy_px']:.2f} px",
         "distortion "
         + ", ".join(
-            f"{name} {value:.5f} ± {std[name]:.5f}" if std[name] else f"{name} 0 (cannot be told from 0)"
+            f"{name} {value:.5f} ± {std[name]:.5f}"
+            if std[name]
+            else f"{name} 0 (not significantly different from 0)"
             for name, value in zip(names, camera.distortion.tolist(), strict=True)
         ),
         f"residual {found.rms_px:.3f} px (RMS), view by view {found.view_rms_px.min():.2f} to "
@@ -46,25 +48,26 @@ def in_words(calibration: CameraCalibration) -> list[str]:
     ]
     parts = calibration.part_rms_px
     lines.append(
-        "in parts of the picture "
+        "by part of the image "
         + ", ".join(
             f"{name} {'no point' if np.isnan(rms) else f'{rms:.2f}'}"
             for name, rms in zip(PARTS, parts, strict=True)
         )
     )
-    lines += [f"refused: {name} {reason}" for name, reason in calibration.refused]
+    lines += [f"rejected: {name} {reason}" for name, reason in calibration.refused]
     if found.rms_px > GOOD_RMS_PX:
         lines.append(
-            f"odd: a residual of {found.rms_px:.2f} px is large (below {GOOD_RMS_PX:g} px is usual): is the "
-            "board flat, its size named right, the camera's focus fixed?"
+            f"warning: a residual of {found.rms_px:.2f} px is large (usually below {GOOD_RMS_PX:g} px): "
+            f"check that the "
+            "board is flat, that its size is correct and that the focus of the camera is fixed"
         )
     if calibration.missing:
-        lines.append(f"better with: {'; '.join(calibration.missing)}")
+        lines.append(f"views still missing: {'; '.join(calibration.missing)}")
     return lines
 
 
-def as_numbers(calibration: CameraCalibration) -> dict[str, Any]:
-    """Everything of a calibration for a JSON file."""
+def to_dict(calibration: CameraCalibration) -> dict[str, Any]:
+    """Contents of calibration.json."""
     found, camera = calibration.intrinsics, calibration.intrinsics.camera
     return {
         "board": str(calibration.board),
@@ -79,7 +82,7 @@ def as_numbers(calibration: CameraCalibration) -> dict[str, Any]:
         "rms_px": found.rms_px,
         "half_window_px": calibration.half_window_px,
         "views": [
-            {"name": view.name, "rms_px": rms, "points": len(view.sighting.number), "edge_px": view.edge_px}
+            {"name": view.name, "rms_px": rms, "points": len(view.detection.number), "edge_px": view.edge_px}
             for view, rms in zip(calibration.views, found.view_rms_px.tolist(), strict=True)
         ],
         "parts_rms_px": {
@@ -117,7 +120,7 @@ def write_report(calibration: CameraCalibration, folder: Path, name: str) -> Non
     found = calibration.intrinsics
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        numbers = json.dumps(as_numbers(calibration), indent=1)
+        numbers = json.dumps(to_dict(calibration), indent=1)
         (folder / "calibration.json").write_text(numbers + "\n", encoding="utf-8")
         ros = camera_info_yaml(found.camera, found.new_matrix, name)
         (folder / "camera_info.yaml").write_text(ros, encoding="utf-8")
@@ -127,7 +130,7 @@ def write_report(calibration: CameraCalibration, folder: Path, name: str) -> Non
 
 
 def draw_coverage(calibration: CameraCalibration, path: Path) -> None:
-    """Where the board was seen, and what is left there, as a PNG.
+    """Draw the coverage of the image by the board and the residuals as a PNG.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -135,7 +138,7 @@ def draw_coverage(calibration: CameraCalibration, path: Path) -> None:
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
-        raise MissingExtraError("a picture of the coverage", "matplotlib", "plot") from None
+        raise MissingExtraError("the coverage plot", "matplotlib", "plot") from None
     camera = calibration.intrinsics.camera
     figure = Figure(figsize=(12.0, 0.8 + 6.0 * camera.height_px / camera.width_px), layout="constrained")
     seen, left = figure.subplots(1, 2)
@@ -149,16 +152,16 @@ def _draw_views(axes: "Axes", calibration: CameraCalibration) -> None:
     from scipy.spatial import ConvexHull
 
     for view in calibration.views:
-        place = view.sighting.place_px
+        place = view.detection.place_px
         axes.add_patch(Polygon(place[ConvexHull(place).vertices], fc="#0072b2", alpha=0.10, ec="none"))
         axes.plot(*place.T, ".", ms=2, color="#004a75")
-    axes.set_title(f"{len(calibration.views)} views of the board; darker is seen more often")
+    axes.set_title(f"{len(calibration.views)} views of the board; darker where more views overlap")
     _frame(axes, calibration)
 
 
 def _draw_residuals(axes: "Axes", calibration: CameraCalibration) -> None:
     residual = np.concatenate(calibration.intrinsics.residual_px)
-    place = np.concatenate([view.sighting.place_px for view in calibration.views])
+    place = np.concatenate([view.detection.place_px for view in calibration.views])
     length = np.hypot(*residual.T)
     scale = ARROW_LENGTH_PX * calibration.intrinsics.camera.width_px / 640 / float(np.median(length))
     drawn = axes.quiver(
@@ -172,8 +175,8 @@ def _draw_residuals(axes: "Axes", calibration: CameraCalibration) -> None:
         cmap="viridis_r",
         clim=(0.0, float(np.quantile(length, 0.98))),
     )
-    axes.figure.colorbar(drawn, ax=axes, label="distance of seen and predicted point, px", shrink=0.85)
-    axes.set_title(f"residuals, drawn {scale:.0f} times as long; RMS {calibration.intrinsics.rms_px:.3f} px")
+    axes.figure.colorbar(drawn, ax=axes, label="distance of measured and predicted point, px", shrink=0.85)
+    axes.set_title(f"residuals, scaled by {scale:.0f}; RMS {calibration.intrinsics.rms_px:.3f} px")
     _frame(axes, calibration)
 
 

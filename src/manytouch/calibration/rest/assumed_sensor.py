@@ -1,7 +1,7 @@
-"""A sensor from nothing but the first frames of a recording: its layout, and a camera that is assumed.
+"""A sensor from the first frames of a recording alone: a measured layout and an assumed camera.
 
-The camera is taken as a pinhole without distortion that looks straight at the sheet, so lengths on the
-sheet are pixels times one scale; what the image cannot tell is said in the sensor's `assumptions`.
+The camera is assumed to be a pinhole without distortion whose optical axis is normal to the sheet, so lengths
+on the sheet are pixels times one scale. The sensor's `assumptions` list what the image does not determine.
 """
 
 from collections.abc import Sequence
@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.calibration.rest.first_frames import RestRegion, arranged, image_size, rest_dots
+from manytouch.calibration.rest.first_frames import RestRegion, arrange_rest_dots, find_rest_dots, image_size
 from manytouch.calibration.rest.flatness import bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
-from manytouch.calibration.rest.rest_frames import StillDots
-from manytouch.calibration.rest.shift_check import CANNOT_BE_NOTICED, jumps_unseen
+from manytouch.calibration.rest.rest_frames import RestDots
+from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import onto_plane
 from manytouch.tracking.lattice.arrange import Arrangement
@@ -36,15 +36,15 @@ def sensor_from_rest(
     hfov_deg: float | None = None,
     roi_px: RestRegion | None = None,
 ) -> Sensor:
-    """Builds a sensor from the first frames of any recording of a sheet with dots.
+    """Build a sensor from the first frames of any recording of a sheet with dots.
 
     Args:
         frames: the first frames of the recording, untouched in most of them; one is enough.
-        name: what the sensor is called.
+        name: of the sensor.
         pitch_mm: spacing of the markers, the geometric mean of both directions or (x, y); None gives
             lengths in pitches.
         hfov_deg: horizontal field of view of the camera; 60 degrees when not given.
-        roi_px: x, y, width, height of the part of the image to look at.
+        roi_px: x, y, width, height of the region of interest.
 
     Returns:
         A sensor whose layout holds the measured `rest_px`, `rest_mm` being their back-projection.
@@ -56,7 +56,7 @@ def sensor_from_rest(
     """
     _check_numbers(pitch_mm, hfov_deg)
     width, height = image_size(frames, roi_px)
-    appearance, still, notes = rest_dots(frames, roi_px)
+    appearance, still, notes = find_rest_dots(frames, roi_px)
     sensor = sensor_from_dots(
         still,
         name=name,
@@ -72,7 +72,7 @@ def sensor_from_rest(
 
 
 def sensor_from_dots(
-    still: StillDots,
+    still: RestDots,
     *,
     name: str,
     width_px: int,
@@ -83,9 +83,9 @@ def sensor_from_dots(
     hfov_deg: float | None = None,
     roi_px: RestRegion | None = None,
 ) -> Sensor:
-    """As `sensor_from_rest`, from dots that have been found already."""
+    """As `sensor_from_rest`, from dots that were detected before."""
     _check_numbers(pitch_mm, hfov_deg)
-    arrangement = arranged(still, width_px, height_px, roi_px)
+    arrangement = arrange_rest_dots(still, width_px, height_px, roi_px)
     pitch_px = float(np.sqrt(np.prod(arrangement.pitch_px)))
     wanted = 1.0 if pitch_mm is None else float(np.sqrt(np.prod(np.broadcast_to(pitch_mm, 2))))
     focal_px = 0.5 * width_px / np.tan(np.deg2rad(0.5 * (hfov_deg or ASSUMED_HFOV_DEG)))
@@ -113,8 +113,8 @@ def sensor_from_dots(
             "still_frames": list(still.frames),
         },
     )
-    if jumps_unseen(sensor, still, roi_px=roi_px):
-        return replace(sensor, assumptions=(*sensor.assumptions, CANNOT_BE_NOTICED))
+    if shift_is_undetectable(sensor, still, roi_px=roi_px):
+        return replace(sensor, assumptions=(*sensor.assumptions, UNDETECTABLE_SHIFT))
     return sensor
 
 
@@ -132,7 +132,8 @@ def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float
 def _camera(
     arrangement: Arrangement, width_px: int, height_px: int, focal_px: float, mm_per_px: float
 ) -> Camera:
-    """Camera that sees the layout's centre as the sheet's origin, straight on."""
+    """A camera normal to the sheet whose axis meets the image centre, with the layout centred on the
+    sheet's origin."""
     centre_px = np.array([0.5 * (width_px - 1), 0.5 * (height_px - 1)])
     middle_px = 0.5 * (arrangement.centre_px.min(axis=0) + arrangement.centre_px.max(axis=0))
     if arrangement.row_column is not None:
@@ -153,7 +154,7 @@ def _camera(
 
 def _layout(
     arrangement: Arrangement,
-    still: StillDots,
+    still: RestDots,
     camera: Camera,
     *,
     mm_per_px: float,
@@ -179,7 +180,7 @@ def _layout(
 
 
 def _sheet(layout: Layout, pitch: float) -> Sheet:
-    """A sheet that ends one pitch beyond its outer markers."""
+    """A sheet that extends one pitch beyond its outermost markers."""
     extent = layout.rest_mm[:, :2].max(axis=0) - layout.rest_mm[:, :2].min(axis=0)
     return Sheet(
         is_assumed=True,
@@ -190,51 +191,56 @@ def _sheet(layout: Layout, pitch: float) -> Sheet:
 
 def _assumptions(
     arrangement: Arrangement,
-    still: StillDots,
+    still: RestDots,
     pitch_mm: float | tuple[float, float] | None,
     hfov_deg: float | None,
 ) -> list[str]:
-    """One plain sentence for each thing that the frames cannot tell."""
-    said = ["The camera has no lens distortion and looks straight at the sheet."]
+    """One sentence for each property that the frames do not determine."""
+    sentences = ["The camera has no lens distortion and looks straight at the sheet."]
     if hfov_deg is None:
-        said.append(f"The camera's horizontal field of view is {ASSUMED_HFOV_DEG:.0f} degrees.")
+        sentences.append(f"The camera's horizontal field of view is {ASSUMED_HFOV_DEG:.0f} degrees.")
     if pitch_mm is None:
-        said.append("Nothing gives the scale, so lengths are in pitches.")
+        sentences.append("The scale is not known, so lengths are in pitches.")
     elif isinstance(pitch_mm, tuple):
         given = pitch_mm[0] / pitch_mm[1]
         seen = float(arrangement.pitch_px[0] / arrangement.pitch_px[1])
         if abs(np.log(given / seen)) > _ODD_PITCHES:
-            said.append(
-                f"The given pitches are as 1 to {1.0 / given:.3f} in x and y, those in the image as 1 to "
+            sentences.append(
+                f"The given pitches in x and y have the ratio 1 to {1.0 / given:.3f}, those in the "
+                f"image 1 to "
                 f"{1.0 / seen:.3f}; their geometric mean sets the scale."
             )
-    said.append(
-        f"The sheet is {ASSUMED_THICKNESS_PITCHES} pitches thick and ends one pitch beyond its markers."
+    sentences.append(
+        f"The sheet is {ASSUMED_THICKNESS_PITCHES} pitches thick and extends one pitch beyond its "
+        f"outermost markers."
     )
     if still.moved:
-        said.append(
-            f"The sheet is at rest in the {len(still.frames)} early frames in which the dots keep still."
+        sentences.append(
+            f"The sheet is at rest in the {len(still.frames)} early frames in which the dots do not move."
         )
     else:
         first = "frame" if len(still.frames) == 1 else f"{len(still.frames)} frames"
-        said.append(f"The sheet is at rest in the first {first}.")
-    said += _shape_assumptions(arrangement)
-    return said
+        sentences.append(f"The sheet is at rest in the first {first}.")
+    sentences += _shape_assumptions(arrangement)
+    return sentences
 
 
 def _shape_assumptions(arrangement: Arrangement) -> list[str]:
-    said = []
+    sentences = []
     missing = int((arrangement.dot < 0).sum())
     if missing:
-        said.append(
-            f"{missing} of {len(arrangement.dot)} markers were not found at the start and count as absent."
+        sentences.append(
+            f"{missing} of {len(arrangement.dot)} markers were not found at the start and are treated "
+            f"as missing."
         )
     bulge = bulge_in_pitches(arrangement)
     if bulge > _PRESSED_PITCHES:
-        said.append(
+        sentences.append(
             f"The markers depart from a regular lattice by {bulge:.2f} pitches at one place at the start, as "
-            "if the sheet were pressed there; what is seen at the start counts as rest."
+            "if the sheet were pressed there; the start of the recording is taken as rest."
         )
     if arrangement.row_column is None:
-        said.append("The markers form no rectangle of rows and columns; they are numbered as a table.")
-    return said
+        sentences.append(
+            "The markers do not form a rectangle of rows and columns; they are numbered as a table."
+        )
+    return sentences

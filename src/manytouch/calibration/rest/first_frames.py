@@ -1,11 +1,11 @@
-"""The dots of the first frames of a recording, and the layout they form."""
+"""Dots of the first frames of a recording, and the layout that they form."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from manytouch.calibration.rest.rest_frames import StillDots, confirmed, still_dots
+from manytouch.calibration.rest.rest_frames import RestDots, confirm_rest_dots, merge_rest_dots
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.tracking.lattice.arrange import Arrangement, arrange
 from manytouch.values import Camera, Detections, Frame, Layout, Sensor
@@ -17,11 +17,16 @@ if TYPE_CHECKING:
 RestRegion = tuple[int, int, int, int]
 MOST_FRAMES = 24
 _LEAST_DOTS = 4
-_FAR = 1e6
+_DISTANT = 1e6
 
 
 def image_size(frames: Sequence[Frame], roi_px: RestRegion | None = None) -> tuple[int, int]:
-    """Width and height of all decoded frames; raises when they differ or the region does not fit."""
+    """Width and height of the decoded frames, px.
+
+    Raises:
+        SourceError: no frame was decoded, or frames differ in size.
+        SensorError: the region of interest lies outside the image.
+    """
     sizes = {each.image.shape[:2] for each in frames if each.image is not None}
     if not sizes:
         raise SourceError(
@@ -29,9 +34,9 @@ def image_size(frames: Sequence[Frame], roi_px: RestRegion | None = None) -> tup
             "check the file with another player"
         )
     if len(sizes) > 1:
-        told = " and ".join(sorted(f"{width} x {height} px" for height, width in sizes))
+        listed = " and ".join(sorted(f"{width} x {height} px" for height, width in sizes))
         raise SourceError(
-            f"the frames differ in size ({told}), but one camera gives one size: process them separately"
+            f"the frames differ in size ({listed}), but one camera gives one size: process them separately"
         )
     height, width = sizes.pop()
     if roi_px is not None:
@@ -44,37 +49,37 @@ def image_size(frames: Sequence[Frame], roi_px: RestRegion | None = None) -> tup
     return width, height
 
 
-def rest_dots(
+def find_rest_dots(
     frames: Sequence[Frame], roi_px: RestRegion | None
-) -> tuple["Appearance", StillDots, tuple[str, ...]]:
-    """How the dots of an unknown recording look, where they rest, and what was odd about them."""
+) -> tuple["Appearance", RestDots, tuple[str, ...]]:
+    """Appearance and rest positions of the dots of an unknown recording, and warnings."""
     from manytouch.detection import survey
 
     few = frames[:MOST_FRAMES]
     surveyed = survey(few, roi_px=roi_px)
-    known = still_dots([surveyed.detections])
+    known = merge_rest_dots([surveyed.detections])
     width, height = image_size(few, roi_px)
-    looks = _seen_from_afar(known, surveyed.appearance, width, height)
-    still = still_dots(searched_frames(looks, few, roi_px))
+    sensor = _sensor_for_search(known, surveyed.appearance, width, height)
+    still = merge_rest_dots(detect_in_frames(sensor, few, roi_px))
     is_same_time = surveyed.frame_index in {few[k].index for k in still.frames} or not still.frames
-    return surveyed.appearance, confirmed(still, known, is_same_time=is_same_time), surveyed.notes
+    return surveyed.appearance, confirm_rest_dots(still, known, is_same_time=is_same_time), surveyed.notes
 
 
-def _seen_from_afar(known: StillDots, appearance: "Appearance", width_px: int, height_px: int) -> Sensor:
-    """A sensor that says no more than which dots to look for: one unit of length is one pixel."""
+def _sensor_for_search(known: RestDots, appearance: "Appearance", width_px: int, height_px: int) -> Sensor:
+    """A provisional sensor that describes only the dots to search for; one unit of length is one pixel."""
     markers = len(known.centre_px)
     return Sensor(
-        name="first look",
+        name="provisional",
         camera=Camera(
             width_px=width_px,
             height_px=height_px,
-            fx_px=_FAR,
-            fy_px=_FAR,
+            fx_px=_DISTANT,
+            fy_px=_DISTANT,
             cx_px=0.0,
             cy_px=0.0,
             distortion=read_only(np.zeros(5)),
             rotation_vector=read_only(np.zeros(3)),
-            translation_mm=read_only(np.array([0.0, 0.0, _FAR])),
+            translation_mm=read_only(np.array([0.0, 0.0, _DISTANT])),
         ),
         layout=Layout(
             rest_mm=read_only(np.column_stack([known.centre_px, np.zeros(markers)])),
@@ -88,10 +93,10 @@ def _seen_from_afar(known: StillDots, appearance: "Appearance", width_px: int, h
     )
 
 
-def searched_frames(
+def detect_in_frames(
     sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None
 ) -> tuple[Detections, ...]:
-    """The dots of each frame, as they will be measured later on."""
+    """Detect the dots of each frame with the search that later frames use."""
     from manytouch.detection import DotSearch
 
     search = DotSearch(roi_px=roi_px)
@@ -103,19 +108,25 @@ def searched_frames(
     return tuple(found)
 
 
-def arranged(still: StillDots, width_px: int, height_px: int, roi_px: RestRegion | None) -> Arrangement:
-    """The dots as numbered markers; raises when there are too few."""
+def arrange_rest_dots(
+    still: RestDots, width_px: int, height_px: int, roi_px: RestRegion | None
+) -> Arrangement:
+    """Arrange rest dots as numbered markers.
+
+    Raises:
+        LayoutError: too few dots.
+    """
     if len(still.centre_px) < _LEAST_DOTS:
         raise LayoutError(
             f"only {len(still.centre_px)} dots were found in the first frames, but a layout needs at least "
-            f"{_LEAST_DOTS}: check light and focus, begin the recording untouched, or give the region with "
-            "the dots by --roi X,Y,W,H"
+            f"{_LEAST_DOTS}: check light and focus, start the recording untouched, or select the region "
+            "with the dots by --roi X,Y,W,H"
         )
     return arrange(still.centre_px, is_cut(still, width_px, height_px, roi_px))
 
 
-def is_cut(still: StillDots, width_px: int, height_px: int, roi_px: RestRegion | None) -> Mask:
-    """(n,) dots that the border of the image, or of the region, cuts."""
+def is_cut(still: RestDots, width_px: int, height_px: int, roi_px: RestRegion | None) -> Mask:
+    """(n,) whether the border of the image or of the region of interest cuts the dot."""
     x, y, w, h = roi_px or (0, 0, width_px, height_px)
     radius = np.sqrt(np.median(still.area_px2) / np.pi)
     centre = still.centre_px

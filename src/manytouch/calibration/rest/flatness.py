@@ -1,4 +1,4 @@
-"""Does a layout at rest look pressed? How far its markers depart from a smooth lattice, locally."""
+"""Local deviation of a layout at rest from a smooth lattice; large where the sheet was pressed."""
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -11,10 +11,10 @@ _TUKEY = 4.685
 
 
 def bulge_in_pitches(arrangement: Arrangement) -> float:
-    """Largest local departure, in pitches, from what perspective, a lens or uneven rows explain.
+    """Largest local deviation, in pitches, that perspective, lens distortion and uneven rows do not explain.
 
     A robust bicubic surface over (row, column) takes perspective and distortion, free offsets of whole rows
-    and columns take uneven spacing; what is left, smoothed over neighbours, is local. 0 when there
+    and columns absorb uneven spacing; the remainder, smoothed over neighbours, is local. 0 when there
     are no rows and columns, or too few.
     """
     if arrangement.row_column is None:

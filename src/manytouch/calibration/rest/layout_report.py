@@ -1,11 +1,11 @@
-"""What the first frames say about the layout, for people: is this recording usable?"""
+"""Report on the layout in the first frames of a recording: is the recording usable?"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.calibration.rest.first_frames import RestRegion, arranged, image_size, rest_dots
+from manytouch.calibration.rest.first_frames import RestRegion, arrange_rest_dots, find_rest_dots, image_size
 from manytouch.calibration.rest.flatness import bulge_in_pitches
 from manytouch.tracking.lattice.find import predicted
 from manytouch.values import Frame
@@ -13,7 +13,7 @@ from manytouch.values import Frame
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LayoutReport:
-    """Facts about the markers in the first frames.
+    """Properties of the markers in the first frames.
 
     Attributes:
         dots: number of dots that belong to the pattern.
@@ -21,10 +21,12 @@ class LayoutReport:
         markers: places of the layout.
         missing: places without a dot.
         pitch_px: spacing along x and y.
-        residual_px: median distance of a marker from where its neighbours see it; NaN when there are no rows.
-        noise_px: median noise of a centre over the still frames; NaN below three of them.
-        still_frames: number of frames in which nothing moves.
-        bulge_pitches: largest local departure from a smooth lattice: above 0.15 the sheet looks pressed.
+        residual_px: median distance of a marker from the position that its neighbours predict; NaN without
+            rows.
+        noise_px: median noise of a centre over the rest frames; NaN below three of them.
+        still_frames: number of frames without motion.
+        bulge_pitches: largest local deviation from a smooth lattice; above 0.15 the sheet was probably
+            pressed.
     """
 
     dots: int
@@ -40,10 +42,10 @@ class LayoutReport:
 
 
 def examine(frames: Sequence[Frame], *, roi_px: RestRegion | None = None) -> LayoutReport:
-    """Finds the layout in the first frames and reports on it; raises as `sensor_from_rest` does."""
+    """Find the layout in the first frames and report on it; raises as `sensor_from_rest` does."""
     width, height = image_size(frames, roi_px)
-    _, still, _ = rest_dots(frames, roi_px)
-    arrangement = arranged(still, width, height, roi_px)
+    _, still, _ = find_rest_dots(frames, roi_px)
+    arrangement = arrange_rest_dots(still, width, height, roi_px)
     rows = columns = None
     residual = float("nan")
     if arrangement.row_column is not None:

@@ -1,4 +1,4 @@
-"""The untouched sheet before a known camera: its pose, its layout, noise, and what is odd about it."""
+"""Pose, layout and noise of the untouched sheet in the view of a calibrated camera, with warnings."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -7,11 +7,11 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.calibration.marker_tracks import Roi, Watched, watched
+from manytouch.calibration.marker_tracks import MarkerTracks, Roi, track_markers
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sharpness import edge_width_px, is_soft
-from manytouch.calibration.sheet.clamp_line import ClampLine, clamp_line, odd_clamp
+from manytouch.calibration.sheet.clamp_line import ClampLine, clamp_line, clamp_warnings
 from manytouch.detection import appearance_of
 from manytouch.detection.appearance.dot_appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError
@@ -20,7 +20,7 @@ from manytouch.values import Camera, Frame, Layout, Sensor, Sheet
 from manytouch.values.arrays import Points2, read_only
 
 SEEN_SHARE = 0.5
-"""A marker that is seen in less than this share of the frames is missing."""
+"""A marker that is seen in a smaller share of the frames is treated as missing."""
 STILL_SHARE = 0.02
 BENT_SHARE = 0.02
 NEAR_SHARE = 0.03
@@ -29,17 +29,17 @@ CONTRAST_GREY = 25.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RestCalibration:
-    """A sensor whose sheet was watched at rest.
+    """A sensor calibrated on its untouched sheet.
 
     Attributes:
-        sensor: with pose, layout, missing markers and noise; `rest_px` is where the markers were.
-        residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN where missing.
+        sensor: with pose, layout, missing markers and noise; `rest_px` holds the measured positions.
+        residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN if missing.
         pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm).
-        noise_px: of a marker's centre along an axis, from frame to frame.
-        contrast: grey levels between markers and ground.
-        frames: that were used.
-        clamp: where the sheet is seen to end.
-        odd: sentences.
+        noise_px: standard deviation of a marker's centre along an axis, from frame to frame.
+        contrast: grey levels between markers and background.
+        frames: number of frames used.
+        clamp: measured edge of the sheet.
+        warnings: one sentence each.
     """
 
     sensor: Sensor
@@ -49,7 +49,7 @@ class RestCalibration:
     contrast: float
     frames: int
     clamp: ClampLine
-    odd: tuple[str, ...]
+    warnings: tuple[str, ...]
 
     @property
     def rms_px(self) -> float:
@@ -67,40 +67,41 @@ def calibrate_rest(
     thickness_mm: float | None = None,
     roi_px: Roi | None = None,
 ) -> RestCalibration:
-    """Find pose, layout and noise from some seconds of the untouched sheet.
+    """Estimate pose, layout and noise from some seconds of the untouched sheet.
 
     Args:
-        sensor: its camera is known; its layout is used when there is one, and found when there is none.
-        frames: of one recording, untouched.
-        pitch_mm: distance of neighbouring markers, needed when the sensor has no layout.
-        sheet: of the file to write; None keeps the sensor's.
-        thickness_mm: of a sheet whose outline shall be taken from the picture.
-        roi_px: x, y, width, height of the part of the image to look at.
+        sensor: with a calibrated camera; its layout is used if it has one, and found otherwise.
+        frames: of one recording of the untouched sheet.
+        pitch_mm: distance of neighbouring markers, required if the sensor has no layout.
+        sheet: for the calibrated sensor; None keeps that of `sensor`.
+        thickness_mm: of a sheet whose outline is to be measured in the image.
+        roi_px: x, y, width, height of the region of interest.
 
     Raises:
-        SensorError: the scale is not known, the outline cannot be seen where it has to be, or the sensor
-            does not fit the frames.
+        SensorError: the scale is not known, a required outline is not visible, or the sensor does not fit
+            the frames.
         LayoutError: no markers, no lattice, or fewer than half of those of the layout were found.
     """
-    laid = sensor if sensor.layout is not None else _laid(sensor, frames, pitch_mm, roi_px)
+    laid = sensor if sensor.layout is not None else _with_found_layout(sensor, frames, pitch_mm, roi_px)
     layout = laid.layout
     assert layout is not None
     if sensor.layout is not None and pitch_mm is not None:
-        layout = _scaled(layout, pitch_mm)
+        layout = _rescale(layout, pitch_mm)
     laid = replace(laid, layout=layout)
-    seen = watched(register_rest(laid, frames, roi_px=roi_px), frames, roi_px)
+    seen = track_markers(register_rest(laid, frames, roi_px=roi_px), frames, roi_px)
     share = seen.is_seen.mean(axis=0)
     is_missing = share < SEEN_SHARE
     if int((~is_missing).sum()) < 6:
         raise LayoutError(
-            f"only {int((~is_missing).sum())} of {len(is_missing)} markers were seen steadily: check light "
+            f"only {int((~is_missing).sum())} of {len(is_missing)} markers were seen in most frames: "
+            f"check light "
             "and focus"
         )
-    place_px = seen.middle_px(np.ones(len(seen.timestamp_ns), dtype=np.bool_))
+    place_px = seen.median_px(np.ones(len(seen.timestamp_ns), dtype=np.bool_))
     there = ~is_missing & np.isfinite(place_px[:, 0])
-    camera, std = fitted_pose(laid.camera, layout.rest_mm[there], place_px[there])
+    camera, std = fit_pose(laid.camera, layout.rest_mm[there], place_px[there])
     if sensor.layout is None:
-        layout = _as_seen(layout, camera, seen, there)
+        layout = _with_measured_radius(layout, camera, seen, there)
     residual = np.full(place_px.shape, np.nan)
     residual[there] = place_px[there] - project(camera, layout.rest_mm[there])
     noise = _noise_px(seen, there)
@@ -114,7 +115,7 @@ def calibrate_rest(
     )
     seen_clamp = clamp_line(camera, layout, frames)
     if thickness_mm is not None and sheet is None:
-        found, seen_clamp = _outlined(found, seen_clamp, thickness_mm)
+        found, seen_clamp = _with_measured_outline(found, seen_clamp, thickness_mm)
     return RestCalibration(
         sensor=found,
         residual_px=read_only(residual),
@@ -123,24 +124,25 @@ def calibrate_rest(
         contrast=float(np.nanmedian(seen.contrast)),
         frames=len(seen.timestamp_ns),
         clamp=seen_clamp,
-        odd=(
-            *_odd(sensor, found, residual, seen, there),
-            *odd_clamp(seen_clamp, found.sheet),
-            *_soft(found, frames, roi_px),
+        warnings=(
+            *_warnings(sensor, found, residual, seen, there),
+            *clamp_warnings(seen_clamp, found.sheet),
+            *_focus_warnings(found, frames, roi_px),
         ),
     )
 
 
-def _outlined(found: Sensor, seen: ClampLine, thickness_mm: float) -> tuple[Sensor, ClampLine]:
-    """The sensor with the outline that is seen, and its origin in the middle of that.
+def _with_measured_outline(found: Sensor, seen: ClampLine, thickness_mm: float) -> tuple[Sensor, ClampLine]:
+    """The sensor with the measured outline, and its origin at the centre of it.
 
     Raises:
-        SensorError: not all sides are seen.
+        SensorError: not all sides are visible.
     """
     if seen.unseen:
         raise SensorError(
-            f"the picture does not show where the sheet is clamped ({', '.join(seen.unseen)} missing): give "
-            "its outline by --sheet-mm X,Y"
+            f"the image does not show the whole clamp line ({', '.join(seen.unseen)} missing): give the "
+            f"outline "
+            "of the sheet by --sheet-mm X,Y"
         )
     assert found.layout is not None
     middle_mm = np.array([*seen.middle_mm, 0.0])
@@ -154,15 +156,16 @@ def _outlined(found: Sensor, seen: ClampLine, thickness_mm: float) -> tuple[Sens
     return replace(found, camera=camera, layout=layout, sheet=sheet), moved
 
 
-def fitted_pose(
+def fit_pose(
     camera: Camera, rest_mm: np.ndarray, place_px: Points2
 ) -> tuple[Camera, Float64[np.ndarray, "6"]]:
-    """The camera in the pose that explains where markers of a flat sheet are, and its deviations.
+    """Fit the pose of the camera to the markers of a flat sheet; returns the camera and the pose
+    deviations (6,).
 
     Args:
-        camera: its lens; its pose is not used.
+        camera: its intrinsic parameters are used, its pose is not.
         rest_mm: (n, 3) markers in the sheet frame.
-        place_px: (n, 2) where they are seen.
+        place_px: (n, 2) their measured positions in the image.
     """
     if camera.model == "fisheye":
         straight = cv2.fisheye.undistortPoints(
@@ -171,19 +174,19 @@ def fitted_pose(
         lens = np.zeros(5)
     else:
         straight, lens = place_px.reshape(-1, 1, 2), camera.distortion
-    # The sheet's z points away from the camera: of the two poses of a plane the nearer to that is taken.
+    # A plane has two candidate poses; the one with the smaller residual is taken.
     count, turns, shifts, _ = cv2.solvePnPGeneric(
         rest_mm, straight, camera_matrix(camera), lens, flags=cv2.SOLVEPNP_IPPE
     )
-    candidates = [_refined(camera, rest_mm, place_px, turns[k], shifts[k]) for k in range(count)]
+    candidates = [_refine_pose(camera, rest_mm, place_px, turns[k], shifts[k]) for k in range(count)]
     best = min(candidates, key=lambda posed: float(np.square(project(posed, rest_mm) - place_px).sum()))
     return best, _pose_std(best, rest_mm, place_px)
 
 
-def _refined(
+def _refine_pose(
     camera: Camera, rest_mm: np.ndarray, place_px: Points2, turn: np.ndarray, shift: np.ndarray
 ) -> Camera:
-    """The pose of least squares near a first one."""
+    """Least-squares pose, starting from a given one."""
     from scipy.optimize import least_squares
 
     def posed(pose: np.ndarray) -> Camera:
@@ -217,21 +220,21 @@ def _pose_std(camera: Camera, rest_mm: np.ndarray, place_px: Points2) -> Float64
     return np.sqrt(variance * np.diag(np.linalg.inv(slope.T @ slope)))
 
 
-def _laid(
+def _with_found_layout(
     sensor: Sensor, frames: Sequence[Frame], pitch_mm: float | tuple[float, float] | None, roi_px: Roi | None
 ) -> Sensor:
-    """The sensor with the lattice that the frames show, about where it is."""
+    """The sensor with the lattice found in the frames, in an approximate pose."""
     if pitch_mm is None:
         raise SensorError(
-            f"the sensor {sensor.name!r} has no [markers], so their distance is not known: give --pitch-mm"
+            f"the sensor {sensor.name!r} has no [markers], so their pitch is not known: give --pitch-mm"
         )
     found = sensor_from_rest(frames, name=sensor.name, pitch_mm=pitch_mm, roi_px=roi_px)
     layout = found.layout
     assert layout is not None
     if layout.row_column is None or layout.rest_px is None:
         raise LayoutError(
-            "the markers form no lattice of rows and columns, so one picture does not tell their places in "
-            "mm: write them into the sensor file as rest_mm = [[x, y], ...]"
+            "the markers do not form a lattice of rows and columns, so their positions in mm cannot be "
+            "determined from one image: write them into the sensor file as rest_mm = [[x, y], ...]"
         )
     camera = sensor.camera
     if (camera.width_px, camera.height_px) != (found.camera.width_px, found.camera.height_px):
@@ -245,20 +248,20 @@ def _laid(
     rest = np.zeros((len(layout.rest_mm), 3))
     rest[:, :2] = ((layout.row_column - middle) * pitch[::-1])[:, ::-1]
     there = ~layout.is_missing & np.isfinite(layout.rest_px[:, 0])
-    posed, _ = fitted_pose(camera, rest[there], layout.rest_px[there])
+    posed, _ = fit_pose(camera, rest[there], layout.rest_px[there])
     laid = replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()), rest_px=None)
     return replace(sensor, camera=posed, layout=laid)
 
 
-def _scaled(layout: Layout, pitch_mm: float | tuple[float, float]) -> Layout:
+def _rescale(layout: Layout, pitch_mm: float | tuple[float, float]) -> Layout:
     pitch = np.broadcast_to(np.asarray(pitch_mm, dtype=np.float64), 2)
     rest = layout.rest_mm.copy()
     rest[:, :2] *= pitch / layout.pitch_mm
     return replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()))
 
 
-def _as_seen(layout: Layout, camera: Camera, seen: Watched, there: np.ndarray) -> Layout:
-    """The layout with the radius that the dots' areas tell."""
+def _with_measured_radius(layout: Layout, camera: Camera, seen: MarkerTracks, there: np.ndarray) -> Layout:
+    """The layout with the marker radius that follows from the areas of the dots."""
     px_per_mm = float(np.sqrt(camera.fx_px * camera.fy_px)) / float(camera.translation_mm[2])
     areas = seen.area_px2[:, there]
     if not np.isfinite(areas).any():
@@ -267,8 +270,8 @@ def _as_seen(layout: Layout, camera: Camera, seen: Watched, there: np.ndarray) -
     return replace(layout, radius_mm=read_only(np.full(len(layout.rest_mm), radius)))
 
 
-def _noise_px(seen: Watched, there: np.ndarray) -> float:
-    """Of a centre along an axis: differences of frames in a row, so that slow drift does not count."""
+def _noise_px(seen: MarkerTracks, there: np.ndarray) -> float:
+    """Noise of a centre along an axis from differences of successive frames, which exclude slow drift."""
     step = np.diff(seen.position_px[:, there], axis=0)
     step = step[np.isfinite(step)]
     if len(step) < 10:
@@ -276,10 +279,10 @@ def _noise_px(seen: Watched, there: np.ndarray) -> float:
     return max(float(1.4826 * np.median(np.abs(step)) / np.sqrt(2.0)), 1e-3)
 
 
-def _odd(
-    given: Sensor, found: Sensor, residual: np.ndarray, seen: Watched, there: np.ndarray
+def _warnings(
+    given: Sensor, found: Sensor, residual: np.ndarray, seen: MarkerTracks, there: np.ndarray
 ) -> Sequence[str]:
-    """What a person should look at."""
+    """Warnings about the sheet, the markers and the light."""
     layout, camera = found.layout, found.camera
     assert layout is not None
     px_per_mm = float(np.sqrt(camera.fx_px * camera.fy_px)) / float(camera.translation_mm[2])
@@ -289,33 +292,34 @@ def _odd(
     if left > BENT_SHARE * pitch_px:
         sentences.append(
             f"markers lie {left:.2f} px (RMS) off a flat lattice: the sheet is not flat, the lens is not "
-            "calibrated, or pitch_mm along x and y is not what was said"
+            "calibrated, or pitch_mm along x or y is wrong"
         )
     lost = int((~there).sum()) - (int(given.layout.is_missing.sum()) if given.layout is not None else 0)
     if lost > 0:
         sentences.append(f"{lost} markers were not seen and count as missing")
     drift = np.nanmax(np.linalg.norm(seen.position_px[-1] - seen.position_px[0], axis=1))
     if drift > STILL_SHARE * pitch_px:
-        sentences.append(f"a marker moved by {drift:.2f} px meanwhile: was the sheet touched?")
+        sentences.append(f"a marker moved by {drift:.2f} px during the recording: was the sheet touched?")
     contrast = float(np.nanmedian(seen.contrast))
     if contrast < CONTRAST_GREY:
         sentences.append(
-            f"markers stand out by {contrast:.0f} of 255 grey levels only: give more light or contrast"
+            f"the contrast of the markers is only {contrast:.0f} of 255 grey levels: increase light or "
+            f"contrast"
         )
     if given.layout is not None:
         nearer = float(given.camera.translation_mm[2]) / float(camera.translation_mm[2]) - 1.0
         if abs(nearer) > NEAR_SHARE:
             sentences.append(
-                f"the sheet is {camera.translation_mm[2]:.1f} mm away, {100 * abs(nearer):.0f} % "
-                f"{'nearer' if nearer > 0 else 'farther'} than the file says: check pitch_mm "
+                f"the sheet is at a distance of {camera.translation_mm[2]:.1f} mm, {100 * abs(nearer):.0f} % "
+                f"{'nearer' if nearer > 0 else 'farther'} than in the sensor file: check pitch_mm "
                 f"({layout.pitch_mm[0]:g} mm) and the camera's calibration"
             )
-    sentences += _outside(found, px_per_mm)
+    sentences += _border_warnings(found, px_per_mm)
     return sentences
 
 
-def _soft(found: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> list[str]:
-    """Dots out of focus."""
+def _focus_warnings(found: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> list[str]:
+    """A warning if the dots are out of focus."""
     layout = found.layout
     assert layout is not None and layout.rest_px is not None  # noqa: PT018 - just found
     there = ~layout.is_missing
@@ -328,14 +332,14 @@ def _soft(found: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> list[st
     return [f"the dots are out of focus: their edges are {edge_px:.1f} px wide; focus the lens on the sheet"]
 
 
-def _outside(found: Sensor, px_per_mm: float) -> list[str]:
-    """Markers that are cut by the picture's border or lie outside the clamp."""
+def _border_warnings(found: Sensor, px_per_mm: float) -> list[str]:
+    """Warnings about markers at the border of the image or outside the clamp."""
     layout, camera, sheet = found.layout, found.camera, found.sheet
     assert layout is not None
     place = project(camera, layout.rest_mm[~layout.is_missing])
     room = np.minimum(place, np.array([camera.width_px, camera.height_px]) - 1 - place).min(axis=1)
     cut = int((room < layout.radius_mm[0] * px_per_mm).sum())
-    sentences = [f"{cut} markers are cut by the border of the picture"] if cut else []
+    sentences = [f"{cut} markers are cut by the border of the image"] if cut else []
     if sheet is not None:
         over = np.abs(layout.rest_mm[:, :2]) > sheet.size_mm / 2
         if over.any():

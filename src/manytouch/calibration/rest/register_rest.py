@@ -1,13 +1,13 @@
-"""A known sensor meets a recording: where its markers lie in the image while nothing touches."""
+"""Registration of a known sensor to a recording: image positions of its markers at rest."""
 
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from manytouch.calibration.rest.first_frames import MOST_FRAMES, RestRegion, image_size, searched_frames
-from manytouch.calibration.rest.rest_frames import still_dots
-from manytouch.calibration.rest.shift_check import CANNOT_BE_NOTICED, jumps_unseen
+from manytouch.calibration.rest.first_frames import MOST_FRAMES, RestRegion, detect_in_frames, image_size
+from manytouch.calibration.rest.rest_frames import merge_rest_dots
+from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.errors import LayoutError, SensorError
 from manytouch.tracking import MarkerTracker
 from manytouch.values import Detections, Frame, Sensor
@@ -16,15 +16,16 @@ _LEAST_SHARE = 0.5
 
 
 def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: RestRegion | None = None) -> Sensor:
-    """The same sensor with the markers' centres as the first frames at rest show them.
+    """Return the sensor with the marker centres measured in the rest frames at the start of a recording.
 
     The nominal pose may be off by up to about 0.4 pitch and a few degrees. A marker that is not found
-    keeps its projected place, moved as its neighbours are.
+    keeps its projected position, shifted as its neighbours are.
 
     Args:
-        sensor: with a layout; a polarity "auto" is found out, and so are colours where grey shows no markers.
+        sensor: with a layout; a polarity "auto" is determined, and so are colour weights if the grey image
+            shows no markers.
         frames: the first frames of the recording.
-        roi_px: x, y, width, height of the part of the image to look at.
+        roi_px: x, y, width, height of the region of interest.
 
     Raises:
         SensorError: the sensor has no layout, or its camera has another image size.
@@ -33,7 +34,7 @@ def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: RestRegion
     """
     if sensor.layout is None:
         raise SensorError(
-            f"the sensor {sensor.name!r} has no markers: give a sensor file with [markers], or none at all"
+            f"the sensor {sensor.name!r} has no markers: give a sensor file with [markers], or no sensor file"
         )
     width, height = image_size(frames, roi_px)
     camera = sensor.camera
@@ -43,47 +44,50 @@ def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: RestRegion
             f"input has {width} x {height} px: give the sensor file of this camera, or none"
         )
     if sensor.layout.polarity == "auto":
-        return _searched(_as_seen(sensor, frames, roi_px), frames, roi_px)
+        return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
     try:
-        return _searched(sensor, frames, roi_px)
+        return _register_in_frames(sensor, frames, roi_px)
     except LayoutError:
         if sensor.layout.colour_weights is not None:
             raise
-    # Grey may not show the markers where colours do.
-    return _searched(_as_seen(sensor, frames, roi_px), frames, roi_px)
+    # Markers may be visible in colour only.
+    return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
 
 
-def _searched(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:
-    still = still_dots(searched_frames(sensor, frames[:MOST_FRAMES], roi_px))
-    found = referred(sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px)
-    if jumps_unseen(found, still, roi_px=roi_px):
-        return replace(found, assumptions=(*found.assumptions, CANNOT_BE_NOTICED))
+def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:
+    still = merge_rest_dots(detect_in_frames(sensor, frames[:MOST_FRAMES], roi_px))
+    found = register_dots(sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px)
+    if shift_is_undetectable(found, still, roi_px=roi_px):
+        return replace(found, assumptions=(*found.assumptions, UNDETECTABLE_SHIFT))
     return found
 
 
-def _as_seen(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:
-    """The sensor with the polarity and the colours that a first look at the frames finds."""
+def _with_surveyed_appearance(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:
+    """The sensor with the polarity and colour weights that a survey of the frames finds."""
     from manytouch.detection import survey
 
     assert sensor.layout is not None
-    appearance, told = survey(frames[:MOST_FRAMES], roi_px=roi_px).appearance, sensor.layout.polarity
+    appearance, given = survey(frames[:MOST_FRAMES], roi_px=roi_px).appearance, sensor.layout.polarity
     layout = replace(sensor.layout, polarity=appearance.polarity, colour_weights=appearance.colour_weights)
-    said = sensor.assumptions
-    if told not in {"auto", appearance.polarity}:
-        said = (*said, f"The markers are {appearance.polarity}, though the sensor file says {told}.")
-    return replace(sensor, layout=layout, assumptions=said)
+    assumptions = sensor.assumptions
+    if given not in {"auto", appearance.polarity}:
+        assumptions = (
+            *assumptions,
+            f"The markers are {appearance.polarity}, although the sensor file specifies {given}.",
+        )
+    return replace(sensor, layout=layout, assumptions=assumptions)
 
 
-def referred(
+def register_dots(
     sensor: Sensor, centre_px: np.ndarray, *, still_frames: int = 1, roi_px: RestRegion | None = None
 ) -> Sensor:
-    """As `register_rest`, from the (n, 2) centres of dots at rest."""
+    """As `register_rest`, from the centres (n, 2) of the dots at rest, px."""
     assert sensor.layout is not None
     layout = sensor.layout
     follow = MarkerTracker(roi_px=roi_px)
     nominal = follow.start(replace(sensor, layout=replace(layout, rest_px=None)))
-    # The nominal pose stands for a frame before: what is near it has not slipped by a pitch.
-    state, grid = follow.step(replace(nominal, is_locked=True), _plain(centre_px))
+    # The nominal pose serves as the previous frame: markers near it have not shifted by a pitch.
+    state, grid = follow.step(replace(nominal, is_locked=True), _detections_at(centre_px))
     found, wanted = int(grid.is_seen.sum()), int((~layout.is_missing).sum())
     if found < _LEAST_SHARE * wanted:
         raise LayoutError(
@@ -91,19 +95,21 @@ def referred(
             f"frames ({len(centre_px)} dots): check that the sensor file belongs to this recording, that the "
             "sheet is untouched at the start, light and focus; or leave the sensor file out"
         )
-    first = "frame that keeps" if still_frames == 1 else f"{still_frames} frames that keep"
-    said = f"The sheet is at rest in the first {first} still."
+    frames = "motionless frame" if still_frames == 1 else f"{still_frames} motionless frames"
+    sentence = f"The sheet is at rest in the first {frames}."
     if found < wanted:
-        said += f" {wanted - found} of {wanted} markers were not seen in them; their places are interpolated."
+        sentence += (
+            f" {wanted - found} of {wanted} markers were not seen in them; their positions are interpolated."
+        )
     return replace(
         sensor,
         layout=replace(layout, rest_px=state.place_px),
-        assumptions=(*sensor.assumptions, said),
+        assumptions=(*sensor.assumptions, sentence),
     )
 
 
-def _plain(centre_px: np.ndarray) -> Detections:
-    """Dots of which nothing but their centres is known."""
+def _detections_at(centre_px: np.ndarray) -> Detections:
+    """Detections with known centres and placeholder areas and contrasts."""
     number = len(centre_px)
     return Detections(
         centre_px=centre_px,

@@ -1,4 +1,4 @@
-"""The dots of the frames in which nothing moves."""
+"""Dots of the frames without motion."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,17 +17,17 @@ _MAD_TO_STD = 1.4826
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class StillDots:
-    """Dots that most of the still frames show, each by its medians.
+class RestDots:
+    """Dots that most rest frames show, each with its medians over them.
 
     Attributes:
         centre_px: (n, 2).
         area_px2: (n,).
         contrast: (n,) grey levels of 255.
         noise_px: (n,) robust standard deviation of a centre in one direction; NaN below three frames.
-        times_seen: (n,) number of still frames that show the dot.
-        frames: numbers of the still frames within the frames that were given.
-        moved: did the dots move in other frames?
+        times_seen: (n,) number of rest frames that show the dot.
+        frames: indices of the rest frames among the given frames.
+        moved: whether the dots moved in other frames.
     """
 
     centre_px: Points2
@@ -39,8 +39,8 @@ class StillDots:
     moved: bool
 
 
-def still_dots(detections: Sequence[Detections]) -> StillDots:
-    """Merges the dots of those frames that agree with each other, the earliest such group of some size.
+def merge_rest_dots(detections: Sequence[Detections]) -> RestDots:
+    """Merge the dots of frames that agree with each other; the earliest group of sufficient size is used.
 
     Frames with a bad status are left out unless there is no other. A dot counts when at least two
     fifths of the group's frames show it.
@@ -48,38 +48,40 @@ def still_dots(detections: Sequence[Detections]) -> StillDots:
     usable = [k for k, each in enumerate(detections) if each.status == "ok" and len(each.centre_px) > 0]
     usable = usable or [k for k, each in enumerate(detections) if len(each.centre_px) > 0]
     if not usable:
-        return _merged([], (), moved=False)
+        return _merge([], (), moved=False)
     centres = [detections[k].centre_px for k in usable]
-    agrees = _agreement(centres)
+    agrees = _agreement_of_frames(centres)
     sizes = agrees.sum(axis=1)
     chosen = int(np.argmax(sizes >= 0.6 * sizes.max()))
     group = np.flatnonzero(agrees[chosen])
     frames = tuple(usable[k] for k in group)
-    return _merged([detections[k] for k in frames], frames, moved=bool(len(group) < 0.8 * len(usable)))
+    return _merge([detections[k] for k in frames], frames, moved=bool(len(group) < 0.8 * len(usable)))
 
 
-def confirmed(still: StillDots, known: StillDots, *, is_same_time: bool) -> StillDots:
-    """The still dots that belong to the pattern of which one frame's `known` dots were taken.
+def confirm_rest_dots(still: RestDots, known: RestDots, *, is_same_time: bool) -> RestDots:
+    """Return the rest dots that belong to the pattern of the `known` dots of one frame.
 
-    A search by size alone also finds glints and stripes. A dot counts when the first look at the pattern
-    found it, or when it lies within it on its lattice, unless there are many such. Known dots that the
-    search missed are taken over when they are of the same time.
+    A search by size alone also finds glints and stripes. A dot is accepted if the survey found it, or if
+    it lies
+    on the lattice inside the surveyed pattern, unless there are many such dots. Known dots that the search
+    missed
+    are added if they were measured in the same frames.
     """
     if len(known.centre_px) < 2 or len(still.centre_px) < 2:
         return known if is_same_time else still
     gate = _GATE * local_spacing(known.centre_px)
-    _, again = pairs(known.centre_px, still.centre_px, gate)
+    _, again = match_mutual_nearest(known.centre_px, still.centre_px, gate)
     is_known = np.isin(np.arange(len(still.centre_px)), again)
     distance, nearest = cKDTree(known.centre_px).query(still.centre_px)
     lattice = find_lattice(still.centre_px)
     is_more = np.zeros(len(is_known), dtype=bool)
     if lattice is not None and not lattice.winds and lattice.is_member.sum() > 0.6 * len(known.centre_px):
-        is_more = lattice.is_member & ~is_known & (distance > gate[nearest]) & _within(still, known)
+        is_more = lattice.is_member & ~is_known & (distance > gate[nearest]) & _is_inside(still, known)
     keep = is_known if is_more.sum() > _MOST_MORE * len(known.centre_px) else is_known | is_more
     parts = [(still, keep)]
     if is_same_time:
-        apart, _ = cKDTree(still.centre_px[keep]).query(known.centre_px) if keep.any() else (gate, None)
-        parts.append((known, apart >= gate))
+        distance_px, _ = cKDTree(still.centre_px[keep]).query(known.centre_px) if keep.any() else (gate, None)
+        parts.append((known, distance_px >= gate))
     return replace(
         still,
         centre_px=read_only(np.concatenate([each.centre_px[chosen] for each, chosen in parts])),
@@ -90,8 +92,8 @@ def confirmed(still: StillDots, known: StillDots, *, is_same_time: bool) -> Stil
     )
 
 
-def _within(still: StillDots, known: StillDots) -> np.ndarray:
-    """(n,) still dots inside the outline of the known ones, a little enlarged."""
+def _is_inside(still: RestDots, known: RestDots) -> np.ndarray:
+    """(n,) whether each rest dot lies inside the slightly enlarged outline of the known dots."""
     middle = known.centre_px.mean(axis=0)
     try:
         outline = Delaunay(middle + _ENLARGED * (known.centre_px - middle))
@@ -100,8 +102,10 @@ def _within(still: StillDots, known: StillDots) -> np.ndarray:
     return np.asarray(outline.find_simplex(still.centre_px) >= 0)
 
 
-def pairs(first: np.ndarray, second: np.ndarray, gate_px: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of points (n, 2) and (k, 2) that are each other's nearest, within gates (n,)."""
+def match_mutual_nearest(
+    first: np.ndarray, second: np.ndarray, gate_px: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of points (n, 2) and (k, 2) that are mutual nearest neighbours, within gates (n,)."""
     if len(first) == 0 or len(second) == 0:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
     distance, forth = cKDTree(second).query(first)
@@ -110,14 +114,14 @@ def pairs(first: np.ndarray, second: np.ndarray, gate_px: np.ndarray) -> tuple[n
     return np.flatnonzero(mutual), forth[mutual]
 
 
-def _agreement(centres: list[np.ndarray]) -> np.ndarray:
-    """(f, f) do two frames show the same dots at the same places?"""
+def _agreement_of_frames(centres: list[np.ndarray]) -> np.ndarray:
+    """(f, f) whether two frames show the same dots at the same positions."""
     number = len(centres)
     agrees = np.eye(number, dtype=bool)
     spacing = [local_spacing(each) if len(each) > 1 else np.array([np.inf]) for each in centres]
     for a in range(number):
         for b in range(a + 1, number):
-            first, second = pairs(centres[a], centres[b], _GATE * spacing[a])
+            first, second = match_mutual_nearest(centres[a], centres[b], _GATE * spacing[a])
             if len(first) < 0.6 * min(len(centres[a]), len(centres[b])):
                 continue
             usual = float(np.median(spacing[a])) if np.isfinite(spacing[a]).all() else 10.0
@@ -127,15 +131,15 @@ def _agreement(centres: list[np.ndarray]) -> np.ndarray:
     return agrees
 
 
-def _merged(group: list[Detections], frames: tuple[int, ...], *, moved: bool) -> StillDots:
+def _merge(group: list[Detections], frames: tuple[int, ...], *, moved: bool) -> RestDots:
     """Medians of each dot over the frames of a group."""
     known = np.zeros((0, 2))
     rows: list[np.ndarray] = []  # per frame: (n, 4) x, y, area, contrast of each known dot
     for each in group:
         gate = _GATE * (local_spacing(known) if len(known) > 1 else np.full(len(known), np.inf))
-        first, second = pairs(known, each.centre_px, gate)
+        first, second = match_mutual_nearest(known, each.centre_px, gate)
         fresh = np.setdiff1d(np.arange(len(each.centre_px)), second)
-        # A fresh dot close to a known one is that one, split or shadowed, not another marker.
+        # A new dot close to a known one is the same marker, split or shadowed.
         if len(known) > 1 and len(fresh):
             distance, nearest = cKDTree(known).query(each.centre_px[fresh])
             fresh = fresh[distance > gate[nearest]]
@@ -150,10 +154,10 @@ def _merged(group: list[Detections], frames: tuple[int, ...], *, moved: bool) ->
         table[k, : len(row)] = row
     times = np.isfinite(table[..., 0]).sum(axis=0)
     table = table[:, times >= max(1.0, 0.4 * len(group))]
-    return _medians(table, frames, moved=moved)
+    return _medians_of_dots(table, frames, moved=moved)
 
 
-def _medians(table: np.ndarray, frames: tuple[int, ...], *, moved: bool) -> StillDots:
+def _medians_of_dots(table: np.ndarray, frames: tuple[int, ...], *, moved: bool) -> RestDots:
     times = np.isfinite(table[..., 0]).sum(axis=0)
     middle = np.nanmedian(table, axis=0) if table.size else np.zeros((0, 4))
     noise = np.full(len(middle), np.nan)
@@ -161,7 +165,7 @@ def _medians(table: np.ndarray, frames: tuple[int, ...], *, moved: bool) -> Stil
     if enough.any():
         spread = np.nanmedian(np.abs(table[:, enough, :2] - middle[enough, :2]), axis=0)
         noise[enough] = _MAD_TO_STD * np.sqrt((spread**2).mean(axis=1))
-    return StillDots(
+    return RestDots(
         centre_px=read_only(np.ascontiguousarray(middle[:, :2])),
         area_px2=read_only(np.ascontiguousarray(middle[:, 2])),
         contrast=read_only(np.ascontiguousarray(middle[:, 3])),

@@ -1,30 +1,34 @@
-"""Could a pattern jump by whole pitches within one frame, and every picture look the same?"""
+"""Check whether a shift of a pattern by whole pitches within one frame could be detected."""
 
 import numpy as np
 
-from manytouch.calibration.rest.rest_frames import StillDots
+from manytouch.calibration.rest.rest_frames import RestDots
 from manytouch.tracking import MarkerTracker
 from manytouch.tracking.lattice_graph import CLOSED, LatticeGraph
 from manytouch.values import Sensor
 
-CANNOT_BE_NOTICED = (
-    "The pattern is even, fills the view and its dots are alike: a jump by whole pitches within one frame "
-    "cannot be noticed."
+UNDETECTABLE_SHIFT = (
+    "The pattern is regular, fills the view and its dots are alike: a shift by whole pitches within one "
+    "frame "
+    "cannot be detected."
 )
-_EVEN_PITCHES, _EVEN_NOISES = 0.003, 4.0
-_ALIKE = (0.015, 0.015)  # area, contrast against the adjacent dots'; noise of a few frames included
+_REGULAR_PITCHES, _REGULAR_NOISES = 0.003, 4.0
+_EQUAL_SHARE = (
+    0.015,
+    0.015,
+)  # spread of area and contrast relative to adjacent dots, with the noise of a few frames
 _MAD_TO_STD = 1.4826
 
 
-def jumps_unseen(
-    sensor: Sensor, still: StillDots, *, roi_px: tuple[int, int, int, int] | None = None
+def shift_is_undetectable(
+    sensor: Sensor, still: RestDots, *, roi_px: tuple[int, int, int, int] | None = None
 ) -> bool:
-    """Does nothing tell a slip by whole pitches: neither rim, gaps, irregularity, nor the dots' looks?
+    """Whether neither border, gaps, irregularity nor dot appearance distinguish a shift by whole pitches.
 
     Args:
         sensor: with a layout that holds `rest_px`.
-        still: the dots it was made of, or found by.
-        roi_px: the part of the image that is looked at.
+        still: the dots that the layout was made from, or registered with.
+        roi_px: region of interest.
     """
     assert sensor.layout is not None
     if sensor.layout.is_missing.any() or len(still.centre_px) < 2:
@@ -34,11 +38,14 @@ def jumps_unseen(
         return False
     known = still.noise_px[np.isfinite(still.noise_px)]
     noise = float(np.median(known)) / mesh.usual_px if len(known) else 0.0
-    return bool(_unevenness(mesh) < _EVEN_PITCHES + _EVEN_NOISES * noise and _are_alike(still, mesh.usual_px))
+    return bool(
+        _irregularity(mesh) < _REGULAR_PITCHES + _REGULAR_NOISES * noise
+        and _have_equal_appearance(still, mesh.usual_px)
+    )
 
 
-def _unevenness(mesh: LatticeGraph) -> float:
-    """Median second difference, in pitches, of the displacements that the most even slip implies."""
+def _irregularity(mesh: LatticeGraph) -> float:
+    """Median second difference, in pitches, of the displacements implied by the most regular shift."""
     least = np.inf
     for slip in mesh.slip[1:]:
         is_on = (slip >= 0) & (slip < mesh.markers)
@@ -56,14 +63,14 @@ def _unevenness(mesh: LatticeGraph) -> float:
     return least
 
 
-def _are_alike(still: StillDots, pitch_px: float) -> bool:
-    """Do areas and contrasts hardly differ from those of the adjacent dots?"""
+def _have_equal_appearance(still: RestDots, pitch_px: float) -> bool:
+    """Whether areas and contrasts hardly differ from those of the adjacent dots."""
     from scipy.spatial import cKDTree
 
     near = cKDTree(still.centre_px).query_pairs(1.6 * pitch_px, output_type="ndarray")
     if len(near) == 0:
         return False
-    for sign, most in zip((still.area_px2, still.contrast), _ALIKE, strict=True):
+    for sign, most in zip((still.area_px2, still.contrast), _EQUAL_SHARE, strict=True):
         total, number = np.zeros(len(sign)), np.zeros(len(sign))
         for a, b in (near.T, near.T[::-1]):
             np.add.at(total, a, sign[b])

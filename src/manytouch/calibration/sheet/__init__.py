@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Pretension, bending factor, thickness and Young's modulus of a sheet from presses at known places.
+
+Inside are the press tables, the fit and the clamp line; detection and tracking of the markers are not.
+"""

@@ -1,13 +1,13 @@
 """Pretension, bending factor, thickness and stiffness of a sheet from presses at known places.
 
-Each press is a smooth patch of load on the shell of `mechanics`. What the dots outside it show decides
-the shape, hence pretension over E, bending factor, thickness and the force over E of every press; readings
-of a force scale decide E. All unknowns are fitted together by Gauss-Newton steps with exact
-sensitivities. Deviations are those of the normal matrix, of leaving one press out at a time (jackknife)
-and of what the shell was seen to differ from a solid, together.
+Each press is a smooth patch of load on the shell of `mechanics`. The dots outside the patch determine the
+shape, hence pretension over E, bending factor, thickness and the force over E of every press; readings of a
+force scale determine E. All unknowns are fitted together by Gauss-Newton steps with exact sensitivities.
+Deviations combine the normal matrix, a jackknife over the presses and the known difference between shell and
+solid.
 
-On a sheet that hardly stretches, pretension, bending and E can grow together without a change of any
-force: forces are then known much better than each of the three (docs/derivations/calibration.md).
+On a sheet that hardly stretches, pretension, bending and E can be scaled together without a change of any
+force: forces are then determined much better than each of the three (docs/derivations/calibration.md).
 """
 
 from collections.abc import Iterator, Sequence
@@ -16,40 +16,43 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.calibration.sheet.fit import Guess, Press, PressFit, Told
+from manytouch.calibration.sheet.fit import FitParameters, Press, PressFit, PressLinearisation
 from manytouch.errors import SensorError
 from manytouch.values import Sensor, Sheet
 
 LEAST_PRESSES = 4
 MODEL_THICKNESS = 0.04
-"""The shell's thickness that explains a solid sheet differs from the sheet's own by about this share."""
+"""Relative difference between the fitted shell thickness and that of a solid sheet, on 3-D finite
+elements."""
 MODEL_STRAIN = 0.002
-"""And its pretension by about this strain: both seen on presses of 3-D finite elements."""
-ASIDE_MM = 2.0
-"""A press that bears farther than this from its place is worth a word,"""
+"""Difference between fitted and true pretension as a strain, on the same presses."""
+MAX_OFFSET_MM = 2.0
+"""A press whose centre of force lies farther than this from its named place gives a warning."""
 MISFIT, MISFIT_PX = 3.0, 0.15
-"""and one that leaves so many times what is usual, and at least so much."""
+"""A press whose residual is so many times the median, and at least so large, gives a warning."""
 PARAMETERS = ("pretension_over_E_mm", "bending_factor", "thickness_mm")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SheetCalibration:
-    """A sheet with what presses tell of it.
+    """A sheet calibrated by presses.
 
     Attributes:
-        sheet: calibrated; its stiffness is that of the sensor file where no force was read.
+        sheet: calibrated; E is that of the sensor file if no force was measured.
         std: deviation of each of `PARAMETERS`, of pretension_N_per_mm, and of young_MPa where it was fitted.
-        not_told: sentences about parameters that the presses cannot tell from what was assumed.
-        odd: sentences about presses that are not what the table says.
+        undetermined: sentences about parameters that the presses determine no better than the prior.
+        warnings: sentences about presses that contradict the table.
         force_over_E_mm2: (k,) of the presses.
-        residual_px: (k,) root mean square of what is left of each press, dots outside the contact.
-        left_out: (k,) force that the others predict over the reading, minus 1; NaN without reading.
+        residual_px: (k,) RMS residual of each press over the dots outside the contact.
+        left_out: (k,) leave-one-out error: force predicted from the other presses over the reading, minus
+            1; NaN
+            without reading.
     """
 
     sheet: Sheet
     std: dict[str, float]
-    not_told: tuple[str, ...]
-    odd: tuple[str, ...]
+    undetermined: tuple[str, ...]
+    warnings: tuple[str, ...]
     force_over_E_mm2: Float64[np.ndarray, " k"]
     residual_px: Float64[np.ndarray, " k"]
     left_out: Float64[np.ndarray, " k"]
@@ -59,11 +62,11 @@ def calibrate_sheet(sensor: Sensor, presses: Sequence[Press]) -> SheetCalibratio
     """Fit a sheet to presses.
 
     Args:
-        sensor: with layout and sheet; the sheet's values are where the fit starts and what it prefers.
+        sensor: with layout and sheet, whose values are start and prior of the fit.
         presses: at least `LEAST_PRESSES`, at different places and depths.
 
     Raises:
-        SensorError: no sheet or markers, too few presses, or presses that tell nothing.
+        SensorError: no sheet or markers, too few presses, or presses that hardly move a marker.
     """
     sheet = sensor.sheet
     if sheet is None or sensor.layout is None:
@@ -73,31 +76,36 @@ def calibrate_sheet(sensor: Sensor, presses: Sequence[Press]) -> SheetCalibratio
         )
     if len(presses) < LEAST_PRESSES:
         raise SensorError(
-            f"{len(presses)} presses are too few to tell pretension and stiffness apart: give at least "
-            f"{LEAST_PRESSES}, better 8, at different places and from light to deep"
+            f"{len(presses)} presses are too few to separate pretension and stiffness: give at least "
+            f"{LEAST_PRESSES}, better 8, at different places, from shallow to deep"
         )
-    weak = [press.name for press in presses if _reach(press) < 3.0]
+    weak = [press.name for press in presses if _largest_displacement(press) < 3.0]
     if weak:
         raise SensorError(
             f"these presses hardly move a marker: {', '.join(weak)}; press harder, or check that their "
             "time and recording are right"
         )
     fit = PressFit.start(sensor, presses)
-    best, told = fit.run()
-    return _read(sensor, presses, fit, best, told)
+    best, linear = fit.run()
+    return _result(sensor, presses, fit, best, linear)
 
 
-def _read(
-    sensor: Sensor, presses: Sequence[Press], fit: PressFit, best: Guess, told: tuple[Told, ...]
+def _result(
+    sensor: Sensor,
+    presses: Sequence[Press],
+    fit: PressFit,
+    best: FitParameters,
+    linear: tuple[PressLinearisation, ...],
 ) -> SheetCalibration:
-    """The result, with deviations of the normal matrix and of the jackknife (one step without each press)."""
+    """The calibration, with deviations from the normal matrix and the jackknife (one step without each
+    press)."""
     sheet = sensor.sheet
     assert sheet is not None
     count = len(presses)
     has_force = [press.force_N is not None for press in presses]
     young = float(np.exp(best.common[3])) if any(has_force) else sheet.young_MPa
-    spread = np.array([fit.step(best, told, left_out=number)[:4] for number in range(count)])
-    normal, _ = fit.normal(best, told)
+    spread = np.array([fit.step(best, linear, left_out=number)[:4] for number in range(count)])
+    normal, _ = fit.normal(best, linear)
     jackknife = (count - 1) / count * ((spread - spread.mean(axis=0)) ** 2).sum(axis=0)
     thickness = float(np.exp(best.common[2]))
     model = np.array([MODEL_STRAIN * thickness, 0.0, MODEL_THICKNESS, 0.0])
@@ -112,10 +120,10 @@ def _read(
         deviations["pretension_N_per_mm"] = young * float(std[0])
     if any(has_force) and young is not None:
         deviations["young_MPa"] = young * float(std[3])
-    residual_px = np.array([fit.left_px(best, number) for number in range(count)])
+    residual_px = np.array([fit.residual_rms_px(best, number) for number in range(count)])
     left_out = np.full(count, np.nan)
     for number in [number for number in range(count) if has_force[number] and sum(has_force) > 1]:
-        left_out[number] = np.exp(fit.off_without(best, told, number, spread[number])) - 1.0
+        left_out[number] = np.exp(fit.leave_one_out_error(best, linear, number, spread[number])) - 1.0
     calibrated = replace(
         sheet,
         thickness_mm=thickness,
@@ -128,47 +136,50 @@ def _read(
     return SheetCalibration(
         sheet=calibrated,
         std=deviations,
-        not_told=tuple(_not_told(fit, std, any_force=any(has_force))),
-        odd=tuple(_odd(presses, best.single[:, 1:], residual_px)),
+        undetermined=tuple(_undetermined(fit, std, any_force=any(has_force))),
+        warnings=tuple(_warnings(presses, best.single[:, 1:], residual_px)),
         force_over_E_mm2=np.exp(best.single[:, 0]),
         residual_px=residual_px,
         left_out=left_out,
     )
 
 
-def _not_told(fit: PressFit, std: np.ndarray, *, any_force: bool) -> list[str]:
+def _undetermined(fit: PressFit, std: np.ndarray, *, any_force: bool) -> list[str]:
     found = []
     for place, name in enumerate(PARAMETERS):
-        if std[place] > 0.7 * fit.doubt[place]:
+        if std[place] > 0.7 * fit.prior_std[place]:
             found.append(
-                f"the presses do not tell {name} better than it was assumed: add deeper ones, and with a "
-                "ball some nearer to the clamp"
+                f"the presses do not determine {name} better than the prior: add deeper ones, and with "
+                f"a ball some "
+                "nearer to the clamp"
             )
     if not any_force:
-        found.append("no force was read, so stiffness is as in the sensor file: give at least one force in N")
+        found.append("no force was measured, so E is that of the sensor file: give at least one force in N")
     return found
 
 
-def _odd(presses: Sequence[Press], aside_mm: np.ndarray, residual_px: np.ndarray) -> Iterator[str]:
-    off_mm = np.linalg.norm(aside_mm, axis=1)
-    aside = np.flatnonzero(off_mm > ASIDE_MM)
-    if len(aside):
-        names = ", ".join(presses[number].name for number in aside.tolist())
+def _warnings(presses: Sequence[Press], offset_mm: np.ndarray, residual_px: np.ndarray) -> Iterator[str]:
+    distance_mm = np.linalg.norm(offset_mm, axis=1)
+    displaced = np.flatnonzero(distance_mm > MAX_OFFSET_MM)
+    if len(displaced):
+        names = ", ".join(presses[number].name for number in displaced.tolist())
         yield (
-            f"{names}: the foot bore up to {off_mm.max():.1f} mm off its named place; a flat foot near the "
-            "clamp rests on its edge, since the sheet slopes there: press nearer to the middle, or with "
+            f"{names}: the force acts up to {distance_mm.max():.1f} mm from the named place; a flat "
+            f"foot near the "
+            "clamp presses with its edge, since the sheet slopes there: press nearer to the centre, or with "
             "a ball, or correct the place"
         )
     usual_px = float(np.median(residual_px))
-    for press, left_px in zip(presses, residual_px, strict=True):
-        if left_px > max(MISFIT * usual_px, MISFIT_PX):
+    for press, rms_px in zip(presses, residual_px, strict=True):
+        if rms_px > max(MISFIT * usual_px, MISFIT_PX):
             yield (
-                f"{press.name} fits badly: {left_px:.2f} px are left over, {usual_px:.2f} px is usual here; "
-                "was it held at that time, by one foot of the named radius?"
+                f"{press.name} fits badly: the residual is {rms_px:.2f} px, the median of all presses "
+                f"{usual_px:.2f} px; was it held at that "
+                "time, by one foot of the named radius?"
             )
 
 
-def _reach(press: Press) -> float:
+def _largest_displacement(press: Press) -> float:
     """Largest displacement of a marker in deviations."""
     moved = np.linalg.norm(np.where(press.is_seen[:, None], press.displacement_px, 0.0), axis=1)
     return float(moved.max()) / press.noise_px

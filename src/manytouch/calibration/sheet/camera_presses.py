@@ -8,7 +8,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from manytouch.calibration.marker_tracks import watched
+from manytouch.calibration.marker_tracks import track_markers
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sheet.press_table import REST_FRAMES, PressRow
 from manytouch.errors import OutputError, SensorError
@@ -68,9 +68,9 @@ class PressedLive:
         """
         self._ask(f"    press at {row.x_mm:g}, {row.y_mm:g} mm now, hold still, then Enter: ")
         held = self._fresh(HELD_FRAMES)
-        seen = watched(self._sensor, [*self._rest, *held])
+        seen = track_markers(self._sensor, [*self._rest, *held])
         is_rest = np.arange(len(seen.timestamp_ns)) < len(self._rest)
-        moved_px = np.linalg.norm(seen.middle_px(~is_rest) - seen.middle_px(is_rest), axis=1)
+        moved_px = np.linalg.norm(seen.median_px(~is_rest) - seen.middle_px(is_rest), axis=1)
         farthest_px = float(np.nanmax(moved_px, initial=0.0))
         if farthest_px < LEAST_MOVED_PX:
             raise SensorError(

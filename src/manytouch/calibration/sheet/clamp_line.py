@@ -1,8 +1,8 @@
-"""The line along which the sheet is held, where the picture shows it: the edge of the lit sheet.
+"""Measurement of the clamp line: the edge of the illuminated sheet in the image.
 
-Beyond the outer markers the picture is read along lines at right angles to each side, in mm on the
-sheet. A step of brightness that goes along most of a side is that side's clamp line; the first one
-counts, since ledge and casing lie behind it.
+Beyond the outermost markers the image is sampled along lines normal to each side, in mm on the sheet. The
+first brightness step that extends along most of a side is the clamp line of that side; ledge and casing lie
+behind it.
 """
 
 from collections.abc import Sequence
@@ -26,12 +26,12 @@ MOST_FRAMES = 10
 LINES = 81
 """Along each side."""
 CLEAR_RADII = 1.4
-"""Nearer to the outer markers their own edges would count."""
+"""Distance from the outermost markers, in radii, below which their own edges would be found."""
 STEP_SHARE = 0.1
-"""Brightness is compared over this share of the pitch on both sides of a place."""
+"""Brightness is averaged over this share of the pitch on both sides of a point."""
 LEAST_GREY = 5.0
 LEAST_SHARE = 0.7
-"""Of the lines must see the step."""
+"""Share of the lines that must show the step."""
 NOISES = 6.0
 NEAR_MM = 10.0
 MOVED_MM = 1.0
@@ -43,42 +43,42 @@ _LONGEST_MM = 4.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ClampLine:
-    """Where the sheet is seen to end.
+    """Measured edge of the sheet.
 
     Attributes:
-        side_mm: (4,) x of left and right, y of top and bottom side in the markers' frame; NaN where it is
-            not seen.
+        side_mm: (4,) x of left and right, y of top and bottom side in the markers' frame; NaN if it is
+            not visible.
     """
 
     side_mm: Float64[np.ndarray, "4"]
 
     @property
     def unseen(self) -> tuple[str, ...]:
-        """Sides that the picture does not show."""
+        """Sides that are not visible in the image."""
         return tuple(
             side for side, place in zip(SIDES, self.side_mm.tolist(), strict=True) if not np.isfinite(place)
         )
 
     @property
     def size_mm(self) -> Float64[np.ndarray, "2"]:
-        """(2,) extent along x and y; NaN where a side is not seen."""
+        """(2,) extent along x and y; NaN if a side is not visible."""
         return np.asarray(self.side_mm[1::2] - self.side_mm[::2])
 
     @property
     def middle_mm(self) -> Float64[np.ndarray, "2"]:
-        """(2,) middle of the outline in the markers' frame; NaN where a side is not seen."""
+        """(2,) middle of the outline in the markers' frame; NaN if a side is not visible."""
         return np.asarray(0.5 * (self.side_mm[1::2] + self.side_mm[::2]))
 
 
 def clamp_line(camera: Camera, layout: Layout, frames: Sequence[Frame]) -> ClampLine:
-    """Look for the edge of the sheet beyond each outer row and column of markers.
+    """Measure the edge of the sheet beyond each outermost row and column of markers.
 
     Args:
         camera: with the pose of the sheet.
         layout: of the markers.
         frames: of the untouched sheet.
     """
-    picture = _mean_grey(frames)
+    image = _mean_grey(frames)
     pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
     step_mm = float(camera.translation_mm[2]) / float(np.sqrt(camera.fx_px * camera.fy_px))
     low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
@@ -91,30 +91,30 @@ def clamp_line(camera: Camera, layout: Layout, frames: Sequence[Frame]) -> Clamp
         away = np.arange(0.0, 3.0 * pitch_mm, step_mm)
         place = np.empty((LINES, len(away), 2))
         place[..., axis], place[..., 1 - axis] = begin_mm + outward * away, along[:, None]
-        grey = _read(picture, camera, place)
+        grey = _read(image, camera, place)
         away_mm = _first_step(grey, away, window=max(2, round(STEP_SHARE * pitch_mm / step_mm)))
         found[number] = begin_mm + outward * away_mm
     return ClampLine(side_mm=found)
 
 
-def in_words(seen: ClampLine, sheet: Sheet | None) -> str:
-    """Where the clamp line is, how that is known, and what it would do to forces if it were wrong."""
+def describe(seen: ClampLine, sheet: Sheet | None) -> str:
+    """One line: position of the clamp line, its origin, and the effect of an error on forces."""
     where = "" if np.isnan(seen.size_mm).any() else f"{seen.size_mm[0]:.1f} x {seen.size_mm[1]:.1f} mm"
     if sheet is None:
-        return f"clamp line: the sheet is seen to end at {where or 'no side'}; its thickness is not known"
+        return f"clamp line: the sheet ends at {where or 'no side'} in the image; its thickness is not known"
     change = (
-        f"if it lay {MOVED_MM:g} mm elsewhere, forces {NEAR_MM:g} mm from it would be off by "
+        f"an error of {MOVED_MM:g} mm changes forces {NEAR_MM:g} mm from it by "
         f"{100 * abs(force_change(sheet)):.0f} %"
     )
     given = f"{sheet.size_mm[0]:g} x {sheet.size_mm[1]:g} mm"
     if where:
-        return f"clamp line: the sheet is seen to end at {where}; [sheet] says {given}; {change}"
+        return f"clamp line: the sheet ends at {where} in the image and at {given} in [sheet]; {change}"
     sides = "no side" if len(seen.unseen) == 4 else f"not all sides ({', '.join(seen.unseen)} missing)"
-    return f"clamp line: the picture shows it on {sides}, so it is taken as given, {given}; {change}"
+    return f"clamp line: visible on {sides}, so [sheet] is used, {given}; {change}"
 
 
-def odd_clamp(seen: ClampLine, sheet: Sheet | None) -> list[str]:
-    """A sentence where the sheet is seen to end elsewhere than it is said to."""
+def clamp_warnings(seen: ClampLine, sheet: Sheet | None) -> list[str]:
+    """A warning if the measured clamp line differs from the outline in the sensor file."""
     if sheet is None:
         return []
     half = 0.5 * np.repeat(np.asarray(sheet.size_mm, dtype=np.float64), 2) * [-1.0, 1.0, -1.0, 1.0]
@@ -124,24 +124,25 @@ def odd_clamp(seen: ClampLine, sheet: Sheet | None) -> list[str]:
         return []
     sides = ", ".join(f"{SIDES[number]} at {seen.side_mm[number]:.1f} mm" for number in far)
     return [
-        f"the lit sheet is seen to end elsewhere than [sheet] says ({sides}, from the sheet's middle): if it "
+        f"the edge of the illuminated sheet differs from [sheet] ({sides}, from the centre of the "
+        f"sheet): if it "
         "is clamped there, correct size_mm and offset_mm"
     ]
 
 
 def force_change(sheet: Sheet) -> float:
-    """Share by which a force `NEAR_MM` from the clamp is read wrong if that lies `MOVED_MM` elsewhere.
+    """Relative error of a force `NEAR_MM` from the clamp line if that is wrong by `MOVED_MM`.
 
-    A press gives a depth; how much force that means is the stiffness there, which the shell tells.
+    Depth is measured; the force follows from the stiffness of the shell at that place.
     """
     size = np.asarray(sheet.size_mm, dtype=np.float64)
-    nearer = _softness(sheet, size, NEAR_MM)
-    farther = _softness(sheet, size + np.array([2.0 * MOVED_MM, 0.0]), NEAR_MM + MOVED_MM)
+    nearer = _compliance_mm(sheet, size, NEAR_MM)
+    farther = _compliance_mm(sheet, size + np.array([2.0 * MOVED_MM, 0.0]), NEAR_MM + MOVED_MM)
     return farther / nearer - 1.0
 
 
-def _softness(sheet: Sheet, size_mm: np.ndarray, from_clamp_mm: float) -> float:
-    """Depth under a small force at a distance from the middle of the right side."""
+def _compliance_mm(sheet: Sheet, size_mm: np.ndarray, from_clamp_mm: float) -> float:
+    """Depth under a small force at a distance from the centre of the right side, mm."""
     elements = np.maximum(np.round(size_mm / min(_LONGEST_MM, sheet.thickness_mm + 1.0)), 8)
     patch = SplinePatch(
         size_mm=(float(size_mm[0]), float(size_mm[1])),
@@ -162,22 +163,22 @@ def _softness(sheet: Sheet, size_mm: np.ndarray, from_clamp_mm: float) -> float:
 
 
 def _mean_grey(frames: Sequence[Frame]) -> np.ndarray:
-    """(h, w) mean of the first pictures in grey levels of 255, as float32."""
+    """(h, w) mean of the first images in grey levels of 255, as float32."""
     images = [frame.image for frame in frames if frame.image is not None][:MOST_FRAMES]
     total = np.mean([np.asarray(image, dtype=np.float32) * level_of(image) for image in images], axis=0)
     return np.asarray(total if total.ndim == 2 else total.mean(axis=2), dtype=np.float32)
 
 
-def _read(picture: np.ndarray, camera: Camera, place_mm: np.ndarray) -> np.ndarray:
-    """Grey levels at (..., 2) places of the sheet; NaN outside the picture."""
+def _read(image: np.ndarray, camera: Camera, place_mm: np.ndarray) -> np.ndarray:
+    """Grey levels at (..., 2) places of the sheet; NaN outside the image."""
     flat = np.column_stack([place_mm.reshape(-1, 2), np.zeros(place_mm[..., 0].size)])
     where: Points2 = project(camera, flat)
     x, y = (where[:, axis].reshape(place_mm.shape[:-1]).astype(np.float32) for axis in (0, 1))
-    return cv2.remap(picture, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
+    return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
 
 
 def _first_step(grey: np.ndarray, away: Scalars, window: int) -> float:
-    """How far out most lines (n, k) first change their brightness; NaN where none do."""
+    """Distance at which most lines (n, k) first change their brightness; NaN if none does."""
     whole = np.isfinite(grey).mean(axis=0) > LEAST_SHARE
     reach = len(away) if whole.all() else int(np.argmin(whole))
     if reach < 3 * window:

@@ -1,4 +1,4 @@
-"""A press in a person's words: "18,-12 50 g 3.4 s radius 2 mm"."""
+"""Parser for a press typed by a user: "18,-12 50 g 3.4 s radius 2 mm"."""
 
 import re
 from collections.abc import Iterator
@@ -19,13 +19,13 @@ _FILLERS = re.compile(r"\b(?:at|with|for|radius|held|from|to)\b|[,;=()]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Asked:
-    """What a press may say.
+class PressContext:
+    """The recording and sheet that a typed press refers to.
 
     Attributes:
-        input: the recording that shows it.
-        begin_s, end_s: of the recording; None of a camera, which looks when it is told to.
-        sheet: that is pressed.
+        input: the recording that contains the press.
+        begin_s, end_s: of the recording; None for a camera, which captures on request.
+        sheet: the pressed sheet.
     """
 
     input: str
@@ -34,48 +34,50 @@ class Asked:
     sheet: Sheet
 
 
-def press_in_words(text: str, line: int, asked: Asked) -> PressRow:
-    """The press that a line names: place x,y, force or mass, time or span, radius, each with its unit.
+def parse_press(text: str, line: int, context: PressContext) -> PressRow:
+    """Parse a line: place x,y, force or mass, time or time span, radius, each with its unit.
 
     Args:
-        text: place first; the rest in any order. Force and radius may be left out, of a camera the time must.
+        text: place first, the rest in any order. Force and radius are optional; a camera takes no time.
         line: number of the press.
-        asked: the recording and the sheet.
+        context: the recording and the sheet.
 
     Raises:
-        SensorError: what is wrong with the line, all of it.
+        SensorError: all errors of the line.
     """
     place = _PLACE.match(text)
     if place is None:
-        raise SensorError(f"begin with the place x,y in mm from the middle of the sheet, such as {EXAMPLE}")
+        raise SensorError(f"start with the place x,y in mm from the centre of the sheet, such as {EXAMPLE}")
     x_mm, y_mm = float(place[1]), float(place[2])
     rest = _FILLERS.sub(" ", text[place.end() :])
-    said: dict[str, list[tuple[float, float]]] = {"force": [], "time": [], "radius": []}
-    wrong = list(_outside(x_mm, y_mm, asked.sheet))
+    values_of: dict[str, list[tuple[float, float]]] = {"force": [], "time": [], "radius": []}
+    wrong = list(_place_errors(x_mm, y_mm, context.sheet))
     for found in _AMOUNT.finditer(rest):
         low, unit = float(found[1]), found[3]
         high = float(found[2]) if found[2] else low
         if unit is None:
             wrong.append(f"{found[0].strip()} has no unit: {UNITS}")
         elif unit == "s":
-            said["time"].append((low, high))
+            values_of["time"].append((low, high))
         elif unit == "mm":
-            said["radius"].append((low, high))
+            values_of["radius"].append((low, high))
         else:
-            said["force"].append((low * NEWTONS[unit], high * NEWTONS[unit]))
+            values_of["force"].append((low * NEWTONS[unit], high * NEWTONS[unit]))
     left = _AMOUNT.sub(" ", rest).split()
     if left:
-        wrong.append(f"{' '.join(left)!r} is not understood: write a press as {_example(asked)}")
+        wrong.append(f"{' '.join(left)!r} is not understood: enter a press as {_example(context)}")
     wrong += [
-        f"{len(values)} {name}s are given, one is enough" for name, values in said.items() if len(values) > 1
+        f"{len(values)} {name}s are given, one is enough"
+        for name, values in values_of.items()
+        if len(values) > 1
     ]
-    wrong += _impossible(said, asked)
+    wrong += _value_errors(values_of, context)
     if wrong:
         raise SensorError("; ".join(wrong))
-    force, time, radius = (values[0] if values else None for values in said.values())
+    force, time, radius = (values[0] if values else None for values in values_of.values())
     return PressRow(
         line=line,
-        input=asked.input,
+        input=context.input,
         time_s=None if time is None else 0.5 * (time[0] + time[1]),
         x_mm=x_mm,
         y_mm=y_mm,
@@ -84,35 +86,35 @@ def press_in_words(text: str, line: int, asked: Asked) -> PressRow:
     )
 
 
-def _example(asked: Asked) -> str:
-    return EXAMPLE if asked.end_s is None else f"{EXAMPLE} 3.4 s"
+def _example(context: PressContext) -> str:
+    return EXAMPLE if context.end_s is None else f"{EXAMPLE} 3.4 s"
 
 
-def _outside(x_mm: float, y_mm: float, sheet: Sheet) -> Iterator[str]:
+def _place_errors(x_mm: float, y_mm: float, sheet: Sheet) -> Iterator[str]:
     for name, value, side in (("x", x_mm, sheet.size_mm[0]), ("y", y_mm, sheet.size_mm[1])):
         if abs(value) >= side / 2:
             yield (
-                f"{name} = {value:g} mm lies outside the sheet, which reaches from {-side / 2:g} to "
+                f"{name} = {value:g} mm lies outside the sheet, which extends from {-side / 2:g} to "
                 f"{side / 2:g} mm"
             )
 
 
-def _impossible(said: dict[str, list[tuple[float, float]]], asked: Asked) -> Iterator[str]:
+def _value_errors(values_of: dict[str, list[tuple[float, float]]], context: PressContext) -> Iterator[str]:
     for name in ("force", "radius"):
-        if any(low <= 0.0 for low, _ in said[name]):
-            yield f"a {name} is more than 0"
-        elif any(low != high for low, high in said[name]):
-            yield f"a {name} is one number, not a span"
-    if asked.begin_s is None or asked.end_s is None:
-        if said["time"]:
-            yield "a time is not needed: the camera looks when you press Enter"
+        if any(low <= 0.0 for low, _ in values_of[name]):
+            yield f"a {name} must be positive"
+        elif any(low != high for low, high in values_of[name]):
+            yield f"a {name} must be one number, not a range"
+    if context.begin_s is None or context.end_s is None:
+        if values_of["time"]:
+            yield "no time is needed: the image is captured when you press Enter"
         return
-    if not said["time"]:
-        yield f"when was it held? add the time in {asked.input}, such as 3.4 s or 3.2-3.8 s"
-    for low, high in said["time"]:
+    if not values_of["time"]:
+        yield f"the time is missing: add the time in {context.input}, such as 3.4 s or 3.2-3.8 s"
+    for low, high in values_of["time"]:
         if high < low:
-            yield f"a span of time begins before it ends: write {high:g}-{low:g} s"
-        elif low < asked.begin_s or high > asked.end_s:
+            yield f"a time span must start before it ends: enter {high:g}-{low:g} s"
+        elif low < context.begin_s or high > context.end_s:
             span = f"{low:g} s lies" if low == high else f"{low:g}-{high:g} s reaches"
-            lasts = f"from {asked.begin_s:.1f} to {asked.end_s:.1f} s"
-            yield f"{span} outside {asked.input}, which lasts {lasts}"
+            lasts = f"from {context.begin_s:.1f} to {context.end_s:.1f} s"
+            yield f"{span} outside {context.input}, which lasts {lasts}"

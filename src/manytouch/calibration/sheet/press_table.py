@@ -1,4 +1,4 @@
-"""Presses at known places, from a table and the recordings that it names."""
+"""Presses at known places, from a table and the recordings that it lists."""
 
 import csv
 import os
@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from manytouch.calibration.marker_tracks import Watched, watched
+from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sheet.fit import Press
 from manytouch.calibration.sheet.protocol import TOUCHED_RADIUS_MM
@@ -17,7 +17,7 @@ from manytouch.sources import open_source
 from manytouch.values import Sensor
 
 COLUMNS = ("input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N")
-NEEDED = ("input", "x_mm", "y_mm")
+REQUIRED = ("input", "x_mm", "y_mm")
 REST_FRAMES = 10
 HELD_S = 0.2
 LEAST_NOISE_PX = 0.01
@@ -28,11 +28,11 @@ class PressRow:
     """A line of the table.
 
     Attributes:
-        line: its number, for messages.
-        input: recording that begins untouched.
-        time_s: while the press is held; None: at the end.
-        x_mm, y_mm: its middle on the undeformed sheet.
-        radius_mm: of the area that touches.
+        line: number, for messages.
+        input: recording that starts untouched.
+        time_s: when the press is held; None for the end of the recording.
+        x_mm, y_mm: its centre on the undeformed sheet.
+        radius_mm: of the contact area.
         force_N: reading of a scale, or None.
     """
 
@@ -45,82 +45,83 @@ class PressRow:
     force_N: float | None
 
 
-def press_rows(path: Path) -> tuple[PressRow, ...]:
-    """The lines of a CSV table with the columns `COLUMNS`; those not in `NEEDED` may be absent or empty.
+def read_press_table(path: Path) -> tuple[PressRow, ...]:
+    """Read a CSV table with the columns `COLUMNS`; those not in `REQUIRED` may be absent or empty.
 
     Raises:
-        SourceError: no such file, a column is missing, or a number is none.
+        SourceError: the file cannot be read, or a column is missing or unknown.
+        SensorError: a value is not valid.
     """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise SourceError(f"the table of presses {path} cannot be read: {error.strerror}") from None
+        raise SourceError(f"the table of measure_presses {path} cannot be read: {error.strerror}") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     table = csv.DictReader(lines)
-    missing = [name for name in NEEDED if name not in (table.fieldnames or ())]
+    missing = [name for name in REQUIRED if name not in (table.fieldnames or ())]
     unknown = [name for name in table.fieldnames or () if name not in COLUMNS]
     if missing or unknown:
         raise SourceError(
-            f"the table {path} should have the columns {', '.join(COLUMNS)} (the first, third and fourth "
-            "are needed)"
+            f"the table {path} must have the columns {', '.join(COLUMNS)} ({', '.join(REQUIRED)} are "
+            "required)"
             + (f"; missing: {', '.join(missing)}" if missing else "")
             + (f"; unknown: {', '.join(unknown)}" if unknown else "")
         )
     return tuple(_row(path, number, row) for number, row in enumerate(table, 1))
 
 
-def write_presses(rows: Sequence[PressRow], path: Path) -> None:
-    """Write a table that `press_rows` reads.
+def write_press_table(rows: Sequence[PressRow], path: Path) -> None:
+    """Write a table that `read_press_table` can read.
 
     Raises:
-        OutputError: the place cannot be written.
+        OutputError: the file cannot be written.
     """
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        with aside.open("w", encoding="utf-8", newline="") as file:
+        with temporary.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(COLUMNS)
             for row in rows:
                 numbers = (row.time_s, row.x_mm, row.y_mm, row.radius_mm, row.force_N)
                 writer.writerow([row.input, *("" if value is None else f"{value:.6g}" for value in numbers)])
-        aside.replace(path)
+        temporary.replace(path)
     except OSError as error:
-        raise OutputError(f"cannot write the table of presses {path}: {error.strerror}") from None
+        raise OutputError(f"cannot write the table of measure_presses {path}: {error.strerror}") from None
 
 
-def presses(sensor: Sensor, rows: Sequence[PressRow], folder: Path) -> tuple[Press, ...]:
-    """What the markers show of each press.
+def measure_presses(sensor: Sensor, rows: Sequence[PressRow], folder: Path) -> tuple[Press, ...]:
+    """Measure the marker displacements of each press.
 
     Args:
         sensor: with its layout; each recording has its own reference, its first untouched frames.
-        rows: from `press_rows`.
+        rows: from `read_press_table`.
         folder: inputs are relative to it.
 
     Raises:
         SourceError: a recording cannot be opened, or a time lies outside it.
         LayoutError: its markers were not found.
     """
-    found: dict[str, tuple[Watched, np.ndarray, float]] = {}
+    found: dict[str, tuple[MarkerTracks, np.ndarray, float]] = {}
     return tuple(_press(sensor, row, folder, found) for row in rows)
 
 
 def _press(
-    sensor: Sensor, row: PressRow, folder: Path, found: dict[str, tuple[Watched, np.ndarray, float]]
+    sensor: Sensor, row: PressRow, folder: Path, found: dict[str, tuple[MarkerTracks, np.ndarray, float]]
 ) -> Press:
     if row.input not in found:
-        found[row.input] = _watched(sensor, row.input, folder)
+        found[row.input] = _track_recording(sensor, row.input, folder)
     seen, rest_px, noise_px = found[row.input]
     time_s = seen.timestamp_ns * 1e-9
     end_s = float(time_s[-1])
     at_s = end_s - HELD_S / 2 if row.time_s is None else row.time_s
     if not time_s[0] <= at_s <= end_s:
         raise SourceError(
-            f"press {row.line} is said to be held at {at_s:g} s, but {row.input} lasts from "
+            f"press {row.line} is listed at {at_s:g} s, but {row.input} lasts from "
             f"{time_s[0]:.1f} to {end_s:.1f} s: correct time_s"
         )
     near = np.abs(time_s - at_s) <= HELD_S / 2
     near[np.argmin(np.abs(time_s - at_s))] = True
-    moved = seen.middle_px(near) - rest_px
+    moved = seen.median_px(near) - rest_px
     is_seen = np.isfinite(moved[:, 0])
     return Press(
         name=f"press {row.line} ({row.input})",
@@ -133,14 +134,14 @@ def _press(
     )
 
 
-def _watched(sensor: Sensor, name: str, folder: Path) -> tuple[Watched, np.ndarray, float]:
-    """A recording, where its markers rest, and the noise of a displacement."""
+def _track_recording(sensor: Sensor, name: str, folder: Path) -> tuple[MarkerTracks, np.ndarray, float]:
+    """Marker tracks of a recording, their rest positions (m, 2) and the noise of a displacement (px)."""
     text = name if name.startswith("sim:") or Path(name).is_absolute() else str(folder / name)
     frames = list(open_source(text))
-    referred = register_rest(sensor, frames[:REST_FRAMES])
-    seen = watched(referred, frames)
+    register_dots = register_rest(sensor, frames[:REST_FRAMES])
+    seen = track_markers(register_dots, frames)
     first = np.arange(len(seen.timestamp_ns)) < REST_FRAMES
-    rest_px = seen.middle_px(first)
+    rest_px = seen.median_px(first)
     step = np.diff(seen.position_px[first], axis=0)
     step = step[np.isfinite(step)]
     noise = float(1.4826 * np.median(np.abs(step)) / np.sqrt(2.0)) if len(step) else 0.0
@@ -148,7 +149,7 @@ def _watched(sensor: Sensor, name: str, folder: Path) -> tuple[Watched, np.ndarr
 
 
 def _row(path: Path, number: int, row: dict[str, str | None]) -> PressRow:
-    wrong = list(_mistakes(row))
+    wrong = list(_errors_in(row))
     if wrong:
         raise SensorError(f"press {number} of {path}: {'; '.join(wrong)}")
     radius, force = _number(row, "radius_mm"), _number(row, "normal_force_N")
@@ -165,19 +166,19 @@ def _row(path: Path, number: int, row: dict[str, str | None]) -> PressRow:
     )
 
 
-def _mistakes(row: dict[str, str | None]) -> Iterator[str]:
+def _errors_in(row: dict[str, str | None]) -> Iterator[str]:
     if not (row.get("input") or "").strip():
         yield "input is empty, expected a recording"
     for name in COLUMNS[1:]:
         try:
             value = _number(row, name)
         except ValueError:
-            yield f"{name} = {row[name]!r} is no number"
+            yield f"{name} = {row[name]!r} is not a number"
             continue
-        if value is None and name in NEEDED:
+        if value is None and name in REQUIRED:
             yield f"{name} is empty"
         if value is not None and name in ("radius_mm", "normal_force_N") and value <= 0:
-            yield f"{name} = {value:g}, expected more than 0 (a press is positive)"
+            yield f"{name} = {value:g}, expected a positive number"
 
 
 def _number(row: dict[str, str | None], name: str) -> float | None:

@@ -1,4 +1,4 @@
-"""What to press, where and how hard, to calibrate a sheet: with plain weights, or with a 3-D printer."""
+"""Press plans for the calibration of a sheet, with weights or with a 3-D printer."""
 
 import csv
 import io
@@ -17,13 +17,13 @@ FEED_MM_PER_MIN = 600
 DWELL_MS = 2000
 DEPTHS_MM = (1.0, 2.5)
 TIP_RADIUS_MM = 8.0
-"""Of the round tip that presses: a flat foot rests on its edge wherever the sheet slopes (decision 21)."""
+"""Radius of the round tip: a flat foot presses with its edge wherever the sheet slopes (ADR 0021)."""
 TOUCHED_RADIUS_MM = 2.0
-"""About what touches under such a tip."""
+"""Approximate contact radius under such a tip."""
 
 
 def places_mm(sensor: Sensor) -> Points2:
-    """(5, 2) the middle and the middles of the four quarters, away from the clamp.
+    """(5, 2) the centre of the sheet and the centres of its four quarters, mm.
 
     Raises:
         SensorError: the sheet's size is not known.
@@ -38,12 +38,14 @@ def places_mm(sensor: Sensor) -> Points2:
 
 
 def weight_table(sensor: Sensor) -> str:
-    """A table of presses for weights of 50, 100 and 200 g on a round tip, to be filled with times."""
+    """A table of presses for weights of 50, 100 and 200 g on a round tip; the times are to be filled in."""
     table = io.StringIO()
     table.write(
-        f"# Glue a ball of {2 * TIP_RADIUS_MM:g} mm under a cup, 50 g together; only the ball shall touch.\n"
-        "# Stand it at each place for a second, 50, 100 or 200 g in all, without pressing; note when.\n"
-        "# All in one recording that begins with two untouched seconds.\n"
+        f"# Glue a ball of {2 * TIP_RADIUS_MM:g} mm under a cup, 50 g in total; only the ball may touch "
+        f"the sheet.\n"
+        "# Place it at each position for a second, with 50, 100 or 200 g in total, without pressing; "
+        "note the time.\n"
+        "# Record everything in one recording that starts with two untouched seconds.\n"
     )
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(["input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N"])
@@ -58,17 +60,18 @@ def weight_table(sensor: Sensor) -> str:
 def probing_gcode(sensor: Sensor) -> str:
     """G-code that presses a round tip in the printer's head onto the sheet, at each place to each depth.
 
-    The sensor lies on the bed, touched side up, x along the printer's; y then is along the printer's too,
-    since both frames are right-handed with z up. The middle of the sheet is under the head and the tip
-    just touches it when the script starts: that place becomes 0, 0, 0.
+    The sensor lies on the bed, touched face up, with its x axis along that of the printer; both frames are
+    right-handed with z up, so the y axes coincide too. When the script starts, the tip just touches the
+    centre
+    of the sheet; that position becomes 0, 0, 0.
     """
     lines = [
-        f"; presses for manytouch, with a round tip of radius {TIP_RADIUS_MM:g} mm that alone may touch",
-        "; start with it just touching the middle of the sheet",
+        f"; presses for manytouch, with a round tip of radius {TIP_RADIUS_MM:g} mm; only the tip may touch",
+        "; start with the tip just touching the centre of the sheet",
         "; times are counted from the first G4: two untouched seconds",
         "G21 ; mm",
         "G90 ; absolute",
-        "G92 X0 Y0 Z0 ; here is the middle of the sheet, not yet pressed",
+        "G92 X0 Y0 Z0 ; centre of the sheet, not yet pressed",
         f"G1 Z{SAFE_MM:g} F{FEED_MM_PER_MIN}",
         "G4 P2000",
     ]

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from manytouch.calibration.sheet.calibrate import LEAST_PRESSES
 from manytouch.calibration.sheet.camera_presses import Ask, PressedLive, Say
-from manytouch.calibration.sheet.press_parser import EXAMPLE, Asked, press_in_words
-from manytouch.calibration.sheet.press_table import PressRow, press_rows, write_presses
+from manytouch.calibration.sheet.press_parser import EXAMPLE, PressContext, parse_press
+from manytouch.calibration.sheet.press_table import PressRow, read_press_table, write_press_table
 from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, TOUCHED_RADIUS_MM
 from manytouch.errors import ManytouchError, OutputError, SensorError
 from manytouch.sources import Source, open_source
@@ -43,14 +43,14 @@ def typed_presses(
             f"the sensor {sensor.name!r} has no [sheet] or no [markers]: write size_mm and thickness_mm of "
             "the sheet into its file first"
         )
-    rows = list(press_rows(table)) if table.is_file() else []
+    rows = list(read_press_table(table)) if table.is_file() else []
     if rows:
         say(f"{_count(rows)} in {table} already; undo takes the last one back")
     opened = open_source(source)
     try:
         if isinstance(opened, Device):
             look = PressedLive(sensor, opened, table, say=say, ask=ask)
-            asked = Asked(input=look.folder.name, begin_s=None, end_s=None, sheet=sensor.sheet)
+            asked = PressContext(input=look.folder.name, begin_s=None, end_s=None, sheet=sensor.sheet)
             say(f"type one press per line: x,y in mm, force or mass, such as {EXAMPLE}")
         else:
             look, asked = None, _recorded(opened, source, table, sensor.sheet, say)
@@ -61,10 +61,10 @@ def typed_presses(
     finally:
         if isinstance(opened, Device):
             opened.close()
-    return press_rows(table) if rows else ()
+    return read_press_table(table) if rows else ()
 
 
-def _recorded(opened: Source, source: str, table: Path, sheet: Sheet, say: Say) -> Asked:
+def _recorded(opened: Source, source: str, table: Path, sheet: Sheet, say: Say) -> PressContext:
     """A recording, how long it lasts, and how to name its presses."""
     times = [frame.timestamp_ns * 1e-9 for frame in opened]
     if not times:
@@ -72,12 +72,12 @@ def _recorded(opened: Source, source: str, table: Path, sheet: Sheet, say: Say) 
     name = source if source.startswith("sim:") else os.path.relpath(source, table.parent)
     say(f"{source} lasts from {times[0]:.1f} to {times[-1]:.1f} s; it must begin untouched")
     say(f"type one press per line: x,y in mm, force or mass, when it was held, such as {EXAMPLE} 3.4 s")
-    return Asked(input=name, begin_s=times[0], end_s=times[-1], sheet=sheet)
+    return PressContext(input=name, begin_s=times[0], end_s=times[-1], sheet=sheet)
 
 
 def _ask_for_rows(
     rows: list[PressRow],
-    asked: Asked,
+    asked: PressContext,
     table: Path,
     *,
     look: Callable[[PressRow], PressRow] | None,
@@ -100,7 +100,7 @@ def _ask_for_rows(
             if text.lower() == "undo":
                 say(_undone(rows, table))
                 continue
-            row = press_in_words(text, len(rows) + 1, asked)
+            row = parse_press(text, len(rows) + 1, asked)
             if look is not None:
                 row = look(row)
         except EOFError:
@@ -112,7 +112,7 @@ def _ask_for_rows(
             say(f"not taken: {error}")
             continue
         rows.append(row)
-        write_presses(rows, table)
+        write_press_table(rows, table)
         say(_taken(row))
 
 
@@ -130,5 +130,5 @@ def _undone(rows: list[PressRow], table: Path) -> str:
     if not rows:
         return "there is nothing to take back"
     row = rows.pop()
-    write_presses(rows, table)
+    write_press_table(rows, table)
     return f"took back the press at {row.x_mm:g}, {row.y_mm:g} mm"

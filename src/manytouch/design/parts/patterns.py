@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from manytouch.calibration.camera.board import Board, charuco_ink
+from manytouch.calibration.camera.board import Board, charuco_pattern
 from manytouch.errors import MissingExtraError, OutputError
 from manytouch.values import Sensor
 
@@ -107,7 +107,7 @@ def _ink(board: Board, corner_mm: np.ndarray) -> "list[Patch]":
         places = corner_mm + 0.5 * side + board.point_mm[:, :2]
         return [Circle((x, y), CIRCLE_SHARE * side) for x, y in places]
     if board.kind == "charuco":
-        is_black, side_px = charuco_ink(board)
+        is_black, side_px = charuco_pattern(board)
     else:
         is_black, side_px = np.indices((board.rows + 1, board.columns + 1)).sum(axis=0) % 2 == 0, 1
     cuts = np.flatnonzero(np.any(np.diff(is_black, axis=0), axis=1)) + 1

@@ -1,4 +1,4 @@
-"""Asked for presses line by line: what was typed is kept, of a recording and before a camera."""
+"""Prompts for presses line by line: what was typed is kept, of a recording and before a camera."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from manytouch.calibration.sheet import typed_presses as dialogue
-from manytouch.calibration.sheet.press_table import press_rows, presses
+from manytouch.calibration.sheet.press_table import measure_presses, read_press_table
 from manytouch.calibration.sheet.typed_presses import typed_presses
 from manytouch.errors import OutputError, SensorError
 from manytouch.simulation.demo_sensor import demo_sensor
@@ -62,7 +62,7 @@ def test_lines_are_kept_as_they_come(film, tmp_path):
         (-9.0, 9.0, 5.0, 5.0),
     ]
     assert [row.force_N for row in rows] == [pytest.approx(0.4905), 0.7, 1.0, None]
-    assert press_rows(table) == rows
+    assert read_press_table(table) == rows
     assert {row.input for row in rows} == {str(Path("films") / "a.mp4")}
     assert person.heard[1].startswith("type one press per line")
     assert "not taken: 7 has no unit: N, mN, g or kg for the force" in "\n".join(person.heard)
@@ -80,7 +80,7 @@ def test_what_was_typed_survives_being_stopped_and_is_gone_on_with(film, tmp_pat
     (row,) = later.typed("a.mp4", table)
     assert later.heard[0].startswith(f"1 press is in {table} already")
     assert "there is nothing to take back" in later.heard
-    assert (row.x_mm, len(press_rows(table))) == (3.0, 1)
+    assert (row.x_mm, len(read_press_table(table))) == (3.0, 1)
 
 
 def test_what_cannot_be_asked_for_is_refused(film, tmp_path):
@@ -133,10 +133,10 @@ def test_a_camera_is_watched_while_it_is_pressed(monkeypatch, tmp_path):
     assert not camera.is_colour
     assert "was it pressed, and hard enough?" in person.heard[2]
     assert (rows[-1].force_N, rows[-1].input) == (2.0, "sensor-presses-1")
-    assert press_rows(table) == rows
-    (seen,) = presses(sensor, rows, tmp_path)
+    assert read_press_table(table) == rows
+    (seen,) = measure_presses(sensor, rows, tmp_path)
     (tmp_path / "direct.csv").write_text("input,time_s,x_mm,y_mm\nsim:one,3.0,14,-8\n")
-    (direct,) = presses(sensor, press_rows(tmp_path / "direct.csv"), tmp_path)
+    (direct,) = measure_presses(sensor, read_press_table(tmp_path / "direct.csv"), tmp_path)
     both = seen.is_seen & direct.is_seen
     assert both.sum() > 590
     assert np.abs(seen.displacement_px - direct.displacement_px)[both].max() < 0.2
