@@ -116,12 +116,12 @@ def test_bad_views_are_refused_with_the_reason(pictures):
     given = [*pictures[:10], blurred, empty, warnings, pictures[2], moved]
     found = calibrate_camera(frames(given), BOARD)
     reasons = dict(found.refused)
-    assert reasons["view 11"] == "shows no whole chessboard:8x5"
+    assert reasons["view 11"] == "does not show a complete chessboard:8x5"
     assert (
         reasons["view 12"]
-        == f"has {WIDTH_PX} x {HEIGHT_PX - 20} px, the pictures before it {WIDTH_PX} x {HEIGHT_PX}"
+        == f"has {WIDTH_PX} x {HEIGHT_PX - 20} px, the images before it {WIDTH_PX} x {HEIGHT_PX}"
     )
-    assert reasons["view 13"] == "looks the same as view 2"
+    assert reasons["view 13"] == "shows the same pose as view 2"
     assert "blurred" in reasons["view 10"] or "shows no" in reasons["view 10"]
     assert "does not fit the others" in reasons["view 14"]
     assert found.intrinsics.camera.fx_px == pytest.approx(430.0, abs=1.5)
@@ -134,7 +134,7 @@ def test_a_sharper_view_takes_the_place_of_a_blurrier_one(pictures):
     for name, frame in frames([soft, pictures[0]]):
         assert collection.add(frame, name) is None
     assert [view.name for view in collection.views] == ["view 1"]
-    assert collection.refused == [("view 0", "looks the same as view 1, which is sharper")]
+    assert collection.refused == [("view 0", "shows the same pose as view 1, which is sharper")]
 
 
 def test_what_is_missing_is_said_until_it_has_been_seen(pictures):
@@ -209,11 +209,11 @@ def test_the_report_holds_words_numbers_ros_and_a_picture(pictures, tmp_path: Pa
 @pytest.mark.parametrize(
     ("board", "square", "sentence"),
     [
-        ("chess:8x5", 20.0, "is no board: give KIND:COLUMNSxROWS"),
-        ("chessboard:8", 20.0, "is no board"),
+        ("chess:8x5", 20.0, "is not a board: give KIND:COLUMNSxROWS"),
+        ("chessboard:8", 20.0, "is not a board"),
         ("chessboard:2x5", 20.0, "is too small"),
-        ("chessboard:8x5", -1.0, "impossible: measure one"),
-        ("charuco:8x6:DICT_9X9", 20.0, "is no dictionary"),
+        ("chessboard:8x5", -1.0, "not valid: measure one"),
+        ("charuco:8x6:DICT_9X9", 20.0, "is not a dictionary"),
         ("charuco:40x40", 20.0, "name a larger dictionary"),
     ],
 )
@@ -223,7 +223,7 @@ def test_an_impossible_board_is_refused(board, square, sentence):
 
 
 def test_a_wrong_board_size_is_named(pictures):
-    with pytest.raises(ManytouchError, match="they show a chessboard:8x5, so give --board chessboard:8x5"):
+    with pytest.raises(ManytouchError, match="they show a chessboard:8x5: give --board chessboard:8x5"):
         calibrate_camera(frames(pictures[:4]), parse_board("chessboard:9x6", 20.0))
 
 
@@ -236,14 +236,12 @@ def test_one_view_only_says_what_else_is_needed(pictures):
 
 def test_blurred_pictures_say_how_to_get_sharp_ones(pictures):
     blurred = [cv2.GaussianBlur(image, (0, 0), 5.0) for image in pictures[:5]]
-    with pytest.raises(
-        ManytouchError, match=r"4 of 5 pictures are blurred: focus the lens.*only 0 good views"
-    ):
+    with pytest.raises(ManytouchError, match=r"4 of 5 images are blurred: focus the lens.*only 0 good views"):
         calibrate_camera(frames(blurred), BOARD)
 
 
 def test_views_that_all_look_alike_are_too_few(pictures):
-    with pytest.raises(ManytouchError, match="refused: view 1 looks the same as view 0"):
+    with pytest.raises(ManytouchError, match="refused: view 1 shows the same pose as view 0"):
         calibrate_camera(frames([pictures[0]] * 6), BOARD)
 
 
@@ -258,7 +256,7 @@ def test_the_verb_writes_a_sensor_file_that_can_be_read(pictures, tmp_path: Path
     sensor = load_sensor(tmp_path / "camera.toml")
     assert sensor.camera.fx_px == pytest.approx(430.0, abs=1.0)
     assert sensor.layout is None
-    assert "refused: torn.png cannot be decoded" in capsys.readouterr().out
+    assert "rejected: torn.png cannot be decoded" in capsys.readouterr().out
     assert main(["calibrate", "camera", str(tmp_path / "nothing"), *words]) == 1
     assert "There is no" in capsys.readouterr().err
 

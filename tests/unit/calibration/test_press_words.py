@@ -32,35 +32,35 @@ def test_words_become_a_press(text, place, force_N, time_s, radius_mm):
 
 def test_before_a_camera_no_time_is_needed():
     assert parse_press("18,-12 50 g", 1, CAMERA).time_s is None
-    with pytest.raises(SensorError, match="a time is not needed: the camera looks when you press Enter"):
+    with pytest.raises(SensorError, match="no time is needed: the image is captured when you press Enter"):
         parse_press("18,-12 50 g 3 s", 1, CAMERA)
 
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        ("", "begin with the place x,y in mm from the middle of the sheet, such as 18,-12 50 g"),
-        ("50 g 3 s", "begin with the place"),
-        ("18,3.4s", "begin with the place"),
+        ("", "start with the place x,y in mm from the centre of the sheet, such as 18,-12 50 g"),
+        ("50 g 3 s", "start with the place"),
+        ("18,3.4s", "start with the place"),
         ("18,-12 50 3 s", "50 has no unit: N, mN, g or kg for the force, s for the time, mm for the radius"),
-        ("40,-12 50 g 3 s", r"x = 40 mm lies outside the sheet, which reaches from -40 to 40 mm"),
-        ("18,-31 50 g 3 s", r"y = -31 mm lies outside the sheet, which reaches from -30 to 30 mm"),
-        ("18,-12 50 g", r"when was it held\? add the time in presses.mp4, such as 3.4 s or 3.2-3.8 s"),
+        ("40,-12 50 g 3 s", r"x = 40 mm lies outside the sheet, which extends from -40 to 40 mm"),
+        ("18,-31 50 g 3 s", r"y = -31 mm lies outside the sheet, which extends from -30 to 30 mm"),
+        ("18,-12 50 g", r"the time is missing: add the time in presses.mp4, such as 3.4 s or 3.2-3.8 s"),
         ("18,-12 50 g 13 s", "13 s lies outside presses.mp4, which lasts from 0.0 to 12.0 s"),
         ("18,-12 50 g 11-13 s", "11-13 s reaches outside presses.mp4, which lasts from 0.0 to 12.0 s"),
-        ("18,-12 50 g 3.8-3.2 s", "a span of time begins before it ends: write 3.2-3.8 s"),
-        ("18,-12 0 g 3 s", "a force is more than 0"),
-        ("18,-12 -2 N 3 s", "a force is more than 0"),
-        ("18,-12 1-2 N 3 s", "a force is one number, not a span"),
-        ("18,-12 50 g 3 s radius 0 mm", "a radius is more than 0"),
+        ("18,-12 50 g 3.8-3.2 s", "a time span must start before it ends: enter 3.2-3.8 s"),
+        ("18,-12 0 g 3 s", "a force must be positive"),
+        ("18,-12 -2 N 3 s", "a force must be positive"),
+        ("18,-12 1-2 N 3 s", "a force must be one number, not a range"),
+        ("18,-12 50 g 3 s radius 0 mm", "a radius must be positive"),
         ("18,-12 50 g 1 N 3 s", "2 forces are given, one is enough"),
         (
             "18,-12 50 lb 3 s",
-            "50 has no unit: .*; 'lb' is not understood: write a press as 18,-12 50 g 3.4 s",
+            "50 has no unit: .*; 'lb' is not understood: enter a press as 18,-12 50 g 3.4 s",
         ),
         (
             "50,50 7 foo",
-            r"x = 50 .*; y = 50 .*; 7 has no unit.*; 'foo' is not understood.*; when was it held",
+            r"x = 50 .*; y = 50 .*; 7 has no unit.*; 'foo' is not understood.*; the time is missing",
         ),
     ],
 )

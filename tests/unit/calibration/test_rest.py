@@ -230,9 +230,9 @@ def test_a_wrong_polarity_of_the_file_is_put_right_and_told():
     wrong = replace(sensor, layout=replace(sensor.layout, polarity="light"), assumptions=())
     again = register_rest(wrong, frames)
     assert again.layout.polarity == "dark"
-    assert "The markers are dark, though the sensor file says light." in again.assumptions
+    assert "The markers are dark, although the sensor file specifies light." in again.assumptions
     silent = register_rest(replace(sensor, assumptions=()), frames[:1])
-    assert silent.assumptions == ("The sheet is at rest in the first frame that keeps still.",)
+    assert silent.assumptions == ("The sheet is at rest in the first motionless frame.",)
 
 
 def test_a_sensor_of_another_image_size_is_refused():

@@ -71,7 +71,7 @@ def test_a_layout_that_is_known_keeps_its_numbers_and_gets_the_pose(tilted_frame
     found = calibrate_rest(near, tilted_frames)
     assert found.sensor.camera.translation_mm == pytest.approx(SHIFT, abs=0.05)
     assert found.sensor.layout.rest_mm == pytest.approx(near.layout.rest_mm)
-    assert "5 markers were not seen and count as missing" in found.warnings
+    assert "5 markers were not seen and are treated as missing" in found.warnings
 
 
 def test_the_pose_deviations_tell_how_wrong_the_pose_is():
@@ -104,7 +104,9 @@ def test_the_pose_is_found_through_a_fisheye_lens():
 
 def test_a_wrong_scale_is_odd(tilted_frames):
     found = calibrate_rest(tilted_sensor(), tilted_frames, pitch_mm=4.4)
-    assert any("9 % farther than the file says" in sentence for sentence in found.warnings), found.warnings
+    assert any("9 % farther than in the sensor file" in sentence for sentence in found.warnings), (
+        found.warnings
+    )
     assert found.sensor.camera.translation_mm[2] == pytest.approx(1.1 * SHIFT[2], rel=2e-3)
 
 
@@ -194,11 +196,13 @@ def test_a_clamp_line_elsewhere_than_said_is_odd(far_frames):
     frames = mounted(far_frames, sensor.camera, (120.0, 83.0))
     said = Sheet(size_mm=np.array([120.4, 80.0]), thickness_mm=3.0)
     found = calibrate_rest(sensor, frames, sheet=said)
-    (sentence,) = [sentence for sentence in found.warnings if "seen to end elsewhere" in sentence]
+    (sentence,) = [sentence for sentence in found.warnings if "illuminated sheet differs" in sentence]
     assert "top at -41.5 mm, bottom at 41.5 mm" in sentence
     assert "left" not in sentence
     assert found.sensor.sheet is said
-    assert "seen to end at 120.0 x 83.0 mm; [sheet] says 120.4 x 80 mm" in describe(found.clamp, said)
+    assert "ends at 120.0 x 83.0 mm in the image and at 120.4 x 80 mm in [sheet]" in describe(
+        found.clamp, said
+    )
 
 
 def test_a_clamp_line_out_of_sight_is_taken_as_given(far_frames):
@@ -207,15 +211,17 @@ def test_a_clamp_line_out_of_sight_is_taken_as_given(far_frames):
     found = calibrate_rest(sensor, frames)
     assert found.clamp.unseen == ("top",)
     assert found.clamp.side_mm[[0, 1, 3]] == pytest.approx([-60.0, 60.0, 41.5], abs=0.1)
-    assert "not all sides (top missing), so it is taken as given, 120 x 80 mm" in describe(
+    assert "not all sides (top missing), so [sheet] is used, 120 x 80 mm" in describe(
         found.clamp, sensor.sheet
     )
-    with pytest.raises(SensorError, match=r"\(top missing\): give its outline by --sheet-mm X,Y"):
+    with pytest.raises(
+        SensorError, match=r"\(top missing\): give the outline of the sheet by --sheet-mm X,Y"
+    ):
         calibrate_rest(camera_only(sensor), frames, pitch_mm=4.0, thickness_mm=3.0)
     nowhere = calibrate_rest(sensor, far_frames)
     assert nowhere.clamp.unseen == ("left", "right", "top", "bottom")
-    assert not any("seen to end" in sentence for sentence in nowhere.warnings)
-    assert "shows it on no side" in describe(nowhere.clamp, sensor.sheet)
+    assert not any("illuminated sheet" in sentence for sentence in nowhere.warnings)
+    assert "visible on no side" in describe(nowhere.clamp, sensor.sheet)
 
 
 def test_light_that_falls_off_is_no_clamp_line(far_frames):
@@ -253,9 +259,7 @@ def test_the_verb_writes_a_sensor_that_process_can_use(tmp_path, capsys):
     assert sensor.centre_noise_px == pytest.approx(0.008, abs=0.006)
     said = capsys.readouterr().out
     assert "px (RMS) from a flat lattice" in said
-    assert (
-        "clamp line: the picture shows it on no side, so it is taken as given, 120 x 80 mm; if it lay" in said
-    )
+    assert "clamp line: visible on no side, so [sheet] is used, 120 x 80 mm; an error of" in said
     assert main([*words, "--sheet-mm", "120,80"]) == 2
     assert "--sheet-mm needs --thickness-mm too" in capsys.readouterr().err
     assert len(list(islice(tmp_path.iterdir(), 5))) == 2

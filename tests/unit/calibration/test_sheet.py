@@ -150,9 +150,11 @@ def test_a_press_that_bears_elsewhere_or_fits_badly_is_named(fitted):
     )
     assert [re.search(r"press \d", sentence).group() for sentence in found.warnings] == ["press 1", "press 4"]
     assert re.search(
-        r"up to (2\.[5-9]|3\.[0-4]) mm off its named place; a flat foot near the clamp", found.warnings[0]
+        r"up to (2\.[5-9]|3\.[0-4]) mm from the named place; a flat foot near the clamp", found.warnings[0]
     )
-    assert re.search(r"fits badly: 0\.\d+ px are left over, 0\.0\d px is usual", found.warnings[1])
+    assert re.search(
+        r"fits badly: the residual is 0\.\d+ px, the median of all presses 0\.0\d px", found.warnings[1]
+    )
 
 
 def test_deviations_count_what_shell_and_solid_differ_by_and_how_well_scales_read(fitted):
@@ -167,7 +169,7 @@ def test_what_shallow_presses_do_not_tell_is_said(fitted):
     sensor = small_sensor()
     shallow = calibrate_sheet(sensor, pressed(sensor, newtons=0.03))
     for name in ("bending_factor", "thickness_mm"):
-        assert any(f"do not tell {name} better than" in sentence for sentence in shallow.undetermined)
+        assert any(f"do not determine {name} better than" in sentence for sentence in shallow.undetermined)
 
 
 def test_dots_under_what_touches_do_not_count(fitted):
@@ -190,7 +192,7 @@ def test_without_a_force_stiffness_stays_unknown():
     assert found.sheet.young_MPa is None
     assert found.sheet.young_std_MPa is None
     assert "young_MPa" not in found.std
-    assert any("no force was read" in sentence for sentence in found.undetermined)
+    assert any("no force was measured" in sentence for sentence in found.undetermined)
     assert np.isnan(found.left_out).all()
 
 
@@ -227,7 +229,7 @@ def test_a_table_of_presses_names_each_mistake(tmp_path):
         read_press_table(table)
     table.write_text("input,x_mm,y_mm,normal_force_N\n,one,,-2\n")
     with pytest.raises(
-        SensorError, match=r"input is empty.*x_mm = 'one' is no number; y_mm is empty; normal_force_N = -2"
+        SensorError, match=r"input is empty.*x_mm = 'one' is not a number; y_mm is empty; normal_force_N = -2"
     ):
         read_press_table(table)
     with pytest.raises(SourceError, match="cannot be read"):

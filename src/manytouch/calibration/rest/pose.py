@@ -296,7 +296,7 @@ def _warnings(
         )
     lost = int((~there).sum()) - (int(given.layout.is_missing.sum()) if given.layout is not None else 0)
     if lost > 0:
-        sentences.append(f"{lost} markers were not seen and count as missing")
+        sentences.append(f"{lost} markers were not seen and are treated as missing")
     drift = np.nanmax(np.linalg.norm(seen.position_px[-1] - seen.position_px[0], axis=1))
     if drift > STILL_SHARE * pitch_px:
         sentences.append(f"a marker moved by {drift:.2f} px during the recording: was the sheet touched?")

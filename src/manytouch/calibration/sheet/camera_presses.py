@@ -70,7 +70,7 @@ class PressedLive:
         held = self._fresh(HELD_FRAMES)
         seen = track_markers(self._sensor, [*self._rest, *held])
         is_rest = np.arange(len(seen.timestamp_ns)) < len(self._rest)
-        moved_px = np.linalg.norm(seen.median_px(~is_rest) - seen.middle_px(is_rest), axis=1)
+        moved_px = np.linalg.norm(seen.median_px(~is_rest) - seen.median_px(is_rest), axis=1)
         farthest_px = float(np.nanmax(moved_px, initial=0.0))
         if farthest_px < LEAST_MOVED_PX:
             raise SensorError(

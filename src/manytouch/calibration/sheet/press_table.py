@@ -55,7 +55,7 @@ def read_press_table(path: Path) -> tuple[PressRow, ...]:
     try:
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise SourceError(f"the table of measure_presses {path} cannot be read: {error.strerror}") from None
+        raise SourceError(f"the table of presses {path} cannot be read: {error.strerror}") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
     table = csv.DictReader(lines)
     missing = [name for name in REQUIRED if name not in (table.fieldnames or ())]
@@ -86,7 +86,7 @@ def write_press_table(rows: Sequence[PressRow], path: Path) -> None:
                 writer.writerow([row.input, *("" if value is None else f"{value:.6g}" for value in numbers)])
         temporary.replace(path)
     except OSError as error:
-        raise OutputError(f"cannot write the table of measure_presses {path}: {error.strerror}") from None
+        raise OutputError(f"cannot write the table of presses {path}: {error.strerror}") from None
 
 
 def measure_presses(sensor: Sensor, rows: Sequence[PressRow], folder: Path) -> tuple[Press, ...]:
