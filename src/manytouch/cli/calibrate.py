@@ -207,7 +207,7 @@ def sheet(
     from manytouch.calibration.sheet.calibrate import calibrate_sheet
     from manytouch.calibration.sheet.press_table import PressRow, measure_presses, read_press_table
     from manytouch.calibration.sheet.protocol import probing_gcode, weight_table
-    from manytouch.calibration.sheet.typed_presses import typed_presses
+    from manytouch.calibration.sheet.typed_presses import read_typed_presses
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     if plan is None and (presses is None or out is None):
@@ -231,7 +231,7 @@ def sheet(
         rows: tuple[PressRow, ...] | None = read_press_table(table)
     else:
         table = out.with_name(f"{out.stem}-presses.csv")
-        rows = typed_presses(known, presses, table, say=lambda text: console.print(f"  {text}"))
+        rows = read_typed_presses(known, presses, table, report=lambda text: console.print(f"  {text}"))
     if rows is None:
         return 0
     found = calibrate_sheet(known, measure_presses(known, rows, table.parent))

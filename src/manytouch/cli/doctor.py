@@ -27,14 +27,14 @@ def doctor(
     """
     from rich.console import Console
 
-    from manytouch.session.diagnosis.installation import machine_in_words
-    from manytouch.session.diagnosis.recording import examine
+    from manytouch.session.diagnosis.installation import describe_installation
+    from manytouch.session.diagnosis.recording import diagnose
 
     console = Console(highlight=False, soft_wrap=True)
-    for line in machine_in_words():
+    for line in describe_installation():
         console.print(line, markup=False)
     if source is not None:
         console.print(f"\n{source}", markup=False)
-        for line in examine(source, roi):
+        for line in diagnose(source, roi):
             console.print(f"  {line}", markup=False)
     return 0

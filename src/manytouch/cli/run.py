@@ -53,7 +53,7 @@ def run(
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.cli.terminal.viewing import Place, viewers
     from manytouch.session import Live, Playback, files_in, prepare, result_name
-    from manytouch.session.diagnosis.camera import pace_in_words, settings_in_words
+    from manytouch.session.diagnosis.camera import describe_latency, describe_settings
     from manytouch.sources.cameras.capture import CameraRequest
 
     reporter = Reporter(bar=False)
@@ -84,17 +84,17 @@ def run(
         )
         log = ContactLog(job.sensor, reporter.say, getattr(job.source, "truth", None))
         live = Live(job)
-        for line in settings_in_words(live.health().settings):
+        for line in describe_settings(live.health().settings):
             reporter.say(line)
         if out is None:
             live.run([log, *viewers(live, place, reporter.say)], record=record, progress=reporter, stop=stop)
-            reporter.say(pace_in_words(live.health()))
+            reporter.say(describe_latency(live.health()))
             return 0
         folder = out / result_name(source)
         files, summary = files_in(folder, job)
         shown = viewers(live, place, reporter.say)
         live.run([*files, log, *shown, summary], record=record, progress=reporter, stop=stop)
-    reporter.say(pace_in_words(live.health()))
+    reporter.say(describe_latency(live.health()))
     reporter.finish(summary, folder)
     return 0
 

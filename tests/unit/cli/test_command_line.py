@@ -127,6 +127,6 @@ def test_an_interrupt_outside_of_any_run_ends_quietly(capsys, monkeypatch):
     def interrupt() -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("manytouch.session.diagnosis.installation.machine_in_words", interrupt)
+    monkeypatch.setattr("manytouch.session.diagnosis.installation.describe_installation", interrupt)
     assert main(["doctor"]) == 0
     assert capsys.readouterr().err == "stopped\n"

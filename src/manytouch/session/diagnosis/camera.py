@@ -1,4 +1,4 @@
-"""Cameras and live sessions in words: what was asked for, what is there, how late readings are."""
+"""Lines of text about cameras: their settings, their frame rate, and the latency of a live session."""
 
 import sys
 import time
@@ -8,57 +8,56 @@ from pathlib import Path
 
 from manytouch.sources.source import Device
 from manytouch.values import Health, Setting
+from manytouch.values.arrays import count_of
 
 MEASURED_FRAMES = 45
 _DEVICES = Path("/sys/class/video4linux")
 
 
-def settings_in_words(settings: Sequence[Setting]) -> Iterator[str]:
-    """One line about all that a camera says, and one about each thing that it does otherwise than asked."""
-    told = [f"{setting.name} {setting.found}" for setting in settings if setting.found is not None]
-    if told:
-        yield f"camera: {', '.join(told)}"
+def describe_settings(settings: Sequence[Setting]) -> Iterator[str]:
+    """One line with the reported settings of a camera, and one for each that differs from its request."""
+    reported = [f"{setting.name} {setting.found}" for setting in settings if setting.found is not None]
+    if reported:
+        yield f"camera: {', '.join(reported)}"
     for setting in settings:
         if setting.requested in (None, "auto", setting.found):
             continue
-        says = "this driver does not tell" if setting.found is None else f"it says {setting.found}"
-        yield f"camera: {setting.name} {setting.requested} was asked for; {says}"
+        answer = "does not report it" if setting.found is None else f"reports {setting.found}"
+        yield f"camera: {setting.name} {setting.requested} was requested; the driver {answer}"
 
 
-def pace_in_words(health: Health) -> str:
-    """How late readings were, and what was left out."""
-    late = (
-        f"{health.latency_ms_p50:.0f} ms in the median, {health.latency_ms_p99:.0f} ms for the latest of 100"
-    )
-    read = "1 frame" if health.frames == 1 else f"{health.frames} frames"
-    return f"from frame to reading {late}; {read} read, {health.dropped} dropped"
+def describe_latency(health: Health) -> str:
+    """Latency of the readings, and the numbers of processed and dropped frames."""
+    latency = f"{health.latency_ms_p50:.0f} ms (median), {health.latency_ms_p99:.0f} ms (99th percentile)"
+    frames = count_of(health.frames, "frame")
+    return f"latency from frame to reading {latency}; {frames} processed, {health.dropped} dropped"
 
 
-def rate_in_words(source: Device) -> str:
-    """How many pictures really come."""
+def describe_frame_rate(source: Device) -> str:
+    """The measured rate at which frames arrive and are decoded."""
     frames = iter(source)
     next(frames, None)
-    begun_s = time.monotonic()
+    started_s = time.monotonic()
     indices = [frame.index for frame in islice(frames, MEASURED_FRAMES)]
-    spent_s = time.monotonic() - begun_s
+    elapsed_s = time.monotonic() - started_s
     if len(indices) < 2:
-        return f"measured rate: not known: {source.status}"
+        return f"measured rate: unknown: {source.status}"
     arrived = indices[-1] - indices[0] + 1
-    words = f"measured rate: {arrived / spent_s:.1f} frames per second arrive"
+    text = f"measured rate: {arrived / elapsed_s:.1f} frames per second arrive"
     if arrived > len(indices):
-        words += f", {len(indices) / spent_s:.1f} are decoded here"
-    if source.fps is not None and arrived / spent_s < 0.9 * source.fps:
-        words += (
-            f"; the camera says {source.fps:g}: more light or a shorter exposure, Motion JPEG, a USB 3 port, "
-            "or a smaller size"
+        text += f", {len(indices) / elapsed_s:.1f} are decoded"
+    if source.fps is not None and arrived / elapsed_s < 0.9 * source.fps:
+        text += (
+            f"; the camera reports {source.fps:g}: try more light, a shorter exposure, Motion JPEG, a "
+            "USB 3 port, or a smaller image"
         )
-    return words
+    return text
 
 
-def cameras_in_words(devices: Path = _DEVICES) -> str:
-    """The cameras of this machine, as far as the system lists them."""
+def describe_cameras(devices: Path = _DEVICES) -> str:
+    """The cameras that the operating system lists."""
     if not sys.platform.startswith("linux"):
-        return "cameras: this system does not list them; try manytouch doctor 0, then 1"
+        return "cameras: not listed by this system; try manytouch doctor 0, then 1"
     found = []
     for device in sorted(devices.glob("video*"), key=lambda path: int(path.name.removeprefix("video") or 0)):
         name = device / "name"

@@ -1,4 +1,4 @@
-"""What is said about cameras."""
+"""Lines about the settings and the frame rate of cameras."""
 
 import sys
 from collections.abc import Iterator
@@ -7,13 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manytouch.session.diagnosis.camera import cameras_in_words, rate_in_words, settings_in_words
+from manytouch.session.diagnosis.camera import describe_cameras, describe_frame_rate, describe_settings
 from manytouch.values import Frame, Setting
 
 
-def test_what_a_camera_does_otherwise_is_named() -> None:
+def test_a_setting_that_differs_from_its_request_has_a_line() -> None:
     lines = list(
-        settings_in_words(
+        describe_settings(
             [
                 Setting(name="size", requested="2560 x 1440 px", found="1280 x 720 px"),
                 Setting(name="exposure", requested="8 ms", found=None),
@@ -24,14 +24,14 @@ def test_what_a_camera_does_otherwise_is_named() -> None:
     )
     assert lines == [
         "camera: size 1280 x 720 px, focus 12, gain 3",
-        "camera: size 2560 x 1440 px was asked for; it says 1280 x 720 px",
-        "camera: exposure 8 ms was asked for; this driver does not tell",
+        "camera: size 2560 x 1440 px was requested; the driver reports 1280 x 720 px",
+        "camera: exposure 8 ms was requested; the driver does not report it",
     ]
-    assert list(settings_in_words([])) == []
+    assert list(describe_settings([])) == []
 
 
 class Steady:
-    """A camera that gives every second picture of a hundred a second, and says two hundred."""
+    """A camera that delivers every second of 100 frames per second and reports 200."""
 
     name, fps, frame_count, width_px, height_px, is_live = "steady", 200.0, None, 8, 6, True
     status, is_colour = "ok", False
@@ -47,17 +47,17 @@ class Steady:
     def close(self) -> None: ...
 
 
-def test_the_rate_is_measured_and_judged(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_frame_rate_is_measured_and_compared(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([10.0, 10.89])
     monkeypatch.setattr("manytouch.session.diagnosis.camera.time.monotonic", lambda: next(clock))
-    words = rate_in_words(Steady())
-    assert "100.0 frames per second arrive, 50.6 are decoded here; the camera says 200" in words
+    words = describe_frame_rate(Steady())
+    assert "100.0 frames per second arrive, 50.6 are decoded; the camera reports 200" in words
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems do not list cameras")
 def test_cameras_are_listed(tmp_path: Path) -> None:
-    assert cameras_in_words(tmp_path) == "cameras: none found"
+    assert describe_cameras(tmp_path) == "cameras: none found"
     for number, name in ((10, "Second\n"), (2, "First\n")):
         (tmp_path / f"video{number}").mkdir()
         (tmp_path / f"video{number}" / "name").write_text(name)
-    assert cameras_in_words(tmp_path) == "cameras: /dev/video2 (First), /dev/video10 (Second)"
+    assert describe_cameras(tmp_path) == "cameras: /dev/video2 (First), /dev/video10 (Second)"
