@@ -12,7 +12,7 @@ from jaxtyping import Float64
 
 from manytouch.design.choose import Design, lattice
 from manytouch.design.prototype import FINGERTIP, SEEN_PX, Prototype, Say, Touched
-from manytouch.estimation.mechanics.contacts import ModelError, Touching
+from manytouch.estimation.mechanics.contacts import ContactEstimator, ModelError
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator, MechanicsState
 from manytouch.values import Contact, Sensor, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
@@ -89,7 +89,7 @@ def predicted_accuracy(
     calibrated = prototype.calibrated(chance, say)
     x, y = (np.linspace(0.0, side / 2, count) for side, count in zip(area_mm, places, strict=True))
     place_mm = np.column_stack([part.ravel() for part in np.meshgrid(x, y)])
-    method = MechanicsEstimator(touch=Touching(error=NO_MODEL_ERROR))
+    method = MechanicsEstimator(contact_estimator=ContactEstimator(error=NO_MODEL_ERROR))
     fresh = method.start(calibrated)
     rows = []
     for place, depth_mm in zip(place_mm, prototype.fingertip_depths_mm(place_mm, force_N), strict=True):

@@ -1,4 +1,4 @@
-"""The reference of the untouched sheet, which creeps and warms: slowly learnt while nothing touches."""
+"""Slow update of the reference while nothing touches the sheet, which creeps and warms."""
 
 from dataclasses import dataclass
 
@@ -10,23 +10,30 @@ from manytouch.values.arrays import Points2, read_only
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ReferenceDrift:
-    """How the reference follows.
+    """Follows the markers by exponential smoothing, within a bound.
 
     Attributes:
-        share: of what is left, per frame.
-        farthest_pitch: it never goes further than this from where it began, in pitches: what a person
-            wants to call untouched beyond that is said by a tare.
+        share: of the difference between markers and reference that is taken over in a frame.
+        max_drift_pitch: largest distance of the reference from the initial one, in pitches; a tare is needed
+            for more.
     """
 
     share: float = 0.005
-    farthest_pitch: float = 0.01
+    max_drift_pitch: float = 0.01
 
     def __call__(
-        self, reference_px: Points2, began_px: Points2, grid: TrackedGrid, pitch_px: float
+        self, reference_px: Points2, initial_px: Points2, grid: TrackedGrid, pitch_px: float
     ) -> Points2:
-        """(m, 2) the reference after a frame that nothing touches."""
-        left_px = np.where(grid.is_seen[:, None], grid.position_px - reference_px, 0.0)
-        gone_px = reference_px + self.share * left_px - began_px
-        length = np.linalg.norm(gone_px, axis=1, keepdims=True)
-        farthest_px = self.farthest_pitch * pitch_px
-        return read_only(began_px + gone_px * np.minimum(1.0, farthest_px / np.maximum(length, 1e-300)))
+        """The reference (m, 2) after a frame in which nothing touches the sheet.
+
+        Args:
+            reference_px: (m, 2) before the frame.
+            initial_px: (m, 2) at the start.
+            grid: of the frame; markers that are not seen keep their reference.
+            pitch_px: pitch in the image.
+        """
+        difference_px = np.where(grid.is_seen[:, None], grid.position_px - reference_px, 0.0)
+        drift_px = reference_px + self.share * difference_px - initial_px
+        length = np.linalg.norm(drift_px, axis=1, keepdims=True)
+        max_drift_px = self.max_drift_pitch * pitch_px
+        return read_only(initial_px + drift_px * np.minimum(1.0, max_drift_px / np.maximum(length, 1e-300)))

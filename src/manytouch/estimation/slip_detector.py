@@ -1,4 +1,4 @@
-"""Does a contact slide? Its shear over its normal force no longer grows while it moves (Coulomb)."""
+"""Detects contacts that slide: they move while shear over normal force no longer increases (Coulomb)."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -11,11 +11,11 @@ from manytouch.values import Contact, Contacts, Phase
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SlipState:
-    """What is remembered of the contacts, by their ids.
+    """Quantities of the contacts by their ids.
 
     Attributes:
-        ratio: largest shear over normal force so far, fading.
-        centre_mm: (2,) where each was, following it slowly.
+        ratio: largest ratio of shear to normal force so far, decaying.
+        centre_mm: (2,) low-pass filtered centre of each contact.
     """
 
     ratio: Mapping[int, float] = field(default_factory=lambda: MappingProxyType({}))
@@ -27,34 +27,34 @@ class SlipDetector:
     """Sets the slip flag of contacts.
 
     Attributes:
-        least_ratio: shear over normal force below which nothing slips that mechanics could tell.
-        saturated: share of the largest ratio so far that still counts as the largest.
-        fade: part of the largest ratio that is left a frame later.
-        moves_pitch: a contact moves when it is this far from where it was lately, in pitches.
-        follow: share by which "lately" follows in a frame.
+        min_ratio: least ratio of shear to normal force of a contact that slips.
+        saturated_share: a ratio above this share of the largest one so far no longer increases.
+        decay: of the largest ratio, per frame.
+        moving_pitch: a contact moves if its centre is farther than this from the filtered one, in pitches.
+        filter_share: weight of the present centre in the filtered one.
     """
 
-    least_ratio: float = 0.1
-    saturated: float = 0.85
-    fade: float = 0.99
-    moves_pitch: float = 0.1
-    follow: float = 0.3
+    min_ratio: float = 0.1
+    saturated_share: float = 0.85
+    decay: float = 0.99
+    moving_pitch: float = 0.1
+    filter_share: float = 0.3
 
     def __call__(self, state: SlipState, contacts: Contacts, pitch_mm: float) -> tuple[SlipState, Contacts]:
-        """The contacts with their flags; None where the normal force is not known."""
-        told: list[Contact] = []
+        """The contacts with slip flags; None for a contact that ends or whose force is NaN."""
+        flagged: list[Contact] = []
         ratios, centres = {}, {}
         for contact in contacts.contacts:
             ratio = float(np.hypot(*contact.shear_over_E_mm2)) / contact.normal_force_over_E_mm2
             if contact.phase is Phase.END or not np.isfinite(ratio):
-                told.append(contact)
+                flagged.append(contact)
                 continue
-            largest = max(ratio, self.fade * state.ratio.get(contact.id, 0.0))
-            lately_mm = state.centre_mm.get(contact.id, contact.centre_mm)
-            away_mm = contact.centre_mm - lately_mm
-            is_moving = float(np.hypot(*away_mm)) > self.moves_pitch * pitch_mm
-            is_full = ratio >= max(self.least_ratio, self.saturated * largest)
-            told.append(replace(contact, slip=bool(is_moving and is_full)))
-            ratios[contact.id], centres[contact.id] = largest, lately_mm + self.follow * away_mm
-        grips = SlipState(ratio=MappingProxyType(ratios), centre_mm=MappingProxyType(centres))
-        return grips, replace(contacts, contacts=tuple(told))
+            largest = max(ratio, self.decay * state.ratio.get(contact.id, 0.0))
+            filtered_mm = state.centre_mm.get(contact.id, contact.centre_mm)
+            away_mm = contact.centre_mm - filtered_mm
+            is_moving = float(np.hypot(*away_mm)) > self.moving_pitch * pitch_mm
+            is_saturated = ratio >= max(self.min_ratio, self.saturated_share * largest)
+            flagged.append(replace(contact, slip=bool(is_moving and is_saturated)))
+            ratios[contact.id], centres[contact.id] = largest, filtered_mm + self.filter_share * away_mm
+        slip = SlipState(ratio=MappingProxyType(ratios), centre_mm=MappingProxyType(centres))
+        return slip, replace(contacts, contacts=tuple(flagged))

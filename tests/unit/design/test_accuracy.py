@@ -19,7 +19,7 @@ from manytouch.design.deflection import fingertip
 from manytouch.design.prototype import FINGERTIP, TIP, Prototype, Touched, _touched
 from manytouch.design.requirements import Requirements
 from manytouch.design.write import write_prediction
-from manytouch.estimation.mechanics.contacts import Touching
+from manytouch.estimation.mechanics.contacts import ContactEstimator
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.simulation.scene.deformation import contact_from_row
@@ -98,7 +98,7 @@ def _shape(fresh, place_mm, force_N):
 
 
 def test_what_the_method_is_off_by_counts_along_with_the_noise(found):
-    method = MechanicsEstimator(touch=Touching(error=NO_MODEL_ERROR))
+    method = MechanicsEstimator(contact_estimator=ContactEstimator(error=NO_MODEL_ERROR))
     fresh = method.start(replace(found.sensor, sheet=replace(found.sensor.sheet, young_std_MPa=None)))
     shape = _shape(fresh, np.zeros(2), 1.0)
     row = [0.0, 0.0, -1.0, 0.0, 7.0, 0.0, 0.0, 1.0]

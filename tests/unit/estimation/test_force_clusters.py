@@ -16,7 +16,7 @@ def test_one_press_has_exactly_its_force_place_and_area() -> None:
     assert len(found) == 1
     np.testing.assert_allclose(found.centre_mm[0], [7.3, -4.1], atol=1e-9)
     np.testing.assert_allclose(found.force_mm2[0], [0.16, -0.08, -0.8], atol=1e-12)
-    assert found.area_mm2[0] == pytest.approx(np.pi * 4.5**2, rel=2e-3)
+    assert found.moment_area_mm2[0] == pytest.approx(np.pi * 4.5**2, rel=2e-3)
     assert found.torque_mm3[0] == pytest.approx(0.0, abs=1e-12)
 
 
@@ -64,7 +64,7 @@ def test_both_orders_of_the_nodes_are_treated_alike() -> None:
     force = pressed((-16.0, 4.0, 3.0, 0.5), (12.0, 8.0, 5.0, 1.5))
     found, other = FIND(LATTICE, force), FIND(turned, force[turn])
     np.testing.assert_allclose(other.centre_mm, found.centre_mm)
-    np.testing.assert_allclose(other.area_mm2, found.area_mm2)
+    np.testing.assert_allclose(other.moment_area_mm2, found.moment_area_mm2)
     np.testing.assert_array_equal(other.label, found.label[turn])
 
 

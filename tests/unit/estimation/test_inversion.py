@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from manytouch.errors import LayoutError, SensorError
-from manytouch.estimation import ContactTracker, MechanicsEstimator, PerimeterEstimator
+from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
 from manytouch.estimation.mechanics.sheet_model import SheetModel
 from manytouch.estimation.mechanics.solid_correction import SolidCorrection
 from manytouch.mechanics.markers.images import Face
@@ -18,7 +18,7 @@ from straight import straight_camera
 ROWS, COLUMNS, PITCH_MM = 12, 16, 4.0
 YOUNG_MPA = 2.0
 SHELL = SolidCorrection(dent=0.0, ring=0.0, clamp=0.0)
-ESTIMATE = MechanicsEstimator(identity=ContactTracker(confirm_frames=1), solid=SHELL)
+ESTIMATE = MechanicsEstimator(solid_correction=SHELL)
 
 
 def sensor_of(**sheet: float | None) -> Sensor:
@@ -147,17 +147,7 @@ def test_lost_and_wrong_dots_change_little(model: SheetModel, shape: np.ndarray)
 def steps(before: list[TrackedGrid], grid: TrackedGrid) -> int:
     """Whole steps that the last frame takes."""
     state, _, _ = read(before)
-    measured_px = grid.position_px - state.reference_px
-    information = ESTIMATE.information(state, grid, measured_px)
-    fit = ESTIMATE.descend(
-        state.model,
-        state.shape,
-        measured_px,
-        information,
-        near=state.near,
-        near_frames=state.near_frames,
-    )
-    return fit.steps
+    return ESTIMATE.fit_frame(state, grid).steps
 
 
 def test_a_steady_sheet_needs_no_whole_step_and_a_new_press_two(model: SheetModel, shape: np.ndarray) -> None:
@@ -175,10 +165,10 @@ def test_a_steady_sheet_needs_no_whole_step_and_a_new_press_two(model: SheetMode
 
 def test_a_step_with_an_old_curvature_is_nearly_a_whole_one(model: SheetModel, shape: np.ndarray) -> None:
     state, _, _ = read([grid_of(model, shape, seed=k) for k in range(6)])
-    assert state.near is not None
+    assert state.posterior is not None
     other = grid_of(model, 1.01 * shape, seed=9)
     _, surface, _ = ESTIMATE.step(state, other)
-    _, whole, _ = ESTIMATE.step(replace(state, near=None), other)
+    _, whole, _ = ESTIMATE.step(replace(state, posterior=None), other)
     moved_mm = np.abs(whole.displacement_mm - model.dots.displacement_mm(state.shape.coefficient_mm)).max()
     assert moved_mm > 0.01
     np.testing.assert_allclose(surface.displacement_mm, whole.displacement_mm, atol=0.15 * moved_mm)
@@ -211,11 +201,11 @@ def test_creep_is_learnt_at_rest_and_a_steady_press_is_not(model: SheetModel) ->
         crept = replace(crept, position_px=crept.position_px + np.array([0.1, 0.0]))
         state, _, contacts = ESTIMATE.step(state, crept)
         assert not contacts.touching
-    learnt_px = state.reference_px - state.began_px
+    learnt_px = state.reference_px - state.initial_reference_px
     assert 0.01 < learnt_px[:, 0].mean() < 0.1
     for k in range(60):
         state, _, contacts = ESTIMATE.step(state, grid_of(model, pressed, seed=k))
-    np.testing.assert_array_equal(state.reference_px - state.began_px, learnt_px)
+    np.testing.assert_array_equal(state.reference_px - state.initial_reference_px, learnt_px)
     assert len(contacts.touching) == 1
     assert contacts.touching[0].normal_force_over_E_mm2 == pytest.approx(0.12, rel=0.3)
 

@@ -1,4 +1,4 @@
-"""One contact or two, and where: from nodal forces of loads that are known exactly."""
+"""Number and centres of contacts, from exact nodal forces of known loads."""
 
 import numpy as np
 import pytest
@@ -8,16 +8,16 @@ from manytouch.estimation.mechanics.force_clusters import Clusters, ForceCluster
 from manytouch.estimation.mechanics.model_order import ModelOrder
 from spline_loads import COUNT, LATTICE, knots, pressed
 
-CLUSTER, ORDER = ForceClusters(merge=0.3), ModelOrder()
-NOBODY = np.zeros((0, 2))
+CLUSTER, ORDER = ForceClusters(merge_share=0.3), ModelOrder()
+NONE_BEFORE = np.zeros((0, 2))
 NOISE_MM2 = 2e-3
 
 
-def dots_that_tell(force_mm2: np.ndarray, noise_mm2: float = NOISE_MM2):
-    """As if the dots told the force on each node, with some noise."""
+def evidence_of(force_mm2: np.ndarray, noise_mm2: float = NOISE_MM2):
+    """A likelihood that is centred on the force of each node, with some noise."""
     seen_mm2 = force_mm2[:, 2] + np.random.default_rng(1).normal(0.0, noise_mm2, len(force_mm2))
 
-    def weigh(node: np.ndarray) -> Evidence:
+    def evidence_at(node: np.ndarray) -> Evidence:
         local = np.full(len(force_mm2), -1, dtype=np.int64)
         local[node] = np.arange(len(node))
         return Evidence(
@@ -28,21 +28,23 @@ def dots_that_tell(force_mm2: np.ndarray, noise_mm2: float = NOISE_MM2):
             local=local.reshape(COUNT[0] + 3, COUNT[1] + 3),
         )
 
-    return weigh
+    return evidence_at
 
 
-def ordered(force_mm2: np.ndarray, held_mm: np.ndarray = NOBODY) -> Clusters:
-    return ORDER(LATTICE, force_mm2, CLUSTER(LATTICE, force_mm2), held_mm, weigh=dots_that_tell(force_mm2))
+def split(force_mm2: np.ndarray, previous_mm: np.ndarray = NONE_BEFORE) -> Clusters:
+    return ORDER(
+        LATTICE, force_mm2, CLUSTER(LATTICE, force_mm2), previous_mm, evidence_at=evidence_of(force_mm2)
+    )
 
 
 @pytest.mark.parametrize("share", [1.0, 0.3])
 @pytest.mark.parametrize("angle", [0.0, 0.6, np.pi / 2])
 @pytest.mark.parametrize("half_mm", [3.6, 4.5])
-def test_two_narrow_presses_are_told_apart(share: float, angle: float, half_mm: float) -> None:
+def test_two_narrow_presses_are_two_contacts(share: float, angle: float, half_mm: float) -> None:
     way = half_mm * np.array([np.cos(angle), np.sin(angle)])
     force = pressed((*(way + 1.0), 1.0, 1.0), (*(1.0 - way), 1.0, share))
     assert len(CLUSTER(LATTICE, force)) == 1
-    found = ordered(force)
+    found = split(force)
     assert len(found) == 2
     ends = found.centre_mm if share < 1.0 else found.centre_mm[np.argsort(-found.centre_mm @ way)]
     np.testing.assert_allclose(ends, [way + 1.0, 1.0 - way], atol=0.2)
@@ -50,70 +52,70 @@ def test_two_narrow_presses_are_told_apart(share: float, angle: float, half_mm: 
     assert set(np.unique(found.label)) == {-1, 0, 1}
 
 
-def test_one_press_stays_one_however_wide() -> None:
+def test_one_press_of_any_width_is_one_contact() -> None:
     for radius in (1.0, 4.0, 7.0):
-        assert len(ordered(pressed((3.0, 2.0, radius, 1.0)))) == 1
+        assert len(split(pressed((3.0, 2.0, radius, 1.0)))) == 1
 
 
 @pytest.mark.parametrize("half_mm", [5.0, 6.0, 8.0])
-def test_a_finger_that_lies_flat_stays_one(half_mm: float) -> None:
+def test_a_flat_finger_is_one_contact(half_mm: float) -> None:
     chance = np.random.default_rng(int(half_mm))
     for _ in range(6):
         angle, (x, y) = chance.uniform(0.0, np.pi), chance.uniform(-2.0, 2.0, 2)
         along = np.linspace(-half_mm, half_mm, 13)
         bar = pressed(*((x + s * np.cos(angle), y + s * np.sin(angle), 3.0, 0.1) for s in along))
         assert len(CLUSTER(LATTICE, bar)) == 1
-        assert len(ordered(bar)) == 1
+        assert len(split(bar)) == 1
 
 
-def test_a_faint_part_is_no_contact() -> None:
-    assert len(ordered(pressed((-4.0, 0.0, 1.0, 1.0), (4.0, 0.0, 1.0, 0.06)))) == 1
+def test_a_weak_part_is_not_a_contact() -> None:
+    assert len(split(pressed((-4.0, 0.0, 1.0, 1.0), (4.0, 0.0, 1.0, 0.06)))) == 1
 
 
-def test_two_that_were_there_are_let_go_later_than_they_are_found() -> None:
+def test_two_contacts_of_the_previous_frame_have_lower_limits() -> None:
     force = pressed((-4.0, 0.0, 1.0, 1.0), (4.0, 0.0, 1.0, 0.14))
-    assert len(ordered(force)) == 1
-    assert len(ordered(force, np.array([[-4.0, 0.0], [4.0, 0.0]]))) == 2
-    assert len(ordered(force, np.array([[-4.0, 0.0], [30.0, 0.0]]))) == 1
+    assert len(split(force)) == 1
+    assert len(split(force, np.array([[-4.0, 0.0], [4.0, 0.0]]))) == 2
+    assert len(split(force, np.array([[-4.0, 0.0], [30.0, 0.0]]))) == 1
 
 
-def test_others_keep_what_they_have() -> None:
+def test_other_clusters_keep_centre_and_force() -> None:
     force = pressed((-20.0, -10.0, 2.0, 3.0), (8.0, 8.0, 1.0, 1.0), (16.0, 8.0, 1.0, 1.0))
-    before, after = CLUSTER(LATTICE, force), ordered(force)
+    before, after = CLUSTER(LATTICE, force), split(force)
     assert (len(before), len(after)) == (2, 3)
     np.testing.assert_allclose(after.centre_mm[0], before.centre_mm[0], atol=0.02)
     assert after.normal_mm2.sum() == pytest.approx(before.normal_mm2.sum())
 
 
-def test_a_contact_is_where_the_dots_say_and_not_where_a_prior_has_drawn_it() -> None:
+def test_a_centre_follows_the_evidence_and_not_the_prior() -> None:
     true = pressed((1.3, 0.8, 1.0, 1.0), shear=(0.1, 0.05))
     drawn = true.copy()
     highest = int(np.argmin(true[:, 2]))
     drawn[:, 2] *= 0.8
     drawn[highest, 2] += 0.2 * true[:, 2].sum()
     clusters = CLUSTER(LATTICE, drawn)
-    found = ORDER(LATTICE, drawn, clusters, NOBODY, weigh=dots_that_tell(true))
+    found = ORDER(LATTICE, drawn, clusters, NONE_BEFORE, evidence_at=evidence_of(true))
     assert np.linalg.norm(clusters.centre_mm[0] - [1.3, 0.8]) > 0.2
     np.testing.assert_allclose(found.centre_mm[0], [1.3, 0.8], atol=0.05)
     assert found.torque_mm3[0] == pytest.approx(0.0, abs=0.01)
 
 
-def test_where_the_dots_say_nothing_clusters_stay_what_they_are() -> None:
+def test_clusters_without_evidence_do_not_change() -> None:
     force = pressed((-4.5, 0.0, 1.0, 1.0), (4.5, 0.0, 1.0, 1.0))
     clusters = CLUSTER(LATTICE, force)
-    found = ORDER(LATTICE, force, clusters, NOBODY, weigh=lambda _: None)
+    found = ORDER(LATTICE, force, clusters, NONE_BEFORE, evidence_at=lambda _: None)
     np.testing.assert_array_equal(found.centre_mm, clusters.centre_mm)
 
 
 @pytest.mark.parametrize("radius_mm", [3.0, 5.0])
-def test_how_much_is_pressed_is_told_where_it_is_clear(radius_mm: float) -> None:
-    found = ordered(pressed((1.3, 0.8, radius_mm, 1.0)))
-    assert found.patch_mm2[0] == pytest.approx(np.pi * radius_mm**2, rel=0.1)
-    assert 0.0 < found.patch_std_mm2[0] < 0.3 * found.patch_mm2[0]
+def test_the_contact_area_of_a_wide_press(radius_mm: float) -> None:
+    found = split(pressed((1.3, 0.8, radius_mm, 1.0)))
+    assert found.contact_area_mm2[0] == pytest.approx(np.pi * radius_mm**2, rel=0.1)
+    assert 0.0 < found.contact_area_std_mm2[0] < 0.3 * found.contact_area_mm2[0]
 
 
 @pytest.mark.parametrize("press", [(0.5, 1.0), (5.0, 0.5)])
-def test_the_area_of_a_point_or_of_a_faint_press_is_not_told(press: tuple[float, float]) -> None:
-    found = ordered(pressed((1.3, 0.8, *press)))
-    assert np.isnan(found.patch_mm2[0])
-    assert np.isnan(found.patch_std_mm2[0])
+def test_the_contact_area_of_a_point_or_of_a_weak_press_is_nan(press: tuple[float, float]) -> None:
+    found = split(pressed((1.3, 0.8, *press)))
+    assert np.isnan(found.contact_area_mm2[0])
+    assert np.isnan(found.contact_area_std_mm2[0])

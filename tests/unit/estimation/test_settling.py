@@ -20,7 +20,7 @@ def test_it_follows_slowly_and_no_further_than_its_bound() -> None:
     began = np.zeros((3, 2))
     crept = np.array([[0.2, 0.0], [0.0, 5.0], [7.0, 7.0]])
     seen = np.array([True, True, False])
-    settle, reference = ReferenceDrift(share=0.01, farthest_pitch=0.01), began
+    settle, reference = ReferenceDrift(share=0.01, max_drift_pitch=0.01), began
     for frame in range(1000):
         reference = settle(reference, began, grid(crept, seen), pitch_px=70.0)
         if frame == 9:

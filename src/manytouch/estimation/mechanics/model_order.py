@@ -1,16 +1,15 @@
-"""One contact or two, and where? Moments propose, the dots decide.
+"""The number of contacts in a force cluster, one or two, and their centres.
 
-Moments of nodal forces up to the third are those of the load (see `force_clusters`), so where two narrow
-contacts would be that share a cluster is arithmetic. Along the longer axis of the cluster let V be the
-variance that is more than across it, and m3 the third central moment. Two points have
+Moments of nodal forces up to the third are those of the load (see `force_clusters`), so they give the centres
+of two narrow contacts that share a cluster. Along the longer axis of the cluster let V be the variance minus
+that across the axis, and m3 the third central moment. Two points have
 
     x^2 - (m3 / V) x - V = 0,    shares  -x2 / (x1 - x2)  and  x1 / (x1 - x2)
 
-(K. Pearson 1894, doi:10.1098/rsta.1894.0003, with equal small variances). Things that press beside each
-other do not overlap, so two parts at a distance d have a variance of at most d^2 / 16 each. Whether there
-are two is then asked of the dots: two round patches must explain them better than one patch of any size and
-shape does, by a ratio F of what each leaves over (the F-test of regression; what the model cannot explain is
-in both). So a finger that lies flat stays one contact. See docs/derivations/inversion.md.
+(K. Pearson 1894, doi:10.1098/rsta.1894.0003, with equal small variances). Objects do not overlap, so two
+parts at a distance d have a variance of at most d^2 / 16 each. Two contacts are accepted if two round patches
+explain the markers better than one patch of any size and shape, by an F-test on their misfits; the error of
+the model is in both. The contact of a flat finger thus remains one. See docs/derivations/inversion.md.
 """
 
 from collections.abc import Callable
@@ -20,187 +19,197 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.evidence import Evidence
-from manytouch.estimation.mechanics.force_clusters import Clusters, ForceLattice, smoothed
+from manytouch.estimation.mechanics.force_clusters import Clusters, ForceLattice, smooth
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Mask, Points2
 
-Weigh = Callable[[Int64[np.ndarray, " n"]], Evidence | None]
-"""What the dots say of the forces of some nodes; None when they say nothing."""
-_TWO = 7  # parameters of two patches; one has one less
+EvidenceAt = Callable[[Int64[np.ndarray, " n"]], Evidence | None]
+"""The likelihood of the forces of some nodes; None if the markers do not determine them."""
+_TWO_PARAMETERS = 7  # of two patches; one patch has 6
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Parts:
-    """Two parts of a cluster: places (2, 2), shares (2,), their own spread along each axis in mm^2."""
+    """Two parts of a cluster: centres (2, 2), shares of the force (2,), variance of each along an axis."""
 
     centre_mm: Points2
     share: np.ndarray
-    own_mm2: float
+    variance_mm2: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ModelOrder:
-    """Splits clusters that are two contacts, and puts contacts where the dots say.
+    """Splits clusters that are two contacts, and fits the centres of contacts to the markers.
 
     Attributes:
-        trim: nodes below this share of the cluster's highest force do not count for moments, in which far
-            ones weigh most.
-        least_variance: V of two contacts is at least this part of an element squared,
-        faint: and for weak clusters at least this part of the force unit over their force.
-        least_share: of the force, that the weaker part has.
-        better: F of two patches against one; usual noise is hardly seen beside what the model leaves out,
-            where dots are noisier it is so many times more,
-        noisy: but not more times than this.
-        quiet: what is left over, mean square over its deviation, is at least this.
-        held: all limits are eased by this factor where there were two contacts in the frame before.
-        farthest: a contact is not put further than this from the centroid of its forces, in elements.
-        enough: force units of a contact whose area is asked for,
-        clear: and deviations that it has at least, or it is not told.
-        most: of the strongest clusters are looked at,
-        widest: if what the dots say of so many nodes, or fewer, is needed for it.
+        trim_share: nodes below this share of the cluster's highest force are left out of its moments.
+        min_variance: least V of two contacts, over the squared length of an element.
+        min_variance_force: least V of two contacts, over the squared length of an element, times the
+            cluster's force in force units; it applies to weak clusters.
+        min_share: least share of the force of the weaker part.
+        min_f: least F of two patches against one. It is multiplied by the ratio of the marker noise to the
+            usual one, which the error of the model exceeds,
+        max_noise: but at most by this.
+        min_mean_misfit: lower limit of the misfit per degree of freedom in F.
+        hysteresis: multiplies all limits where there were two contacts in the previous frame.
+        max_shift: largest distance from the centroid of the forces to the fitted centre, in elements.
+        min_area_force: least force of a contact whose area is estimated, in force units.
+        min_area_stds: an area with fewer standard deviations than this is NaN.
+        max_clusters: number of clusters, the strongest, that are examined.
+        max_nodes: clusters whose evidence needs more nodes than this are not examined.
     """
 
-    trim: float = 0.04
-    least_variance: float = 0.25
-    faint: float = 0.003
-    least_share: float = 0.17
-    better: float = 4.0
-    noisy: float = 3.0
-    quiet: float = 0.1
-    held: float = 0.7
-    farthest: float = 0.5
-    enough: float = 0.08
-    clear: float = 3.0
-    most: int = 8
-    widest: int = 100
+    trim_share: float = 0.04
+    min_variance: float = 0.25
+    min_variance_force: float = 0.003
+    min_share: float = 0.17
+    min_f: float = 4.0
+    max_noise: float = 3.0
+    min_mean_misfit: float = 0.1
+    hysteresis: float = 0.7
+    max_shift: float = 0.5
+    min_area_force: float = 0.08
+    min_area_stds: float = 3.0
+    max_clusters: int = 8
+    max_nodes: int = 100
 
     def __call__(
         self,
         lattice: ForceLattice,
         force_mm2: Nodal,
         clusters: Clusters,
-        held_mm: Float64[np.ndarray, "k 2"],
+        previous_mm: Float64[np.ndarray, "k 2"],
         *,
-        weigh: Weigh,
+        evidence_at: EvidenceAt,
         noise: float = 1.0,
     ) -> Clusters:
-        """The clusters, those that are two contacts as two; the strongest first.
+        """The clusters, the strongest first, with those that are two contacts split.
 
         Args:
             lattice: of the nodes.
-            force_mm2: nodal forces over E.
-            clusters: found in them, the strongest first.
-            held_mm: (k, 2) where contacts were in the frame before.
-            weigh: tells what the dots say.
-            noise: how much noisier than usual the dots are.
+            force_mm2: (n, 3) nodal forces over E.
+            clusters: of these forces, the strongest first.
+            previous_mm: (k, 2) centres of the contacts of the previous frame.
+            evidence_at: gives the likelihood of the forces of some nodes.
+            noise: ratio of the marker noise to the usual one.
         """
-        made = clusters
+        result = clusters
         press_mm2 = np.maximum(-force_mm2[:, 2], 0.0)
-        for number in range(min(len(clusters), self.most)):
+        for number in range(min(len(clusters), self.max_clusters)):
             own = clusters.label == number
-            counts = own & (press_mm2 > self.trim * press_mm2[own].max())
-            eased = self.held if _held_within(clusters, number, held_mm) >= 2 else 1.0
-            parts = self._proposed(lattice, press_mm2, counts, eased)
-            near = _around(lattice, counts) if parts is not None else _under(lattice, clusters, number)
+            is_counted = own & (press_mm2 > self.trim_share * press_mm2[own].max())
+            limit = self.hysteresis if _count_within(clusters, number, previous_mm) >= 2 else 1.0
+            parts = self._propose(lattice, press_mm2, is_counted, limit)
+            near = _around(lattice, is_counted) if parts is not None else _under(lattice, clusters, number)
             node = np.flatnonzero(near & (own | (clusters.label < 0)))
-            told = weigh(node) if len(node) <= self.widest else None
-            if told is None:
+            evidence = evidence_at(node) if len(node) <= self.max_nodes else None
+            if evidence is None:
                 continue
             if parts is not None:
-                better = eased * self.better * min(noise, self.noisy)
-                parts = self._accepted(told, clusters, number, parts, eased=eased, better=better)
+                min_f = limit * self.min_f * min(noise, self.max_noise)
+                parts = self._accept(evidence, clusters, number, parts, limit=limit, min_f=min_f)
             if parts is not None:
-                made = _divided(made, number, parts, lattice, force_mm2)
+                result = _split(result, number, parts, lattice, force_mm2)
             else:
-                made = self._placed(made, number, lattice, told)
-        order = np.argsort(-made.normal_mm2, kind="stable")
-        return made.chosen(order)
+                result = self._fit_centre(result, number, lattice, evidence)
+        order = np.argsort(-result.normal_mm2, kind="stable")
+        return result.select(order)
 
-    def _proposed(
-        self, lattice: ForceLattice, press_mm2: np.ndarray, counts: Mask, eased: float
+    def _propose(
+        self, lattice: ForceLattice, press_mm2: np.ndarray, is_counted: Mask, limit: float
     ) -> _Parts | None:
-        """Two parts of a cluster whose moments could be those of two contacts."""
-        share, place = press_mm2[counts] / press_mm2[counts].sum(), lattice.place_mm[counts]
+        """Two parts of a cluster whose moments can be those of two contacts; else None."""
+        total_mm2 = press_mm2[is_counted].sum()
+        share, place = press_mm2[is_counted] / total_mm2, lattice.place_mm[is_counted]
         centre = share @ place
         arm = place - centre
         inside = np.einsum("n,ni,nj->ij", share, arm, arm) - np.diag(lattice.element_mm**2 / 3.0)
         size, axes = np.linalg.eigh(inside)
-        own_mm2, axis = max(float(size[0]), 0.0), axes[:, 1]
-        excess_mm2 = float(size[1]) - own_mm2
-        faint = self.faint * lattice.force_unit_mm2 / float(press_mm2[counts].sum())
-        least = eased * float(np.hypot(self.least_variance, faint))
+        variance_mm2, axis = max(float(size[0]), 0.0), axes[:, 1]
+        excess_mm2 = float(size[1]) - variance_mm2
+        weak = self.min_variance_force * lattice.force_unit_mm2 / float(total_mm2)
+        least = limit * float(np.hypot(self.min_variance, weak))
         if excess_mm2 <= least * float((axis**2 * lattice.element_mm**2).sum()):
             return None
         skew_mm = float(share @ (arm @ axis) ** 3) / excess_mm2
         gap_mm = float(np.sqrt(skew_mm**2 + 4.0 * excess_mm2))
         ends_mm = np.array([0.5 * (skew_mm + gap_mm), 0.5 * (skew_mm - gap_mm)])
         parts = np.array([-ends_mm[1], ends_mm[0]]) / gap_mm
-        return _Parts(centre_mm=centre + ends_mm[:, None] * axis, share=parts, own_mm2=own_mm2)
+        return _Parts(centre_mm=centre + ends_mm[:, None] * axis, share=parts, variance_mm2=variance_mm2)
 
-    def _accepted(
-        self, told: Evidence, clusters: Clusters, number: int, parts: _Parts, *, eased: float, better: float
+    def _accept(
+        self,
+        evidence: Evidence,
+        clusters: Clusters,
+        number: int,
+        parts: _Parts,
+        *,
+        limit: float,
+        min_f: float,
     ) -> _Parts | None:
-        """The parts as they explain the dots best, if they do so better than one patch."""
+        """The parts fitted to the markers; None if they explain them hardly better than one patch."""
         press_mm2 = float(clusters.normal_mm2[number])
-        one = told.one(press_mm2, clusters.centre_mm[number], clusters.spread_mm2[number])
-        begin = np.clip(parts.share, self.least_share, 1.0 - self.least_share)
-        two, force_mm2, centre_mm, own_mm = told.two(
-            begin * press_mm2, parts.centre_mm, float(np.sqrt(parts.own_mm2)) + 0.1
+        one = evidence.misfit_of_one(press_mm2, clusters.centre_mm[number], clusters.spread_mm2[number])
+        start = np.clip(parts.share, self.min_share, 1.0 - self.min_share)
+        two, force_mm2, centre_mm, own_mm = evidence.fit_two(
+            start * press_mm2, parts.centre_mm, float(np.sqrt(parts.variance_mm2)) + 0.1
         )
-        left = max(two / max(len(told.aim) - _TWO, 1), self.quiet)
+        mean_misfit = max(two / max(len(evidence.aim) - _TWO_PARAMETERS, 1), self.min_mean_misfit)
         share = force_mm2 / force_mm2.sum()
         gap_mm = float(np.linalg.norm(centre_mm[1] - centre_mm[0]))
-        if one - two <= better * left or share.min() < eased * self.least_share:
+        if one - two <= min_f * mean_misfit or share.min() < limit * self.min_share:
             return None
-        if eased * own_mm > 0.25 * gap_mm:
+        if limit * own_mm > 0.25 * gap_mm:
             return None
-        return _Parts(centre_mm=centre_mm, share=share, own_mm2=own_mm**2)
+        return _Parts(centre_mm=centre_mm, share=share, variance_mm2=own_mm**2)
 
-    def _placed(self, clusters: Clusters, number: int, lattice: ForceLattice, told: Evidence) -> Clusters:
-        """The clusters with one of them where a point force explains the dots best."""
+    def _fit_centre(
+        self, clusters: Clusters, number: int, lattice: ForceLattice, evidence: Evidence
+    ) -> Clusters:
+        """The clusters with the centre of one of them at the point force that explains the markers best."""
         press_mm2 = float(clusters.normal_mm2[number])
-        centre_mm, covariance_mm2 = told.point(press_mm2, clusters.centre_mm[number])
+        centre_mm, covariance_mm2 = evidence.fit_point(press_mm2, clusters.centre_mm[number])
         shift_mm = centre_mm - clusters.centre_mm[number]
-        if not np.all(np.abs(shift_mm) <= self.farthest * lattice.element_mm):
+        if not np.all(np.abs(shift_mm) <= self.max_shift * lattice.element_mm):
             return clusters
         area_mm2 = area_std_mm2 = np.nan
-        if press_mm2 >= self.enough * lattice.force_unit_mm2:
-            variance_mm2, std_mm2 = told.size(press_mm2, centre_mm)
-            if variance_mm2 > self.clear * std_mm2:
+        if press_mm2 >= self.min_area_force * lattice.force_unit_mm2:
+            variance_mm2, std_mm2 = evidence.fit_size(press_mm2, centre_mm)
+            if variance_mm2 > self.min_area_stds * std_mm2:
                 area_mm2, area_std_mm2 = 4.0 * np.pi * variance_mm2, 4.0 * np.pi * std_mm2
-        return clusters.placed(
+        return clusters.with_centre(
             number,
             centre_mm,
             covariance_mm2=covariance_mm2,
-            patch_mm2=area_mm2,
-            patch_std_mm2=area_std_mm2,
+            contact_area_mm2=area_mm2,
+            contact_area_std_mm2=area_std_mm2,
         )
 
 
-def _around(lattice: ForceLattice, counts: Mask) -> Mask:
-    """(n,) nodes that are among some or next to them."""
-    return np.asarray(smoothed(counts.reshape(lattice.shape).astype(np.float64)).ravel() > 0.0)
+def _around(lattice: ForceLattice, is_chosen: Mask) -> Mask:
+    """(n,) chosen nodes and their neighbours."""
+    return np.asarray(smooth(is_chosen.reshape(lattice.shape).astype(np.float64)).ravel() > 0.0)
 
 
 def _under(lattice: ForceLattice, clusters: Clusters, number: int) -> Mask:
-    """(n,) nodes whose functions are not 0 at the centre of a cluster."""
+    """(n,) nodes whose basis functions are not 0 at the centre of a cluster."""
     away = np.abs(lattice.place_mm - clusters.centre_mm[number]) / lattice.element_mm
     return np.asarray((away < 2.0).all(axis=1))
 
 
-def _held_within(clusters: Clusters, number: int, held_mm: Float64[np.ndarray, "k 2"]) -> int:
-    """How many of some places belong to a cluster: nearer to its centre than to any other's."""
-    if len(held_mm) == 0:
+def _count_within(clusters: Clusters, number: int, place_mm: Float64[np.ndarray, "k 2"]) -> int:
+    """Number of the places that are near a cluster, and nearer to its centre than to any other."""
+    if len(place_mm) == 0:
         return 0
-    away = np.linalg.norm(held_mm[:, None] - clusters.centre_mm, axis=2)
+    away = np.linalg.norm(place_mm[:, None] - clusters.centre_mm, axis=2)
     reach = 3.0 * float(np.sqrt(np.trace(clusters.spread_mm2[number]) + 1e-12))
     return int(((away.argmin(axis=1) == number) & (away[:, number] < reach)).sum())
 
 
-def _divided(
+def _split(
     clusters: Clusters, number: int, parts: _Parts, lattice: ForceLattice, force_mm2: Nodal
 ) -> Clusters:
-    """The clusters with one of them in two parts; its nodes belong to the nearer part."""
+    """The clusters with one of them in two parts; its nodes belong to the nearest part."""
     node = np.flatnonzero(clusters.label == number)
     away = np.linalg.norm(lattice.place_mm[node, None] - parts.centre_mm, axis=2)
     second = node[away[:, 1] < away[:, 0]]
@@ -212,20 +221,20 @@ def _divided(
         force[part, 2] = parts.share[part] * clusters.force_mm2[number, 2]
         arm = lattice.place_mm[own] - parts.centre_mm[part]
         torque[part] = (arm[:, 0] * force_mm2[own, 1] - arm[:, 1] * force_mm2[own, 0]).sum()
-    spread = np.tile(parts.own_mm2 * np.eye(2), (2, 1, 1))
+    spread = np.tile(parts.variance_mm2 * np.eye(2), (2, 1, 1))
 
-    def replaced(old: np.ndarray, new: np.ndarray) -> Float64[np.ndarray, "..."]:
+    def with_parts(old: np.ndarray, new: np.ndarray) -> Float64[np.ndarray, "..."]:
         joined = np.concatenate([old, new[1:]])
         joined[number] = new[0]
         return joined
 
     return Clusters(
-        centre_mm=replaced(clusters.centre_mm, parts.centre_mm),
-        force_mm2=replaced(clusters.force_mm2, force),
-        torque_mm3=replaced(clusters.torque_mm3, torque),
-        spread_mm2=replaced(clusters.spread_mm2, spread),
-        place_mm2=replaced(clusters.place_mm2, np.full((2, 2, 2), np.nan)),
-        patch_mm2=replaced(clusters.patch_mm2, np.full(2, np.nan)),
-        patch_std_mm2=replaced(clusters.patch_std_mm2, np.full(2, np.nan)),
+        centre_mm=with_parts(clusters.centre_mm, parts.centre_mm),
+        force_mm2=with_parts(clusters.force_mm2, force),
+        torque_mm3=with_parts(clusters.torque_mm3, torque),
+        spread_mm2=with_parts(clusters.spread_mm2, spread),
+        centre_covariance_mm2=with_parts(clusters.centre_covariance_mm2, np.full((2, 2, 2), np.nan)),
+        contact_area_mm2=with_parts(clusters.contact_area_mm2, np.full(2, np.nan)),
+        contact_area_std_mm2=with_parts(clusters.contact_area_std_mm2, np.full(2, np.nan)),
         label=label,
     )

@@ -81,7 +81,7 @@ def _left(theta, white, aim, knot_x, knot_y, local, result):
 
 @njit(cache=True, nogil=True)
 @no_type_check
-def fitted(theta, step, white, aim, knot_x, knot_y, local, most):
+def fit_patches(theta, step, white, aim, knot_x, knot_y, local, most):
     """Levenberg-Marquardt from `theta`, which is changed in place; returns the misfit and its curvature
     (p, p), that is the inverse covariance.
 

@@ -1,4 +1,4 @@
-"""The mechanical model of a sensor's sheet, with nominal values for what its file does not say."""
+"""The mechanical model of a sensor's sheet, with nominal values for what the sensor does not state."""
 
 from dataclasses import dataclass
 
@@ -13,7 +13,7 @@ from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Mask, read_only
 
-_LEAST_MARKERS = 12
+MIN_MARKERS = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -22,16 +22,19 @@ class SheetModel:
 
     Attributes:
         camera, layout: of the sensor.
-        patch, shell, dots, normal: of mechanics; `normal` holds scratch memory only.
-        lattice: of the nodes, in sheet coordinates.
-        nodes: basis at the nodes.
-        pitch_mm: geometric mean.
+        patch: spline patch of the middle surface.
+        shell: energy and forces of the sheet.
+        dots: marker images.
+        normal_equations: of the inversion.
+        lattice: of the nodes.
+        nodes: basis functions at the Greville points of the nodes.
+        pitch_mm: geometric mean of both pitches of the layout.
         thickness_mm: of the sheet.
-        young_MPa: None when forces stay relative.
-        young_share: its relative deviation.
-        is_outside: (n,) nodes whose forces may be those of the unknown sheet beyond the view.
-        is_beyond: (n,) these, and those so near to a clamped outline that its own forces are on them.
-        is_nominal: were thickness and outline assumed?
+        young_MPa: None if forces are relative, over E.
+        young_relative_std: its standard deviation over its value.
+        is_outside: (n,) nodes whose forces may be those of the unknown sheet beyond the markers.
+        is_excluded: (n,) these, and nodes so near a clamp that they have its forces.
+        is_nominal: whether thickness and outline were assumed.
     """
 
     camera: Camera
@@ -39,19 +42,19 @@ class SheetModel:
     patch: SplinePatch
     shell: Shell
     dots: Dots
-    normal: NormalEquations
+    normal_equations: NormalEquations
     lattice: ForceLattice
     nodes: PointBasis
     pitch_mm: float
     thickness_mm: float
     young_MPa: float | None
-    young_share: float
+    young_relative_std: float
     is_outside: Mask
-    is_beyond: Mask
+    is_excluded: Mask
     is_nominal: bool
 
     def spline(self, coefficient_mm: Nodal, force_mm2: Nodal) -> SheetSpline:
-        """Shape and forces as a value."""
+        """Shape (n, 3) and nodal forces over E (n, 3) as a value."""
         return SheetSpline(
             size_mm=self.patch.size_mm,
             centre_mm=self.patch.centre_mm,
@@ -68,24 +71,24 @@ class SheetModel:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class NominalSheet:
-    """What is assumed of a sheet, and how finely it is divided.
+    """Nominal properties of a sheet, and the size of its elements.
 
     Attributes:
-        poisson: of rubber that is nearly incompressible.
-        thickness_pitch: where nothing says how thick the sheet is.
-        beyond_pitch: how far the model goes on beyond the outer markers where the outline is not known.
-        element_thickness: elements are at most this many thicknesses long, and at most one pitch.
-        most_elements: more are made longer, or frames would take too long.
-        rim_mm: contacts whose centre is nearer to a clamped outline are not believed, in thicknesses; a
-            clamp line that is off by a third of that makes forces there.
+        poisson: Poisson's ratio if the sensor does not state it; that of nearly incompressible rubber.
+        thickness_pitch: thickness if the sensor does not state it, in pitches.
+        margin_pitch: distance from the outer markers to the outline if it is not known, in pitches.
+        element_thickness: largest length of an element, in thicknesses; at most one pitch.
+        max_elements: largest number of elements; if it is exceeded, elements are longer.
+        clamp_thickness: contacts with a centre within this distance of a clamp are left out, in thicknesses.
+            A clamp line that is wrong by a third of it causes forces there.
     """
 
     poisson: float = 0.45
     thickness_pitch: float = 0.75
-    beyond_pitch: float = 2.5
+    margin_pitch: float = 2.5
     element_thickness: float = 1.4
-    most_elements: int = 1200
-    rim_thickness: float = 2.0
+    max_elements: int = 1200
+    clamp_thickness: float = 2.0
 
     def __call__(self, sensor: Sensor) -> SheetModel:
         """The model of a sensor's sheet.
@@ -97,13 +100,13 @@ class NominalSheet:
         layout = sensor.layout
         if layout is None:
             raise SensorError(
-                f"sensor {sensor.name!r} has no [markers]: mechanics needs to know how they lie; "
+                f"sensor {sensor.name!r} has no [markers], but the method mechanics needs their layout: "
                 "run `manytouch calibrate rest` first"
             )
-        if len(layout.rest_mm) < _LEAST_MARKERS:
+        if len(layout.rest_mm) < MIN_MARKERS:
             raise LayoutError(
-                f"the layout of sensor {sensor.name!r} has {len(layout.rest_mm)} markers, but mechanics "
-                f"needs at least {_LEAST_MARKERS}: give a region with more of them, or --method perimeter"
+                f"the layout of sensor {sensor.name!r} has {len(layout.rest_mm)} markers, but the method "
+                f"mechanics needs at least {MIN_MARKERS}: choose a region with more of them, or --method perimeter"
             )
         sheet, pitch_mm = sensor.sheet, float(np.sqrt(np.prod(layout.pitch_mm)))
         is_nominal = sheet is None or sheet.is_assumed
@@ -119,18 +122,20 @@ class NominalSheet:
         )
         low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
         slack_mm = 0.5 * layout.pitch_mm
-        is_unseen = ((patch.place_mm < low - slack_mm) | (patch.place_mm > high + slack_mm)).any(axis=1)
-        is_outside = is_unseen | patch.is_rim if is_nominal else patch.is_rim
+        is_beyond_markers = ((patch.place_mm < low - slack_mm) | (patch.place_mm > high + slack_mm)).any(
+            axis=1
+        )
+        is_outside = is_beyond_markers | patch.is_rim if is_nominal else patch.is_rim
         inner_mm = np.maximum(-low, high) + slack_mm
         if not is_nominal and sheet is not None:
-            inner_mm = 0.5 * sheet.size_mm - self.rim_thickness * thickness_mm
+            inner_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
         return SheetModel(
             camera=sensor.camera,
             layout=layout,
             patch=patch,
             shell=shell,
             dots=dots,
-            normal=NormalEquations(shell=shell, dots=dots),
+            normal_equations=NormalEquations(shell=shell, dots=dots),
             lattice=ForceLattice(
                 shape=patch.shape,
                 place_mm=patch.place_mm,
@@ -142,25 +147,25 @@ class NominalSheet:
             pitch_mm=pitch_mm,
             thickness_mm=thickness_mm,
             young_MPa=None if sheet is None or not sensor.scale_is_known else sheet.young_MPa,
-            young_share=_young_share(sheet),
+            young_relative_std=_young_relative_std(sheet),
             is_outside=read_only(is_outside),
-            is_beyond=read_only(is_outside | (np.abs(patch.place_mm) > inner_mm).any(axis=1)),
+            is_excluded=read_only(is_outside | (np.abs(patch.place_mm) > inner_mm).any(axis=1)),
             is_nominal=is_nominal,
         )
 
     def _patch(
         self, layout: Layout, sheet: Sheet | None, thickness_mm: float, pitch_mm: float
     ) -> SplinePatch:
-        """The sheet of the file, or what the markers cover and something around it."""
+        """The whole sheet of the sensor file; without one, the area of the markers and a margin."""
         if sheet is not None:
             size_mm, centre_mm = sheet.size_mm, np.zeros(2)
         else:
             low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
-            size_mm = high - low + 2.0 * self.beyond_pitch * layout.pitch_mm
+            size_mm = high - low + 2.0 * self.margin_pitch * layout.pitch_mm
             centre_mm = 0.5 * (low + high)
         longest_mm = np.minimum(layout.pitch_mm, self.element_thickness * thickness_mm)
         count = np.maximum(np.rint(size_mm / longest_mm), 4)
-        count = np.maximum(np.floor(count * min(1.0, np.sqrt(self.most_elements / np.prod(count)))), 4)
+        count = np.maximum(np.floor(count * min(1.0, np.sqrt(self.max_elements / np.prod(count)))), 4)
         return SplinePatch(
             size_mm=(float(size_mm[0]), float(size_mm[1])),
             elements=(int(count[0]), int(count[1])),
@@ -169,7 +174,7 @@ class NominalSheet:
         )
 
     def _shell(self, patch: SplinePatch, sheet: Sheet | None, thickness_mm: float) -> Shell:
-        """Forces over E: a pretension counts only where E is known."""
+        """The shell; its pretension is 0 where E is not known."""
         stretched_mm, bending, poisson = 0.0, 1.0, self.poisson
         if sheet is not None:
             poisson = self.poisson if sheet.poisson is None else sheet.poisson
@@ -185,7 +190,7 @@ class NominalSheet:
         )
 
 
-def _young_share(sheet: Sheet | None) -> float:
+def _young_relative_std(sheet: Sheet | None) -> float:
     if sheet is None or sheet.young_MPa is None or sheet.young_std_MPa is None:
         return 0.0
     return sheet.young_std_MPa / sheet.young_MPa

@@ -1,9 +1,9 @@
-"""How much deeper the camera-side face of a solid sheet lies than a shell says.
+"""Depth of the camera-side face of a solid sheet minus that of the shell model.
 
-Two places where a sheet as thick as its dents are wide is no shell (docs/derivations/inversion.md, "A solid
-is no shell"): under a contact, where the face is dented sharper than any plate can bend, and along a clamp,
-where a solid shears at once while a shell must begin without slope. Both are small, known functions of
-lengths in thicknesses, fitted to solids by finite elements.
+A sheet that is as thick as its dents are wide differs from a shell in two places
+(docs/derivations/inversion.md, "Solid correction"): under a contact, where the curvature of its face is
+larger than that of a bent plate, and along a clamp, where a solid shears while the slope of a shell is 0.
+Both differences are small functions of lengths in thicknesses, fitted to 3-D finite elements.
 """
 
 from dataclasses import dataclass
@@ -18,14 +18,14 @@ from manytouch.values.arrays import Points2, Scalars
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SolidCorrection:
-    """Parameters; lengths are parts of the thickness t.
+    """Parameters of the correction; lengths are in thicknesses t.
 
     Attributes:
         dent, dent_width: height over F / (E t), and standard deviation, of the bell under a force F.
-        ring, ring_width: of the wider bell that is taken off again around it.
-        spread: a load whose variance along an axis is less than this, over t^2, acts as a point.
-        clamp: over t and the slope of the sheet, at a clamp,
-        clamp_reach: from which it fades exponentially within this distance.
+        ring, ring_width: the same of the wider bell that is subtracted.
+        spread: variance of a load along an axis, over t^2, up to which it acts as a point force.
+        clamp: depth at a clamp, over t times the slope of the sheet.
+        clamp_reach: distance within which `clamp` decays by the factor e.
     """
 
     dent: float = 0.56
@@ -36,8 +36,8 @@ class SolidCorrection:
     clamp: float = 0.45
     clamp_reach: float = 1.0
 
-    def under_contacts(self, model: SheetModel, clusters: Clusters, place_mm: Points2) -> Scalars:
-        """(k,) depth in mm that is added at places (k, 2); 0 where the sheet was assumed."""
+    def depth_under_contacts(self, model: SheetModel, clusters: Clusters, place_mm: Points2) -> Scalars:
+        """(k,) additional depth (mm) at places (k, 2) under clusters; 0 where the sheet was assumed."""
         if model.is_nominal or len(clusters) == 0:
             return np.zeros(len(place_mm))
         t = model.thickness_mm
@@ -49,8 +49,8 @@ class SolidCorrection:
             bells += height * own / (own + broad) * np.exp(-0.5 * away2 / (own + broad))
         return np.asarray(bells @ clusters.normal_mm2 / t)
 
-    def along_clamp(self, model: SheetModel, coefficient_mm: Nodal) -> Scalars:
-        """(m,) depth in mm that is added at the markers; 0 where the sheet was assumed."""
+    def depth_along_clamp(self, model: SheetModel, coefficient_mm: Nodal) -> Scalars:
+        """(m,) additional depth in mm at the markers, by the clamp; 0 where the sheet was assumed."""
         patch, points = model.patch, model.dots.face.basis
         if model.is_nominal or patch.boundary != "clamped":
             return np.zeros(len(points.node))

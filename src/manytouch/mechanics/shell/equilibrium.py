@@ -8,7 +8,7 @@ import numpy as np
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.mechanics.solver.band import BandFactor, empty_band, factorised
+from manytouch.mechanics.solver.band import BandFactor, empty_band, factorise
 
 Load = Nodal | Callable[[Nodal], Nodal]
 """Nodal forces over E (mm^2), or how they follow from the coefficients."""
@@ -46,7 +46,7 @@ def tangent_factor(shell: Shell, tangent: np.ndarray) -> BandFactor:
         band = flat[front:-front].reshape(unknowns, width + 1)
         shell_kernels.band_of(tangent, patch.shape, patch.is_free, band)
         band[:, 0] += stiffened * band[:, 0].max()
-        factor = factorised(flat, front=front, unknowns=unknowns, width=width)
+        factor = factorise(flat, front=front, unknowns=unknowns, width=width)
         if factor is not None:
             return factor
         stiffened = max(STIFFENED_BY, 10.0 * stiffened)

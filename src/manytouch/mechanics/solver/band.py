@@ -27,13 +27,13 @@ class BandFactor:
         solution, _ = solve(self.lower.T, np.asfortranarray(right.T, dtype=self.lower.dtype), lower=1)
         return np.ascontiguousarray(solution.T, dtype=np.float64)
 
-    def whitened(self, right: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
+    def whiten(self, right: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
         """L^-1 times each row: the products of these rows are those of `right` with H^-1 between."""
         (solve,) = get_lapack_funcs(("tbtrs",), (self.lower,))
         solution, _ = solve(self.lower.T, np.asfortranarray(right.T, dtype=self.lower.dtype), uplo="L")
         return np.ascontiguousarray(solution.T, dtype=np.float64)
 
-    def drawn(self, normal: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
+    def colour(self, normal: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
         """L^-T times each row: rows of independent normal numbers get the covariance H^-1."""
         (solve,) = get_lapack_funcs(("tbtrs",), (self.lower,))
         right = np.asfortranarray(normal.T, dtype=self.lower.dtype)
@@ -41,7 +41,7 @@ class BandFactor:
         return np.ascontiguousarray(solution.T, dtype=np.float64)
 
 
-def factorised(flat: Float[np.ndarray, " k"], *, front: int, unknowns: int, width: int) -> BandFactor | None:
+def factorise(flat: Float[np.ndarray, " k"], *, front: int, unknowns: int, width: int) -> BandFactor | None:
     """The factor of a flat band (see `band_kernels`), which it overwrites.
 
     None when the matrix is not positive definite.

@@ -1,0 +1,108 @@
+"""Forces and marker images of a sheet at given coefficients, with their derivatives."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Float64, Int64
+
+from manytouch.geometry.spline.patch import Nodal, PointBasis
+from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.shell import kernels as shell_kernels
+from manytouch.mechanics.shell.shell import Shell
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Linearisation:
+    """First-order model of the sheet and of its marker images around some coefficients.
+
+    Forces are divided by Young's modulus E and are in the sheet frame: a press has force z < 0. The value
+    owns its arrays.
+
+    Attributes:
+        shell: the sheet.
+        dots: the marker images.
+        nodes: basis functions at the Greville points of the nodes.
+        force: (nodes, 3) nodal forces over E, mm^2.
+        tangent: (nodes, 3, 3, 7, 8) derivative of `force` by the coefficients, mm; layout as in
+            `Shell.forces_and_tangent`.
+        slope: (nodes, 2) of the deflection along x and y at the nodes.
+        derivative: (m, 2, 16, 3) derivative of the marker images by the coefficients of
+            `dots.tips.basis.node`, px/mm; 0 for fixed coefficients.
+    """
+
+    shell: Shell
+    dots: Dots
+    nodes: PointBasis
+    force: Nodal
+    tangent: Float[np.ndarray, "nodes 3 3 7 8"]
+    slope: Float64[np.ndarray, "nodes 2"]
+    derivative: Float64[np.ndarray, "m 2 16 3"]
+
+    @property
+    def balance(self) -> Nodal:
+        """(nodes, 3) T f: the tangential forces f_u + w,x f_w and f_v + w,y f_w, and the normal one f_w."""
+        balance = self.force.copy()
+        balance[:, :2] += self.slope * self.force[:, 2:]
+        balance[~self.shell.patch.is_free] = 0.0
+        return balance
+
+    def force_change(self, change_mm: Nodal) -> Nodal:
+        """First-order change of the forces over E (mm^2) for a change of the coefficients."""
+        return self.shell.product(self.tangent, change_mm)
+
+    def balance_change(self, change_mm: Nodal) -> Nodal:
+        """First-order change of `balance` for a change of the coefficients."""
+        change = self.force_change(change_mm)
+        w = change_mm[self.nodes.node, 2]
+        slope, force_z = self.slope, self.force[:, 2]
+        change[:, 0] += slope[:, 0] * change[:, 2] + force_z * (self.nodes.dx * w).sum(axis=1)
+        change[:, 1] += slope[:, 1] * change[:, 2] + force_z * (self.nodes.dy * w).sum(axis=1)
+        change[~self.shell.patch.is_free] = 0.0
+        return change
+
+    def force_row(self, share: Float64[np.ndarray, " nodes"], component: int) -> Nodal:
+        """Derivative of sum_j share_j f_j,component by the coefficients."""
+        patch, row = self.shell.patch, np.zeros((len(share), 3))
+        free_share = np.where(patch.is_free[:, component], share, 0.0)
+        shell_kernels.row_sum(self.tangent, patch.shape, free_share, component, row)
+        return row
+
+    def force_rows(self, node: Int64[np.ndarray, " k"], component: int) -> Float64[np.ndarray, "k nodes 3"]:
+        """Derivatives of one force component at k free nodes by the coefficients."""
+        patch = self.shell.patch
+        rows, share = np.zeros((len(node), patch.node_count, 3)), np.zeros(patch.node_count)
+        for row, number in zip(rows, node, strict=True):
+            share[number] = 1.0
+            shell_kernels.row_sum(self.tangent, patch.shape, share, component, row)
+            share[number] = 0.0
+        return rows
+
+    def gradient(
+        self,
+        residual_px: Float64[np.ndarray, "m 2"],
+        information_per_px2: Float64[np.ndarray, "m 2 2"],
+        weighted_balance: Nodal,
+    ) -> Nodal:
+        """Half the gradient of sum r^T W r + sum weight (T f)^2 with the derivatives of this linearisation.
+
+        Args:
+            residual_px: (m, 2) predicted minus measured; ignored where the information is 0.
+            information_per_px2: (m, 2, 2) W.
+            weighted_balance: (nodes, 3) weight times T f.
+        """
+        patch, nodes = self.shell.patch, self.nodes
+        is_unused = information_per_px2[:, [0, 1], [0, 1]] == 0.0
+        pull = np.einsum("mij,mj->mi", information_per_px2, np.where(is_unused, 0.0, residual_px))
+        spread = np.einsum("mi,mika->mka", pull, self.derivative)
+        weighted = np.where(patch.is_free, weighted_balance, 0.0)
+        across = weighted.copy()
+        across[:, 2] += (self.slope * weighted[:, :2]).sum(axis=1)
+        gradient = self.shell.product(self.tangent, across)
+        tilt = self.force[:, 2:] * weighted[:, :2]
+        tilted = tilt[:, :1] * nodes.dx + tilt[:, 1:] * nodes.dy
+        count, node = patch.node_count, self.dots.tips.basis.node.ravel()
+        gradient[:, 2] += np.bincount(nodes.node.ravel(), tilted.ravel(), minlength=count)
+        for axis in range(3):
+            gradient[:, axis] += np.bincount(node, spread[:, :, axis].ravel(), minlength=count)
+        gradient[~patch.is_free] = 0.0
+        return gradient
