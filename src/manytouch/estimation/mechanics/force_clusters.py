@@ -82,7 +82,7 @@ class Clusters:
         contact_area_mm2: float,
         contact_area_std_mm2: float,
     ) -> "Clusters":
-        """The clusters with another centre and contact area of one of them; its torque is about that centre."""
+        """The clusters with another centre, torque about it, and contact area of one of them."""
         arm_mm = centre_mm - self.centre_mm[number]
         turned = arm_mm[0] * self.force_mm2[number, 1] - arm_mm[1] * self.force_mm2[number, 0]
 

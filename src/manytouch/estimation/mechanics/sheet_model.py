@@ -106,7 +106,8 @@ class NominalSheet:
         if len(layout.rest_mm) < MIN_MARKERS:
             raise LayoutError(
                 f"the layout of sensor {sensor.name!r} has {len(layout.rest_mm)} markers, but the method "
-                f"mechanics needs at least {MIN_MARKERS}: choose a region with more of them, or --method perimeter"
+                f"mechanics needs at least {MIN_MARKERS}: choose a region with more of them, "
+                "or --method perimeter"
             )
         sheet, pitch_mm = sensor.sheet, float(np.sqrt(np.prod(layout.pitch_mm)))
         is_nominal = sheet is None or sheet.is_assumed

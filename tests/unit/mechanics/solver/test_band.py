@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from manytouch.mechanics.solver.band import BandFactor, empty_band, factorised
+from manytouch.mechanics.solver.band import BandFactor, empty_band, factorise
 from manytouch.mechanics.solver.tile import add_product, add_product_16
 
 
@@ -49,7 +49,7 @@ def banded(unknowns: int, width: int, precision: type) -> tuple[np.ndarray, np.n
 
 def factor_of(unknowns: int, width: int, precision: type) -> tuple[np.ndarray, BandFactor]:
     matrix, flat, front = banded(unknowns, width, precision)
-    factor = factorised(flat, front=front, unknowns=unknowns, width=width)
+    factor = factorise(flat, front=front, unknowns=unknowns, width=width)
     assert factor is not None
     return matrix, factor
 
@@ -62,11 +62,11 @@ def test_a_band_is_solved_as_the_dense_matrix(unknowns: int, width: int, precisi
     expected = np.linalg.solve(matrix, right.T).T
     within = 200 * np.finfo(precision).eps * np.abs(expected).max()
     np.testing.assert_allclose(factor.solve(right), expected, atol=within)
-    white = factor.whitened(right)
+    white = factor.whiten(right)
     np.testing.assert_allclose(white @ white.T, right @ expected.T, atol=within * unknowns)
 
 
 def test_a_matrix_that_is_not_positive_definite_has_no_factor() -> None:
     _, flat, front = banded(90, 40, np.float64)
     flat[front + 70 * 41] = -1.0
-    assert factorised(flat, front=front, unknowns=90, width=40) is None
+    assert factorise(flat, front=front, unknowns=90, width=40) is None
