@@ -1,7 +1,6 @@
 """A stage is a function of its state and its input: what else was computed in between changes nothing."""
 
 from collections.abc import Iterator
-from dataclasses import fields, is_dataclass
 from typing import Any
 
 import numpy as np
@@ -11,6 +10,7 @@ import clips
 from manytouch.pipeline import Pipeline
 from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.values import Frame, Layout, Sensor, Sheet
+from same_bits import assert_same_bits
 from straight import straight_camera
 
 PX_PER_MM = 8.0
@@ -69,23 +69,6 @@ class Course:
         self.tracking, grid = stages.track.step(self.tracking, detections)
         self.estimating, surface, contacts = stages.estimate.step(self.estimating, grid)
         self.results.append((detections, grid, surface, contacts))
-
-
-def assert_same_bits(one: Any, other: Any, path: str = "result") -> None:
-    assert type(one) is type(other), path
-    if isinstance(one, np.ndarray):
-        np.testing.assert_array_equal(one, other, err_msg=path)
-    elif is_dataclass(one):
-        for field in fields(one):
-            assert_same_bits(getattr(one, field.name), getattr(other, field.name), f"{path}.{field.name}")
-    elif isinstance(one, tuple | list):
-        assert len(one) == len(other), path
-        for number, pair in enumerate(zip(one, other, strict=True)):
-            assert_same_bits(*pair, f"{path}[{number}]")
-    elif isinstance(one, float) and np.isnan(one):
-        assert np.isnan(other), path
-    else:
-        assert one == other, path
 
 
 @pytest.mark.parametrize(("method", "is_known"), [*((name, True) for name in METHODS), ("mechanics", False)])

@@ -13,6 +13,7 @@ from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.values import ESTIMATES, Layout, Sensor, Sheet, TrackedGrid
 from manytouch.values.arrays import read_only
+from same_bits import assert_same_bits
 from straight import straight_camera
 
 ROWS, COLUMNS, PITCH_MM = 12, 16, 4.0
@@ -174,15 +175,21 @@ def test_a_step_with_an_old_curvature_is_nearly_a_whole_one(model: SheetModel, s
     np.testing.assert_allclose(surface.displacement_mm, whole.displacement_mm, atol=0.15 * moved_mm)
 
 
-def test_the_same_frames_give_the_same_bits(model: SheetModel, shape: np.ndarray) -> None:
-    grids = [grid_of(model, shape, seed=k) for k in range(3)]
-    (one, _, _), (other, _, _) = read(grids), read(grids)
-    np.testing.assert_array_equal(one.shape.coefficient_mm, other.shape.coefficient_mm)
-    # A state can be stepped from again, whatever was computed in between.
-    before, _, _ = read(grids[:2])
-    read(grids)
-    again, _, _ = ESTIMATE.step(before, grids[2])
-    np.testing.assert_array_equal(one.shape.coefficient_mm, again.shape.coefficient_mm)
+def test_interleaved_states_give_the_same_bits_as_separate_ones(model: SheetModel, shape: np.ndarray) -> None:
+    courses = [[grid_of(model, bent_mm, seed=k) for k in range(7)] for bent_mm in (shape, 0.4 * shape)]
+    separate = []
+    for grids in courses:
+        state, results = ESTIMATE.start(sensor_of()), []
+        for grid in grids:
+            state, *result = ESTIMATE.step(state, grid)
+            results.append(result)
+        separate.append(results)
+    states, interleaved = [ESTIMATE.start(sensor_of())] * 2, [[], []]
+    for pair in zip(*courses, strict=True):
+        for number, grid in enumerate(pair):
+            states[number], *result = ESTIMATE.step(states[number], grid)
+            interleaved[number].append(result)
+    assert_same_bits(interleaved, separate)
 
 
 def test_nobody_touches(model: SheetModel) -> None:
