@@ -17,7 +17,7 @@ import numpy as np
 
 from manytouch.geometry.camera import project
 from manytouch.simulation.render.discs import Look, render_discs
-from manytouch.values import Camera, Detections, Frame, Layout, Sensor
+from manytouch.values import Camera, Detections, Frame, Layout, Sensor, Status
 
 COUNTS = {96: (12, 8), 384: (24, 16), 1040: (40, 26), 4000: (80, 50), 10000: (125, 80)}
 """Dots to (columns, rows)."""
@@ -436,11 +436,14 @@ def dots_in(course: Course, index: int, *, noise_px: float = 0.015) -> Detection
     order = chance.permutation(len(true_px))
     true_px = true_px[order]
     std_px = noise_px * chance.uniform(0.7, 1.4, len(true_px)) * (10.0 if is_blurred else 1.0)
-    status = "ok"
+    status = Status.OK
     if course.is_faulty[index]:
-        status = {"black": "dark", "saturated": "saturated", "flash": "saturated", "blurred": "blurred"}.get(
-            sequence.fault, "ok"
-        )
+        status = {
+            "black": Status.DARK,
+            "saturated": Status.SATURATED,
+            "flash": Status.SATURATED,
+            "blurred": Status.BLURRED,
+        }.get(sequence.fault, Status.OK)
     spots = np.ones(len(course.false_px[index]))
     area_px2 = np.concatenate([np.linalg.det(course.shape_px[index][shown]), course.radius_px**2 * spots])
     contrast = np.concatenate([course.contrast[shown], spots])

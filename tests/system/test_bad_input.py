@@ -158,8 +158,8 @@ def test_sensor_file_that_is_not_there(run: Run, tmp_path: Path, video: Path) ->
     assert nothing_written(tmp_path / "out")
 
 
-@pytest.mark.parametrize("region", ["300,10,100,100", "0,0,0,50", "-5,0,50,50"])
-def test_region_outside_the_image(run: Run, tmp_path: Path, video: Path, region: str) -> None:
+def test_region_outside_the_image(run: Run, tmp_path: Path, video: Path) -> None:
+    region = "300,10,100,100"
     refused(run("process", video, "--out", "out", f"--roi={region}"), region, f"{WIDTH_PX} x {HEIGHT_PX}")
     assert nothing_written(tmp_path / "out")
 
@@ -171,6 +171,8 @@ def test_region_outside_the_image(run: Run, tmp_path: Path, video: Path, region:
         (("process", "a.mp4"), "--out"),
         (("process", "a.mp4", "--out", "out", "--method", "magic"), "perimeter"),
         (("process", "a.mp4", "--out", "out", "--roi", "1,2,3"), "--roi"),
+        (("process", "a.mp4", "--out", "out", "--roi=0,0,0,50"), "0,0,0,50"),
+        (("process", "a.mp4", "--out", "out", "--roi=-5,0,50,50"), "-5,0,50,50"),
         (("process", "a.mp4", "--out", "out", "--pitch-mm", "-4"), "--pitch-mm"),
         (("process", "a.mp4", "--out", "out", "--hfov-deg", "200"), "--hfov-deg"),
         (("process", "a.mp4", "--out", "out", "--surfaces"), "--surface"),

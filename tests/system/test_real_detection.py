@@ -9,7 +9,7 @@ import pytest
 
 from manytouch.detection import DotSearch, survey
 from manytouch.sources import open_source
-from manytouch.values import Camera, Frame, Layout, Sensor
+from manytouch.values import Camera, Frame, Layout, Roi, Sensor
 
 SETS = ("worachit", "worachit_unmoved", "gsrobotics", "vts4_left", "vts4_right")
 PICTURES = ("fots_0.png", "fots_1.png", "gs_tracking_debug.png", "simtacls_up.jpg", "simtacls_bot.jpg")
@@ -50,7 +50,7 @@ def sensor_of(found: object, shape: tuple[int, ...]) -> Sensor:
 @pytest.mark.parametrize("name", SETS)
 def test_first_frame_of_a_recording(recordings: Path, name: str) -> None:
     row = rows_by(recordings / "expected.csv", "set")[name]
-    roi_px = tuple(int(word) for word in row["roi"].split(",")) if row["roi"] else None
+    roi_px = Roi(*map(int, row["roi"].split(","))) if row["roi"] else None
     first = next(iter(open_source(str(recordings / row["input"]))))
     found = survey([first], roi_px=roi_px)
     assert found.appearance.polarity == row["polarity"]
@@ -71,7 +71,7 @@ def test_single_picture(recordings: Path, name: str) -> None:
 @pytest.mark.parametrize("name", SETS)
 def test_search_finds_what_the_survey_found(recordings: Path, name: str) -> None:
     row = rows_by(recordings / "expected.csv", "set")[name]
-    roi_px = tuple(int(word) for word in row["roi"].split(",")) if row["roi"] else None
+    roi_px = Roi(*map(int, row["roi"].split(","))) if row["roi"] else None
     first = next(iter(open_source(str(recordings / row["input"]))))
     found = survey([first], roi_px=roi_px)
     search = DotSearch(roi_px=roi_px)

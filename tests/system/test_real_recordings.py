@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import manytouch
+from manytouch.values import Roi
 from results import Tracks, rows_of
 
 PITCH_PX = {"worachit": np.sqrt(62 * 77), "gsrobotics": 31.5, "vts4": 17.0}
@@ -24,7 +25,7 @@ def folders(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[
             "gsrobotics/mini_example.avi",
         )
     }
-    for side, roi_px in (("left", (58, 102, 238, 216)), ("right", (308, 96, 232, 212))):
+    for side, roi_px in (("left", Roi(58, 102, 238, 216)), ("right", Roi(308, 96, 232, 212))):
         made[f"vts4_{side}"] = manytouch.process(
             str(recordings / "vts4" / "0507"), out=out / side, roi_px=roi_px
         )

@@ -11,14 +11,14 @@ from manytouch.calibration import sensor_from_rest
 from manytouch.detection import DotSearch
 from manytouch.sources import open_source
 from manytouch.tracking import MarkerTracker
-from manytouch.values import Frame
+from manytouch.values import Frame, Roi
 
-LEFT, RIGHT = (58, 102, 238, 216), (308, 96, 232, 212)
+LEFT, RIGHT = Roi(58, 102, 238, 216), Roi(308, 96, 232, 212)
 PITCH_MM = 1.64
 AUTHORS_OFF_PX = {"left": np.array([-0.9, 1.4]), "right": np.array([1.2, 1.3])}
 
 
-def followed(frames: list[Frame], roi_px: tuple[int, int, int, int]) -> np.ndarray:
+def followed(frames: list[Frame], roi_px: Roi) -> np.ndarray:
     """(f, m, 2) px, NaN where a marker is not seen; every frame is searched as a whole."""
     sensor = sensor_from_rest(frames[:24], name="skin", roi_px=roi_px)
     detect, follow = DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px)

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from manytouch.pipeline import Detect, Estimate, Pipeline, Sink, Source, Track
-from manytouch.values import Contacts, Detections, Frame, Sensor, Surface, TrackedGrid
+from manytouch.values import Contacts, Detections, Frame, Sensor, Status, Surface, TrackedGrid
 from straight import straight_camera
 
 NOWHERE = np.zeros((2, 2))
@@ -35,7 +35,7 @@ class DotAppearances:
             covariance_px2=np.zeros((1, 2, 2)),
             area_px2=np.ones(1),
             contrast=np.ones(1),
-            status="dark" if frame.index == 2 else "ok",
+            status=Status.DARK if frame.index == 2 else Status.OK,
         )
 
 
@@ -53,7 +53,7 @@ class Follows:
             covariance_px2=np.zeros((2, 2, 2)),
             is_seen=np.zeros(2, bool),
             frames_unseen=np.full(2, state[0]),
-            status="few_markers" if state[0] == 3 else "ok",
+            status=Status.FEW_MARKERS if state[0] == 3 else Status.OK,
         )
         return (state[0] + 1, lost), grid
 
@@ -72,7 +72,10 @@ class Flat:
     def step(self, state: int, grid: TrackedGrid) -> tuple[int, Surface, Contacts]:
         nothing = np.zeros((2, 3))
         surface = Surface(
-            position_mm=nothing, displacement_mm=nothing, covariance_mm2=np.zeros((2, 3, 3)), status="odd"
+            position_mm=nothing,
+            displacement_mm=nothing,
+            covariance_mm2=np.zeros((2, 3, 3)),
+            status=Status.NOT_CONVERGED,
         )
         return state + 1, surface, Contacts()
 
@@ -97,7 +100,7 @@ def test_a_lost_frame_is_searched_again_from_the_memory_before_it() -> None:
 
 def test_the_first_stage_that_complains_is_heard() -> None:
     _, made = readings()
-    assert [reading.status for reading in made] == ["odd", "odd", "dark", "few_markers"]
+    assert [reading.status for reading in made] == ["not_converged", "not_converged", "dark", "few_markers"]
 
 
 def test_the_protocols_tell_stages_apart() -> None:

@@ -9,9 +9,7 @@ from jaxtyping import Bool, Float64, Int64
 from manytouch.detection import DotSearch
 from manytouch.pipeline import sights
 from manytouch.tracking import MarkerTracker
-from manytouch.values import Frame, Sensor
-
-Roi = tuple[int, int, int, int]
+from manytouch.values import Frame, Roi, Sensor
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -4,6 +4,7 @@ import numpy as np
 
 from manytouch.detection import measure, noise_of
 from manytouch.detection.search import cropped, level_of
+from manytouch.values import Roi
 from manytouch.values.arrays import Points2, Scalars
 
 SOFT_EDGE_PX = 3.5
@@ -16,7 +17,7 @@ def edge_width_px(
     centre_px: Points2,
     radius_px: Scalars,
     *,
-    roi_px: tuple[int, int, int, int] | None = None,
+    roi_px: Roi | None = None,
 ) -> float:
     """Median width of the edges of the dots, from background to dot, px; NaN if no dot is complete.
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.values import Detections
+from manytouch.values import Detections, Status
 from manytouch.values.arrays import Scalars
 
 STRIDE = 16
@@ -52,8 +52,8 @@ def condition(
     *,
     level: float,
     markers: int,
-) -> str:
-    """ "ok", or dark, saturated, blurred.
+) -> Status:
+    """`OK`, or dark, saturated, blurred.
 
     Dark and saturated are said only when the dots are gone with the light: a bright sheet may well
     be overexposed, and a dark one black.
@@ -63,11 +63,11 @@ def condition(
     if number < 0.5 * wanted:
         few = image[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE].astype(np.float32) * level
         if few.size and np.quantile(few, 0.95) < DARK:
-            return "dark"
+            return Status.DARK
         if few.size and np.mean(few > BRIGHT) > 0.5:
-            return "saturated"
+            return Status.SATURATED
     if first is not None and number >= 0.2 * wanted and number > 0:
         is_wide = 2 * np.count_nonzero(edge_px > 1.6 * first.edge_px + 0.7) > number
         if is_wide and middle_of(np.sort(found.contrast)) < 0.9 * first.contrast:
-            return "blurred"
-    return "ok"
+            return Status.BLURRED
+    return Status.OK

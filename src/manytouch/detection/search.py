@@ -12,7 +12,7 @@ from manytouch.detection.measurement.centroid import measured_rows
 from manytouch.detection.measurement.sampling_pattern import Plans, plans_of
 from manytouch.detection.noise import noise_of
 from manytouch.detection.selection import select, typical_contrast, without_doubles
-from manytouch.values import Detections, Frame, Sensor
+from manytouch.values import Detections, Frame, Roi, Sensor, Status
 from manytouch.values.arrays import Points2, Scalars
 
 SCALE_STEP = 1.5  # between the radii that are searched for when sizes differ
@@ -56,7 +56,7 @@ class DotSearch:
         least_snr: weakest dots against the noise of a pixel.
     """
 
-    roi_px: tuple[int, int, int, int] | None = None
+    roi_px: Roi | None = None
     least_share: float = 0.09
     least_snr: float = 1.5
 
@@ -86,15 +86,15 @@ class DotSearch:
     ) -> tuple[DotSearchState, Detections]:
         """Dots of a frame; `expected_px` (m, 2) limits the search to windows, None looks everywhere."""
         if frame.image is None:
-            return state, empty("decode_error")
+            return state, empty(Status.DECODE_ERROR)
         level = state.level if state.level is not None else level_of(frame.image)
         if state.level is None:
             state = replace(state, level=level)
         if state.first is not None and state.first.shape != frame.image.shape:
-            return state, empty("decode_error")
+            return state, empty(Status.DECODE_ERROR)
         image, corner = cropped(frame.image, self.roi_px)
         if min(image.shape[:2]) < 8:
-            return state, empty("decode_error")
+            return state, empty(Status.DECODE_ERROR)
         weights = state.appearance.weights(1 if image.ndim == 2 else image.shape[2]) * level
         noise = noise_of(image, weights)
         if expected_px is None:
@@ -104,9 +104,9 @@ class DotSearch:
             rows, radius_px = _windows(state, image, weights, noise, expected_px - corner)
         found, edge_px = self._selected(rows, radius_px, state.markers, noise, corner)
         status = condition(state.first, frame.image, found, edge_px, level=level, markers=state.markers)
-        if state.first is None and status == "ok" and len(edge_px) >= min(6, state.markers):
+        if state.first is None and status is Status.OK and len(edge_px) >= min(6, state.markers):
             state = replace(state, first=first_of(frame.image, found, edge_px))
-        return state, found if status == "ok" else replace(found, status=status)
+        return state, found if status is Status.OK else replace(found, status=status)
 
     def _selected(
         self,
@@ -204,9 +204,7 @@ def level_of(image: np.ndarray) -> float:
     return 255.0 / float(2**bits - 1)
 
 
-def cropped(
-    image: np.ndarray, roi_px: tuple[int, int, int, int] | None
-) -> tuple[np.ndarray, Float64[np.ndarray, "2"]]:
+def cropped(image: np.ndarray, roi_px: Roi | None) -> tuple[np.ndarray, Float64[np.ndarray, "2"]]:
     """The part of the image to look at, and where its first pixel lies."""
     if roi_px is None:
         return image, np.zeros(2)
@@ -215,7 +213,7 @@ def cropped(
     return image[y0 : max(y + height, 0), x0 : max(x + width, 0)], np.array([float(x0), float(y0)])
 
 
-def empty(status: str) -> Detections:
+def empty(status: Status) -> Detections:
     """No dots, because of what is wrong with the picture."""
     return Detections(
         centre_px=np.zeros((0, 2)),

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 from manytouch.errors import SensorError
-from manytouch.values import Contact, Contacts, Phase, Sensor
+from manytouch.values import Contact, Contacts, Phase, Sensor, Status
 from manytouch.values.arrays import Mask, Points2
 
 
@@ -88,7 +88,7 @@ class ContactTracker:
         *,
         may_start: Sequence[bool] | None = None,
         is_loaded: Callable[[Points2], Mask] | None = None,
-        status: str = "ok",
+        status: Status = Status.OK,
     ) -> tuple[ContactTrackerState, Contacts]:
         """Identifies the contacts of the next frame.
 
@@ -164,10 +164,10 @@ class ContactTracker:
         return replace(track, contact=replace(contact, id=next_id, phase=Phase.START)), next_id + 1
 
     def _may_last(
-        self, track: ContactTrack, is_loaded: Callable[[Points2], Mask] | None, status: str
+        self, track: ContactTrack, is_loaded: Callable[[Points2], Mask] | None, status: Status
     ) -> bool:
         """Can a contact that was not found in this frame still be there?"""
-        if status != "ok":
+        if status is not Status.OK:
             return track.unseen < 10 * self.bridge_frames
         if track.unseen >= self.bridge_frames:
             return False

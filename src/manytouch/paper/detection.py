@@ -16,7 +16,7 @@ from jaxtyping import Float32, UInt8
 
 from manytouch.errors import ManytouchError, SensorError
 from manytouch.geometry.camera import cam_from_sheet, camera_matrix, onto_plane, project
-from manytouch.values import Camera, Detections, Frame, Layout, Sensor
+from manytouch.values import Camera, Detections, Frame, Layout, Roi, Sensor, Status
 from manytouch.values.arrays import Points2, Scalars, read_only
 
 Grey = UInt8[np.ndarray, "h w"]
@@ -96,7 +96,7 @@ class PaperDetection:
     margin: int | None = None
     kernel_px: int = 3
     minimum_area_px2: float | None = None
-    roi_px: Window | None = None
+    roi_px: Roi | None = None
     outline_pitch: float = 0.5
 
     def start(self, sensor: Sensor) -> PaperDetectionState:
@@ -139,9 +139,9 @@ class PaperDetection:
         """
         image, view = frame.image, state.view
         if image is None:
-            return state, _nothing("decode_error")
+            return state, _nothing(Status.DECODE_ERROR)
         if image.shape[:2] != (view.camera.height_px, view.camera.width_px):
-            return state, _nothing("wrong_size")
+            return state, _nothing(Status.WRONG_SIZE)
         grey = _grey(_aligned(view, image))
         if view.is_dark:
             grey = cv2.bitwise_not(grey)
@@ -316,7 +316,7 @@ def _outside(name: str) -> SensorError:
     )
 
 
-def _nothing(status: str) -> Detections:
+def _nothing(status: Status) -> Detections:
     return Detections(
         centre_px=read_only(np.zeros((0, 2))),
         covariance_px2=read_only(np.zeros((0, 2, 2))),

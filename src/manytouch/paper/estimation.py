@@ -16,7 +16,18 @@ from scipy.spatial import cKDTree
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.geometry.camera import cam_from_sheet, onto_plane, project
-from manytouch.values import ESTIMATES, Camera, Contact, Contacts, Layout, Phase, Sensor, Surface, TrackedGrid
+from manytouch.values import (
+    ESTIMATES,
+    Camera,
+    Contact,
+    Contacts,
+    Layout,
+    Phase,
+    Sensor,
+    Status,
+    Surface,
+    TrackedGrid,
+)
 from manytouch.values.arrays import Counts, Covariances2, Mask, Points2, Scalars, read_only
 
 CORNERS = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]])
@@ -275,7 +286,7 @@ def _surface(
         displacement_mm=read_only(displacement_mm),
         covariance_mm2=read_only(covariance_mm2),
         layout=state.layout,
-        status="ok" if np.isfinite(depth_mm).any() else "few_markers",
+        status=Status.OK if np.isfinite(depth_mm).any() else Status.FEW_MARKERS,
     )
 
 

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import onto_plane, project
-from manytouch.values import Camera, Detections, Sensor, TrackedGrid
+from manytouch.values import Camera, Detections, Sensor, Status, TrackedGrid
 from manytouch.values.arrays import Counts, Points2, read_only
 
 
@@ -111,9 +111,9 @@ class PaperTracking:
         is_seen[marker] = True
         frames_unseen = np.where(is_seen, 0, state.frames_unseen + 1)
         status = detections.status
-        if status == "ok" and len(marker) < len(state.order):
+        if status is Status.OK and len(marker) < len(state.order):
             has_more = len(id_in_list) == 0 and len(id_of) > len(state.order)
-            status = "many_markers" if has_more else "few_markers"
+            status = Status.MANY_MARKERS if has_more else Status.FEW_MARKERS
         after = PaperTrackingState(
             camera=state.camera,
             order=state.order,

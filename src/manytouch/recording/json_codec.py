@@ -24,6 +24,7 @@ from manytouch.values import (
     Sensor,
     Sheet,
     SheetSpline,
+    Status,
     Surface,
     TrackedGrid,
 )
@@ -56,6 +57,8 @@ def to_json(value: Any) -> Any:
     """
     if value is None or (isinstance(value, bool | int | str) and not isinstance(value, Enum)):
         return value
+    if isinstance(value, Status):
+        return value.value
     if isinstance(value, np.generic):
         return to_json(value.item())
     if isinstance(value, float):
@@ -117,4 +120,6 @@ def _object_from_json(encoded: dict[str, Any]) -> Any:
     fields = {name: from_json(each) for name, each in encoded.items() if name != "type"}
     if "length_unit" in fields:  # recordings of version 0.1
         fields["scale_is_known"] = fields.pop("length_unit") == "mm"
+    if "status" in fields:
+        fields["status"] = Status(fields["status"])
     return RECORDED_TYPES[encoded["type"]](**fields)

@@ -8,7 +8,7 @@
 """
 
 from manytouch.session.live import Live
-from manytouch.session.methods import METHODS, Roi, kernels, pipeline_for
+from manytouch.session.methods import METHODS, kernels, pipeline_for
 from manytouch.session.playback import Playback
 from manytouch.session.prepare import REST_FRAMES, Job, Observer, Pitch, check_region, prepare
 from manytouch.session.run import RESULTS, files_in, process, read_all, read_into, result_name
@@ -22,7 +22,6 @@ __all__ = [
     "Observer",
     "Pitch",
     "Playback",
-    "Roi",
     "check_region",
     "files_in",
     "kernels",

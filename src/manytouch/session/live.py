@@ -17,7 +17,7 @@ from manytouch.session.commands.tuning import parameters_of, tuned
 from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.prepare import Job, Observer, close
-from manytouch.session.session_recorder import SessionRecorder
+from manytouch.session.recording import SessionRecorder
 from manytouch.session.throughput import ThroughputMeter
 from manytouch.sources.source import Device
 from manytouch.values import (

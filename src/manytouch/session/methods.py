@@ -11,13 +11,11 @@ from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.tracking import MarkerTracker
-from manytouch.values import Sensor
+from manytouch.values import Roi, Sensor
 
 METHODS = ("mechanics", "perimeter", "paper")
 ANYWHERE = "perimeter"
 """What needs to know nothing of the sheet."""
-
-Roi = tuple[int, int, int, int]
 
 
 def kernels() -> dict[str, bool]:

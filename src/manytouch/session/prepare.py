@@ -9,7 +9,7 @@ from typing import Any, Protocol, runtime_checkable
 from manytouch.calibration import register_rest, sensor_from_rest
 from manytouch.errors import ManytouchError, SensorError, SourceError
 from manytouch.pipeline import Pipeline
-from manytouch.session.methods import Roi, default_method, kernels, pipeline_for
+from manytouch.session.methods import default_method, kernels, pipeline_for
 from manytouch.session.warm_up import rehearse
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.camera import without_password
@@ -17,7 +17,7 @@ from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.files.images import ImagesSource
 from manytouch.sources.files.replay import ReplaySource
 from manytouch.sources.source import ASSUMED_FPS, Device
-from manytouch.values import Frame, Reading, Sensor
+from manytouch.values import Frame, Reading, Roi, Sensor
 from manytouch.values.sensor_file import load_sensor
 
 REST_FRAMES = 15
@@ -241,15 +241,8 @@ def check_region(source: Source, text: str, roi_px: Roi | None) -> None:
     Raises:
         SourceError: it does not.
     """
-    if roi_px is None or source.width_px is None or source.height_px is None:
-        return
-    x, y, width, height = roi_px
-    right, bottom = x + width, y + height
-    if min(x, y) < 0 or min(width, height) < 1 or right > source.width_px or bottom > source.height_px:
-        raise SourceError(
-            f"the region {x},{y},{width},{height} (x,y,width,height) does not lie inside the image of "
-            f"{text}, which has {source.width_px} x {source.height_px} px; give one that does, or none"
-        )
+    if roi_px is not None and source.width_px is not None and source.height_px is not None:
+        roi_px.require_inside(source.width_px, source.height_px, text)
 
 
 def _check_fit(source: Source, text: str, sensor: Sensor) -> None:

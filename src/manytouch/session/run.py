@@ -6,7 +6,6 @@ from pathlib import Path
 
 from manytouch.errors import OutputError
 from manytouch.pipeline import Sink
-from manytouch.session.methods import Roi
 from manytouch.session.prepare import Job, Observer, Pitch, prepare
 from manytouch.sinks.files.atomic_output import output_errors, remove, temporary_path
 from manytouch.sinks.files.summary import Summary
@@ -16,7 +15,7 @@ from manytouch.sinks.pictures.annotate import AnnotatedPictures
 from manytouch.sources import Source
 from manytouch.sources.files.images import ImagesSource
 from manytouch.sources.files.video import VideoSource
-from manytouch.values import Sensor
+from manytouch.values import Roi, Sensor
 
 RESULTS = (
     *("contacts.csv", "markers.parquet", "frames.csv", "summary.json"),

@@ -22,7 +22,7 @@ from manytouch.tracking.matching.frame_identity import (
     presence_of,
     slack,
 )
-from manytouch.values import Detections, Layout, Sensor, TrackedGrid
+from manytouch.values import Detections, Layout, Roi, Sensor, Status, TrackedGrid
 from manytouch.values.arrays import Counts, Points2, read_only
 
 _WINDOW_LIMIT_PITCHES = 0.3
@@ -89,7 +89,7 @@ class MarkerTracker:
     window_motion_pitches: float = 0.27
     window_share: float = 0.97
     least_share: float = 0.5
-    roi_px: tuple[int, int, int, int] | None = None
+    roi_px: Roi | None = None
 
     def start(self, sensor: Sensor) -> MarkerTrackerState:
         """Takes the layout's reference centres (`rest_px`, or the projection of `rest_mm`).
@@ -161,7 +161,7 @@ class MarkerTracker:
         if answer.found == 0:
             after, measured = _blind(state, answer), _nothing_measured(state.mesh.markers)
         else:
-            is_good = detections.status == "ok"
+            is_good = detections.status is Status.OK
             after, measured = _moved(state, dots, answer, damping=self.damping, is_good=is_good)
         return after, self._grid(after, detections.status, answer, measured)
 
@@ -176,14 +176,14 @@ class MarkerTracker:
         return state.lost
 
     def _grid(
-        self, after: MarkerTrackerState, status: str, answer: Identified, measured: Measured
+        self, after: MarkerTrackerState, status: Status, answer: Identified, measured: Measured
     ) -> TrackedGrid:
         position, covariance, area, is_seen = (read_only(each) for each in measured)
         seen = after.seen if answer.found else 0
-        if status == "ok" and (answer.is_slipping or (seen and after.is_open)):
-            status = "ambiguous_shift"
-        if status == "ok" and seen < self.least_share * after.mesh.present:
-            status = "few_markers"
+        if status is Status.OK and (answer.is_slipping or (seen and after.is_open)):
+            status = Status.AMBIGUOUS_SHIFT
+        if status is Status.OK and seen < self.least_share * after.mesh.present:
+            status = Status.FEW_MARKERS
         return TrackedGrid(
             position_px=position,
             covariance_px2=covariance,

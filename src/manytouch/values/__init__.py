@@ -23,7 +23,9 @@ from manytouch.values.frame import Frame
 from manytouch.values.grid import TrackedGrid
 from manytouch.values.health import Health, Setting
 from manytouch.values.reading import Comparison, Reading, Truth
+from manytouch.values.roi import Roi
 from manytouch.values.sensor import Camera, Layout, LengthUnit, Polarity, Sensor, Sheet
+from manytouch.values.status import Status
 from manytouch.values.surface import SheetSpline, Surface
 
 __all__ = [
@@ -45,12 +47,14 @@ __all__ = [
     "Reading",
     "Record",
     "Release",
+    "Roi",
     "Seek",
     "Sensor",
     "Setting",
     "Sheet",
     "SheetSpline",
     "Start",
+    "Status",
     "Stop",
     "StopRecording",
     "Surface",

@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.values.arrays import count_of
+from manytouch.values.status import Status
 
 ESTIMATES = ("x", "y", "depth", "shear_x", "shear_y", "normal_force", "torque", "area")
 """Order of rows and columns of `Contact.covariance`."""
@@ -71,11 +72,11 @@ class Contacts:
 
     Attributes:
         contacts: in the order of their ids, including those that end in this frame.
-        status: "ok", or why the contacts of this frame could not be estimated.
+        status: `OK`, or why the contacts of this frame could not be estimated.
     """
 
     contacts: tuple[Contact, ...] = ()
-    status: str = "ok"
+    status: Status = Status.OK
 
     @property
     def touching(self) -> tuple[Contact, ...]:

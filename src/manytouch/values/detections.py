@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from manytouch.values.arrays import Covariances2, Points2, Scalars, count_of
+from manytouch.values.status import Status
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -15,14 +16,14 @@ class Detections:
         area_px2: (n,) area of the dot in the image.
         contrast: (n,) grey level of the dot minus that of its background, of 255; positive for the sensor's
             polarity.
-        status: "ok", or what is wrong with the whole image: decode_error, dark, saturated, blurred.
+        status: `OK`, or what is wrong with the whole image: decode_error, dark, saturated, blurred.
     """
 
     centre_px: Points2
     covariance_px2: Covariances2
     area_px2: Scalars
     contrast: Scalars
-    status: str = "ok"
+    status: Status = Status.OK
 
     def __repr__(self) -> str:
         return f"Detections({count_of(len(self.centre_px), 'dot')}, {self.status})"

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from manytouch.values.arrays import Counts, Covariances2, Mask, Points2, Scalars
+from manytouch.values.status import Status
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -15,7 +16,7 @@ class TrackedGrid:
         is_seen: (m,) false also where the identity of the dot is doubtful.
         frames_unseen: (m,) frames since the marker was last seen; 0 where seen.
         area_px2: (m,) area of the dots; NaN where not seen; None if the method does not measure it.
-        status: "ok", or few_markers, or the status of the detections.
+        status: `OK`, or few_markers, or the status of the detections.
     """
 
     position_px: Points2
@@ -23,7 +24,7 @@ class TrackedGrid:
     is_seen: Mask
     frames_unseen: Counts
     area_px2: Scalars | None = None
-    status: str = "ok"
+    status: Status = Status.OK
 
     def __repr__(self) -> str:
         return f"TrackedGrid({int(self.is_seen.sum())} of {len(self.is_seen)} markers seen, {self.status})"

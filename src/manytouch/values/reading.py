@@ -7,6 +7,7 @@ from manytouch.values.contacts import Contacts
 from manytouch.values.detections import Detections
 from manytouch.values.frame import Frame
 from manytouch.values.grid import TrackedGrid
+from manytouch.values.status import Status
 from manytouch.values.surface import Surface
 
 
@@ -28,10 +29,10 @@ class Reading:
     milliseconds: float
 
     @property
-    def status(self) -> str:
-        """Status of the first stage that is not "ok", or "ok"."""
-        words = (self.detections.status, self.grid.status, self.surface.status, self.contacts.status)
-        return next((word for word in words if word != "ok"), "ok")
+    def status(self) -> Status:
+        """Status of the first stage that has one other than `OK`."""
+        found = (self.detections.status, self.grid.status, self.surface.status, self.contacts.status)
+        return next((each for each in found if each is not Status.OK), Status.OK)
 
     def __repr__(self) -> str:
         seen, markers = int(self.grid.is_seen.sum()), len(self.grid.is_seen)

@@ -7,6 +7,7 @@ from jaxtyping import Float64
 
 from manytouch.values.arrays import Covariances3, Points3, count_of
 from manytouch.values.sensor import Layout
+from manytouch.values.status import Status
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -53,7 +54,7 @@ class Surface:
         covariance_mm2: (m, 3, 3) of the displacement; NaN where unknown.
         spline: shape and forces of the whole sheet, from methods that estimate them; else None.
         layout: the markers at rest; None only where a surface need not be sampled.
-        status: "ok", or why this surface is unreliable.
+        status: `OK`, or why this surface is unreliable.
     """
 
     position_mm: Points3
@@ -61,7 +62,7 @@ class Surface:
     covariance_mm2: Covariances3
     spline: SheetSpline | None = None
     layout: Layout | None = None
-    status: str = "ok"
+    status: Status = Status.OK
 
     def __repr__(self) -> str:
         depth_mm = -self.displacement_mm[:, 2]

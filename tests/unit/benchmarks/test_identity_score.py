@@ -18,12 +18,12 @@ from sequences import Course, Sequence, course_of, dots_in  # noqa: E402
 
 from manytouch.pipeline import Pipeline  # noqa: E402
 from manytouch.tracking.tracker import MarkerTracker  # noqa: E402
-from manytouch.values import Detections, Frame, Reading, Sensor, TrackedGrid  # noqa: E402
+from manytouch.values import Detections, Frame, Reading, Sensor, Status, TrackedGrid  # noqa: E402
 
 STD_PX = 0.02
 
 
-def grid_of(course: Course, index: int, *, status: str = "ok") -> TrackedGrid:
+def grid_of(course: Course, index: int, *, status: Status = Status.OK) -> TrackedGrid:
     """A perfect tracker's answer with noise."""
     chance = np.random.default_rng(index)
     seen = course.is_visible[index].copy()
@@ -89,7 +89,7 @@ def test_a_swap_is_two_wrong_markers_and_told_ones_count_apart(course: Course) -
     grids = [grid_of(course, index) for index in range(10)]
     seen = np.flatnonzero(grids[4].is_seen & grids[5].is_seen)[:2]
     grids[4] = changed(grids[4], swap=(int(seen[0]), int(seen[1])))
-    grids[5] = changed(grid_of(course, 5, status="few_markers"), swap=(int(seen[0]), int(seen[1])))
+    grids[5] = changed(grid_of(course, 5, status=Status.FEW_MARKERS), swap=(int(seen[0]), int(seen[1])))
     judged = score(course, readings(course, grids))
     assert (judged.wrong_ok, judged.wrong_told) == (2, 2)
     assert judged.wrong == pytest.approx(1e5 * 4 / judged.seen)

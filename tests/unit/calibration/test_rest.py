@@ -17,7 +17,7 @@ from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.tracking import MarkerTracker
 from manytouch.tracking.lattice.arrange import arrange
-from manytouch.values import Detections, Frame
+from manytouch.values import Detections, Frame, Roi, Status
 
 WIDTH, HEIGHT = 640, 420
 
@@ -27,7 +27,7 @@ def grid_px(rows=7, columns=10, pitch=(50.0, 40.0), corner=(80.0, 70.0)):
     return np.column_stack([column.ravel() * pitch[0], row.ravel() * pitch[1]]) + np.array(corner)
 
 
-def detections_of(centre_px, status="ok"):
+def detections_of(centre_px, status=Status.OK):
     n = len(centre_px)
     return Detections(
         centre_px=np.array(centre_px, dtype=np.float64).reshape(n, 2),
@@ -125,7 +125,7 @@ def test_the_still_frames_are_taken_when_the_sheet_is_pressed_early():
 
 
 def test_frames_with_a_bad_status_are_left_out():
-    still = merge_rest_dots([detections_of(grid_px() + 9.0, status="dark"), *noisy(grid_px(), frames=3)])
+    still = merge_rest_dots([detections_of(grid_px() + 9.0, status=Status.DARK), *noisy(grid_px(), frames=3)])
     assert still.frames == (1, 2, 3)
 
 
@@ -182,8 +182,8 @@ def test_tracking_is_told_the_region_in_which_a_sensor_is_referred(monkeypatch):
     monkeypatch.setattr(reference, "MarkerTracker", spied)
     sensor = sensor_of(grid_px())
     assert sensor.layout is not None
-    register_dots(sensor, sensor.layout.rest_px, roi_px=(10, 20, 600, 380))
-    assert asked == [(10, 20, 600, 380)]
+    register_dots(sensor, sensor.layout.rest_px, roi_px=Roi(10, 20, 600, 380))
+    assert asked == [Roi(10, 20, 600, 380)]
 
 
 def test_a_recording_of_another_sheet_is_refused():
@@ -251,8 +251,8 @@ def test_frames_of_two_sizes_and_no_frames_are_refused():
 
 
 def test_a_region_outside_the_image_is_refused():
-    with pytest.raises(SensorError, match="does not lie within the image of 320 x 200 px"):
-        examine(frames_of(np.zeros((200, 320), dtype=np.uint8)), roi_px=(300, 10, 50, 50))
+    with pytest.raises(SourceError, match=r"does not lie inside.* 320 x 200 px"):
+        examine(frames_of(np.zeros((200, 320), dtype=np.uint8)), roi_px=Roi(300, 10, 50, 50))
 
 
 def test_glints_beyond_the_pattern_and_doubles_are_not_confirmed():

@@ -7,7 +7,7 @@ from manytouch.detection import DotSearch, appearance_of
 from manytouch.errors import SensorError
 from manytouch.pipeline import Detect
 from manytouch.simulation.render.discs import Look, Spot, render_discs
-from manytouch.values import Camera, Frame, Layout, Sensor
+from manytouch.values import Camera, Frame, Layout, Roi, Sensor
 
 WIDTH, HEIGHT = 640, 420
 
@@ -142,7 +142,7 @@ def test_colour_weights_are_used() -> None:
 
 def test_region_limits_the_search() -> None:
     centre_px = lattice()
-    search = DotSearch(roi_px=(100, 100, 300, 220))
+    search = DotSearch(roi_px=Roi(100, 100, 300, 220))
     image = picture(centre_px, 8.0, LOOKS["light"])
     state, found = search.step(search.start(sensor(centre_px, 8.0)), frame(image), None)
     inside = (np.abs(centre_px - [249.5, 209.5]) < [140.0, 100.0]).all(axis=1)

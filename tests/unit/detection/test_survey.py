@@ -7,7 +7,7 @@ from scipy.ndimage import gaussian_filter
 from manytouch.detection import survey
 from manytouch.errors import LayoutError
 from manytouch.simulation.render.discs import Look, Spot, render_discs
-from manytouch.values import Frame
+from manytouch.values import Frame, Roi
 
 WIDTH, HEIGHT = 520, 400
 LIGHT, DARK = {"ground": 45.0, "dot": 205.0}, {"ground": 190.0, "dot": 50.0}
@@ -152,7 +152,7 @@ def test_16_bit_is_seen_in_grey_levels_of_255() -> None:
 def test_region_gives_whole_image_coordinates() -> None:
     centre_px = lattice(12, 9, 38.0)
     image = picture(centre_px, 8.0, Look(read_noise=2.0))
-    found = survey([frame(image)], roi_px=(150, 100, 300, 200)).detections.centre_px
+    found = survey([frame(image)], roi_px=Roi(150, 100, 300, 200)).detections.centre_px
     distance = np.linalg.norm(found[:, None] - centre_px[None], axis=2).min(axis=1)
     assert np.median(distance) < 0.05
     assert found.min(axis=0)[0] >= 149.0

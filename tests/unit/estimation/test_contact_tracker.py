@@ -8,7 +8,7 @@ import pytest
 from manytouch.errors import SensorError
 from manytouch.estimation.contact_tracker import ContactTracker
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.values import Camera, Contact, Contacts, Phase, Sensor
+from manytouch.values import Camera, Contact, Contacts, Phase, Sensor, Status
 
 SENSOR = demo_sensor(640)  # pitch 4 mm
 TRACKER = ContactTracker()
@@ -135,7 +135,7 @@ def test_unusable_frames_do_not_end_contacts():
     for _ in range(3):
         state, _ = TRACKER.step(state, here)
     for _ in range(8):
-        state, tracked = TRACKER.step(state, [], status="few_markers")
+        state, tracked = TRACKER.step(state, [], status=Status.FEW_MARKERS)
         assert tracked.status == "few_markers"
         assert [each.id for each in tracked.touching] == [0]
     state, tracked = TRACKER.step(state, here)

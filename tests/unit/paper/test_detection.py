@@ -8,7 +8,7 @@ from manytouch.errors import ManytouchError, SensorError
 from manytouch.geometry.camera import project
 from manytouch.paper.detection import PaperDetection, contour_midpoints, opened
 from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, render_discs
-from manytouch.values import Camera, Frame, Layout, Sensor
+from manytouch.values import Camera, Frame, Layout, Roi, Sensor
 
 ROWS, COLUMNS, PITCH_MM, RADIUS_MM = 5, 8, 4.0, 0.9
 
@@ -220,7 +220,7 @@ def test_region_of_interest_leaves_out_what_lies_outside(named):
     of = sensor(**named)
     true_px, image = picture(of)
     x, y, width, height = 120, 90, 230, 170
-    dots = found(PaperDetection(roi_px=(x, y, width, height)), of, image)
+    dots = found(PaperDetection(roi_px=Roi(x, y, width, height)), of, image)
     inside = ((true_px > [x + 9, y + 9]) & (true_px < [x + width - 10, y + height - 10])).all(axis=1)
     assert inside.any()
     assert not inside.all()
@@ -257,4 +257,4 @@ def test_wrong_parameters_and_sensors_are_refused_in_a_sentence():
     with pytest.raises(SensorError, match="has no \\[markers\\]"):
         PaperDetection().start(Sensor(name="bare", camera=of.camera))
     with pytest.raises(SensorError, match="outside the area of interest"):
-        PaperDetection(roi_px=(0, 0, 5, 5)).start(of)
+        PaperDetection(roi_px=Roi(0, 0, 5, 5)).start(of)

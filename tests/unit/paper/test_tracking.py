@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import project
 from manytouch.paper.tracking import PaperTracking, sorted_by_rows
-from manytouch.values import Camera, Detections, Layout, Sensor
+from manytouch.values import Camera, Detections, Layout, Sensor, Status
 
 ROWS, COLUMNS, PITCH_MM = 5, 7, np.array([4.0, 5.0])
 
@@ -42,7 +42,7 @@ def sensor(rotation=(0.0, 0.0, 0.0), missing=()):
     )
 
 
-def detections(centre_px, status="ok"):
+def detections(centre_px, status=Status.OK):
     count = len(centre_px)
     return Detections(
         centre_px=np.array(centre_px, dtype=np.float64).reshape(-1, 2),
@@ -149,7 +149,7 @@ def test_a_frame_without_dots_loses_nothing():
     rest_px = project(of.camera, of.layout.rest_mm)
     tracking = PaperTracking()
     state, _ = tracked(of, [rest_px], tracking)
-    state, grid = tracking.step(state, detections(np.zeros((0, 2)), status="decode_error"))
+    state, grid = tracking.step(state, detections(np.zeros((0, 2)), status=Status.DECODE_ERROR))
     assert grid.status == "decode_error"
     assert not grid.is_seen.any()
     state, grid = tracking.step(state, detections(rest_px))

@@ -143,7 +143,7 @@ def test_whatever_a_reading_may_hold_can_be_recorded() -> None:
     from manytouch.recording import json_codec
 
     asked = {kind.__name__ for kind in typing.get_args(values.Command)}
-    others = {"Frame", "Reading", "Truth", "Comparison", "Health", "Setting"}
+    others = {"Frame", "Reading", "Truth", "Comparison", "Health", "Setting", "Roi"}
     held = {name for name in values.__all__ if is_dataclass(getattr(values, name))} - asked - others
     assert held
     assert held <= set(json_codec.RECORDED_TYPES)

@@ -15,6 +15,7 @@ from manytouch.values import (
     Reading,
     Sensor,
     Sheet,
+    Status,
     Surface,
     TrackedGrid,
 )
@@ -72,7 +73,7 @@ def make_reading(
     shift_px: tuple[float, float] = (0.0, 0.0),
     unseen: tuple[int, ...] = (),
     depth_mm: float = 0.0,
-    status: str = "ok",
+    status: Status = Status.OK,
 ) -> Reading:
     """A frame in which all markers are moved alike and pressed alike."""
     layout = (sensor or make_sensor()).layout
@@ -85,7 +86,7 @@ def make_reading(
     displacement[~seen] = np.nan
     covariance = np.tile(np.eye(3) * 0.01, (count, 1, 1))
     covariance[~seen] = np.nan
-    image = None if status == "decode_error" else np.full((240, 320), 180, np.uint8)
+    image = None if status is Status.DECODE_ERROR else np.full((240, 320), 180, np.uint8)
     return Reading(
         frame=Frame(index=index, timestamp_ns=index * 40_000_000, camera="bench", image=image),
         detections=Detections(

@@ -11,7 +11,7 @@ from manytouch.sinks.pictures.annotate import AnnotatedPictures, Annotator
 from manytouch.sinks.pictures.drawing import SKY, VERMILION, eight_bit_colour, text_size, write_text
 from manytouch.sinks.pictures.surface_picture import BusiestFrame, SelectedFrames, SurfacePicture
 from manytouch.sinks.surface_grid import surface_grid
-from manytouch.values import Phase
+from manytouch.values import Phase, Status
 
 
 def count(picture, colour):
@@ -25,7 +25,8 @@ def place_of(picture, colour):
 
 def test_small_pictures_are_enlarged_and_sizes_are_even_and_constant(sensor, reading_of):
     annotate = Annotator(sensor)
-    shapes = {annotate(reading_of(i, status=s)).shape for i, s in enumerate(["ok", "decode_error", "ok"])}
+    states = (Status.OK, Status.DECODE_ERROR, Status.OK)
+    shapes = {annotate(reading_of(i, status=s)).shape for i, s in enumerate(states)}
     assert annotate.zoom == 3
     assert len(shapes) == 1
     height, width, _ = shapes.pop()
@@ -187,5 +188,5 @@ def test_picture_states_units_and_exaggeration(sensor_of, reading_of, contact_of
 
 def test_picture_of_an_unknown_surface_does_not_fail(sensor, reading_of):
     pytest.importorskip("matplotlib")
-    reading = reading_of(0, unseen=tuple(range(24)), status="decode_error")
+    reading = reading_of(0, unseen=tuple(range(24)), status=Status.DECODE_ERROR)
     SurfacePicture(sensor).figure(reading).canvas.draw()

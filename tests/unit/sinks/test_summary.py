@@ -12,7 +12,7 @@ from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import describe_sensor, pitch_px
 from manytouch.sinks.files.summary import Summary, parameters
-from manytouch.values import Phase
+from manytouch.values import Phase, Roi, Status
 
 
 def noise_of(readings, markers=24):
@@ -43,7 +43,7 @@ def test_noise_does_not_count_that_the_sheet_rests_elsewhere_after_a_press(readi
 
 
 def test_frames_that_failed_are_no_rest_and_end_the_run(reading_of):
-    failed = reading_of(2, shift_px=(9.0, 0.0), status="blurred")
+    failed = reading_of(2, shift_px=(9.0, 0.0), status=Status.BLURRED)
     assert np.nanmax(noise_of([reading_of(0), reading_of(1), failed, reading_of(3)])) == 0.0
 
 
@@ -54,7 +54,7 @@ def summary_in(folder, sensor, frame_count=None):
 
 def pipeline_of():
     return Pipeline(
-        detect=PaperDetection(roi_px=(1, 2, 30, 40)), track=PaperTracking(), estimate=PaperEstimation()
+        detect=PaperDetection(roi_px=Roi(1, 2, 30, 40)), track=PaperTracking(), estimate=PaperEstimation()
     )
 
 
@@ -63,7 +63,7 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
     for index in range(4):
         summary.write(reading_of(index, unseen=(3,)))
     summary.write(reading_of(4, (contact_of(1, Phase.START), contact_of(2, Phase.START)), unseen=(3,)))
-    summary.write(reading_of(5, (contact_of(1, Phase.END),), status="decode_error"))
+    summary.write(reading_of(5, (contact_of(1, Phase.END),), status=Status.DECODE_ERROR))
     assert not (tmp_path / "summary.json").exists()
     summary.close()
     told = json.loads((tmp_path / "summary.json").read_text())
@@ -94,7 +94,7 @@ def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, 
         summary.write(reading_of(index))
     everything = tuple(range(24))
     for index in range(3, 8):
-        summary.write(reading_of(index, unseen=everything, status="decode_error"))
+        summary.write(reading_of(index, unseen=everything, status=Status.DECODE_ERROR))
     assert summary.odd() == ["5 of 8 frames have the status decode_error"]
 
 

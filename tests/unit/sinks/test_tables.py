@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable, number
-from manytouch.values import Phase
+from manytouch.values import Phase, Status
 
 CONTACT_COLUMNS = (
     "frame,time_s,contact,phase,x_mm,y_mm,depth_mm,normal_force_N,shear_x_N,shear_y_N,area_mm2,"
@@ -76,7 +76,7 @@ def test_frames_have_a_line_each_also_when_they_failed(tmp_path, reading_of, con
     write(
         FrameTable(tmp_path),
         reading_of(0, (contact_of(1), ended)),
-        reading_of(2, status="decode_error", unseen=tuple(range(24))),
+        reading_of(2, status=Status.DECODE_ERROR, unseen=tuple(range(24))),
     )
     assert (tmp_path / "frames.csv").read_text().splitlines() == [
         FRAME_COLUMNS,

@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 
 from manytouch.errors import SensorError
 from manytouch.tracking import MarkerTracker
-from manytouch.values import Detections, Layout, Sensor
+from manytouch.values import Detections, Layout, Sensor, Status
 from straight import straight_camera
 
 WIDTH, HEIGHT, PITCH = 900, 640, 50.0
@@ -313,7 +313,7 @@ def test_a_bad_picture_keeps_its_status():
         covariance_px2=np.zeros((0, 2, 2)),
         area_px2=np.zeros(0),
         contrast=np.zeros(0),
-        status="dark",
+        status=Status.DARK,
     )
     state, grid = follow.step(state, dark)
     assert grid.status == "dark"

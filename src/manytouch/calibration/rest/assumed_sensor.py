@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.calibration.rest.first_frames import RestRegion, arrange_rest_dots, find_rest_dots, image_size
+from manytouch.calibration.rest.first_frames import arrange_rest_dots, find_rest_dots, image_size
 from manytouch.calibration.rest.flatness import bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.rest_frames import RestDots
@@ -17,7 +17,7 @@ from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import onto_plane
 from manytouch.tracking.lattice.arrange import Arrangement
-from manytouch.values import Camera, Frame, Layout, Polarity, Sensor, Sheet
+from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor, Sheet
 from manytouch.values.arrays import read_only
 
 __all__ = ["register_rest", "sensor_from_dots", "sensor_from_rest"]
@@ -34,7 +34,7 @@ def sensor_from_rest(
     name: str,
     pitch_mm: float | tuple[float, float] | None = None,
     hfov_deg: float | None = None,
-    roi_px: RestRegion | None = None,
+    roi_px: Roi | None = None,
 ) -> Sensor:
     """Build a sensor from the first frames of any recording of a sheet with dots.
 
@@ -81,7 +81,7 @@ def sensor_from_dots(
     colour_weights: np.ndarray | None = None,
     pitch_mm: float | tuple[float, float] | None = None,
     hfov_deg: float | None = None,
-    roi_px: RestRegion | None = None,
+    roi_px: Roi | None = None,
 ) -> Sensor:
     """As `sensor_from_rest`, from dots that were detected before."""
     _check_numbers(pitch_mm, hfov_deg)

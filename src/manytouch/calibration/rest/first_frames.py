@@ -6,26 +6,24 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from manytouch.calibration.rest.rest_frames import RestDots, confirm_rest_dots, merge_rest_dots
-from manytouch.errors import LayoutError, SensorError, SourceError
+from manytouch.errors import LayoutError, SourceError
 from manytouch.tracking.lattice.arrange import Arrangement, arrange
-from manytouch.values import Camera, Detections, Frame, Layout, Sensor
+from manytouch.values import Camera, Detections, Frame, Layout, Roi, Sensor
 from manytouch.values.arrays import Mask, read_only
 
 if TYPE_CHECKING:
     from manytouch.detection import Appearance
 
-RestRegion = tuple[int, int, int, int]
 MOST_FRAMES = 24
 _LEAST_DOTS = 4
 _DISTANT = 1e6
 
 
-def image_size(frames: Sequence[Frame], roi_px: RestRegion | None = None) -> tuple[int, int]:
+def image_size(frames: Sequence[Frame], roi_px: Roi | None = None) -> tuple[int, int]:
     """Width and height of the decoded frames, px.
 
     Raises:
-        SourceError: no frame was decoded, or frames differ in size.
-        SensorError: the region of interest lies outside the image.
+        SourceError: no frame was decoded, frames differ in size, or the region is outside the image.
     """
     sizes = {each.image.shape[:2] for each in frames if each.image is not None}
     if not sizes:
@@ -40,17 +38,12 @@ def image_size(frames: Sequence[Frame], roi_px: RestRegion | None = None) -> tup
         )
     height, width = sizes.pop()
     if roi_px is not None:
-        x, y, w, h = roi_px
-        if x < 0 or y < 0 or w <= 0 or h <= 0 or x + w > width or y + h > height:
-            raise SensorError(
-                f"the region {x},{y},{w},{h} (x,y,width,height) does not lie within the image of "
-                f"{width} x {height} px: give one that does, or none"
-            )
+        roi_px.require_inside(width, height, "the input")
     return width, height
 
 
 def find_rest_dots(
-    frames: Sequence[Frame], roi_px: RestRegion | None
+    frames: Sequence[Frame], roi_px: Roi | None
 ) -> tuple["Appearance", RestDots, tuple[str, ...]]:
     """Appearance and rest positions of the dots of an unknown recording, and warnings."""
     from manytouch.detection import survey
@@ -93,9 +86,7 @@ def _sensor_for_search(known: RestDots, appearance: "Appearance", width_px: int,
     )
 
 
-def detect_in_frames(
-    sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None
-) -> tuple[Detections, ...]:
+def detect_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> tuple[Detections, ...]:
     """Detect the dots of each frame with the search that later frames use."""
     from manytouch.detection import DotSearch
 
@@ -108,9 +99,7 @@ def detect_in_frames(
     return tuple(found)
 
 
-def arrange_rest_dots(
-    still: RestDots, width_px: int, height_px: int, roi_px: RestRegion | None
-) -> Arrangement:
+def arrange_rest_dots(still: RestDots, width_px: int, height_px: int, roi_px: Roi | None) -> Arrangement:
     """Arrange rest dots as numbered markers.
 
     Raises:
@@ -125,7 +114,7 @@ def arrange_rest_dots(
     return arrange(still.centre_px, is_cut(still, width_px, height_px, roi_px))
 
 
-def is_cut(still: RestDots, width_px: int, height_px: int, roi_px: RestRegion | None) -> Mask:
+def is_cut(still: RestDots, width_px: int, height_px: int, roi_px: Roi | None) -> Mask:
     """(n,) whether the border of the image or of the region of interest cuts the dot."""
     x, y, w, h = roi_px or (0, 0, width_px, height_px)
     radius = np.sqrt(np.median(still.area_px2) / np.pi)

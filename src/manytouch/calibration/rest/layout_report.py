@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.calibration.rest.first_frames import RestRegion, arrange_rest_dots, find_rest_dots, image_size
+from manytouch.calibration.rest.first_frames import arrange_rest_dots, find_rest_dots, image_size
 from manytouch.calibration.rest.flatness import bulge_in_pitches
 from manytouch.tracking.lattice.find import predicted
-from manytouch.values import Frame
+from manytouch.values import Frame, Roi
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -41,7 +41,7 @@ class LayoutReport:
     bulge_pitches: float
 
 
-def examine(frames: Sequence[Frame], *, roi_px: RestRegion | None = None) -> LayoutReport:
+def examine(frames: Sequence[Frame], *, roi_px: Roi | None = None) -> LayoutReport:
     """Find the layout in the first frames and report on it; raises as `sensor_from_rest` does."""
     width, height = image_size(frames, roi_px)
     _, still, _ = find_rest_dots(frames, roi_px)

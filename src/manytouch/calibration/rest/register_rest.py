@@ -5,17 +5,17 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.calibration.rest.first_frames import MOST_FRAMES, RestRegion, detect_in_frames, image_size
+from manytouch.calibration.rest.first_frames import MOST_FRAMES, detect_in_frames, image_size
 from manytouch.calibration.rest.rest_frames import merge_rest_dots
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.errors import LayoutError, SensorError
 from manytouch.tracking import MarkerTracker
-from manytouch.values import Detections, Frame, Sensor
+from manytouch.values import Detections, Frame, Roi, Sensor
 
 _LEAST_SHARE = 0.5
 
 
-def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: RestRegion | None = None) -> Sensor:
+def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None = None) -> Sensor:
     """Return the sensor with the marker centres measured in the rest frames at the start of a recording.
 
     The nominal pose may be off by up to about 0.4 pitch and a few degrees. A marker that is not found
@@ -54,7 +54,7 @@ def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: RestRegion
     return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
 
 
-def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:
+def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> Sensor:
     still = merge_rest_dots(detect_in_frames(sensor, frames[:MOST_FRAMES], roi_px))
     found = register_dots(sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px)
     if shift_is_undetectable(found, still, roi_px=roi_px):
@@ -62,7 +62,7 @@ def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: RestReg
     return found
 
 
-def _with_surveyed_appearance(sensor: Sensor, frames: Sequence[Frame], roi_px: RestRegion | None) -> Sensor:
+def _with_surveyed_appearance(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> Sensor:
     """The sensor with the polarity and colour weights that a survey of the frames finds."""
     from manytouch.detection import survey
 
@@ -79,7 +79,7 @@ def _with_surveyed_appearance(sensor: Sensor, frames: Sequence[Frame], roi_px: R
 
 
 def register_dots(
-    sensor: Sensor, centre_px: np.ndarray, *, still_frames: int = 1, roi_px: RestRegion | None = None
+    sensor: Sensor, centre_px: np.ndarray, *, still_frames: int = 1, roi_px: Roi | None = None
 ) -> Sensor:
     """As `register_rest`, from the centres (n, 2) of the dots at rest, px."""
     assert sensor.layout is not None

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
 from manytouch.tracking.lattice.find import find_lattice, local_spacing
-from manytouch.values import Detections
+from manytouch.values import Detections, Status
 from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 
 _GATE = 0.35
@@ -45,7 +45,7 @@ def merge_rest_dots(detections: Sequence[Detections]) -> RestDots:
     Frames with a bad status are left out unless there is no other. A dot counts when at least two
     fifths of the group's frames show it.
     """
-    usable = [k for k, each in enumerate(detections) if each.status == "ok" and len(each.centre_px) > 0]
+    usable = [k for k, each in enumerate(detections) if each.status is Status.OK and len(each.centre_px) > 0]
     usable = usable or [k for k, each in enumerate(detections) if len(each.centre_px) > 0]
     if not usable:
         return _merge([], (), moved=False)

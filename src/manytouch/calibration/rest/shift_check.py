@@ -5,7 +5,7 @@ import numpy as np
 from manytouch.calibration.rest.rest_frames import RestDots
 from manytouch.tracking import MarkerTracker
 from manytouch.tracking.lattice_graph import CLOSED, LatticeGraph
-from manytouch.values import Sensor
+from manytouch.values import Roi, Sensor
 
 UNDETECTABLE_SHIFT = (
     "The pattern is regular, fills the view and its dots are alike: a shift by whole pitches within one "
@@ -20,9 +20,7 @@ _EQUAL_SHARE = (
 _MAD_TO_STD = 1.4826
 
 
-def shift_is_undetectable(
-    sensor: Sensor, still: RestDots, *, roi_px: tuple[int, int, int, int] | None = None
-) -> bool:
+def shift_is_undetectable(sensor: Sensor, still: RestDots, *, roi_px: Roi | None = None) -> bool:
     """Whether neither border, gaps, irregularity nor dot appearance distinguish a shift by whole pitches.
 
     Args:

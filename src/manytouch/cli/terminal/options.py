@@ -45,12 +45,17 @@ def pair(form: str) -> Any:
     return numbers(2, form)
 
 
-def _roi(_: Any, tokens: Sequence[Token]) -> tuple[int, int, int, int]:
+def _roi(_: Any, tokens: Sequence[Token]) -> Any:
     found = _numbers(tokens, (4,), "X,Y,W,H in whole px")
     if any(value != int(value) for value in found):
         raise ValueError("expected X,Y,W,H in whole px")
-    x, y, width, height = map(int, found)
-    return x, y, width, height
+    from manytouch.errors import SourceError
+    from manytouch.values import Roi
+
+    try:
+        return Roi(*map(int, found))
+    except SourceError as error:
+        raise ValueError(str(error)) from None
 
 
 def _frames(_: Any, tokens: Sequence[Token]) -> tuple[int, ...]:

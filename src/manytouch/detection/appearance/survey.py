@@ -35,7 +35,7 @@ from manytouch.detection.noise import noise_of
 from manytouch.detection.search import cropped, level_of
 from manytouch.detection.selection import without_doubles
 from manytouch.errors import LayoutError
-from manytouch.values import Detections, Frame, Polarity
+from manytouch.values import Detections, Frame, Polarity, Roi
 from manytouch.values.arrays import Mask
 
 FEWEST = 6
@@ -99,7 +99,7 @@ class Pattern:
         return self.regular > 0.8 and self.clarity > 0.8
 
 
-def survey(frames: Sequence[Frame], *, roi_px: tuple[int, int, int, int] | None = None) -> Survey:
+def survey(frames: Sequence[Frame], *, roi_px: Roi | None = None) -> Survey:
     """Finds out how the dots look.
 
     Args:

@@ -14,7 +14,7 @@ from manytouch.estimation.load.load_peaks import LoadPeakFinder, LoadPeaks
 from manytouch.estimation.load.load_source import LoadSource
 from manytouch.geometry.camera import onto_plane, project
 from manytouch.geometry.sampling import GridSampling, sampling_on
-from manytouch.values import ESTIMATES, Camera, Contact, Contacts, Phase, Sensor, TrackedGrid
+from manytouch.values import ESTIMATES, Camera, Contact, Contacts, Phase, Sensor, Status, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
 
 _DEPTH = ESTIMATES.index("depth")
@@ -96,7 +96,7 @@ class LoadContactFinder:
     ) -> tuple[LoadContactState, Contacts]:
         """Contacts of the next frame; `motion` is None where too few markers are seen."""
         if motion is None:
-            status = "few_markers" if grid.status == "ok" else grid.status
+            status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
             tracks, contacts = self.tracker.step(state.tracks, (), status=status)
             return replace(state, tracks=tracks), contacts
         if state.rest_frames == 0:
@@ -114,7 +114,7 @@ class LoadContactFinder:
             status=grid.status,
         )
         state = replace(state, tracks=tracks, recent_load=self.peaks.fade(peaks, state.recent_load))
-        if grid.status == "ok" and not tracks.tracks and len(peaks.load) == 0:
+        if grid.status is Status.OK and not tracks.tracks and len(peaks.load) == 0:
             state = replace(
                 state,
                 rest_mm=read_only(state.rest_mm + self.drift * displacement_mm),

@@ -32,7 +32,7 @@ from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.mechanics.solver.posterior import Posterior
-from manytouch.values import Contacts, Sensor, Surface, TrackedGrid
+from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars, read_only
 
 MIN_MARKERS = 12
@@ -157,7 +157,7 @@ class MechanicsEstimator:
         if grid.is_seen.sum() < MIN_MARKERS:
             return self._step_without_markers(state, grid)
         fit = self.fit_frame(state, grid)
-        status = grid.status if grid.status != "ok" else fit.status
+        status = grid.status if grid.status is not Status.OK else fit.status
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
         clusters, significance = self._clusters(state, fit, noise)
         surface = self._surface(state, grid, fit, clusters, status)
@@ -170,9 +170,9 @@ class MechanicsEstimator:
         if state.uncalibrated is not None:
             return self._step_uncalibrated(after, state.uncalibrated, grid, fit, surface)
         may_start = self._may_start(state, clusters) & (significance >= self.contact_rules.start_stds)
-        may_start &= fit.status == "ok"
+        may_start &= fit.status is Status.OK
         after, contacts = self._track(after, clusters, fit, may_start=may_start, noise=noise, status=status)
-        if status == "ok" and not after.tracks.tracks and not may_start.any():
+        if status is Status.OK and not after.tracks.tracks and not may_start.any():
             after = self._update_reference(after, grid)
         return after, surface, contacts
 
@@ -242,7 +242,7 @@ class MechanicsEstimator:
         *,
         may_start: Mask,
         noise: float,
-        status: str,
+        status: Status,
     ) -> tuple[MechanicsState, Contacts]:
         """Contacts with identities and slip, and the state that contains them."""
         model = state.model
@@ -293,7 +293,7 @@ class MechanicsEstimator:
             is_own = is_nearest & (away_mm[:, number] < self.own_force_pitch * model.pitch_mm)
             force_mm2 = fit.shape.force_mm2[is_own].sum(axis=0)
             least_mm2 = self.force_clusters.min_force * model.lattice.force_unit_mm2
-            if fit.status != "ok" or -force_mm2[2] < least_mm2:
+            if fit.status is not Status.OK or -force_mm2[2] < least_mm2:
                 force_mm2 = np.full(3, np.nan)
             with_forces.append(
                 replace(
@@ -302,7 +302,7 @@ class MechanicsEstimator:
                     shear_over_E_mm2=(float(force_mm2[0]), float(force_mm2[1])),
                 )
             )
-        if surface.status == "ok" and not self.uncalibrated_contact_finder.is_touched(uncalibrated[1]):
+        if surface.status is Status.OK and not self.uncalibrated_contact_finder.is_touched(uncalibrated[1]):
             state = self._update_reference(state, grid)
         return (
             replace(state, uncalibrated=uncalibrated),
@@ -320,7 +320,7 @@ class MechanicsEstimator:
         self, state: MechanicsState, grid: TrackedGrid
     ) -> tuple[MechanicsState, Surface, Contacts]:
         """A frame with too few markers: no surface, and contacts that wait."""
-        status = "few_markers" if grid.status == "ok" else grid.status
+        status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
         count = len(state.reference_px)
         surface = Surface(
             position_mm=read_only(np.full((count, 3), np.nan)),
@@ -336,7 +336,7 @@ class MechanicsEstimator:
         return replace(state, tracks=tracks), surface, contacts
 
     def _surface(
-        self, state: MechanicsState, grid: TrackedGrid, fit: Fit, clusters: Clusters, status: str
+        self, state: MechanicsState, grid: TrackedGrid, fit: Fit, clusters: Clusters, status: Status
     ) -> Surface:
         model, shape = state.model, fit.shape
         displacement_mm = model.dots.displacement_mm(shape.coefficient_mm)

@@ -19,6 +19,7 @@ from manytouch.estimation.mechanics.gauss_newton import Fit
 from manytouch.estimation.mechanics.patch_kernels import fit_patches
 from manytouch.estimation.mechanics.sheet_model import SheetModel
 from manytouch.geometry.spline import basis
+from manytouch.values import Status
 from manytouch.values.arrays import Points2, Scalars
 
 _MIN_NODES = 9
@@ -110,7 +111,7 @@ def evidence_at(model: SheetModel, fit: Fit, node: Int64[np.ndarray, " n"]) -> E
         node: (n,) numbers of the nodes; fixed ones and those without contacts are left out.
     """
     node = node[~model.is_excluded[node] & model.patch.is_free[node, 2]]
-    if len(node) < _MIN_NODES or fit.status != "ok":
+    if len(node) < _MIN_NODES or fit.status is not Status.OK:
         return None
     posterior = fit.posterior
     inverse = np.linalg.inv(posterior.covariance(posterior.linearisation.force_rows(node, 2)))

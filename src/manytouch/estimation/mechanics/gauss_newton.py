@@ -20,6 +20,7 @@ from manytouch.estimation.mechanics.force_clusters import smooth
 from manytouch.estimation.mechanics.sheet_model import SheetModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.solver.posterior import Posterior
+from manytouch.values import Status
 from manytouch.values.arrays import Covariances2, Points2, read_only
 
 COST_TOLERANCE = 1.0 + 1e-6
@@ -59,14 +60,14 @@ class Fit:
         posterior: of the last full step, for covariances of this frame and for the first step of the next.
         chi2: mean square of the residuals over their deviation, of the markers with weight.
         steps: number of full steps; 0 if a step with the posterior of an earlier frame was sufficient.
-        status: "ok" or "not_converged".
+        status: `OK` or `NOT_CONVERGED`.
     """
 
     shape: SheetShape
     posterior: Posterior
     chi2: float
     steps: int
-    status: str
+    status: Status
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -148,12 +149,14 @@ class GaussNewton:
                 if here.chi2 <= self.poor_chi2 and self._is_converged(
                     model, before_mm2, here.shape.force_mm2, share
                 ):
-                    return Fit(shape=here.shape, posterior=posterior, chi2=here.chi2, steps=0, status="ok")
+                    return Fit(
+                        shape=here.shape, posterior=posterior, chi2=here.chi2, steps=0, status=Status.OK
+                    )
         return self._iterate(model, start, here, noise)
 
     def _iterate(self, model: SheetModel, start: SheetShape, here: "_Iterate", noise: float) -> Fit:
         """Full steps until the forces converge."""
-        steps, status = 0, "ok"
+        steps, status = 0, Status.OK
         while True:
             weight = self.weights(model, here.shape.force_mm2, noise)
             linearisation = model.normal_equations.linearise(here.shape.coefficient_mm)
@@ -162,7 +165,7 @@ class GaussNewton:
             )
             there = self._search_line(model, here, posterior.change_mm, weight)
             if there is None:
-                status = "not_converged"
+                status = Status.NOT_CONVERGED
                 break
             gain, before_mm2, here = here.chi2 - there.chi2, here.shape.force_mm2, there
             steps += 1
@@ -175,9 +178,9 @@ class GaussNewton:
                 break
         shape = here.shape
         if here.chi2 <= self.poor_chi2:
-            status = "ok"
+            status = Status.OK
         elif here.chi2 > self.failed_chi2:
-            shape, status = start, "not_converged"
+            shape, status = start, Status.NOT_CONVERGED
         return Fit(shape=shape, posterior=posterior, chi2=here.chi2, steps=steps, status=status)
 
     def _search_line(

@@ -23,7 +23,7 @@ from manytouch.estimation.perimeter.view_motion import MotionHypotheses, RigidMo
 from manytouch.geometry.camera import cam_from_sheet, onto_plane, project
 from manytouch.geometry.neighbours import Neighbours, lattice_cells, nearest_neighbours, triangle_cells
 from manytouch.geometry.plane_table import PlaneTable, plane_from_px, plane_table
-from manytouch.values import Layout, Sensor, Surface, TrackedGrid
+from manytouch.values import Layout, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, read_only
 
 MIN_MARKERS = 4
@@ -159,7 +159,7 @@ class MarkerSurface:
         )
 
 
-def unknown_surface(layout: Layout, status: str) -> Surface:
+def unknown_surface(layout: Layout, status: Status) -> Surface:
     """The surface of a frame that shows too few markers: NaN everywhere."""
     count = len(layout.rest_mm)
     return Surface(
@@ -167,5 +167,5 @@ def unknown_surface(layout: Layout, status: str) -> Surface:
         displacement_mm=read_only(np.full((count, 3), np.nan)),
         covariance_mm2=read_only(np.full((count, 3, 3), np.nan)),
         layout=layout,
-        status="few_markers" if status == "ok" else status,
+        status=Status.FEW_MARKERS if status is Status.OK else status,
     )

@@ -7,6 +7,7 @@ from typing import Any
 
 from manytouch.errors import ManytouchError
 from manytouch.pipeline import Pipeline
+from manytouch.values import Roi
 
 
 def parameters_of(pipeline: Pipeline) -> dict[str, int | float]:
@@ -35,7 +36,7 @@ def tuned(pipeline: Pipeline, parameter: str, value: float) -> Pipeline:
 
 def _numbers(owner: Any, name: str, above: str = "") -> Iterator[tuple[str, int | float]]:
     value, path = getattr(owner, name), f"{above}{name}"
-    if is_dataclass(value):
+    if is_dataclass(value) and not isinstance(value, Roi):
         for field in fields(value):
             if field.init:
                 yield from _numbers(value, field.name, f"{path}.")

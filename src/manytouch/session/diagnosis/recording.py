@@ -12,11 +12,10 @@ from manytouch.detection import Appearance, survey
 from manytouch.detection.search import level_of
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session.diagnosis.camera import describe_frame_rate, describe_settings
-from manytouch.session.methods import Roi
 from manytouch.session.prepare import REST_FRAMES, check_region
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import Device
-from manytouch.values import Detections, Frame
+from manytouch.values import Detections, Frame, Roi
 
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from manytouch.values import Reading
+from manytouch.values import Reading, Status
 from manytouch.values.arrays import Points2, Scalars
 
 
@@ -21,7 +21,7 @@ class RestNoise:
 
     def add(self, reading: Reading) -> None:
         """Take in a frame; one with a contact, or one that failed, ends the run."""
-        if reading.status != "ok" or reading.contacts.contacts:
+        if reading.status is not Status.OK or reading.contacts.contacts:
             self._end_run()
             return
         self._run.add(np.where(reading.grid.is_seen[:, None], reading.grid.position_px, np.nan))

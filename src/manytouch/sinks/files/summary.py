@@ -16,7 +16,7 @@ from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
 from manytouch.sinks.files.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import layout_of, sensor_to_dict
-from manytouch.values import Reading, Sensor
+from manytouch.values import Reading, Roi, Sensor, Status
 
 SCHEMA = 1
 RARELY_SEEN = 0.5
@@ -45,7 +45,7 @@ class Summary:
         markers = len(layout_of(sensor).rest_mm)
         self._noise = RestNoise(markers)
         self._seen = np.zeros(markers, dtype=np.int64)
-        self._status: Counter[str] = Counter()
+        self._status: Counter[Status] = Counter()
         self._contacts: set[int] = set()
         self._most_at_once = 0
         self._frames_touched = 0
@@ -115,7 +115,7 @@ class Summary:
         frames = sum(self._status.values())
         sentences = []
         for status, count in sorted(self._status.items()):
-            if status != "ok":
+            if status is not Status.OK:
                 has = "frame has" if frames == 1 else "frames have"
                 sentences.append(f"{count} of {frames} {has} the status {status}")
         announced = self._recording.get("frame_count")
@@ -124,7 +124,7 @@ class Summary:
                 f"the input announced {announced} frames; {frames} were read, up to number {self._last_index}"
             )
         present = ~layout_of(self._sensor).is_missing
-        decoded = frames - self._status["decode_error"]
+        decoded = frames - self._status[Status.DECODE_ERROR]
         rare = np.flatnonzero(present & (self._seen < RARELY_SEEN * decoded))
         if len(rare):
             named = ", ".join(str(marker) for marker in rare[:12]) + (", ..." if len(rare) > 12 else "")
@@ -171,6 +171,8 @@ def parameters(pipeline: Pipeline) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
+    if isinstance(value, Roi):
+        return list(value)
     if dataclasses.is_dataclass(value):
         return {field.name: _plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
     if isinstance(value, np.ndarray):

@@ -1,0 +1,41 @@
+"""What is wrong with a frame, in one word, and what helps."""
+
+from enum import StrEnum
+
+
+class Status(StrEnum):
+    """State of one frame after a stage of the pipeline; a `str`, written to files as its value.
+
+    Attributes:
+        remedy: one sentence that says what to do; empty for `OK`.
+    """
+
+    OK = "ok"
+    DECODE_ERROR = "decode_error"
+    WRONG_SIZE = "wrong_size"
+    DARK = "dark"
+    SATURATED = "saturated"
+    BLURRED = "blurred"
+    FEW_MARKERS = "few_markers"
+    MANY_MARKERS = "many_markers"
+    AMBIGUOUS_SHIFT = "ambiguous_shift"
+    NOT_CONVERGED = "not_converged"
+
+    @property
+    def remedy(self) -> str:
+        """What to do when frames have this status."""
+        return _REMEDY[self]
+
+
+_REMEDY = {
+    Status.OK: "",
+    Status.DECODE_ERROR: "No image: copy or record the input again, or check the camera's cable.",
+    Status.WRONG_SIZE: "Use the sensor file of this camera at this image size.",
+    Status.DARK: "Add light, or choose a longer exposure.",
+    Status.SATURATED: "Dim the light, or choose a shorter exposure.",
+    Status.BLURRED: "Focus the lens, or choose a shorter exposure.",
+    Status.FEW_MARKERS: "Remove what hides the markers, light the sheet evenly, and keep it in the image.",
+    Status.MANY_MARKERS: "Remove what looks like a marker, or limit the region of interest to the markers.",
+    Status.AMBIGUOUS_SHIFT: "Release the sheet until markers are identified again; raise the frame rate.",
+    Status.NOT_CONVERGED: "Where this is frequent, check that the sensor file describes this sheet.",
+}
