@@ -100,7 +100,7 @@ def main() -> None:
     for rows, columns in SHAPES:
         sensor = sensor_of(rows, columns)
         follow = MarkerTracker()
-        rest = follow.start(sensor).mesh.rest_px
+        rest = follow.start(sensor).graph.arrays.rest_px
         for name, (step, damaged) in cases.items():
             median, tail, seen = timed(sensor, sequence(rest, step, damaged, frames + 20))
             print(f"{rows * columns:7d}  {name:17s}  {median:6.3f}  {tail:6.3f}  {seen:.4f}")

@@ -1,4 +1,7 @@
-"""Tracking: which dot is which marker. Find the layout at rest, follow it, lock again after it was lost."""
+"""Tracking: which dot is which marker. The layout at rest is found (`lattice`), then tracked (`matching`).
+
+Where dots are in an image is detection's; what their displacements mean for the sheet is estimation's.
+"""
 
 from manytouch.tracking.lattice.find import Lattice, find_lattice
 from manytouch.tracking.tracker import MarkerTracker, MarkerTrackerState

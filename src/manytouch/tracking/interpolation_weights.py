@@ -1,44 +1,53 @@
-"""Coefficients by which its neighbours' displacements give a marker's."""
+"""Coefficients that interpolate the displacement of a marker from those of its neighbours."""
 
 import numpy as np
 
 from manytouch.values.arrays import Mask, Points2
 
 _LEAST_QUADRATIC = 10
-_LEAST_LINEAR = 4
-_MOST_NOISE = 0.6
+_LEAST_AFFINE = 4
+_MOST_NOISE_VARIANCE = 0.6
 _RIDGE = 1e-9
 SOFTENING = 0.3
 
 
-def blends(
-    points: Points2, is_present: Mask, spacing_px: np.ndarray, start: np.ndarray, near: np.ndarray
+def interpolation_weights(
+    points: Points2, is_present: Mask, spacing_px: np.ndarray, start: np.ndarray, neighbour: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Weights (k,) and coefficients (k,) over the neighbours of all nodes, and which nodes have the latter.
+    """Least-squares weights and interpolation coefficients of the neighbours of all nodes.
 
-    Least squares over present neighbours, weighted by 1 / (distance^2 + 0.3) in spacings: a quadratic fit
-    where noise does not grow by it, else a linear one, else none (corners, thin strips).
+    Fits to the present neighbours, weighted by 1 / (distance^2 + 0.3) in spacings: quadratic where this does
+    not amplify noise, else affine, else none (corners, thin strips).
+
+    Args:
+        points: (N, 2) nodes at rest.
+        is_present: (N,) markers that are not known to be missing.
+        spacing_px: (N,) local spacings.
+        start, neighbour: (N + 1,) and (k,) of `GraphArrays`.
+
+    Returns:
+        (k,) weights; (k,) coefficients; (N,) nodes that have coefficients.
     """
     count = np.diff(start)
     node = np.repeat(np.arange(len(points)), count)
-    away = (points[near] - points[node]) / spacing_px[node][:, None]
+    away = (points[neighbour] - points[node]) / spacing_px[node][:, None]
     weight = 1.0 / ((away**2).sum(axis=1) + SOFTENING)
-    blend = np.zeros(len(near))
-    is_blended = np.zeros(len(points), dtype=bool)
-    if len(near) == 0:
-        return weight, blend, is_blended
+    interpolation = np.zeros(len(neighbour))
+    is_interpolated = np.zeros(len(points), dtype=bool)
+    if len(neighbour) == 0:
+        return weight, interpolation, is_interpolated
     widest = int(count.max())
-    slot = np.arange(len(near)) - start[:-1][node]
+    slot = np.arange(len(neighbour)) - start[:-1][node]
     x, y, w = (np.zeros((len(points), widest)) for _ in range(3))
     x[node, slot], y[node, slot] = away.T
-    w[node, slot] = weight * is_present[near]
+    w[node, slot] = weight * is_present[neighbour]
     used = (w > 0).sum(axis=1)
     one = np.ones_like(x)
     for basis, least in (
         (np.stack([one, x, y, x * x, x * y, y * y], axis=-1), _LEAST_QUADRATIC),
-        (np.stack([one, x, y], axis=-1), _LEAST_LINEAR),
+        (np.stack([one, x, y], axis=-1), _LEAST_AFFINE),
     ):
-        todo = np.flatnonzero(is_present & ~is_blended & (used >= least))
+        todo = np.flatnonzero(is_present & ~is_interpolated & (used >= least))
         if len(todo) == 0:
             continue
         weighted = basis[todo] * w[todo][..., None]
@@ -46,11 +55,11 @@ def blends(
         first = np.zeros((len(todo), basis.shape[-1], 1))
         first[:, 0] = 1.0
         coefficient = np.einsum("nki,ni->nk", weighted, np.linalg.solve(normal, first)[..., 0])
-        good = (coefficient**2).sum(axis=1) < _MOST_NOISE
+        good = (coefficient**2).sum(axis=1) < _MOST_NOISE_VARIANCE
         rows = todo[good]
         table = np.zeros((len(points), widest))
         table[rows] = coefficient[good]
-        is_blended[rows] = True
+        is_interpolated[rows] = True
         chosen = np.isin(node, rows)
-        blend[chosen] = table[node[chosen], slot[chosen]]
-    return weight, blend, is_blended
+        interpolation[chosen] = table[node[chosen], slot[chosen]]
+    return weight, interpolation, is_interpolated

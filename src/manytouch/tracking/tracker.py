@@ -1,76 +1,99 @@
-"""Follows the markers from frame to frame: every dot gets its marker again in each frame, or none.
+"""Tracks the markers from frame to frame: in each frame every dot is assigned a marker, or none.
 
-Nothing but smoothness is believed: the last frame, the layout at rest and a vote on the motion of the whole
-view only give guesses, from which identities are grown and verified anew (`identification`). So a wrong guess
-costs time, not identities, and after a blackout the pattern locks again by itself.
+Only smoothness is assumed: the last frame, the layout at rest and a vote on the motion of the whole view are
+guesses, from which identities are grown and verified in each frame (`matching`). So a wrong guess costs time,
+not identities, and after a blackout the pattern is found again.
 """
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import project
-from manytouch.tracking.lattice_graph import LatticeGraph, mesh_of
-from manytouch.tracking.matching.frame_identity import (
-    SIGNS,
-    Dots,
-    Identified,
-    Past,
-    Scratch,
-    identified,
-    presence_of,
-    slack,
+from manytouch.tracking.lattice_graph import (
+    EXTERIOR_HIDDEN,
+    EXTERIOR_VISIBLE,
+    MISSING,
+    PRESENT,
+    LatticeGraph,
+    build_lattice_graph,
 )
+from manytouch.tracking.matching.match_frame import (
+    APPEARANCE_QUANTITIES,
+    FrameMatch,
+    WorkspacePool,
+    match_frame,
+)
+from manytouch.tracking.matching.records import Assignment, DotArrays, MatchingState
 from manytouch.values import Detections, Layout, Roi, Sensor, Status, TrackedGrid
 from manytouch.values.arrays import Counts, Points2, read_only
 
-_WINDOW_LIMIT_PITCHES = 0.3
-_LEAST_LEARNT = 4  # frames: looks known from fewer are mostly noise
-_LEARNT, _LEARNT_OFTEN, _LEARNT_EACH = 0.05, 20, 4
-_WHOLE_RADII = 1.5
+if TYPE_CHECKING:
+    from manytouch.tracking.state_update import Measurements
 
-Measured = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
+_WINDOW_LIMIT_PITCHES = 0.3
+_LEAST_LEARNED = 4  # frames: an appearance learned from fewer is mostly noise
+_LEARNING_RATE, _LEARN_ALL, _LEARN_EVERY = 0.05, 20, 4
+_WHOLE_DOT_RADII = 1.5
+_COUNT_TOLERANCE = 0.25
+_INITIAL_PRESENCE = {PRESENT: 0.95, MISSING: 0.01, EXTERIOR_VISIBLE: 0.003, EXTERIOR_HIDDEN: 0.3}
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MarkerTrackerState:
-    """What is kept between frames.
+    """What is kept between frames: m markers, N nodes of the lattice graph.
 
     Attributes:
-        mesh: neighbourhoods of the layout.
-        scratch: memory for the kernels; it holds no knowledge.
-        place_px: (m, 2) where the markers were seen, or should have been.
-        expected_px: (m, 2) where they should be in the next frame; NaN where they are known to be missing.
+        graph: of the layout.
+        pool: workspace of the kernels; its content has no influence on results.
+        position_px: (m, 2) where the markers were, or were predicted.
+        expected_px: (m, 2) where they are expected in the next frame; NaN: known to be missing.
         frames_unseen: (m,).
-        presence: (N,) share of recent frames in which each node of the mesh had a dot.
-        seen: number of markers that were seen in the last frame that showed any.
+        presence: (N,) share of recent frames in which each node had a dot.
+        seen_count: number of markers seen in the last frame that was matched.
         roughness: median second difference of displacements then, in spacings.
         motion_pitches: motion that 95 % of the seen markers stayed below, in spacings; inf after a bad frame.
-        is_locked: the last frame was a good one.
-        is_open: the view moved, unseen or too fast, so that the numbers may have slipped along the lattice,
-            and neither outline nor irregularities have told since.
-        look: (m, 2) area and contrast of each marker's dot against the adjacent ones'; NaN: not known.
-        unlike: (2,) mean difference of a frame's looks from that.
-        learnt: number of frames that looks were learnt from.
-        lost: fewer or faster than windows can follow.
+        is_consecutive: the last frame was matched.
+        is_ambiguous: the view moved, unseen or too fast, so that identities may be shifted along the lattice,
+            and neither outline nor irregularities have determined them since.
+        appearance: (m, 2) usual relative area and contrast of each marker's dot; NaN: not known.
+        appearance_difference: (2,) usual mean difference of a frame's dots from that.
+        learned_frames: number of frames that the appearance was learned from.
+        is_lost: the last frame showed fewer markers than the one before, or moved faster than windows allow.
     """
 
-    mesh: LatticeGraph
-    scratch: Scratch
-    place_px: Points2
+    graph: LatticeGraph
+    pool: WorkspacePool
+    position_px: Points2
     expected_px: Points2
     frames_unseen: Counts
     presence: np.ndarray
-    seen: int
+    seen_count: int
     roughness: float
     motion_pitches: float
-    is_locked: bool
-    is_open: bool
-    look: np.ndarray
-    unlike: np.ndarray
-    learnt: int
-    lost: bool
+    is_consecutive: bool
+    is_ambiguous: bool
+    appearance: np.ndarray
+    appearance_difference: np.ndarray
+    learned_frames: int
+    is_lost: bool
+
+    def for_matching(self) -> MatchingState:
+        """What the kernels take of it; an appearance learned from few frames is withheld."""
+        is_learned = self.learned_frames >= _LEAST_LEARNED
+        return MatchingState(
+            position_px=self.position_px,
+            frames_unseen=self.frames_unseen,
+            presence=self.presence,
+            seen_count=self.seen_count,
+            roughness=self.roughness,
+            is_consecutive=self.is_consecutive,
+            is_ambiguous=self.is_ambiguous,
+            appearance=self.appearance,
+            appearance_difference=self.appearance_difference if is_learned else _unknown_difference(),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -79,10 +102,10 @@ class MarkerTracker:
 
     Attributes:
         damping: part of the last motion that is expected again.
-        window_motion_pitches: windows are asked for while motion stays below this, per frame.
+        window_motion_pitches: dots are searched in windows while motion stays below this, per frame,
         window_share: and while this share of the markers is seen.
         least_share: below this share of the markers the status is few_markers.
-        roi_px: x, y, width, height of the part of the image in which dots are looked for; None: all of it.
+        roi_px: x, y, width, height of the part of the image that is searched for dots; None: all of it.
     """
 
     damping: float = 0.5
@@ -92,7 +115,9 @@ class MarkerTracker:
     roi_px: Roi | None = None
 
     def start(self, sensor: Sensor) -> MarkerTrackerState:
-        """Takes the layout's reference centres (`rest_px`, or the projection of `rest_mm`).
+        """The state before the first frame, with the layout's reference centres.
+
+        These are `rest_px`, or the projection of `rest_mm`.
 
         Raises:
             SensorError: the sensor has no markers.
@@ -100,185 +125,197 @@ class MarkerTracker:
         layout = sensor.layout
         if layout is None:
             raise SensorError(
-                f"the sensor {sensor.name!r} has no markers to follow: give a sensor file with [markers]"
+                f"the sensor {sensor.name!r} has no markers to track: use a sensor file with [markers]"
             )
         rest = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
-        mesh = mesh_of(
+        graph = build_lattice_graph(
             rest,
             layout.is_missing,
             row_column=layout.row_column,
             bounds_px=self._bounds(sensor, layout, rest),
         )
-        place = read_only(np.array(rest, dtype=np.float64))
+        position = read_only(np.array(rest, dtype=np.float64))
+        initial_presence = np.array([_INITIAL_PRESENCE[kind] for kind in range(len(_INITIAL_PRESENCE))])
         return MarkerTrackerState(
-            mesh=mesh,
-            scratch=Scratch(len(mesh.rest_px)),
-            place_px=place,
-            expected_px=_known(mesh, place),
+            graph=graph,
+            pool=WorkspacePool(len(graph.arrays.rest_px)),
+            position_px=position,
+            expected_px=_without_missing(graph, position),
             frames_unseen=read_only(np.zeros(len(rest), dtype=np.int64)),
-            presence=presence_of(mesh),
-            seen=0,
+            presence=read_only(initial_presence[graph.arrays.kind]),
+            seen_count=0,
             roughness=0.0,
             motion_pitches=np.inf,
-            is_locked=False,
-            is_open=False,
-            look=read_only(np.full((len(rest), SIGNS), np.nan)),
-            unlike=read_only(np.full(SIGNS, np.nan)),
-            learnt=0,
-            lost=False,
+            is_consecutive=False,
+            is_ambiguous=False,
+            appearance=read_only(np.full((len(rest), APPEARANCE_QUANTITIES), np.nan)),
+            appearance_difference=_unknown_difference(),
+            learned_frames=0,
+            is_lost=False,
         )
 
     def _bounds(self, sensor: Sensor, layout: Layout, rest_px: Points2) -> tuple[float, float, float, float]:
-        """Between which x and y the centres of whole dots lie."""
+        """Least x, y and largest x, y of the centres of dots that are wholly in the region of interest."""
         camera = sensor.camera
         x, y, w, h = self.roi_px or (0, 0, camera.width_px, camera.height_px)
         extent_px, extent_mm = (np.ptp(each, axis=0).max() for each in (rest_px, layout.rest_mm))
         px_per_mm = extent_px / extent_mm if extent_mm > 0 else 0.0
-        margin = _WHOLE_RADII * px_per_mm * float(np.median(layout.radius_mm))
+        margin = _WHOLE_DOT_RADII * px_per_mm * float(np.median(layout.radius_mm))
         return x - 0.5 + margin, y - 0.5 + margin, x + w - 0.5 - margin, y + h - 0.5 - margin
 
     def step(
         self, state: MarkerTrackerState, detections: Detections
     ) -> tuple[MarkerTrackerState, TrackedGrid]:
         """Identifies the markers among the dots of the next frame."""
-        past = Past(
-            guess_px=state.expected_px,
-            place_px=state.place_px,
-            frames_unseen=state.frames_unseen,
-            presence=state.presence,
-            seen=state.seen,
-            roughness=state.roughness,
-            is_next=state.is_locked,
-            is_open=state.is_open,
-            look=state.look,
-            unlike=state.unlike if state.learnt >= _LEAST_LEARNT else np.full(SIGNS, np.nan),
+        dots = DotArrays(
+            _writable(detections.centre_px),
+            _writable(detections.covariance_px2),
+            _writable(detections.area_px2),
+            _writable(detections.contrast),
         )
-        dots = (
-            *(_owned(detections.centre_px), _owned(detections.covariance_px2)),
-            *(_owned(detections.area_px2), _owned(detections.contrast)),
-        )
-        answer = identified(state.mesh, dots, past, state.scratch)
-        if answer.found == 0:
-            after, measured = _blind(state, answer), _nothing_measured(state.mesh.markers)
+        before = state.for_matching()
+        match = match_frame(state.graph, dots, state.expected_px, before, state.pool)
+        status = detections.status
+        if match.found == 0:
+            after, measured = _state_without_match(state, match), None
         else:
-            is_good = detections.status is Status.OK
-            after, measured = _moved(state, dots, answer, damping=self.damping, is_good=is_good)
-        return after, self._grid(after, detections.status, answer, measured)
+            after, measured = self._updated(state, before, dots, match, is_good=status is Status.OK)
+        if status is Status.OK and (match.is_shift_unresolved or (match.found > 0 and after.is_ambiguous)):
+            status = Status.AMBIGUOUS_SHIFT
+        seen = after.seen_count if match.found else 0
+        if status is Status.OK and seen < self.least_share * after.graph.present_count:
+            status = Status.FEW_MARKERS
+        return after, _tracked_grid(after, measured, status)
 
     def expected_px(self, state: MarkerTrackerState) -> Points2 | None:
-        """Places (m, 2) in the next frame, NaN for those known to be missing; None asks for all dots."""
+        """Expected positions (m, 2) in the next frame, NaN: known to be missing; None: search everywhere."""
         is_fast = state.motion_pitches > self.window_motion_pitches
-        is_sparse = state.seen < self.window_share * state.mesh.present
+        is_sparse = state.seen_count < self.window_share * state.graph.present_count
         return None if is_fast or is_sparse else state.expected_px
 
     def is_lost(self, state: MarkerTrackerState) -> bool:
-        """Did the last frame show fewer markers than the one before, or move faster than windows follow?"""
-        return state.lost
+        """Whether the last frame showed fewer markers than before, or moved faster than windows allow."""
+        return state.is_lost
 
-    def _grid(
-        self, after: MarkerTrackerState, status: Status, answer: Identified, measured: Measured
-    ) -> TrackedGrid:
-        position, covariance, area, is_seen = (read_only(each) for each in measured)
-        seen = after.seen if answer.found else 0
-        if status is Status.OK and (answer.is_slipping or (seen and after.is_open)):
-            status = Status.AMBIGUOUS_SHIFT
-        if status is Status.OK and seen < self.least_share * after.mesh.present:
-            status = Status.FEW_MARKERS
-        return TrackedGrid(
-            position_px=position,
-            covariance_px2=covariance,
-            is_seen=is_seen,
-            frames_unseen=after.frames_unseen,
-            area_px2=area,
-            status=status,
+    def _updated(
+        self,
+        state: MarkerTrackerState,
+        before: MatchingState,
+        dots: DotArrays,
+        match: FrameMatch,
+        *,
+        is_good: bool,
+    ) -> tuple[MarkerTrackerState, "Measurements"]:
+        """The state after a frame that showed markers, and what was measured of them."""
+        from manytouch.tracking.state_update import Measurements, NextState, update_state
+
+        graph = state.graph
+        markers = graph.marker_count
+        workspace = state.pool.get(len(dots.centre_px))
+        arrays = NextState(
+            position_px=np.empty((markers, 2)),
+            expected_px=np.empty((markers, 2)),
+            frames_unseen=np.empty_like(state.frames_unseen),
+            presence=np.empty_like(state.presence),
         )
+        measured = Measurements(
+            position_px=np.empty((markers, 2)),
+            covariance_px2=np.empty((markers, 2, 2)),
+            area_px2=np.empty(markers),
+            is_seen=np.empty(markers, dtype=bool),
+        )
+        assignment = Assignment(match.dot, workspace.position_px, workspace.is_used)
+        motion, seen = update_state(
+            dots, assignment, before, graph.arrays, self.damping, workspace, arrays, measured
+        )
+        appearance, difference = _learn_appearance(state, dots, match, is_good=is_good)
+        few = seen < state.seen_count - _count_tolerance(graph)
+        return MarkerTrackerState(
+            graph=graph,
+            pool=state.pool,
+            position_px=read_only(arrays.position_px),
+            expected_px=read_only(arrays.expected_px),
+            frames_unseen=read_only(arrays.frames_unseen),
+            presence=read_only(arrays.presence),
+            seen_count=seen,
+            roughness=match.roughness,
+            motion_pitches=motion,
+            is_consecutive=True,
+            is_ambiguous=match.is_ambiguous,
+            appearance=appearance,
+            appearance_difference=difference,
+            learned_frames=state.learned_frames + int(is_good),
+            is_lost=few or motion > _WINDOW_LIMIT_PITCHES,
+        ), measured
 
 
-def _owned(array: np.ndarray) -> np.ndarray:
-    """The array, or a copy: the kernels meet one type only, and are compiled once."""
+def _writable(array: np.ndarray) -> np.ndarray:
+    """The array, or a copy: the kernels are compiled for writable, contiguous arrays only."""
     flags = array.flags
     return array if flags.writeable and flags.c_contiguous else np.array(array)
 
 
-def _known(mesh: LatticeGraph, place_px: Points2) -> Points2:
-    """Places (m, 2), NaN of markers that are known to be missing."""
-    return read_only(np.where(mesh.is_present[:, None], place_px, np.nan))
+def _unknown_difference() -> np.ndarray:
+    return read_only(np.full(APPEARANCE_QUANTITIES, np.nan))
 
 
-def _nothing_measured(markers: int) -> Measured:
-    return (
-        np.full((markers, 2), np.nan),
-        np.full((markers, 2, 2), np.nan),
-        np.full(markers, np.nan),
-        np.zeros(markers, dtype=bool),
-    )
+def _count_tolerance(graph: LatticeGraph) -> float:
+    """Number of markers by which frames may differ by chance; much less than a line of the pattern."""
+    return float(1.0 + _COUNT_TOLERANCE * np.sqrt(graph.present_count))
 
 
-def _blind(state: MarkerTrackerState, answer: Identified) -> MarkerTrackerState:
-    """The state after a frame in which no marker could be told: nothing is known of the motion."""
+def _without_missing(graph: LatticeGraph, position_px: Points2) -> Points2:
+    """Positions (m, 2), NaN of markers that are known to be missing."""
+    return read_only(np.where(graph.is_present[:, None], position_px, np.nan))
+
+
+def _state_without_match(state: MarkerTrackerState, match: FrameMatch) -> MarkerTrackerState:
+    """The state after a frame in which no marker was identified: the motion is not known."""
     return replace(
         state,
-        expected_px=_known(state.mesh, state.place_px),
+        expected_px=_without_missing(state.graph, state.position_px),
         frames_unseen=read_only(state.frames_unseen + 1),
         motion_pitches=np.inf,
-        is_locked=False,
-        is_open=answer.is_open,
-        lost=True,
+        is_consecutive=False,
+        is_ambiguous=match.is_ambiguous,
+        is_lost=True,
     )
 
 
-def _moved(
-    state: MarkerTrackerState, dots: Dots, answer: Identified, *, damping: float, is_good: bool
-) -> tuple[MarkerTrackerState, Measured]:
-    """The state after a frame that showed markers, and what it showed of them."""
-    from manytouch.tracking.matching.registration import keep
+def _learn_appearance(
+    state: MarkerTrackerState, dots: DotArrays, match: FrameMatch, *, is_good: bool
+) -> tuple[np.ndarray, np.ndarray]:
+    """The appearance (m, 2) after a frame and the usual difference (2,) from it: running means."""
+    from manytouch.tracking.matching.relative_appearance import running_mean, update_appearance
 
-    mesh = state.mesh
-    markers = mesh.markers
-    is_pause = state.learnt > _LEARNT_OFTEN and state.learnt % _LEARNT_EACH != 0
-    is_lesson = is_good and not answer.is_open and not is_pause
-    rate = max(_LEARNT, 1.0 / (state.learnt + 1)) if is_lesson else 0.0
-    look, unlike = np.empty_like(state.look), np.empty_like(state.unlike)
-    after = (
-        np.empty((markers, 2)),
-        np.empty((markers, 2)),
-        np.empty_like(state.frames_unseen),
-        np.empty_like(state.presence),
+    is_skipped = state.learned_frames > _LEARN_ALL and state.learned_frames % _LEARN_EVERY != 0
+    if not is_good or match.is_ambiguous or is_skipped:
+        return state.appearance, state.appearance_difference
+    rate = max(_LEARNING_RATE, 1.0 / (state.learned_frames + 1))
+    appearance = np.empty_like(state.appearance)
+    update_appearance(match.dot, dots, state.graph.arrays, state.appearance, rate, appearance)
+    usual, now = state.appearance_difference.tolist(), match.appearance_difference.tolist()
+    difference = [running_mean(a, b, rate) for a, b in zip(usual, now, strict=True)]
+    return read_only(appearance), read_only(np.array(difference))
+
+
+def _tracked_grid(after: MarkerTrackerState, measured: "Measurements | None", status: Status) -> TrackedGrid:
+    """What is output of a frame; no marker is seen where nothing was measured."""
+    markers = after.graph.marker_count
+    if measured is None:
+        return TrackedGrid(
+            position_px=read_only(np.full((markers, 2), np.nan)),
+            covariance_px2=read_only(np.full((markers, 2, 2), np.nan)),
+            is_seen=read_only(np.zeros(markers, dtype=bool)),
+            frames_unseen=after.frames_unseen,
+            area_px2=read_only(np.full(markers, np.nan)),
+            status=status,
+        )
+    return TrackedGrid(
+        position_px=read_only(measured.position_px),
+        covariance_px2=read_only(measured.covariance_px2),
+        is_seen=read_only(measured.is_seen),
+        frames_unseen=after.frames_unseen,
+        area_px2=read_only(measured.area_px2),
+        status=status,
     )
-    measured = (
-        np.empty((markers, 2)),
-        np.empty((markers, 2, 2)),
-        np.empty(markers),
-        np.empty(markers, dtype=bool),
-    )
-    motion, seen = keep(
-        dots,
-        answer.owner,
-        (state.place_px, state.frames_unseen, state.presence),
-        mesh.net,
-        mesh.bounds_px,
-        damping,
-        state.scratch.for_dots(len(dots[0])),
-        rate,
-        (state.look, state.unlike, answer.unlike, look, unlike),
-        after,
-        measured,
-    )
-    place, expected, unseen, presence = (read_only(each) for each in after)
-    return MarkerTrackerState(
-        mesh=mesh,
-        scratch=state.scratch,
-        place_px=place,
-        expected_px=expected,
-        frames_unseen=unseen,
-        presence=presence,
-        seen=seen,
-        roughness=answer.roughness,
-        motion_pitches=motion,
-        is_locked=True,
-        is_open=answer.is_open,
-        look=read_only(look) if is_lesson else state.look,
-        unlike=read_only(unlike) if is_lesson else state.unlike,
-        learnt=state.learnt + int(is_good),
-        lost=seen < state.seen - slack(mesh) or motion > _WINDOW_LIMIT_PITCHES,
-    ), measured

@@ -50,7 +50,7 @@ def test_every_dot_has_its_place(warp):
     found = find_lattice(points[order] + rng.normal(0.0, 0.3, points.shape))
     assert found is not None
     assert found.is_member.all()
-    assert not found.winds
+    assert not found.is_closed
     expected = np.argwhere(np.ones((rows, columns)))[order]
     assert_same_lattice(found.place, expected)
 
@@ -86,7 +86,7 @@ def test_rings_wind():
     radius, angle = 60.0 + 25.0 * ring.ravel(), spoke.ravel() * 2 * np.pi / 16
     points = np.column_stack([radius * np.cos(angle) + 320.0, radius * np.sin(angle) + 240.0])
     found = find_lattice(points)
-    assert found is None or found.winds or found.is_member.mean() < 0.6
+    assert found is None or found.is_closed or found.is_member.mean() < 0.6
 
 
 def test_a_few_dots_are_no_lattice():

@@ -7,7 +7,7 @@ import numpy as np
 
 from manytouch.calibration.rest.first_frames import arrange_rest_dots, find_rest_dots, image_size
 from manytouch.calibration.rest.flatness import bulge_in_pitches
-from manytouch.tracking.lattice.find import predicted
+from manytouch.tracking.lattice.find import predict_positions
 from manytouch.values import Frame, Roi
 
 
@@ -51,7 +51,7 @@ def examine(frames: Sequence[Frame], *, roi_px: Roi | None = None) -> LayoutRepo
     if arrangement.row_column is not None:
         rows, columns = (int(number) + 1 for number in arrangement.row_column.max(axis=0))
         position = np.where((arrangement.dot >= 0)[:, None], arrangement.centre_px, np.nan)
-        guess, votes = predicted(position.reshape(rows, columns, 2))
+        guess, votes = predict_positions(position.reshape(rows, columns, 2))
         error = np.linalg.norm(position.reshape(rows, columns, 2) - guess, axis=-1)[votes >= 3]
         error = error[np.isfinite(error)]
         residual = float(np.median(error)) if len(error) else residual

@@ -87,7 +87,7 @@ def register_dots(
     follow = MarkerTracker(roi_px=roi_px)
     nominal = follow.start(replace(sensor, layout=replace(layout, rest_px=None)))
     # The nominal pose serves as the previous frame: markers near it have not shifted by a pitch.
-    state, grid = follow.step(replace(nominal, is_locked=True), _detections_at(centre_px))
+    state, grid = follow.step(replace(nominal, is_consecutive=True), _detections_at(centre_px))
     found, wanted = int(grid.is_seen.sum()), int((~layout.is_missing).sum())
     if found < _LEAST_SHARE * wanted:
         raise LayoutError(
@@ -103,7 +103,7 @@ def register_dots(
         )
     return replace(
         sensor,
-        layout=replace(layout, rest_px=state.place_px),
+        layout=replace(layout, rest_px=state.position_px),
         assumptions=(*sensor.assumptions, sentence),
     )
 

@@ -75,7 +75,7 @@ def confirm_rest_dots(still: RestDots, known: RestDots, *, is_same_time: bool) -
     distance, nearest = cKDTree(known.centre_px).query(still.centre_px)
     lattice = find_lattice(still.centre_px)
     is_more = np.zeros(len(is_known), dtype=bool)
-    if lattice is not None and not lattice.winds and lattice.is_member.sum() > 0.6 * len(known.centre_px):
+    if lattice is not None and not lattice.is_closed and lattice.is_member.sum() > 0.6 * len(known.centre_px):
         is_more = lattice.is_member & ~is_known & (distance > gate[nearest]) & _is_inside(still, known)
     keep = is_known if is_more.sum() > _MOST_MORE * len(known.centre_px) else is_known | is_more
     parts = [(still, keep)]

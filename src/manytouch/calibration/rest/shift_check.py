@@ -4,7 +4,7 @@ import numpy as np
 
 from manytouch.calibration.rest.rest_frames import RestDots
 from manytouch.tracking import MarkerTracker
-from manytouch.tracking.lattice_graph import CLOSED, LatticeGraph
+from manytouch.tracking.lattice_graph import EXTERIOR_VISIBLE, LatticeGraph
 from manytouch.values import Roi, Sensor
 
 UNDETECTABLE_SHIFT = (
@@ -31,33 +31,34 @@ def shift_is_undetectable(sensor: Sensor, still: RestDots, *, roi_px: Roi | None
     assert sensor.layout is not None
     if sensor.layout.is_missing.any() or len(still.centre_px) < 2:
         return False
-    mesh = MarkerTracker(roi_px=roi_px).start(sensor).mesh
-    if len(mesh.slip) == 1 or (mesh.kind == CLOSED).any():
+    graph = MarkerTracker(roi_px=roi_px).start(sensor).graph
+    if not graph.can_be_shifted or (graph.arrays.kind == EXTERIOR_VISIBLE).any():
         return False
     known = still.noise_px[np.isfinite(still.noise_px)]
-    noise = float(np.median(known)) / mesh.usual_px if len(known) else 0.0
+    noise = float(np.median(known)) / graph.spacing_px if len(known) else 0.0
     return bool(
-        _irregularity(mesh) < _REGULAR_PITCHES + _REGULAR_NOISES * noise
-        and _have_equal_appearance(still, mesh.usual_px)
+        _irregularity(graph) < _REGULAR_PITCHES + _REGULAR_NOISES * noise
+        and _have_equal_appearance(still, graph.spacing_px)
     )
 
 
-def _irregularity(mesh: LatticeGraph) -> float:
+def _irregularity(graph: LatticeGraph) -> float:
     """Median second difference, in pitches, of the displacements implied by the most regular shift."""
+    arrays, markers, rest = graph.arrays, graph.marker_count, graph.arrays.rest_px
     least = np.inf
-    for slip in mesh.slip[1:]:
-        is_on = (slip >= 0) & (slip < mesh.markers)
-        is_on[mesh.markers :] = False
-        moved = np.full_like(mesh.rest_px, np.nan)
-        moved[is_on] = mesh.rest_px[slip[is_on]] - mesh.rest_px[is_on]
+    for shifted in arrays.shifted[1:]:
+        is_on = (shifted >= 0) & (shifted < markers)
+        is_on[markers :] = False
+        moved = np.full_like(rest, np.nan)
+        moved[is_on] = rest[shifted[is_on]] - rest[is_on]
         for axis in (0, 2):
-            before, after = mesh.opposite[:, axis], mesh.opposite[:, axis + 1]
+            before, after = arrays.opposite[:, axis], arrays.opposite[:, axis + 1]
             inner = (before >= 0) & (after >= 0)
             bend = moved[before[inner]] + moved[after[inner]] - 2.0 * moved[inner]
             length = np.linalg.norm(bend, axis=1)
             length = length[np.isfinite(length)]
             if len(length):
-                least = min(least, float(np.median(length)) / mesh.usual_px)
+                least = min(least, float(np.median(length)) / graph.spacing_px)
     return least
 
 

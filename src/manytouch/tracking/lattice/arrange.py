@@ -1,6 +1,6 @@
 """From dots on a lattice to numbered markers: a rectangle of rows and columns, or a table in a stable order.
 
-The rule of numbers: row 0 is the top of the image, column 0 its left, marker = row * columns + column.
+Numbering: row 0 is the top of the image, column 0 its left, marker = row * columns + column.
 """
 
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ _MOST_OUTSIDE = 0.1
 _BAND_GAP = 0.25
 _ODD_ANGLE_RAD = 0.1  # no symmetric pattern has two rows as far from this direction
 _UNIMODULAR = (((1, 0), (0, 1)), ((1, 0), (1, 1)), ((1, 0), (-1, 1)), ((1, 1), (0, 1)), ((1, -1), (0, 1)))
-# Directions between these angles count as "x", others as "y"; 45 degrees, as sheets do lie, is well inside.
+# Directions between these angles count as "x", others as "y"; 45 degrees, which is common, is well inside.
 _X_FROM_RAD, _X_TO_RAD = np.deg2rad(-38.0), np.deg2rad(52.0)
 
 
@@ -30,8 +30,8 @@ class Arrangement:
 
     Attributes:
         dot: (m,) index of the dot of each marker, -1 where the dot is missing.
-        row_column: (m, 2), or None when the layout is no rectangle.
-        centre_px: (m, 2) the dots' centres; where one is missing, where its neighbours say it should be.
+        row_column: (m, 2), or None when the layout is not a rectangle.
+        centre_px: (m, 2) the dots' centres; where one is missing, interpolated from its neighbours.
         pitch_px: (2,) median spacing along x (columns) and y (rows); twice the median neighbour distance
             when there are no rows.
     """
@@ -54,17 +54,17 @@ def arrange(centre_px: Points2, is_cut: Mask) -> Arrangement:
         is_cut: (n,) dots that the image's border cuts.
     """
     lattice = find_lattice(centre_px)
-    if lattice is None or lattice.winds or lattice.is_member.sum() < 0.6 * len(centre_px):
+    if lattice is None or lattice.is_closed or lattice.is_member.sum() < 0.6 * len(centre_px):
         return _table(
             centre_px, None, np.flatnonzero(~is_cut) if (~is_cut).sum() >= 3 else np.arange(len(centre_px))
         )
-    whole_grid = _best_grid(lattice, centre_px, is_cut)
-    grid = trimmed(whole_grid, is_cut)
+    whole_grid = _choose_grid(lattice, centre_px, is_cut)
+    grid = trim(whole_grid, is_cut)
     fill = (grid >= 0).mean()
-    if fill < _LEAST_FILL or min(grid.shape) < 2 or _outside(grid) > _MOST_OUTSIDE * grid.size:
+    if fill < _LEAST_FILL or min(grid.shape) < 2 or _count_outside(grid) > _MOST_OUTSIDE * grid.size:
         return _table(centre_px, whole_grid, np.flatnonzero(lattice.is_member & ~is_cut))
     rows, columns = np.indices(grid.shape)
-    position = filled(grid, centre_px)
+    position = fill_gaps(grid, centre_px)
     return Arrangement(
         dot=read_only(grid.ravel().astype(np.int64)),
         row_column=read_only(np.column_stack([rows.ravel(), columns.ravel()]).astype(np.int64)),
@@ -73,16 +73,16 @@ def arrange(centre_px: Points2, is_cut: Mask) -> Arrangement:
     )
 
 
-def _best_grid(lattice: Lattice, centre_px: Points2, is_cut: Mask) -> np.ndarray:
+def _choose_grid(lattice: Lattice, centre_px: Points2, is_cut: Mask) -> np.ndarray:
     """The grid over those two lattice axes whose rectangle is fullest, or the shortest when none is full.
 
-    Equally good ones (a hexagonal lattice has three) are told apart by the direction of their rows.
+    Of equally good ones (a hexagonal lattice has three) the direction of their rows decides.
     """
     dots = np.flatnonzero(lattice.is_member)
     best: tuple[tuple[float, float, float], np.ndarray] | None = None
     for change in _UNIMODULAR:
-        grid = _canonical(lattice.place[dots] @ np.array(change), dots, centre_px)
-        fill = round(float((trimmed(grid, is_cut) >= 0).mean()), 2)
+        grid = _orient(lattice.place[dots] @ np.array(change), dots, centre_px)
+        fill = round(float((trim(grid, is_cut) >= 0).mean()), 2)
         position = _position(grid, centre_px)
         size = float(np.hypot(_median_step(position, 0), _median_step(position, 1)))
         coarse = -round(np.log(size) * 20.0) if np.isfinite(size) else -np.inf
@@ -100,7 +100,7 @@ def _slope_rad(position: np.ndarray) -> float:
     return float(np.arctan2(*np.median(step, axis=0)[::-1])) if len(step) else 0.0
 
 
-def _canonical(place: np.ndarray, dots: np.ndarray, centre_px: Points2) -> np.ndarray:
+def _orient(place: np.ndarray, dots: np.ndarray, centre_px: Points2) -> np.ndarray:
     """Grid of dots (rows, columns) turned so that columns run right and rows run down the image."""
     design = np.column_stack([place - place.mean(axis=0), np.ones(len(place))])
     axes = np.linalg.lstsq(design, centre_px[dots], rcond=None)[0][:2]
@@ -118,7 +118,7 @@ def _canonical(place: np.ndarray, dots: np.ndarray, centre_px: Points2) -> np.nd
     return grid
 
 
-def trimmed(grid: np.ndarray, is_cut: Mask) -> np.ndarray:
+def trim(grid: np.ndarray, is_cut: Mask) -> np.ndarray:
     """The grid without border lines that hold few whole dots, unless that would cost many dots."""
     whole = (grid >= 0) & ~is_cut[np.maximum(grid, 0)]
     top, bottom, left, right = 0, grid.shape[0], 0, grid.shape[1]
@@ -141,7 +141,7 @@ def _without_cut_borders(grid: np.ndarray, whole: np.ndarray) -> np.ndarray:
     return grid[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1]
 
 
-def _outside(grid: np.ndarray) -> int:
+def _count_outside(grid: np.ndarray) -> int:
     """Number of empty places beyond the dots' outline: three or more in one piece that meets the border."""
     parts, _ = label(grid < 0)
     border = np.unique(np.concatenate([parts[0], parts[-1], parts[:, 0], parts[:, -1]]))
@@ -161,7 +161,7 @@ def _median_step(position: np.ndarray, axis: int) -> float:
     return float(np.median(known)) if len(known) else float("nan")
 
 
-def filled(grid: np.ndarray, centre_px: Points2) -> np.ndarray:
+def fill_gaps(grid: np.ndarray, centre_px: Points2) -> np.ndarray:
     """(rows, columns, 2) px of a grid; a thin-plate spline through the others gives the empty places."""
     position = _position(grid, centre_px)
     empty = grid < 0
@@ -193,7 +193,7 @@ def _table(centre_px: Points2, grid: np.ndarray | None, dots: np.ndarray) -> Arr
 
 
 def _bands(value: np.ndarray, gap: float) -> np.ndarray:
-    """Number of the band of each value; bands are parted by gaps wider than `gap`."""
+    """Number of the band of each value; bands are separated by gaps wider than `gap`."""
     order = np.argsort(value, kind="stable")
     band = np.concatenate([[0], np.cumsum(np.diff(value[order]) > gap)])
     result = np.empty(len(value), dtype=np.int64)
@@ -201,23 +201,23 @@ def _bands(value: np.ndarray, gap: float) -> np.ndarray:
     return result
 
 
-def _are_few(band: np.ndarray) -> bool:
-    """Are there at least two bands, of at least four dots on average, none of them with most of the dots?"""
+def _has_few_bands(band: np.ndarray) -> bool:
+    """Whether there are two or more bands, of four or more dots on average, and none has most of the dots."""
     number = int(band.max()) + 1
     return bool(number >= 2 and 4 * number <= len(band) and np.bincount(band).max() <= 0.6 * len(band))
 
 
 def _order_without_lattice(points: Points2) -> np.ndarray:
-    """By rings and angle where gaps part rings, else by lines across the image, else roughly as one reads."""
+    """By rings and angle where gaps separate rings, else by lines across the image, else roughly by rows."""
     if len(points) < 2:
         return np.arange(len(points))
     spacing = float(np.median(local_spacing(points)))
     away = points - _circle_centre(points)
     rings = _bands(np.linalg.norm(away, axis=1), _BAND_GAP * spacing)
-    if _are_few(rings):
-        return np.lexsort((_from_widest_gap(np.arctan2(away[:, 1], away[:, 0])), rings))
+    if _has_few_bands(rings):
+        return np.lexsort((_angle_from_widest_gap(np.arctan2(away[:, 1], away[:, 0])), rings))
     lines = _bands(points[:, 1], _BAND_GAP * spacing)
-    if _are_few(lines):
+    if _has_few_bands(lines):
         return np.lexsort((points[:, 0], lines))
     return np.lexsort((points[:, 0], np.round(points[:, 1] / spacing)))
 
@@ -235,7 +235,7 @@ def _circle_centre(points: Points2) -> np.ndarray:
     return np.asarray(middle + 0.5 * solution[:2] if rank == 3 else middle)
 
 
-def _from_widest_gap(angle: np.ndarray) -> np.ndarray:
+def _angle_from_widest_gap(angle: np.ndarray) -> np.ndarray:
     """Angles counted from the middle of the widest gap nearest to the left of the image."""
     sorted_angle = np.sort(angle)
     gap = np.diff(np.concatenate([sorted_angle, [sorted_angle[0] + 2 * np.pi]]))

@@ -1,8 +1,9 @@
-"""Finds the lattice among unordered dots: which dot lies at which integer place.
+"""Finds the lattice among unordered dots: the integer row and column of each dot.
 
-Growth from a seed by local prediction. Nothing global is assumed of the lattice, so rotation,
-perspective, lens distortion, oblique axes and uneven rows are all the same to it; missing dots are
-walked around, false ones fit no prediction. Chessboard finders work alike (A. Geiger et al.,
+It grows from a seed by local prediction. Nothing global is assumed, so rotation, perspective, lens
+distortion, oblique axes and uneven rows make no difference; missing dots are bypassed, and false dots fit no
+prediction.
+Chessboard detectors work in the same way (A. Geiger et al.,
 "Automatic camera and range sensor calibration using a single shot", doi:10.1109/ICRA.2012.6224570).
 """
 
@@ -29,13 +30,13 @@ class Lattice:
     Attributes:
         place: (n, 2) row and column of each dot, counted from an arbitrary dot; 0 where not a member.
         is_member: (n,) dots that lie on the lattice.
-        winds: the lattice closes upon itself or turns round, as spokes and rings do, so its places are
-            no rows and columns of a plane.
+        is_closed: the lattice meets itself or turns by more than about 70 degrees, as spokes and rings do, so
+            its places are not rows and columns of a plane.
     """
 
     place: np.ndarray
     is_member: Mask
-    winds: bool
+    is_closed: bool
 
 
 def find_lattice(centre_px: Points2) -> Lattice | None:
@@ -53,7 +54,7 @@ def find_lattice(centre_px: Points2) -> Lattice | None:
     best: Lattice | None = None
     most = LEAST_DOTS - 1
     for seed, basis in _seeds(points, tree, spacing):
-        grid = _cleaned(_grown(points, tree, spacing, seed, basis), points, spacing)
+        grid = _drop_outliers(_grow_from(points, tree, spacing, seed, basis), points, spacing)
         members = int((grid >= 0).sum())
         if members > most:
             most = members
@@ -131,7 +132,9 @@ def _corner_seeds(vector: np.ndarray, spacing: np.ndarray) -> list[tuple[int, np
     return found[:_SEEDS]
 
 
-def _grown(points: Points2, tree: cKDTree, spacing: np.ndarray, seed: int, basis: np.ndarray) -> np.ndarray:
+def _grow_from(
+    points: Points2, tree: cKDTree, spacing: np.ndarray, seed: int, basis: np.ndarray
+) -> np.ndarray:
     """(rows, columns) index of the dot at each place, -1 where there is none, grown from one dot."""
     grid = np.full((2 * _MARGIN + 3,) * 2, -1)
     middle = _MARGIN + 1
@@ -143,10 +146,10 @@ def _grown(points: Points2, tree: cKDTree, spacing: np.ndarray, seed: int, basis
             grid[middle + row, middle + column] = index
     support = 2
     for _ in range(4 * len(points)):
-        added = _grow_once(grid, points, tree, spacing, support)
+        added = _add_predicted(grid, points, tree, spacing, support)
         if added:
             support = 2
-            grid = _padded(grid)
+            grid = _pad(grid)
         elif support > 1:
             support -= 1
         else:
@@ -154,7 +157,7 @@ def _grown(points: Points2, tree: cKDTree, spacing: np.ndarray, seed: int, basis
     return grid
 
 
-def _padded(grid: np.ndarray) -> np.ndarray:
+def _pad(grid: np.ndarray) -> np.ndarray:
     """The same grid with a margin of empty places on every side."""
     filled = grid >= 0
     rows, columns = np.flatnonzero(filled.any(axis=1)), np.flatnonzero(filled.any(axis=0))
@@ -162,8 +165,8 @@ def _padded(grid: np.ndarray) -> np.ndarray:
     return np.pad(core, _MARGIN, constant_values=-1)
 
 
-def predicted(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where each place of a grid should lie, told by its neighbours, and by how many of them.
+def predict_positions(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions of the places of a grid predicted from their neighbours, and from how many of them.
 
     Args:
         position: (rows, columns, 2) px, NaN where empty.
@@ -178,9 +181,9 @@ def predicted(position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     def at(row: int, column: int) -> np.ndarray:
         return padded[2 + row : 2 + row + rows, 2 + column : 2 + column + columns]
 
-    told = [2 * at(r, c) - at(2 * r, 2 * c) for r, c in ((0, 1), (0, -1), (1, 0), (-1, 0))]
-    told += [at(r, 0) + at(0, c) - at(r, c) for r in (-1, 1) for c in (-1, 1)]
-    stack = np.stack(told)
+    predictions = [2 * at(r, c) - at(2 * r, 2 * c) for r, c in ((0, 1), (0, -1), (1, 0), (-1, 0))]
+    predictions += [at(r, 0) + at(0, c) - at(r, c) for r in (-1, 1) for c in (-1, 1)]
+    stack = np.stack(predictions)
     support = np.isfinite(stack[..., 0]).sum(axis=0)
     result = np.full(position.shape, np.nan)
     known = support > 0
@@ -195,9 +198,11 @@ def _positions(grid: np.ndarray, points: Points2) -> np.ndarray:
     return np.asarray(position)
 
 
-def _grow_once(grid: np.ndarray, points: Points2, tree: cKDTree, spacing: np.ndarray, support: int) -> bool:
-    """Fills, in place, the empty places whose prediction has a dot of its own; were there any?"""
-    guess, votes = predicted(_positions(grid, points))
+def _add_predicted(
+    grid: np.ndarray, points: Points2, tree: cKDTree, spacing: np.ndarray, support: int
+) -> bool:
+    """Fills, in place, empty places whose prediction has a dot of its own; returns whether any was filled."""
+    guess, votes = predict_positions(_positions(grid, points))
     rows, columns = np.nonzero((grid < 0) & (votes >= support))
     if len(rows) == 0:
         return False
@@ -218,16 +223,16 @@ def _grow_once(grid: np.ndarray, points: Points2, tree: cKDTree, spacing: np.nda
     return len(chosen) > 0
 
 
-def _cleaned(grid: np.ndarray, points: Points2, spacing: np.ndarray) -> np.ndarray:
-    """The grid without dots that their neighbours contradict, largest connected part only."""
-    guess, votes = predicted(_positions(grid, points))
+def _drop_outliers(grid: np.ndarray, points: Points2, spacing: np.ndarray) -> np.ndarray:
+    """The largest connected part of the grid, without dots that are far from their prediction."""
+    guess, votes = predict_positions(_positions(grid, points))
     error = np.linalg.norm(_positions(grid, points) - guess, axis=-1)
     relative = error / spacing[np.maximum(grid, 0)]
-    judged = (grid >= 0) & (votes >= 3)
-    usual = float(np.median(relative[judged])) if judged.any() else 0.0
-    # At corners and ends the straight continuations rule, which uneven lines mislead: judge them mildly.
-    allowed = np.where(votes >= 5, np.clip(6.0 * usual, 0.3, 0.45), 0.45)
-    wrong = judged & (relative > allowed)
+    is_checked = (grid >= 0) & (votes >= 3)
+    typical = float(np.median(relative[is_checked])) if is_checked.any() else 0.0
+    # At corners and ends most predictions are straight continuations, which uneven lines mislead.
+    allowed = np.where(votes >= 5, np.clip(6.0 * typical, 0.3, 0.45), 0.45)
+    wrong = is_checked & (relative > allowed)
     grid = np.where(wrong, -1, grid)
     parts, number = label(grid >= 0)
     if number == 0:
@@ -246,12 +251,14 @@ def _lattice(
     is_member = np.zeros(len(points), dtype=bool)
     is_member[dots] = True
     return Lattice(
-        place=read_only(place), is_member=read_only(is_member), winds=_winds(grid, points, tree, spacing)
+        place=read_only(place),
+        is_member=read_only(is_member),
+        is_closed=_is_closed(grid, points, tree, spacing),
     )
 
 
-def _winds(grid: np.ndarray, points: Points2, tree: cKDTree, spacing: np.ndarray) -> bool:
-    """Does the lattice run into itself, or turn by more than about 70 degrees from its mean direction?"""
+def _is_closed(grid: np.ndarray, points: Points2, tree: cKDTree, spacing: np.ndarray) -> bool:
+    """Whether the lattice meets itself, or turns by more than about 70 degrees from its mean direction."""
     position = _positions(grid, points)
     for axis in (0, 1):
         step = np.diff(position, axis=axis).reshape(-1, 2)
@@ -263,7 +270,7 @@ def _winds(grid: np.ndarray, points: Points2, tree: cKDTree, spacing: np.ndarray
         size = np.linalg.norm(mean)
         if size < _WINDING_COSINE or np.mean(unit @ mean / size < _WINDING_COSINE) > 0.05:
             return True
-    guess, votes = predicted(position)
+    guess, votes = predict_positions(position)
     ahead = (grid < 0) & (votes >= 2)
     distance, index = tree.query(guess[ahead])
     taken = np.isin(index, grid[grid >= 0])

@@ -1,215 +1,308 @@
-"""Kernels that decide whether all numbers have slipped along the lattice.
+"""Kernels that decide whether all identities are shifted by whole pitches along the lattice.
 
-On a regular pattern every slip fits as well, but for what the outline, missing markers and the printed dots'
-deviations from the lattice say. Each slip is charged, in nats, for the places where dots appear or are absent
-against what was there before, and for how rough its displacements are.
+On a regular pattern every shift fits as well, except at the outline, at missing markers, and in the printed
+dots' deviations from the lattice and their appearance. The cost of each shift, in nats, is the negative log
+likelihood of the positions where dots are present or absent, plus that of the roughness of its displacements.
 """
 
-# mypy: disable-error-code="no-untyped-def"
-# no_type_check keeps checkers of annotations, which numba cannot compile, out of the kernels
-# ruff: noqa: PLR0917 - compiled functions hold whole loops and take positional arguments
-from typing import no_type_check
+# ruff: noqa: PLR0917 - compiled functions take positional arguments
+
+from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from manytouch.tracking.matching.dot_appearance import LOOKS, looks, slipped_looks, stride
-
-FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays what it is
-_BEYOND = 0.003  # share of places beyond the ghosts that hold a dot by chance
-_UNKNOWN = float(np.log(2.0))  # of a place that the image did not show at rest
-_LEAST_FOUND = 0.05
-_INDEPENDENT = 8.0  # neighbouring roughnesses share causes: so many count as one
-_LEAST_BENDS = 12
-_FINEST = 0.003
-_CLOSENESS, _CONTINUITY, _MOST_MOTION = 10.0, 25.0, 1.5
-_NEAR = 0.35
-_SAMPLES = 300
-_LEAST_MIDDLE, _HALVINGS = 1e-12, 16
-_RIGID, _RIGID_NOISES, _RIGID_SAMPLES, _LEAST_SAMPLES = 0.1, 4.0, 80, 16
+from manytouch.compilation import REORDER, kernel, no_type_check
+from manytouch.tracking.lattice_graph import EXTERIOR_HIDDEN, PRESENT
+from manytouch.tracking.matching.records import DotArrays, GraphArrays, MatchingState
+from manytouch.tracking.matching.relative_appearance import (
+    APPEARANCE,
+    add_appearance_cost,
+    measure_appearance,
+    sample_step,
+)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+class ShiftParameters(NamedTuple):
+    """What shifts cost. Distances are in local spacings.
+
+    Attributes:
+        clutter: probability of a dot at a position beyond the exterior nodes.
+        hidden_cost: nats of any state of a node that the image did not show at rest.
+        least_visible: smallest share of the present markers in view that is assumed to show a dot.
+        dependence: so many second differences count as one, since neighbouring ones share dots.
+        least_second_differences: without so many, roughness costs nothing.
+        least_roughness: roughness is measured above this.
+        motion_cost: nats per spacing of median motion since the last frame that was matched.
+        slow_motion, slow_motion_cost: the same where that is the frame before and motion is less.
+        largest_motion: larger motions cost as much as this.
+        samples: nodes on which roughness and motion are measured, about.
+        rigid_samples, least_rigid_samples: the same for `is_rigid_jump`, and how many it requires.
+        rigid_variance: variance of a rigid motion over that of the unshifted one, at most.
+        rigid_noises: motions that vary by less than so many standard deviations of a centre are no jump.
+    """
+
+    clutter: float = 0.003
+    hidden_cost: float = float(np.log(2.0))
+    least_visible: float = 0.05
+    dependence: float = 8.0
+    least_second_differences: int = 12
+    least_roughness: float = 0.003
+    motion_cost: float = 10.0
+    slow_motion: float = 0.35
+    slow_motion_cost: float = 25.0
+    largest_motion: float = 1.5
+    samples: int = 300
+    rigid_samples: int = 80
+    least_rigid_samples: int = 16
+    rigid_variance: float = 0.1
+    rigid_noises: float = 4.0
+
+
+class ShiftChoice(NamedTuple):
+    """The most likely shift.
+
+    Attributes:
+        shift: its row in `GraphArrays.shifted`; 0: identities are right.
+        margin: nats by which the image prefers it to all others.
+        measured_margin: part of the margin from roughness and appearance.
+        motion: median motion that it implies, in spacings.
+    """
+
+    shift: int
+    margin: float
+    measured_margin: float
+    motion: float
+
+
+SHIFT = ShiftParameters()
+_SMALLEST_RATIO, _BISECTIONS = 1e-12, 16
+
+
+@kernel()
 @no_type_check
-def _occupation(owner, place, slip, kind, presence, bounds, cost):
-    """Adds to `cost` (s,) what dots in unlikely places and empty likely places in view amount to."""
+def _add_occupancy_cost(
+    dot: np.ndarray, position_px: np.ndarray, graph: GraphArrays, presence: np.ndarray, cost: np.ndarray
+) -> None:
+    """Adds to `cost` (s,) the cost of dots at unlikely, and of none at likely positions in view."""
+    kind, bounds, shifted = graph.kind, graph.bounds_px, graph.shifted
     found = expected = 0.0
     nodes = len(kind)
-    shown = np.zeros(nodes, np.bool_)
+    is_shown = np.zeros(nodes, np.bool_)
     for k in range(nodes):
-        x, y = place[k, 0], place[k, 1]
-        shown[k] = bounds[0] < x < bounds[2] and bounds[1] < y < bounds[3]
-        if kind[k] == 0 and shown[k]:
+        x, y = position_px[k, 0], position_px[k, 1]
+        is_shown[k] = bounds[0] < x < bounds[2] and bounds[1] < y < bounds[3]
+        if kind[k] == PRESENT and is_shown[k]:
             expected += presence[k]
-            found += owner[k] >= 0
-    share = min(1.0, max(_LEAST_FOUND, found / max(expected, 1.0)))
+            found += dot[k] >= 0
+    visible = min(1.0, max(SHIFT.least_visible, found / max(expected, 1.0)))
     full, empty = np.empty(nodes), np.empty(nodes)
     before, log_full, log_empty = -1.0, 0.0, 0.0
     for k in range(nodes):
-        # most are as likely as the one before, and logarithms take long
+        # Most are as likely as the one before, and logarithms are slow.
         if presence[k] != before:
             before = presence[k]
-            log_full, log_empty = -np.log(before), -np.log(1.0 - before * share)
-        full[k] = _UNKNOWN if kind[k] == 3 else log_full
-        empty[k] = _UNKNOWN if kind[k] == 3 else log_empty
-    for s in range(len(slip)):
+            log_full, log_empty = -np.log(before), -np.log(1.0 - before * visible)
+        full[k] = SHIFT.hidden_cost if kind[k] == EXTERIOR_HIDDEN else log_full
+        empty[k] = SHIFT.hidden_cost if kind[k] == EXTERIOR_HIDDEN else log_empty
+    for s in range(len(shifted)):
         for k in range(nodes):
-            t = slip[s, k]
-            if owner[k] >= 0:
-                beyond = _UNKNOWN if kind[k] == 3 else -np.log(_BEYOND)
+            t = shifted[s, k]
+            if dot[k] >= 0:
+                beyond = SHIFT.hidden_cost if kind[k] == EXTERIOR_HIDDEN else -np.log(SHIFT.clutter)
                 cost[s] += full[t] if t >= 0 else beyond
-            elif t >= 0 and shown[k]:
+            elif t >= 0 and is_shown[k]:
                 cost[s] += empty[t]
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=REORDER)
 @no_type_check
-def _number_below(value, limit):
+def _count_below(value: np.ndarray, limit: np.float32) -> float:
     number = np.float32(0.0)
     for i in range(np.uint64(len(value))):
         number += np.float32(1.0) if value[i] < limit else np.float32(0.0)
-    return number
+    return float(number)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def middle(value):
-    """Median of values (n,) of float32 that are not negative, to a few parts in ten thousand.
+def approximate_median(value: np.ndarray) -> float:
+    """Median of float32 values (n,), n > 0, that are not negative, to a few parts in ten thousand.
 
-    Found by halving: counting runs in lanes, and nothing is foreseen wrongly as when values are sorted.
+    By bisection of its logarithm: counting is vectorised and has no unpredictable branches, as sorting has.
     """
     high, half = np.float64(value.max()), 0.5 * len(value)
-    low = high * _LEAST_MIDDLE
-    if high <= 0.0 or _number_below(value, np.float32(low)) > half:
+    low = high * _SMALLEST_RATIO
+    if high <= 0.0 or _count_below(value, np.float32(low)) > half:
         return 0.0
-    for _ in range(_HALVINGS):
+    for _ in range(_BISECTIONS):
         between = np.sqrt(low * high)
-        if _number_below(value, np.float32(between)) <= half:
+        if _count_below(value, np.float32(between)) <= half:
             low = between
         else:
             high = between
-    return np.sqrt(low * high)
+    return sqrt(low * high)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _deviation(place, owner, rest, spacing, opposite, slip, bend):
-    """Median second difference of displacements along the lattice, in spacings, and how many there are."""
+def _sampled_roughness(
+    position_px: np.ndarray, dot: np.ndarray, graph: GraphArrays, shifted: np.ndarray, squared: np.ndarray
+) -> tuple[float, int]:
+    """Median second difference of displacements along the lattice after a shift, in spacings, and how many.
+
+    Args:
+        position_px: (N, 2) of the nodes in the image.
+        dot: (N,).
+        graph: of the layout.
+        shifted: (N,) the node that each becomes.
+        squared: (2 N,) workspace.
+    """
+    rest, spacing, opposite = graph.rest_px, graph.spacing_px, graph.opposite
+    at = position_px
     number = 0
-    for k in range(0, len(owner), stride(len(owner), _SAMPLES)):
-        t = slip[k]
-        if owner[k] < 0 or t < 0:
+    for k in range(0, len(dot), sample_step(len(dot), SHIFT.samples)):
+        t = shifted[k]
+        if dot[k] < 0 or t < 0:
             continue
         for axis in range(2):
             a, b = opposite[k, 2 * axis], opposite[k, 2 * axis + 1]
-            if a < 0 or b < 0 or owner[a] < 0 or owner[b] < 0:
+            if a < 0 or b < 0 or dot[a] < 0 or dot[b] < 0:
                 continue
             ta, tb = opposite[t, 2 * axis], opposite[t, 2 * axis + 1]
             if ta < 0 or tb < 0:
                 continue
-            x = place[a, 0] + place[b, 0] - 2.0 * place[k, 0] - rest[ta, 0] - rest[tb, 0] + 2.0 * rest[t, 0]
-            y = place[a, 1] + place[b, 1] - 2.0 * place[k, 1] - rest[ta, 1] - rest[tb, 1] + 2.0 * rest[t, 1]
-            bend[number] = (x * x + y * y) / (spacing[k] * spacing[k])
+            x = at[a, 0] + at[b, 0] - 2.0 * at[k, 0] - rest[ta, 0] - rest[tb, 0] + 2.0 * rest[t, 0]
+            y = at[a, 1] + at[b, 1] - 2.0 * at[k, 1] - rest[ta, 1] - rest[tb, 1] + 2.0 * rest[t, 1]
+            squared[number] = (x * x + y * y) / (spacing[k] * spacing[k])
             number += 1
-    return (np.sqrt(middle(bend[:number])) if number else np.nan), number
+    return (sqrt(approximate_median(squared[:number])) if number else np.nan), number
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _motion(place, owner, last, spacing, slip, buffer):
-    """Median distance of the dots from where their markers were, in spacings."""
+def _sampled_motion(
+    position_px: np.ndarray,
+    dot: np.ndarray,
+    last_px: np.ndarray,
+    spacing_px: np.ndarray,
+    shifted: np.ndarray,
+    squared: np.ndarray,
+) -> float:
+    """Median distance of the dots from where their markers were, after a shift; in spacings."""
     number = 0
-    for k in range(0, len(owner), stride(len(owner), _SAMPLES)):
-        t = slip[k]
-        if owner[k] >= 0 and 0 <= t < len(last):
-            x, y = place[k, 0] - last[t, 0], place[k, 1] - last[t, 1]
-            buffer[number] = (x * x + y * y) / (spacing[k] * spacing[k])
+    for k in range(0, len(dot), sample_step(len(dot), SHIFT.samples)):
+        t = shifted[k]
+        if dot[k] >= 0 and 0 <= t < len(last_px):
+            x, y = position_px[k, 0] - last_px[t, 0], position_px[k, 1] - last_px[t, 1]
+            squared[number] = (x * x + y * y) / (spacing_px[k] * spacing_px[k])
             number += 1
-    return np.sqrt(middle(buffer[:number])) if number else np.inf
+    return sqrt(approximate_median(squared[:number])) if number else np.inf
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def jumped(dot, owner, slip, last, unseen, noise_px):
-    """Would the dots have moved as one body if the numbers had slipped, and not as they are?
+def is_rigid_jump(
+    centre_px: np.ndarray,
+    dot: np.ndarray,
+    shifted: np.ndarray,
+    last_px: np.ndarray,
+    frames_unseen: np.ndarray,
+    noise_px: float,
+) -> bool:
+    """Whether some shift of identities makes the motion since the last frame rigid, which it is not without.
 
-    A sheet that jumps by a pitch in front of the camera keeps its shape; with the old numbers, unevenness of
-    the lattice in the image and dents look like motion.
+    A sheet that jumps by a pitch in front of the camera keeps its shape; with the identities of the last
+    frame, unevenness of the lattice in the image and dents appear as motion.
     """
-    markers = len(last)
-    step = markers // _RIGID_SAMPLES | 1
-    own = 0.0
-    for s in range(len(slip)):
+    markers = len(last_px)
+    step = markers // SHIFT.rigid_samples | 1
+    unshifted = 0.0
+    for s in range(len(shifted)):
         x = y = square = 0.0
         number = 0
         for k in range(0, markers, step):
-            t = slip[s, k]
-            if owner[k] < 0 or t < 0 or t >= markers or unseen[t] > 0:
+            t = shifted[s, k]
+            if dot[k] < 0 or t < 0 or t >= markers or frames_unseen[t] > 0:
                 continue
-            dx, dy = dot[owner[k], 0] - last[t, 0], dot[owner[k], 1] - last[t, 1]
+            dx, dy = centre_px[dot[k], 0] - last_px[t, 0], centre_px[dot[k], 1] - last_px[t, 1]
             x += dx
             y += dy
             square += dx * dx + dy * dy
             number += 1
-        if number < _LEAST_SAMPLES:
+        if number < SHIFT.least_rigid_samples:
             continue
-        spread = (square - (x * x + y * y) / number) / number
+        variance = (square - (x * x + y * y) / number) / number
         if s == 0:
-            own = spread
-            if own < (_RIGID_NOISES * noise_px) ** 2:
+            unshifted = variance
+            if unshifted < (SHIFT.rigid_noises * noise_px) ** 2:
                 return False
-        elif spread < _RIGID * own:
+        elif variance < SHIFT.rigid_variance * unshifted:
             return True
     return False
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def vote(owner, appearance, place, net, slip, presence, look, usual_look, last, bounds, noise_px, is_next):
-    """The likeliest slip, by how many nats the image prefers it to all others, and its median motion.
+def _choose(
+    occupancy: np.ndarray, measured: np.ndarray, motion: np.ndarray, motion_cost: float
+) -> ShiftChoice:
+    """The shift of least cost, from the costs (s,) of occupancy, of what was measured, and motions (s,)."""
+    best = 0
+    for s in range(len(occupancy)):
+        cost = occupancy[s] + measured[s] + motion_cost * min(motion[s], SHIFT.largest_motion)
+        least = occupancy[best] + measured[best] + motion_cost * min(motion[best], SHIFT.largest_motion)
+        if cost < least:
+            best = s
+    margin = measured_margin = np.inf
+    for s in range(len(occupancy)):
+        if s != best:
+            margin = min(margin, occupancy[s] + measured[s] - occupancy[best] - measured[best])
+            measured_margin = min(measured_margin, measured[s] - measured[best])
+    return ShiftChoice(best, margin, measured_margin, motion[best])
+
+
+@kernel()
+@no_type_check
+def choose_shift(
+    dots: DotArrays,
+    dot: np.ndarray,
+    position_px: np.ndarray,
+    graph: GraphArrays,
+    state: MatchingState,
+    noise_px: float,
+) -> ShiftChoice:
+    """The shift that makes a frame most likely.
 
     Args:
-        owner: (N,) dot of each node.
-        appearance: (n,) areas and (n,) contrasts of the dots.
-        place: (N, 2) of all nodes in the image, also of those without a dot.
-        presence: (N,) share of recent frames in which each node had a dot.
-        look, usual_look: (m, 2) how the markers' dots look, (2,) how unlike that they usually are.
-        last: (m, 2) where the markers were in the last good frame.
+        dots: of the frame.
+        dot: (N,) dot of each node.
+        position_px: (N, 2) of all nodes in the image, also of those without a dot.
+        graph: of the layout.
+        state: from the frames before.
         noise_px: standard deviation of a centre.
-        is_next: `last` is of the frame before this one.
-
-    Returns:
-        slip (row of `slip`), margin, what roughness and looks contribute to it, motion in spacings.
     """
-    rest, _, spacing, _, _, _, _, _, _, opposite = net
-    slips, nodes = len(slip), len(owner)
-    cost, rough = np.zeros(slips), np.zeros(slips)
-    _occupation(owner, place, slip, net[1], presence, bounds, cost)
-    buffer = np.empty(2 * nodes, np.float32)
-    finest = max(_FINEST, noise_px / spacing[0])
-    motion = np.empty(slips)
-    usual, bends = 0.0, 0
-    for s in range(slips):
-        motion[s] = _motion(place, owner, last, spacing, slip[s], buffer)
-        deviation, number = _deviation(place, owner, rest, spacing, opposite, slip[s], buffer)
+    shifted = graph.shifted
+    shifts, nodes = len(shifted), len(dot)
+    occupancy, measured, motion = np.zeros(shifts), np.zeros(shifts), np.empty(shifts)
+    _add_occupancy_cost(dot, position_px, graph, state.presence, occupancy)
+    squared = np.empty(2 * nodes, np.float32)
+    least = max(SHIFT.least_roughness, noise_px / graph.spacing_px[0])
+    usual, usual_number = 0.0, 0
+    for s in range(shifts):
+        motion[s] = _sampled_motion(
+            position_px, dot, state.position_px, graph.spacing_px, shifted[s], squared
+        )
+        roughness, number = _sampled_roughness(position_px, dot, graph, shifted[s], squared)
         if s == 0:
-            usual, bends = deviation, number
-        if bends >= _LEAST_BENDS:
-            if number < bends // 2:
-                deviation = usual
-            rough[s] = bends / _INDEPENDENT * np.log(finest + deviation)
-    now = np.empty((nodes, 2))
-    looks(nodes, stride(nodes, LOOKS), owner, appearance, net, now)
-    slipped_looks(now, slip, look, usual_look, rough)
-    closeness = _CONTINUITY if is_next and motion[0] < _NEAR else _CLOSENESS
-    best = 0
-    for s in range(slips):
-        charge = cost[s] + rough[s] + closeness * min(motion[s], _MOST_MOTION)
-        if charge < cost[best] + rough[best] + closeness * min(motion[best], _MOST_MOTION):
-            best = s
-    margin = by_roughness = np.inf
-    for s in range(slips):
-        if s != best:
-            margin = min(margin, cost[s] + rough[s] - cost[best] - rough[best])
-            by_roughness = min(by_roughness, rough[s] - rough[best])
-    return best, margin, by_roughness, motion[best]
+            usual, usual_number = roughness, number
+        if usual_number >= SHIFT.least_second_differences:
+            if number < usual_number // 2:
+                roughness = usual
+            measured[s] = usual_number / SHIFT.dependence * np.log(least + roughness)
+    appearance = np.empty((nodes, 2))
+    measure_appearance(nodes, sample_step(nodes, APPEARANCE.shift_samples), dot, dots, graph, appearance)
+    add_appearance_cost(appearance, shifted, state.appearance, state.appearance_difference, measured)
+    is_slow = state.is_consecutive and motion[0] < SHIFT.slow_motion
+    motion_cost = SHIFT.slow_motion_cost if is_slow else SHIFT.motion_cost
+    return _choose(occupancy, measured, motion, motion_cost)

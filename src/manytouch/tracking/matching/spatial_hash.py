@@ -1,104 +1,153 @@
-"""Kernels that find the dot nearest to a place: a hash grid, made once per frame."""
+"""Kernels that find the dot nearest to a position: a hash grid (cell list), built once per frame."""
 
-# mypy: disable-error-code="no-untyped-def"
-# no_type_check keeps checkers of annotations, which numba cannot compile, out of the kernels
 # ruff: noqa: PLR0917 - compiled functions take positional arguments
-from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from manytouch.compilation import inlined_kernel, kernel, no_type_check
+from manytouch.tracking.lattice_graph import PRESENT
+from manytouch.tracking.matching.records import Cells, DotGrid, GraphArrays
+
+SECOND_REACH = 1.7
+"""The second nearest dot is searched within this many gates."""
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def bin_dots(dot, cell_px):
-    """Hash grid of dots: origin x, y, shape, start of each cell, dots in the order of their cells."""
+def build_grid(centre_px: np.ndarray, cell_px: float) -> DotGrid:
+    """Sorts dots (n, 2), n > 0, into square cells by counting."""
     left = top = np.inf
     right = bottom = -np.inf
-    for i in range(len(dot)):
-        left, right = min(left, dot[i, 0]), max(right, dot[i, 0])
-        top, bottom = min(top, dot[i, 1]), max(bottom, dot[i, 1])
+    for i in range(len(centre_px)):
+        left, right = min(left, centre_px[i, 0]), max(right, centre_px[i, 0])
+        top, bottom = min(top, centre_px[i, 1]), max(bottom, centre_px[i, 1])
     columns = int((right - left) / cell_px) + 1
     rows = int((bottom - top) / cell_px) + 1
-    cell = np.empty(len(dot), np.int64)
+    cell = np.empty(len(centre_px), np.int64)
     start = np.zeros(rows * columns + 1, np.int64)
-    for i in range(len(dot)):
-        cell[i] = int((dot[i, 1] - top) / cell_px) * columns + int((dot[i, 0] - left) / cell_px)
+    for i in range(len(centre_px)):
+        row, column = int((centre_px[i, 1] - top) / cell_px), int((centre_px[i, 0] - left) / cell_px)
+        cell[i] = row * columns + column
         start[cell[i] + 1] += 1
     for c in range(rows * columns):
         start[c + 1] += start[c]
-    binned = np.empty(len(dot), np.int64)
-    for i in range(len(dot) - 1, -1, -1):
+    dot = np.empty(len(centre_px), np.int64)
+    for i in range(len(centre_px) - 1, -1, -1):
         start[cell[i] + 1] -= 1
-        binned[start[cell[i] + 1]] = i
+        dot[start[cell[i] + 1]] = i
     for c in range(rows * columns):
         start[c] = start[c + 1]
-    start[rows * columns] = len(dot)
-    return left, top, columns, rows, start, binned
+    start[rows * columns] = len(centre_px)
+    return DotGrid(centre_px, cell_px, left, top, columns, rows, start, dot)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@inlined_kernel()
 @no_type_check
-def around(x, y, reach, columns, rows, each):
-    """Columns and rows of the cells within reach of a place, that is given from the first one's corner.
+def cells_within(grid: DotGrid, x: float, y: float, reach_px: float) -> Cells:
+    """Cells within reach of a position; where the last column is before the first, there are none."""
+    per_px = 1.0 / grid.cell_px
+    x -= grid.left_px
+    y -= grid.top_px
+    left, right = int(np.floor((x - reach_px) * per_px)), int(np.floor((x + reach_px) * per_px))
+    top, bottom = int(np.floor((y - reach_px) * per_px)), int(np.floor((y + reach_px) * per_px))
+    return Cells(max(0, left), min(grid.columns - 1, right), max(0, top), min(grid.rows - 1, bottom))
 
-    `each` is one over the size of a cell. Where the last column is less than the first, there are none.
+
+@inlined_kernel()
+@no_type_check
+def nearest_two(grid: DotGrid, x: float, y: float, gate_px: float) -> tuple[int, float, float]:
+    """The dot nearest to a position within a gate, and how unambiguous it is.
+
+    Returns:
+        The dot or -1, its squared distance, and that of the second nearest dot within 1.7 gates; px^2. Where
+        there is no such dot, the squared gate and the squared 1.7 gates.
     """
-    left, right = int(np.floor((x - reach) * each)), int(np.floor((x + reach) * each))
-    top, bottom = int(np.floor((y - reach) * each)), int(np.floor((y + reach) * each))
-    return max(0, left), min(columns - 1, right), max(0, top), min(rows - 1, bottom)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-@no_type_check
-def nearest_two(dot, bins, cell_px, x, y, gate_px):
-    """Nearest dot within a gate or -1, its squared distance, and of the second nearest within 1.7 gates."""
-    low_x, low_y, columns, rows, start, binned = bins
-    reach = 1.7 * gate_px
+    centre, start, dot, columns = grid.centre_px, grid.start, grid.dot, grid.columns
+    reach = SECOND_REACH * gate_px
     best, first, second = -1, gate_px * gate_px, reach * reach
-    left, right, top, bottom = around(x - low_x, y - low_y, reach, columns, rows, 1.0 / cell_px)
-    if right < left:
+    cells = cells_within(grid, x, y, reach)
+    if cells.right < cells.left:
         return best, first, second
-    for row in range(top, bottom + 1):
-        for j in range(start[row * columns + left], start[row * columns + right + 1]):
-            i = binned[j]
-            d = (dot[i, 0] - x) ** 2 + (dot[i, 1] - y) ** 2
-            if d < first:
+    for row in range(cells.top, cells.bottom + 1):
+        for j in range(start[row * columns + cells.left], start[row * columns + cells.right + 1]):
+            i = dot[j]
+            squared = (centre[i, 0] - x) ** 2 + (centre[i, 1] - y) ** 2
+            if squared < first:
                 second = first if best >= 0 else second
-                first, best = d, i
-            elif d < second:
-                second = d
+                first, best = squared, i
+            elif squared < second:
+                second = squared
     return best, first, second
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inlined_kernel()
 @no_type_check
-def match(dot, bins, cell_px, guess, kind, spacing, gate, owner, taker):
-    """Fills `owner` with the mutually nearest pairs of guessed markers and dots, within `gate` spacings.
+def nearest_dot(grid: DotGrid, x: float, y: float, gate_px: float) -> tuple[int, float]:
+    """The dot nearest to a position within a gate or -1, and its squared distance or the squared gate."""
+    centre, start, dot, columns = grid.centre_px, grid.start, grid.dot, grid.columns
+    best, first = -1, gate_px * gate_px
+    cells = cells_within(grid, x, y, gate_px)
+    if cells.right < cells.left:
+        return best, first
+    for row in range(cells.top, cells.bottom + 1):
+        for j in range(start[row * columns + cells.left], start[row * columns + cells.right + 1]):
+            i = dot[j]
+            squared = (centre[i, 0] - x) ** 2 + (centre[i, 1] - y) ** 2
+            if squared < first:
+                first, best = squared, i
+    return best, first
 
-    Returns whether all present markers got one.
+
+@inlined_kernel()
+@no_type_check
+def nearest_free_dot(grid: DotGrid, x: float, y: float, gate_px: float, is_used: np.ndarray) -> int:
+    """The nearest dot within a gate that is not used (n,), or -1."""
+    centre, start, dot, columns = grid.centre_px, grid.start, grid.dot, grid.columns
+    best, first = -1, gate_px * gate_px
+    cells = cells_within(grid, x, y, gate_px)
+    if cells.right < cells.left:
+        return best
+    for row in range(cells.top, cells.bottom + 1):
+        for j in range(start[row * columns + cells.left], start[row * columns + cells.right + 1]):
+            i = dot[j]
+            if not is_used[i]:
+                squared = (centre[i, 0] - x) ** 2 + (centre[i, 1] - y) ** 2
+                if squared < first:
+                    best, first = i, squared
+    return best
+
+
+@kernel()
+@no_type_check
+def match_nearest(
+    grid: DotGrid,
+    guess_px: np.ndarray,
+    graph: GraphArrays,
+    gate: float,
+    dot_of_node: np.ndarray,
+    marker_of_dot: np.ndarray,
+) -> None:
+    """Matches markers and dots that are each other's nearest.
+
+    Args:
+        grid: of the n dots.
+        guess_px: (m, 2) guessed positions of the markers.
+        graph: of the layout; markers that are known to be missing get no dot.
+        gate: largest distance of a match, in local spacings.
+        dot_of_node: (N,) written for the m markers: the dot or -1.
+        marker_of_dot: (n,) or longer: workspace.
     """
-    low_x, low_y, columns, rows, start, binned = bins
-    taker[: len(dot)] = -1
-    distance = np.empty(len(dot))
-    for k in range(len(guess)):
-        owner[k] = -1
-        if kind[k] != 0:
+    kind, spacing = graph.kind, graph.spacing_px
+    marker_of_dot[: len(grid.centre_px)] = -1
+    distance = np.empty(len(grid.centre_px))
+    for k in range(len(guess_px)):
+        dot_of_node[k] = -1
+        if kind[k] != PRESENT:
             continue
-        x, y, reach = guess[k, 0], guess[k, 1], gate * spacing[k]
-        best, first = -1, reach * reach
-        left, right, top, bottom = around(x - low_x, y - low_y, reach, columns, rows, 1.0 / cell_px)
-        if right < left:
-            continue
-        for row in range(top, bottom + 1):
-            for j in range(start[row * columns + left], start[row * columns + right + 1]):
-                i = binned[j]
-                d = (dot[i, 0] - x) ** 2 + (dot[i, 1] - y) ** 2
-                if d < first:
-                    first, best = d, i
-        owner[k] = best
-        if best >= 0 and (taker[best] < 0 or first < distance[best]):
-            distance[best], taker[best] = first, k
-    for k in range(len(guess)):
-        if owner[k] >= 0 and taker[owner[k]] != k:
-            owner[k] = -1
+        best, first = nearest_dot(grid, guess_px[k, 0], guess_px[k, 1], gate * spacing[k])
+        dot_of_node[k] = best
+        if best >= 0 and (marker_of_dot[best] < 0 or first < distance[best]):
+            distance[best], marker_of_dot[best] = first, k
+    for k in range(len(guess_px)):
+        if dot_of_node[k] >= 0 and marker_of_dot[dot_of_node[k]] != k:
+            dot_of_node[k] = -1
