@@ -5,18 +5,17 @@ docs/derivations/mechanics.md, "Dots".
 """
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
-# no_type_check keeps checkers of annotations, which numba cannot compile, out of them
 
 import math
-from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from manytouch.compilation import kernel, no_type_check
 
 THINNEST, THICKEST = 0.5, 1.3  # limits of deformed over undeformed thickness, as in mechanics.markers
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
 def displace_face(
     coefficient_mm: np.ndarray,

@@ -1,4 +1,4 @@
-"""Who lies beside whom: the cells between markers and the markers around a marker."""
+"""Neighbouring markers: the cells between them, and the nearest others of each."""
 
 from dataclasses import dataclass
 

@@ -1,44 +1,54 @@
-"""Where the rays of pixels meet the sheet's plane, from a table: the lens is undone once per sensor.
+"""Where the rays of pixels meet the sheet's plane, from a table: the distortion is inverted once per sensor.
 
 Between the nodes of a coarse grid over the image, places follow the cubic that has the right values and
 slopes at the four nodes around. Lenses bend so smoothly that this is exact to far below a thousandth
-of a pixel, at a fraction of the cost of undoing the distortion point by point.
+of a pixel, at a fraction of the cost of inverting the distortion point by point.
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
 
 from manytouch.geometry.camera import onto_plane
 from manytouch.values import Camera
 from manytouch.values.arrays import Covariances2, Points2, read_only
 
 _COARSEST_PX, _FINEST_PX = 64.0, 8.0
-_SLACK_PX = 2e-6  # how far off the table may be, before it is made finer
+_TOLERANCE_PX = 2e-6  # largest error of the table
 _HALF_PX = 0.5  # step of the derivatives
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PlaneTable:
-    """Places in the plane of the sheet for every pixel of an image.
+class PlaneNodes(NamedTuple):
+    """The nodes of a table.
 
     Attributes:
         node_mm: (rows, columns, 2, 2, 2) at each node, for x and y: value and slope along x, and both of
             these differentiated along y; slopes are per step.
         step_px: between nodes.
-        low_px: place of the first node.
+        low_px: x and y of the first node.
     """
 
-    node_mm: Float64[np.ndarray, "r c 2 2 2"]
+    node_mm: np.ndarray
     step_px: float
     low_px: float
 
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PlaneTable:
+    """Positions in the plane of the sheet for every pixel of an image.
+
+    Attributes:
+        nodes: positions are interpolated between.
+    """
+
+    nodes: PlaneNodes
+
     def __call__(self, pixel: Points2) -> Points2:
         """(n, 2) mm in the plane of the sheet for pixels (n, 2) of the image; NaN stays NaN."""
-        from manytouch.geometry.plane_kernels import looked_up
+        from manytouch.geometry.plane_kernels import look_up
 
-        return np.asarray(looked_up(np.ascontiguousarray(pixel), self.node_mm, self.step_px, self.low_px))
+        return look_up(np.ascontiguousarray(pixel), self.nodes)
 
 
 def plane_table(camera: Camera) -> PlaneTable:
@@ -46,7 +56,7 @@ def plane_table(camera: Camera) -> PlaneTable:
     step_px = _COARSEST_PX
     while True:
         table = _table(camera, step_px)
-        if step_px <= _FINEST_PX or _error_px(camera, table) < _SLACK_PX:
+        if step_px <= _FINEST_PX or _error_px(camera, table) < _TOLERANCE_PX:
             return table
         step_px /= 2.0
 
@@ -73,17 +83,15 @@ def _table(camera: Camera, step_px: float) -> PlaneTable:
     value_row = np.stack([_places(camera, pixel), slope[:, :, 0]], axis=-1)
     slope_row = np.stack([slope[:, :, 1], step_px**2 * (down - up)], axis=-1)
     node = np.stack([value_row, slope_row], axis=-2)
-    return PlaneTable(
-        node_mm=read_only(np.ascontiguousarray(node.reshape(rows, columns, 2, 2, 2))),
-        step_px=step_px,
-        low_px=low_px,
-    )
+    node_mm = read_only(np.ascontiguousarray(node.reshape(rows, columns, 2, 2, 2)))
+    return PlaneTable(nodes=PlaneNodes(node_mm, step_px, low_px))
 
 
 def _error_px(camera: Camera, table: PlaneTable) -> float:
-    """How far the table is off where it is farthest from its nodes, at worst."""
+    """Largest error of the table at the points farthest from its nodes."""
     x, y = (
-        table.step_px * np.arange(int(size / table.step_px)) for size in (camera.width_px, camera.height_px)
+        table.nodes.step_px * np.arange(int(size / table.nodes.step_px))
+        for size in (camera.width_px, camera.height_px)
     )
     pixel = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     off_mm = np.abs(table(pixel) - _places(camera, pixel))

@@ -8,6 +8,7 @@ and planes exactly, and are worked out once per sensor, so that a frame costs on
 """
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -59,13 +60,12 @@ class PointSampling:
         return np.where(is_known, np.sqrt(squared @ _filled(self.rest_mm, std**2)), np.nan)
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Spline:
-    """A spline through k values at n places.
+class Spline(NamedTuple):
+    """A spline through k values, evaluated at n positions.
 
     Attributes:
         solve: (k, k) part of each value, first index, in each coefficient.
-        first: (n,) first coefficient that counts at each place.
+        first: (n,) first coefficient that counts at each position.
         tap: (n, 4 or fewer) weights of the coefficients from there on.
         whole: (n, k) weights of the values.
     """
@@ -84,9 +84,9 @@ class GridSampling:
         x_mm, y_mm: (nx,), (ny,) the grid.
         along_x, along_y: splines of a lattice; None for other layouts.
         order: (m,) marker at each place of the lattice, row by row; None for other layouts.
-        points: the same for layouts that are no lattice, else None.
+        points: sampling of layouts that are not a lattice, else None.
         is_inside: (ny, nx) points that are not too far outside the markers.
-        is_all_inside: are all of them?
+        is_all_inside: whether all of them are.
         nearest: (ny, nx) marker next to each point.
         rest_mm: (m, 2) where the values are known.
     """
@@ -107,12 +107,12 @@ class GridSampling:
         if self.points is not None:
             return np.asarray(self.points(value).reshape(len(self.y_mm), len(self.x_mm)))
         if np.isfinite(value).all():
-            whole = self._spread(value)
+            whole = self._evaluate(value)
             if not self.is_all_inside:
                 whole[~self.is_inside] = np.nan
             return whole
         is_known = np.isfinite(value)[self.nearest] & self.is_inside
-        return np.where(is_known, self._spread(_filled(self.rest_mm, value)), np.nan)
+        return np.where(is_known, self._evaluate(_filled(self.rest_mm, value)), np.nan)
 
     def at(self, value: Values, row: np.ndarray, column: np.ndarray) -> Float64[np.ndarray, " k"]:
         """(k,) values at some points of the grid, the same as there on the whole map."""
@@ -136,25 +136,14 @@ class GridSampling:
         variance = self.along_y.whole**2 @ squared @ (self.along_x.whole**2).T
         return np.where(is_known, np.sqrt(variance), np.nan)
 
-    def _spread(self, value: np.ndarray) -> np.ndarray:
+    def _evaluate(self, value: np.ndarray) -> np.ndarray:
         """Values everywhere on the grid, from those of all markers."""
-        from manytouch.geometry.sampling_kernels import spread_out
+        from manytouch.geometry.sampling_kernels import evaluate_on_grid
 
-        along_x, along_y = self.along_x, self.along_y
-        assert along_x is not None
-        assert along_y is not None
-        return np.asarray(
-            spread_out(
-                np.ascontiguousarray(value),
-                self.order,
-                along_y.solve,
-                along_x.solve,
-                along_y.first,
-                along_y.tap,
-                along_x.first,
-                along_x.tap,
-            )
-        )
+        assert self.along_x is not None
+        assert self.along_y is not None
+        assert self.order is not None
+        return evaluate_on_grid(np.ascontiguousarray(value), self.order, self.along_y, self.along_x)
 
     def _lattice(self, value: np.ndarray) -> np.ndarray:
         """(rows, columns) values of the markers."""

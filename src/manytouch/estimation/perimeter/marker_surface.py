@@ -119,11 +119,12 @@ class MarkerSurface:
             return None
         from manytouch.estimation.perimeter.law_kernels import surface_at_markers
         from manytouch.estimation.perimeter.view_kernels import median_std
-        from manytouch.geometry.plane_kernels import in_plane
+        from manytouch.geometry.plane_kernels import displacements_in_plane
 
         law, plane, is_seen = geometry.law, geometry.plane, grid.is_seen
-        place = (grid.position_px, grid.covariance_px2, plane.node_mm, plane.step_px, plane.low_px)
-        displacement_mm, covariance_mm2 = in_plane(*place, law.rest_mm, geometry.plane_from_px)
+        displacement_mm, covariance_mm2 = displacements_in_plane(
+            grid.position_px, grid.covariance_px2, plane.nodes, law.rest_mm, geometry.plane_from_px
+        )
         displacement_mm, covariance_mm2 = self.interpolation(
             displacement_mm, covariance_mm2, is_seen, geometry.neighbours, geometry.pitch_mm
         )

@@ -1,4 +1,4 @@
-"""The lattice among unordered dots, whatever the view does to it."""
+"""Rows and columns of unordered dots, in any view."""
 
 import numpy as np
 import pytest
@@ -42,7 +42,7 @@ WARPS = [
 
 
 @pytest.mark.parametrize("warp", WARPS)
-def test_every_dot_has_its_place(warp):
+def test_every_dot_gets_its_row_and_column(warp):
     rows, columns = 7, 11
     points = warped(lattice_px(rows, columns), **warp)
     rng = np.random.default_rng(4)
@@ -81,7 +81,7 @@ def test_a_squeezed_row_stays_a_row():
     assert_same_lattice(found.place, np.argwhere(np.ones((8, 10))))
 
 
-def test_rings_wind():
+def test_rings_are_closed():
     ring, spoke = np.indices((6, 16))
     radius, angle = 60.0 + 25.0 * ring.ravel(), spoke.ravel() * 2 * np.pi / 16
     points = np.column_stack([radius * np.cos(angle) + 320.0, radius * np.sin(angle) + 240.0])
@@ -89,5 +89,5 @@ def test_rings_wind():
     assert found is None or found.is_closed or found.is_member.mean() < 0.6
 
 
-def test_a_few_dots_are_no_lattice():
+def test_too_few_dots_are_not_a_lattice():
     assert find_lattice(np.array([[0.0, 0.0], [5.0, 1.0], [2.0, 8.0]])) is None

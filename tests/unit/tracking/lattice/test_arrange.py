@@ -1,4 +1,4 @@
-"""Numbers of markers: rows from the top, columns from the left, the same at every start."""
+"""Numbers of markers: rows from the top, columns from the left, the same in every run."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def diamond_px():
     return turned(points[inside], -45.0)
 
 
-def test_an_outline_that_is_no_rectangle_is_a_table_in_a_stable_order():
+def test_an_outline_that_is_not_a_rectangle_is_a_table_in_a_stable_order():
     points = turned(diamond_px(), 10.0)
     first = arrange(points, nothing_cut(points))
     assert first.row_column is None
