@@ -48,7 +48,7 @@ def _irregularity(graph: LatticeGraph) -> float:
     least = np.inf
     for shifted in arrays.shifted[1:]:
         is_on = (shifted >= 0) & (shifted < markers)
-        is_on[markers :] = False
+        is_on[markers:] = False
         moved = np.full_like(rest, np.nan)
         moved[is_on] = rest[shifted[is_on]] - rest[is_on]
         for axis in (0, 2):

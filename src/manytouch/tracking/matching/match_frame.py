@@ -4,10 +4,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.tracking.lattice_graph import LatticeGraph
 from manytouch.tracking.matching.records import Assignment, DotArrays, MatchingState, Workspace
 from manytouch.values.arrays import Points2
+
+Markers2 = Float64[np.ndarray, "m 2"]
 
 APPEARANCE_QUANTITIES = 2
 """Area and contrast."""
@@ -76,7 +79,7 @@ class WorkspacePool:
 
 
 def match_frame(
-    graph: LatticeGraph, dots: DotArrays, guess_px: Points2, state: MatchingState, pool: WorkspacePool
+    graph: LatticeGraph, dots: DotArrays, guess_px: Markers2, state: MatchingState, pool: WorkspacePool
 ) -> FrameMatch:
     """Assigns the dots of a frame to the nodes.
 
@@ -109,7 +112,7 @@ def match_frame(
     return _no_match(graph, state)
 
 
-def _other_guesses(graph: LatticeGraph, centre_px: Points2, guess_px: Points2) -> Iterator[np.ndarray]:
+def _other_guesses(graph: LatticeGraph, centre_px: Points2, guess_px: Markers2) -> Iterator[np.ndarray]:
     """Positions (m, 2) to begin from when the first guess was poor."""
     from manytouch.tracking.matching.view_translation import likely_translations
 
@@ -138,7 +141,7 @@ def _no_match(graph: LatticeGraph, state: MatchingState) -> FrameMatch:
 
 
 def _try_guess(
-    graph: LatticeGraph, dots: DotArrays, guess_px: np.ndarray, state: MatchingState, pool: WorkspacePool
+    graph: LatticeGraph, dots: DotArrays, guess_px: Markers2, state: MatchingState, pool: WorkspacePool
 ) -> FrameMatch:
     from manytouch.tracking.matching.identify import AMBIGUOUS, ASSUMED, DETERMINED, NOT_FOUND, identify
 
