@@ -1,11 +1,11 @@
-"""A frame's way from decoded picture to contacts, stage by stage, with its 99th percentile.
+"""Time of a frame from decoded image to contacts, stage by stage, with its 99th percentile.
 
     OMP_NUM_THREADS=1 python benchmarks/bench_frame.py [--method mechanics] [--frames 1000]
 
-2560 x 1440 px, 600 dots, the built-in scene `fingers` (a 3-D solid), played forwards and backwards so that
+2560 x 1440 px, 600 dots, the built-in scene `fingers` (a 3-D solid), forwards and backwards so that
 the sheet never jumps. First in one thread; then detection and tracking in one, estimation in another, as fast
-as they go: time per frame is then that from one reading to the next. The first line says how busy the
-machine was: figures of a busy one are upper bounds.
+as they go: time per frame is then that from one reading to the next. The first line is the load of
+the machine: on a busy one, times are upper bounds.
 """
 
 import argparse
@@ -29,7 +29,7 @@ NANOSECONDS = 1_000_000_000
 
 
 class Timed:
-    """A stage whose steps are timed, on the wall and of its thread's processor."""
+    """A stage whose steps are timed: wall time, and processor time of its thread."""
 
     def __init__(self, stage: Any) -> None:
         self._stage = stage
@@ -49,13 +49,13 @@ class Timed:
 
 def footage(pictures: int, fps: float) -> tuple[Sensor, tuple[Frame, ...]]:
     """The sensor and frames of some seconds of fingers."""
-    said = replace(load_scene(BUILT_IN / "fingers.toml", width_px=2560), fps=fps)
-    camera = simulator(said, tuple(solve_scene(said, states_folder())))
+    scene = replace(load_scene(BUILT_IN / "fingers.toml", width_px=2560), fps=fps)
+    camera = simulator(scene, tuple(solve_scene(scene, states_folder())))
     return camera.sensor, tuple(camera.frame(index) for index in range(pictures))
 
 
 def endless(frames: tuple[Frame, ...], fps: float) -> Iterator[Frame]:
-    """Forwards and backwards, again and again; numbers and times go on."""
+    """The frames forwards and backwards, without end; indices and times continue."""
     order = [*frames, *frames[-2:0:-1]]
     for index, frame in enumerate(cycle(order)):
         yield replace(frame, index=index, timestamp_ns=round(index * NANOSECONDS / fps))
@@ -78,22 +78,22 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=1000)
     parser.add_argument("--pictures", type=int, default=180, help="different ones")
     parser.add_argument("--fps", type=float, default=30.0)
-    asked = parser.parse_args()
-    sensor, frames = footage(asked.pictures, asked.fps)
-    pipeline = pipeline_for(asked.method)
+    arguments = parser.parse_args()
+    sensor, frames = footage(arguments.pictures, arguments.fps)
+    pipeline = pipeline_for(arguments.method)
     stages = {name: Timed(getattr(pipeline, name)) for name in ("detect", "track", "estimate")}
     timed = replace(pipeline, **stages)
-    count = WARM_FRAMES + asked.frames
-    print(f"load of the machine {os.getloadavg()[0]:.1f}; {asked.method}, {asked.frames} frames, ms")
+    count = WARM_FRAMES + arguments.frames
+    print(f"load of the machine {os.getloadavg()[0]:.1f}; {arguments.method}, {arguments.frames} frames, ms")
     whole_ms, touching = [], 0
-    for reading in timed.run(islice(endless(frames, asked.fps), count), sensor):
+    for reading in timed.run(islice(endless(frames, arguments.fps), count), sensor):
         whole_ms.append(reading.milliseconds)
         touching += len(reading.contacts.touching)
     for name, stage in stages.items():
-        print(row(name, stage.wall_ms[-asked.frames :], stage.own_ms[-asked.frames :]))
+        print(row(name, stage.wall_ms[-arguments.frames :], stage.own_ms[-arguments.frames :]))
     print(row("picture to contacts, one thread", whole_ms[WARM_FRAMES:]))
     at_s = []
-    sights = pipeline.see(islice(endless(frames, asked.fps), count), sensor)
+    sights = pipeline.see(islice(endless(frames, arguments.fps), count), sensor)
     with BackgroundIterator(sights, ahead=1) as stream:
         for _ in pipeline.tell(stream, sensor):
             at_s.append(time.perf_counter())

@@ -24,22 +24,24 @@ def main() -> None:
     parser.add_argument("scene", help="a built-in scene or a file")
     parser.add_argument("--every", type=int, default=5)
     parser.add_argument("--states", type=Path, default=states_folder())
-    asked = parser.parse_args()
-    is_built_in = asked.scene in built_in_scenes()
-    scene = load_scene(BUILT_IN / f"{asked.scene}.toml" if is_built_in else asked.scene)
+    arguments = parser.parse_args()
+    is_built_in = arguments.scene in built_in_scenes()
+    scene = load_scene(BUILT_IN / f"{arguments.scene}.toml" if is_built_in else arguments.scene)
     task = solid_problem(scene)
     if task.loading is None:
         raise SystemExit("nothing moves in this scene")
-    kept = list(StateCache(folder=asked.states).states(task.model, task.loading))
+    kept = list(StateCache(folder=arguments.states).states(task.model, task.loading))
     brief = tuple(condense(state, task.loading) for state in kept)
-    played = SolidScene(name=scene.name, time_s=task.time_s, states=brief, duration_s=float(task.time_s[-1]))
+    interpolated = SolidScene(
+        name=scene.name, time_s=task.time_s, states=brief, duration_s=float(task.time_s[-1])
+    )
     solver, worst = sheet_solver(task.model), []
     middle_s = 0.5 * (task.time_s[1:] + task.time_s[:-1])
     half_way = loading(scene.bodies, middle_s, thickness_mm=scene.sheet.thickness_mm)
     moving = np.zeros(len(middle_s), dtype=bool)
     for touch in task.loading.touches:
         moving |= np.abs(np.diff(touch.position_mm, axis=0)).max(axis=1) > 1e-3
-    for number in np.flatnonzero(moving)[:: asked.every]:
+    for number in np.flatnonzero(moving)[:: arguments.every]:
         once = replace(
             half_way,
             touches=tuple(
@@ -52,10 +54,12 @@ def main() -> None:
             ),
         )
         found = condense(solver.step(kept[number], once, 0), once)
-        guess = played.face(float(middle_s[number]))
+        guess = interpolated.face(float(middle_s[number]))
         off_mm = np.abs(found.face_mm - guess.face_mm).max()
         true_N = sum(contact.normal_force_N for contact in found.contacts)
-        guess_N = sum(contact.normal_force_N for contact in played.contacts(float(middle_s[number])).values())
+        guess_N = sum(
+            contact.normal_force_N for contact in interpolated.contacts(float(middle_s[number])).values()
+        )
         worst.append((off_mm, abs(guess_N - true_N)))
         print(
             f"{middle_s[number]:.3f} s: face {off_mm:.4f} mm, force {guess_N:.3f} for {true_N:.3f} N",

@@ -130,9 +130,9 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--keep", type=Path, help="folder for CalculiX's files")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     with tempfile.TemporaryDirectory() as scratch:
-        folder = asked.keep or Path(scratch)
+        folder = arguments.keep or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
         for element, element_mm in (("C3D20", 2.5), ("C3D20R", 2.5), ("C3D20R", 1.25)):
             found = compare(element, element_mm=element_mm, folder=folder)

@@ -29,20 +29,20 @@ class MjpegServer:
         pictures: Sequence[bytes],
         *,
         fps: float = 30.0,
-        tells_length: bool = True,
-        tells_time: bool = False,
+        sends_length: bool = True,
+        sends_time: bool = False,
     ) -> None:
         """Listen; nobody is served before the block begins.
 
         Args:
             pictures: JPEGs, sent over and over.
             fps: rate.
-            tells_length, tells_time: send Content-Length, X-Timestamp with each picture.
+            sends_length, sends_time: send Content-Length, X-Timestamp with each picture.
         """
         self._pictures = pictures
         self._fps = fps
-        self._tells_length = tells_length
-        self._tells_time = tells_time
+        self._sends_length = sends_length
+        self._sends_time = sends_time
         self._socket = socket.create_server(("127.0.0.1", 0))
         self._socket.settimeout(0.1)
         self._is_over = threading.Event()
@@ -101,9 +101,9 @@ class MjpegServer:
 
     def _send(self, client: socket.socket, picture: bytes) -> None:
         head = f"--{BOUNDARY}\r\nContent-Type: image/jpeg\r\n"
-        if self._tells_length:
+        if self._sends_length:
             head += f"Content-Length: {len(picture)}\r\n"
-        if self._tells_time:
+        if self._sends_time:
             head += f"X-Timestamp: {time.time():.6f}\r\n"
         client.sendall(f"{head}\r\n".encode() + picture + b"\r\n")
 
@@ -114,9 +114,9 @@ def main() -> None:
     )
     parser.add_argument("folder", type=Path)
     parser.add_argument("--fps", type=float, default=30.0)
-    asked = parser.parse_args()
-    there = [path.read_bytes() for path in sorted(asked.folder.glob("*.jpg"))]
-    with MjpegServer([*there, *there[-2:0:-1]], fps=asked.fps) as server:
+    arguments = parser.parse_args()
+    there = [path.read_bytes() for path in sorted(arguments.folder.glob("*.jpg"))]
+    with MjpegServer([*there, *there[-2:0:-1]], fps=arguments.fps) as server:
         print(server.url, flush=True)
         with contextlib.suppress(KeyboardInterrupt):
             threading.Event().wait()

@@ -1,9 +1,9 @@
-"""Contacts where nothing touches: pictures of the sheet at rest, each with noise of its own.
+"""Spurious contacts: images of the sheet at rest, each with its own noise.
 
     OMP_NUM_THREADS=1 python benchmarks/rest.py [--frames 10000] [--noise 5] [--method mechanics]
 
 2560 x 1440 px, 600 dots, the built-in scene `rest`; the noise is the same everywhere, in grey levels of
-255. Says how many readings told a contact, and how far the depth was from zero.
+255. Prints how many readings have a contact, and how far the depth is from zero.
 """
 
 import argparse
@@ -20,14 +20,14 @@ from manytouch.values import Frame, Sensor
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rest:
-    """What readings of an untouched sheet told.
+    """Readings of an untouched sheet.
 
     Attributes:
         frames: readings.
         touched: readings with at least one contact.
-        not_ok: readings whose status was another than "ok".
-        depth_rms_mm, std_rms_mm: of the depth at the markers, and of its told deviation.
-        deepest_mm: furthest depth from zero of all markers and frames.
+        not_ok: readings whose status is not "ok".
+        depth_rms_mm, std_rms_mm: RMS of the depth at the markers, and of its predicted standard deviation.
+        deepest_mm: largest absolute depth of all markers and frames.
     """
 
     frames: int
@@ -39,15 +39,15 @@ class Rest:
 
 
 def untouched(frames: int, noise: float, width_px: int) -> tuple[Sensor, Iterator[Frame]]:
-    """The demo's sensor and so many noisy pictures of it."""
-    said = load_scene(BUILT_IN / "rest.toml", width_px=width_px)
-    said = replace(said, look=replace(said.look, read_noise=noise, shot_noise=0.0), duration_s=1e9)
-    camera = simulator(said, tuple(solve_scene(said, states_folder())))
+    """The sensor of the demo and a number of noisy frames of it."""
+    scene = load_scene(BUILT_IN / "rest.toml", width_px=width_px)
+    scene = replace(scene, look=replace(scene.look, read_noise=noise, shot_noise=0.0), duration_s=1e9)
+    camera = simulator(scene, tuple(solve_scene(scene, states_folder())))
     return camera.sensor, (camera.frame(index) for index in range(frames))
 
 
 def rest(method: str, *, frames: int, noise: float, width_px: int) -> Rest:
-    """Read the pictures one after the other."""
+    """Process the frames one after the other."""
     sensor, pictures = untouched(frames, noise, width_px)
     touched, not_ok, square, variance, deepest = 0, 0, [], [], 0.0
     for reading in pipeline_for(method).run(pictures, sensor):
@@ -75,12 +75,12 @@ def main() -> None:
     parser.add_argument("--noise", type=float, default=5.0, help="grey levels of 255")
     parser.add_argument("--method", default="mechanics")
     parser.add_argument("--width", type=int, default=2560, help="of the pictures, px")
-    asked = parser.parse_args()
-    found = rest(asked.method, frames=asked.frames, noise=asked.noise, width_px=asked.width)
+    arguments = parser.parse_args()
+    found = rest(arguments.method, frames=arguments.frames, noise=arguments.noise, width_px=arguments.width)
     print(
-        f"{asked.method}, {found.frames} frames at rest, noise {asked.noise:g}: "
+        f"{arguments.method}, {found.frames} frames at rest, noise {arguments.noise:g}: "
         f"{found.touched} with contacts, {found.not_ok} not ok; depth RMS {1e3 * found.depth_rms_mm:.2f} um, "
-        f"told {1e3 * found.std_rms_mm:.2f}, furthest {1e3 * found.deepest_mm:.1f}"
+        f"predicted {1e3 * found.std_rms_mm:.2f}, largest {1e3 * found.deepest_mm:.1f}"
     )
 
 

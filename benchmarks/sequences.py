@@ -1,9 +1,9 @@
 """Sequences of a dotted sheet with known truth: where each dot is, and which marker it is.
 
 A `Sequence` is a few numbers. `course_of` gives its truth, `dots_in` the dots as a perfect detection with
-known noise would give them, `picture` and `pictures` what a camera would show, `jpegs` what an MJPEG camera
-would send. Fingers press and slide so that the fastest dot moves by exactly
-`step_pitches` in every frame, but for the first two.
+known noise would give them, `picture` and `pictures` the images of a camera, `jpegs` those of an MJPEG
+camera. Fingers press and slide so that the fastest dot moves by exactly `step_pitches` in every frame, except
+the first two.
 """
 
 import hashlib
@@ -28,32 +28,32 @@ PITCH_MM, DISTANCE_MM = 4.0, 116.3
 LEAST_PITCH_PX = 5.0
 STEEPEST = 0.6  # largest strain of the sheet's image, so that it does not fold
 FINGERS = 2
-TOUCHING = 2  # first steps, of half the length: a sheet at rest must be touched before it can swing
+TOUCHING = 2  # first steps, of half the length: a sheet at rest must be touched before it can move
 _VERSION = 4  # of the pictures, for the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sequence:
-    """What is asked for.
+    """Parameters of a sequence.
 
     Attributes:
         dots: of `COUNTS`.
         size: of `SIZES`.
         frames: number of frames; the first shows the sheet at rest.
         step_pitches: motion of the fastest dot from each frame to the next.
-        noise: standard deviation of a pixel of level 60, grey levels of 255.
-        light_noise: part of it that is the light's own and grows with the level; 0: even noise.
-        missing_share: of the dots in a frame; half of them are gone for good, half miss this frame only.
+        noise: standard deviation of a pixel of level 60, in grey levels of 255.
+        light_noise: part of it that is shot noise, which grows with the level; 0: the same noise everywhere.
+        missing_share: of the dots in a frame; half of them in all frames, half in this frame only.
         hidden_share: of the dots, others in each frame but the first.
-        false_share: spots that are no dots, against the markers; half stay in place, half are new each frame.
+        false_share: false dots over markers; half stay in place, half are new each frame.
         hole_pitches: radius of a patch without dots that wanders over the sheet.
         shift_pitches: the whole view jumps by this much, and back, every fifth frame; rim and all.
         fault: one of `FAULTS`, from frame `fault_from` for `fault_frames` frames (a flash: for one).
         is_clamped: the outermost dots stay where they are.
         margin: extent of the pattern against the image; above 1 its rim is never seen.
         jitter_pitches: deviation of the printed dots from the lattice; the sensor knows it.
-        radius_spread, contrast_spread: of the printed dots, against the usual; nobody knows them.
-        seed: of everything that is chance.
+        radius_spread, contrast_spread: of the printed dots, relative; the sensor does not contain them.
+        seed: of the random numbers.
     """
 
     dots: int = 1040
@@ -83,16 +83,16 @@ class Course:
     """The truth of a sequence.
 
     Attributes:
-        sequence: what was asked for.
-        sensor: that looks at it; its `rest_px` is the sheet at rest.
+        sequence: its parameters.
+        sensor: of the sheet; its `rest_px` is the sheet at rest.
         pitch_px, radius_px: of the dots at rest.
         centre_px: (f, m, 2) true centres, also of dots that do not show.
         shape_px: (f, m, 2, 2) maps the unit disc to the dot, as `render_discs` takes.
         contrast: (m,) of each dot against the usual.
         is_visible: (f, m) the dot is in the image, whole, and neither missing nor hidden.
-        is_faulty: (f,) frames that the fault spoils.
-        is_jump: (f,) frames in which the whole view stands elsewhere than in the frame before.
-        false_px: one (n, 2) for each frame, spots that are no dots.
+        is_faulty: (f,) frames with the fault.
+        is_jump: (f,) frames in which the whole view was shifted since the frame before.
+        false_px: one (n, 2) for each frame, false dots.
     """
 
     sequence: Sequence
@@ -112,7 +112,7 @@ def course_of(sequence: Sequence) -> Course:
     """The truth of a sequence.
 
     Raises:
-        ValueError: an unknown count, size or fault, dots that would be too small to see, or a step that
+        ValueError: an unknown count, size or fault, dots that would be too small, or a step that
             this sheet cannot make without folding.
     """
     if sequence.dots not in COUNTS or sequence.size not in SIZES or sequence.fault not in FAULTS:
@@ -155,11 +155,11 @@ def course_of(sequence: Sequence) -> Course:
 
 
 class FoldError(ValueError):
-    """A sheet that would fold before its dots move as far as they are asked to."""
+    """The sheet would fold before its dots move by the required step."""
 
 
 def can_move(sequence: Sequence) -> bool:
-    """Can the sheet of a sequence make all its steps without folding? That depends on its seed."""
+    """Whether the sheet of a sequence makes all its steps without folding, which depends on its seed."""
     try:
         _moved(_sheet_of(sequence), sequence.frames, sequence.step_pitches)
     except FoldError:
@@ -174,8 +174,8 @@ def sensor_of(sequence: Sequence) -> tuple[Sensor, float, float]:
     pitch_px = sequence.margin * min(width_px / columns, height_px / rows)
     if pitch_px < LEAST_PITCH_PX:
         raise ValueError(
-            f"{sequence.dots} dots in {width_px} x {height_px} px lie {pitch_px:.1f} px apart: "
-            f"fewer dots or a larger image, {LEAST_PITCH_PX:g} px at least"
+            f"{sequence.dots} dots in {width_px} x {height_px} px are {pitch_px:.1f} px apart, but at least "
+            f"{LEAST_PITCH_PX:g} px are needed: use fewer dots or a larger image"
         )
     radius_px = min(10.0 * height_px / 1440, 0.26 * pitch_px) if sequence.dots < 1000 else 0.0
     radius_px = max(radius_px, min(8.5 * height_px / 1440, 0.26 * pitch_px), min(2.0, 0.3 * pitch_px))
@@ -212,7 +212,7 @@ def sensor_of(sequence: Sequence) -> tuple[Sensor, float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Sheet:
-    """What the motion of a sheet depends on; equal ones move alike, so that motions are computed once."""
+    """What the motion of a sheet depends on; equal sheets share one computed motion."""
 
     dots: int
     size: str
@@ -235,10 +235,10 @@ def _sheet_of(sequence: Sequence) -> _Sheet:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Fingers:
-    """Presses that wander over the sheet, each a shear and a spreading of Gaussian shape.
+    """Presses that move over the sheet, each a shear and a spread of Gaussian shape.
 
     Attributes:
-        home_px, reach_px: (k, 2), (2,) each wanders around its home.
+        home_px, reach_px: (k, 2), (2,) centre and range of the motion of each.
         width_px: one standard deviation of the dents.
         amplitude_px: largest displacement of one.
         low_px, high_px: (2,) rim that does not move, or None.
@@ -353,7 +353,9 @@ def _time_to_move(
     while moved_px(high) < target_px:
         low, high = high, high + min(0.3 * high, 0.2)
         if high > 20.0:
-            raise FoldError(f"this sheet would fold before a dot moves by {target_px:.1f} px: a smaller step")
+            raise FoldError(
+                f"the sheet would fold before a dot moves by {target_px:.1f} px: use a smaller step"
+            )
     while high - low > 1e-4 * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if moved_px(middle) < target_px else (low, middle)
@@ -365,7 +367,7 @@ def _shifts(sequence: Sequence, pitch_px: float, chance: np.random.Generator) ->
     shift_px = np.zeros((sequence.frames, 2))
     if sequence.shift_pitches > 0.0:
         for begin in range(5, sequence.frames, 10):
-            # along the lattice as often as not: there a pitch is hardest to tell
+            # Half of the shifts are along the lattice, where a pitch is hardest to detect.
             angle = chance.integers(4) * np.pi / 2 if chance.random() < 0.5 else chance.uniform(0, 2 * np.pi)
             away = sequence.shift_pitches * pitch_px * np.array([np.cos(angle), np.sin(angle)])
             shift_px[begin : begin + 5] = away
@@ -375,7 +377,7 @@ def _shifts(sequence: Sequence, pitch_px: float, chance: np.random.Generator) ->
 def _absent(
     sequence: Sequence, rest_px: np.ndarray, pitch_px: float, chance: np.random.Generator
 ) -> np.ndarray:
-    """(f, m) dots that are worn off, or miss a frame, or lie in the hole."""
+    """(f, m) dots that are missing in all frames or in one, or are in the hole."""
     shape = (sequence.frames, len(rest_px))
     worn = chance.random(len(rest_px)) < sequence.missing_share / 2
     absent = worn | (chance.random(shape) < sequence.missing_share / 2)
@@ -398,7 +400,7 @@ def _false_spots(
     radius_px: float,
     chance: np.random.Generator,
 ) -> tuple[np.ndarray, ...]:
-    """Spots of a dot's size that touch no dot."""
+    """False dots of the usual size that touch no dot."""
     from scipy.spatial import cKDTree
 
     size_px = np.array(SIZES[sequence.size]) - 2 * radius_px - 1
@@ -414,7 +416,7 @@ def _false_spots(
             spots.append(np.zeros((0, 2)))
             continue
         dots = cKDTree(frame[seen])
-        # of many places the first ones that are free: of the dirt they are nearly always the same
+        # The first free ones of many positions: those of the dirt are the same in nearly all frames.
         free = [place[dots.query(place)[0] > 2.6 * radius_px][:half] for place in (dirt, anywhere())]
         spots.append(np.concatenate(free))
     return tuple(spots)
@@ -457,7 +459,7 @@ def dots_in(course: Course, index: int, *, noise_px: float = 0.015) -> Detection
 
 
 def picture(course: Course, index: int) -> np.ndarray:
-    """(h, w) uint8: what the camera shows of a frame."""
+    """(h, w) uint8: the image of a frame."""
     sequence = course.sequence
     width_px, height_px = SIZES[sequence.size]
     shown = course.is_visible[index]
@@ -499,9 +501,9 @@ def pictures(course: Course) -> list[Frame]:
     else:
         images = np.stack([picture(course, index) for index in range(course.sequence.frames)])
         file.parent.mkdir(parents=True, exist_ok=True)
-        aside = file.with_suffix(".part.npz")
-        np.savez(aside, images=images)
-        aside.replace(file)
+        temporary = file.with_suffix(".part.npz")
+        np.savez(temporary, images=images)
+        temporary.replace(file)
     images.flags.writeable = False
     return [_frame(index, image) for index, image in enumerate(images)]
 

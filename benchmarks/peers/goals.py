@@ -1,8 +1,8 @@
-"""What manytouch wants to reach, beside what was measured.
+"""The goals of manytouch, with what was measured.
 
 Times and ratios are medians of processor time: with one thread that is the time on the wall when nothing
-else runs, and less disturbed when something does. In brackets stands the same from the least times, which a
-busy machine disturbs still less. The 99th percentile is that of the time on the wall, in brackets that of
+else runs, and less disturbed when something does. In brackets is the same from the least times, which a busy
+machine disturbs still less. The 99th percentile is that of the time on the wall, in brackets that of
 processor time; the two processes are wall time.
 """
 
@@ -33,26 +33,28 @@ def goals_of(timings: dict[str, Timing], row: Timing, pair: dict[str, float] | N
     `row` are tracked frames one after the other, `pair` the two sensors.
     """
     own, nothing = timings[TRACKED], timings.get("manytouch: frame from nothing")
-    said = [_line("tracked frame, ms", _both(own), 1.0, 0.5, most=True)]
+    lines = [_line("tracked frame, ms", _both(own), 1.0, 0.5, most=True)]
     copy = timings.get("copy of the frame")
     if copy is not None:
-        said.append(_line("tracked frame, copies", _ratio(own, copy), 4.0, 2.0, most=True))
+        lines.append(_line("tracked frame, copies", _ratio(own, copy), 4.0, 2.0, most=True))
     if nothing is not None:
-        said.append(_line("frame from nothing, ms", _both(nothing), 2.0, 1.0, most=True))
+        lines.append(_line("frame from nothing, ms", _both(nothing), 2.0, 1.0, most=True))
     if row.p99_over_median is not None:
         what = f"p99 / median of {len(row.spent_ms)} tracked frames"
-        said.append(_line(what, row.p99_over_median, 3.0, 2.0, most=True))
+        lines.append(_line(what, row.p99_over_median, 3.0, 2.0, most=True))
     for goal, (must, aim) in TIMES_FASTER.items():
         peer = _peer(timings, goal)
         if peer is not None:
-            said.append(_line(f"times faster than {goal}", _ratio(peer, own), must, aim, most=False))
+            lines.append(_line(f"times faster than {goal}", _ratio(peer, own), must, aim, most=False))
     decode, whole = timings.get("JPEG to grey"), timings.get("manytouch: JPEG to identities")
     if decode is not None and whole is not None:
         ratio = _ratio(whole, decode)
-        said.append(_line("JPEG to identities / decoding alone", ratio, 1.4, 1.15, most=True))
+        lines.append(_line("JPEG to identities / decoding alone", ratio, 1.4, 1.15, most=True))
     if pair is not None:
-        said.append(_line("two sensors in two processes / one", (pair["ratio"], None), 1.8, 1.95, most=False))
-    return said
+        lines.append(
+            _line("two sensors in two processes / one", (pair["ratio"], None), 1.8, 1.95, most=False)
+        )
+    return lines
 
 
 def _both(timing: Timing) -> tuple[float, float]:

@@ -98,7 +98,7 @@ def _components(footage: Footage, factor: int) -> Run:
 
 
 def blob_default(footage: Footage) -> Run:
-    """SimpleBlobDetector with its own parameters, told only that dots are light."""
+    """SimpleBlobDetector with its default parameters, except that dots are light."""
     parameters = cv2.SimpleBlobDetector_Params()
     parameters.blobColor = 255
     return _blob(footage, parameters)

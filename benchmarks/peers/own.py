@@ -71,7 +71,7 @@ class Tracked:
 
 
 def tracked(end: str) -> Callable[[Footage], Run]:
-    """Frames of a sheet that is followed."""
+    """Frames of a sheet that is tracked."""
 
     def prepare(footage: Footage) -> Run:
         follow = Tracked(footage.course.sensor, end)
@@ -85,7 +85,7 @@ def tracked(end: str) -> Callable[[Footage], Run]:
 
 
 def from_nothing(end: str) -> Callable[[Footage], Run]:
-    """Frames of which nothing is known but the sensor: the whole image is searched, identities told anew."""
+    """Frames without a frame before: the whole image is searched, identities are found from the layout."""
 
     def prepare(footage: Footage) -> Run:
         follow = Tracked(footage.course.sensor, end)
@@ -94,7 +94,9 @@ def from_nothing(end: str) -> Callable[[Footage], Run]:
         def run(index: int) -> Answer:
             follow.tracking = first
             if follow.stages.track.expected_px(first) is not None:
-                raise RuntimeError("the tracker's first state asks for windows: this is not from nothing")
+                raise RuntimeError(
+                    "the first state of the tracker requires windows, so the image is not searched as a whole"
+                )
             return answer_of(follow(footage.frames[index]))
 
         return run

@@ -11,12 +11,12 @@ if TYPE_CHECKING:
 OWN, PAPER, OTHER, FLOOR = "#1b6ca8", "#b5651d", "#8a8a8a", "#c9c9c9"
 
 
-def plotted(
+def plot(
     timings: dict[str, Timing], file: Path, scaling: list[dict[str, float]] | None, *, title: str
 ) -> None:
     """Horizontal bars on a logarithmic axis, fastest on top; a tick marks the 99th percentile.
 
-    Beside them, where `scaling` is known, the time over the number of dots.
+    Next to them, where `scaling` is known, the time over the number of dots.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -29,8 +29,8 @@ def plotted(
     figure = Figure(figsize=(wide, 0.3 * len(rows) + 1.5), layout="constrained")
     FigureCanvasAgg(figure)
     if scaling:
-        axes, beside = figure.subplots(1, 2, width_ratios=(2, 1))
-        _scaled(beside, scaling)
+        axes, right = figure.subplots(1, 2, width_ratios=(2, 1))
+        _scaled(right, scaling)
     else:
         axes = figure.add_subplot()
     for place, (name, timing) in enumerate(rows):
@@ -39,7 +39,13 @@ def plotted(
         if timing.p99_ms is not None:
             axes.plot([timing.p99_ms] * 2, [place - 0.36, place + 0.36], color="black", linewidth=1.2)
         axes.text(
-            0.93 * ms, place, _label(ms), va="center", ha="right", fontsize=8, color=_ink(_colour(name))
+            0.93 * ms,
+            place,
+            _label(ms),
+            va="center",
+            ha="right",
+            fontsize=8,
+            color=_text_colour(_colour(name)),
         )
     axes.set_yticks(range(len(rows)), [name for name, _ in rows], fontsize=8)
     axes.set_xscale("log")
@@ -89,7 +95,7 @@ def _colour(name: str) -> str:
     return FLOOR if name.startswith(("copy", "JPEG")) else OTHER
 
 
-def _ink(colour: str) -> str:
+def _text_colour(colour: str) -> str:
     return "black" if colour == FLOOR else "white"
 
 

@@ -1,4 +1,4 @@
-"""Where manytouch's own frame spends its time, function by function, without a list that could grow old.
+"""Where manytouch's own frame spends its time, function by function, without a list of functions.
 
 Every function of manytouch, each compiled kernel, and OpenCV's functions are wrapped by a clock while a few
 frames run; the time of what they call is taken off. Compiled kernels that call each other count as one.
@@ -32,10 +32,10 @@ STAGES = {
     "measure": "refine",
     "without_doubles": "refine",
     "condition": "condition",
-    "bin_dots": "assign",
+    "build_grid": "assign",
     "identify": "assign and verify",
-    "shifts": "register",
-    "placed": "assign",
+    "likely_translations": "register",
+    "update_state": "assign",
     "undistortPoints": "undistort",
     "ray": "undistort",
     "onto_plane": "undistort",

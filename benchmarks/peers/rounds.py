@@ -1,4 +1,4 @@
-"""Times several methods in one run: round after round a turn each, so that all meet the same machine.
+"""Times several methods in one run: round after round a turn each, so that all run under the same conditions.
 
 A turn is a few frames one after the other, as on a sensor: 30 ms of them, at least one and at most 20. The
 first frame of a turn, which finds the caches full of what the other methods left, is kept apart as well.
@@ -17,13 +17,13 @@ from manytouch.values import Frame
 TURN_MS = 30.0  # a slower method runs only in so many rounds that it takes this much of each on average
 TURN_FRAMES = 20  # at most
 WARM = 4
-JUDGED_EVERY = 5
+CHECKED_EVERY = 5
 GATE_PITCHES = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Footage:
-    """What all methods see.
+    """The input of all methods.
 
     Attributes:
         course: the truth.
@@ -38,11 +38,11 @@ class Footage:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Answer:
-    """What a method says of a frame, so that it can be checked.
+    """Result of a method for a frame, to be compared with the truth.
 
     Attributes:
-        centre_px: (n, 2) dots, or None when it does not tell any.
-        marker: (n,) which marker each is, -1 where not known; None when it tells no identities.
+        centre_px: (n, 2) dots, or None when it gives none.
+        marker: (n,) which marker each is, -1 where not known; None when it gives no identities.
     """
 
     centre_px: np.ndarray | None = None
@@ -159,15 +159,15 @@ def interleaved(methods: Sequence[Method], footage: Footage, rounds: int) -> dic
 
 
 def _take_turn(run: Callable[[int], Answer], timing: Timing, turn: Sequence[int], course: Course) -> None:
-    """Time some frames one after the other; every fifth turn the last answer is judged."""
+    """Time some frames one after the other; every fifth turn the last answer is compared with the truth."""
     for place, index in enumerate(turn):
         spent_ms, cpu_ms, answer = _timed(run, int(index))
         timing.spent_ms.append(spent_ms)
         timing.cpu_ms.append(cpu_ms)
         if place == 0:
             timing.first_ms.append(cpu_ms)
-    if len(timing.first_ms) % JUDGED_EVERY == 1:
-        _judge(timing, course, int(turn[-1]), answer)
+    if len(timing.first_ms) % CHECKED_EVERY == 1:
+        _compare(timing, course, int(turn[-1]), answer)
 
 
 def in_a_row(method: Method, footage: Footage, frames: int) -> Timing:
@@ -188,8 +188,8 @@ def _timed(run: Callable[[int], Answer], index: int) -> tuple[float, float, Answ
     return 1e3 * spent_s, 1e3 * cpu_s, answer
 
 
-def _judge(timing: Timing, course: Course, index: int, answer: Answer) -> None:
-    """Which of the true dots did it find, how exactly, and under whose number?"""
+def _compare(timing: Timing, course: Course, index: int, answer: Answer) -> None:
+    """Record which of the true dots were found, with which errors and identities."""
     if answer.centre_px is None:
         return
     visible = np.flatnonzero(course.is_visible[index])
@@ -203,6 +203,8 @@ def _judge(timing: Timing, course: Course, index: int, answer: Answer) -> None:
     timing.found.append(len(np.unique(dot[right])) / len(visible))
     timing.error_px.append((centre_px[right] - course.centre_px[index][visible[dot[right]]]).ravel())
     if answer.marker is not None:
-        told = answer.marker >= 0
+        is_given = answer.marker >= 0
         true = np.where(right, visible[dot], -1)
-        timing.wrong.append(float(np.mean(true[told] != answer.marker[told])) if told.any() else 0.0)
+        timing.wrong.append(
+            float(np.mean(true[is_given] != answer.marker[is_given])) if is_given.any() else 0.0
+        )

@@ -1,5 +1,5 @@
 # ruff: noqa: E402 - the number of threads is set before numpy is loaded
-"""manytouch beside its peers, in one run.
+"""manytouch and its peers, timed in one run.
 
     OMP_NUM_THREADS=1 python benchmarks/peers/run.py --out DIR [--rounds 300] [--dots 1040] [--size 1440p]
 
@@ -10,7 +10,7 @@ round, and medians are compared. Writes peers.txt, peers.json and peers.png into
 import os
 
 for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
-    os.environ[_name] = "1"  # before numpy is loaded: one thread for everybody
+    os.environ[_name] = "1"  # before numpy is loaded: one thread for all
 
 import argparse
 import json
@@ -27,7 +27,7 @@ sys.path.append(str(Path(__file__).parents[1]))
 from goals import TRACKED, goals_of
 from others import others
 from own import own_methods
-from plot import plotted
+from plot import plot
 from profiled import profile_of, profile_text
 from rounds import Footage, Timing, in_a_row, interleaved
 from scaling import scaling_of, scaling_text
@@ -156,7 +156,7 @@ def main() -> None:
     print(text)
     (chosen.out / "peers.txt").write_text(text + "\n", encoding="utf-8")
     (chosen.out / "peers.json").write_text(json.dumps(result, indent=1), encoding="utf-8")
-    plotted(timings, chosen.out / "peers.png", result.get("scaling"), title=texts[0].split(", JPEG")[0])
+    plot(timings, chosen.out / "peers.png", result.get("scaling"), title=texts[0].split(", JPEG")[0])
 
 
 if __name__ == "__main__":

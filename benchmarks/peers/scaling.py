@@ -6,7 +6,7 @@ import numpy as np
 from own import IDENTITIES, Tracked
 from sequences import Sequence, course_of, pictures, to_and_fro
 
-BESIDE = {"480p": (96, 384), "720p": (96, 384, 1040), "1440p": (96, 384, 1040, 4000, 10000)}
+DOTS_BY_SIZE = {"480p": (96, 384), "720p": (96, 384, 1040), "1440p": (96, 384, 1040, 4000, 10000)}
 FRAMES, WARM = 6, 3
 
 
@@ -40,7 +40,7 @@ def scaling_of(runs: int = 40) -> list[dict[str, float | int | str]]:
     """Median ms of a frame to identities, tracked, and from nothing; all sizes take turns."""
     cases = [
         _Case(Sequence(dots=dots, size=size, frames=FRAMES))
-        for size, counts in BESIDE.items()
+        for size, counts in DOTS_BY_SIZE.items()
         for dots in counts
     ]
     for index in to_and_fro(FRAMES, runs + WARM):

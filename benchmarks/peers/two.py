@@ -1,8 +1,9 @@
-"""Do two sensors in two processes disturb each other?
+"""Two sensors in two processes: how far they slow each other down.
 
     python benchmarks/peers/two.py SECONDS '{"dots": 1040, ...}'
 
-is one of the processes: it says "ready", waits for a line, follows for so long, and prints frames per second.
+is one of the processes: it prints "ready", waits for a line, tracks for so many seconds, and prints the
+frames per second.
 """
 
 import json
@@ -41,7 +42,7 @@ def two_text(pair: dict[str, float]) -> str:
     return (
         f"two sensors in two processes: {pair['two_per_s']:.0f} frames/s together, one alone "
         f"{pair['one_per_s']:.0f}: {pair['ratio']:.2f} times "
-        f"(load of the machine before: {pair['load']:.1f}; above 1 this tells little)"
+        f"(load of the machine before: {pair['load']:.1f}; above 1 the ratio is not reliable)"
     )
 
 

@@ -1,4 +1,4 @@
-"""One skin in two mirrors: numbers that hold in both views triangulate to the same points on every frame."""
+"""One skin in two mirrors: identities in both views triangulate to consistent points in every frame."""
 
 from pathlib import Path
 
@@ -18,17 +18,17 @@ PITCH_MM = 1.64
 AUTHORS_OFF_PX = {"left": np.array([-0.9, 1.4]), "right": np.array([1.2, 1.3])}
 
 
-def followed(frames: list[Frame], roi_px: Roi) -> np.ndarray:
+def track(frames: list[Frame], roi_px: Roi) -> np.ndarray:
     """(f, m, 2) px, NaN where a marker is not seen; every frame is searched as a whole."""
     sensor = sensor_from_rest(frames[:24], name="skin", roi_px=roi_px)
-    detect, follow = DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px)
-    looked, state = detect.start(sensor), follow.start(sensor)
-    places = []
+    detect, tracker = DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px)
+    search_state, state = detect.start(sensor), tracker.start(sensor)
+    positions = []
     for frame in frames:
-        looked, dots = detect.step(looked, frame, None)
-        state, grid = follow.step(state, dots)
-        places.append(grid.position_px)
-    return np.array(places)
+        search_state, dots = detect.step(search_state, frame, None)
+        state, grid = tracker.step(state, dots)
+        positions.append(grid.position_px)
+    return np.array(positions)
 
 
 @pytest.fixture(scope="module")
@@ -38,20 +38,20 @@ def pairs(recordings: Path) -> tuple[np.ndarray, np.ndarray]:
     frames = list(open_source(str(folder / "0507")))
     table = np.loadtxt(folder / "frame_000_points.txt", skiprows=1)
     chosen = []
-    for places, given, off in (
-        (followed(frames, LEFT), table[:, 3:5], AUTHORS_OFF_PX["left"]),
-        (followed(frames, RIGHT), table[:, 5:7], AUTHORS_OFF_PX["right"]),
+    for positions, given, off in (
+        (track(frames, LEFT), table[:, 3:5], AUTHORS_OFF_PX["left"]),
+        (track(frames, RIGHT), table[:, 5:7], AUTHORS_OFF_PX["right"]),
     ):
-        shown = np.flatnonzero(np.isfinite(places[0, :, 0]))
-        distance, nearest = cKDTree(places[0, shown]).query(given + off)
-        chosen.append((places[:, shown[nearest]], distance < 5.0))
+        shown = np.flatnonzero(np.isfinite(positions[0, :, 0]))
+        distance, nearest = cKDTree(positions[0, shown]).query(given + off)
+        chosen.append((positions[:, shown[nearest]], distance < 5.0))
     both = chosen[0][1] & chosen[1][1]
     assert both.sum() >= 45
     return chosen[0][0][:, both], chosen[1][0][:, both]
 
 
-def reprojected(folder: Path, left_px: np.ndarray, right_px: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (p, 3) mm, and how far (p,) px they lie off their two pictures, root mean square."""
+def triangulate(folder: Path, left_px: np.ndarray, right_px: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (p, 3) mm, and the RMS (p,) of their reprojection errors in the two images, px."""
     k1, d1, k2, d2, turn, shift = (
         np.loadtxt(folder / f"{name}.txt") for name in ("K1", "D1", "K2", "D2", "R", "T")
     )
@@ -67,22 +67,22 @@ def reprojected(folder: Path, left_px: np.ndarray, right_px: np.ndarray) -> tupl
     return point_mm, np.sqrt((off**2).sum(axis=2).mean(axis=0))
 
 
-def test_pairs_of_two_views_meet_in_space_on_every_frame(
+def test_pairs_of_two_views_triangulate_in_every_frame(
     recordings: Path, pairs: tuple[np.ndarray, np.ndarray]
 ) -> None:
     left, right = pairs
     middles, tails, lengths_mm = [], [], []
-    beside = None
+    neighbours = None
     for first, second in zip(left, right, strict=True):
         known = np.isfinite(first[:, 0]) & np.isfinite(second[:, 0])
         assert known.sum() >= 0.6 * len(known)
         point_mm = np.full((len(known), 3), np.nan)
-        point_mm[known], off = reprojected(recordings / "vts4" / "calibration", first[known], second[known])
+        point_mm[known], off = triangulate(recordings / "vts4" / "calibration", first[known], second[known])
         middles.append(np.median(off))
         tails.append(np.quantile(off, 0.95))
-        if beside is None:
-            beside = cKDTree(point_mm).query_pairs(1.3 * PITCH_MM, output_type="ndarray")
-        lengths_mm.append(np.linalg.norm(point_mm[beside[:, 0]] - point_mm[beside[:, 1]], axis=1))
+        if neighbours is None:
+            neighbours = cKDTree(point_mm).query_pairs(1.3 * PITCH_MM, output_type="ndarray")
+        lengths_mm.append(np.linalg.norm(point_mm[neighbours[:, 0]] - point_mm[neighbours[:, 1]], axis=1))
     assert max(middles) <= 0.8, f"median {max(middles):.2f} px"
     assert max(tails) <= 1.3, f"95 % {max(tails):.2f} px"
     stretch = np.array(lengths_mm) / lengths_mm[0]

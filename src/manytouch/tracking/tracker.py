@@ -105,7 +105,7 @@ class MarkerTracker:
         window_motion_pitches: dots are searched in windows while motion stays below this, per frame,
         window_share: and while this share of the markers is seen.
         least_share: below this share of the markers the status is few_markers.
-        roi_px: x, y, width, height of the part of the image that is searched for dots; None: all of it.
+        roi_px: region of interest that is searched for dots; None: the whole image.
     """
 
     damping: float = 0.5

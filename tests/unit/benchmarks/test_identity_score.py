@@ -1,4 +1,4 @@
-"""The judge of identity counts what is wrong, what is lost, and how long it takes to lock again."""
+"""Scores of identity: wrong and lost markers, and frames until all are found again."""
 
 import sys
 from collections.abc import Iterator
@@ -13,7 +13,7 @@ if not BENCHMARKS.is_dir():
     pytest.skip("the benchmarks are not part of a wheel", allow_module_level=True)
 sys.path.append(str(BENCHMARKS))
 
-from identity import GivenDots, NoEstimate, runs_of, score, together, tracked_points, verdict  # noqa: E402
+from identity import GivenDots, NoEstimate, combine_scores, runs_of, score, score_frame, track_points  # noqa: E402
 from sequences import Course, Sequence, course_of, dots_in  # noqa: E402
 
 from manytouch.pipeline import Pipeline  # noqa: E402
@@ -24,7 +24,7 @@ STD_PX = 0.02
 
 
 def grid_of(course: Course, index: int, *, status: Status = Status.OK) -> TrackedGrid:
-    """A perfect tracker's answer with noise."""
+    """The grid of a perfect tracker, with noise."""
     chance = np.random.default_rng(index)
     seen = course.is_visible[index].copy()
     position = course.centre_px[index] + STD_PX * chance.standard_normal(course.centre_px[index].shape)
@@ -59,7 +59,7 @@ def changed(
 
 
 def readings(course: Course, grids: list[TrackedGrid]) -> Iterator[Reading]:
-    """Grids as the pipeline hands them on."""
+    """Readings of the pipeline with given grids."""
     surface, _, contacts = NoEstimate().step(NoEstimate().start(course.sensor), grids[0])
     for index, grid in enumerate(grids):
         yield Reading(
@@ -77,30 +77,30 @@ def course() -> Course:
     return course_of(Sequence(dots=384, size="720p", frames=10, missing_share=0.02))
 
 
-def test_a_perfect_tracker_is_right_and_honest(course: Course) -> None:
-    judged = score(course, readings(course, [grid_of(course, index) for index in range(10)]))
-    assert (judged.wrong, judged.near, judged.lost_percent, judged.relock) == (0.0, 0, 0.0, None)
-    assert judged.seen == course.is_visible.sum()
-    assert judged.rms_px == pytest.approx(STD_PX, rel=0.05)
-    assert judged.chi2 == pytest.approx(1.0, rel=0.08)
+def test_a_perfect_tracker_has_no_wrong_marker_and_a_chi2_of_one(course: Course) -> None:
+    result = score(course, readings(course, [grid_of(course, index) for index in range(10)]))
+    assert (result.wrong, result.near, result.lost_percent, result.relock) == (0.0, 0, 0.0, None)
+    assert result.seen == course.is_visible.sum()
+    assert result.rms_px == pytest.approx(STD_PX, rel=0.05)
+    assert result.chi2 == pytest.approx(1.0, rel=0.08)
 
 
-def test_a_swap_is_two_wrong_markers_and_told_ones_count_apart(course: Course) -> None:
+def test_a_swap_is_two_wrong_markers_counted_by_status(course: Course) -> None:
     grids = [grid_of(course, index) for index in range(10)]
     seen = np.flatnonzero(grids[4].is_seen & grids[5].is_seen)[:2]
     grids[4] = changed(grids[4], swap=(int(seen[0]), int(seen[1])))
     grids[5] = changed(grid_of(course, 5, status=Status.FEW_MARKERS), swap=(int(seen[0]), int(seen[1])))
-    judged = score(course, readings(course, grids))
-    assert (judged.wrong_ok, judged.wrong_told) == (2, 2)
-    assert judged.wrong == pytest.approx(1e5 * 4 / judged.seen)
+    result = score(course, readings(course, grids))
+    assert (result.wrong_ok, result.wrong_flagged) == (2, 2)
+    assert result.wrong == pytest.approx(1e5 * 4 / result.seen)
 
 
 def test_dropped_markers_are_lost_not_wrong(course: Course) -> None:
     grids = [grid_of(course, index) for index in range(10)]
     grids[6] = changed(grids[6], drop=slice(0, 96))
-    judged = score(course, readings(course, grids))
-    assert judged.wrong == 0.0
-    assert judged.lost_percent == pytest.approx(
+    result = score(course, readings(course, grids))
+    assert result.wrong == 0.0
+    assert result.lost_percent == pytest.approx(
         100 * course.is_visible[6][:96].sum() / course.is_visible.sum()
     )
 
@@ -120,16 +120,16 @@ def test_a_false_spot_near_a_missing_dot_is_near_but_one_on_another_dot_is_wrong
             frames_unseen=grid.frames_unseen,
         )
 
-    near = verdict(course, 3, standing_at(own + 0.2 * course.pitch_px * np.array([1.0, 0.0])))
+    near = score_frame(course, 3, standing_at(own + 0.2 * course.pitch_px * np.array([1.0, 0.0])))
     assert (near.is_near.sum(), near.is_wrong.sum()) == (1, 0)
-    far = verdict(course, 3, standing_at(own + 0.3 * course.pitch_px * np.array([0.0, 1.0])))
+    far = score_frame(course, 3, standing_at(own + 0.3 * course.pitch_px * np.array([0.0, 1.0])))
     assert (far.is_near.sum(), far.is_wrong.sum()) == (0, 1)
-    taken = verdict(course, 3, standing_at(other))
+    taken = score_frame(course, 3, standing_at(other))
     assert (taken.is_near.sum(), taken.is_wrong.sum()) == (0, 1)
     crowded_px = course.centre_px.copy()
     place = own + 0.2 * course.pitch_px * np.array([1.0, 0.0])
     crowded_px[3][np.flatnonzero(course.is_visible[3])[0]] = place
-    crowded = verdict(replace(course, centre_px=crowded_px), 3, standing_at(place))
+    crowded = score_frame(replace(course, centre_px=crowded_px), 3, standing_at(place))
     assert (crowded.is_near.sum(), crowded.is_wrong[absent]) == (0, True)
 
 
@@ -139,13 +139,13 @@ def test_relock_counts_clear_frames(blind: int, frames: int) -> None:
     grids = [grid_of(course, index) for index in range(12)]
     for index in range(7, 7 + blind):
         grids[index] = changed(grids[index], drop=slice(0, 50))
-    judged = score(course, readings(course, grids))
-    assert judged.relock == frames
-    # the frame after the fault may lock, from the second on it counts
-    assert (judged.lost_percent > 0) == (blind > 1)
+    result = score(course, readings(course, grids))
+    assert result.relock == frames
+    # Lost markers count from the second frame after the fault on.
+    assert (result.lost_percent > 0) == (blind > 1)
 
 
-def test_never_locking_again_is_more_than_all_frames_left() -> None:
+def test_never_finding_all_again_counts_more_than_the_frames_left() -> None:
     course = course_of(Sequence(dots=96, size="480p", frames=8, fault="flash", fault_from=3))
     grids = [changed(grid_of(course, i), drop=slice(0, 96) if i > 3 else None) for i in range(8)]
     assert score(course, readings(course, grids)).relock == 5
@@ -164,7 +164,7 @@ def test_windows_show_only_the_dots_in_them(course: Course) -> None:
     assert few.covariance_px2.shape == (len(few.centre_px), 2, 2)
 
 
-def test_a_tracker_that_numbers_by_chance_is_found_out(course: Course) -> None:
+def test_a_tracker_with_random_identities_is_wrong_nearly_everywhere(course: Course) -> None:
     @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
     class ByOrder:
         """The n-th dot is the n-th marker."""
@@ -189,27 +189,27 @@ def test_a_tracker_that_numbers_by_chance_is_found_out(course: Course) -> None:
         def is_lost(self, state: int) -> bool:
             return False
 
-    judged = score(course, tracked_points(course, ByOrder()))
-    assert judged.wrong > 95_000
+    result = score(course, track_points(course, ByOrder()))
+    assert result.wrong > 95_000
 
 
 def test_points_run_through_the_real_pipeline() -> None:
     course = course_of(Sequence(dots=96, size="480p", frames=6))
-    judged = score(course, tracked_points(course, MarkerTracker()))
-    assert judged.seen > 0.99 * course.is_visible.sum()
-    assert judged.wrong == 0.0
+    result = score(course, track_points(course, MarkerTracker()))
+    assert result.seen > 0.99 * course.is_visible.sum()
+    assert result.wrong == 0.0
     stages = Pipeline(detect=GivenDots(dots=(), reach_px=1.0), track=MarkerTracker(), estimate=NoEstimate())
     assert list(stages.run([], course.sensor)) == []
 
 
-def test_runs_hold_enough_markers_and_add_up(course: Course) -> None:
+def test_runs_have_enough_markers_and_add_up(course: Course) -> None:
     runs = list(runs_of(Sequence(dots=384), 50_000))
     assert sum(run.frames * run.dots for run in runs) >= 50_000
     assert len({run.seed for run in runs}) == len(runs)
     grids = [grid_of(course, index) for index in range(10)]
     bad = [changed(grid, drop=slice(0, 192)) for grid in grids]
     good, half = (score(course, readings(course, each)) for each in (grids, bad))
-    both = together([good, half])
+    both = combine_scores([good, half])
     assert both.seen == good.seen + half.seen
     assert both.lost_percent == pytest.approx(half.lost_percent / 2)
     assert min(good.rms_px, half.rms_px) <= both.rms_px <= max(good.rms_px, half.rms_px)

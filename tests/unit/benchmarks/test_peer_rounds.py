@@ -1,7 +1,6 @@
 """Methods that are timed together take turns, and what they answer is compared with the truth."""
 
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,8 +12,9 @@ if not BENCHMARKS.is_dir():
     pytest.skip("the benchmarks are not part of a wheel", allow_module_level=True)
 sys.path += [str(BENCHMARKS), str(BENCHMARKS / "peers")]
 
+import rounds  # noqa: E402
 from goals import TRACKED, goals_of  # noqa: E402
-from rounds import TURN_FRAMES, TURN_MS, Answer, Footage, Method, Timing, in_a_row, interleaved  # noqa: E402
+from rounds import TURN_MS, Answer, Footage, Method, Timing, in_a_row, interleaved  # noqa: E402
 from sequences import Sequence, course_of  # noqa: E402
 
 from manytouch.values import Frame  # noqa: E402
@@ -62,28 +62,50 @@ def test_answers_are_compared_with_the_truth(footage: Footage) -> None:
         assert len(each.spent_ms) == 10 * each.frames
 
 
-def test_each_method_sees_neighbouring_frames_and_the_slow_one_leaves_rounds_out(footage: Footage) -> None:
-    seen: dict[str, list[int]] = {"quick": [], "slow": []}
+class FakeClock:
+    """Stands in for the module `time`: methods advance it by what they are supposed to take."""
+
+    def __init__(self) -> None:
+        self.wall_s = self.cpu_s = 0.0
+
+    def perf_counter(self) -> float:
+        return self.wall_s
+
+    def thread_time(self) -> float:
+        return self.cpu_s
+
+
+def test_turns_run_through_neighbouring_frames_and_slow_methods_skip_rounds(
+    footage: Footage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock = FakeClock()
+    monkeypatch.setattr(rounds, "time", clock)
+    frames: dict[str, list[int]] = {"quick": [], "slow": []}
 
     def quick(footage: Footage, index: int) -> Answer:
-        seen["quick"].append(index)
+        frames["quick"].append(index)
+        clock.wall_s += 3e-3
+        clock.cpu_s += 2e-3
         return Answer()
 
     def slow(footage: Footage, index: int) -> Answer:
-        seen["slow"].append(index)
-        time.sleep(2.2e-3 * TURN_MS)
+        frames["slow"].append(index)
+        clock.wall_s += 2.2e-3 * TURN_MS
         return Answer()
 
     timings = interleaved([method("quick", quick), method("slow", slow)], footage, 9)
+    assert timings["quick"].frames == 10
     assert len(timings["quick"].first_ms) == 9
     assert len(timings["quick"].spent_ms) == 9 * timings["quick"].frames
-    assert 1 < timings["quick"].frames <= TURN_FRAMES
     assert timings["slow"].frames == 1
-    assert 2 <= len(timings["slow"].spent_ms) <= 5
-    for indices in seen.values():
+    assert timings["slow"].every == 2
+    assert len(timings["slow"].spent_ms) == 5
+    for indices in frames.values():
         assert (np.abs(np.diff(indices)) == 1).all()
-    assert timings["slow"].median_ms > 2 * TURN_MS
-    assert timings["slow"].median_cpu_ms < TURN_MS
+    assert timings["quick"].median_ms == pytest.approx(3.0)
+    assert timings["quick"].median_cpu_ms == pytest.approx(2.0)
+    assert timings["slow"].median_ms == pytest.approx(2.2 * TURN_MS)
+    assert timings["slow"].median_cpu_ms == 0.0
 
 
 def test_goals_compare_with_the_fastest_tuned_chain_on_the_whole_image() -> None:
@@ -97,8 +119,8 @@ def test_goals_compare_with_the_fastest_tuned_chain_on_the_whole_image() -> None
     }
     timings = {name: Timing(spent_ms=[ms] * 120, cpu_ms=[ms] * 120) for name, ms in spent.items()}
     row = Timing(spent_ms=[1.0] * 970 + [2.5] * 30, cpu_ms=[1.0] * 1000)
-    said = goals_of(timings, row, None)
-    numbers = {line.split("  ")[0].strip(): line for line in said}
+    lines_of_goals = goals_of(timings, row, None)
+    numbers = {line.split("  ")[0].strip(): line for line in lines_of_goals}
     assert "5.00" in numbers["times faster than tuned OpenCV"]
     assert numbers["times faster than tuned OpenCV"].endswith(": reached")
     assert numbers["times faster than trackpy.locate"].endswith("NOT reached")

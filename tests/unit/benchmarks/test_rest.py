@@ -1,4 +1,4 @@
-"""Nobody touches the sheet, and nothing is told but noise."""
+"""Readings of an untouched sheet."""
 
 import sys
 from pathlib import Path
@@ -13,7 +13,7 @@ sys.path.append(str(BENCHMARKS))
 from rest import rest, untouched  # noqa: E402
 
 
-def test_no_contact_is_told_at_rest_and_the_depth_stays_within_its_deviation() -> None:
+def test_an_untouched_sheet_has_no_contacts_and_a_depth_within_its_deviation() -> None:
     found = rest("mechanics", frames=60, noise=5.0, width_px=1280)
     assert found.frames == 60
     assert found.touched == 0
@@ -22,7 +22,7 @@ def test_no_contact_is_told_at_rest_and_the_depth_stays_within_its_deviation() -
     assert found.deepest_mm < 0.05
 
 
-def test_each_picture_has_noise_of_its_own() -> None:
+def test_each_frame_has_its_own_noise() -> None:
     _, frames = untouched(2, 5.0, 640)
     one, other = (frame.image.astype(float) for frame in frames if frame.image is not None)
     assert (one - other).std() == pytest.approx(5.0 * 2**0.5, rel=0.2)

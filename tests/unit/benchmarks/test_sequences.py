@@ -1,4 +1,4 @@
-"""The benchmarks' sequences are what they say: motion, faults, noise and truth."""
+"""Motion, faults, noise and truth of the sequences of the benchmarks."""
 
 import sys
 from dataclasses import replace
@@ -40,10 +40,10 @@ def test_shape_is_the_derivative_of_the_motion() -> None:
     moved = (course.centre_px[6] - course.centre_px[0]).reshape(rows, columns, 2)
     strain = (moved[:, 2:] - moved[:, :-2]) / (2 * course.pitch_px)
     shape = course.shape_px[6].reshape(rows, columns, 2, 2) / course.radius_px
-    told = shape[:, 1:-1, :, 0] - [1.0, 0.0]
-    assert np.abs(told).max() > 0.1
-    assert (told * strain).sum() / (strain**2).sum() == pytest.approx(1.0, abs=0.1)
-    assert np.sqrt(np.mean((told - strain) ** 2)) < 0.1 * np.abs(told).max()
+    found = shape[:, 1:-1, :, 0] - [1.0, 0.0]
+    assert np.abs(found).max() > 0.1
+    assert (found * strain).sum() / (strain**2).sum() == pytest.approx(1.0, abs=0.1)
+    assert np.sqrt(np.mean((found - strain) ** 2)) < 0.1 * np.abs(found).max()
 
 
 def test_clamped_rim_stays_and_a_free_one_moves() -> None:
@@ -69,7 +69,7 @@ def test_view_jumps_away_and_back_with_its_rim(shift: float) -> None:
     ]
 
 
-def test_missing_dots_are_as_many_as_asked_for() -> None:
+def test_the_share_of_missing_dots_is_as_specified() -> None:
     course = course_of(Sequence(dots=4000, frames=20, missing_share=0.05))
     absent = ~course.is_visible
     assert absent.mean() == pytest.approx(0.05, rel=0.15)
@@ -95,7 +95,7 @@ def test_false_spots_touch_no_dot_and_half_of_them_stay() -> None:
     assert 15 <= same.sum() <= 21
 
 
-def test_dots_carry_the_noise_that_they_tell() -> None:
+def test_the_noise_of_dots_agrees_with_their_covariance() -> None:
     course = course_of(Sequence(dots=4000, frames=2))
     dots = dots_in(course, 1, noise_px=0.02)
     distance, index = cKDTree(course.centre_px[1]).query(dots.centre_px)
@@ -132,7 +132,7 @@ def test_flash_lasts_one_frame_and_blinds() -> None:
     assert picture(course, 3).mean() < 100
 
 
-def test_picture_shows_the_dots_where_truth_says() -> None:
+def test_pictures_show_dots_at_their_true_positions() -> None:
     course = course_of(replace(SMALL, missing_share=0.1, noise=1.0))
     image = picture(course, 5).astype(np.float64)
     assert image.shape == (480, 640)
@@ -150,7 +150,7 @@ def test_picture_shows_the_dots_where_truth_says() -> None:
         assert centre == pytest.approx(course.centre_px[5][marker], abs=0.1)
 
 
-def test_noise_is_as_strong_as_asked_for() -> None:
+def test_the_noise_of_pictures_is_as_specified() -> None:
     quiet, loud = (picture(course_of(replace(SMALL, noise=each, light_noise=0.0)), 0) for each in (0.0, 10.0))
     assert (loud.astype(float) - quiet)[quiet > 40].std() == pytest.approx(10.0, rel=0.1)
 

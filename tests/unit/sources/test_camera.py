@@ -310,12 +310,12 @@ class TestStream:
         span_s = (arrived[-1].timestamp_ns - arrived[0].timestamp_ns) * 1e-9
         assert (len(arrived) - 1) / span_s == pytest.approx(30.0, rel=0.1)
 
-    @pytest.mark.parametrize("tells_length", [True, False])
-    def test_with_and_without_lengths(self, tells_length: bool) -> None:
+    @pytest.mark.parametrize("sends_length", [True, False])
+    def test_with_and_without_lengths(self, sends_length: bool) -> None:
         from mjpeg_server import MjpegServer
 
         pictures = [jpeg(numbered(20 * i)) for i in range(6)]
-        with MjpegServer(pictures, fps=100.0, tells_length=tells_length) as server:
+        with MjpegServer(pictures, fps=100.0, sends_length=sends_length) as server:
             source = open_source(server.url)
             arrived: list[Frame] = []
             source.listen(arrived.append)
@@ -339,7 +339,7 @@ class TestStream:
     def test_the_servers_time_is_the_timestamp(self) -> None:
         from mjpeg_server import MjpegServer
 
-        with MjpegServer([jpeg(numbered(0))], fps=50.0, tells_time=True) as server:
+        with MjpegServer([jpeg(numbered(0))], fps=50.0, sends_time=True) as server:
             source = open_source(server.url)
             frames = taken(source, iter(source), 20)
             source.close()
