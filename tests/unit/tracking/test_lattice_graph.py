@@ -48,7 +48,8 @@ def test_shifts_move_all_nodes_by_the_same_number_of_pitches():
 
 
 def test_neighbours_are_sorted_and_adjacent_ones_come_first():
-    arrays = build_lattice_graph(REST, NONE_MISSING).arrays
+    graph = build_lattice_graph(REST, NONE_MISSING, row_column=rows_and_columns(ROWS, COLUMNS))
+    arrays = graph.arrays
     for k in range(len(REST)):
         distance = np.linalg.norm(arrays.rest_px[_neighbours(arrays, k)] - REST[k], axis=1)
         assert (np.diff(distance) >= 0.0).all()

@@ -61,4 +61,4 @@ def make_scene(seed: int, *, rows: int = 8, columns: int = 11, roughness: float 
 
 @pytest.fixture(params=range(3))
 def scene(request: pytest.FixtureRequest) -> Scene:
-    return make_scene(request.param, roughness=0.02 * request.param)
+    return make_scene(request.param, roughness=0.005 * request.param)
