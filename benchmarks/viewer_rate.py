@@ -44,7 +44,7 @@ def listen(url: str, seconds: float) -> None:
                 continue
             head, parts = unpack(message)
             now_ns = time.monotonic_ns()
-            stream.send(json.dumps({"wish": "taken", "number": head["number"]}))
+            stream.send(json.dumps({"type": "ack", "number": head["number"]}))
             depth = parts["depth"]
             assert isinstance(depth, np.ndarray)
             assert depth.shape == (60, 100)

@@ -39,7 +39,7 @@ def contact_lines(text: str) -> list[str]:
 def test_a_run_is_recorded_and_replayed_as_it_was(made: tuple[Path, str]) -> None:
     path, printed = made
     assert "recording x.mcap" in printed
-    assert "recorded x.mcap; 60 frames are kept" in printed
+    assert "recorded x.mcap; 60 frames were recorded" in printed
     again = manytouch("run", path, "--no-view")
     assert again.returncode == 0, again.stderr
     assert len(contact_lines(printed)) == 2

@@ -1,4 +1,4 @@
-"""A slow sink that does not hold the others up."""
+"""A wrapper by which a slow sink does not delay the others."""
 
 import threading
 
@@ -7,9 +7,12 @@ from manytouch.values import Reading
 
 
 class LatestOnly:
-    """Writes to a sink from a thread of its own; readings that come while it is busy replace each other.
+    """Writes to a sink from its own thread; of the readings that arrive meanwhile only the newest is kept.
 
-    An error in the sink ends its part: it gets no more readings, and the error is raised by `close`.
+    After an error the sink gets no more readings; `close` raises the error.
+
+    Attributes:
+        skipped: readings that were not written, because newer ones replaced them.
     """
 
     def __init__(self, sink: Sink) -> None:
@@ -23,14 +26,14 @@ class LatestOnly:
         self._thread.start()
 
     def write(self, reading: Reading) -> None:
-        """Leave a reading for the sink; never waits."""
+        """Queue a reading for the sink; never waits."""
         with self._change:
             self.skipped += self._next is not None
             self._next = reading
             self._change.notify()
 
     def close(self) -> None:
-        """Let the sink have the last reading, and close it."""
+        """Write the last reading and close the sink."""
         with self._change:
             self._is_closing = True
             self._change.notify()
@@ -48,6 +51,6 @@ class LatestOnly:
                 return
             try:
                 self._sink.write(reading)
-            except Exception as error:  # noqa: BLE001 - raised by `close`, where somebody can hear it
+            except Exception as error:  # noqa: BLE001 - raised by `close`
                 self._error = error
                 return

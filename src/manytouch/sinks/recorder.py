@@ -1,4 +1,4 @@
-"""Records a session: frames where they arrive, readings as they are made."""
+"""Records a session: frames when they arrive, readings when they are computed."""
 
 import errno
 import queue
@@ -16,35 +16,35 @@ from manytouch.recording.writer import OutputFile, RecordingWriter, require_mcap
 from manytouch.sinks.files.summary import parameters, versions
 from manytouch.values import Frame, Reading, Sensor
 
-MOST_WAITING_BYTES = 64 * 2**20
-RESERVE_BYTES = 16 * 2**20  # kept free, for the index at the end and for others
-FREE_EVERY = 30  # messages between two looks at the room that is left
+MAX_QUEUED_BYTES = 64 * 2**20
+RESERVE_BYTES = 16 * 2**20  # of the disk that stay free, for the index of the file and for other programs
+SPACE_CHECK_INTERVAL = 30  # messages
 _END = object()
 
 
 class Recorder:
-    """A recording that grows; a sink for readings, and a tap for frames.
+    """Writes a recording: a sink for readings that accepts frames too.
 
-    Frames and readings are written in a thread of its own. When the disk is full, or fails, the recording
-    ends with what it has and `ended` says so; sensing is not disturbed.
+    Frames and readings are written in a separate thread. If the disk is full or fails, the recording ends
+    with what was written, and `ended` states the reason; the session continues.
 
     Attributes:
         path: the file.
-        ended: None while it records, else a sentence about why it no longer does.
-        frames: recorded so far.
-        lost: frames that came while too many waited for the disk.
+        ended: None while recording, afterwards a sentence with the reason for the end.
+        frames: number of recorded frames.
+        lost: number of frames that were not recorded, because the disk was too slow.
     """
 
     def __init__(
         self, path: Path, *, source: Mapping[str, Any], fps: float | None, file: OutputFile | None = None
     ) -> None:
-        """Begin a recording.
+        """Start a recording.
 
         Args:
-            path: a new file, or one that is written anew.
-            source: what is known of the input.
-            fps: its rate.
-            file: written to instead of the path.
+            path: the file to create or replace.
+            source: a description of the input.
+            fps: its frame rate.
+            file: receives the data instead of a file at `path`.
 
         Raises:
             OutputError: the file cannot be written.
@@ -56,15 +56,15 @@ class Recorder:
         self.frames = self.lost = 0
         self._source = dict(source)
         self._from_index: int | None = None
-        self._waiting: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._waiting_bytes = 0
+        self._queue: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._queued_bytes = 0
         self._room = threading.Condition()
         self._messages = 0
         self._fps = fps
         try:
             if file is None:
                 path.parent.mkdir(parents=True, exist_ok=True)
-                file = DirectFile(path)
+                file = UnbufferedFile(path)
         except OSError as error:
             raise OutputError(
                 f"{str(path)!r} cannot be written: {error.strerror or error}; choose a folder that can be "
@@ -76,7 +76,7 @@ class Recorder:
         self._thread.start()
 
     def describe(self, sensor: Sensor, pipeline: Pipeline, method: str) -> None:
-        """What makes the readings from now on; to be called before the first frame."""
+        """Record by what readings are made from now on; call it before the first frame."""
         about = {
             "schema": SCHEMA,
             "source": self._source,
@@ -84,163 +84,157 @@ class Recorder:
             "parameters": parameters(pipeline),
             "versions": versions(),
         }
-        self._waiting.put((sensor, about))
+        self._queue.put((sensor, about))
 
     def take(self, frame: Frame, *, waits: bool = False) -> None:
         """Record a frame.
 
         Args:
-            frame: as it came.
-            waits: wait while too much is to be written, instead of leaving the frame out.
+            frame: as it arrived.
+            waits: whether to wait while too much is queued, instead of omitting the frame.
         """
-        size = (
-            len(frame.encoded)
-            if frame.encoded is not None
-            else 0
-            if frame.image is None
-            else frame.image.nbytes
-        )
+        size = _byte_count(frame)
         with self._room:
-            has_room = self._waiting_bytes == 0 or self._waiting_bytes + size <= MOST_WAITING_BYTES
+            has_room = self._queued_bytes == 0 or self._queued_bytes + size <= MAX_QUEUED_BYTES
             if not has_room and waits:
-                self._room.wait_for(lambda: self._waiting_bytes + size <= MOST_WAITING_BYTES or self.ended)
+                self._room.wait_for(lambda: self._queued_bytes + size <= MAX_QUEUED_BYTES or self.ended)
             elif not has_room:
                 self.lost += 1
                 return
-            self._waiting_bytes += size
+            self._queued_bytes += size
         if self._from_index is None:
             self._from_index = frame.index
-        self._waiting.put((frame, size))
+        self._queue.put((frame, size))
 
     def write(self, reading: Reading) -> None:
         """Record a reading, unless its frame came before the recording began."""
         if self._from_index is not None and reading.frame.index >= self._from_index:
-            self._waiting.put(reading)
+            self._queue.put(reading)
 
     def log(self, sentence: str) -> None:
-        """Record something there is to tell."""
-        self._waiting.put(sentence)
+        """Record a message of the session."""
+        self._queue.put(sentence)
 
     def close(self) -> None:
-        """Write what waits, and the end of the file."""
-        self._waiting.put(_END)
+        """Write what is queued, and complete the file."""
+        self._queue.put(_END)
         self._thread.join()
 
     def _run(self) -> None:
-        while (item := self._waiting.get()) is not _END:
+        while (item := self._queue.get()) is not _END:
             size = item[1] if isinstance(item, tuple) and isinstance(item[0], Frame) else 0
             if self.ended is None:
                 try:
                     self._put(item)
                 except OSError as error:
                     self._fail(error)
-                except Exception as error:  # noqa: BLE001 - told in `ended`; sensing goes on without a recording
+                except Exception as error:  # noqa: BLE001 - reported in `ended`; the session continues without a recording
                     self._finish(f"{type(error).__name__}: {error}: {self.path.name} ended")
             if size:
                 with self._room:
-                    self._waiting_bytes -= size
+                    self._queued_bytes -= size
                     self._room.notify()
         if self.ended is None:
             self._finish("")
 
     def _put(self, item: Any) -> None:
-        if self._messages % FREE_EVERY == 0 and self._is_full():
+        if self._messages % SPACE_CHECK_INTERVAL == 0 and self._is_disk_full():
             self._finish(f"the disk is full: {self.path.name} ended")
             return
         self._messages += 1
         if isinstance(item, Reading):
-            self._begun().reading(item)
+            self._started_writer().reading(item)
         elif isinstance(item, str):
-            self._begun().log(item)
+            self._started_writer().log(item)
         elif isinstance(item[0], Frame):
-            encoded, suffix = encoded_of(item[0])
-            self._begun().frame(item[0], encoded, suffix)
+            encoded, suffix = encode_frame(item[0])
+            self._started_writer().frame(item[0], encoded, suffix)
             self.frames += 1
         else:
-            self._begun().session(*item)
+            self._started_writer().session(*item)
 
-    def _begun(self) -> RecordingWriter:
+    def _started_writer(self) -> RecordingWriter:
         if self._writer is None:
             self._writer = RecordingWriter(self._file, started_unix_ns=time.time_ns(), fps=self._fps)
         return self._writer
 
-    def _is_full(self) -> bool:
+    def _is_disk_full(self) -> bool:
         try:
             return free_bytes(self.path.parent) < RESERVE_BYTES
         except OSError:
-            return False  # not known here; writing will tell
+            return False  # unknown here; a failing write ends the recording
 
     def _finish(self, why: str) -> None:
-        """End the file with its index."""
+        """Complete the file with its index."""
         try:
-            self._begun().finish()
+            self._started_writer().finish()
             self._file.close()
         except OSError as error:
             self._fail(error)
             return
-        self._tell_end(why)
+        self._set_ended(why)
 
     def _fail(self, error: OSError) -> None:
-        """End the file after the last message that is whole."""
-        whole = 0 if self._writer is None else self._writer.valid_bytes
+        """End the file after its last complete message."""
+        complete_bytes = 0 if self._writer is None else self._writer.valid_bytes
         try:
-            self._file.truncate(whole)
+            self._file.truncate(complete_bytes)
             self._file.close()
         except OSError:
-            error.add_note("and the file could not be cut after its last whole message")
+            error.add_note("the file could not be truncated after its last complete message either")
         what = (
             "the disk is full"
             if error.errno in (errno.ENOSPC, errno.EDQUOT)
             else f"{error.strerror or error}"
         )
-        self._tell_end(f"{what}: {self.path.name} ended")
+        self._set_ended(f"{what}: {self.path.name} ended")
 
-    def _tell_end(self, why: str) -> None:
-        kept = f"{self.frames} frames are kept"
-        lost = f", {self.lost} were lost since the disk was too slow" if self.lost else ""
+    def _set_ended(self, why: str) -> None:
+        kept = f"{self.frames} frames were recorded"
+        lost = f", {self.lost} were lost because the disk was too slow" if self.lost else ""
         with self._room:
             self.ended = f"{why or f'recorded {self.path.name}'}; {kept}{lost}"
             self._room.notify_all()
 
 
-class DirectFile:
-    """A file without a buffer: what is written is with the operating system at once."""
+class UnbufferedFile:
+    """A file without a buffer: written data reach the operating system at once."""
 
     def __init__(self, path: Path) -> None:
         self._raw = path.open("wb", buffering=0)
 
     def write(self, data: bytes) -> int:
-        """Write all of it."""
+        """Write all of the data."""
         left = memoryview(data)
         while left:
             left = left[self._raw.write(left) or 0 :]
         return len(data)
 
     def flush(self) -> None:
-        """Nothing waits."""
+        """Nothing to do: there is no buffer."""
 
     def tell(self) -> int:
-        """How much is written."""
+        """Number of bytes written."""
         return self._raw.tell()
 
     def truncate(self, size: int) -> int:
-        """Cut it."""
+        """Cut the file to a size."""
         return self._raw.truncate(size)
 
     def close(self) -> None:
-        """Close it."""
+        """Close the file."""
         self._raw.close()
 
 
-def _bytes_of(frame: Frame) -> int:
-    """What a frame takes in memory."""
+def _byte_count(frame: Frame) -> int:
+    """Size of a frame in memory."""
     if frame.encoded is not None:
         return len(frame.encoded)
     return 0 if frame.image is None else frame.image.nbytes
 
 
-def encoded_of(frame: Frame) -> tuple[bytes, str]:
-    """A frame's bytes as the camera gave them, else as PNG; and which of the two it is."""
+def encode_frame(frame: Frame) -> tuple[bytes, str]:
+    """The encoded image of a frame as the camera sent it, else as PNG, and the format: "jpeg" or "png"."""
     if frame.encoded is not None:
         return frame.encoded, "png" if frame.encoded.startswith(b"\x89PNG") else "jpeg"
     if frame.image is None:
@@ -252,5 +246,5 @@ def encoded_of(frame: Frame) -> tuple[bytes, str]:
 
 
 def free_bytes(folder: Path) -> int:
-    """Room on the disk that holds a folder."""
+    """Free space on the disk of a folder."""
     return shutil.disk_usage(folder).free

@@ -26,7 +26,7 @@ from manytouch.recording.json_codec import from_json, to_json
 from manytouch.recording.reader import Recording
 from manytouch.session import Live, Playback, prepare, process, read_all
 from manytouch.sinks import recorder as recorder_module
-from manytouch.sinks.recorder import DirectFile, Recorder
+from manytouch.sinks.recorder import Recorder, UnbufferedFile
 from manytouch.sources import open_source
 from manytouch.sources.encoded import decoded
 from manytouch.values import (
@@ -358,7 +358,7 @@ def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path) -> None:
     assert len(again.readings) >= kept - 1
 
 
-class FullDisk(DirectFile):
+class FullDisk(UnbufferedFile):
     """A disk with room for so many bytes."""
 
     def __init__(self, path: Path, room: int) -> None:
@@ -376,7 +376,7 @@ class FullDisk(DirectFile):
 def test_a_disk_that_fills_up_ends_the_recording_and_nothing_else(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recorder_module, "DirectFile", lambda path: FullDisk(path, 700_000))
+    monkeypatch.setattr(recorder_module, "UnbufferedFile", lambda path: FullDisk(path, 700_000))
     path = tmp_path / "full.mcap"
     live = Live(prepare(Pictures(frames=60)))
     seen = Seen()
@@ -474,13 +474,13 @@ def test_frames_that_nobody_reads_are_recorded_and_noted(tmp_path: Path) -> None
 def test_what_the_disk_is_too_slow_for_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     gate = threading.Event()
 
-    class Stuck(DirectFile):
+    class Stuck(UnbufferedFile):
         def write(self, data: bytes) -> int:
             gate.wait(10)
             return super().write(data)
 
-    monkeypatch.setattr(recorder_module, "DirectFile", Stuck)
-    monkeypatch.setattr(recorder_module, "MOST_WAITING_BYTES", 100_000)
+    monkeypatch.setattr(recorder_module, "UnbufferedFile", Stuck)
+    monkeypatch.setattr(recorder_module, "MAX_QUEUED_BYTES", 100_000)
     job = prepare(Pictures(frames=15))
     recorder = Recorder(tmp_path / "slow.mcap", source={}, fps=30.0)
     recorder.describe(job.sensor, job.pipeline, job.method)

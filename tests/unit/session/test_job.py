@@ -119,7 +119,7 @@ def test_stopping_ends_after_the_frame_at_hand(tmp_path: Path) -> None:
     seen = Seen()
     summary = read_into(prepare(Pictures()), tmp_path, sinks=[seen], stop=lambda: len(seen.readings) == 5)
     assert summary.counts["frames"] == 5
-    assert any("announced 30 frames; 5 were read" in sentence for sentence in summary.odd())
+    assert any("announced 30 frames; 5 were read" in sentence for sentence in summary.warnings())
 
 
 def test_files_of_an_earlier_run_do_not_stay_beside_those_of_this_one(tmp_path: Path) -> None:

@@ -149,17 +149,17 @@ def test_depth_store_has_dimensions_coordinates_and_all_frames(tmp_path, sensor,
     assert group["strain"].attrs["units"] == "1"
 
 
-def test_picture_of_the_moment_with_most_contacts(tmp_path, sensor, reading_of, contact_of):
+def test_picture_of_the_frame_with_most_contacts(tmp_path, sensor, reading_of, contact_of):
     pytest.importorskip("matplotlib")
-    moment = BusiestFrame(sensor)
-    assert moment.draw(tmp_path / "none.png") is None
-    moment.write(reading_of(0))
-    moment.write(reading_of(1, (contact_of(1, depth_mm=1.0), contact_of(2, depth_mm=1.0))))
-    moment.write(reading_of(2, (contact_of(1, depth_mm=2.0), contact_of(2, depth_mm=1.0))))
-    moment.write(reading_of(3, (contact_of(1, depth_mm=9.0),)))
-    moment.close()
-    assert moment.reading.frame.index == 2
-    assert moment.draw(tmp_path / "picture.png") == tmp_path / "picture.png"
+    busiest = BusiestFrame(sensor)
+    assert busiest.draw(tmp_path / "none.png") is None
+    busiest.write(reading_of(0))
+    busiest.write(reading_of(1, (contact_of(1, depth_mm=1.0), contact_of(2, depth_mm=1.0))))
+    busiest.write(reading_of(2, (contact_of(1, depth_mm=2.0), contact_of(2, depth_mm=1.0))))
+    busiest.write(reading_of(3, (contact_of(1, depth_mm=9.0),)))
+    busiest.close()
+    assert busiest.reading.frame.index == 2
+    assert busiest.draw(tmp_path / "picture.png") == tmp_path / "picture.png"
     assert [path.name for path in tmp_path.iterdir()] == ["picture.png"]
     assert min(cv2.imread(str(tmp_path / "picture.png")).shape[:2]) > 400
 
@@ -182,7 +182,7 @@ def test_picture_states_units_and_exaggeration(sensor_of, reading_of, contact_of
     _, surface, scale = figure.axes
     assert "(pitch)" in surface.get_xlabel()
     assert "(pitch)" in scale.get_ylabel()
-    assert "times as high" in surface.get_title()
+    assert "magnified" in surface.get_title()
     assert any("#1" in text.get_text() for text in surface.texts)
 
 

@@ -1,4 +1,4 @@
-"""What summary.json says, and the noise of markers at rest."""
+"""Content of summary.json, and the noise of markers at rest."""
 
 import json
 
@@ -66,8 +66,8 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
     summary.write(reading_of(5, (contact_of(1, Phase.END),), status=Status.DECODE_ERROR))
     assert not (tmp_path / "summary.json").exists()
     summary.close()
-    told = json.loads((tmp_path / "summary.json").read_text())
-    assert told["counts"] == {
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["counts"] == {
         "frames": 6,
         "status": {"decode_error": 1, "ok": 5},
         "frames_with_contact": 1,
@@ -75,17 +75,17 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
         "contacts_at_once": 2,
         "markers": 23,
     }
-    assert told["odd"] == [
+    assert summary["odd"] == [
         "1 of 6 frames have the status decode_error",
         "the input announced 9 frames; 6 were read, up to number 5",
-        "1 marker is seen on less than half of the frames: 3",
+        "1 marker is seen in less than half of the frames: 3",
     ]
-    assert told["assumptions"] == ["The camera has no distortion."]
-    assert told["sensor"]["pitch_px"] == [40.0, 32.0]
-    assert told["sensor"]["missing"] == [9]
-    assert len(told["noise_px"]["per_marker"]) == 24
-    assert told["milliseconds"] == {"p50": 4.5, "p95": 6.75, "p99": 6.95}
-    assert told["parameters"]["detect"]["roi_px"] == [1, 2, 30, 40]
+    assert summary["assumptions"] == ["The camera has no distortion."]
+    assert summary["sensor"]["pitch_px"] == [40.0, 32.0]
+    assert summary["sensor"]["missing"] == [9]
+    assert len(summary["noise_px"]["per_marker"]) == 24
+    assert summary["milliseconds"] == {"p50": 4.5, "p95": 6.75, "p99": 6.95}
+    assert summary["parameters"]["detect"]["roi_px"] == [1, 2, 30, 40]
 
 
 def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, reading_of):
@@ -95,15 +95,15 @@ def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, 
     everything = tuple(range(24))
     for index in range(3, 8):
         summary.write(reading_of(index, unseen=everything, status=Status.DECODE_ERROR))
-    assert summary.odd() == ["5 of 8 frames have the status decode_error"]
+    assert summary.warnings() == ["5 of 8 frames have the status decode_error"]
 
 
 def test_a_run_without_frames_has_a_summary_too(tmp_path, sensor):
     summary_in(tmp_path, sensor).close()
-    told = json.loads((tmp_path / "summary.json").read_text())
-    assert told["counts"]["frames"] == 0
-    assert told["noise_px"]["median"] is None
-    assert told["milliseconds"]["p50"] is None
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["counts"]["frames"] == 0
+    assert summary["noise_px"]["median"] is None
+    assert summary["milliseconds"]["p50"] is None
 
 
 def test_parameters_name_every_stage():

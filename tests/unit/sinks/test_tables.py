@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable, number
+from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable, fixed_point
 from manytouch.values import Phase, Status
 
 CONTACT_COLUMNS = (
@@ -148,4 +148,4 @@ def test_what_a_killed_run_left_is_removed(tmp_path, sensor, reading_of):
     [(-0.00001, "0.0000"), (np.nan, ""), (np.inf, ""), (1.23456, "1.2346"), (-2.0, "-2.0000")],
 )
 def test_numbers_have_fixed_precision(value, text):
-    assert number(value, 4) == text
+    assert fixed_point(value, 4) == text

@@ -132,7 +132,7 @@ def results_in_words(summary: Summary) -> Sequence[str]:
         sentences.append(
             f"noise per marker at rest {noise['median']:.3f} px (median), {noise['worst']:.3f} px (worst)"
         )
-    return [*sentences, *(f"odd: {sentence}" for sentence in summary.odd())]
+    return [*sentences, *(f"odd: {sentence}" for sentence in summary.warnings())]
 
 
 def _many(count: int, noun: str) -> str:

@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""What a run writes into its result folder: tables, surface.zarr and summary.json, each complete or absent.
+
+The format of recordings is in `manytouch.recording`.
+"""

@@ -1,4 +1,4 @@
-"""How still the markers stand while nothing touches the sheet."""
+"""Noise of the marker positions while nothing touches the sheet."""
 
 import numpy as np
 
@@ -9,8 +9,8 @@ from manytouch.values.arrays import Points2, Scalars
 class RestNoise:
     """RMS of every marker about its mean, over the frames without contact.
 
-    Frames without contact come in runs. Each run has its own mean, so that a sheet which rests
-    elsewhere after a press does not count as noise. One value per marker: the root of the mean of
+    Frames without contact come in runs. Each run has its own mean, so that a rest position
+    that changes after a press does not count as noise. One value per marker: the root of the mean of
     the variances along x and y. Movement of the whole view is part of it.
     """
 

@@ -1,4 +1,4 @@
-"""A sensor in words and in numbers, for people and for summary.json."""
+"""Descriptions of a sensor: one line for people, a dictionary for summary.json, distances in pixels."""
 
 from typing import Any
 
@@ -58,12 +58,12 @@ def describe_sensor(sensor: Sensor) -> str:
         count = f"{layout.shape[0]} x {layout.shape[1]} markers"
         spacing = f"pitch {x_px:.0f} x {y_px:.0f} px"
     else:
-        count = f"{len(layout.rest_mm)} markers in no rectangle"
+        count = f"{len(layout.rest_mm)} markers without rows and columns"
         spacing = f"about {x_px:.0f} px apart"
-    words = [count, layout.polarity, spacing]
+    parts = [count, layout.polarity, spacing]
     if missing:
-        words.append(f"{missing} missing")
-    return ", ".join(words)
+        parts.append(f"{missing} missing")
+    return ", ".join(parts)
 
 
 def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:

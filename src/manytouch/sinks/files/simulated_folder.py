@@ -1,4 +1,4 @@
-"""What `manytouch simulate` leaves: pictures, and the truth in the tables of contacts and markers."""
+"""The folder that `manytouch simulate` writes: images, sensor file, and tables of the ground truth."""
 
 from pathlib import Path
 
@@ -30,7 +30,7 @@ class SimulatedFolder:
         self._tables = (ContactTable(folder / "truth", sensor), MarkerTable(folder / "truth", sensor))
 
     def write(self, frame: Frame, truth: Truth) -> None:
-        """Add a picture and what really happened in it."""
+        """Add a frame and its ground truth."""
         path = self._frames.temporary_path / f"{frame.index:06d}.png"
         with output_errors(path):
             done = frame.image is not None and cv2.imwrite(
@@ -40,7 +40,7 @@ class SimulatedFolder:
             raise OutputError(f"cannot write {path}: choose a folder that is writable and has enough space")
         reading = Reading(
             frame=frame,
-            detections=_none(),
+            detections=_no_detections(),
             grid=truth.grid,
             surface=truth.surface,
             contacts=truth.contacts,
@@ -56,8 +56,7 @@ class SimulatedFolder:
         self._frames.commit()
 
 
-def _none() -> Detections:
-    """The truth is not detected."""
+def _no_detections() -> Detections:
     return Detections(
         centre_px=read_only(np.empty((0, 2))),
         covariance_px2=read_only(np.empty((0, 2, 2))),

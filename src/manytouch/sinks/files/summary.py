@@ -1,4 +1,4 @@
-"""summary.json: what was read, with what, what was assumed, what came out, and what was odd."""
+"""summary.json: input, sensor, parameters, assumptions, counts and warnings of a run."""
 
 import dataclasses
 import json
@@ -19,23 +19,23 @@ from manytouch.sinks.files.sensor_description import layout_of, sensor_to_dict
 from manytouch.values import Reading, Roi, Sensor, Status
 
 SCHEMA = 1
-RARELY_SEEN = 0.5
+RARELY_SEEN = 0.5  # share of the frames below which a marker causes a warning
 
 
 class Summary:
-    """Gathers figures over a run and writes them at its end."""
+    """Collects statistics of a run and writes them at its end."""
 
     def __init__(
         self, folder: Path, *, sensor: Sensor, pipeline: Pipeline, method: str, recording: Mapping[str, Any]
     ) -> None:
-        """Begin a summary.
+        """Start a summary.
 
         Args:
-            folder: where summary.json shall lie.
+            folder: of summary.json.
             sensor: the sensor in use.
-            pipeline: its stages; their parameters are written down.
+            pipeline: its stages, whose parameters are recorded.
             method: name of the method.
-            recording: what is known of the input; `frame_count` is how many frames it announced, or None.
+            recording: a description of the input; `frame_count` is the announced number of frames, or None.
         """
         self._output = AtomicOutput(folder / "summary.json")
         self._sensor = sensor
@@ -44,7 +44,7 @@ class Summary:
         self._recording = dict(recording)
         markers = len(layout_of(sensor).rest_mm)
         self._noise = RestNoise(markers)
-        self._seen = np.zeros(markers, dtype=np.int64)
+        self._seen_count = np.zeros(markers, dtype=np.int64)
         self._status: Counter[Status] = Counter()
         self._contacts: set[int] = set()
         self._most_at_once = 0
@@ -53,10 +53,10 @@ class Summary:
         self._last_index = -1
 
     def write(self, reading: Reading) -> None:
-        """Take in a frame."""
+        """Add a frame."""
         touching = reading.contacts.touching
         self._noise.add(reading)
-        self._seen += reading.grid.is_seen
+        self._seen_count += reading.grid.is_seen
         self._status[reading.status] += 1
         self._contacts.update(contact.id for contact in touching)
         self._most_at_once = max(self._most_at_once, len(touching))
@@ -67,7 +67,7 @@ class Summary:
     def close(self) -> None:
         """Write the file."""
         with output_errors(self._output.path):
-            text = json.dumps(self.contents(), indent=1, ensure_ascii=False, allow_nan=False)
+            text = json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
             self._output.temporary_path.write_text(text + "\n", encoding="utf-8")
         self._output.commit()
 
@@ -94,8 +94,8 @@ class Summary:
             "markers": int((~layout_of(self._sensor).is_missing).sum()),
         }
 
-    def contents(self) -> dict[str, Any]:
-        """Everything that the file says."""
+    def to_dict(self) -> dict[str, Any]:
+        """The content of the file."""
         return {
             "schema": SCHEMA,
             "input": self._recording,
@@ -105,13 +105,13 @@ class Summary:
             "counts": self.counts,
             "milliseconds": self._latency(),
             "noise_px": self.noise_px,
-            "odd": self.odd(),
+            "odd": self.warnings(),
             "parameters": parameters(self._pipeline),
             "versions": versions(),
         }
 
-    def odd(self) -> list[str]:
-        """Sentences about what somebody should look at."""
+    def warnings(self) -> list[str]:
+        """Sentences on properties of the input that make results doubtful."""
         frames = sum(self._status.values())
         sentences = []
         for status, count in sorted(self._status.items()):
@@ -125,11 +125,11 @@ class Summary:
             )
         present = ~layout_of(self._sensor).is_missing
         decoded = frames - self._status[Status.DECODE_ERROR]
-        rare = np.flatnonzero(present & (self._seen < RARELY_SEEN * decoded))
+        rare = np.flatnonzero(present & (self._seen_count < RARELY_SEEN * decoded))
         if len(rare):
             named = ", ".join(str(marker) for marker in rare[:12]) + (", ..." if len(rare) > 12 else "")
             who = "1 marker is" if len(rare) == 1 else f"{len(rare)} markers are"
-            sentences.append(f"{who} seen on less than half of the frames: {named}")
+            sentences.append(f"{who} seen in less than half of the frames: {named}")
         return sentences
 
     def _latency(self) -> dict[str, float | None]:
@@ -140,7 +140,7 @@ class Summary:
 
 
 def versions() -> dict[str, str | None]:
-    """Versions of what computes; null for what is not installed."""
+    """Versions of the packages that compute; None for those that are not installed."""
     found: dict[str, str | None] = {
         "manytouch": manytouch.__version__,
         "python": platform.python_version(),
@@ -152,7 +152,7 @@ def versions() -> dict[str, str | None]:
         "opencv": ("opencv-python-headless", "opencv-python"),
     }
     for name, candidates in packages.items():
-        found[name] = next((held for held in map(installed, candidates) if held is not None), None)
+        found[name] = next((each for each in map(installed, candidates) if each is not None), None)
     return found
 
 

@@ -1,4 +1,4 @@
-"""Dense maps of every frame, as a Zarr store that xarray opens: depth, its deviation, strain, pressure.
+"""The surface of every frame as a Zarr store: depth, its standard deviation, strain and pressure on a grid.
 
 import xarray
 depth = xarray.open_zarr("out/press/surface.zarr").depth_mm
@@ -21,7 +21,7 @@ FRAMES_PER_CHUNK = 16
 
 
 def require_zarr() -> None:
-    """Refuse early where the package is not installed.
+    """Check that zarr is installed.
 
     Raises:
         MissingExtraError: it is not.
@@ -31,7 +31,7 @@ def require_zarr() -> None:
 
 
 class SurfaceStore:
-    """surface.zarr: maps over (frame, y, x), NaN where not known, with coordinates and units."""
+    """surface.zarr: arrays over (frame, y, x) with coordinates and units; NaN where not known."""
 
     def __init__(self, folder: Path, sensor: Sensor) -> None:
         require_zarr()
@@ -49,12 +49,12 @@ class SurfaceStore:
         self._coordinate("y", grid.y_mm, axis)
         shape = (len(grid.y_mm), len(grid.x_mm))
         self._arrays: dict[str, Any] = {
-            name: self._map(f"{name}_{unit}" if unit else name, shape, unit, words)
-            for name, unit, words in (
+            name: self._map(f"{name}_{unit}" if unit else name, shape, unit, description)
+            for name, unit, description in (
                 ("depth", self._unit, "depth of the camera-side face, positive when pressed"),
                 ("depth_std", self._unit, "standard deviation of the depth"),
                 ("strain", "", "largest principal Green-Lagrange strain of the camera-side face"),
-                ("pressure", "kPa", "pressure of what touches, positive in compression"),
+                ("pressure", "kPa", "normal force per area, positive in compression"),
             )
             if name != "pressure" or (sensor.sheet is not None and sensor.sheet.young_MPa is not None)
         }
@@ -62,7 +62,7 @@ class SurfaceStore:
         self._frame.attrs["long_name"] = "number of the frame in its input"
         self._time = self._array("time_s", (), "float64", ("frame",))
         self._time.attrs.update({"units": "s", "long_name": "time since the input's start"})
-        self._waiting: list[tuple[int, float, dict[str, np.ndarray]]] = []
+        self._pending: list[tuple[int, float, dict[str, np.ndarray]]] = []
 
     def write(self, reading: Reading) -> None:
         """Add a frame."""
@@ -74,8 +74,8 @@ class SurfaceStore:
         }
         if "pressure" in self._arrays:
             found["pressure"] = sampler.pressure_kPa(surface)
-        self._waiting.append((reading.frame.index, time_s(reading.frame.timestamp_ns), found))
-        if len(self._waiting) == FRAMES_PER_CHUNK:
+        self._pending.append((reading.frame.index, time_s(reading.frame.timestamp_ns), found))
+        if len(self._pending) == FRAMES_PER_CHUNK:
             self._append()
 
     def close(self) -> None:
@@ -90,19 +90,19 @@ class SurfaceStore:
         self._output.commit()
 
     def _append(self) -> None:
-        if not self._waiting:
+        if not self._pending:
             return
-        frames, times, found = zip(*self._waiting, strict=True)
+        frames, times, found = zip(*self._pending, strict=True)
         with output_errors(self._output.path):
             self._frame.append(np.array(frames, dtype=np.int64))
             self._time.append(np.array(times))
             for name, array in self._arrays.items():
                 array.append(np.stack([fields[name] for fields in found]).astype(np.float32))
-        self._waiting = []
+        self._pending = []
 
-    def _map(self, name: str, shape: tuple[int, ...], unit: str, words: str) -> Any:
+    def _map(self, name: str, shape: tuple[int, ...], unit: str, description: str) -> Any:
         array = self._array(name, shape, "float32", ("frame", "y", "x"))
-        array.attrs.update({"units": unit or "1", "long_name": words, "coordinates": "time_s"})
+        array.attrs.update({"units": unit or "1", "long_name": description, "coordinates": "time_s"})
         return array
 
     def _array(self, name: str, shape: tuple[int, ...], kind: str, dimensions: tuple[str, ...]) -> Any:

@@ -1,7 +1,6 @@
-"""Tables of contacts, markers and frames, one row per thing and frame.
+"""Tables of contacts, markers and frames.
 
-An empty cell means not known; it is never 0 by default. Lengths are in the sensor's unit, and the
-unit ends the column's name.
+An empty cell means that a value is unknown; it is never 0 by default.
 """
 
 import csv
@@ -47,7 +46,7 @@ def time_s(timestamp_ns: int) -> float:
     return timestamp_ns * 1e-9
 
 
-def number(value: float, decimals: int) -> str:
+def fixed_point(value: float, decimals: int) -> str:
     """Fixed precision; empty when not known, and no minus sign on a zero."""
     if not math.isfinite(value):
         return ""
@@ -91,18 +90,18 @@ class ContactTable:
     def _row(self, reading: Reading, contact: Contact) -> list[object]:
         normal_force_N = -float(contact.force_N[2])
         return [
-            *(reading.frame.index, number(time_s(reading.frame.timestamp_ns), 6)),
+            *(reading.frame.index, fixed_point(time_s(reading.frame.timestamp_ns), 6)),
             *(contact.id, contact.phase.value),
-            *(number(float(value), 4) for value in contact.centre_mm),
-            *(number(contact.depth_mm, 4), number(normal_force_N, 4)),
-            *(number(float(value), 4) for value in contact.force_N[:2]),
-            number(contact.area_mm2, 4),
-            *(number(contact.std(name), 4) for name in ("x", "y", "normal_force")),
-            *(number(float(value), 2) for value in contact.centre_px),
-            *(number(contact.std("depth"), 4), number(contact.normal_force_over_E_mm2, 5)),
-            *(number(contact.std(name), 4) for name in ("shear_x", "shear_y")),
-            *(number(contact.torque_Nmm, 4), number(contact.std("torque"), 4)),
-            number(contact.std("area"), 4),
+            *(fixed_point(float(value), 4) for value in contact.centre_mm),
+            *(fixed_point(contact.depth_mm, 4), fixed_point(normal_force_N, 4)),
+            *(fixed_point(float(value), 4) for value in contact.force_N[:2]),
+            fixed_point(contact.area_mm2, 4),
+            *(fixed_point(contact.std(name), 4) for name in ("x", "y", "normal_force")),
+            *(fixed_point(float(value), 2) for value in contact.centre_px),
+            *(fixed_point(contact.std("depth"), 4), fixed_point(contact.normal_force_over_E_mm2, 5)),
+            *(fixed_point(contact.std(name), 4) for name in ("shear_x", "shear_y")),
+            *(fixed_point(contact.torque_Nmm, 4), fixed_point(contact.std("torque"), 4)),
+            fixed_point(contact.std("area"), 4),
             "" if contact.slip is None else int(contact.slip),
         ]
 
@@ -117,11 +116,11 @@ class FrameTable:
         """Add a frame."""
         row = (
             reading.frame.index,
-            number(time_s(reading.frame.timestamp_ns), 6),
+            fixed_point(time_s(reading.frame.timestamp_ns), 6),
             reading.status,
             int(reading.grid.is_seen.sum()),
             len(reading.contacts.touching),
-            number(reading.milliseconds, 3),
+            fixed_point(reading.milliseconds, 3),
         )
         self._table.add([row])
 

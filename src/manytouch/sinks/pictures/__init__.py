@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Images for people: the annotated camera image, and the surface in three dimensions.
+
+Interactive views are in `manytouch.sinks.viewer`.
+"""

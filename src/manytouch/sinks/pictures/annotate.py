@@ -1,4 +1,4 @@
-"""The camera's picture with markers, displacements and contacts drawn into it."""
+"""The camera image annotated with markers, displacements and contacts."""
 
 from pathlib import Path
 
@@ -19,10 +19,10 @@ SMALLEST_ARROW_PX = 4.0
 
 
 class Annotator:
-    """Draws readings of one sensor; small pictures are enlarged so that words can be read.
+    """Annotates readings of one sensor; small images are enlarged to keep text legible.
 
     Attributes:
-        zoom: whole-number factor between the camera's picture and the drawn one.
+        zoom: integer magnification of the camera image.
     """
 
     def __init__(self, sensor: Sensor) -> None:
@@ -33,8 +33,8 @@ class Annotator:
         self.zoom = max(1, round(LONG_SIDE_PX / max(camera.width_px, camera.height_px)))
         self._pitch = float(np.nanmin(pitch_px(sensor))) * self.zoom
         self._long_side = max(camera.width_px, camera.height_px) * self.zoom
-        self._words = max(12.0, 0.014 * self._long_side)
-        self._bar = round(2.2 * self._words)
+        self._text_px = max(12.0, 0.014 * self._long_side)
+        self._bar = round(2.2 * self._text_px)
         self._last: np.ndarray | None = None
         self._white: float | None = None
 
@@ -62,14 +62,14 @@ class Annotator:
         return ground.copy()
 
     def _place(self, position_px: Points2) -> Points2:
-        """From the camera's pixels to those of the enlarged picture; centres of pixels are whole."""
+        """From pixels of the camera image to those of the enlarged one; pixel centres are integers."""
         return (position_px + 0.5) * self.zoom - 0.5
 
     def _draw_markers(self, picture: np.ndarray, reading: Reading) -> None:
         seen = reading.grid.is_seen
         place = self._place(np.where(seen[:, None], reading.grid.position_px, self._rest_px))
         radius_px = self._layout.radius_mm / mm_per_px(self._sensor.camera) * self.zoom
-        height = float(np.clip(0.17 * self._pitch, 8.0, self._words))
+        height = float(np.clip(0.17 * self._pitch, 8.0, self._text_px))
         width = int(np.clip(self._pitch / 40, 1, 3))
         widest = drawing.text_size(str(len(place) - 1), height)[0]
         every = max(1, int(np.ceil(1.15 * widest / self._pitch)))
@@ -120,8 +120,8 @@ class Annotator:
         circle: tuple[float, float, float],
         taken: list[tuple[float, float, float, float]],
     ) -> None:
-        text = f"#{contact.id}  {self.depth_words(contact)}"
-        height = 1.1 * self._words
+        text = f"#{contact.id}  {self.depth_text(contact)}"
+        height = 1.1 * self._text_px
         width = drawing.text_size(text, height)[0] + height
         tall = 2.0 * height
         x, y, radius = circle
@@ -138,17 +138,17 @@ class Annotator:
         place = (left + height / 2, top + 1.5 * height)
         drawing.write_text(picture, text, place, height, drawing.WHITE, outline=False)
 
-    def depth_words(self, contact: Contact) -> str:
+    def depth_text(self, contact: Contact) -> str:
         """Depth and its deviation in the sensor's unit."""
         unit, std = self._sensor.length_unit, contact.std("depth")
         if not np.isfinite(contact.depth_mm):
-            return "depth not known"
+            return "depth unknown"
         if not np.isfinite(std):
             return f"{contact.depth_mm:.2f} {unit}"
         return f"{contact.depth_mm:.2f} ± {std:.2f} {unit}"
 
     def _framed(self, picture: np.ndarray, reading: Reading) -> np.ndarray:
-        """With a line of facts above and a legend below, in an even number of rows and columns."""
+        """Add a line of facts above and a legend below; the size becomes even."""
         height, width = picture.shape[:2]
         whole = np.full((height + 2 * self._bar, width, 3), 24, np.uint8)
         whole[self._bar : self._bar + height] = picture
@@ -163,22 +163,23 @@ class Annotator:
                 f"{contacts} contact" + ("" if contacts == 1 else "s"),
             )
         )
-        baseline = 0.5 * (self._bar + self._words)
-        drawing.write_text(whole, facts, (self._words, baseline), self._fit(facts, width), drawing.WHITE)
+        baseline = 0.5 * (self._bar + self._text_px)
+        drawing.write_text(whole, facts, (self._text_px, baseline), self._fit(facts, width), drawing.WHITE)
         self._legend(whole, height + self._bar + baseline, width)
         return np.pad(whole, ((0, whole.shape[0] % 2), (0, whole.shape[1] % 2), (0, 0)))
 
     def _fit(self, text: str, width: int) -> float:
         return min(
-            self._words, self._words * (width - 2 * self._words) / drawing.text_size(text, self._words)[0]
+            self._text_px,
+            self._text_px * (width - 2 * self._text_px) / drawing.text_size(text, self._text_px)[0],
         )
 
     def _legend(self, whole: np.ndarray, baseline: float, width: int) -> None:
         bar_px = _round_number(0.4 * self._pitch / self.zoom / ARROW_SCALE)
-        entries = ("marker", "not seen", f"moved {bar_px:g} px (arrows x {ARROW_SCALE})", "contact")
+        entries = ("marker", "not seen", f"displacement {bar_px:g} px (arrows x{ARROW_SCALE})", "contact")
         size = self._fit("oo".join(entries) + "oo" * 8, width)
         length = bar_px * ARROW_SCALE * self.zoom
-        x, middle = self._words, baseline - 0.5 * size
+        x, middle = self._text_px, baseline - 0.5 * size
         stroke = max(1, round(self._long_side / 1000))
         for index, entry in enumerate(entries):
             begin = (x, middle)
@@ -233,13 +234,13 @@ class AnnotatedPictures:
         if not video.isOpened():
             raise OutputError(
                 f"cannot write {self._output.path}: this OpenCV has no MPEG-4 encoder; "
-                "install opencv-python-headless from PyPI, or leave --annotate away"
+                "install opencv-python-headless from PyPI, or omit --annotate"
             )
         return video
 
 
 def write_png(path: Path, picture: np.ndarray) -> None:
-    """Write a picture, also where OpenCV's own file names fail (umlauts on Windows).
+    """Write an image, also to paths that OpenCV does not support (non-ASCII on Windows).
 
     Raises:
         OutputError: the file cannot be written.

@@ -1,7 +1,7 @@
-"""Marks and words on pictures: outlined, so that they stand out on any ground.
+"""Shapes and text on images, with an outline that contrasts with any background.
 
-Colours are those of Okabe and Ito, which people with any common colour vision tell apart. All places
-are (x, y) in pixels of the picture, all colours B, G, R.
+Colours are those of Okabe and Ito, which are distinguishable with any common colour vision. Positions are
+(x, y) in pixels of the image, colours B, G, R.
 """
 
 import cv2
@@ -10,7 +10,7 @@ import numpy as np
 from manytouch.values.arrays import Image
 
 Colour = tuple[int, int, int]
-Place = tuple[float, float]
+Position = tuple[float, float]
 
 SKY: Colour = (233, 180, 86)
 YELLOW: Colour = (66, 228, 240)
@@ -34,14 +34,16 @@ def eight_bit_colour(image: Image, white: float | None = None) -> np.ndarray:
     return image.copy()
 
 
-def disc_outline(picture: np.ndarray, centre: Place, radius: float, colour: Colour, width: int = 1) -> None:
+def disc_outline(
+    picture: np.ndarray, centre: Position, radius: float, colour: Colour, width: int = 1
+) -> None:
     """A circle with a dark rim on both sides."""
     place, r = _fixed(centre), max(round(radius * 2**_SHIFT), 1)
     cv2.circle(picture, place, r, BLACK, width + 2, cv2.LINE_AA, _SHIFT)
     cv2.circle(picture, place, r, colour, width, cv2.LINE_AA, _SHIFT)
 
 
-def cross(picture: np.ndarray, centre: Place, reach: float, colour: Colour, width: int = 1) -> None:
+def cross(picture: np.ndarray, centre: Position, reach: float, colour: Colour, width: int = 1) -> None:
     """A diagonal cross."""
     x, y = centre
     for colour_now, wide in ((BLACK, width + 2), (colour, width)):
@@ -50,7 +52,7 @@ def cross(picture: np.ndarray, centre: Place, reach: float, colour: Colour, widt
             cv2.line(picture, _fixed(begin), _fixed(end), colour_now, wide, cv2.LINE_AA, _SHIFT)
 
 
-def arrow(picture: np.ndarray, begin: Place, end: Place, colour: Colour, width: int = 1) -> None:
+def arrow(picture: np.ndarray, begin: Position, end: Position, colour: Colour, width: int = 1) -> None:
     """An arrow whose head keeps its size until the arrow is shorter than that."""
     length = float(np.hypot(end[0] - begin[0], end[1] - begin[1]))
     if length == 0:
@@ -67,11 +69,11 @@ def text_size(text: str, height: float) -> tuple[int, int]:
 
 
 def write_text(
-    picture: np.ndarray, text: str, place: Place, height: float, colour: Colour, *, outline: bool = True
+    picture: np.ndarray, text: str, place: Position, height: float, colour: Colour, *, outline: bool = True
 ) -> None:
     """One line of text; `place` is the left end of its baseline.
 
-    OpenCV's fonts know ASCII only, so ± is a plus with a line below it.
+    The fonts of OpenCV contain ASCII only, so ± is a plus with a line below it.
     """
     if outline:
         for right, down in ((-1, -1), (1, -1), (-1, 1), (1, 1)):
@@ -79,7 +81,7 @@ def write_text(
     _write_plain(picture, text, place, height, colour)
 
 
-def _write_plain(picture: np.ndarray, text: str, place: Place, height: float, colour: Colour) -> None:
+def _write_plain(picture: np.ndarray, text: str, place: Position, height: float, colour: Colour) -> None:
     x, y = float(place[0]), round(place[1])
     thick = _stroke(height)
     for piece in text.replace("±", "\0±\0").split("\0"):
@@ -92,8 +94,8 @@ def _write_plain(picture: np.ndarray, text: str, place: Place, height: float, co
         x += wide_px
 
 
-def plate(picture: np.ndarray, corner: Place, size: Place, strength: float = 0.7) -> None:
-    """Darken a rectangle for text to stand on; what lies outside the picture is left out."""
+def plate(picture: np.ndarray, corner: Position, size: Position, strength: float = 0.7) -> None:
+    """Darken a rectangle behind a text; parts outside the image are ignored."""
     left, top = (max(round(value), 0) for value in corner)
     right, bottom = (max(round(value + extent), 0) for value, extent in zip(corner, size, strict=True))
     part = picture[top:bottom, left:right]
@@ -104,5 +106,5 @@ def _stroke(height: float) -> int:
     return max(round(height / 11), 1)
 
 
-def _fixed(place: Place) -> tuple[int, int]:
+def _fixed(place: Position) -> tuple[int, int]:
     return round(float(place[0]) * 2**_SHIFT), round(float(place[1]) * 2**_SHIFT)

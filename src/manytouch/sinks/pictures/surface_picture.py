@@ -1,4 +1,4 @@
-"""Pictures of the surface in three dimensions, beside what the camera saw (extra `plot`)."""
+"""Figures of the surface in three dimensions, next to the annotated camera image (extra `plot`)."""
 
 from collections.abc import Collection
 from importlib.util import find_spec
@@ -34,7 +34,7 @@ class SurfacePicture:
         self._annotate = Annotator(sensor)
 
     def save(self, reading: Reading, path: Path) -> Path:
-        """Draw a reading into a file (PNG, PDF or SVG by its suffix); complete or absent."""
+        """Draw a reading into a file: PNG, PDF or SVG, by its suffix."""
         figure = self.figure(reading)
         output = AtomicOutput(path)
         with output_errors(path):
@@ -43,7 +43,7 @@ class SurfacePicture:
         return path
 
     def figure(self, reading: Reading) -> "Figure":
-        """What the camera saw, annotated, and the surface beside it."""
+        """The annotated camera image, and the surface next to it."""
         from matplotlib.backends.backend_agg import FigureCanvasAgg
         from matplotlib.figure import Figure
 
@@ -55,13 +55,13 @@ class SurfacePicture:
         left = figure.add_axes((0.1 * inch, 0.03, share, 0.86))
         left.imshow(seen, interpolation="lanczos")
         left.set_axis_off()
-        left.set_title("what the camera sees", fontsize=11)
+        left.set_title("camera image", fontsize=11)
         width = (SURFACE_INCHES - 1.7) * inch
         right = figure.add_axes((share + 0.3 * inch, 0.03, width, 0.86), projection="3d")
         scale = figure.add_axes((1.0 - 0.85 * inch, 0.2, 0.16 * inch, 0.5))
         self._draw_surface(figure, (right, scale), reading)
-        moment = f"frame {reading.frame.index}, {reading.frame.timestamp_ns * 1e-9:.2f} s"
-        figure.suptitle(f"{self._sensor.name}, {moment}", x=0.1 * inch, ha="left", fontsize=13, y=0.975)
+        frame = f"frame {reading.frame.index}, {reading.frame.timestamp_ns * 1e-9:.2f} s"
+        figure.suptitle(f"{self._sensor.name}, {frame}", x=0.1 * inch, ha="left", fontsize=13, y=0.975)
         return figure
 
     def _draw_surface(self, figure: "Figure", places: tuple[Any, Any], reading: Reading) -> None:
@@ -91,11 +91,11 @@ class SurfacePicture:
         axes.set_ylabel(f"y ({unit})")
         axes.zaxis.set_major_locator(MaxNLocator(3))
         axes.set_zlabel(f"depth ({unit})")
-        axes.set_title(f"depth: up is pressed in, drawn {stretch:.1f} times as high as it is", fontsize=11)
+        axes.set_title(f"depth, positive when pressed, magnified {stretch:.1f} times", fontsize=11)
         figure.colorbar(surface, cax=scale).set_label(f"depth ({unit})")
 
     def _shape(self, axes: Any, x_mm: np.ndarray, y_mm: np.ndarray, extent_mm: tuple[float, float]) -> float:
-        """Set view and proportions, row 0 at the back as in the image; gives the depth's exaggeration."""
+        """Set view and proportions, row 0 at the back as in the image; returns the magnification."""
         wide, long = float(np.ptp(x_mm)), float(np.ptp(y_mm))
         high = extent_mm[1] - extent_mm[0]
         axes.set_xlim(float(x_mm.min()), float(x_mm.max()))
@@ -114,16 +114,16 @@ class SurfacePicture:
             head = depth + 0.3 * top
             axes.plot([x, x], [y, y], [depth, head], color=MARK, linewidth=1.6, zorder=20)
             axes.scatter([x], [y], [depth], color=MARK, edgecolors="white", zorder=21, depthshade=False)
-            words = f"#{contact.id}  {self._annotate.depth_words(contact)}"
+            words = f"#{contact.id}  {self._annotate.depth_text(contact)}"
             label = axes.text(x, y, head, words, ha="center", va="bottom", fontsize=9, zorder=22)
             label.set_bbox({"facecolor": "white", "edgecolor": MARK, "alpha": 0.85, "pad": 1.5})
 
 
 class SelectedFrames:
-    """Draws the surface at chosen frames into `picture-000060.png`, ...; a sink."""
+    """A sink that draws the surface at selected frames into `picture-000060.png`, ..."""
 
     def __init__(self, folder: Path, sensor: Sensor, frames: Collection[int]) -> None:
-        """Choose.
+        """Select the frames.
 
         Raises:
             MissingExtraError: matplotlib is not installed.
@@ -132,22 +132,22 @@ class SelectedFrames:
         self._folder, self._frames = folder, frozenset(frames)
 
     def write(self, reading: Reading) -> None:
-        """Draw a frame if it was chosen."""
+        """Draw a frame if it was selected."""
         if reading.frame.index in self._frames and reading.frame.image is not None:
             self._picture.save(reading, self._folder / f"picture-{reading.frame.index:06d}.png")
             self._frames -= {reading.frame.index}
 
     def close(self) -> None:
-        """Nothing to complete: every picture is whole when it is written."""
+        """Nothing to complete: every file is complete when it is written."""
 
     @property
     def missing(self) -> list[int]:
-        """Frames that were chosen and have not been drawn."""
+        """Selected frames that have not been drawn."""
         return sorted(self._frames)
 
 
 class BusiestFrame:
-    """Remembers the frame with most contacts, the deepest of such; a sink."""
+    """A sink that keeps the frame with the most contacts, and of several such the deepest."""
 
     def __init__(self, sensor: Sensor) -> None:
         self._sensor = sensor
@@ -155,7 +155,7 @@ class BusiestFrame:
         self.reading: Reading | None = None
 
     def write(self, reading: Reading) -> None:
-        """Take in a frame."""
+        """Compare a frame with the one kept."""
         touching = reading.contacts.touching
         depths = [contact.depth_mm for contact in touching if np.isfinite(contact.depth_mm)]
         rank = (len(touching), sum(depths))
@@ -163,10 +163,10 @@ class BusiestFrame:
             self._rank, self.reading = rank, reading
 
     def close(self) -> None:
-        """Nothing to complete: the moment is drawn on request."""
+        """Nothing to complete: the frame is drawn on request."""
 
     def draw(self, path: Path) -> Path | None:
-        """Draw the moment; None when no frame came.
+        """Draw the frame; None if there was none.
 
         Raises:
             MissingExtraError: matplotlib is not installed.

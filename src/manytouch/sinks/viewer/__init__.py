@@ -1,12 +1,11 @@
-"""The viewer: a page that shows readings live, measures in them and steers the session (extra `view`).
+"""The viewer: a web page that shows readings live, measures in them and controls the session (extra `view`).
 
-viewer    the sink, in front of all
-shot      a reading as a message; `messages` is its form, `measuring` each browser's own measures
-hub       the browsers that look; `wishes` what they may ask for
-server    files and websocket; `access` who may come in
-page/     what runs in the browser
+`viewer` is the sink and the entrance to this package. `update_encoder` turns readings into `messages`, and
+`measuring` evaluates the points that a client chose. `clients` serves every browser at its own rate;
+`client_messages` lists what a browser may send. `server` serves the files of `page/` and one websocket, to
+those whom `access` admits. What a command does is not here but in `manytouch.session`.
 
-Importing it without nicegui, which brings the server and three.js, raises MissingExtraError.
+Importing it without nicegui, which provides the server and three.js, raises MissingExtraError.
 """
 
 from importlib.util import find_spec

@@ -1,4 +1,4 @@
-"""Who may look: the machine itself, and from elsewhere whoever holds the token."""
+"""Access control: browsers on this machine, and from elsewhere those with the token."""
 
 import hmac
 import ipaddress
@@ -12,14 +12,14 @@ COOKIE = "manytouch-token"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Access:
-    """The door of one viewer.
+    """Who may use one viewer.
 
-    A page of another site cannot use it: its requests carry an origin, or a host name, that is not ours.
+    Pages of other sites may not: their requests carry a foreign origin or host name.
 
     Attributes:
-        host: address that is listened on.
-        port: and its port.
-        token: what a visitor must show; None on a loopback address without one.
+        host: address on which the viewer listens.
+        port: its port.
+        token: what a client must send; None if none is required, as on a loopback address.
     """
 
     host: str
@@ -28,33 +28,37 @@ class Access:
 
     @property
     def url(self) -> str:
-        """What to open in a browser; with the token where there is one."""
+        """The address to open in a browser, including the token if there is one."""
         name = {"0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(self.host, self.host)
         name = f"[{name}]" if ":" in name and not name.startswith("[") else name
         end = "" if self.token is None else f"?token={self.token}"
         return f"http://{name}:{self.port}/{end}"
 
     def is_known_host(self, headers: Mapping[str, str]) -> bool:
-        """Was the request sent to a name that we answer to? (Against names of others that point here.)"""
-        if self.token is not None:
-            return True
+        """Whether the request was sent to a name of this viewer, and not to a foreign name that points here.
+
+        Raises:
+            ValueError: the Host header is not valid.
+        """
         name = urlsplit(f"//{headers.get('host', '')}").hostname or ""
-        return name == self.host or is_loopback(name)
+        return self.token is not None or name == self.host or is_loopback(name)
 
     def is_own_origin(self, headers: Mapping[str, str]) -> bool:
-        """Does the request come from a page of ours, or from no page at all?"""
+        """Whether the request comes from a page of this viewer, or from no page."""
         origin = headers.get("origin")
         return origin is None or origin == f"http://{headers.get('host', '')}"
 
     def has_token(self, given: str | None) -> bool:
-        """Is this the token, or is none needed?"""
+        """Whether this is the token, or none is required."""
         if self.token is None:
             return True
-        return given is not None and hmac.compare_digest(given.encode(), self.token.encode())
+        if given is None:
+            return False
+        return hmac.compare_digest(given.encode(errors="surrogatepass"), self.token.encode())
 
 
 def is_loopback(host: str) -> bool:
-    """Does this name or address mean the machine itself?"""
+    """Whether this name or address is a loopback address."""
     if host == "localhost":
         return True
     try:
@@ -63,6 +67,6 @@ def is_loopback(host: str) -> bool:
         return False
 
 
-def token_for(host: str, token: str | None) -> str | None:
-    """The token to ask for: the given one, or a new one where others could reach us without."""
+def required_token(host: str, token: str | None) -> str | None:
+    """The token to require: the given one, or a new one if other machines can reach the address."""
     return token if token is not None or is_loopback(host) else secrets.token_urlsafe(18)

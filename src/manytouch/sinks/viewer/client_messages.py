@@ -1,4 +1,4 @@
-"""What a browser may ask for: a closed list, checked key by key, without paths or names of files."""
+"""Messages that a browser may send: a closed list, validated field by field, without paths or file names."""
 
 from typing import Annotated, Literal
 
@@ -21,23 +21,23 @@ from manytouch.values import (
 )
 from manytouch.values.arrays import Points2, read_only
 
-LONGEST_WISH = 4096  # characters
+MAX_CHARACTERS = 4096
 
 Length = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
-Word = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9_.]+$")]
+Identifier = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9_.]+$")]
 
 
-class _Wish(BaseModel):
+class _Message(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
 
 
-class Plain(_Wish):
-    """A wish without particulars."""
+class SimpleRequest(_Message):
+    """A command without parameters."""
 
-    wish: Literal["start", "stop", "tare", "record", "stop_recording"]
+    type: Literal["start", "stop", "tare", "record", "stop_recording"]
 
     def command(self) -> Command:
-        match self.wish:
+        match self.type:
             case "start":
                 return Start()
             case "stop":
@@ -50,31 +50,31 @@ class Plain(_Wish):
                 return StopRecording()
 
 
-class Method(_Wish):
-    """Read with another method."""
+class MethodRequest(_Message):
+    """Use another method."""
 
-    wish: Literal["method"]
-    method: Word
+    type: Literal["method"]
+    method: Identifier
 
     def command(self) -> Command:
         return UseMethod(method=self.method)
 
 
-class Threshold(_Wish):
-    """Set a number of the pipeline."""
+class ParameterRequest(_Message):
+    """Set a parameter of the pipeline."""
 
-    wish: Literal["tune"]
-    parameter: Word
+    type: Literal["tune"]
+    parameter: Identifier
     value: Annotated[float, Field(allow_inf_nan=False)]
 
     def command(self) -> Command:
         return Tune(parameter=self.parameter, value=self.value)
 
 
-class Finger(_Wish):
+class PressRequest(_Message):
     """Put a finger on the simulated sheet, or move it."""
 
-    wish: Literal["press"]
+    type: Literal["press"]
     finger: Annotated[int, Field(ge=0, le=999)]
     x_mm: Length
     y_mm: Length
@@ -84,72 +84,83 @@ class Finger(_Wish):
         return Press(finger=self.finger, x_mm=self.x_mm, y_mm=self.y_mm, depth_mm=self.depth_mm)
 
 
-class Lift(_Wish):
-    """Take a finger off."""
+class ReleaseRequest(_Message):
+    """Lift a finger."""
 
-    wish: Literal["release"]
+    type: Literal["release"]
     finger: Annotated[int, Field(ge=0, le=999)]
 
     def command(self) -> Command:
         return Release(finger=self.finger)
 
 
-class Moment(_Wish):
+class SeekRequest(_Message):
     """Go to a frame of a recording."""
 
-    wish: Literal["seek"]
+    type: Literal["seek"]
     frame: Annotated[int, Field(ge=0, le=2**40)]
 
     def command(self) -> Command:
         return Seek(frame=self.frame)
 
 
-class Pace(_Wish):
-    """Play a recording at a pace."""
+class SpeedRequest(_Message):
+    """Play back a recording at a multiple of its own speed."""
 
-    wish: Literal["play"]
+    type: Literal["play"]
     speed: Annotated[float, Field(gt=0, le=100, allow_inf_nan=False)]
 
     def command(self) -> Command:
         return Play(speed=self.speed)
 
 
-class Points(_Wish):
-    """Measure at no, one or two points; of this browser alone."""
+class MeasureRequest(_Message):
+    """Measure at no, one or two points, for this client only."""
 
-    wish: Literal["measure"]
+    type: Literal["measure"]
     point_mm: Annotated[list[Annotated[list[Length], Field(min_length=2, max_length=2)]], Field(max_length=2)]
 
     def points(self) -> Points2:
+        """(n, 2) the points."""
         return read_only(np.array(self.point_mm, dtype=np.float64).reshape(-1, 2))
 
 
-class Show(_Wish):
-    """What this browser shows, so that nothing else is sent."""
+class ShowRequest(_Message):
+    """What this client displays, so that nothing else is sent to it."""
 
-    wish: Literal["show"]
+    type: Literal["show"]
     layer: Literal["depth", "strain", "pressure", "difference"]
     image: bool
 
 
-class Ack(_Wish):
-    """The browser has taken in update `number`."""
+class Ack(_Message):
+    """The client has received update `number`."""
 
-    wish: Literal["taken"]
+    type: Literal["ack"]
     number: Annotated[int, Field(ge=0)]
 
 
-Order = Plain | Method | Threshold | Finger | Lift | Moment | Pace
-Wish = Order | Points | Show | Ack
+SessionRequest = (
+    SimpleRequest
+    | MethodRequest
+    | ParameterRequest
+    | PressRequest
+    | ReleaseRequest
+    | SeekRequest
+    | SpeedRequest
+)
+"""Requests that become a command of the session."""
 
-_WISH: TypeAdapter[Wish] = TypeAdapter(Annotated[Wish, Field(discriminator="wish")])
+ClientMessage = SessionRequest | MeasureRequest | ShowRequest | Ack
+
+_ADAPTER: TypeAdapter[ClientMessage] = TypeAdapter(Annotated[ClientMessage, Field(discriminator="type")])
 
 
-def read_wish(text: str) -> Wish | None:
-    """The wish in a browser's message; None of anything else."""
-    if len(text) > LONGEST_WISH:
+def parse_client_message(text: str) -> ClientMessage | None:
+    """Parse the message of a browser; None if it is not valid."""
+    if len(text) > MAX_CHARACTERS:
         return None
     try:
-        return _WISH.validate_json(text)
+        return _ADAPTER.validate_json(text)
     except ValidationError:
         return None

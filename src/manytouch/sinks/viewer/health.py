@@ -1,4 +1,4 @@
-"""How well the picture is taken and the readings flow: the numbers of the viewer's health strip."""
+"""Quality of the camera image and of the rest position: numbers for the health pane of the viewer."""
 
 import cv2
 import numpy as np
@@ -6,21 +6,21 @@ import numpy as np
 from manytouch.values import Reading
 
 _STRIDE = 4
-DARK, BRIGHT = 4, 251  # grey levels of 255 that hold no detail
+DARK, BRIGHT = 4, 251  # grey levels of 255 beyond which there is no detail
 
 
-class PictureHealth:
-    """Focus and exposure of a source's pictures, told from a quarter of their lines and columns.
+class ImageQuality:
+    """Focus and exposure of the images of a source.
 
-    Focus is the share of sharp change in the picture (variance of its Laplacian over its variance), in
-    parts of the best seen so far, so 1 is as sharp as it ever was.
+    Focus is the variance of the Laplacian of an image over its variance, relative to the best image so far:
+    1 is as sharp as the sharpest.
     """
 
     def __init__(self) -> None:
         self._best = 0.0
 
     def __call__(self, image: np.ndarray) -> dict[str, float]:
-        """Focus 0..1, median level 0..1, share of pixels that are black or white without detail."""
+        """Focus 0..1, median level 0..1, and the share of pixels that are black or white without detail."""
         grey = image if image.ndim == 2 else image[..., 1]
         if grey.dtype != np.uint8:
             grey = (grey >> 8).astype(np.uint8)
@@ -40,10 +40,10 @@ class PictureHealth:
 
 
 def residual_mm(reading: Reading) -> float:
-    """How deep the sheet seems to be while nothing touches: the median of |depth|; NaN while something does.
+    """Median of |depth| while nothing touches the sheet; NaN during contacts.
 
-    At rest it should be as small as the deviation of a depth; more says that the sheet has crept or the
-    camera has moved, and that it is time to tare.
+    At rest it should be as small as the standard deviation of a depth. A larger value indicates that the
+    sheet has crept or the camera has moved, and that a tare is due.
     """
     if reading.contacts.touching:
         return float("nan")

@@ -1,8 +1,8 @@
-"""The stream between viewer and browser: one binary message per update.
+"""Format of the binary messages from viewer to browser, one per update.
 
     4 bytes   length n of the head, little endian
-    n bytes   head, JSON, filled with spaces so that 4 + n is a multiple of 4
-    the rest  the parts one after the other, each begun at a multiple of 4
+    n bytes   head, JSON, padded with spaces so that 4 + n is a multiple of 4
+    the rest  the parts one after the other, each starting at a multiple of 4
 
 `head["parts"]` names each part: `{"name", "type", "shape", "at", "size"}`, where `type` is a numpy
 letter and byte count (`f4`, `u1`) or `jpeg`, and `at` counts bytes from the end of the head. Missing
@@ -20,7 +20,7 @@ _ALIGN = 4
 
 
 def pack(head: Mapping[str, Any], parts: Mapping[str, np.ndarray | bytes]) -> bytes:
-    """A message of a head and parts: arrays, or bytes that are a JPEG."""
+    """Encode a message from its head and its parts: arrays, or the bytes of a JPEG."""
     listed: list[dict[str, Any]] = []
     blocks: list[bytes] = []
     at = 0
@@ -38,7 +38,7 @@ def pack(head: Mapping[str, Any], parts: Mapping[str, np.ndarray | bytes]) -> by
 
 
 def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray | bytes]]:
-    """Head and parts of a message, for programs that listen without a browser."""
+    """Decode a message into head and parts; for client programs other than the page."""
     start = 4 + int.from_bytes(message[:4], "little")
     head = json.loads(message[4:start])
     parts: dict[str, np.ndarray | bytes] = {}
@@ -52,7 +52,7 @@ def unpack(message: bytes) -> tuple[dict[str, Any], dict[str, np.ndarray | bytes
 
 
 def number(value: float | int | None, digits: int = 4) -> float | None:
-    """A number for a head: rounded, None where not known."""
+    """A rounded number for JSON; None if it is not known."""
     return None if value is None or not math.isfinite(value) else round(float(value), digits)
 
 

@@ -1,7 +1,8 @@
-"""The viewer's web server: a fixed set of files and one websocket, in a thread of its own."""
+"""The web server of the viewer: a fixed set of files and one websocket, in its own thread."""
 
 import asyncio
 import importlib.util
+import logging
 import socket
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
@@ -20,9 +21,9 @@ from manytouch.errors import MissingExtraError, OutputError
 from manytouch.sinks.viewer.access import COOKIE, Access
 
 PAGE = Path(__file__).parent / "page"
-TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
-RULES = {
-    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+MEDIA_TYPES = {".html": "text/html", ".css": "text/css", ".js": "text/javascript", ".svg": "image/svg+xml"}
+SECURITY_HEADERS = {
+    "content-security-policy": "default-src 'none'; script-src 'self'; style-src 'self'; "
     "img-src 'self' blob: data:; connect-src 'self'; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'",
     "x-content-type-options": "nosniff",
@@ -30,30 +31,35 @@ RULES = {
     "cache-control": "no-cache",
 }
 START_S = STOP_S = 5.0
+POLICY_VIOLATION = 1008  # close code, RFC 6455
+
+log = logging.getLogger(__name__)
 
 
 def page_files() -> dict[str, tuple[str, bytes]]:
-    """Name -> media type and content of everything that can be asked for.
+    """Media type and content of every file that is served, by name.
 
     Raises:
-        MissingExtraError: nicegui, which brings the server and three.js, is not installed.
+        MissingExtraError: nicegui, which provides the server and three.js, is not installed.
     """
     files = {
-        path.name: (TYPES[path.suffix], path.read_bytes()) for path in PAGE.iterdir() if path.suffix in TYPES
+        path.name: (MEDIA_TYPES[path.suffix], path.read_bytes())
+        for path in PAGE.iterdir()
+        if path.suffix in MEDIA_TYPES
     }
     found = importlib.util.find_spec("nicegui")
     places = [] if found is None else list(found.submodule_search_locations or [])
     bundles = [path for place in places if (path := Path(place, "elements/scene/dist/index.js")).is_file()]
     if not bundles:
         raise MissingExtraError("the viewer", "nicegui", "view")
-    return files | {"three.js": (TYPES[".js"], bundles[0].read_bytes())}
+    return files | {"three.js": (MEDIA_TYPES[".js"], bundles[0].read_bytes())}
 
 
 def listening_socket(host: str, port: int) -> socket.socket:
-    """A socket that others can connect to from now on; port 0 takes a free one.
+    """Open a socket that clients can connect to; port 0 selects a free one.
 
     Raises:
-        OutputError: the address cannot be had.
+        OutputError: the address is not available.
     """
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     listening = socket.socket(family, socket.SOCK_STREAM)
@@ -65,7 +71,7 @@ def listening_socket(host: str, port: int) -> socket.socket:
         listening.close()
         raise OutputError(
             f"the viewer cannot listen on {host} port {port} ({error}); "
-            "give another --port, or none to take a free one, and a --host of this machine"
+            "specify another --port, or none to select a free one, and a --host of this machine"
         ) from None
     return listening
 
@@ -77,12 +83,22 @@ class Server:
         self,
         listening: socket.socket,
         access: Access,
-        visit: Callable[[WebSocket], Awaitable[None]],
+        serve_client: Callable[[WebSocket], Awaitable[None]],
         background: Callable[[], Coroutine[Any, Any, None]],
     ) -> None:
-        """`visit` serves a websocket, `background` runs beside it on the server's loop."""
+        """Start the server.
+
+        Args:
+            listening: the socket to listen on.
+            access: which requests are admitted.
+            serve_client: serves one websocket until it ends.
+            background: runs on the loop of the server until it stops.
+
+        Raises:
+            OutputError: the server did not start within `START_S`.
+        """
         self._files = page_files()
-        self._access, self._visit, self._background = access, visit, background
+        self._access, self._serve_client, self._background = access, serve_client, background
         self._has_begun = threading.Event()
         self.loop: asyncio.AbstractEventLoop | None = None
         self._socket = listening
@@ -108,12 +124,12 @@ class Server:
             raise OutputError(f"the viewer's server did not start within {START_S:g} s on {access.url}")
 
     def call(self, function: Callable[..., None], *arguments: Any) -> None:
-        """Call something on the server's loop, from any thread; not after the end."""
+        """Call a function on the loop of the server, from any thread; does nothing after `stop`."""
         if self.loop is not None and not self._server.should_exit:
             self.loop.call_soon_threadsafe(function, *arguments)
 
     def stop(self, farewell: Coroutine[Any, Any, None]) -> None:
-        """Run a last task, close all connections and end the thread; nothing the second time."""
+        """Run a last task, close all connections and end the thread; does nothing when called again."""
         if self.loop is None or self._server.should_exit:
             farewell.close()
             return
@@ -144,32 +160,48 @@ class Server:
     async def _page(self, request: Request) -> Response:
         """The page; a token in its address becomes a cookie, so that it does not stay in the history."""
         given = request.query_params.get("token")
-        if given is None or not self._access.has_token(given):
-            return self._answer(request, "index.html")
-        answer = RedirectResponse("/", status_code=303, headers=RULES)
+        if given is not None and not given.isascii():
+            return _bad_request("the token is not ASCII")
+        if self._access.token is None or given is None or not self._access.has_token(given):
+            return self._respond(request, "index.html")
+        answer = RedirectResponse("/", status_code=303, headers=SECURITY_HEADERS)
         answer.set_cookie(COOKIE, given, httponly=True, samesite="strict")
         return answer
 
     async def _file(self, request: Request) -> Response:
-        return self._answer(request, str(request.path_params["name"]))
+        return self._respond(request, str(request.path_params["name"]))
 
-    def _answer(self, request: Request, name: str) -> Response:
-        if not self._access.is_known_host(request.headers):
-            return PlainTextResponse("this viewer is not known by that name\n", 421, headers=RULES)
+    def _respond(self, request: Request, name: str) -> Response:
+        try:
+            is_known = self._access.is_known_host(request.headers)
+        except ValueError:
+            return _bad_request("the Host header is not valid")
+        if not is_known:
+            text = "this viewer does not answer to that host name; open the address that manytouch printed\n"
+            return PlainTextResponse(text, 421, headers=SECURITY_HEADERS)
         if not self._access.has_token(request.cookies.get(COOKIE)):
-            words = "this viewer asks for a token: open the address that manytouch printed\n"
-            return PlainTextResponse(words, 403, headers=RULES)
+            text = "this viewer requires a token; open the address that manytouch printed\n"
+            return PlainTextResponse(text, 403, headers=SECURITY_HEADERS)
         if name not in self._files:
-            return PlainTextResponse("there is no such file\n", 404, headers=RULES)
+            return PlainTextResponse("this file does not exist\n", 404, headers=SECURITY_HEADERS)
         kind, content = self._files[name]
-        return Response(content, media_type=kind, headers=RULES)
+        return Response(content, media_type=kind, headers=SECURITY_HEADERS)
 
     async def _stream(self, socket: WebSocket) -> None:
         access = self._access
         given = socket.cookies.get(COOKIE) or socket.query_params.get("token")
-        is_welcome = access.is_known_host(socket.headers) and access.is_own_origin(socket.headers)
-        if not (is_welcome and access.has_token(given)):
-            await socket.close(1008)
+        try:
+            is_admitted = access.is_known_host(socket.headers) and access.is_own_origin(socket.headers)
+        except ValueError:
+            log.warning("refused a viewer connection: the Host header is not valid")
+            is_admitted = False
+        if not (is_admitted and access.has_token(given)):
+            await socket.close(POLICY_VIOLATION)
             return
         await socket.accept()
-        await self._visit(socket)
+        await self._serve_client(socket)
+
+
+def _bad_request(reason: str) -> Response:
+    log.warning("refused a viewer request: %s", reason)
+    return PlainTextResponse(f"bad request: {reason}\n", 400, headers=SECURITY_HEADERS)

@@ -1,4 +1,4 @@
-"""The viewer as a sink: shows readings to every browser that looks."""
+"""The viewer as a sink: shows readings to all connected browsers."""
 
 import asyncio
 import threading
@@ -10,22 +10,22 @@ import numpy as np
 from starlette.websockets import WebSocket
 
 from manytouch.pipeline import Controls
-from manytouch.sinks.viewer.access import Access, token_for
-from manytouch.sinks.viewer.client_messages import Order, Wish
-from manytouch.sinks.viewer.hub import Hub
+from manytouch.sinks.viewer.access import Access, required_token
+from manytouch.sinks.viewer.client_messages import SessionRequest
+from manytouch.sinks.viewer.clients import Clients
 from manytouch.sinks.viewer.messages import number
 from manytouch.sinks.viewer.server import Server, listening_socket, page_files
-from manytouch.sinks.viewer.update_encoder import Shot, UpdateEncoder
+from manytouch.sinks.viewer.update_encoder import UpdateEncoder, ViewerUpdate
 from manytouch.values import Health, Reading
 
-HEALTH_EVERY_S = 0.25
+HEALTH_INTERVAL_S = 0.25
 LATENCIES = 300
 
 
 class Viewer:
     """Serves the page from its construction until `close`.
 
-    To be put behind `LatestOnly`, so that the pipeline never waits. Without browsers a reading costs nothing.
+    Wrap it in `LatestOnly`, so that the pipeline never waits for it. Without clients a reading costs nothing.
     """
 
     def __init__(
@@ -34,104 +34,113 @@ class Viewer:
         """Start serving.
 
         Args:
-            controls: the session that is looked at and steered.
-            host: address to listen on; others than loopback addresses get a token.
-            port: 0 takes a free one.
-            token: what visitors must show; None makes one where others can reach us.
+            controls: the session that is shown and controlled.
+            host: address to listen on; an address that other machines can reach requires a token.
+            port: 0 selects a free one.
+            token: that clients must send; None generates one where it is required.
 
         Raises:
             MissingExtraError: nicegui is not installed.
-            OutputError: the address cannot be had.
+            OutputError: the address is not available.
         """
         page_files()
         self._controls = controls
-        self._photographer = UpdateEncoder(controls.sensor)
+        self._encoder = UpdateEncoder(controls.sensor)
         self._sensor_version = controls.health().sensor_version
         self._latest: Reading | None = None
         self._number = 0
         self._latency_ms: deque[float] = deque(maxlen=LATENCIES)
-        self._one_at_a_time = threading.Lock()
-        self._hub = Hub(self._order, self._ask_again)
+        self._lock = threading.Lock()
+        self._clients = Clients(self._on_request, self._repeat_update)
         listening = listening_socket(host, port)
-        self.access = Access(host=host, port=listening.getsockname()[1], token=token_for(host, token))
-        self._server = Server(listening, self.access, self._visit, self._tell_health)
+        self.access = Access(host=host, port=listening.getsockname()[1], token=required_token(host, token))
+        self._server = Server(listening, self.access, self._serve_client, self._broadcast_health)
 
     @property
     def url(self) -> str:
-        """What to open in a browser."""
+        """The address to open in a browser."""
         return self.access.url
 
     @property
-    def browsers(self) -> int:
-        """How many look at present."""
-        return len(self._hub)
+    def client_count(self) -> int:
+        """Number of connected clients."""
+        return len(self._clients)
+
+    @property
+    def layers(self) -> frozenset[str]:
+        """The layers that clients display."""
+        return self._clients.layers
+
+    @property
+    def update_count(self) -> int:
+        """Number of updates that were encoded."""
+        return self._number
 
     def write(self, reading: Reading) -> None:
         """Show a reading."""
         self._latest = reading
-        if self._hub:
+        if self._clients:
             self._show(reading)
 
     def close(self) -> None:
-        """Tell the browsers that this was the end, and stop serving."""
-        self._server.stop(self._hub.end())
+        """Announce the end to all clients, and stop serving."""
+        self._server.stop(self._clients.end())
 
     def _show(self, reading: Reading) -> None:
-        with self._one_at_a_time:
-            photographer = self._photographer
-            if len(reading.surface.displacement_mm) != len(photographer.layout.rest_mm):
-                return  # of a sensor before or after the one that is shown
-            shot = Shot(
+        with self._lock:
+            encoder = self._encoder
+            if len(reading.surface.displacement_mm) != len(encoder.layout.rest_mm):
+                return  # of the sensor before or after the one that is shown
+            update = ViewerUpdate(
                 reading=reading,
-                beside=self._controls.beside(reading.frame.index),
-                layers=self._hub.layers,
-                is_image_wanted=self._hub.is_image_wanted,
+                comparison=self._controls.beside(reading.frame.index),
+                layers=self._clients.layers,
+                is_image_wanted=self._clients.is_image_wanted,
             )
             self._number += 1
-            message, latency_ms = photographer(shot, self._number)
+            message, latency_ms = encoder(update, self._number)
             if latency_ms is not None:
                 self._latency_ms.append(latency_ms)
             self._server.call(
-                self._hub.offer,
+                self._clients.publish,
                 self._number,
                 message,
-                photographer.layout,
+                encoder.layout,
                 reading.surface,
                 reading.frame.index,
             )
 
-    def _ask_again(self) -> None:
-        """The present moment once more, for somebody who came or wants to see something else."""
+    def _repeat_update(self) -> None:
+        """Show the newest reading again, for a client that is new or displays something else."""
         reading = self._latest
         if reading is not None and self._server.loop is not None:
             self._server.loop.run_in_executor(None, self._show, reading)
 
-    def _order(self, wish: Wish) -> None:
-        if isinstance(wish, Order):
-            self._controls.send(wish.command())
+    def _on_request(self, request: SessionRequest) -> None:
+        self._controls.send(request.command())
 
-    async def _visit(self, socket: WebSocket) -> None:
-        greeting = [self._scenery(), self._health(self._controls.health())]
-        await self._hub.serve(socket, greeting)
+    async def _serve_client(self, socket: WebSocket) -> None:
+        greeting = [self._scene_info(), self._health(self._controls.health())]
+        await self._clients.serve(socket, greeting)
 
-    async def _tell_health(self) -> None:
+    async def _broadcast_health(self) -> None:
         while True:
-            await asyncio.sleep(HEALTH_EVERY_S)
-            if not self._hub:
+            await asyncio.sleep(HEALTH_INTERVAL_S)
+            if not self._clients:
                 continue
             health = self._controls.health()
             if health.sensor_version != self._sensor_version:
-                await asyncio.to_thread(self._renew, health.sensor_version)
-                self._hub.say(self._scenery())
-            self._hub.say(self._health(health))
+                await asyncio.to_thread(self._replace_encoder, health.sensor_version)
+                self._clients.broadcast(self._scene_info())
+            self._clients.broadcast(self._health(health))
 
-    def _renew(self, version: int) -> None:
-        photographer = UpdateEncoder(self._controls.sensor)
-        with self._one_at_a_time:
-            self._photographer, self._sensor_version = photographer, version
+    def _replace_encoder(self, version: int) -> None:
+        encoder = UpdateEncoder(self._controls.sensor)
+        with self._lock:
+            self._encoder, self._sensor_version = encoder, version
 
-    def _scenery(self) -> dict[str, Any]:
-        return {"kind": "scenery", **self._photographer.scenery()}
+    def _scene_info(self) -> dict[str, Any]:
+        return {"kind": "scene_info", **self._encoder.scene_info()}
 
     def _health(self, health: Health) -> dict[str, Any]:
         numbers = {
@@ -143,7 +152,7 @@ class Viewer:
             "kind": "health",
             **numbers,
             "parameters": {name: number(value, 9) for name, value in health.parameters.items()},
-            "browsers": len(self._hub),
+            "clients": len(self._clients),
             "message_ms_p50": number(float(latency[0]), 1),
             "message_ms_p99": number(float(latency[1]), 1),
         }

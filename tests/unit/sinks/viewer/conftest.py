@@ -1,4 +1,4 @@
-"""A viewer that is served, before a session that does nothing by itself."""
+"""A viewer of a session that does nothing by itself."""
 
 from collections.abc import Callable, Iterator
 
@@ -7,21 +7,21 @@ import pytest
 pytest.importorskip("nicegui")
 
 from manytouch.sinks.viewer import Viewer
-from watched import Desk
+from viewer_session import FakeSession
 
 
 @pytest.fixture
-def desk() -> Desk:
-    return Desk()
+def session() -> FakeSession:
+    return FakeSession()
 
 
 @pytest.fixture
-def serve(desk: Desk) -> Iterator[Callable[..., Viewer]]:
+def serve(session: FakeSession) -> Iterator[Callable[..., Viewer]]:
     """Makes viewers and closes them."""
     made: list[Viewer] = []
 
     def make(**where: object) -> Viewer:
-        made.append(Viewer(desk, **where))
+        made.append(Viewer(session, **where))
         return made[-1]
 
     yield make

@@ -1,8 +1,8 @@
-"""Who may come in."""
+"""Which requests are admitted."""
 
 import pytest
 
-from manytouch.sinks.viewer.access import Access, is_loopback, token_for
+from manytouch.sinks.viewer.access import Access, is_loopback, required_token
 
 HERE = Access(host="127.0.0.1", port=8000, token=None)
 OPEN = Access(host="0.0.0.0", port=8000, token="secret-word")
@@ -25,7 +25,7 @@ def test_the_address_to_open() -> None:
         ("", False),
     ],
 )
-def test_names_that_only_point_here_are_refused(host: str, is_known: bool) -> None:
+def test_foreign_host_names_are_refused(host: str, is_known: bool) -> None:
     assert HERE.is_known_host({"host": host}) is is_known
 
 
@@ -36,11 +36,11 @@ def test_pages_of_others_are_refused() -> None:
         assert not HERE.is_own_origin({"host": "127.0.0.1:8000", "origin": origin})
 
 
-def test_a_token_is_asked_for_where_others_can_reach_us() -> None:
-    assert token_for("127.0.0.1", None) is None
-    assert token_for("localhost", None) is None
-    assert token_for("127.0.0.1", "chosen-one") == "chosen-one"
-    made = {token_for("0.0.0.0", None) for _ in range(3)}
+def test_a_token_is_required_where_other_machines_can_connect() -> None:
+    assert required_token("127.0.0.1", None) is None
+    assert required_token("localhost", None) is None
+    assert required_token("127.0.0.1", "chosen-one") == "chosen-one"
+    made = {required_token("0.0.0.0", None) for _ in range(3)}
     assert len(made) == 3
     assert all(token is not None and len(token) >= 20 for token in made)
     assert HERE.has_token(None)

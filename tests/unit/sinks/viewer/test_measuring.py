@@ -1,4 +1,4 @@
-"""Measures at chosen points."""
+"""Measurements at chosen points."""
 
 from dataclasses import replace
 
@@ -31,7 +31,7 @@ def surface_of(layout: Layout, depth_mm: np.ndarray, std_mm: float = 0.1) -> Sur
     )
 
 
-def test_a_point_reads_the_estimate_with_its_deviation(layout: Layout) -> None:
+def test_a_point_has_the_estimated_depth_and_deviation(layout: Layout) -> None:
     depth_mm = 3.0 * np.exp(-np.sum((layout.rest_mm[:, :2] - [-20.0, 8.0]) ** 2, axis=1) / 200.0)
     found = measure_at(layout, POINT_MM[:1])(surface_of(layout, depth_mm))
     (point,) = found["points"]
@@ -67,7 +67,7 @@ def test_a_measured_point_has_the_depth_that_is_drawn(layout: Layout, has_spline
         assert measured["points"][0]["depth_mm"] == pytest.approx(drawn_mm[row, column], abs=1e-6)
 
 
-def test_two_points_read_their_distance_in_space(layout: Layout) -> None:
+def test_two_points_have_a_distance_in_space(layout: Layout) -> None:
     slope = 0.1
     depth_mm = 2.0 + slope * layout.rest_mm[:, 0]
     found = measure_at(layout, POINT_MM)(surface_of(layout, depth_mm))

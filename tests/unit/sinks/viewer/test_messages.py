@@ -1,4 +1,4 @@
-"""The form of the stream's messages."""
+"""Format of the binary messages."""
 
 import json
 
@@ -8,7 +8,7 @@ import pytest
 from manytouch.sinks.viewer.messages import number, pack, unpack
 
 
-def test_what_is_packed_comes_out() -> None:
+def test_messages_round_trip() -> None:
     depth = np.arange(15, dtype="<f4").reshape(3, 5)
     depth[1, 2] = np.nan
     message = pack({"kind": "reading", "name": "µ"}, {"depth": depth, "image": b"\xff\xd8 jpeg"})
@@ -20,7 +20,7 @@ def test_what_is_packed_comes_out() -> None:
 
 
 @pytest.mark.parametrize("size", range(1, 9))
-def test_every_part_begins_where_a_browser_can_look_into_it(size: int) -> None:
+def test_every_part_is_aligned(size: int) -> None:
     message = pack({"x": "y" * size}, {"image": b"j" * size, "depth": np.ones(size, "<f4")})
     head_size = int.from_bytes(message[:4], "little")
     head = json.loads(message[4 : 4 + head_size])
@@ -28,7 +28,7 @@ def test_every_part_begins_where_a_browser_can_look_into_it(size: int) -> None:
     np.testing.assert_array_equal(unpack(message)[1]["depth"], np.ones(size))
 
 
-def test_what_is_not_known_is_null() -> None:
+def test_unknown_numbers_are_null() -> None:
     assert number(float("nan")) is None
     assert number(float("inf")) is None
     assert number(None) is None

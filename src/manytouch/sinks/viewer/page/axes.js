@@ -15,11 +15,11 @@ export class Axes {
   constructor(parent) {
     this.group = new THREE.Group();
     parent.add(this.group);
-    this.ink = new THREE.LineBasicMaterial();
+    this.lineMaterial = new THREE.LineBasicMaterial();
     this.recolour();
   }
 
-  recolour() { this.ink.color.set(styled("--quiet")); }
+  recolour() { this.lineMaterial.color.set(styled("--quiet")); }
 
   clear(group) {
     for (const child of [...group.children]) {
@@ -36,12 +36,12 @@ export class Axes {
     const [x0, y0] = this.low, [x1, y1] = this.high, reach = Math.hypot(x1 - x0, y1 - y0);
     const step = niceStep(Math.max(x1 - x0, y1 - y0), 6), tick = 0.014 * reach, away = 0.035 * reach;
     const points = [x0, y0, x1, y0, x1, y0, x1, y1, x1, y1, x0, y1, x0, y1, x0, y0].reduce((all, value, i, list) => (i % 2 ? all : [...all, value, 0, list[i + 1]]), []);
-    const say = (text, kind, px, py) => { const found = label(text, kind); found.position.set(px, 0, py); this.group.add(found); };
+    const addLabel = (text, kind, px, py) => { const found = label(text, kind); found.position.set(px, 0, py); this.group.add(found); };
     const digits = step < 1 ? 1 : 0;
-    for (let at = Math.ceil(x0 / step) * step; at <= x1; at += step) { points.push(at, 0, y1, at, 0, y1 + tick); say(fixed(at, digits), "axis", at, y1 + away); }
-    for (let at = Math.ceil(y0 / step) * step; at <= y1; at += step) { points.push(x1, 0, at, x1 + tick, 0, at); say(fixed(at, digits), "axis", x1 + 1.2 * away, at); }
-    say(`x (${unit})`, "axis name", (x0 + x1) / 2, y1 + 2.3 * away);
-    say(`y (${unit})`, "axis name", x1 + 2.6 * away, (y0 + y1) / 2);
+    for (let at = Math.ceil(x0 / step) * step; at <= x1; at += step) { points.push(at, 0, y1, at, 0, y1 + tick); addLabel(fixed(at, digits), "axis", at, y1 + away); }
+    for (let at = Math.ceil(y0 / step) * step; at <= y1; at += step) { points.push(x1, 0, at, x1 + tick, 0, at); addLabel(fixed(at, digits), "axis", x1 + 1.2 * away, at); }
+    addLabel(`x (${unit})`, "axis name", (x0 + x1) / 2, y1 + 2.3 * away);
+    addLabel(`y (${unit})`, "axis name", x1 + 2.6 * away, (y0 + y1) / 2);
     this.group.add(this.lines(points));
     this.tower = new THREE.Group();
     this.group.add(this.tower);
@@ -55,14 +55,14 @@ export class Axes {
     this.clear(this.tower);
     const [x, y] = this.low, reach = Math.hypot(this.high[0] - x, this.high[1] - y), tick = 0.014 * reach;
     const points = [x, 0, y, x, most * stretch, y], step = niceStep(most, 3);
-    const say = (text, kind, up, left) => { const found = label(text, kind); found.position.set(x - left, up, y); this.tower.add(found); };
-    for (let at = step; at <= most * 1.0001; at += step) { points.push(x, at * stretch, y, x - tick, at * stretch, y); say(`${fixed(at, step < 1 ? 1 : 0)} ${this.unit}`, "axis", at * stretch, 3.6 * tick); }
+    const addLabel = (text, kind, up, left) => { const found = label(text, kind); found.position.set(x - left, up, y); this.tower.add(found); };
+    for (let at = step; at <= most * 1.0001; at += step) { points.push(x, at * stretch, y, x - tick, at * stretch, y); addLabel(`${fixed(at, step < 1 ? 1 : 0)} ${this.unit}`, "axis", at * stretch, 3.6 * tick); }
     this.tower.add(this.lines(points));
   }
 
   lines(points) {
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.Float32BufferAttribute(points, 3));
-    return new THREE.LineSegments(geometry, this.ink);
+    return new THREE.LineSegments(geometry, this.lineMaterial);
   }
 }

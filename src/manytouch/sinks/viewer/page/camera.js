@@ -1,4 +1,4 @@
-// The camera's picture with markers, displacement arrows and contacts on it.
+// The camera image with markers, displacement arrows and contacts.
 
 import { contactColour } from "./colours.js";
 import { sized } from "./plot.js";
@@ -7,11 +7,11 @@ const SKY = "#6cc4f5", LOST = "#ff7a3d", ARROW = "#f7e04b";
 
 export class CameraPane {
   constructor(canvas) {
-    Object.assign(this, { canvas, picture: null, scenery: null, busy: false, next: null });
+    Object.assign(this, { canvas, picture: null, sceneInfo: null, busy: false, next: null });
     this.options = { ids: false, arrows: true, gain: 3 };
   }
 
-  /** Decode a picture; of those that come meanwhile only the newest is kept. */
+  /** Decode an image; of those that arrive meanwhile only the newest is kept. */
   async show(jpeg, done) {
     this.next = jpeg;
     if (this.busy) return;
@@ -24,15 +24,15 @@ export class CameraPane {
         this.picture?.close();
         this.picture = picture;
         done();
-      } catch { /* a torn picture of the camera: the one before stays */ }
+      } catch { /* a damaged image of the camera: the previous one stays */ }
     }
     this.busy = false;
   }
 
   draw(markers, contacts, others) {
     const { context, width, height } = sized(this.canvas);
-    if (!this.scenery || width < 10) return;
-    const [wide, high] = this.scenery.image_px;
+    if (!this.sceneInfo || width < 10) return;
+    const [wide, high] = this.sceneInfo.image_px;
     const scale = Math.min(width / wide, height / high);
     const left = (width - wide * scale) / 2, top = (height - high * scale) / 2;
     const place = (x, y) => [left + (x + 0.5) * scale, top + (y + 0.5) * scale];
@@ -43,7 +43,7 @@ export class CameraPane {
   }
 
   drawMarkers(context, markers, place, scale) {
-    const rest = this.scenery.rest_px, { arrows, gain, ids } = this.options;
+    const rest = this.sceneInfo.rest_px, { arrows, gain, ids } = this.options;
     const pitch = this.pitchPx(rest) * scale, radius = Math.max(1.2, Math.min(0.2 * pitch, 5));
     const seen = new Path2D(), lost = new Path2D(), shafts = new Path2D();
     for (let m = 0; m < rest.length; m++) {
@@ -86,18 +86,18 @@ export class CameraPane {
     }
   }
 
-  drawContact(context, contact, place, isBeside) {
+  drawContact(context, contact, place, isComparison) {
     if (contact.px[0] === null) return;
     const [x, y] = place(...contact.px);
-    context.setLineDash(isBeside ? [3, 3] : []);
-    context.beginPath(); context.arc(x, y, isBeside ? 13 : 10, 0, 2 * Math.PI);
-    if (!isBeside) {
+    context.setLineDash(isComparison ? [3, 3] : []);
+    context.beginPath(); context.arc(x, y, isComparison ? 13 : 10, 0, 2 * Math.PI);
+    if (!isComparison) {
       context.lineWidth = 4.5; context.strokeStyle = "rgb(0 0 0 / 60%)"; context.stroke();
       context.lineWidth = 2.5;
     } else context.lineWidth = 1.5;
-    context.strokeStyle = isBeside ? "#fff" : contactColour(contact.id); context.stroke();
+    context.strokeStyle = isComparison ? "#fff" : contactColour(contact.id); context.stroke();
     context.setLineDash([]);
-    if (isBeside) return;
+    if (isComparison) return;
     context.font = "700 12px system-ui, sans-serif"; context.textAlign = "left"; context.textBaseline = "middle";
     context.lineWidth = 3.5; context.strokeStyle = "rgb(0 0 0 / 75%)"; context.fillStyle = "#fff";
     context.strokeText(`#${contact.id}`, x + 14, y - 9); context.fillText(`#${contact.id}`, x + 14, y - 9);

@@ -1,4 +1,4 @@
-// Colour maps that people with any common colour vision can read, and colours that tell contacts apart.
+// Colour maps that are readable with any common colour vision, and colours that distinguish contacts.
 
 const ANCHORS = {
   cividis: "00224e 123570 3b496c 575d6d 707173 8a8678 a59c74 c3b369 e1cc55 fee838",
@@ -28,7 +28,7 @@ export function table(name) {
   return tables.get(name);
 }
 
-// Okabe and Ito's colours; the number beside each contact says the same without colour.
+// Colours of Okabe and Ito; the number next to each contact identifies it without colour.
 const CONTACTS = ["#e69f00", "#56b4e9", "#d55e00", "#009e73", "#cc79a7", "#0072b2", "#f0e442"];
 export const contactColour = (id) => CONTACTS[id % CONTACTS.length];
 

@@ -1,9 +1,9 @@
-// The websocket: updates as they come, the newest alone; wishes as they are made. Comes back by itself.
+// The websocket: receives updates and messages, sends requests, and reconnects when it is closed.
 
 const TYPES = { f4: Float32Array, u1: Uint8Array, jpeg: Uint8Array };
-const AGAIN_MS = [500, 1000, 2000, 4000];
+const RETRY_MS = [500, 1000, 2000, 4000];
 
-/** Head and parts of a binary message; the parts look into it without copies. */
+/** Head and parts of a binary message; the parts are views of it. */
 export function unpack(buffer) {
   const size = new DataView(buffer).getUint32(0, true);
   const head = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, size)));
@@ -16,35 +16,35 @@ export function unpack(buffer) {
 }
 
 export class Connection {
-  /** `hear` gets sentences by kind, `see` gets updates, `state` gets true or false. */
-  constructor({ hear, see, state }) {
-    Object.assign(this, { hear, see, state, tries: 0, ended: false });
+  /** `onMessage` gets text messages, `onUpdate` gets updates, `onState` gets true or false. */
+  constructor({ onMessage, onUpdate, onState }) {
+    Object.assign(this, { onMessage, onUpdate, onState, tries: 0, ended: false });
     this.open();
   }
 
   open() {
     const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/stream`);
     socket.binaryType = "arraybuffer";
-    socket.onopen = () => { this.tries = 0; this.ended = false; this.state(true); };
+    socket.onopen = () => { this.tries = 0; this.ended = false; this.onState(true); };
     socket.onmessage = ({ data }) => {
       if (typeof data === "string") {
-        const sentence = JSON.parse(data);
-        if (sentence.kind === "end") this.ended = true;
-        this.hear(sentence);
+        const message = JSON.parse(data);
+        if (message.kind === "end") this.ended = true;
+        this.onMessage(message);
       } else {
         const update = unpack(data);
-        this.wish({ wish: "taken", number: update.head.number });
-        this.see(update);
+        this.send({ type: "ack", number: update.head.number });
+        this.onUpdate(update);
       }
     };
     socket.onclose = () => {
-      this.state(false);
-      setTimeout(() => this.open(), AGAIN_MS[Math.min(this.tries++, AGAIN_MS.length - 1)]);
+      this.onState(false);
+      setTimeout(() => this.open(), RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)]);
     };
     this.socket = socket;
   }
 
-  wish(wish) {
-    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(wish));
+  send(message) {
+    if (this.socket.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
   }
 }

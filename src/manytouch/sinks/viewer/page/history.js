@@ -30,7 +30,7 @@ export class History {
     if (head.time_s < this.now - 1e-6 || head.time_s > this.now + SPAN_S) this.rings.clear();
     this.now = head.time_s;
     this.keep("", head.contacts);
-    if (head.beside) this.keep("beside ", head.beside.contacts);
+    if (head.comparison) this.keep("comparison ", head.comparison.contacts);
     for (const [key, ring] of this.rings) if (ring.last < this.now - SPAN_S) this.rings.delete(key);
     while (this.rings.size > MOST) this.rings.delete(this.rings.keys().next().value);
   }
@@ -43,10 +43,10 @@ export class History {
     }
   }
 
-  draw(showBeside) {
+  draw(showComparison) {
     const xs = [-SPAN_S, 0];
-    const xWords = (x) => (Math.abs(x) < 0.5 ? "now" : `−${Math.round(-x)} s`);
-    const all = [...this.rings].filter(([key]) => showBeside || !key.startsWith("beside"));
+    const tickLabel = (x) => (Math.abs(x) < 0.5 ? "now" : `−${Math.round(-x)} s`);
+    const all = [...this.rings].filter(([key]) => showComparison || !key.startsWith("comparison"));
     for (const [canvas, name, title, unit, convert] of [
       [this.depthCanvas, "depth", "depth", units.length, inLength],
       [this.forceCanvas, "force", "normal force", units.force, inForce],
@@ -58,16 +58,16 @@ export class History {
         for (let i = 0; i < SIZE; i++) y[i] = convert(ring[name][i]);
         for (let i = 0; i < ring.count; i++) {
           const value = y[(ring.start + i) % SIZE];
-          if (value === value) { hasAny = true; most = Math.max(most, value); isEstimated ||= !key.startsWith("beside"); }
+          if (value === value) { hasAny = true; most = Math.max(most, value); isEstimated ||= !key.startsWith("comparison"); }
         }
-        const isBeside = key.startsWith("beside");
+        const isComparison = key.startsWith("comparison");
         return { x, y, count: ring.count, start: ring.start,
-          colour: isBeside ? styled("--quiet") : contactColour(ring.id), dash: isBeside ? [4, 4] : [],
-          label: !isBeside && ring.last === this.now ? `#${ring.id}` : "" };
+          colour: isComparison ? styled("--quiet") : contactColour(ring.id), dash: isComparison ? [4, 4] : [],
+          label: !isComparison && ring.last === this.now ? `#${ring.id}` : "" };
       });
-      const none = this.rings.size ? "this method tells no force" : "nothing has touched the sheet yet";
-      const empty = name === "force" && !isEstimated && all.length ? none : hasAny ? "" : "nothing has touched the sheet yet";
-      plot(canvas, { lines, xs, xWords, empty, ys: [0, niceCeiling(Math.max(1.12 * most, convert(0.5)))], title: `${title} (${unit})` });
+      const none = this.rings.size ? "this method does not estimate forces" : "no contact yet";
+      const empty = name === "force" && !isEstimated && all.length ? none : hasAny ? "" : "no contact yet";
+      plot(canvas, { lines, xs, tickLabel, empty, ys: [0, niceCeiling(Math.max(1.12 * most, convert(0.5)))], title: `${title} (${unit})` });
     }
   }
 }

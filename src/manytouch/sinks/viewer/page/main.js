@@ -1,4 +1,4 @@
-// The page: joins the stream, the panes and the controls.
+// The page: connects the websocket, the panes and the controls.
 
 import { CameraPane } from "./camera.js";
 import { DIVERGING, MAPS, styled, table } from "./colours.js";
@@ -13,30 +13,30 @@ import { SurfacePane } from "./surface.js";
 
 const find = (id) => document.getElementById(id);
 const LAYERS = { depth: "depth", strain: "largest strain", pressure: "pressure" };
-const EASE = 0.995; // of the colour range from one update to the next
+const DECAY = 0.995; // of the colour range from one update to the next
 
 const state = {
-  scenery: null, health: null, update: null, measured: null, points: [], connected: false, ended: false,
+  sceneInfo: null, health: null, update: null, measured: null, points: [], connected: false, ended: false,
   layer: "depth", map: "cividis", peak: 0, scale: "", holdRange: false, count: 0, paints: 0, isDirty: false, seeking: false,
 };
 const pane = new SurfacePane(find("scene"));
 const marks = new Marks(pane);
 const camera = new CameraPane(find("camera"));
 const history = new History(find("depth-plot"), find("force-plot"));
-const connection = new Connection({ hear, see, state: setConnected });
-const wish = (kind, more = {}) => connection.wish({ wish: kind, ...more });
-const pointer = new Pointer(pane, { wish, choose: choosePoint });
+const connection = new Connection({ onMessage, onUpdate, onState: setConnected });
+const send = (type, fields = {}) => connection.send({ type, ...fields });
+const pointer = new Pointer(pane, { send, choose: choosePoint });
 
-function hear(sentence) {
+function onMessage(message) {
   const listeners = {
-    scenery: setScenery, health: setHealth, note: ({ text }) => toast(text),
-    measure: (found) => { state.measured = found; state.isDirty = true; },
+    scene_info: setSceneInfo, health: setHealth, note: ({ text }) => toast(text),
+    measurement: (found) => { state.measured = found; state.isDirty = true; },
     end: () => { state.ended = true; showState(); },
   };
-  listeners[sentence.kind]?.(sentence);
+  listeners[message.kind]?.(message);
 }
 
-function see(update) {
+function onUpdate(update) {
   state.update = update;
   state.count++;
   state.ended = false;
@@ -45,11 +45,11 @@ function see(update) {
   state.isDirty = true;
 }
 
-function setScenery(scenery) {
-  state.scenery = camera.scenery = scenery;
-  if (!lengthUnits(scenery.unit).includes(units.length)) units.length = scenery.unit;
-  find("sensor").textContent = scenery.sensor;
-  pane.build(scenery);
+function setSceneInfo(sceneInfo) {
+  state.sceneInfo = camera.sceneInfo = sceneInfo;
+  if (!lengthUnits(sceneInfo.unit).includes(units.length)) units.length = sceneInfo.unit;
+  find("sensor").textContent = sceneInfo.sensor;
+  pane.build(sceneInfo);
   pane.recolour();
   fillSettings(state);
   state.isDirty = true;
@@ -59,17 +59,17 @@ function setHealth(health) {
   const before = state.health;
   state.health = health;
   document.body.classList.toggle("recording", health.recording !== null);
-  find("record-words").textContent = health.recording ? "End recording" : "Record";
-  find("record").title = health.recording ? `Recording ${health.recording} (R)` : "Begin a recording (R)";
-  find("run-words").textContent = health.is_running ? "Stop" : "Go on";
+  find("record-label").textContent = health.recording ? "Stop recording" : "Record";
+  find("record").title = health.recording ? `Recording ${health.recording} (R)` : "Start a recording (R)";
+  find("run-label").textContent = health.is_running ? "Pause" : "Resume";
   document.querySelector("#run .glyph").className = `glyph ${health.is_running ? "pause" : "play"}`;
   find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
   find("timeline").hidden = health.frame_count === null;
   if (health.frame_count !== null && !state.seeking) {
     find("seek").max = Math.max(health.frame_count - 1, 0);
     find("seek").value = health.frame ?? 0;
-    find("seek-words").textContent = `frame ${health.frame ?? 0} of ${health.frame_count}`;
-    find("play").textContent = health.is_running ? "hold" : "play";
+    find("seek-label").textContent = `frame ${health.frame ?? 0} of ${health.frame_count}`;
+    find("play").textContent = health.is_running ? "Pause" : "Play";
   }
   const note = health.notes.at(-1);
   if (before && note && note !== before.notes.at(-1)) toast(note);
@@ -86,15 +86,15 @@ function setConnected(is) {
 
 function showState() {
   const { health, connected, ended } = state, status = state.update?.head.status;
-  const [kind, words] = !connected ? [ended ? "" : "bad", ended ? "the session has ended" : "not connected, trying again"]
+  const [kind, label] = !connected ? [ended ? "" : "bad", ended ? "session ended" : "not connected, retrying"]
     : !health ? ["", "waiting"]
     : health.source !== "ok" ? ["bad", health.source]
-    : !health.is_running ? ["warn", "held"]
+    : !health.is_running ? ["warn", "paused"]
     : !state.update ? ["", "waiting for the first frame"]
     : status !== "ok" ? ["warn", status.replaceAll("_", " ")]
-    : ["good", health.recording ? `recording ${health.recording}` : health.frame_count === null ? "live" : "replay"];
+    : ["good", health.recording ? `recording ${health.recording}` : health.frame_count === null ? "live" : "playback"];
   find("state").className = `state ${kind}`;
-  find("state-words").textContent = words;
+  find("state-label").textContent = label;
 }
 
 function toast(text) {
@@ -104,11 +104,11 @@ function toast(text) {
   toast.timer = setTimeout(() => { box.hidden = true; }, 4000);
 }
 
-// What is drawn, at most once per frame of the screen and only when something has changed.
+// Drawing: at most once per frame of the display, and only when something has changed.
 
 function paint() {
   requestAnimationFrame(paint);
-  if (state.isDirty && state.scenery) {
+  if (state.isDirty && state.sceneInfo) {
     state.isDirty = false;
     draw();
   }
@@ -116,18 +116,18 @@ function paint() {
 }
 
 function draw() {
-  const { update, health } = state, head = update?.head, showBeside = find("show-beside").checked;
-  const name = head?.beside?.name ?? "";
-  find("beside-tick").hidden = !name;
-  find("beside-name").textContent = name;
+  const { update, health } = state, head = update?.head, showComparison = find("show-comparison").checked;
+  const name = head?.comparison?.name ?? "";
+  find("comparison-toggle").hidden = !name;
+  find("comparison-name").textContent = name;
   find("camera-empty").hidden = Boolean(camera.picture);
-  const contacts = head?.contacts ?? [], others = name && showBeside ? head.beside.contacts : [];
+  const contacts = head?.contacts ?? [], others = name && showComparison ? head.comparison.contacts : [];
   if (update) drawSurface(update);
   marks.update(contacts, others, state.points, state.measured);
   camera.draw(update?.parts.markers, contacts, others);
   showContacts(contacts, others, name, pane.reach);
   showMeasure(state.points, state.measured);
-  history.draw(showBeside);
+  history.draw(showComparison);
   if (health) showHealth(health, head);
   showState();
 }
@@ -140,12 +140,12 @@ function drawSurface({ head, parts }) {
   for (let i = 0; i < value.length; i++) if (value[i] > most || (isDifference && -value[i] > most)) most = Math.abs(value[i]);
   most *= percent;
   const least = layer === "strain" ? 1 : layer === "pressure" ? 1 : isDifference ? 0.1 : 0.5;
-  state.peak = state.holdRange ? state.peak || most : Math.max(most, least, state.peak * EASE);
+  state.peak = state.holdRange ? state.peak || most : Math.max(most, least, state.peak * DECAY);
   const high = niceCeiling(state.peak), low = isDifference ? -high : 0, contour = niceStep(high, 6);
   pane.update(parts.depth, percent === 1 ? value : value.map((v) => v * percent), low, high, contour);
   const isLength = layer === "depth" || isDifference;
   const unit = isLength ? units.length : layer === "strain" ? "%" : "kPa";
-  drawScale(isDifference ? DIVERGING : state.map, low, high, contour, `${isDifference ? `estimate − ${head.beside.name}` : LAYERS[layer]} (${unit})`, isLength ? inLength : (v) => v);
+  drawScale(isDifference ? DIVERGING : state.map, low, high, contour, `${isDifference ? `estimate − ${head.comparison.name}` : LAYERS[layer]} (${unit})`, isLength ? inLength : (v) => v);
 }
 
 function drawScale(map, low, high, step, title, convert) {
@@ -168,10 +168,10 @@ function drawScale(map, low, high, step, title, convert) {
   find("scale-ticks").replaceChildren(...ticks);
 }
 
-// What the user does.
+// Actions of the user.
 
-function show() { wish("show", { layer: state.layer, image: true }); }
-function sendPoints() { wish("measure", { point_mm: state.points }); }
+function show() { send("show", { layer: state.layer, image: true }); }
+function sendPoints() { send("measure", { point_mm: state.points }); }
 
 function choosePoint(point) {
   state.points = state.points.length === 1 ? [...state.points, point] : [point];
@@ -199,7 +199,7 @@ function setMap(map) {
 function setStretch(value) {
   pane.stretch = Math.min(Math.max(value, 1), 20);
   find("stretch").value = pane.stretch;
-  find("stretch-words").textContent = `×${pane.stretch}`;
+  find("stretch-label").textContent = `×${pane.stretch}`;
   state.isDirty = true;
 }
 
@@ -217,13 +217,13 @@ function setTheme(theme) {
 }
 
 function flipTheme() { setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"); }
-function flipRun() { wish(state.health?.is_running ? "stop" : "start"); }
-function flipRecord() { wish(state.health?.recording ? "stop_recording" : "record"); }
+function flipRun() { send(state.health?.is_running ? "stop" : "start"); }
+function flipRecord() { send(state.health?.recording ? "stop_recording" : "record"); }
 function flip(id) { const box = find(id); box.checked = !box.checked; box.dispatchEvent(new Event("change")); }
-function seek(frame) { find("seek").value = frame; wish("seek", { frame: Math.max(0, Math.round(frame)) }); }
+function seek(frame) { find("seek").value = frame; send("seek", { frame: Math.max(0, Math.round(frame)) }); }
 
 function bind() {
-  const click = { run: flipRun, tare: () => wish("tare"), record: flipRecord, theme: flipTheme, side: flipSide, play: flipRun,
+  const click = { run: flipRun, tare: () => send("tare"), record: flipRecord, theme: flipTheme, side: flipSide, play: flipRun,
     home: () => pane.home(), "measure-clear": clearPoints, "lift-all": () => pointer.liftAll(),
     "settings-open": () => find("settings").showModal(), "help-open": () => find("help").showModal() };
   for (const [id, act] of Object.entries(click)) find(id).addEventListener("click", act);
@@ -233,14 +233,14 @@ function bind() {
   const change = {
     layer: ({ value }) => setLayer(value), map: ({ value }) => setMap(value),
     "show-ids": ({ checked }) => { camera.options.ids = checked; }, "show-arrows": ({ checked }) => { camera.options.arrows = checked; },
-    "arrow-gain": ({ value }) => { camera.options.gain = Number(value); }, "show-beside": () => {},
-    speed: ({ value }) => wish("play", { speed: Number(value) }), seek: ({ value }) => { state.seeking = false; seek(Number(value)); },
+    "arrow-gain": ({ value }) => { camera.options.gain = Number(value); }, "show-comparison": () => {},
+    speed: ({ value }) => send("play", { speed: Number(value) }), seek: ({ value }) => { state.seeking = false; seek(Number(value)); },
   };
   for (const [id, act] of Object.entries(change)) find(id).addEventListener("change", ({ target }) => { act(target); state.isDirty = true; });
   find("stretch").addEventListener("input", ({ target }) => setStretch(Number(target.value)));
   find("seek").addEventListener("input", ({ target }) => { state.seeking = true; seek(Number(target.value)); });
   find("camera").addEventListener("click", () => { document.querySelector(".camera").classList.toggle("big"); state.isDirty = true; });
-  bindSettings(state, wish, () => { state.scale = ""; state.isDirty = true; pointer.sayDepth(); });
+  bindSettings(state, send, () => { state.scale = ""; state.isDirty = true; pointer.showDepth(); });
   addEventListener("keydown", onKey);
   addEventListener("resize", () => { state.isDirty = true; });
 }
@@ -251,8 +251,8 @@ function onKey(event) {
   if (isOpen && event.key !== "?") return;
   const step = (by) => state.health?.frame_count != null && seek((state.health.frame ?? 0) + by);
   const keys = {
-    " ": flipRun, z: () => wish("tare"), r: flipRecord, i: () => flip("show-ids"), a: () => flip("show-arrows"), v: () => pane.home(),
-    f: flipSide, c: () => setMap(MAPS[(MAPS.indexOf(state.map) + 1) % MAPS.length]), d: flipTheme, m: () => pointer.setMode(pointer.mode === "look" ? "press" : "look"),
+    " ": flipRun, z: () => send("tare"), r: flipRecord, i: () => flip("show-ids"), a: () => flip("show-arrows"), v: () => pane.home(),
+    f: flipSide, c: () => setMap(MAPS[(MAPS.indexOf(state.map) + 1) % MAPS.length]), d: flipTheme, m: () => pointer.setMode(pointer.mode === "view" ? "press" : "view"),
     s: () => find("settings").showModal(), "?": () => (isOpen ? find("help").close() : find("help").showModal()), Escape: clearPoints,
     "+": () => setStretch(pane.stretch + 1), "=": () => setStretch(pane.stretch + 1), "-": () => setStretch(pane.stretch - 1),
     1: () => setLayer("depth"), 2: () => setLayer("strain"), 3: () => setLayer("pressure"), 4: () => setLayer("difference"),
@@ -271,5 +271,5 @@ setMap(MAPS.includes(localStorage.getItem("map")) ? localStorage.getItem("map") 
 setStretch(5);
 requestAnimationFrame(paint);
 
-/** For people at the console, and for tests: what is shown now, and where. */
+/** For the browser console and for tests: what is shown now, and where. */
 window.manytouch = { state, pane, pointer, length, styled };

@@ -1,12 +1,13 @@
-// What stands on the surface: contacts with force arrow, ring of uncertainty and label; what they are shown beside; measured points.
+// Marks on the surface: contacts with force arrow, uncertainty ellipse and label; contacts of the comparison; measured points.
 
 import { CSS2DObject, THREE } from "./three.js";
 import { contactColour, styled } from "./colours.js";
+import { render } from "./elements.js";
 import { force, isKnown, length, units, withStd } from "./numbers.js";
 
 const AROUND = 48, ALONG = 61, STDS = 2;
 
-/** Objects that are kept and used again, so that nothing is made per frame. */
+/** Objects that are reused from frame to frame. */
 class Pool {
   constructor(parent, make) { Object.assign(this, { parent, make, all: new Map() }); }
 
@@ -28,7 +29,7 @@ function ring(colour) {
   return line;
 }
 
-/** Lay a ring onto the surface; `axes` are the columns of a 2 x 2 matrix that makes an ellipse of a circle. */
+/** Project a ring onto the surface; `axes` are the columns of a 2 x 2 matrix that makes an ellipse of a circle. */
 function drape(line, pane, x, y, axes) {
   const { array } = line.geometry.attributes.position;
   for (let i = 0; i < AROUND; i++) {
@@ -65,9 +66,9 @@ class ContactMark {
     parent.add(...this.parts);
   }
 
-  update(pane, contact, words) {
+  update(pane, contact, label) {
     const reach = pane.reach, at = pane.place(contact.x_mm, contact.y_mm);
-    const axes = ellipse(contact.place_mm2);
+    const axes = ellipse(contact.centre_covariance_mm2);
     this.ring.visible = this.inner.visible = axes !== null;
     if (axes) { drape(this.inner, pane, contact.x_mm, contact.y_mm, axes); drape(this.ring, pane, contact.x_mm, contact.y_mm, axes.map((v) => 1.06 * v)); }
     const hasForce = isKnown(contact.force_N);
@@ -84,7 +85,7 @@ class ContactMark {
     this.head.position.y = size - cone;
     this.foot.position.copy(at); this.foot.scale.setScalar(0.006 * reach);
     this.tag.position.copy(at).addScaledVector(vector, size);
-    if (this.element.innerHTML !== words) this.element.innerHTML = words;
+    render(this.element, label);
   }
 
   remove(parent) {
@@ -94,16 +95,16 @@ class ContactMark {
   }
 }
 
-class BesideMark {
+class ComparisonMark {
   constructor(parent) {
-    this.ring = ring(styled("--ink"));
+    this.ring = ring(styled("--text"));
     this.parent = parent;
     parent.add(this.ring);
   }
 
   update(pane, contact) {
     const radius = Math.sqrt((contact.area_mm2 ?? 0) / Math.PI) || 0.02 * pane.reach;
-    this.ring.material.color.set(styled("--ink"));
+    this.ring.material.color.set(styled("--text"));
     drape(this.ring, pane, contact.x_mm, contact.y_mm, [radius, 0, 0, radius]);
   }
 
@@ -124,11 +125,11 @@ class PointMark {
     parent.add(...this.parts);
   }
 
-  update(pane, [x, y], words) {
+  update(pane, [x, y], label) {
     const at = pane.place(x, y);
     for (const part of this.parts) part.position.copy(at);
     this.ball.scale.setScalar(0.006 * pane.reach); this.rim.scale.setScalar(0.0085 * pane.reach);
-    this.element.textContent = words;
+    this.element.textContent = label;
   }
 
   remove(parent) { parent.remove(...this.parts); this.ball.geometry.dispose(); this.rim.geometry.dispose(); this.ball.material.dispose(); this.rim.material.dispose(); }
@@ -138,7 +139,7 @@ export class Marks {
   constructor(pane) {
     this.pane = pane;
     this.contacts = new Pool(pane.sheet, (parent, key) => new ContactMark(parent, key));
-    this.others = new Pool(pane.sheet, (parent) => new BesideMark(parent));
+    this.others = new Pool(pane.sheet, (parent) => new ComparisonMark(parent));
     this.points = new Pool(pane.sheet, (parent, key) => new PointMark(parent, key));
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(3 * ALONG), 3));
@@ -149,7 +150,7 @@ export class Marks {
 
   update(contacts, others, points, measured) {
     const { pane } = this;
-    this.contacts.use(contacts.map(({ id }) => id), (mark, at) => mark.update(pane, contacts[at], contactWords(contacts[at])));
+    this.contacts.use(contacts.map(({ id }) => id), (mark, at) => mark.update(pane, contacts[at], contactLabel(contacts[at])));
     this.others.use(others.map(({ id }) => id), (mark, at) => mark.update(pane, others[at]));
     this.points.use(points.map((_, at) => "AB"[at]), (mark, at) => {
       const found = measured?.points[at];
@@ -160,14 +161,15 @@ export class Marks {
       const { array } = this.path.geometry.attributes.position, [[x0, y0], [x1, y1]] = points;
       for (let i = 0; i < ALONG; i++) pane.place(x0 + ((x1 - x0) * i) / (ALONG - 1), y0 + ((y1 - y0) * i) / (ALONG - 1), 0.002 * pane.reach).toArray(array, 3 * i);
       this.path.geometry.attributes.position.needsUpdate = true;
-      this.path.material.color.set(styled("--ink"));
+      this.path.material.color.set(styled("--text"));
     }
     pane.isDirty = true;
   }
 }
 
-function contactWords({ id, depth_mm, depth_std_mm, force_N, force_std_N }) {
-  const deep = `${withStd(depth_mm, depth_std_mm, length)} ${units.length}`;
-  const hard = isKnown(force_N) ? `${withStd(force_N, force_std_N, force)} ${units.force}` : "";
-  return `<b>#${id}</b> ${hard || deep}${hard ? `<br>${deep}` : ""}`;
+function contactLabel({ id, depth_mm, depth_std_mm, force_N, force_std_N }) {
+  const depth = `${withStd(depth_mm, depth_std_mm, length)} ${units.length}`;
+  const normalForce = isKnown(force_N) ? `${withStd(force_N, force_std_N, force)} ${units.force}` : "";
+  const number = ["b", {}, `#${id}`];
+  return normalForce ? [number, ` ${normalForce}`, ["br", {}], depth] : [number, ` ${depth}`];
 }

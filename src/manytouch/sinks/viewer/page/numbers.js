@@ -1,4 +1,4 @@
-// Numbers in words, in the units that the user has chosen.
+// Numbers as text, in the units that the user has chosen.
 
 const LENGTHS = { mm: [1, 2], "µm": [1000, 0], in: [1 / 25.4, 4], pitch: [1, 3] };
 const FORCES = { N: [1, 2], mN: [1000, 0], gf: [101.97162, 1] };
@@ -18,7 +18,7 @@ export const force = (N, more = 0) => (known(N) ? fixed(inForce(N), FORCES[units
 export const withStd = (value, std, write) => (known(std) ? `${write(value)} ± ${write(std)}` : write(value));
 export const isKnown = known;
 
-/** Round steps that divide a span in about `count` parts. */
+/** A round step that divides a span into about `count` parts. */
 export function niceStep(span, count) {
   const rough = span / count;
   const power = 10 ** Math.floor(Math.log10(rough));

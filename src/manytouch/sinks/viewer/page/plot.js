@@ -19,13 +19,13 @@ export function sized(canvas) {
 
 /**
  * Draw lines. `lines`: [{ x, y, count, start, colour, dash, label, band }], arrays may be rings begun at `start`.
- * `xs`, `ys`: [low, high]; `title` above; `empty` is said where there is nothing to draw.
+ * `xs`, `ys`: [low, high]; `title` above; `empty` is the text shown when there is nothing to draw.
  */
-export function plot(canvas, { lines, xs, ys, title, xWords, empty, marks = [] }) {
+export function plot(canvas, { lines, xs, ys, title, tickLabel, empty, marks = [] }) {
   const { context, width, height } = sized(canvas);
   if (width < 40 || height < 40) return;
   const left = 46, right = lines.some((line) => line.label) ? 30 : 14, top = 24, bottom = 22;
-  const ink = styled("--ink"), quiet = styled("--quiet"), rule = styled("--line");
+  const textColour = styled("--text"), quiet = styled("--quiet"), rule = styled("--line");
   const toX = (x) => left + ((x - xs[0]) / (xs[1] - xs[0])) * (width - left - right);
   const toY = (y) => height - bottom - ((y - ys[0]) / (ys[1] - ys[0])) * (height - top - bottom);
   context.font = "11.5px system-ui, sans-serif";
@@ -44,10 +44,10 @@ export function plot(canvas, { lines, xs, ys, title, xWords, empty, marks = [] }
   context.textAlign = "center";
   context.fillStyle = quiet;
   for (let x = Math.ceil(xs[0] / stepX - 1e-9) * stepX; x <= xs[1] + 1e-9 * stepX; x += stepX) {
-    context.fillText(xWords(x, stepX), Math.min(Math.max(toX(x), left), width - right - 8), height - 10);
+    context.fillText(tickLabel(x, stepX), Math.min(Math.max(toX(x), left), width - right - 8), height - 10);
   }
   context.textAlign = "left";
-  context.fillStyle = ink;
+  context.fillStyle = textColour;
   context.font = "600 12px system-ui, sans-serif";
   context.fillText(title, 10, 13);
   context.font = "11.5px system-ui, sans-serif";
@@ -62,7 +62,7 @@ export function plot(canvas, { lines, xs, ys, title, xWords, empty, marks = [] }
   for (const { x, text } of marks) {
     context.strokeStyle = quiet; context.setLineDash([3, 3]);
     context.beginPath(); context.moveTo(toX(x), top); context.lineTo(toX(x), height - bottom); context.stroke();
-    context.setLineDash([]); context.fillStyle = ink; context.textAlign = "center";
+    context.setLineDash([]); context.fillStyle = textColour; context.textAlign = "center";
     context.fillText(text, toX(x), top - 1);
   }
   context.restore();

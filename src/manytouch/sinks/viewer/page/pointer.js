@@ -1,28 +1,28 @@
-// What mouse, pen and fingers do on the surface: turn and measure, or press the simulated sheet.
+// Mouse, pen and touch on the surface: rotate and measure, or press the simulated sheet.
 
 import { THREE } from "./three.js";
 import { length, units } from "./numbers.js";
 
 const STILL_PX = 5;
 const HINTS = {
-  look: "drag turns · wheel zooms · right drag moves · click measures",
-  press: "press and drag with the mouse or your fingers · wheel: deeper · right drag turns",
+  view: "drag to rotate · wheel to zoom · right drag to pan · click to measure",
+  press: "press and drag with the mouse or your fingers · wheel to change the depth · right drag to rotate",
 };
 
 export class Pointer {
-  constructor(pane, { wish, choose }) {
-    Object.assign(this, { pane, wish, choose, mode: "look", down: null, fingers: new Map(), last: 0, stayed: [] });
+  constructor(pane, { send, choose }) {
+    Object.assign(this, { pane, send, choose, mode: "view", down: null, fingers: new Map(), last: 0, stayed: [] });
     const canvas = pane.renderer.domElement, find = (id) => document.getElementById(id);
     Object.assign(this, { tools: find("press-tools"), depth: find("press-depth"), stay: find("press-stay"), hint: find("hint") });
-    // On the stage and while the event still falls, so that a press does not turn the view as well.
+    // In the capture phase on the stage, so that a press does not rotate the view as well.
     pane.stage.addEventListener("pointerdown", (event) => event.target === canvas && this.onDown(event), { capture: true });
     canvas.addEventListener("pointermove", (event) => this.onMove(event));
     for (const kind of ["pointerup", "pointercancel"]) addEventListener(kind, (event) => this.onUp(event));
     pane.stage.addEventListener("wheel", (event) => this.onWheel(event), { capture: true, passive: false });
-    this.depth.addEventListener("input", () => this.sayDepth());
+    this.depth.addEventListener("input", () => this.showDepth());
     canvas.addEventListener("contextmenu", (event) => event.preventDefault());
     addEventListener("pagehide", () => this.liftAll());
-    this.setMode("look");
+    this.setMode("view");
   }
 
   setMode(mode) {
@@ -36,14 +36,14 @@ export class Pointer {
     const { controls } = this.pane;
     controls.mouseButtons = mode === "press" ? { LEFT: null, MIDDLE: THREE.MOUSE.PAN, RIGHT: THREE.MOUSE.ROTATE }
       : { LEFT: THREE.MOUSE.ROTATE, MIDDLE: THREE.MOUSE.DOLLY, RIGHT: THREE.MOUSE.PAN };
-    this.sayDepth();
+    this.showDepth();
   }
 
-  sayDepth() { document.getElementById("press-depth-words").textContent = `${length(Number(this.depth.value))} ${units.length}`; }
+  showDepth() { document.getElementById("press-depth-label").textContent = `${length(Number(this.depth.value))} ${units.length}`; }
 
   onDown(event) {
     if (event.button !== 0) return;
-    if (this.mode === "look") { this.down = event.isPrimary ? [event.clientX, event.clientY] : null; return; }
+    if (this.mode === "view") { this.down = event.isPrimary ? [event.clientX, event.clientY] : null; return; }
     const place = this.pane.pick(event);
     if (!place) return;
     event.stopPropagation();
@@ -66,9 +66,9 @@ export class Pointer {
     const held = this.fingers.get(event.pointerId);
     if (held) {
       this.fingers.delete(event.pointerId);
-      if (this.stay.checked) this.stayed.push(held.finger); else this.wish("release", { finger: held.finger });
+      if (this.stay.checked) this.stayed.push(held.finger); else this.send("release", { finger: held.finger });
     }
-    if (!this.down || this.mode !== "look" || event.type !== "pointerup") return;
+    if (!this.down || this.mode !== "view" || event.type !== "pointerup") return;
     const [x, y] = this.down;
     this.down = null;
     if (Math.hypot(event.clientX - x, event.clientY - y) > STILL_PX || event.target !== this.pane.renderer.domElement) return;
@@ -80,14 +80,14 @@ export class Pointer {
     if (!this.fingers.size) return;
     event.preventDefault(); event.stopPropagation();
     this.depth.value = Number(this.depth.value) - Math.sign(event.deltaY) * 0.2;
-    this.sayDepth();
+    this.showDepth();
     for (const { finger, place } of this.fingers.values()) this.press(finger, place);
   }
 
-  press(finger, [x_mm, y_mm]) { this.wish("press", { finger, x_mm, y_mm, depth_mm: Number(this.depth.value) }); }
+  press(finger, [x_mm, y_mm]) { this.send("press", { finger, x_mm, y_mm, depth_mm: Number(this.depth.value) }); }
 
   liftAll() {
-    for (const finger of [...this.stayed, ...[...this.fingers.values()].map((held) => held.finger)]) this.wish("release", { finger });
+    for (const finger of [...this.stayed, ...[...this.fingers.values()].map((held) => held.finger)]) this.send("release", { finger });
     this.stayed = []; this.fingers.clear();
   }
 }

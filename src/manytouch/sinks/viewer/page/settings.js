@@ -1,27 +1,27 @@
-// The settings: method, units, thresholds, and what camera and sensor say of themselves.
+// The settings: method, units, thresholds, camera settings and assumptions.
 
 import { lengthUnits, units } from "./numbers.js";
 
 const find = (id) => document.getElementById(id);
 const option = (name) => new Option(name, name);
 
-export function bindSettings(state, wish, redraw) {
-  find("method").addEventListener("change", ({ target }) => wish("method", { method: target.value }));
+export function bindSettings(state, send, redraw) {
+  find("method").addEventListener("change", ({ target }) => send("method", { method: target.value }));
   find("length-unit").addEventListener("change", ({ target }) => { units.length = target.value; redraw(); });
   find("force-unit").addEventListener("change", ({ target }) => { units.force = target.value; redraw(); });
-  find("range").addEventListener("change", ({ target }) => { state.holdRange = target.value === "hold"; redraw(); });
+  find("range").addEventListener("change", ({ target }) => { state.holdRange = target.value === "fixed"; redraw(); });
   find("parameters").addEventListener("change", ({ target }) => {
     const value = Number(target.value);
-    if (target.value !== "" && Number.isFinite(value)) wish("tune", { parameter: target.name, value });
+    if (target.value !== "" && Number.isFinite(value)) send("tune", { parameter: target.name, value });
   });
   find("settings").addEventListener("toggle", () => fillSettings(state));
 }
 
-export function fillSettings({ scenery, health }) {
-  if (!scenery || !health) return;
+export function fillSettings({ sceneInfo, health }) {
+  if (!sceneInfo || !health) return;
   find("method").replaceChildren(...health.methods.map(option));
   find("method").value = health.method;
-  find("length-unit").replaceChildren(...lengthUnits(scenery.unit).map(option));
+  find("length-unit").replaceChildren(...lengthUnits(sceneInfo.unit).map(option));
   find("length-unit").value = units.length;
   find("parameters").replaceChildren(...Object.entries(health.parameters).map(([name, value]) => {
     const input = Object.assign(document.createElement("input"), { type: "number", step: "any", name, value });
@@ -34,7 +34,7 @@ export function fillSettings({ scenery, health }) {
     const dd = Object.assign(document.createElement("dd"), { textContent: `${found ?? "not reported"}${requested && requested !== found ? ` (requested: ${requested})` : ""}` });
     return [dt, dd];
   });
-  find("camera-settings").replaceChildren(...(settings.length ? settings : [Object.assign(document.createElement("dd"), { textContent: "no camera settings of this source" })]));
-  const said = scenery.assumptions.length ? scenery.assumptions.map((text) => `assumed: ${text}`) : ["nothing had to be assumed"];
-  find("assumptions").replaceChildren(...said.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+  find("camera-settings").replaceChildren(...(settings.length ? settings : [Object.assign(document.createElement("dd"), { textContent: "this source has no camera settings" })]));
+  const assumptions = sceneInfo.assumptions.length ? sceneInfo.assumptions.map((text) => `assumed: ${text}`) : ["no assumptions"];
+  find("assumptions").replaceChildren(...assumptions.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
 }

@@ -95,7 +95,7 @@ export class SurfacePane {
     this.home();
   }
 
-  /** A new moment: `depth` shapes it, `value` colours it from `low` to `high` with lines every `contour`. */
+  /** Show a new frame: `depth` gives the shape, `value` the colour, from `low` to `high` with lines every `contour`. */
   update(depth, value, low, high, contour) {
     const nx = this.x.length, ny = this.y.length, { position, normal, known } = this;
     if (!this.mesh || depth.length !== nx * ny) return;

@@ -1,4 +1,4 @@
-"""A session that does nothing by itself, and readings of which all is known, for the viewer's tests."""
+"""A session that does nothing by itself, and readings with known content, for tests of the viewer."""
 
 import time
 from dataclasses import replace
@@ -37,8 +37,8 @@ HEALTH = Health(
 )
 
 
-class Desk:
-    """Controls that only note what is asked of them."""
+class FakeSession:
+    """Controls that only list the commands that they receive."""
 
     def __init__(self) -> None:
         self.sensor: Sensor = demo_sensor(320)
@@ -61,7 +61,7 @@ class Desk:
 
 
 def reading_of(index: int, depth_mm: float = 2.0, *, at_mm: tuple[float, float] = (-20.0, 8.0)) -> Reading:
-    """A reading with one round dent, so that it is known everywhere what should be shown."""
+    """A reading with one round dent and one contact."""
     layout = demo_sensor(320).layout
     assert layout is not None
     count = len(layout.rest_mm)

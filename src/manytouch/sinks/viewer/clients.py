@@ -1,0 +1,188 @@
+"""The connected browsers, each served at its own rate."""
+
+import asyncio
+import json
+import logging
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from manytouch.sinks.viewer.client_messages import (
+    Ack,
+    MeasureRequest,
+    SessionRequest,
+    ShowRequest,
+    parse_client_message,
+)
+from manytouch.sinks.viewer.measuring import Measurement, measure_at
+from manytouch.values import Layout, Surface
+
+MAX_IN_FLIGHT = 3
+MAX_QUEUED = 64
+UNSUPPORTED_DATA = 1003  # close code, RFC 6455
+
+log = logging.getLogger(__name__)
+
+
+class Client:
+    """One browser: what it displays and measures, and what is queued for it.
+
+    Only the newest update is queued. A client acknowledges updates and is never more than `MAX_IN_FLIGHT`
+    behind, so a slow one receives fewer updates, never old ones.
+    """
+
+    def __init__(self, socket: WebSocket) -> None:
+        self.socket = socket
+        self.layer, self.is_image_wanted = "depth", True
+        self._points: MeasureRequest | None = None
+        self._measurement: tuple[Layout, Measurement] | None = None
+        self._queue: deque[str] = deque(maxlen=MAX_QUEUED)
+        self._update: tuple[int, bytes] | None = None
+        self._sent = self._acknowledged = 0
+        self._wake = asyncio.Event()
+
+    def queue(self, message: dict[str, Any]) -> None:
+        """Queue a message without arrays, which is sent as JSON text."""
+        self._queue.append(json.dumps(message, allow_nan=False, separators=(",", ":")))
+        self._wake.set()
+
+    @property
+    def has_queued(self) -> bool:
+        """Whether text messages have not been sent yet."""
+        return bool(self._queue)
+
+    def set_update(self, number: int, message: bytes) -> None:
+        """Replace the queued update."""
+        self._update = (number, message)
+        self._wake.set()
+
+    def acknowledge(self, number: int) -> None:
+        """Record that the client has received an update."""
+        self._acknowledged = max(self._acknowledged, min(number, self._sent))
+        self._wake.set()
+
+    def measure(self, layout: Layout, surface: Surface) -> dict[str, Any] | None:
+        """The measurement of this client; None if it has chosen no point."""
+        if self._points is None or not self._points.point_mm:
+            return None
+        if self._measurement is None or self._measurement[0] is not layout:
+            self._measurement = (layout, measure_at(layout, self._points.points()))
+        return self._measurement[1](surface)
+
+    def choose(self, points: MeasureRequest) -> None:
+        """Measure at other points from now on."""
+        self._points, self._measurement = points, None
+
+    async def send(self) -> None:
+        """Send what is queued, until the connection ends."""
+        while True:
+            await self._wake.wait()
+            self._wake.clear()
+            while self._queue:
+                await self.socket.send_text(self._queue.popleft())
+            if self._update is not None and self._sent - self._acknowledged < MAX_IN_FLIGHT:
+                (number, message), self._update = self._update, None
+                if self._sent == 0:
+                    self._acknowledged = number - 1
+                self._sent = number
+                await self.socket.send_bytes(message)
+
+
+class Clients:
+    """All clients. Used on the loop of the server; the properties can be read from any thread."""
+
+    def __init__(
+        self, on_request: Callable[[SessionRequest], None], repeat_update: Callable[[], None]
+    ) -> None:
+        """Begin without clients.
+
+        Args:
+            on_request: receives requests for the session.
+            repeat_update: sends the newest update again, for a client that is new or displays something else.
+        """
+        self._on_request, self._repeat_update = on_request, repeat_update
+        self._clients: frozenset[Client] = frozenset()
+
+    def __len__(self) -> int:
+        return len(self._clients)
+
+    @property
+    def layers(self) -> frozenset[str]:
+        """The layers that are displayed."""
+        return frozenset(client.layer for client in self._clients)
+
+    @property
+    def is_image_wanted(self) -> bool:
+        """Whether any client displays the camera image."""
+        return any(client.is_image_wanted for client in self._clients)
+
+    def broadcast(self, message: dict[str, Any]) -> None:
+        """Queue a text message for all clients."""
+        for client in self._clients:
+            client.queue(message)
+
+    async def end(self) -> None:
+        """Announce the end to all clients, and give the message up to half a second to be sent."""
+        self.broadcast({"kind": "end"})
+        for _ in range(50):
+            if not any(client.has_queued for client in self._clients):
+                break
+            await asyncio.sleep(0.01)
+
+    def publish(self, number: int, message: bytes, layout: Layout, surface: Surface, frame: int) -> None:
+        """Queue an update for all clients, with the measurement of each."""
+        for client in self._clients:
+            measured = client.measure(layout, surface)
+            if measured is not None:
+                client.queue({"kind": "measurement", "frame": frame, **measured})
+            client.set_update(number, message)
+
+    async def serve(self, socket: WebSocket, greeting: list[dict[str, Any]]) -> None:
+        """Serve a client until its connection ends."""
+        client = Client(socket)
+        for message in greeting:
+            client.queue(message)
+        self._clients |= {client}
+        self._repeat_update()
+        sending = asyncio.create_task(client.send())
+        receiving = asyncio.create_task(self._receive(client))
+        try:
+            done, _ = await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
+            for task in done:
+                if not isinstance(task.exception(), WebSocketDisconnect | None):
+                    task.result()
+        finally:
+            self._clients -= {client}
+            for task in (sending, receiving):
+                task.cancel()
+            await asyncio.gather(sending, receiving, return_exceptions=True)
+
+    async def _receive(self, client: Client) -> None:
+        """Carry out the messages of a client, until it disconnects or sends binary data."""
+        while True:
+            received = await client.socket.receive()
+            if received["type"] == "websocket.disconnect":
+                return
+            text = received.get("text")
+            if text is None:
+                log.warning("closed a viewer connection: it sent binary data")
+                await client.socket.close(UNSUPPORTED_DATA, "text messages only")
+                return
+            self._handle(client, text)
+
+    def _handle(self, client: Client, text: str) -> None:
+        match parse_client_message(text):
+            case None:
+                client.queue({"kind": "note", "text": "invalid viewer message"})
+            case Ack(number=number):
+                client.acknowledge(number)
+            case MeasureRequest() as points:
+                client.choose(points)
+                self._repeat_update()
+            case ShowRequest(layer=layer, image=image):
+                client.layer, client.is_image_wanted = layer, image
+                self._repeat_update()
+            case request:
+                self._on_request(request)
