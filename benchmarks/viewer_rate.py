@@ -1,10 +1,10 @@
-"""What reaches somebody who looks: updates per second and latency through the viewer's own server.
+"""Updates per second and latency of the viewer, measured by a client.
 
     python benchmarks/viewer_rate.py [--seconds 20] [--method perimeter]
 
-Motion JPEG of 2560 x 1440 px comes over HTTP on loopback at 30 pictures per second, from another process, and
-is read live. A client in a third process connects to the viewer as a browser does, unpacks every update of
-100 x 60 points with its picture, and measures from the frame's arrival to the unpacked arrays.
+Motion JPEG of 2560 x 1440 px arrives over HTTP on loopback at 30 images per second from another process and is
+processed live. A client in a third process connects to the viewer, decodes every update of 100 x 60 points with
+its image, and measures the time from the arrival of the frame to the decoded arrays.
 """
 
 import argparse
@@ -31,7 +31,7 @@ SKIP_S = 3.0
 
 
 def listen(url: str, seconds: float) -> None:
-    """Take in updates as a browser does, and print what came."""
+    """Receive updates as a browser does, and print their rate and latency."""
     at_s: list[float] = []
     latency_ms: list[float] = []
     frames: list[int] = []
@@ -57,9 +57,9 @@ def listen(url: str, seconds: float) -> None:
     times, frame = np.array(at_s)[later], np.array(frames)[later]
     p50, p99 = np.percentile(np.array(latency_ms)[later], (50, 99))
     rate = (len(times) - 1) / (times[-1] - times[0])
-    print(f"{len(times)} updates of 100 x 60 points with picture, {np.mean(sizes) / 1e3:.0f} kB each")
-    print(f"{rate:.1f} per second; {int(frame[-1] - frame[0] + 1 - len(frame))} frames not shown")
-    print(f"latency from arrival to unpacked arrays: p50 {p50:.1f} ms, p99 {p99:.1f} ms", flush=True)
+    print(f"{len(times)} updates of 100 x 60 points with image, {np.mean(sizes) / 1e3:.0f} kB each")
+    print(f"{rate:.1f} per second; {int(frame[-1] - frame[0] + 1 - len(frame))} frames skipped")
+    print(f"latency from arrival to decoded arrays: p50 {p50:.1f} ms, p99 {p99:.1f} ms", flush=True)
 
 
 def main() -> None:
@@ -70,32 +70,32 @@ def main() -> None:
     parser.add_argument("--fps", type=float, default=30.0)
     parser.add_argument("--method", default="perimeter")
     parser.add_argument("--listen", default=None, help=argparse.SUPPRESS)
-    asked = parser.parse_args()
-    if asked.listen is not None:
-        listen(asked.listen, asked.seconds)
+    options = parser.parse_args()
+    if options.listen is not None:
+        listen(options.listen, options.seconds)
         return
     with tempfile.TemporaryDirectory() as folder:
-        write_pictures(Path(folder), 90, asked.fps)
-        camera, address = serve(Path(folder), asked.fps)
+        write_pictures(Path(folder), 90, options.fps)
+        camera, address = serve(Path(folder), options.fps)
         try:
-            measure(address, asked)
+            measure(address, options)
         finally:
             camera.terminate()
             camera.wait()
 
 
-def measure(address: str, asked: argparse.Namespace) -> None:
-    """Run a session until the client has heard enough."""
-    live = Live(prepare(address, sensor=demo_sensor(2560), method=asked.method))
+def measure(address: str, options: argparse.Namespace) -> None:
+    """Run a session until the client has finished."""
+    live = Live(prepare(address, sensor=demo_sensor(2560), method=options.method))
     viewer, over = Viewer(live), threading.Event()
     session = threading.Thread(target=lambda: live.run([LatestOnly(viewer)], stop=over.is_set))
     session.start()
     while live.health().frames < 30:
         time.sleep(0.1)
     dropped = live.health().dropped
-    words = [sys.executable, __file__, "--listen", viewer.url, "--seconds", str(asked.seconds)]
+    command = [sys.executable, __file__, "--listen", viewer.url, "--seconds", str(options.seconds)]
     print(f"load of the machine {os.getloadavg()[0]:.1f}", flush=True)
-    subprocess.run(words, check=True)
+    subprocess.run(command, check=True)
     print(f"{live.health().dropped - dropped} frames dropped by the pipeline meanwhile")
     over.set()
     session.join()
