@@ -2,9 +2,9 @@
 
     python benchmarks/viewer_rate.py [--seconds 20] [--method perimeter]
 
-Motion JPEG of 2560 x 1440 px arrives over HTTP on loopback at 30 images per second from another process and is
-processed live. A client in a third process connects to the viewer, decodes every update of 100 x 60 points with
-its image, and measures the time from the arrival of the frame to the decoded arrays.
+Motion JPEG of 2560 x 1440 px arrives over HTTP on loopback at 30 images per second from another process and
+is processed live. A client in a third process connects to the viewer, decodes every update of 100 x 60 points
+with its image, and measures the time from the arrival of the frame to the decoded arrays.
 """
 
 import argparse
