@@ -1,4 +1,4 @@
-"""A design goes all the way: designed, pressed in 3-D, calibrated, and as accurate as it was predicted."""
+"""From a design to its measured accuracy: designed, pressed in 3-D, calibrated, measured."""
 
 import csv
 import math
@@ -11,8 +11,8 @@ import pytest
 
 from manytouch.calibration.sheet.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
 from manytouch.cli import main
-from manytouch.design.accuracy import predicted_accuracy, usual_force_N
-from manytouch.design.choose import Design, design
+from manytouch.design.accuracy import predicted_accuracy, typical_force_N
+from manytouch.design.choose import Design, design_sensor
 from manytouch.design.prototype import Prototype
 from manytouch.design.requirements import Optics, Printer, Requirements
 from manytouch.values import Sensor
@@ -91,7 +91,7 @@ def simulated(
     )
     sheet = load_sensor(folder / "designed.toml").sheet
     assert sheet is not None
-    # wider than thick, elements move the force of a ball beside the clamp by a tenth of a millimetre
+    # wider than thick, elements move the force of a ball near the clamp by a tenth of a millimetre
     element_mm = min(2.5, sheet.thickness_mm)
     head = HEAD.format(name=name, seconds=float(first_s + every_s * len(places)), fps=fps)
     body = BODY.format(shape=shape, element_mm=element_mm)
@@ -142,21 +142,21 @@ def calibrated(folder: Path, designed: Sensor) -> None:
 
 
 def touches_of(found: Design, place_mm: np.ndarray) -> list[tuple[float, float, float]]:
-    """x, y and depth about as strong as the prediction's, in all four quarters and beside its places."""
+    """x, y and depth about as strong as the prediction's, in all four quarters and near its positions."""
     number = np.arange(len(place_mm))
     sides = np.column_stack([1 - 2 * (number % 2), 1 - 2 * (number // 2 % 2)])
-    beside = 1.0 - 0.04 * (number[:, None] % [3, 4])
-    there = np.round(sides * (place_mm * beside + 0.4), 1)
-    depths = Prototype.of(found.sensor).fingertip_depths_mm(there, usual_force_N(found))
+    scale = 1.0 - 0.04 * (number[:, None] % [3, 4])
+    there = np.round(sides * (place_mm * scale + 0.4), 1)
+    depths = Prototype.of(found.sensor).fingertip_depths_mm(there, typical_force_N(found))
     return [(x, y, depth) for (x, y), depth in zip(there.tolist(), depths, strict=True)]
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("wishes", [SOFT, THIN, STIFF], ids=["soft", "thin", "stiff"])
-def test_a_design_is_as_accurate_as_it_was_predicted(tmp_path: Path, wishes: Requirements) -> None:
-    found = design(wishes)
-    whole = predicted_accuracy(found.sensor, area_mm=wishes.area_mm, force_N=usual_force_N(found))
-    predicted, touches = whole.usual, touches_of(found, whole.place_mm)
+@pytest.mark.parametrize("requirements", [SOFT, THIN, STIFF], ids=["soft", "thin", "stiff"])
+def test_a_design_is_as_accurate_as_it_was_predicted(tmp_path: Path, requirements: Requirements) -> None:
+    found = design_sensor(requirements)
+    whole = predicted_accuracy(found.sensor, area_mm=requirements.area_mm, force_N=typical_force_N(found))
+    predicted, touches = whole.rms, touches_of(found, whole.place_mm)
     calibrated(tmp_path, found.sensor)
     simulated(tmp_path, "touches", touches, fps=10.0, every_s=2, first_s=1, held_s=1.4)
     words = ["--sensor", str(tmp_path / "sensor.toml"), "--method", "mechanics", "--fps", "10"]
@@ -165,9 +165,9 @@ def test_a_design_is_as_accurate_as_it_was_predicted(tmp_path: Path, wishes: Req
     for number in range(len(touches)):
         time_s = 2.1 + 2 * number
         (true,) = contacts_at(tmp_path / "touches/truth/contacts.csv", time_s)
-        told = contacts_at(tmp_path / "read/frames/contacts.csv", time_s)
-        told = told[np.argmin(np.linalg.norm(told[:, :2] - true[:2], axis=1))]
-        off.append([*(told - true)[:3], told[3] / true[3] - 1])
+        estimated = contacts_at(tmp_path / "read/frames/contacts.csv", time_s)
+        estimated = estimated[np.argmin(np.linalg.norm(estimated[:, :2] - true[:2], axis=1))]
+        off.append([*(estimated - true)[:3], estimated[3] / true[3] - 1])
     x, y, depth, force = np.sqrt(np.mean(np.square(off), axis=0))
     measured = math.hypot(x, y) / math.sqrt(2), 1e3 * depth, 100 * force
     for name, here, there in zip(("position", "depth", "force"), measured, predicted, strict=True):

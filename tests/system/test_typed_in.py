@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from manytouch.cli import main
-from manytouch.design.choose import design
+from manytouch.design.choose import design_sensor
 from manytouch.design.requirements import Optics, Requirements
 from manytouch.values import Sensor
 from manytouch.values.sensor_file import load_sensor, save_sensor
@@ -41,7 +41,7 @@ def pressed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Sensor]:
     """A folder with a sensor and presses.mcap, five presses held at 2.6, 4.0, 5.4, 6.8 and 8.2 s."""
     folder = tmp_path_factory.mktemp("pressed")
     camera = Optics(width_px=640, height_px=480, hfov_deg=60.0, least_focus_mm=30.0)
-    sensor = design(
+    sensor = design_sensor(
         Requirements(area_mm=(40.0, 25.0), force_N=(0.5, 4.0), thickness_mm=2.0, camera=camera)
     ).sensor
     save_sensor(sensor, folder / "sensor.toml")

@@ -1,4 +1,4 @@
-"""`manytouch design`: from wishes to a sensor file and its parts."""
+"""`manytouch design`: from requirements to a sensor file and its parts."""
 
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -66,12 +66,12 @@ def design(
     """
     from rich.console import Console
 
-    from manytouch.design.choose import design as chosen
+    from manytouch.design.choose import design_sensor
     from manytouch.design.requirements import Optics, Printer, Requirements
-    from manytouch.design.write import explained, write_design, write_prediction
+    from manytouch.design.write import explain_design, write_design, write_prediction
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
-    wishes = Requirements(
+    requirements = Requirements(
         area_mm=area_mm,
         deepest_mm=deepest_mm,
         force_N=force_N,
@@ -88,7 +88,7 @@ def design(
         material=material,
         thickness_mm=thickness_mm,
     )
-    found = chosen(wishes, say=lambda text: console.print(f"  {text}"))
+    found = design_sensor(requirements, on_message=lambda text: console.print(f"  {text}"))
     for reason in found.reasons:
         console.print(f"  {reason.about}: {reason.chosen}")
         if explain:
@@ -98,14 +98,15 @@ def design(
 
         out.mkdir(parents=True, exist_ok=True)
         save_sensor(found.sensor, out / "sensor.toml")
-        (out / "design.md").write_text(explained(found), encoding="utf-8")
+        (out / "design.md").write_text(explain_design(found), encoding="utf-8")
         against: tuple[str, ...] = ()
     else:
-        say = console.print
-        against = write_design(found, out, step=parts == "step", say=lambda text: say(f"  {text}"))
+        against = write_design(
+            found, out, step=parts == "step", on_message=lambda text: console.print(f"  {text}")
+        )
     if predict:
-        predicted = write_prediction(found, out, say=lambda text: console.print(f"  {text}"))
-        position_mm, depth_um, force_percent = predicted.usual
+        predicted = write_prediction(found, out, on_message=lambda text: console.print(f"  {text}"))
+        position_mm, depth_um, force_percent = predicted.rms
         console.print(
             f"  once calibrated it will be off by about {position_mm:.2f} mm in place, {depth_um:.0f} µm in "
             f"depth and {force_percent:.1f} % in force (root mean square over the area)"

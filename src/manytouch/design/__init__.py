@@ -1,1 +1,4 @@
-"""From wishes to a sensor, its predicted accuracy and its printable parts."""
+"""From requirements to a sensor: its dimensions, its predicted accuracy and its printable parts.
+
+The calibration of a built sensor is in `manytouch.calibration`.
+"""

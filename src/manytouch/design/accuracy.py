@@ -1,7 +1,7 @@
-"""How well a designed sensor will tell a press once it is built and calibrated.
+"""Predicted accuracy of a designed sensor, once it is built and calibrated.
 
-Two parts: noise of the centres, as the normal matrix of the method `mechanics` passes it on, and what the
-method is off by on a solid whose sheet was calibrated as a user does it (`prototype`).
+It has two parts: the noise of the centres, propagated by the method `mechanics`, and the error of the method
+on a solid sheet that was calibrated by the usual protocol (`prototype`).
 """
 
 from collections.abc import Sequence
@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.design.choose import Design, lattice
-from manytouch.design.prototype import FINGERTIP, SEEN_PX, Prototype, Say, Touched
+from manytouch.design.prototype import CENTRE_NOISE_PX, FINGERTIP, ObservedPress, OnMessage, Prototype
 from manytouch.estimation.mechanics.contacts import ContactEstimator, ModelError
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator, MechanicsState
 from manytouch.values import Contact, Sensor, TrackedGrid
@@ -30,7 +30,7 @@ NO_MODEL_ERROR = ModelError(
     area_share=0.0,
     area_thickness2=0.0,
 )
-"""What the model leaves is seen on the prototype here."""
+"""The error of the model is measured on the prototype instead."""
 SETTLING_STEPS = 6
 RAMP = (0.1, 0.4, 1.0)
 PLACES = (4, 3)  # along half the length and half the width
@@ -40,13 +40,13 @@ SEED = 7
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PredictedAccuracy:
-    """Deviations of a press at k places, NaN where it would not be found.
+    """Standard deviations of a press at k positions, NaN where it would not be found.
 
     Attributes:
-        place_mm: (k, 2) in a quarter of the area; the others are like it.
+        place_mm: (k, 2) in a quarter of the area; the other quarters are its mirror images.
         force_N: (k,) of the press.
-        depth_mm: (k,) how deep it goes there.
-        position_std_mm, depth_std_mm, force_std_N: (k,); position: along an axis.
+        depth_mm: (k,) of the press.
+        position_std_mm, depth_std_mm, force_std_N: (k,); the position along an axis.
     """
 
     place_mm: Points2
@@ -57,8 +57,8 @@ class PredictedAccuracy:
     force_std_N: Float64[np.ndarray, " k"]
 
     @property
-    def usual(self) -> tuple[float, float, float]:
-        """Position (mm), depth (µm) and force (% of it): root mean square over the places."""
+    def rms(self) -> tuple[float, float, float]:
+        """Position (mm), depth (µm) and force (%): root mean square over the positions."""
         parts = (self.position_std_mm, 1e3 * self.depth_std_mm, 100 * self.force_std_N / self.force_N)
         position, depth, force = (float(np.sqrt(np.nanmean(part**2))) for part in parts)
         return position, depth, force
@@ -70,32 +70,32 @@ def predicted_accuracy(
     area_mm: tuple[float, float],
     force_N: float,
     places: tuple[int, int] = PLACES,
-    say: Say = None,
+    on_message: OnMessage = None,
 ) -> PredictedAccuracy:
-    """Deviations over a quarter of the area.
+    """Standard deviations over a quarter of the area.
 
     Args:
         sensor: from `design`.
-        area_mm: that can be touched.
-        force_N: about which the presses have.
-        places: how many along x and y, from the middle to the corner of the area.
-        say: told what is being computed.
+        area_mm: touchable area.
+        force_N: approximate force of the presses.
+        places: number of positions along x and y, from the middle to the corner of the area.
+        on_message: receives progress messages.
 
     Raises:
         SensorError: the prototype cannot be calibrated.
     """
-    chance = np.random.default_rng(SEED)
+    random = np.random.default_rng(SEED)
     prototype = Prototype.of(sensor)
-    calibrated = prototype.calibrated(chance, say)
+    calibrated = prototype.calibrate(random, on_message)
     x, y = (np.linspace(0.0, side / 2, count) for side, count in zip(area_mm, places, strict=True))
     place_mm = np.column_stack([part.ravel() for part in np.meshgrid(x, y)])
     method = MechanicsEstimator(contact_estimator=ContactEstimator(error=NO_MODEL_ERROR))
-    fresh = method.start(calibrated)
+    initial = method.start(calibrated)
     rows = []
     for place, depth_mm in zip(place_mm, prototype.fingertip_depths_mm(place_mm, force_N), strict=True):
-        if say is not None:
-            say(f"touching it at {place[0]:.0f}, {place[1]:.0f} mm")
-        rows.append(_deviations(method, fresh, prototype.touched(FINGERTIP, place, depth_mm), chance))
+        if on_message is not None:
+            on_message(f"pressing at {place[0]:.0f}, {place[1]:.0f} mm")
+        rows.append(_deviations(method, initial, prototype.press(FINGERTIP, place, depth_mm), random))
     table = read_only(np.array(rows))
     return PredictedAccuracy(
         place_mm=read_only(place_mm),
@@ -107,54 +107,60 @@ def predicted_accuracy(
     )
 
 
-def usual_force_N(found: Design) -> float:
-    """The geometric mean of the smallest and the largest force that were wished for."""
-    return float(np.sqrt(np.prod(found.wishes.force_N)))
+def typical_force_N(found: Design) -> float:
+    """The geometric mean of the smallest and the largest required force."""
+    return float(np.sqrt(np.prod(found.requirements.force_N)))
 
 
 def _deviations(
-    method: MechanicsEstimator, fresh: MechanicsState, touched: Touched | None, chance: np.random.Generator
+    method: MechanicsEstimator,
+    initial: MechanicsState,
+    press: ObservedPress | None,
+    random: np.random.Generator,
 ) -> Sequence[float]:
-    """Force and depth of a press, and the deviations of position, depth and force."""
-    if touched is None:
+    """Force and depth of a press, and the standard deviations of position, depth and force."""
+    if press is None:
         return (np.nan,) * 5
-    true = touched.contact
-    told = _told(method, fresh, touched, chance)
-    if told is None:
+    true = press.contact
+    estimate = _estimate(method, initial, press, random)
+    if estimate is None:
         return (true.normal_force_N, true.depth_mm, np.nan, np.nan, np.nan)
-    off_mm = told.centre_mm - true.centre_mm
-    position = np.sqrt(0.5 * (off_mm @ off_mm + told.std("x") ** 2 + told.std("y") ** 2))
-    depth = np.hypot(told.depth_mm - true.depth_mm, told.std("depth"))
-    force = np.hypot(-told.force_N[2] - true.normal_force_N, told.std("normal_force"))
+    off_mm = estimate.centre_mm - true.centre_mm
+    position = np.sqrt(0.5 * (off_mm @ off_mm + estimate.std("x") ** 2 + estimate.std("y") ** 2))
+    depth = np.hypot(estimate.depth_mm - true.depth_mm, estimate.std("depth"))
+    force = np.hypot(-estimate.force_N[2] - true.normal_force_N, estimate.std("normal_force"))
     return (true.normal_force_N, true.depth_mm, float(position), float(depth), float(force))
 
 
-def _told(
-    method: MechanicsEstimator, fresh: MechanicsState, touched: Touched, chance: np.random.Generator
+def _estimate(
+    method: MechanicsEstimator, initial: MechanicsState, press: ObservedPress, random: np.random.Generator
 ) -> Contact | None:
     """The nearest contact that the method finds, or None."""
-    state, moved, true_mm = fresh, touched.displacement_px, touched.contact.centre_mm
+    state, displacement_px, true_mm = initial, press.displacement_px, press.contact.centre_mm
     contacts: tuple[Contact, ...] = ()
     for share in RAMP:
         for _ in range(SETTLING_STEPS if share == RAMP[-1] else 1):
-            noise_px = chance.normal(0.0, SEEN_PX, moved.shape)
-            state, _, read = method.step(state, _seen(fresh.reference_px + share * moved + noise_px))
-        contacts = read.touching
+            noise_px = random.normal(0.0, CENTRE_NOISE_PX, displacement_px.shape)
+            position_px = initial.reference_px + share * displacement_px + noise_px
+            state, _, found = method.step(state, _grid(position_px))
+        contacts = found.touching
     return min(contacts, key=lambda item: float(np.linalg.norm(item.centre_mm - true_mm)), default=None)
 
 
-def _seen(position_px: Points2) -> TrackedGrid:
+def _grid(position_px: Points2) -> TrackedGrid:
     count = len(position_px)
     return TrackedGrid(
         position_px=read_only(position_px),
-        covariance_px2=read_only(np.tile(SEEN_PX**2 * np.eye(2), (count, 1, 1))),
+        covariance_px2=read_only(np.tile(CENTRE_NOISE_PX**2 * np.eye(2), (count, 1, 1))),
         is_seen=read_only(np.ones(count, dtype=np.bool_)),
         frames_unseen=read_only(np.zeros(count, dtype=np.int64)),
     )
 
 
-def changed(found: Design, *, pitch: float = 1.0, thickness: float = 1.0, stand_off: float = 1.0) -> Sensor:
-    """The designed sensor with one measure a factor larger, to see what it would cost or gain."""
+def scale_design(
+    found: Design, *, pitch: float = 1.0, thickness: float = 1.0, stand_off: float = 1.0
+) -> Sensor:
+    """The designed sensor with some dimensions multiplied by factors, for the trade-off."""
     sensor = found.sensor
     layout, sheet, camera = sensor.layout, sensor.sheet, sensor.camera
     assert layout is not None and sheet is not None  # noqa: PT018 - a design has both

@@ -1,6 +1,6 @@
-"""How deep a fingertip presses a clamped sheet, by the shell of `mechanics`, whatever its stiffness.
+"""Depth of a clamped sheet under a fingertip, by the shell of `mechanics`.
 
-The shape depends on force over Young's modulus alone, so one curve per thickness serves every material.
+The shape depends only on force over Young's modulus, so one curve per thickness serves every material.
 """
 
 from dataclasses import dataclass
@@ -19,20 +19,20 @@ ELEMENT_MM = 5.0
 FIRST_FORCE_OVER_E_MM2 = 1e-3
 GROWTH = 2.0
 LAST_FORCE_OVER_E_MM2 = 1e3
-PLACES_PER_PITCH = 10
+POSITIONS_PER_PITCH = 10
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class DeflectionCurve:
-    """A fingertip on the middle of a clamped sheet, pressed harder and harder.
+    """Depth in the middle of a clamped sheet under the increasing force of a fingertip.
 
     Attributes:
         size_mm, thickness_mm, poisson: of the sheet.
-        force_over_E_mm2: (k,) growing.
-        depth_mm: (k,) of the deepest point.
-        strain: (k,) largest stretch of the face, membrane and bending (Green).
-        coefficient_mm: (k, n, 3) of the shell.
-        shell: that bends so.
+        force_over_E_mm2: (k,) increasing.
+        depth_mm: (k,) peak depth.
+        strain: (k,) largest Green strain of the face, membrane and bending.
+        coefficient_mm: (k, n, 3) spline coefficients of the shell.
+        shell: model of the sheet.
     """
 
     size_mm: tuple[float, float]
@@ -45,21 +45,23 @@ class DeflectionCurve:
     shell: Shell
 
     def depth_at(self, force_over_E_mm2: float) -> float:
-        """Depth under a force; straight lines between the logarithms."""
-        return _between(force_over_E_mm2, self.force_over_E_mm2, self.depth_mm)
+        """Depth under a force; linear interpolation of the logarithms."""
+        return _interpolate(force_over_E_mm2, self.force_over_E_mm2, self.depth_mm)
 
     def force_over_E_at(self, depth_mm: float) -> float:
         """Force over Young's modulus that gives a depth."""
-        return _between(depth_mm, self.depth_mm, self.force_over_E_mm2)
+        return _interpolate(depth_mm, self.depth_mm, self.force_over_E_mm2)
 
     def strain_at(self, depth_mm: float) -> float:
-        """Largest stretch at a depth."""
-        return _between(depth_mm, self.depth_mm, self.strain)
+        """Largest strain at a depth."""
+        return _interpolate(depth_mm, self.depth_mm, self.strain)
 
-    def least_gap_mm(self, *, pitch_mm: float, radius_mm: float, height_mm: float, depth_mm: float) -> float:
-        """Least free distance of neighbouring marker tips at a depth (equation 1 at every pair of a row).
+    def smallest_gap_mm(
+        self, *, pitch_mm: float, radius_mm: float, height_mm: float, depth_mm: float
+    ) -> float:
+        """Smallest gap between neighbouring marker tips at a depth (equation 1 for all pairs of a row).
 
-        Pairs start at all places within a pitch, since a press may come anywhere.
+        Pairs start at ten positions per pitch, because a press can be anywhere relative to the markers.
         """
         return min(
             gap_mm(pitch_mm=pitch_mm, radius_mm=radius_mm, height_mm=height_mm, slope_rad=here, turn_rad=turn)
@@ -67,32 +69,31 @@ class DeflectionCurve:
         )
 
     def pairs_rad(self, pitch_mm: float, depth_mm: float) -> list[tuple[float, float]]:
-        """Slope at all places along x through the press, and turn within the next pitch; towards the "
-        "camera positive."""
+        """Slopes along x through the press, and their change within a pitch; positive towards the camera."""
         level = int(np.argmin(np.abs(self.depth_mm - depth_mm)))
         half = 0.5 * self.size_mm[0]
-        x = np.arange(-half, half + 1e-9, pitch_mm / PLACES_PER_PITCH)
+        x = np.arange(-half, half + 1e-9, pitch_mm / POSITIONS_PER_PITCH)
         basis = self.shell.patch.at(np.column_stack([x, np.zeros(len(x))]))
         rise = -np.einsum("kj,kj->k", basis.dx, self.coefficient_mm[level, :, 2][basis.node])
         slope = np.arctan(rise)
-        turn = slope[PLACES_PER_PITCH:] - slope[:-PLACES_PER_PITCH]
+        turn = slope[POSITIONS_PER_PITCH:] - slope[:-POSITIONS_PER_PITCH]
         return list(zip(slope.tolist(), turn.tolist(), strict=False))
 
 
 def deflection_curve(
     *, size_mm: tuple[float, float], thickness_mm: float, poisson: float, deepest_mm: float
 ) -> DeflectionCurve:
-    """Press a fingertip of 1 cm² onto the middle of a clamped sheet until it is deep enough.
+    """The curve of a fingertip of 1 cm² in the middle of a clamped sheet.
 
     Args:
         size_mm: clamped outline.
         thickness_mm, poisson: of the sheet.
-        deepest_mm: the curve goes on until this is passed.
+        deepest_mm: the curve ends beyond this depth.
     """
     shell = clamped_shell(size_mm=size_mm, thickness_mm=thickness_mm, poisson=poisson)
     place, weight = fingertip(np.sqrt(FINGERTIP_MM2 / np.pi))
-    share = np.zeros((shell.patch.node_count, 3))
-    share[:, 2] = -shell.patch.load(place, weight)
+    unit_load = np.zeros((shell.patch.node_count, 3))
+    unit_load[:, 2] = -shell.patch.load(place, weight)
     middle = Face(shell=shell, point_mm=np.zeros((1, 2)), height_mm=0.0)
     force = FIRST_FORCE_OVER_E_MM2
     forces: list[float] = []
@@ -101,7 +102,7 @@ def deflection_curve(
     shapes: list[np.ndarray] = []
     coefficient = None
     while force < LAST_FORCE_OVER_E_MM2 and (not depths or depths[-1] < 1.05 * deepest_mm):
-        coefficient = equilibrium(shell, force * share, start_mm=coefficient).coefficient_mm
+        coefficient = equilibrium(shell, force * unit_load, start_mm=coefficient).coefficient_mm
         forces.append(force)
         depths.append(-float(middle.displacement(coefficient)[0, 2]))
         strains.append(_largest_strain(shell, coefficient))
@@ -120,14 +121,14 @@ def deflection_curve(
 
 
 def clamped_shell(*, size_mm: tuple[float, float], thickness_mm: float, poisson: float) -> Shell:
-    """A sheet as it is designed: thick, without pretension."""
+    """The shell of a designed sheet: thick, without pretension."""
     elements = tuple(max(8, round(size / ELEMENT_MM)) for size in size_mm)
     patch = SplinePatch(size_mm=size_mm, elements=(elements[0], elements[1]), boundary="clamped")
     return Shell(patch=patch, thickness_mm=thickness_mm, poisson=poisson, bending_factor=THICK_BENDING)
 
 
 def fingertip(radius_mm: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points of equal weight that fill a disc round the origin; the weights sum to 1."""
+    """(60, 2) points that fill a disc around the origin, and their equal weights, which sum to 1."""
     number = np.arange(60) + 0.5
     angle = np.pi * (1 + np.sqrt(5)) * number
     place = radius_mm * np.sqrt(number / 60)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
@@ -148,8 +149,8 @@ def _largest_strain(shell: Shell, coefficient_mm: np.ndarray) -> float:
     return float(max(along_x.max(), along_y.max()))
 
 
-def _between(at: float, x: np.ndarray, y: np.ndarray) -> float:
-    """Straight lines between the logarithms, and on beyond the last."""
+def _interpolate(at: float, x: np.ndarray, y: np.ndarray) -> float:
+    """Linear interpolation of the logarithms, extrapolated beyond the last point."""
     u, v, w = np.log(x), np.log(y), np.log(at)
     if w > u[-1]:
         return float(np.exp(v[-1] + (w - u[-1]) * (v[-1] - v[-2]) / (u[-1] - u[-2])))

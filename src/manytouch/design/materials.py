@@ -1,18 +1,18 @@
-"""Materials a sheet is printed or cast from, and their stiffness from the Shore hardness on the package."""
+"""Materials of sheets, and their stiffness from the Shore A hardness."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Material:
-    """A soft material. Its stiffness is nominal (a factor of 1.3 either way is usual): calibrate it.
+    """A soft material. Its stiffness is nominal, within a factor of about 1.3; calibration measures it.
 
     Attributes:
-        name: as a shop says it.
+        name: commercial name.
         shore_A: hardness.
         strength_MPa: stress at break.
-        density_kg_m3: for its own weight.
-        process: how a sheet of it is made.
+        density_kg_m3: mass density.
+        process: `cast` or `printed`.
     """
 
     name: str
@@ -27,7 +27,7 @@ class Material:
         return young_MPa(self.shore_A)
 
 
-POISSON = 0.45  # as the paper takes it; rubbers lie between 0.45 and 0.5
+POISSON = 0.45  # the value of the paper; rubbers have 0.45 to 0.5
 
 MATERIALS = (
     Material(
@@ -54,6 +54,6 @@ MATERIALS = (
 def young_MPa(shore_A: float) -> float:
     """Young's modulus of a rubber from its Shore A hardness (A. N. Gent, doi:10.5254/1.3542351).
 
-    E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)); good within some 20 % for S from 20 to 80.
+    E = 0.0981 (56 + 7.62336 S) / (0.137505 (254 - 2.54 S)); accurate to about 20 % for S from 20 to 80.
     """
     return 0.0981 * (56 + 7.62336 * shore_A) / (0.137505 * (254 - 2.54 * shore_A))

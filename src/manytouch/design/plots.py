@@ -1,4 +1,4 @@
-"""Pictures of a design: where it will be how accurate, and what other measures would cost or gain."""
+"""Plots of a design: maps of the predicted accuracy, and its change with pitch, thickness and stand-off."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -9,9 +9,9 @@ import numpy as np
 from manytouch.design.accuracy import (
     FEW_PLACES,
     PredictedAccuracy,
-    changed,
     predicted_accuracy,
-    usual_force_N,
+    scale_design,
+    typical_force_N,
 )
 from manytouch.design.choose import Design
 from manytouch.errors import MissingExtraError
@@ -21,68 +21,70 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FACTORS = (0.7, 1.0, 1.4)
-MEASURES = ("pitch", "thickness", "stand_off")
+DIMENSIONS = ("pitch", "thickness", "stand_off")
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
 
 
 def draw_accuracy(found: Design, predicted: PredictedAccuracy, path: Path) -> None:
-    """Maps of the deviations of position, depth and force over the area, as a PNG.
+    """Draws maps of the standard deviations of position, depth and force over the area, as a PNG.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
     figure = _figure((13.0, 3.6))
     figure.suptitle(
-        f"predicted deviations of a fingertip of about {np.nanmean(predicted.force_N):.2g} N on "
+        f"predicted standard deviations for a fingertip of about {np.nanmean(predicted.force_N):.2g} N on "
         f"{found.sensor.name}, {found.material.name}, calibrated\n"
-        "pressed where the numbers stand; the other quarters are its mirror images",
+        "computed at the numbers; the other quarters are mirror images",
         fontsize=11,
     )
     maps = (
         ("position, mm", predicted.position_std_mm),
         ("depth, µm", 1e3 * predicted.depth_std_mm),
-        ("normal force, % of it", 100 * predicted.force_std_N / predicted.force_N),
+        ("normal force, %", 100 * predicted.force_std_N / predicted.force_N),
     )
     for axes, (name, values) in zip(figure.subplots(1, 3), maps, strict=True):
         _map(axes, predicted.place_mm, values, name)
     figure.savefig(path, dpi=110)
 
 
-def draw_tradeoff(found: Design, path: Path, *, say: Callable[[str], object] | None = None) -> None:
-    """Deviations of presses in middle, sides and corner against pitch, thickness and stand-off, as a PNG.
+def draw_tradeoff(found: Design, path: Path, *, on_message: Callable[[str], object] | None = None) -> None:
+    """Draws standard deviations against pitch, thickness and stand-off, as a PNG.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
     figure = _figure((12.0, 3.8))
     figure.suptitle(
-        "what another pitch, thickness or stand-off would cost or gain (middle, two sides and a corner)",
+        "change of the accuracy with pitch, thickness and stand-off (middle, two sides and a corner)",
         fontsize=11,
     )
     panels = figure.subplots(1, 3)
-    names = ("position, mm", "depth, µm", "normal force, % of it")
-    as_designed = _usual(found, {})
-    for measure, colour in zip(MEASURES, COLOURS, strict=True):
+    names = ("position, mm", "depth, µm", "normal force, %")
+    at_design = _rms(found, {})
+    for dimension, colour in zip(DIMENSIONS, COLOURS, strict=True):
         rows = []
         for factor in FACTORS:
-            if say is not None and factor != 1.0:
-                say(f"trying {factor:g} times the {measure.replace('_', '-')}")
-            rows.append(as_designed if factor == 1.0 else _usual(found, {measure: factor}))
+            if on_message is not None and factor != 1.0:
+                on_message(f"predicting the accuracy at {factor:g} times the {dimension.replace('_', '-')}")
+            rows.append(at_design if factor == 1.0 else _rms(found, {dimension: factor}))
         for axes, values, name in zip(panels, np.transpose(rows), names, strict=True):
-            label = measure.replace("_", "-")
-            axes.plot(FACTORS, values, "o-", color=colour, label=f"{label} ({_now(found, measure)})")
-            axes.set(title=name, xlabel="times as large as designed", xticks=FACTORS)
+            label = dimension.replace("_", "-")
+            axes.plot(
+                FACTORS, values, "o-", color=colour, label=f"{label} ({_designed_value(found, dimension)})"
+            )
+            axes.set(title=name, xlabel="factor of the designed value", xticks=FACTORS)
     for axes in panels:
         axes.set_ylim(0.0, 1.05 * axes.get_ylim()[1])
     panels[0].legend(frameon=False, fontsize=8)
     figure.savefig(path, dpi=110)
 
 
-def _usual(found: Design, factors: dict[str, float]) -> tuple[float, float, float]:
-    """Deviations with some measures a factor larger, over a few places."""
-    sensor, force_N = changed(found, **factors), usual_force_N(found)
-    wished = found.wishes.area_mm
-    return predicted_accuracy(sensor, area_mm=wished, force_N=force_N, places=FEW_PLACES).usual
+def _rms(found: Design, factors: dict[str, float]) -> tuple[float, float, float]:
+    """Standard deviations over a few positions, with some dimensions multiplied by factors."""
+    sensor, force_N = scale_design(found, **factors), typical_force_N(found)
+    area_mm = found.requirements.area_mm
+    return predicted_accuracy(sensor, area_mm=area_mm, force_N=force_N, places=FEW_PLACES).rms
 
 
 def _figure(size: tuple[float, float]) -> "Figure":
@@ -93,7 +95,7 @@ def _figure(size: tuple[float, float]) -> "Figure":
     return Figure(figsize=size, layout="constrained")
 
 
-def _now(found: Design, measure: str) -> str:
+def _designed_value(found: Design, dimension: str) -> str:
     sensor = found.sensor
     assert sensor.layout is not None and sensor.sheet is not None  # noqa: PT018 - a design has both
     sizes = {
@@ -101,11 +103,11 @@ def _now(found: Design, measure: str) -> str:
         "thickness": sensor.sheet.thickness_mm,
         "stand_off": float(sensor.camera.translation_mm[2]),
     }
-    return f"{sizes[measure]:g} mm"
+    return f"{sizes[dimension]:g} mm"
 
 
 def _map(axes: "Axes", place_mm: np.ndarray, values: np.ndarray, name: str) -> None:
-    """A quarter and its mirror images, with the numbers written in the quarter."""
+    """Draws a quarter and its mirror images, with the numbers in the quarter."""
     x, y = (np.unique(side) for side in place_mm.T)
     quarter = values.reshape(len(y), len(x))
     whole = np.hstack([quarter[:, :0:-1], quarter])

@@ -1,8 +1,8 @@
-"""A designed sensor before it is built: its sheet as a solid, pressed in 3-D and seen by its camera.
+"""Simulation of a designed sensor: its sheet as a solid of finite elements, imaged by its camera.
 
-The shell that the inversion knows and a solid differ, by more than noise does, and calibration takes away
-a part of that: how large a part no formula tells. So the sheet is pressed as finite elements, calibrated
-from a round tip at the places of the probing script, and touched with a ball like a fingertip.
+The shell of the inversion differs from a solid by more than the noise, and calibration removes a part of the
+difference that no formula predicts. Therefore a solid sheet is pressed, calibrated from a round tip at the
+positions of the probing script, and pressed by a ball of the size of a fingertip.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,8 @@ from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.simulation.fem.cache import StateCache
 from manytouch.simulation.fem.contact.indenters import Indenter, Sphere
 from manytouch.simulation.fem.elements.material import NeoHooke
-from manytouch.simulation.fem.loading import Loading, press
+from manytouch.simulation.fem.loading import Loading
+from manytouch.simulation.fem.loading import press as press_loading
 from manytouch.simulation.fem.sheet import SheetModel
 from manytouch.simulation.render.dot_images import dot_ellipses, outlines
 from manytouch.simulation.scene.condense import condense
@@ -32,24 +33,24 @@ from manytouch.values.arrays import Points2
 TIP = Sphere(radius_mm=TIP_RADIUS_MM)
 FINGERTIP = Sphere(radius_mm=8.0)
 ELEMENT_THICKNESS = 1.0
-ELEMENT_MM = 2.5  # a larger one is too stiff under a fingertip: depths come out too good
+ELEMENT_MM = 2.5  # larger elements are too stiff under a fingertip
 LEAST_ELEMENTS = 16
 STEP_MM = 3.0
 SQUEEZE_MM = 0.15
-"""A ball goes deeper than the shell says, since it dents the face of a solid."""
-SEEN_PX = 0.01
-"""Deviation of a marker's centre where grey levels have 2.5 (docs/derivations/detection.md)."""
+"""Additional depth of a ball, which indents the face of a solid, relative to the shell."""
+CENTRE_NOISE_PX = 0.01
+"""Noise of a centre for a grey level noise of 2.5 (docs/derivations/detection.md)."""
 
-Say = Callable[[str], object] | None
+OnMessage = Callable[[str], object] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Touched:
-    """What a press shows and is.
+class ObservedPress:
+    """A press and its image.
 
     Attributes:
         displacement_px: (m, 2) of the markers' images.
-        contact: its true force, centre and depth.
+        contact: ground truth of force, centre and depth.
     """
 
     displacement_px: Points2
@@ -60,12 +61,12 @@ class Touched:
 class Prototype:
     """A designed sensor whose sheet is a solid.
 
-    Presses are kept by content like those of scenes, so that another pitch or stand-off costs none.
+    Solved presses are cached by their content, so that another pitch or stand-off needs no new ones.
 
     Attributes:
         sensor: as designed.
-        model: its sheet and the mesh of it.
-        states: where solved presses are kept.
+        model: of its sheet.
+        states: cache of solved presses.
     """
 
     sensor: Sensor
@@ -86,13 +87,13 @@ class Prototype:
         )
         return Prototype(sensor=sensor, model=model, states=StateCache(folder=states_folder()))
 
-    def touched(self, body: Indenter, place_mm: np.ndarray, depth_mm: float) -> Touched | None:
-        """A body pressed to a depth of its lowest point; None where no equilibrium is found."""
-        found = self._pressed(body, place_mm, depth_mm)
-        return None if found is None else _touched(self.sensor, found, np.ones(2))
+    def press(self, body: Indenter, place_mm: np.ndarray, depth_mm: float) -> ObservedPress | None:
+        """A press by an indenter to a depth of its lowest point; None where no equilibrium is found."""
+        found = self.solve(body, place_mm, depth_mm)
+        return None if found is None else observe_press(self.sensor, found, np.ones(2))
 
     def fingertip_depths_mm(self, places_mm: Points2, force_N: float) -> list[float]:
-        """How deep a ball like a fingertip must go for about a force, by the shell as designed."""
+        """Depths at which a fingertip-sized ball has approximately a force, by the shell as designed."""
         model = self.model
         shell = clamped_shell(
             size_mm=model.size_mm, thickness_mm=model.thickness_mm, poisson=model.material.poisson
@@ -107,57 +108,59 @@ class Prototype:
             depths.append(round(1.05 * float(deepest_mm) + SQUEEZE_MM, 2))
         return depths
 
-    def calibrated(self, chance: np.random.Generator, say: Say = None) -> Sensor:
-        """The sensor with its sheet as `calibrate sheet` finds it from the presses of the probing script.
+    def calibrate(self, random: np.random.Generator, on_message: OnMessage = None) -> Sensor:
+        """The sensor with the sheet that `calibrate sheet` fits to the presses of the probing script.
 
-        Presses that are each other's mirror image are solved once.
+        Presses that are mirror images of each other are solved once.
         """
-        held = []
+        presses = []
         for place in places_mm(self.sensor):
             for depth_mm in DEPTHS_MM:
-                if say is not None and np.all(place >= 0.0):
-                    say(f"pressing a round tip {depth_mm:g} mm deep at {place[0]:g}, {place[1]:g} mm")
-                found = self._pressed(TIP, np.abs(place), depth_mm)
+                if on_message is not None and np.all(place >= 0.0):
+                    on_message(f"pressing a round tip {depth_mm:g} mm deep at {place[0]:g}, {place[1]:g} mm")
+                found = self.solve(TIP, np.abs(place), depth_mm)
                 if found is not None:
                     side = np.where(place < 0.0, -1.0, 1.0)
-                    held.append(_press(_touched(self.sensor, found, side), place, chance))
-        sheet = calibrate_sheet(self.sensor, held).sheet
-        # How far off the forces will be is seen here, not told.
+                    presses.append(_press(observe_press(self.sensor, found, side), place, random))
+        sheet = calibrate_sheet(self.sensor, presses).sheet
+        # The force error is measured, so that no prior is added to it.
         return replace(self.sensor, sheet=replace(sheet, young_std_MPa=None))
 
-    def _pressed(self, body: Indenter, place_mm: np.ndarray, depth_mm: float) -> Deformation | None:
+    def solve(self, body: Indenter, place_mm: np.ndarray, depth_mm: float) -> Deformation | None:
         steps = int(np.ceil(depth_mm / STEP_MM))
         path = np.array([[*place_mm, depth_mm * (step + 1) / steps] for step in range(steps)])
         thickness_mm = self.model.thickness_mm
-        asked = Loading(touches=(press(body, thickness_mm=thickness_mm, path_mm=path),))
-        state = list(self.states.states(self.model, asked))[-1]
+        loading = Loading(touches=(press_loading(body, thickness_mm=thickness_mm, path_mm=path),))
+        state = list(self.states.states(self.model, loading))[-1]
         if state.status != "ok":
             return None
-        last = press(body, thickness_mm=thickness_mm, path_mm=path[-1:])
+        last = press_loading(body, thickness_mm=thickness_mm, path_mm=path[-1:])
         return condense(state, Loading(touches=(last,)))
 
 
-def _press(found: Touched, place_mm: np.ndarray, chance: np.random.Generator) -> Press:
-    moved = found.displacement_px
+def _press(found: ObservedPress, place_mm: np.ndarray, random: np.random.Generator) -> Press:
+    displacement_px = found.displacement_px
     return Press(
         name=f"{place_mm[0]:g}, {place_mm[1]:g} mm",
         place_mm=place_mm,
         radius_mm=TOUCHED_RADIUS_MM,
-        displacement_px=moved + chance.normal(0.0, SEEN_PX, moved.shape),
-        is_seen=np.ones(len(moved), dtype=np.bool_),
-        noise_px=SEEN_PX,
+        displacement_px=displacement_px + random.normal(0.0, CENTRE_NOISE_PX, displacement_px.shape),
+        is_seen=np.ones(len(displacement_px), dtype=np.bool_),
+        noise_px=CENTRE_NOISE_PX,
         force_N=found.contact.normal_force_N,
     )
 
 
-def _touched(sensor: Sensor, found: Deformation, side: np.ndarray) -> Touched:
-    """What the camera sees of a press, or of its mirror image where a side (x, y) is -1."""
+def observe_press(sensor: Sensor, found: Deformation, side: np.ndarray) -> ObservedPress:
+    """The image of a press, or of its mirror image where a component (x, y) of `side` is -1."""
     layout, (contact,) = sensor.layout, found.contacts
     assert layout is not None
     outline_mm = outlines(layout.rest_mm, layout.radius_mm)
-    # Nothing changes between these keyframes; the scene lifts points off the face where markers are high.
-    still = replace(found, contacts=())
-    scene = SolidScene(name="press", time_s=np.arange(3.0), states=(still,) * 3, duration_s=2.0)
+    # Equal keyframes; the scene accounts for the height of the markers above the face.
+    keyframe = replace(found, contacts=())
+    scene = SolidScene(name="press", time_s=np.arange(3.0), states=(keyframe,) * 3, duration_s=2.0)
     moved_mm = scene.watch(outline_mm[:, :2] * side, layout.height_mm)(1.0) * [*side, 1.0]
     here, rest = (dot_ellipses(sensor.camera, place)[0] for place in (outline_mm + moved_mm, outline_mm))
-    return Touched(displacement_px=here - rest, contact=replace(contact, centre_mm=contact.centre_mm * side))
+    return ObservedPress(
+        displacement_px=here - rest, contact=replace(contact, centre_mm=contact.centre_mm * side)
+    )

@@ -1,4 +1,4 @@
-"""What a person wants of a sensor, and what there is to build it with."""
+"""What a designed sensor must satisfy, and the camera and printer that it is built with."""
 
 import math
 from dataclasses import dataclass, fields
@@ -7,15 +7,15 @@ from manytouch.errors import ManytouchError
 
 
 class DesignError(ManytouchError):
-    """No sensor can be built that fulfils the wishes; the sentence names the one in the way."""
+    """No sensor satisfies the requirements; the message names the one that conflicts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Printer:
-    """What can be printed.
+    """Limits of a printer.
 
     Attributes:
-        nozzle_mm: width of a line; nothing is thinner.
+        nozzle_mm: width of a printed line.
         bed_mm: largest part along x, y and z.
     """
 
@@ -25,13 +25,13 @@ class Printer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Optics:
-    """A camera as its data sheet tells it.
+    """A camera, as specified in its data sheet.
 
     Attributes:
-        width_px, height_px: of its picture.
+        width_px, height_px: of its image.
         hfov_deg: horizontal field of view.
-        least_focus_mm: the least distance at which it is in focus.
-        fps: pictures per second at that size.
+        least_focus_mm: shortest distance at which it is in focus.
+        fps: frames per second at that size.
     """
 
     width_px: int = 2560
@@ -43,18 +43,18 @@ class Optics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Requirements:
-    """What the sensor shall do.
+    """What the sensor must do.
 
     Attributes:
-        area_mm: (x, y) that can be touched.
-        deepest_mm: press that it shall allow.
-        force_N: smallest and largest normal force of a fingertip (1 cm²) that matter.
-        separation_mm: two equal contacts this far apart shall be told apart.
-        camera: what looks at it.
-        printer: what makes its parts.
-        marker_height_mm: how far markers stand off the sheet; 0 prints them flush, in a second colour.
-        material: name of a material of `MATERIALS`; None chooses.
-        thickness_mm: of the sheet; None chooses.
+        area_mm: (x, y) that must be touchable.
+        deepest_mm: deepest press that must be possible.
+        force_N: smallest and largest normal force of a fingertip (1 cm²).
+        separation_mm: two-point resolution: distance at which two equal contacts must be found as two.
+        camera: below the sheet.
+        printer: for its parts.
+        marker_height_mm: height of the markers above the sheet; 0 prints them flush, in a second colour.
+        material: name of a material of `MATERIALS`; None: any.
+        thickness_mm: of the sheet; None: any of `THICKNESSES_MM`.
     """
 
     area_mm: tuple[float, float] = (100.0, 60.0)
@@ -74,16 +74,18 @@ class Requirements:
             if not math.isfinite(value) or value < 0 or (value == 0 and name != "marker_height_mm")
         ]
         if wrong:
-            raise DesignError(f"these wishes are impossible: {', '.join(wrong)}; give numbers above 0")
+            raise DesignError(
+                f"these requirements are not positive numbers: {', '.join(wrong)}; give numbers above 0"
+            )
         if self.force_N[0] >= self.force_N[1]:
             raise DesignError(
                 f"the force range {self.force_N[0]:g} to {self.force_N[1]:g} N is empty: give the smaller "
-                "first"
+                "force first"
             )
         if self.camera.hfov_deg >= 170:
             raise DesignError(
-                f"a field of view of {self.camera.hfov_deg:g} degrees is no pinhole camera's: give less "
-                "than 170"
+                f"a field of view of {self.camera.hfov_deg:g} degrees is too large for a pinhole model: give "
+                "less than 170"
             )
 
 

@@ -1,8 +1,8 @@
-"""How far the camera stands from the sheet: equations 2 to 4 of the paper.
+"""Distance between camera and sheet: equations 2 to 4 of the paper.
 
 tan(Q1/2) = (W/2)/d1 and tan(Q2/2) = (H/2)/d2, with the fields of view Q1 (horizontal) and Q2 (vertical),
-so d1 = W / (2 tan(Q1/2)), d2 = H / (2 tan(Q2/2)), and d is the greatest of both and of the least distance F
-at which the lens is in focus. (The paper prints equation 4 the other way round: the text asks for d > F.)
+so d1 = W / (2 tan(Q1/2)), d2 = H / (2 tan(Q2/2)), and d is the largest of both and of the shortest distance
+F in focus. (Equation 4 is printed with the opposite sign; the text of the paper requires d > F.)
 """
 
 import math
@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StandOff:
-    """Distance of the camera's centre from the markers, and what it is for.
+    """Distance of the optical centre from the markers, with its lower limits.
 
     Attributes:
-        width_mm: d1, at which the width just fills the picture.
-        height_mm: d2, at which the height does.
-        focus_mm: F, the least distance in focus.
+        width_mm: d1, at which the width of the area fills the image.
+        height_mm: d2, at which its height does.
+        focus_mm: F, the shortest distance in focus.
     """
 
     width_mm: float
@@ -25,12 +25,12 @@ class StandOff:
 
     @property
     def distance_mm(self) -> float:
-        """d, the least that satisfies all three."""
+        """d, the shortest distance that satisfies all three."""
         return max(self.width_mm, self.height_mm, self.focus_mm)
 
     @property
     def limit(self) -> str:
-        """What decides."""
+        """The decisive limit: `width`, `height` or `focus`."""
         if self.distance_mm == self.focus_mm:
             return "focus"
         return "width" if self.width_mm >= self.height_mm else "height"
@@ -39,12 +39,12 @@ class StandOff:
 def stand_off(
     *, view_mm: tuple[float, float], hfov_rad: float, vfov_rad: float, least_focus_mm: float
 ) -> StandOff:
-    """The least distance from which a camera sees an area in focus.
+    """The shortest distance at which an area is in the image and in focus.
 
     Args:
-        view_mm: width and height of the area that must be in the picture.
+        view_mm: width and height of the area that must be in the image.
         hfov_rad, vfov_rad: fields of view of the camera along them.
-        least_focus_mm: the least distance at which the lens is in focus.
+        least_focus_mm: shortest distance in focus.
     """
     return StandOff(
         width_mm=view_mm[0] / (2 * math.tan(hfov_rad / 2)),

@@ -1,24 +1,24 @@
-"""Everything of a design as files: sensor, reasons, parts, patterns, what to buy, how to put it together."""
+"""Writes a design: sensor file, reasons, parts, patterns, bill of materials, assembly guide, prediction."""
 
 from collections.abc import Callable
 from pathlib import Path
 
 from manytouch.calibration.camera.board import parse_board
-from manytouch.design.accuracy import PredictedAccuracy, predicted_accuracy, usual_force_N
+from manytouch.design.accuracy import PredictedAccuracy, predicted_accuracy, typical_force_N
 from manytouch.design.choose import Design
-from manytouch.design.parts.casing import CasingChoices, Part, parts_of
+from manytouch.design.parts.casing import CasingChoices, Part, make_parts
 from manytouch.design.parts.guide import assembly, bill_of_materials
-from manytouch.design.parts.meshing import PartMesh, mesh_of, write_3mf, write_stl
-from manytouch.design.parts.patterns import write_board, write_pattern
+from manytouch.design.parts.meshing import PartMesh, make_mesh, write_3mf, write_stl
+from manytouch.design.parts.patterns import write_board, write_marker_pattern
 from manytouch.design.parts.pictures import draw_parts
-from manytouch.design.parts.printability import objections
+from manytouch.design.parts.printability import printability_warnings
 from manytouch.design.parts.step import write_step
 from manytouch.design.plots import draw_accuracy, draw_tradeoff
 from manytouch.errors import OutputError
 from manytouch.values.sensor_file import save_sensor
 
 BOARDS = {"chessboard:9x6": 25.0, "charuco:10x7": 25.0, "circles-asymmetric:4x11": 16.0}
-"""Boards that come with a design, and their squares in mm."""
+"""Calibration boards of a design, with the sizes of their squares in mm."""
 
 
 def write_design(
@@ -27,34 +27,34 @@ def write_design(
     *,
     choices: CasingChoices | None = None,
     step: bool = False,
-    say: Callable[[str], object] | None = None,
+    on_message: Callable[[str], object] | None = None,
 ) -> tuple[str, ...]:
     """Write sensor.toml, design.md, parts/, parts.png, patterns/, bill_of_materials.csv and assembly.md.
 
     Args:
-        found: from `design`.
-        folder: where to.
-        choices: measures of the casing.
-        step: write STEP files of casing and clamp too (extra `step`; takes some seconds).
-        say: told what is being made.
+        found: from `design_sensor`.
+        folder: is created if it does not exist.
+        choices: dimensions of the casing.
+        step: also write STEP files of casing and clamp (extra `step`; takes some seconds).
+        on_message: receives progress messages.
 
     Returns:
-        What stands against printing the parts.
+        Problems of printing the parts, one message each.
 
     Raises:
-        OutputError: something cannot be written.
+        OutputError: a file cannot be written.
         MissingExtraError: a package of the extras `parts`, `plot` or `step` is missing.
     """
     choices = choices or CasingChoices()
-    parts = parts_of(found.sensor, found.material.name, choices)
+    parts = make_parts(found.sensor, found.material.name, choices)
     try:
         for name in ("parts", "patterns"):
             (folder / name).mkdir(parents=True, exist_ok=True)
         save_sensor(found.sensor, folder / "sensor.toml")
-        (folder / "design.md").write_text(explained(found), encoding="utf-8")
-        meshes = _write_parts(parts, folder / "parts", step=step, say=say)
+        (folder / "design.md").write_text(explain_design(found), encoding="utf-8")
+        meshes = _write_parts(parts, folder / "parts", step=step, on_message=on_message)
         draw_parts(parts, meshes, folder / "parts.png")
-        write_pattern(found.sensor, folder / "patterns" / "markers")
+        write_marker_pattern(found.sensor, folder / "patterns" / "markers")
         for text, square_mm in BOARDS.items():
             write_board(parse_board(text, square_mm), folder / "patterns" / text.replace(":", "-"))
         bill = bill_of_materials(found, parts, meshes, choices)
@@ -62,20 +62,23 @@ def write_design(
         (folder / "assembly.md").write_text(assembly(found, choices), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"cannot write the design into {folder}: {error.strerror}") from None
-    return objections(found.sensor, found.wishes.printer, choices, meshes)
+    return printability_warnings(found.sensor, found.requirements.printer, choices, meshes)
 
 
 def write_prediction(
-    found: Design, folder: Path, *, say: Callable[[str], object] | None = None
+    found: Design, folder: Path, *, on_message: Callable[[str], object] | None = None
 ) -> PredictedAccuracy:
-    """Write accuracy.csv, accuracy.png and tradeoff.png: what the method `mechanics` will tell how well.
+    """Write accuracy.csv, accuracy.png and tradeoff.png: predicted accuracy of the method `mechanics`.
 
     Raises:
-        OutputError: something cannot be written.
+        OutputError: a file cannot be written.
         MissingExtraError: matplotlib is not installed.
     """
     predicted = predicted_accuracy(
-        found.sensor, area_mm=found.wishes.area_mm, force_N=usual_force_N(found), say=say
+        found.sensor,
+        area_mm=found.requirements.area_mm,
+        force_N=typical_force_N(found),
+        on_message=on_message,
     )
     columns = {
         "x_mm": predicted.place_mm[:, 0],
@@ -92,27 +95,27 @@ def write_prediction(
         folder.mkdir(parents=True, exist_ok=True)
         (folder / "accuracy.csv").write_text("\n".join([*lines, ""]), encoding="utf-8")
         draw_accuracy(found, predicted, folder / "accuracy.png")
-        draw_tradeoff(found, folder / "tradeoff.png", say=say)
+        draw_tradeoff(found, folder / "tradeoff.png", on_message=on_message)
     except OSError as error:
         raise OutputError(f"cannot write the prediction into {folder}: {error.strerror}") from None
     return predicted
 
 
-def explained(found: Design) -> str:
-    """The choices and their reasons, as Markdown."""
-    lines = [f"# {found.sensor.name}", "", "| what | chosen | why |", "|---|---|---|"]
+def explain_design(found: Design) -> str:
+    """The choices with their reasons, as Markdown."""
+    lines = [f"# {found.sensor.name}", "", "| dimension | value | reason |", "|---|---|---|"]
     lines += [f"| {item.about} | {item.chosen} | {item.why} |" for item in found.reasons]
     return "\n".join([*lines, ""])
 
 
 def _write_parts(
-    parts: tuple[Part, ...], folder: Path, *, step: bool, say: Callable[[str], object] | None
+    parts: tuple[Part, ...], folder: Path, *, step: bool, on_message: Callable[[str], object] | None
 ) -> dict[str, PartMesh]:
     meshes = {}
     for part in parts:
-        if say is not None:
-            say(f"making the {part.name}")
-        meshes[part.name] = mesh_of(part.solid)
+        if on_message is not None:
+            on_message(f"making the {part.name}")
+        meshes[part.name] = make_mesh(part.solid)
         write_stl(meshes[part.name], folder / f"{part.name}.stl")
         if step and part.name in ("casing", "clamp"):
             write_step(part.solid, folder / f"{part.name}.step")

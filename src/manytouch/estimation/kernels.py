@@ -3,19 +3,19 @@
 # ruff: noqa: PLR0917 - compiled functions take positional arguments
 
 import numpy as np
-from numba import njit
 
-from manytouch.values.kernels import Flags, Floats, Integers, no_type_check
+from manytouch.compilation import kernel, no_type_check
+from manytouch.values.arrays import Flags, Floats, Integers
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
 def median_where(value: Floats, is_known: Flags) -> float:
     """The median of the known ones of values (m,)."""
     return np.median(value[is_known])
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
 def neighbour_agreement(
     innovation: Floats, std: Floats, is_seen: Flags, neighbour: Integers, stds: float, spreads: float

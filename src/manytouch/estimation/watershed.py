@@ -1,9 +1,9 @@
 """Peaks of a map and the regions that belong to them, by watershed."""
 
 import numpy as np
-from numba import njit
 
-from manytouch.values.kernels import Floats, Integers, no_type_check
+from manytouch.compilation import kernel, no_type_check
+from manytouch.values.arrays import Floats, Integers
 
 
 def watershed(height: np.ndarray, floor: float, merge: float) -> tuple[np.ndarray, np.ndarray]:
@@ -28,7 +28,7 @@ def watershed(height: np.ndarray, floor: float, merge: float) -> tuple[np.ndarra
     return label.reshape(height.shape), peak
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
 def _root(parent: Integers, region: int) -> int:
     """The region that `region` has become part of."""
@@ -37,7 +37,7 @@ def _root(parent: Integers, region: int) -> int:
     return region
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
 def _flood(flat: Floats, order: Integers, columns: int, merge: float) -> tuple[Integers, Integers]:
     """As `watershed`, from the flat indices (n,) of the points above the floor, the highest first."""

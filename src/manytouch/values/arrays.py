@@ -1,9 +1,10 @@
 """Array types of the values, and a function that makes an array read-only."""
 
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64, UInt8, UInt16
+from numpy.typing import NDArray
 
 Points2 = Float64[np.ndarray, "n 2"]
 Covariances2 = Float64[np.ndarray, "n 2 2"]
@@ -15,6 +16,11 @@ Counts = Int64[np.ndarray, " n"]
 GreyImage = UInt8[np.ndarray, "h w"] | UInt16[np.ndarray, "h w"]
 ColourImage = UInt8[np.ndarray, "h w 3"] | UInt16[np.ndarray, "h w 3"]
 Image = GreyImage | ColourImage
+
+# Arrays of any shape, for compiled functions and their typed inputs, whose docstrings state the shapes.
+Floats = NDArray[np.float64]
+Integers = NDArray[np.signedinteger[Any]]
+Flags = NDArray[np.bool_]
 
 Array = TypeVar("Array", bound=np.ndarray)
 

@@ -1,4 +1,4 @@
-"""Predicted deviations, and what other measures would change."""
+"""Predicted accuracy, and its change with other dimensions."""
 
 import csv
 from dataclasses import replace
@@ -10,13 +10,13 @@ import pytest
 from manytouch.design.accuracy import (
     NO_MODEL_ERROR,
     _deviations,
-    changed,
     predicted_accuracy,
-    usual_force_N,
+    scale_design,
+    typical_force_N,
 )
-from manytouch.design.choose import design
+from manytouch.design.choose import design_sensor
 from manytouch.design.deflection import fingertip
-from manytouch.design.prototype import FINGERTIP, TIP, Prototype, Touched, _touched
+from manytouch.design.prototype import FINGERTIP, TIP, ObservedPress, Prototype
 from manytouch.design.requirements import Requirements
 from manytouch.design.write import write_prediction
 from manytouch.estimation.mechanics.contacts import ContactEstimator
@@ -36,7 +36,7 @@ def states(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found():
-    return design(Requirements(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.5, 4.0)))
+    return design_sensor(Requirements(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.5, 4.0)))
 
 
 @pytest.fixture(scope="module")
@@ -44,48 +44,48 @@ def prototype(found):
     return Prototype.of(found.sensor)
 
 
-def test_a_prototype_moves_the_dots_about_as_the_shell_does(found, prototype):
-    held = prototype.touched(FINGERTIP, np.array([5.0, -4.0]), 2.0)
-    assert held.contact.centre_mm == pytest.approx([5.0, -4.0], abs=0.3)
-    assert 1.5 < held.contact.depth_mm < 2.0
+def test_a_prototype_moves_the_markers_approximately_as_the_shell_does(found, prototype):
+    pressed = prototype.press(FINGERTIP, np.array([5.0, -4.0]), 2.0)
+    assert pressed.contact.centre_mm == pytest.approx([5.0, -4.0], abs=0.3)
+    assert 1.5 < pressed.contact.depth_mm < 2.0
     fresh = MechanicsEstimator().start(found.sensor)
-    shape = _shape(fresh, held.contact.centre_mm, held.contact.normal_force_N)
+    shape = _shape(fresh, pressed.contact.centre_mm, pressed.contact.normal_force_N)
     wanted = fresh.model.dots.displacement_px(shape)
-    off = np.linalg.norm(held.displacement_px - wanted, axis=1)
+    off = np.linalg.norm(pressed.displacement_px - wanted, axis=1)
     assert off.max() < 0.2 * np.linalg.norm(wanted, axis=1).max()
-    assert held.displacement_px[wanted[:, 0] > 5.0, 0].min() > 0.0
+    assert pressed.displacement_px[wanted[:, 0] > 5.0, 0].min() > 0.0
 
 
 def test_pins_show_the_slope_that_flush_markers_do_not(found, prototype):
     high = replace(found.sensor, layout=replace(found.sensor.layout, height_mm=3.0))
     flush, pins = (
-        replace(prototype, sensor=sensor).touched(FINGERTIP, np.zeros(2), 1.5)
+        replace(prototype, sensor=sensor).press(FINGERTIP, np.zeros(2), 1.5)
         for sensor in (found.sensor, high)
     )
     assert np.abs(pins.displacement_px).max() > 1.5 * np.abs(flush.displacement_px).max()
 
 
 def test_a_mirrored_press_is_the_press_at_the_mirrored_place(found, prototype):
-    solved = prototype._pressed(TIP, np.array([8.0, 5.0]), 1.0)
-    mirrored = _touched(found.sensor, solved, np.array([-1.0, 1.0]))
-    there = prototype.touched(TIP, np.array([-8.0, 5.0]), 1.0)
+    solved = prototype.solve(TIP, np.array([8.0, 5.0]), 1.0)
+    mirrored = observe_press(found.sensor, solved, np.array([-1.0, 1.0]))
+    there = prototype.press(TIP, np.array([-8.0, 5.0]), 1.0)
     assert mirrored.displacement_px == pytest.approx(there.displacement_px, abs=2e-3)
     assert mirrored.contact.centre_mm == pytest.approx(there.contact.centre_mm, abs=1e-3)
     assert np.abs(there.displacement_px).max() > 1.0
 
 
-def test_presses_are_kept_for_every_design_with_the_same_sheet(found, prototype, states):
+def test_presses_are_cached_for_all_designs_with_the_same_sheet(found, prototype, states):
     place, depth_mm = np.array([[12.0, 3.0]]), prototype.fingertip_depths_mm(np.array([[12.0, 3.0]]), 1.0)
-    held = prototype.touched(FINGERTIP, place[0], depth_mm[0])
-    assert held.contact.normal_force_N == pytest.approx(1.0, rel=0.2)
+    pressed = prototype.press(FINGERTIP, place[0], depth_mm[0])
+    assert pressed.contact.normal_force_N == pytest.approx(1.0, rel=0.2)
     solved = len(list(states.iterdir()))
-    farther = Prototype.of(changed(found, stand_off=1.4))
+    farther = Prototype.of(scale_design(found, stand_off=1.4))
     assert farther.fingertip_depths_mm(place, 1.0) == depth_mm
-    again = farther.touched(FINGERTIP, place[0], depth_mm[0])
-    assert again.contact.centre_mm == pytest.approx(held.contact.centre_mm)
-    assert np.abs(again.displacement_px).max() < 0.9 * np.abs(held.displacement_px).max()
+    again = farther.press(FINGERTIP, place[0], depth_mm[0])
+    assert again.contact.centre_mm == pytest.approx(pressed.contact.centre_mm)
+    assert np.abs(again.displacement_px).max() < 0.9 * np.abs(pressed.displacement_px).max()
     assert len(list(states.iterdir())) == solved
-    Prototype.of(changed(found, thickness=1.4)).touched(FINGERTIP, place[0], depth_mm[0])
+    Prototype.of(scale_design(found, thickness=1.4)).press(FINGERTIP, place[0], depth_mm[0])
     assert len(list(states.iterdir())) > solved
 
 
@@ -97,7 +97,7 @@ def _shape(fresh, place_mm, force_N):
     return equilibrium(model.shell, load).coefficient_mm
 
 
-def test_what_the_method_is_off_by_counts_along_with_the_noise(found):
+def test_errors_of_the_method_are_added_to_the_noise(found):
     method = MechanicsEstimator(contact_estimator=ContactEstimator(error=NO_MODEL_ERROR))
     fresh = method.start(replace(found.sensor, sheet=replace(found.sensor.sheet, young_std_MPa=None)))
     shape = _shape(fresh, np.zeros(2), 1.0)
@@ -105,9 +105,12 @@ def test_what_the_method_is_off_by_counts_along_with_the_noise(found):
     seen = fresh.model.dots.displacement_px(shape)
 
     def deviations(row):
-        chance = np.random.default_rng(0)
+        random = np.random.default_rng(0)
         return _deviations(
-            method, fresh, Touched(displacement_px=seen, contact=contact_from_row(np.array(row))), chance
+            method,
+            fresh,
+            ObservedPress(displacement_px=seen, contact=contact_from_row(np.array(row))),
+            random,
         )
 
     force, depth, position, depth_off, force_off = deviations(row)
@@ -124,36 +127,40 @@ def test_what_the_method_is_off_by_counts_along_with_the_noise(found):
 
 
 @pytest.mark.slow
-def test_a_press_is_predicted_to_be_told_well_and_deepest_in_the_middle(found):
-    said = []
+def test_the_prediction_is_accurate_and_deepest_in_the_middle(found):
+    messages = []
     predicted = predicted_accuracy(
-        found.sensor, area_mm=(40.0, 25.0), force_N=usual_force_N(found), places=(2, 2), say=said.append
+        found.sensor,
+        area_mm=(40.0, 25.0),
+        force_N=typical_force_N(found),
+        places=(2, 2),
+        on_message=messages.append,
     )
     assert predicted.place_mm.tolist() == [[0.0, 0.0], [20.0, 0.0], [0.0, 12.5], [20.0, 12.5]]
     assert predicted.force_N == pytest.approx(np.full(4, np.sqrt(2.0)), rel=0.3)
     assert predicted.depth_mm.argmax() == 0
     assert np.all(predicted.depth_std_mm < 0.1 * predicted.depth_mm)
     assert np.all((predicted.position_std_mm > 0.01) & (predicted.position_std_mm < 1.2))
-    sheet = Prototype.of(found.sensor).calibrated(np.random.default_rng(0)).sheet
+    sheet = Prototype.of(found.sensor).calibrate(np.random.default_rng(0)).sheet
     assert sheet.thickness_mm == pytest.approx(3.0, rel=0.1)  # with a flat foot 18 % too thick
-    position, depth, force = predicted.usual
+    position, depth, force = predicted.rms
     assert position == pytest.approx(np.sqrt(np.mean(predicted.position_std_mm**2)))
     assert depth == pytest.approx(1e3 * np.sqrt(np.mean(predicted.depth_std_mm**2)))
     assert 1.0 < force < 20.0
-    assert len(said) == 8
+    assert len(messages) == 8
 
 
-def test_other_measures_change_what_they_name(found):
-    assert changed(found, thickness=2.0).sheet.thickness_mm == 6.0
-    farther = changed(found, stand_off=1.5).camera.translation_mm[2]
+def test_factors_change_their_dimension_only(found):
+    assert scale_design(found, thickness=2.0).sheet.thickness_mm == 6.0
+    farther = scale_design(found, stand_off=1.5).camera.translation_mm[2]
     assert farther == pytest.approx(1.5 * found.sensor.camera.translation_mm[2])
-    assert changed(found).layout is found.sensor.layout
+    assert scale_design(found).layout is found.sensor.layout
 
 
 @pytest.mark.slow
 def test_the_prediction_is_written_and_drawn(found, tmp_path):
     predicted = write_prediction(found, tmp_path)
-    assert np.isfinite(predicted.usual).all()
+    assert np.isfinite(predicted.rms).all()
     rows = list(csv.DictReader((tmp_path / "accuracy.csv").read_text().splitlines()))
     assert len(rows) == 12
     assert float(rows[0]["depth_std_mm"]) > 0

@@ -1,4 +1,4 @@
-"""Equations 1 to 4, the sheet's deflection, and choices from wishes."""
+"""Equations 1 to 4, the deflection of the sheet, and the chosen dimensions."""
 
 import math
 import re
@@ -7,29 +7,29 @@ import numpy as np
 import pytest
 
 from manytouch.cli import main
-from manytouch.design.choose import LEAST_GAP_PX, LEAST_RIM_MM, design, rim_mm
+from manytouch.design.choose import MIN_GAP_PX, MIN_RIM_MM, rim_mm
 from manytouch.design.deflection import deflection_curve
 from manytouch.design.materials import MATERIALS, young_MPa
 from manytouch.design.requirements import DesignError, Optics, Printer, Requirements
-from manytouch.design.spacing import gap_mm, least_pitch_mm, most_height_mm, most_radius_mm
+from manytouch.design.spacing import gap_mm, largest_height_mm, largest_radius_mm, smallest_pitch_mm
 from manytouch.design.stand_off import focal_px, stand_off, vfov_rad
 from manytouch.values.sensor_file import load_sensor
 
 
-def tips_apart(d: float, r: float, h: float, slope: float, turn: float) -> float:
-    """Equation 1 by turning two drawn markers, instead of by its formula."""
+def gap_by_rotation(d: float, r: float, h: float, slope: float, turn: float) -> float:
+    """Equation 1 by rotating two markers instead of by its formula."""
 
-    def placed(x: float, angle: float, corner: tuple[float, float]) -> float:
+    def rotate(x: float, angle: float, corner: tuple[float, float]) -> float:
         return x + corner[0] * math.cos(angle) - corner[1] * math.sin(angle)
 
-    return placed(d * math.cos(slope + turn), slope + turn, (-r, h)) - placed(0.0, slope, (r, h))
+    return rotate(d * math.cos(slope + turn), slope + turn, (-r, h)) - rotate(0.0, slope, (r, h))
 
 
 @pytest.mark.parametrize("slope", [-0.3, 0.0, 0.2])
 @pytest.mark.parametrize("turn", [-0.15, 0.0, 0.25])
-def test_equation_1_is_the_distance_of_two_turned_markers(slope, turn):
+def test_equation_1_is_the_gap_between_two_rotated_markers(slope, turn):
     found = gap_mm(pitch_mm=4.0, radius_mm=1.1, height_mm=1.7, slope_rad=slope, turn_rad=turn)
-    assert found == pytest.approx(tips_apart(4.0, 1.1, 1.7, slope, turn))
+    assert found == pytest.approx(gap_by_rotation(4.0, 1.1, 1.7, slope, turn))
 
 
 def test_equation_1_of_a_flat_sheet_is_the_pitch_without_two_radii():
@@ -40,13 +40,15 @@ def test_equation_1_of_a_flat_sheet_is_the_pitch_without_two_radii():
 
 def test_equation_1_is_solved_for_pitch_radius_and_height():
     shape = {"slope_rad": 0.1, "turn_rad": 0.2}
-    pitch = least_pitch_mm(gap_mm=0.5, radius_mm=1.0, height_mm=2.0, **shape)
+    pitch = smallest_pitch_mm(gap_mm=0.5, radius_mm=1.0, height_mm=2.0, **shape)
     assert gap_mm(pitch_mm=pitch, radius_mm=1.0, height_mm=2.0, **shape) == pytest.approx(0.5)
-    radius = most_radius_mm(pitch_mm=4.0, gap_mm=0.5, height_mm=2.0, **shape)
+    radius = largest_radius_mm(pitch_mm=4.0, gap_mm=0.5, height_mm=2.0, **shape)
     assert gap_mm(pitch_mm=4.0, radius_mm=radius, height_mm=2.0, **shape) == pytest.approx(0.5)
-    height = most_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, **shape)
+    height = largest_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, **shape)
     assert gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=height, **shape) == pytest.approx(0.5)
-    assert most_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, slope_rad=0.2, turn_rad=-0.2) == math.inf
+    assert (
+        largest_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, slope_rad=0.2, turn_rad=-0.2) == math.inf
+    )
 
 
 def test_the_stand_off_is_the_greatest_of_three():
@@ -77,7 +79,7 @@ def test_ten_newtons_press_the_papers_sheet_one_centimetre_at_about_three_megapa
     assert curve.depth_at(10.0 / young) == pytest.approx(10.1)
     assert np.all(np.diff(curve.depth_mm) > 0)
     assert np.all(np.diff(curve.strain) > 0)
-    # beyond the curve it goes on as straight as it ends, in logarithms
+    # extrapolated linearly in logarithms
     u, v = np.log(curve.force_over_E_mm2), np.log(curve.depth_mm)
     slope = (v[-1] - v[-2]) / (u[-1] - u[-2])
     assert np.log(curve.depth_at(3.0 * curve.force_over_E_mm2[-1])) == pytest.approx(
@@ -90,17 +92,17 @@ def test_ten_newtons_press_the_papers_sheet_one_centimetre_at_about_three_megapa
 
 
 @pytest.fixture(scope="module")
-def usual():
-    return design(Requirements())
+def default():
+    return design_sensor(Requirements())
 
 
-def test_a_design_fulfils_its_wishes(usual):
-    wishes, sensor = usual.wishes, usual.sensor
-    rim = rim_mm(wishes, sensor.sheet.thickness_mm)
+def test_a_design_satisfies_its_requirements(default):
+    requirements, sensor = default.requirements, default.sensor
+    rim = rim_mm(requirements, sensor.sheet.thickness_mm)
     assert sensor.sheet.size_mm.tolist() == [100.0 + 2 * rim, 60.0 + 2 * rim]
-    assert usual.depth_at_most_mm <= wishes.deepest_mm
+    assert default.depth_at_most_mm <= requirements.deepest_mm
     assert sensor.sheet.young_std_MPa == pytest.approx(0.3 * sensor.sheet.young_MPa, abs=1e-3)
-    assert sensor.layout.pitch_mm[0] <= wishes.separation_mm / 2
+    assert sensor.layout.pitch_mm[0] <= requirements.separation_mm / 2
     assert [sensor.camera.cx_px, sensor.camera.cy_px] == [(2560 - 1) / 2, (1440 - 1) / 2]
     half_px = sensor.camera.fx_px * sensor.sheet.size_mm / 2 / sensor.camera.translation_mm[2]
     assert np.all(half_px <= [sensor.camera.width_px / 2, sensor.camera.height_px / 2])
@@ -110,67 +112,67 @@ def test_a_design_fulfils_its_wishes(usual):
     assert grid_mm.mean(axis=(0, 1)) == pytest.approx([0.0, 0.0], abs=1e-9)
     reach = np.abs(sensor.layout.rest_mm[:, :2]).max(axis=0) + sensor.layout.radius_mm[0]
     assert np.all(reach < sensor.sheet.size_mm / 2)
-    gap = usual.curve.least_gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=0.0, depth_mm=10.0)
-    assert LEAST_GAP_PX * usual.mm_per_px < gap < 2.0
+    gap = default.curve.smallest_gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=0.0, depth_mm=10.0)
+    assert MIN_GAP_PX * default.mm_per_px < gap < 2.0
 
 
 def test_a_thick_sheet_has_a_wider_rim():
-    assert rim_mm(Requirements(separation_mm=8.0), 2.0) == LEAST_RIM_MM
+    assert rim_mm(Requirements(separation_mm=8.0), 2.0) == MIN_RIM_MM
     assert rim_mm(Requirements(separation_mm=8.0), 3.0) == 12.0
     assert rim_mm(Requirements(separation_mm=10.0), 4.0) == 15.5
-    thick = design(Requirements(area_mm=(40.0, 25.0), thickness_mm=4.0, force_N=(0.5, 4.0)))
+    thick = design_sensor(Requirements(area_mm=(40.0, 25.0), thickness_mm=4.0, force_N=(0.5, 4.0)))
     assert thick.sensor.sheet.size_mm.tolist() == [68.0, 53.0]
     (why,) = (reason.why for reason in thick.reasons if reason.about == "clamped outline")
     assert "a rim of 14 mm: 2 thicknesses" in why
 
 
-def test_the_reason_for_the_room_says_what_else_would_leave_it(usual):
-    (why,) = (reason.why for reason in usual.reasons if reason.about == "room between markers")
-    numbers = re.search(r"every ([\d.]+) mm, or of a radius of ([\d.]+) mm, or (\d+) mm high", why)
+def test_the_reason_for_the_gap_states_its_limits(default):
+    (why,) = (reason.why for reason in default.reasons if reason.about == "gap between markers")
+    numbers = re.search(r"every ([\d.]+) mm, or with a radius of ([\d.]+) mm, or (\d+) mm high", why)
     pitch, radius, height = (float(text) for text in numbers.groups())
-    least = LEAST_GAP_PX * usual.mm_per_px
+    least = MIN_GAP_PX * default.mm_per_px
     for sizes, free in (
         ({"pitch_mm": pitch, "radius_mm": 1.0, "height_mm": 0.0}, 0.06),
         ({"pitch_mm": 4.0, "radius_mm": radius, "height_mm": 0.0}, 0.12),
         ({"pitch_mm": 4.0, "radius_mm": 1.0, "height_mm": height}, 0.1),
     ):
-        assert usual.curve.least_gap_mm(depth_mm=10.0, **sizes) == pytest.approx(least, abs=free)
+        assert default.curve.smallest_gap_mm(depth_mm=10.0, **sizes) == pytest.approx(least, abs=free)
 
 
-def test_a_softer_or_stiffer_wish_changes_the_sheet(usual):
-    gentle = design(Requirements(force_N=(0.01, 0.2), deepest_mm=5.0))
-    assert gentle.material.young_MPa < usual.material.young_MPa
+def test_smaller_forces_give_a_softer_sheet(default):
+    gentle = design_sensor(Requirements(force_N=(0.01, 0.2), deepest_mm=5.0))
+    assert gentle.material.young_MPa < default.material.young_MPa
     assert 2.0 < gentle.depth_at_most_mm <= 5.0
 
 
-def test_markers_on_pins_must_not_touch_when_pressed(usual):
-    slope, turn = np.transpose(usual.curve.pairs_rad(4.0, 10.0))
+def test_markers_on_pins_must_not_touch_when_pressed(default):
+    slope, turn = np.transpose(default.curve.pairs_rad(4.0, 10.0))
     assert 0.1 < np.abs(slope).max() < 0.6
     assert turn.max() > 0
     assert slope[0] + turn[0] == pytest.approx(slope[10], abs=1e-12)
     with pytest.raises(DesignError, match=r"make them at most .* mm high"):
-        design(Requirements(marker_height_mm=60.0))
+        design_sensor(Requirements(marker_height_mm=60.0))
 
 
 @pytest.mark.parametrize(
-    ("wishes", "sentence"),
+    ("requirements", "sentence"),
     [
-        ({"separation_mm": 1.0}, "ask for a larger separation, a smaller area, or a camera with more pixels"),
+        ({"separation_mm": 1.0}, "use a larger separation, a smaller area, or a camera with more pixels"),
         (
             {"force_N": (1.0, 5000.0)},
-            "no sheet holds 5000 N on 1 cm² within 10 mm: the stiffest, TPU, Shore A 95, 4 mm",
+            "no sheet supports 5000 N on 1 cm² within 10 mm: the stiffest, TPU, Shore A 95, 4 mm",
         ),
         ({"force_N": (5.0, 1.0)}, "the force range 5 to 1 N is empty"),
         ({"area_mm": (-1.0, 2.0), "deepest_mm": 0.0}, "area_mm\\[0\\] = -1.0, deepest_mm = 0.0"),
-        ({"camera": Optics(hfov_deg=150.0, least_focus_mm=5.0)}, "comes too near to a camera"),
-        ({"camera": Optics(hfov_deg=175.0)}, "no pinhole"),
+        ({"camera": Optics(hfov_deg=150.0, least_focus_mm=5.0)}, "comes too close to a camera"),
+        ({"camera": Optics(hfov_deg=175.0)}, "too large for a pinhole model"),
         ({"printer": Printer(nozzle_mm=3.0)}, "the printer prints"),
-        ({"material": "wood"}, "there is no material 'wood'; there are: 'silicone, Shore A 20', "),
+        ({"material": "wood"}, "the material 'wood' is not known; choose one of 'silicone, Shore A 20', "),
     ],
 )
-def test_impossible_wishes_name_what_is_in_the_way(wishes, sentence):
+def test_a_conflict_of_requirements_is_named(requirements, sentence):
     with pytest.raises(DesignError, match=sentence):
-        design(Requirements(**wishes))
+        design_sensor(Requirements(**requirements))
 
 
 def test_the_verb_writes_a_sensor_that_loads(tmp_path, capsys):
@@ -178,8 +180,8 @@ def test_the_verb_writes_a_sensor_that_loads(tmp_path, capsys):
     assert main(words) == 0
     sensor = load_sensor(tmp_path / "sensor.toml")
     assert sensor.sheet.thickness_mm == 3.0
-    said = capsys.readouterr().out
-    assert "equation 4, read as d > F" in said
+    output = capsys.readouterr().out
+    assert "equation 4, as d > F" in output
     assert "| clamped outline |" in (tmp_path / "design.md").read_text()
     assert main([*words, "--separation-mm", "0.5"]) == 1
-    assert "ask for a larger separation" in capsys.readouterr().err
+    assert "use a larger separation" in capsys.readouterr().err

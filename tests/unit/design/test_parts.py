@@ -1,4 +1,4 @@
-"""Parts: closed, of the right volume in independent readers, printable; patterns in true size."""
+"""Parts: closed, with the right volume in independent readers, printable; patterns in true size."""
 
 import csv
 import re
@@ -11,23 +11,23 @@ import trimesh
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pypdf import PdfReader
 
-from manytouch.calibration.camera.board import find_board, parse_board
-from manytouch.design.choose import design
+from manytouch.calibration.camera.board import parse_board, find_board
+from manytouch.design.choose import design_sensor
 from manytouch.design.parts.casing import (
     SCREW_RADIUS_MM,
     CasingChoices,
     clamp,
     ledge_mm,
-    parts_of,
+    make_parts,
     screw_places,
     sheet_parts,
 )
 from manytouch.design.parts.guide import screw_length_mm
-from manytouch.design.parts.meshing import mesh_of, write_stl
-from manytouch.design.parts.patterns import A4_MM, MARGIN_MM, board_page, write_board, write_pattern
-from manytouch.design.parts.pictures import RISE_DEG, TURN_DEG, _seen
-from manytouch.design.parts.printability import hanging_mm2, objections, open_edges
-from manytouch.design.parts.solids import Bore, Box, Solid, Taper, block, pins
+from manytouch.design.parts.meshing import make_mesh, write_stl
+from manytouch.design.parts.patterns import A4_MM, MARGIN_MM, board_page, write_board, write_marker_pattern
+from manytouch.design.parts.pictures import RISE_DEG, TURN_DEG, render_meshes
+from manytouch.design.parts.printability import open_edges, overhang_mm2, printability_warnings
+from manytouch.design.parts.solids import Box, CrossHole, Solid, Taper, block, pins
 from manytouch.design.parts.step import write_step
 from manytouch.design.requirements import Printer, Requirements
 from manytouch.design.write import BOARDS, write_design
@@ -40,7 +40,7 @@ CHOICES = CasingChoices()
 
 @pytest.fixture(scope="module")
 def found():
-    return design(Requirements(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.1, 5.0)))
+    return design_sensor(Requirements(area_mm=(40.0, 25.0), thickness_mm=3.0, force_N=(0.1, 5.0)))
 
 
 SOLIDS = {
@@ -54,7 +54,7 @@ SOLIDS = {
     "bored": (
         Solid(
             joined=(block((10.0, 10.0), (0.0, 4.0)),),
-            removed=(Bore(x_mm=0.0, z_mm=2.0, y_mm=(-6.0, 6.0), radius_mm=1.0),),
+            removed=(CrossHole(x_mm=0.0, z_mm=2.0, y_mm=(-6.0, 6.0), radius_mm=1.0),),
         ),
         400.0 - 10.0 * np.pi,
     ),
@@ -64,7 +64,7 @@ SOLIDS = {
 @pytest.mark.parametrize("name", SOLIDS)
 def test_a_solid_has_its_volume_as_mesh_and_as_step(name, tmp_path: Path):
     solid, volume = SOLIDS[name]
-    mesh = mesh_of(solid)
+    mesh = make_mesh(solid)
     assert open_edges(mesh) == 0
     assert mesh.volume_mm3 == pytest.approx(volume, rel=2e-3)
     write_stl(mesh, tmp_path / "solid.stl")
@@ -82,21 +82,21 @@ def test_a_solid_has_its_volume_as_mesh_and_as_step(name, tmp_path: Path):
 
 
 def test_a_torn_mesh_has_open_edges():
-    mesh = mesh_of(SOLIDS["block"][0])
+    mesh = make_mesh(SOLIDS["block"][0])
     assert open_edges(replace(mesh, triangle=mesh.triangle[1:])) == 3
 
 
-def test_a_wide_roof_hangs_and_a_chamfer_does_not():
+def test_a_wide_roof_is_an_overhang_and_a_chamfer_is_not():
     roof = Solid(joined=(block((4.0, 4.0), (0.0, 10.0)), block((40.0, 30.0), (10.0, 12.0))))
-    assert hanging_mm2(mesh_of(roof)) == pytest.approx(40.0 * 30.0 - 16.0)
+    assert overhang_mm2(make_mesh(roof)) == pytest.approx(40.0 * 30.0 - 16.0)
     chamfer = Solid(joined=(Taper(lower_mm=(4.0, 4.0), upper_mm=(24.0, 24.0), z_mm=(0.0, 10.0)),))
-    assert hanging_mm2(mesh_of(chamfer)) == 0.0
+    assert overhang_mm2(make_mesh(chamfer)) == 0.0
     steeper = Solid(joined=(Taper(lower_mm=(4.0, 4.0), upper_mm=(24.0, 24.0), z_mm=(0.0, 8.0)),))
-    assert hanging_mm2(mesh_of(steeper)) > 0.0
+    assert overhang_mm2(make_mesh(steeper)) > 0.0
 
 
 def test_flush_markers_fill_their_holes(found):
-    sheet, markers = (mesh_of(part.solid) for part in sheet_parts(found.sensor, "TPU", CHOICES))
+    sheet, markers = (make_mesh(part.solid) for part in sheet_parts(found.sensor, "TPU", CHOICES))
     layout, t = found.sensor.layout, found.sensor.sheet.thickness_mm
     dots = len(layout.rest_mm) * np.pi * layout.radius_mm[0] ** 2 * CHOICES.flush_mm
     assert markers.volume_mm3 == pytest.approx(dots, rel=1e-6)
@@ -108,7 +108,7 @@ def test_flush_markers_fill_their_holes(found):
 
 def test_pins_stand_off_the_sheet(found):
     high = replace(found.sensor, layout=replace(found.sensor.layout, height_mm=1.5))
-    _, markers = (mesh_of(part.solid) for part in sheet_parts(high, "TPU", CHOICES))
+    _, markers = (make_mesh(part.solid) for part in sheet_parts(high, "TPU", CHOICES))
     t = found.sensor.sheet.thickness_mm
     assert [markers.vertex_mm[:, 2].min(), markers.vertex_mm[:, 2].max()] == pytest.approx([t, t + 1.5])
 
@@ -118,23 +118,25 @@ def test_the_sheet_is_turned_over_so_that_the_camera_sees_the_layout(found):
     alone = np.zeros(len(layout.rest_mm), dtype=bool)
     alone[1:] = True
     _, markers = sheet_parts(replace(found.sensor, layout=replace(layout, is_missing=alone)), "TPU", CHOICES)
-    middle = mesh_of(markers.solid).vertex_mm[:, :2].mean(axis=0)
+    middle = make_mesh(markers.solid).vertex_mm[:, :2].mean(axis=0)
     # camera side up means z towards the camera: x stays, y turns round
     assert middle == pytest.approx(layout.rest_mm[0, :2] * [1.0, -1.0], abs=1e-6)
 
 
 def test_all_parts_can_be_printed_and_screwed_together(found):
-    parts = parts_of(found.sensor, "TPU", CHOICES)
-    meshes = {part.name: mesh_of(part.solid) for part in parts}
-    assert objections(found.sensor, Printer(), CHOICES, meshes) == ()
+    parts = make_parts(found.sensor, "TPU", CHOICES)
+    meshes = {part.name: make_mesh(part.solid) for part in parts}
+    assert printability_warnings(found.sensor, Printer(), CHOICES, meshes) == ()
     tall = np.ptp(meshes["casing"].vertex_mm[:, 2])
     assert tall == pytest.approx(found.sensor.camera.translation_mm[2] + CHOICES.board_depth_mm)
     against = " ".join(
-        objections(found.sensor, Printer(nozzle_mm=1.2, bed_mm=(50.0, 50.0, 50.0)), CHOICES, meshes)
+        printability_warnings(
+            found.sensor, Printer(nozzle_mm=1.2, bed_mm=(50.0, 50.0, 50.0)), CHOICES, meshes
+        )
     )
-    assert "larger than the printer's" in against
-    assert "less than three lines" in against
-    assert "less than two lines" in against
+    assert "larger than the bed of the printer" in against
+    assert "thinner than three lines" in against
+    assert "narrower than two lines" in against
 
 
 def test_the_ledge_does_not_hide_the_sheet(found):
@@ -150,7 +152,7 @@ def test_the_ledge_does_not_hide_the_sheet(found):
 
 
 def test_the_clamp_leaves_the_outline_free(found):
-    mesh = mesh_of(clamp(found.sensor, CHOICES))
+    mesh = make_mesh(clamp(found.sensor, CHOICES))
     inside = np.abs(mesh.vertex_mm[:, :2]) < found.sensor.sheet.size_mm / 2 - 1e-6
     assert not inside.all(axis=1).any()
 
@@ -173,7 +175,7 @@ def test_the_screw_reaches_the_nut(found):
 
 
 def test_patterns_have_their_true_size(found, tmp_path: Path):
-    svg, pdf = write_pattern(found.sensor, tmp_path / "markers")
+    svg, pdf = write_marker_pattern(found.sensor, tmp_path / "markers")
     page = PdfReader(pdf).pages[0]
     size = found.sensor.sheet.size_mm + 2 * MARGIN_MM
     assert [float(page.mediabox.width), float(page.mediabox.height)] == pytest.approx(
@@ -190,8 +192,8 @@ def test_patterns_have_their_true_size(found, tmp_path: Path):
     assert any(abs(length - 50.0) < 0.01 for length in lengths), lengths
 
 
-def test_markers_are_printed_where_they_belong(found, tmp_path: Path):
-    _, pdf = write_pattern(found.sensor, tmp_path / "markers")
+def test_markers_are_printed_at_their_positions(found, tmp_path: Path):
+    _, pdf = write_marker_pattern(found.sensor, tmp_path / "markers")
     text = PdfReader(pdf).pages[0].get_contents().get_data().decode("latin1")
     layout = found.sensor.layout
     size = found.sensor.sheet.size_mm + 2 * MARGIN_MM
@@ -202,8 +204,8 @@ def test_markers_are_printed_where_they_belong(found, tmp_path: Path):
     place[:, 1] += layout.radius_mm[0]
     assert len(place) == len(layout.rest_mm)
     order = np.lexsort(np.round(place, 2).T)
-    wanted = layout.rest_mm[np.lexsort(np.round(layout.rest_mm[:, :2], 2).T), :2]
-    assert place[order] == pytest.approx(wanted, abs=0.02)
+    expected = layout.rest_mm[np.lexsort(np.round(layout.rest_mm[:, :2], 2).T), :2]
+    assert place[order] == pytest.approx(expected, abs=0.02)
 
 
 def test_a_chessboard_has_true_squares_and_fits_the_page(tmp_path: Path):
@@ -236,17 +238,17 @@ def test_a_printed_board_is_found_and_has_its_size(text: str):
     assert found is not None
     assert len(found.number) == len(board.point_mm)
     place_mm = found.place_px / dots_per_mm
-    wanted_mm = board.point_mm[found.number, :2]
-    turned = place_mm - place_mm.mean(axis=0), wanted_mm - wanted_mm.mean(axis=0)
+    expected_mm = board.point_mm[found.number, :2]
+    turned = place_mm - place_mm.mean(axis=0), expected_mm - expected_mm.mean(axis=0)
     errors = [np.abs(sign * turned[0] - turned[1]).max() for sign in (1.0, -1.0)]
-    assert min(errors) < 0.1, "up to half a turn, which boards of squares or circles do not tell"
+    assert min(errors) < 0.1, "up to half a turn, which boards of squares or circles do not show"
 
 
-def test_parts_are_seen_from_above_with_what_lies_before_hiding_what_lies_behind():
-    low = mesh_of(Solid(joined=(block((20.0, 20.0), (0.0, 2.0)),)))
-    high = mesh_of(Solid(joined=(block((8.0, 8.0), (2.0, 12.0)),)))
-    seen = _seen([low.corners_mm, high.corners_mm], ["#ff0000", "#0000ff"]).astype(float)
-    under = _seen([high.corners_mm, low.corners_mm], ["#0000ff", "#ff0000"]).astype(float)
+def test_near_parts_hide_far_ones():
+    low = make_mesh(Solid(joined=(block((20.0, 20.0), (0.0, 2.0)),)))
+    high = make_mesh(Solid(joined=(block((8.0, 8.0), (2.0, 12.0)),)))
+    seen = render_meshes([low.corners_mm, high.corners_mm], ["#ff0000", "#0000ff"]).astype(float)
+    under = render_meshes([high.corners_mm, low.corners_mm], ["#0000ff", "#ff0000"]).astype(float)
     assert np.mean(np.abs(seen - under).max(axis=2) > 100) < 0.005  # their order does not matter
     is_paper = (seen == 255).all(axis=2)
     red, blue = (seen[..., channel] > 1.3 * seen[..., 2 - channel] for channel in (0, 2))
@@ -261,15 +263,15 @@ def test_parts_are_seen_from_above_with_what_lies_before_hiding_what_lies_behind
     assert 0.5 * whole * px_per_mm**2 < area["red"] < (whole - 64.0 * np.sin(rise)) * px_per_mm**2
 
 
-def test_black_is_one_path_so_that_no_hairline_is_printed_in_it(tmp_path: Path):
+def test_black_is_one_path(tmp_path: Path):
     svg, _ = write_board(parse_board("charuco:10x7", 25.0), tmp_path / "board")
     paths = re.findall(r'<path d="([^"]*)"', svg.read_text().partition('<g id="text_')[0])
     closed = [path for path in paths if path.rstrip().endswith("z")]
-    _page, ink = closed
-    assert ink.count("M") > 100
+    _page, black = closed
+    assert black.count("M") > 100
 
 
-def test_a_design_comes_with_everything(found, tmp_path: Path):
+def test_a_design_is_written_with_all_its_files(found, tmp_path: Path):
     assert write_design(found, tmp_path, step=True) == ()
     names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert names >= {
@@ -298,6 +300,6 @@ def test_a_design_comes_with_everything(found, tmp_path: Path):
     assert items["nut"]["count"] == str(len(screw_places(found.sensor, CHOICES)))
     import build123d
 
-    casing = next(part for part in parts_of(found.sensor, "TPU", CHOICES) if part.name == "casing")
+    casing = next(part for part in make_parts(found.sensor, "TPU", CHOICES) if part.name == "casing")
     step = build123d.import_step(tmp_path / "parts" / "casing.step")
-    assert step.volume == pytest.approx(mesh_of(casing.solid).volume_mm3, rel=1e-4)
+    assert step.volume == pytest.approx(make_mesh(casing.solid).volume_mm3, rel=1e-4)

@@ -1,40 +1,40 @@
-"""The parts of a sensor: the sheet with its markers, the clamp, the casing with light ledge and camera.
+"""The parts of a sensor: the sheet with its markers, the clamp, the casing with camera plate and light ledge.
 
-The sheet lies between the casing's upper flange and the clamp; screws go through all three. The casing
-is printed as it stands, the camera's plate down, so its only overhangs are chamfers of 45 degrees.
+The sheet lies between the upper flange of the casing and the clamp; screws go through all three. The casing
+is printed with the camera plate down, so that its only overhangs are chamfers of 45 degrees.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.design.parts.solids import Bore, Solid, Taper, block, pins
+from manytouch.design.parts.solids import CrossHole, Solid, Taper, block, pins
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 
 SCREW_RADIUS_MM = 1.7  # M3, loose
 NUT_RADIUS_MM = 3.3  # M3, across corners
 LEFT_ABOVE_NUT_MM = 2.4
-FREE_SHARE = 0.9  # of the room beside the camera's view, for the ledge
+FREE_SHARE = 0.9  # of the space outside the view of the camera, for the ledge
 BLACK, WHITE, GREY = "#1a1a1a", "#f2f2f2", "#4d4d4d"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CasingChoices:
-    """Measures of the casing that are a matter of taste, of the camera board, or of the printer.
+    """Dimensions of the casing that depend on taste, the camera board or the printer.
 
     Attributes:
         wall_mm: of the casing.
         flange_mm: width of the rim that clamps the sheet, on every side.
         clamp_mm: thickness of the clamp, and of the casing's flange.
-        screw_every_mm: distance of the screws, at most.
-        floor_mm: thickness of the camera's plate.
+        screw_every_mm: largest distance between screws.
+        floor_mm: thickness of the camera plate.
         lens_radius_mm: of the hole for the lens.
         board_holes_mm: (x, y) distance of the camera board's four screw holes.
         board_screw_radius_mm: of these holes.
         board_depth_mm: from the camera's centre of projection (in the lens) down to its board, which is
             screwed on from outside, the lens through the hole.
-        ledge_mm: width of the ledge for an LED strip, below the sheet; less where it would hide the sheet.
+        ledge_mm: width of the ledge for an LED strip below the sheet; reduced where it would hide the sheet.
         ledge_drop_mm: from the sheet down to the ledge.
         cable_radius_mm: of the hole in one wall.
         flush_mm: depth of markers printed flush in a second colour.
@@ -57,13 +57,13 @@ class CasingChoices:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Part:
-    """Something to print.
+    """A part to print.
 
     Attributes:
-        name: of its files.
-        solid: its shape, as it lies on the bed.
+        name: of its files, without suffix.
+        solid: its shape, in the position on the bed.
         colour: #RRGGBB.
-        material: in words.
+        material: description.
     """
 
     name: str
@@ -72,8 +72,8 @@ class Part:
     material: str
 
 
-def parts_of(sensor: Sensor, sheet_material: str, choices: CasingChoices | None = None) -> tuple[Part, ...]:
-    """All parts to print for a sensor whose camera looks straight at a rectangular sheet."""
+def make_parts(sensor: Sensor, sheet_material: str, choices: CasingChoices | None = None) -> tuple[Part, ...]:
+    """All parts to print for a rectangular sheet with the camera perpendicular to it."""
     choices = choices or CasingChoices()
     return (
         *sheet_parts(sensor, sheet_material, choices),
@@ -85,10 +85,10 @@ def parts_of(sensor: Sensor, sheet_material: str, choices: CasingChoices | None 
 
 
 def sheet_parts(sensor: Sensor, material: str, choices: CasingChoices) -> tuple[Part, Part]:
-    """The sheet and its markers, two bodies that are printed together, camera side up.
+    """The sheet and its markers, two bodies that are printed together with the camera side up.
 
-    Markers of no height are flush: their tops are part of the face, `flush_mm` deep. Seen from the
-    camera the sheet is mirrored against its drawing from outside: y of the part is -y of the sensor.
+    Markers of height 0 are flush: their tops are part of the face, and they reach `flush_mm` deep. The camera
+    views the sheet from below, therefore y of the part is -y of the sensor.
     """
     sheet, layout = sensor.sheet, sensor.layout
     assert sheet is not None and layout is not None  # noqa: PT018 - a design has both
@@ -134,9 +134,9 @@ def clamp(sensor: Sensor, choices: CasingChoices) -> Solid:
 
 
 def casing(sensor: Sensor, choices: CasingChoices) -> Solid:
-    """A box that holds the sheet at the stand-off above the camera.
+    """A box that supports the sheet at the stand-off above the camera.
 
-    z = 0 is the outside of the camera's plate, and the sheet's camera-side face lies on the upper rim.
+    z = 0 is the outside of the camera plate; the camera-side face of the sheet lies on the upper rim.
     """
     inner, outer = _inner(sensor), _outer(sensor, choices)
     top = height_mm(sensor, choices)
@@ -166,7 +166,7 @@ def casing(sensor: Sensor, choices: CasingChoices) -> Solid:
         pins(
             screw_places(sensor, choices), NUT_RADIUS_MM, (flange - overhang - 1.0, top - LEFT_ABOVE_NUT_MM)
         ),
-        Bore(
+        CrossHole(
             x_mm=0.0,
             z_mm=choices.floor_mm + choices.cable_radius_mm + 4.0,
             y_mm=(inner[1] / 2 - 1.0, tube[1] / 2 + 1.0),
@@ -177,19 +177,19 @@ def casing(sensor: Sensor, choices: CasingChoices) -> Solid:
 
 
 def ledge_mm(sensor: Sensor, choices: CasingChoices) -> float:
-    """Width of the ledge: as chosen, or what the camera's view of the sheet leaves free."""
+    """Width of the ledge, limited to the space outside the camera's view of the sheet."""
     share = (choices.ledge_drop_mm + choices.clamp_mm) / float(sensor.camera.translation_mm[2])
     free = 0.5 * min(_inner(sensor)) * share
     return min(choices.ledge_mm, FREE_SHARE * free)
 
 
 def height_mm(sensor: Sensor, choices: CasingChoices) -> float:
-    """From the outside of the camera's plate to the sheet: the camera's board hangs below the plate."""
+    """Height from the outside of the camera plate to the sheet; the camera board is below the plate."""
     return float(sensor.camera.translation_mm[2]) + choices.board_depth_mm
 
 
 def screw_places(sensor: Sensor, choices: CasingChoices) -> Points2:
-    """(n, 2) centres of the screws, evenly along the middle of the flange, one in each corner."""
+    """(n, 2) centres of the screws, at equal distances along the middle of the flange, one in each corner."""
     inner = _inner(sensor)
     half_x, half_y = (0.5 * (size + choices.flange_mm) for size in inner)
     along_x = np.linspace(-half_x, half_x, int(np.ceil(2 * half_x / choices.screw_every_mm)) + 1)
@@ -200,7 +200,7 @@ def screw_places(sensor: Sensor, choices: CasingChoices) -> Points2:
 
 
 def on_part(place_mm: Points2) -> Points2:
-    """Sheet coordinates as they lie on the printed sheet, camera side up: y is turned."""
+    """Sheet coordinates on the printed sheet with the camera side up: y changes its sign."""
     return np.asarray(place_mm * np.array([1.0, -1.0]))
 
 

@@ -1,4 +1,4 @@
-"""What to buy and print for a design, and how to put it together."""
+"""Bill of materials and assembly guide of a design."""
 
 import csv
 import io
@@ -17,7 +17,7 @@ SCREW_LENGTHS_MM = (8, 10, 12, 16, 20, 25, 30)
 def bill_of_materials(
     found: Design, parts: tuple[Part, ...], meshes: Mapping[str, PartMesh], choices: CasingChoices
 ) -> str:
-    """CSV: item, count, what, remark. Masses are of solid prints."""
+    """CSV text with the columns item, count, what, remark. Masses are those of solid prints."""
     table = io.StringIO()
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(["item", "count", "what", "remark"])
@@ -30,9 +30,9 @@ def bill_of_materials(
 
 
 def screw_length_mm(found: Design, choices: CasingChoices) -> int:
-    """The shortest usual M3 screw that goes through clamp, sheet and flange into the nut.
+    """The shortest standard M3 screw that reaches through clamp, sheet and flange into the nut.
 
-    The nut sits in the flange, so that only what is left above it counts.
+    The nut is inside the flange, of which only the part above the nut counts.
     """
     assert found.sensor.sheet is not None
     through = choices.clamp_mm + found.sensor.sheet.thickness_mm + choices.clamp_mm
@@ -40,39 +40,41 @@ def screw_length_mm(found: Design, choices: CasingChoices) -> int:
 
 
 def assembly(found: Design, choices: CasingChoices) -> str:
-    """The guide, as Markdown."""
+    """The assembly guide, as Markdown."""
     sensor = found.sensor
     sheet, layout = sensor.sheet, sensor.layout
     assert sheet is not None and layout is not None  # noqa: PT018 - a design has both
     screws = len(screw_places(sensor, choices))
     how = (
-        f"Print `sheet.3mf` in two colours, camera side up: the markers are {choices.flush_mm:g} mm deep "
-        "in the face."
+        f"Print `sheet.3mf` in two colours, with the camera side up. The markers reach "
+        f"{choices.flush_mm:g} mm deep into the face."
         if layout.height_mm == 0
-        else f"Print `sheet.3mf` camera side up; change to the light filament for the pins "
+        else f"Print `sheet.3mf` with the camera side up; change to the light filament for the markers "
         f"({layout.height_mm:g} mm high)."
     )
     steps = (
-        f"{how} Solid (100 % infill, lines alternating by 45°), since an even sheet is what the forces are "
-        "told by.",
-        "Print `casing.stl` as it stands, the camera's plate down, in black and matt filament, and "
-        "`clamp.stl`.",
-        f"Fix the camera board under the plate, its lens through the hole. The centre of the lens should "
-        f"then be {sensor.camera.translation_mm[2]:.1f} mm below the sheet "
-        f"({height_mm(sensor, choices):.1f} mm from the outside of the plate to the rim). A millimetre "
-        "more or less does not matter: it is calibrated.",
-        f"Lay an LED strip on the ledge all around ({_strip_mm(found, choices):.0f} mm), and its cable and "
-        "the camera's through the hole. Spread the light with a strip of white paper before it.",
-        "Paint or line the inside matt black; the markers alone shall shine.",
-        "Lay the printed marker pattern on the rim, markers down; focus the camera on it, then lock focus, "
-        "exposure and white balance. Take it off and `manytouch calibrate camera` with a printed board; "
-        "later the sheet is in the way.",
-        f"Put {screws} M3 nuts into the flange from below. Lay the sheet on the rim, markers down, without "
-        "pulling it; lay the clamp on it and tighten the screws crosswise, a little at a time.",
-        "`manytouch calibrate rest`, then `manytouch calibrate sheet` with presses of known force: only then "
-        "are newtons newtons.",
+        f"{how} Use 100 % infill with lines alternating by 45°: forces are calibrated only on a homogeneous "
+        "sheet.",
+        "Print `casing.stl` with the camera plate down, in matt black filament. Print `clamp.stl`.",
+        f"Screw the camera board under the plate, with its lens through the hole. The centre of the lens "
+        f"should be {sensor.camera.translation_mm[2]:.1f} mm below the sheet "
+        f"({height_mm(sensor, choices):.1f} mm from the outside of the plate to the rim). A difference of "
+        "one "
+        "millimetre is acceptable, because the distance is calibrated.",
+        f"Lay an LED strip on the ledge, all around ({_strip_mm(found, choices):.0f} mm). Lead its cable "
+        "and that "
+        "of the camera through the hole. Cover the strip with white paper to diffuse the light.",
+        "Paint the inside matt black, or line it with black flock, so that only the markers are bright.",
+        "Lay the printed marker pattern on the rim, markers down, and focus the camera on it. Lock focus, "
+        "exposure and white balance. Remove the pattern and run `manytouch calibrate camera` with a printed "
+        "board; this is not possible after the sheet is mounted.",
+        f"Insert {screws} M3 nuts into the flange from below. Lay the sheet on the rim, markers down, "
+        "without "
+        "stretching it. Lay the clamp on it and tighten the screws crosswise, a little at a time.",
+        "Run `manytouch calibrate rest`, then `manytouch calibrate sheet` with presses of known force. "
+        "Forces are calibrated only after this step.",
     )
-    picture = "![the parts as they are printed](parts.png)"
+    picture = "![parts in the orientation in which they are printed](parts.png)"
     lines = [
         f"# {sensor.name}",
         "",
@@ -85,17 +87,17 @@ def assembly(found: Design, choices: CasingChoices) -> str:
 
 
 def _bought(found: Design, choices: CasingChoices) -> Iterator[list[object]]:
-    camera = found.wishes.camera
+    camera = found.requirements.camera
     screws = len(screw_places(found.sensor, choices))
     yield [
         "camera",
         1,
-        f"{camera.width_px} x {camera.height_px} px, {camera.hfov_deg:g} degrees wide, focus from "
-        f"{camera.least_focus_mm:g} mm",
+        f"{camera.width_px} x {camera.height_px} px, {camera.hfov_deg:g} degrees horizontal field of view, "
+        f"focus from {camera.least_focus_mm:g} mm",
         f"board holes {choices.board_holes_mm[0]:g} x {choices.board_holes_mm[1]:g} mm",
     ]
     yield ["screw", screws, f"M3 x {screw_length_mm(found, choices)}", "clamp"]
-    yield ["nut", screws, "M3", "in the casing's flange"]
+    yield ["nut", screws, "M3", "in the flange of the casing"]
     yield ["screw", 4, "M2 x 6, self-tapping", "camera board"]
     yield [
         "LED strip",
@@ -103,8 +105,8 @@ def _bought(found: Design, choices: CasingChoices) -> Iterator[list[object]]:
         f"{_strip_mm(found, choices):.0f} mm, white, 5 V",
         f"at most {ledge_mm(found.sensor, choices):.0f} mm wide",
     ]
-    yield ["matt black paint", 1, "spray, or black flock", "inside of the casing"]
-    yield ["ball", 1, f"{2 * TIP_RADIUS_MM:g} mm, a marble", "under the weights, or as the printer's tip"]
+    yield ["matt black paint", 1, "spray, or black flock", "for the inside of the casing"]
+    yield ["ball", 1, f"{2 * TIP_RADIUS_MM:g} mm, a marble", "under the weights, or as the tip on a printer"]
     yield ["weights", 1, f"{', '.join(f'{grams:g}' for grams in WEIGHTS_G)} g", "or a kitchen scale"]
     yield ["USB cable", 1, "of the camera", f"through a hole of {2 * choices.cable_radius_mm:g} mm"]
 

@@ -1,7 +1,4 @@
-"""From solids to watertight meshes (extra `parts`), and to STL and 3MF files.
-
-The booleans are manifold3d's, which always end in a closed mesh.
-"""
+"""Watertight meshes of solids by manifold3d, and STL and 3MF files by trimesh (extra `parts`)."""
 
 import math
 from collections.abc import Sequence
@@ -12,23 +9,24 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.design.parts.solids import Bore, Box, Pins, Primitive, Solid, Taper
+from manytouch.design.parts.solids import Box, CrossHole, Pins, Primitive, Solid, Taper
 from manytouch.errors import MissingExtraError, OutputError
 
 if TYPE_CHECKING:
     from manifold3d import Manifold
+    from trimesh import Trimesh
 
 SEGMENT_MM = 0.25
-"""Circles are drawn with chords of about this length, and at least 16."""
+"""Approximate length of the edges of the polygons that replace circles; these have at least 16 edges."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PartMesh:
-    """A closed surface of triangles, counterclockwise seen from outside.
+    """A closed surface of triangles, which are counterclockwise when viewed from outside.
 
     Attributes:
         vertex_mm: (v, 3).
-        triangle: (t, 3) numbers of vertices.
+        triangle: (t, 3) indices of vertices.
     """
 
     vertex_mm: Float64[np.ndarray, "v 3"]
@@ -36,7 +34,7 @@ class PartMesh:
 
     @property
     def corners_mm(self) -> Float64[np.ndarray, "t 3 3"]:
-        """(t, 3, 3) the corners of each triangle."""
+        """(t, 3, 3) corners of each triangle."""
         return np.asarray(self.vertex_mm[self.triangle])
 
     @property
@@ -46,14 +44,14 @@ class PartMesh:
         return float(np.einsum("ij,ij->", a, np.cross(b, c))) / 6
 
 
-def mesh_of(solid: Solid) -> PartMesh:
+def make_mesh(solid: Solid) -> PartMesh:
     """The closed mesh of a solid.
 
-    Circles become polygons of the circle's area, so volumes are those of the circles.
+    Circles become polygons of equal area, so that volumes are exact.
 
     Raises:
         MissingExtraError: manifold3d is not installed.
-        ValueError: nothing is left of the solid.
+        ValueError: the solid is empty.
     """
     try:
         from manifold3d import Manifold, OpType
@@ -61,11 +59,11 @@ def mesh_of(solid: Solid) -> PartMesh:
         raise MissingExtraError("meshes of parts", "manifold3d", "parts") from None
     joined = Manifold.batch_boolean([_manifold(item) for item in solid.joined], OpType.Add)
     if solid.removed:
-        gone = Manifold.batch_boolean([_manifold(item) for item in solid.removed], OpType.Add)
-        joined = joined - gone
+        removed = Manifold.batch_boolean([_manifold(item) for item in solid.removed], OpType.Add)
+        joined = joined - removed
     found = joined.to_mesh64()
     if len(found.tri_verts) == 0:
-        raise ValueError("the solid is empty: what is removed covers all of it")
+        raise ValueError("the solid is empty: the removed primitives cover all of it")
     return PartMesh(
         vertex_mm=np.asarray(found.vert_properties, dtype=np.float64)[:, :3],
         triangle=np.asarray(found.tri_verts, dtype=np.int64),
@@ -73,45 +71,46 @@ def mesh_of(solid: Solid) -> PartMesh:
 
 
 def write_stl(mesh: PartMesh, path: Path) -> None:
-    """A binary STL file, mm.
+    """Writes a binary STL file, mm.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
+        MissingExtraError: trimesh is not installed.
     """
-    corners = mesh.corners_mm
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-30)
-    row = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("unused", "<u2")])
-    table = np.zeros(len(corners), dtype=row)
-    table["normal"], table["corners"] = normal, corners
-    head = b"manytouch, mm".ljust(80, b" ") + np.uint32(len(corners)).tobytes()
-    try:
-        path.write_bytes(head + table.tobytes())
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror}") from None
+    _write(_trimesh(mesh).export(file_type="stl"), path)
 
 
 def write_3mf(meshes: Sequence[tuple[str, PartMesh, str]], path: Path) -> None:
-    """A 3MF file of named objects with colours (#RRGGBB), mm, that a slicer opens as one print.
+    """Writes a 3MF file of named objects with colours (#RRGGBB), mm, that a slicer opens as one print.
 
     Raises:
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
         MissingExtraError: trimesh is not installed.
     """
-    try:
-        import trimesh
-    except ModuleNotFoundError:
-        raise MissingExtraError("3MF files", "trimesh", "parts") from None
+    shapes = [(name, _trimesh(mesh), colour) for name, mesh, colour in meshes]
+    import trimesh
+
     scene = trimesh.Scene()
-    for name, mesh, colour in meshes:
-        shape = trimesh.Trimesh(vertices=mesh.vertex_mm, faces=mesh.triangle, process=False)
+    for name, shape, colour in shapes:
         rgb = [int(colour[place : place + 2], 16) for place in (1, 3, 5)]
         shape.visual = trimesh.visual.ColorVisuals(shape, face_colors=[*rgb, 255])
         shape.units = "millimeter"
         scene.add_geometry(shape, node_name=name, geom_name=name)
     scene.units = "millimeter"
+    _write(scene.export(file_type="3mf"), path)  # type: ignore[no-untyped-call]
+
+
+def _trimesh(mesh: PartMesh) -> "Trimesh":
     try:
-        path.write_bytes(scene.export(file_type="3mf"))  # type: ignore[no-untyped-call]
+        import trimesh
+    except ModuleNotFoundError:
+        raise MissingExtraError("files of parts", "trimesh", "parts") from None
+    return trimesh.Trimesh(vertices=mesh.vertex_mm, faces=mesh.triangle, process=False)
+
+
+def _write(content: bytes, path: Path) -> None:
+    try:
+        path.write_bytes(content)
     except OSError as error:
         raise OutputError(f"cannot write {path}: {error.strerror}") from None
 
@@ -124,8 +123,8 @@ def _manifold(item: Primitive) -> "Manifold":
             return _taper(item)
         case Pins():
             return _pins(item)
-        case Bore():
-            return _bore(item)
+        case CrossHole():
+            return _cross_hole(item)
 
 
 def _block(x_mm: tuple[float, float], y_mm: tuple[float, float], z_mm: tuple[float, float]) -> "Manifold":
@@ -148,7 +147,7 @@ def _taper(item: Taper) -> "Manifold":
 
 
 def _circle(radius_mm: float) -> np.ndarray:
-    """(n, 2) a polygon of the circle's area."""
+    """(n, 2) corners of a polygon with the area of the circle."""
     count = max(16, 4 * math.ceil(math.tau * radius_mm / SEGMENT_MM / 4))
     angle = math.tau * (np.arange(count) + 0.5) / count
     outer = radius_mm * math.sqrt(math.tau / count / math.sin(math.tau / count))
@@ -165,7 +164,7 @@ def _pins(item: Pins) -> "Manifold":
     return Manifold.batch_boolean(moved, OpType.Add)
 
 
-def _bore(item: Bore) -> "Manifold":
+def _cross_hole(item: CrossHole) -> "Manifold":
     from manifold3d import CrossSection, Manifold
 
     length = item.y_mm[1] - item.y_mm[0]

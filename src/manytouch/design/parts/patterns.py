@@ -23,10 +23,10 @@ A4_MM = (297.0, 210.0)
 CIRCLE_SHARE = 0.3  # radius of a circle over the distance of two
 
 
-def write_pattern(sensor: Sensor, stem: Path) -> tuple[Path, Path]:
-    """The markers of a sensor as they lie on the sheet seen from the camera, with the clamped outline.
+def write_marker_pattern(sensor: Sensor, stem: Path) -> tuple[Path, Path]:
+    """Writes the markers of a sensor as viewed by the camera, with the clamped outline.
 
-    The page is the outline and a margin. Print it at 100 %: the ruler below is 50 mm long.
+    The page is the outline with a margin. It must be printed at 100 %: its ruler is 50 mm long.
 
     Raises:
         OutputError: a file cannot be written.
@@ -41,36 +41,36 @@ def write_pattern(sensor: Sensor, stem: Path) -> tuple[Path, Path]:
         from matplotlib.patches import Circle, Rectangle
 
         shown = ~layout.is_missing
-        ground, ink = ("black", "white") if layout.polarity == "light" else ("white", "black")
+        background, colour = ("black", "white") if layout.polarity == "light" else ("white", "black")
         half = 0.5 * np.asarray(sheet.size_mm)
         axes.add_patch(
-            Rectangle((-half[0], -half[1]), 2 * half[0], 2 * half[1], fc=ground, ec="black", lw=0.3)
+            Rectangle((-half[0], -half[1]), 2 * half[0], 2 * half[1], fc=background, ec="black", lw=0.3)
         )
         circles = [
             Circle(place, radius)
             for place, radius in zip(layout.rest_mm[shown, :2], layout.radius_mm[shown], strict=True)
         ]
-        axes.add_collection(PatchCollection(circles, fc=ink, ec="none"))
+        axes.add_collection(PatchCollection(circles, fc=colour, ec="none"))
         _ruler(axes, -half[0], half[1] + 4.0)
 
-    return _written(_page((float(size[0]), float(size[1])), draw), stem)
+    return _save(_page((float(size[0]), float(size[1])), draw), stem)
 
 
 def write_board(board: Board, stem: Path) -> tuple[Path, Path]:
-    """A board for `calibrate camera`, on an A4 page, lying.
+    """Writes a board for `calibrate camera` on an A4 page in landscape format.
 
     Raises:
-        OutputError: it does not fit the page, or a file cannot be written.
+        OutputError: the board does not fit the page, or a file cannot be written.
         MissingExtraError: matplotlib is not installed.
     """
-    return _written(board_page(board), stem)
+    return _save(board_page(board), stem)
 
 
 def board_page(board: Board) -> "Figure":
     """The page of `write_board`.
 
     Raises:
-        OutputError: the board does not fit it.
+        OutputError: the board does not fit the page.
         MissingExtraError: matplotlib is not installed.
     """
     side = board.square_mm
@@ -79,18 +79,19 @@ def board_page(board: Board) -> "Figure":
     if size[0] > A4_MM[0] - MARGIN_MM or size[1] > A4_MM[1] - 2 * MARGIN_MM:
         raise OutputError(
             f"the board {board} with {side:g} mm is {size[0]:g} x {size[1]:g} mm and does not fit "
-            "an A4 page: take smaller squares or fewer of them"
+            "an A4 page: use smaller squares or fewer of them"
         )
 
     def draw(axes: "Axes") -> None:
         from matplotlib.patches import PathPatch
         from matplotlib.path import Path as Outline
 
-        # One path, since neighbours that are filled one by one are printed with a hairline between them.
-        ink = [
-            item.get_patch_transform().transform_path(item.get_path()) for item in _ink(board, -0.5 * size)
+        # One path, because patches that are filled one by one are printed with a hairline between them.
+        outlines = [
+            patch.get_patch_transform().transform_path(patch.get_path())
+            for patch in _black_patches(board, -0.5 * size)
         ]
-        axes.add_patch(PathPatch(Outline.make_compound_path(*ink), fc="black", ec="none"))
+        axes.add_patch(PathPatch(Outline.make_compound_path(*outlines), fc="black", ec="none"))
         label = f"{board}, {'squares' if board.has_corners else 'distance'} of {side:g} mm"
         axes.text(size[0] / 2, size[1] / 2 + 7.0, label, ha="right", va="center", fontsize=8)
         _ruler(axes, -size[0] / 2, size[1] / 2 + 5.0)
@@ -98,8 +99,8 @@ def board_page(board: Board) -> "Figure":
     return _page(A4_MM, draw)
 
 
-def _ink(board: Board, corner_mm: np.ndarray) -> "list[Patch]":
-    """What is black on a board whose first corner lies there."""
+def _black_patches(board: Board, corner_mm: np.ndarray) -> "list[Patch]":
+    """The black areas of a board whose first corner is at `corner_mm`."""
     from matplotlib.patches import Circle, Rectangle
 
     side = board.square_mm
@@ -133,7 +134,7 @@ def _page(size_mm: tuple[float, float], draw: Callable[["Axes"], None]) -> "Figu
     return figure
 
 
-def _written(figure: "Figure", stem: Path) -> tuple[Path, Path]:
+def _save(figure: "Figure", stem: Path) -> tuple[Path, Path]:
     from matplotlib import rc_context
 
     paths = (stem.with_suffix(".svg"), stem.with_suffix(".pdf"))

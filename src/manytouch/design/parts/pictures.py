@@ -1,4 +1,4 @@
-"""A picture of the parts to print, each seen from above and aside, with its size."""
+"""A picture of the parts to print in perspective, with their sizes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -16,13 +16,13 @@ TURN_DEG, RISE_DEG = 28.0, 38.0
 ACROSS_PX = 1000
 SAMPLES_PER_PX = 4.0
 DARKEST = 0.45
-"""Black parts are drawn in this grey, or nothing of them would be seen."""
+"""Smallest grey level of black parts in the picture."""
 AMBIENT = 0.35
 LIGHT = np.array([-0.35, -0.45, 0.82])
 
 
 def draw_parts(parts: Sequence[Part], meshes: Mapping[str, PartMesh], path: Path) -> None:
-    """Draw all parts as a PNG, the sheet with its markers in it.
+    """Draws all parts as a PNG; the sheet includes its markers.
 
     Raises:
         MissingExtraError: matplotlib is not installed.
@@ -36,7 +36,7 @@ def draw_parts(parts: Sequence[Part], meshes: Mapping[str, PartMesh], path: Path
     figure = Figure(figsize=(4.6 * len(groups), 4.0), layout="constrained")
     for axes, group in zip(np.atleast_1d(figure.subplots(1, len(groups))), groups, strict=True):
         corners = [meshes[part.name].corners_mm for part in group]
-        axes.imshow(_seen(corners, [part.colour for part in group]), interpolation="antialiased")
+        axes.imshow(render_meshes(corners, [part.colour for part in group]), interpolation="antialiased")
         size = np.ptp(np.concatenate([part.reshape(-1, 3) for part in corners]), axis=0)
         name = " with ".join(part.name for part in group)
         axes.set_title(f"{name}\n{size[0]:.0f} x {size[1]:.0f} x {size[2]:.1f} mm, as printed", fontsize=11)
@@ -44,45 +44,50 @@ def draw_parts(parts: Sequence[Part], meshes: Mapping[str, PartMesh], path: Path
     figure.savefig(path, dpi=110)
 
 
-def _seen(corners: Sequence[Float64[np.ndarray, "_ 3 3"]], colours: Sequence[str]) -> np.ndarray:
-    """(h, w, 3) picture of some meshes: the nearest of many points on their triangles in each pixel."""
+def render_meshes(corners: Sequence[Float64[np.ndarray, "_ 3 3"]], colours: Sequence[str]) -> np.ndarray:
+    """(h, w, 3) uint8 RGB picture of meshes, by a depth buffer of random points on their triangles.
+
+    Args:
+        corners: (t, 3, 3) triangles of each mesh, mm.
+        colours: of each mesh.
+    """
     from matplotlib.colors import to_rgb
 
     view = _view()
-    turned = [part @ view.T for part in corners]
-    everything = np.concatenate([part.reshape(-1, 3) for part in turned])
+    rotated = [part @ view.T for part in corners]
+    everything = np.concatenate([part.reshape(-1, 3) for part in rotated])
     low, high = everything.min(axis=0), everything.max(axis=0)
     px_per_mm = ACROSS_PX / float((high - low)[0])
     width, height = (int(np.ceil(side * px_per_mm)) + 3 for side in (high - low)[:2])
     nearest = np.full((height, width), -np.inf)
     picture = np.ones((height, width, 3))
-    chance = np.random.default_rng(0)
-    for part, mesh, colour in zip(turned, corners, colours, strict=True):
+    random = np.random.default_rng(0)
+    for part, mesh, colour in zip(rotated, corners, colours, strict=True):
         edge = np.cross(mesh[:, 1] - mesh[:, 0], mesh[:, 2] - mesh[:, 0])
         normal = edge / np.maximum(np.linalg.norm(edge, axis=1, keepdims=True), 1e-12)
         shade = AMBIENT + (1.0 - AMBIENT) * np.clip(normal @ LIGHT, 0.0, 1.0)
         flat = np.linalg.det(part[:, 1:, :2] - part[:, :1, :2])
         count = np.where(flat > 0.0, np.ceil(SAMPLES_PER_PX * 0.5 * flat * px_per_mm**2) + 2, 0).astype(int)
         of = np.repeat(np.arange(len(part)), count)
-        u, v = chance.random((2, len(of)))
+        u, v = random.random((2, len(of)))
         u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
         place = (
             part[of, 0] + u[:, None] * (part[of, 1] - part[of, 0]) + v[:, None] * (part[of, 2] - part[of, 0])
         )
         column = np.rint((place[:, 0] - low[0]) * px_per_mm).astype(int) + 1
         row = np.rint((high[1] - place[:, 1]) * px_per_mm).astype(int) + 1
-        order = np.argsort(place[:, 2])  # the nearest is written last
+        order = np.argsort(place[:, 2])  # the nearest point is written last
         column, row, of, depth = column[order], row[order], of[order], place[order, 2]
         is_front = depth > nearest[row, column]
         column, row, of, depth = column[is_front], row[is_front], of[is_front], depth[is_front]
         nearest[row, column] = depth
         picture[row, column] = shade[of][:, None] * np.maximum(to_rgb(colour), DARKEST)
-    # Points are scattered by chance, so that some pixels get none.
+    # Points are scattered by random, so that some pixels get none.
     return np.asarray(cv2.medianBlur((255 * picture).astype(np.uint8), 3))
 
 
 def _view() -> np.ndarray:
-    """(3, 3) rotation to x right, y up, z towards the eye."""
+    """(3, 3) rotation to x right, y up, z towards the viewer."""
     turn, rise = np.deg2rad([TURN_DEG, 90.0 - RISE_DEG])
     about_z = np.array(
         [[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]

@@ -1,6 +1,6 @@
-"""Solids as a tree of a few primitives: one description, from which meshes and STEP files are made.
+"""Solids as trees of a few primitives, from which both meshes and STEP files are made.
 
-Millimetres; each part has a frame of its own with z up as it lies on the printer's bed.
+All lengths are in mm; each part has its own frame with z up from the bed of the printer.
 """
 
 from dataclasses import dataclass
@@ -9,12 +9,14 @@ import numpy as np
 
 from manytouch.values.arrays import Points2
 
-Extent = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Box:
-    """All points whose x, y and z lie within spans."""
+    """A block with axis-parallel edges.
+
+    Attributes:
+        x_mm, y_mm, z_mm: (low, high) along each axis.
+    """
 
     x_mm: tuple[float, float]
     y_mm: tuple[float, float]
@@ -23,10 +25,10 @@ class Box:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Taper:
-    """A block whose rectangle, centred on the axis, changes evenly from z to z.
+    """A frustum with rectangular ends that are centred on the z axis.
 
     Attributes:
-        lower_mm, upper_mm: full width along x and y at both ends.
+        lower_mm, upper_mm: full width along x and y of both ends.
         z_mm: of both ends.
     """
 
@@ -37,7 +39,7 @@ class Taper:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Pins:
-    """Equal upright cylinders, or cones cut off.
+    """Equal upright cylinders or truncated cones.
 
     Attributes:
         centre_mm: (n, 2) of their axes.
@@ -53,8 +55,8 @@ class Pins:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Bore:
-    """A cylinder that lies along y.
+class CrossHole:
+    """A cylinder along y.
 
     Attributes:
         x_mm, z_mm: of its axis.
@@ -70,29 +72,29 @@ class Bore:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Solid:
-    """Primitives joined, and others taken away from them.
+    """The union of primitives, minus others.
 
     Attributes:
         joined: at least one.
-        removed: from all of them.
+        removed: subtracted from their union.
     """
 
     joined: tuple["Primitive", ...]
     removed: tuple["Primitive", ...] = ()
 
 
-Primitive = Box | Taper | Pins | Bore
+Primitive = Box | Taper | Pins | CrossHole
 
 
 def pins(
     centre_mm: Points2, radius_mm: float, z_mm: tuple[float, float], *, upper_radius_mm: float | None = None
 ) -> Pins:
-    """Upright cylinders; cones with another radius at the upper end."""
+    """Upright cylinders, or truncated cones if the upper radius is given."""
     upper = radius_mm if upper_radius_mm is None else upper_radius_mm
     return Pins(centre_mm=np.asarray(centre_mm), radius_mm=radius_mm, upper_radius_mm=upper, z_mm=z_mm)
 
 
 def block(size_mm: tuple[float, float], z_mm: tuple[float, float]) -> Box:
-    """An upright block centred on the axis."""
+    """A block centred on the z axis."""
     half_x, half_y = 0.5 * size_mm[0], 0.5 * size_mm[1]
     return Box(x_mm=(-half_x, half_x), y_mm=(-half_y, half_y), z_mm=z_mm)

@@ -1,26 +1,26 @@
-"""From solids to STEP files (extra `step`), for people who go on in CAD."""
+"""STEP files of solids by build123d (extra `step`), for further work in CAD."""
 
 from pathlib import Path
 from typing import Any
 
-from manytouch.design.parts.solids import Bore, Box, Pins, Primitive, Solid, Taper
+from manytouch.design.parts.solids import Box, CrossHole, Pins, Primitive, Solid, Taper
 from manytouch.errors import MissingExtraError, OutputError
 
 
 def write_step(solid: Solid, path: Path) -> None:
-    """A STEP file with true cylinders and planes, mm.
+    """Writes a STEP file with exact cylinders and planes, mm.
 
     Raises:
         MissingExtraError: build123d is not installed.
-        OutputError: it cannot be written.
+        OutputError: the file cannot be written.
     """
     try:
         from build123d import export_step
     except ModuleNotFoundError:
         raise MissingExtraError("STEP files", "build123d", "step") from None
-    shape = _joined(solid.joined)
+    shape = _union(solid.joined)
     if solid.removed:
-        shape -= _joined(solid.removed)
+        shape -= _union(solid.removed)
     try:
         written = export_step(shape, str(path))
     except OSError as error:
@@ -29,7 +29,7 @@ def write_step(solid: Solid, path: Path) -> None:
         raise OutputError(f"cannot write {path}")
 
 
-def _joined(items: tuple[Primitive, ...]) -> Any:
+def _union(items: tuple[Primitive, ...]) -> Any:
     first, *others = [shape for item in items for shape in _shapes(item)]
     return first.fuse(*others) if others else first
 
@@ -55,6 +55,6 @@ def _shapes(item: Primitive) -> list[Any]:
                 else cad.Solid.make_cone(item.radius_mm, item.upper_radius_mm, height)
             )
             return [cad.Pos(float(x), float(y), item.z_mm[0]) * one for x, y in item.centre_mm]
-        case Bore():
+        case CrossHole():
             plane = cad.Plane(origin=(item.x_mm, item.y_mm[0], item.z_mm), z_dir=(0, 1, 0))
             return [cad.Solid.make_cylinder(item.radius_mm, item.y_mm[1] - item.y_mm[0], plane=plane)]

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from manytouch.values.kernels import Flags, Floats, Integers, no_type_check
+from manytouch.compilation import kernel, no_type_check
+from manytouch.values.arrays import Flags, Floats, Integers
 
 
 class InterpolationRule(NamedTuple):
@@ -27,7 +27,7 @@ class InterpolationRule(NamedTuple):
     rounds: int
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def _interpolate_one(
     m: int, rule: InterpolationRule, known: Flags, displacement: Floats, covariance: Floats
@@ -57,7 +57,7 @@ def _interpolate_one(
     covariance[m, 0, 1] = covariance[m, 1, 0] = xy
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def interpolate_unseen(
     displacement: Floats, covariance: Floats, is_seen: Flags, rule: InterpolationRule

@@ -2,7 +2,7 @@
 
 from typing import NamedTuple
 
-from manytouch.values.kernels import Floats, Integers
+from manytouch.values.arrays import Floats, Integers
 
 
 class CellLists(NamedTuple):

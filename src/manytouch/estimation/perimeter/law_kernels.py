@@ -3,16 +3,15 @@
 # ruff: noqa: PLR0917 - compiled functions take positional arguments
 
 import numpy as np
-from numba import njit
 
+from manytouch.compilation import REORDER, kernel, no_type_check
 from manytouch.estimation.perimeter.law_inputs import CellLists, LawErrors, Rays
-from manytouch.values.kernels import Floats, Integers, no_type_check
+from manytouch.values.arrays import Floats, Integers
 
-FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays what it is
 ONE, TWO, THREE = (np.uint64(number) for number in (1, 2, 3))
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=REORDER)
 @no_type_check
 def cell_depths(plane: Floats, cells: CellLists, distance: float) -> tuple[Floats, Floats]:
     """Depth (c,) of each cell, and its derivative (c, 4, 2) with respect to its corners in the plane."""
@@ -48,7 +47,7 @@ def cell_depths(plane: Floats, cells: CellLists, distance: float) -> tuple[Float
     return depth, slope
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def marker_depths(cells: CellLists, cell_depth: Floats) -> Floats:
     """Mean (m,) of the cells at each marker; NaN where there are none."""
@@ -63,7 +62,7 @@ def marker_depths(cells: CellLists, cell_depth: Floats) -> Floats:
     return depth
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=REORDER)
 @no_type_check
 def depth_noise(slope: Floats, cells: CellLists, covariance: Floats) -> tuple[Floats, Floats]:
     """Variance (m,) of the depths, and their covariance (m, 2) with the markers' own positions.
@@ -101,7 +100,7 @@ def depth_noise(slope: Floats, cells: CellLists, covariance: Floats) -> tuple[Fl
     return variance, mixed
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def along_rays(
     plane: Floats, rays: Rays, depth: Floats, covariance: Floats, variance: Floats, mixed: Floats
@@ -139,7 +138,7 @@ def along_rays(
     return displacement, out
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def law_displacements(
     plane: Floats, rays: Rays, cells: CellLists, covariance: Floats
@@ -151,7 +150,7 @@ def law_displacements(
     return along_rays(plane, rays, depth, covariance, variance, mixed)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def surface_at_markers(
     displacement: Floats, view: Floats, rays: Rays, cells: CellLists, covariance: Floats, errors: LawErrors
@@ -179,7 +178,7 @@ def surface_at_markers(
     return out, spread
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=REORDER)
 @no_type_check
 def _add_neighbours(
     depth: Floats, variance: Floats, neighbour: Integers, slope: Floats, curvature: Floats, sums: Floats
@@ -203,7 +202,7 @@ def _add_neighbours(
         squares[m] += there * there
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def law_error_variances(depth: Floats, variance: Floats, errors: LawErrors) -> Floats:
     """Variance (m,) of the law's deviation from the depth, from slope and curvature of its own map.
@@ -238,7 +237,7 @@ def law_error_variances(depth: Floats, variance: Floats, errors: LawErrors) -> F
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def add_depth_variances(covariance: Floats, variance: Floats, rays: Rays) -> None:
     """Adds variances (m,) of the depth, which moves markers along their rays, to covariances (m, 3, 3)."""

@@ -5,11 +5,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from manytouch.values.kernels import Flags, Floats, Integers, no_type_check
+from manytouch.compilation import REORDER, kernel, no_type_check
+from manytouch.values.arrays import Flags, Floats, Integers
 
-FAST = {"reassoc", "contract", "nsz", "arcp"}  # NaN stays what it is
 STD_SAMPLE = 256  # covariances that a median is taken of, because they differ little
 
 
@@ -31,7 +30,7 @@ class MotionSearch(NamedTuple):
     rounds: int
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def border_weights(rest: Floats, border_weight: float) -> Floats:
     """(m,) from 1 in the middle to `border_weight` at the border of points (m, 2)."""
@@ -44,7 +43,7 @@ def border_weights(rest: Floats, border_weight: float) -> Floats:
     return 1.0 + (border_weight - 1.0) * weight**2
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=REORDER)
 @no_type_check
 def _squared_residuals(x: Floats, y: Floats, u: Floats, v: Floats, motion: Floats, out: Floats) -> None:
     """Writes the squared residuals (m,) of a motion (3,) at places x, y with displacements u, v."""
@@ -55,7 +54,7 @@ def _squared_residuals(x: Floats, y: Floats, u: Floats, v: Floats, motion: Float
         out[m] = a * a + b * b
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=REORDER)
 @no_type_check
 def _weight_below(square: Floats, weight: Floats, limit: float) -> float:
     """Sum of the weights (m,) whose squared residuals (m,) are below a limit."""
@@ -65,7 +64,7 @@ def _weight_below(square: Floats, weight: Floats, limit: float) -> float:
     return total
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=REORDER)
 @no_type_check
 def _fit_motion(
     x: Floats, y: Floats, u: Floats, v: Floats, w: Floats, square: Floats, gate: float, motion: Floats
@@ -90,7 +89,7 @@ def _fit_motion(
     motion[0], motion[1] = mean_x + motion[2] * middle_y, mean_y - motion[2] * middle_x
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def weighted_quantile(residual: Floats, weight: Floats, goal: float) -> float:
     """The smallest residual (m,) up to which the weights (m,) add up to `goal`; reorders both arrays.
@@ -121,7 +120,7 @@ def weighted_quantile(residual: Floats, weight: Floats, goal: float) -> float:
     return float(residual[low])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def propose_motion(rest: Floats, displacement: Floats, is_seen: Flags, search: MotionSearch) -> Floats:
     """The motion (3,) of x, y and angle that fits `share` of the weight best.
@@ -166,7 +165,7 @@ def propose_motion(rest: Floats, displacement: Floats, is_seen: Flags, search: M
     return best
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def refine_motion(
     rest: Floats, displacement: Floats, is_seen: Flags, std: float, search: MotionSearch, motion: Floats
@@ -190,7 +189,7 @@ def refine_motion(
     return motion
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def median_std(covariance: Floats, is_seen: Flags) -> float:
     """Median standard deviation along an axis of the seen ones of covariances (m, 2, 2), from a sample."""
@@ -206,7 +205,7 @@ def median_std(covariance: Floats, is_seen: Flags) -> float:
     return float(np.sqrt(np.median(spread[:number]) / 2.0))
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
 def estimate_motion(
     rest: Floats, displacement: Floats, is_seen: Flags, std: float, search: MotionSearch

@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
-from manytouch.values.kernels import Floats, Integers, no_type_check
+from manytouch.compilation import kernel, no_type_check
+from manytouch.values.arrays import Floats, Integers
 
 
 class SpacingStencil(NamedTuple):
@@ -24,7 +24,7 @@ class SpacingStencil(NamedTuple):
     least: float
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
 def log_stretch(shift: Floats, stencil: SpacingStencil) -> tuple[Floats, Floats]:
     """(m,) logarithm of the change of areas, and twice that of lengths across, for displacements (m, 2)."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from manytouch.design.choose import lattice
-from manytouch.design.prototype import FINGERTIP, Prototype, Touched
+from manytouch.design.prototype import FINGERTIP, ObservedPress, Prototype
 from manytouch.estimation import MechanicsEstimator
 from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.evaluation.suite.solutions import Solutions
@@ -125,7 +125,7 @@ def test_a_clamp_is_as_soft_as_a_solids(solved) -> None:
 
 
 @pytest.fixture(scope="module")
-def beside_the_clamp(tmp_path_factory: pytest.TempPathFactory) -> tuple[Sensor, Touched]:
+def beside_the_clamp(tmp_path_factory: pytest.TempPathFactory) -> tuple[Sensor, ObservedPress]:
     """A small sheet, and a fingertip in it that is four thicknesses from a clamp."""
     sheet = Sheet(size_mm=np.array([44.0, 36.0]), thickness_mm=2.0, young_MPa=3.0, poisson=0.45)
     sensor = Sensor(
@@ -136,12 +136,14 @@ def beside_the_clamp(tmp_path_factory: pytest.TempPathFactory) -> tuple[Sensor, 
     )
     whole = Prototype.of(sensor)
     folder = Path(tmp_path_factory.mktemp("states"))
-    touched = replace(whole, states=StateCache(folder=folder)).touched(FINGERTIP, np.array([13.0, 1.0]), 1.6)
+    touched = replace(whole, states=StateCache(folder=folder)).press(FINGERTIP, np.array([13.0, 1.0]), 1.6)
     assert touched is not None
     return sensor, touched
 
 
-def test_what_a_clamp_does_to_a_centre_is_in_its_deviation(beside_the_clamp: tuple[Sensor, Touched]) -> None:
+def test_what_a_clamp_does_to_a_centre_is_in_its_deviation(
+    beside_the_clamp: tuple[Sensor, ObservedPress],
+) -> None:
     sensor, touched = beside_the_clamp
     estimate = MechanicsEstimator()
     state = estimate.start(sensor)
