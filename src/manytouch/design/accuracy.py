@@ -95,7 +95,7 @@ def predicted_accuracy(
     for place, depth_mm in zip(place_mm, prototype.fingertip_depths_mm(place_mm, force_N), strict=True):
         if on_message is not None:
             on_message(f"pressing at {place[0]:.0f}, {place[1]:.0f} mm")
-        rows.append(_deviations(method, initial, prototype.press(FINGERTIP, place, depth_mm), random))
+        rows.append(press_deviations(method, initial, prototype.press(FINGERTIP, place, depth_mm), random))
     table = read_only(np.array(rows))
     return PredictedAccuracy(
         place_mm=read_only(place_mm),
@@ -112,7 +112,7 @@ def typical_force_N(found: Design) -> float:
     return float(np.sqrt(np.prod(found.requirements.force_N)))
 
 
-def _deviations(
+def press_deviations(
     method: MechanicsEstimator,
     initial: MechanicsState,
     press: ObservedPress | None,

@@ -9,14 +9,14 @@ import pytest
 
 from manytouch.design.accuracy import (
     NO_MODEL_ERROR,
-    _deviations,
     predicted_accuracy,
+    press_deviations,
     scale_design,
     typical_force_N,
 )
 from manytouch.design.choose import design_sensor
 from manytouch.design.deflection import fingertip
-from manytouch.design.prototype import FINGERTIP, TIP, ObservedPress, Prototype
+from manytouch.design.prototype import FINGERTIP, TIP, ObservedPress, Prototype, observe_press
 from manytouch.design.requirements import Requirements
 from manytouch.design.write import write_prediction
 from manytouch.estimation.mechanics.contacts import ContactEstimator
@@ -106,7 +106,7 @@ def test_errors_of_the_method_are_added_to_the_noise(found):
 
     def deviations(row):
         random = np.random.default_rng(0)
-        return _deviations(
+        return press_deviations(
             method,
             fresh,
             ObservedPress(displacement_px=seen, contact=contact_from_row(np.array(row))),
@@ -123,7 +123,7 @@ def test_errors_of_the_method_are_added_to_the_noise(found):
     assert abs(deeper[3] - depth_off) == pytest.approx(0.5, rel=0.2)
     stronger = deviations([0.0, 0.0, -1.5, *row[3:]])
     assert stronger[4] == pytest.approx(0.5, abs=0.05)
-    assert np.isnan(_deviations(method, fresh, None, np.random.default_rng(0))).all()
+    assert np.isnan(press_deviations(method, fresh, None, np.random.default_rng(0))).all()
 
 
 @pytest.mark.slow
