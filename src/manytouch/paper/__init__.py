@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""The published method as a whole: its detection, tracking and estimation, step by step (docs/paper.md).
+
+The method `perimeter`, which combines its depth with the tracking of manytouch, is in `estimation`.
+"""

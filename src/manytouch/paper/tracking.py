@@ -1,7 +1,6 @@
-"""The paper's marker tracking: sorted numbers in the first frame, a distance gate from then on.
+"""The marker tracking of the paper: sorted numbers in the first frame, then a distance gate.
 
-Section 3.3 and Figure 7 e to h of Senarath, Fernando and Rajakaruna. How it is read is written in
-docs/paper.md.
+Section 3.3 and Figure 7 e to h of Senarath, Fernando and Rajakaruna. The interpretation is in docs/paper.md.
 """
 
 from dataclasses import dataclass
@@ -18,18 +17,18 @@ from manytouch.values.arrays import Counts, Points2, read_only
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PaperTrackingState:
-    """What the paper's list of markers holds between frames.
+    """The list of markers between frames.
 
     Attributes:
         camera: to sort in the undistorted, aligned image, as the paper does.
-        order: (k,) markers of the layout that exist, in sorted order.
-        markers: m, how many the layout has with those that are missing.
+        order: (k,) markers of the layout that are not missing, in sorted order.
+        markers: m, number of markers of the layout, including missing ones.
         row_gap_mm: markers whose y differ by less belong to one row.
-        gate_px: a marker that jumps further between two frames gets a new ID.
+        gate_px: a marker that moves further between two frames gets a new ID.
         position_px: (t, 2) last coordinates of each entry of the list; empty until all markers were seen.
         id: (t,) ID of each entry; below m it is the layout's marker, from m on a new ID.
         frames_unseen: (m,) frames since each marker was last seen.
-        new_ids: how many new IDs were given so far.
+        new_ids: number of new IDs so far.
     """
 
     camera: Camera
@@ -45,13 +44,13 @@ class PaperTrackingState:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PaperTracking:
-    """Which midpoint is which marker, by sorting once and by distance afterwards.
+    """Identifies midpoints with markers, by sorting once and by distance afterwards.
 
     Attributes:
-        gate_px: farthest that a marker may move between two frames and keep its ID ("trial and error" in
-            the paper); None takes `gate_pitch` of the distance between neighbours in the image.
-        gate_pitch: see `gate_px`; from 0.5 on a marker can be taken for its neighbour even at rest.
-        row_gap_pitch: part of the row pitch by which the y of one row's markers may differ when sorting.
+        gate_px: largest distance that a marker moves between two frames ("trial and error" in the paper);
+            None: `gate_pitch` times the distance between neighbours in the image.
+        gate_pitch: see `gate_px`; at 0.5 or more a marker can be mistaken for its neighbour even at rest.
+        row_gap_pitch: largest difference of y within a row when sorting, in row pitches.
     """
 
     gate_px: float | None = None
@@ -66,8 +65,8 @@ class PaperTracking:
         """
         if sensor.layout is None:
             raise SensorError(
-                f"sensor {sensor.name!r} has no [markers]: the paper's tracking needs to know how many there "
-                "are; run `manytouch calibrate rest` first"
+                f"sensor {sensor.name!r} has no [markers]: the tracking of the paper needs their number: "
+                "run `manytouch calibrate rest` first"
             )
         camera, layout = sensor.camera, sensor.layout
         row_gap_mm = self.row_gap_pitch * float(layout.pitch_mm[1])
@@ -93,14 +92,14 @@ class PaperTracking:
     ) -> tuple[PaperTrackingState, TrackedGrid]:
         """IDs of one frame's midpoints.
 
-        Until a frame shows exactly as many midpoints as the layout has markers (the paper's check of the
-        list's length) nothing can be numbered: no marker is seen and the status is few_markers or
+        No marker is identified until a frame shows exactly as many midpoints as the layout has markers (the
+        check of the list's length in the paper): no marker is seen and the status is few_markers or
         many_markers. Afterwards the status is few_markers while any marker is not seen.
         """
         if len(state.id) == 0:
-            id_of, position_px, id_in_list, new = _numbered(state, detections.centre_px)
+            id_of, position_px, id_in_list, new = _assign_initial_ids(state, detections.centre_px)
         else:
-            id_of, position_px, id_in_list, new = _followed(state, detections.centre_px)
+            id_of, position_px, id_in_list, new = _assign_by_distance(state, detections.centre_px)
         is_marker = (id_of >= 0) & (id_of < state.markers)
         marker = id_of[is_marker]
         grid_px = np.full((state.markers, 2), np.nan)
@@ -138,7 +137,7 @@ class PaperTracking:
         return None
 
     def is_lost(self, state: PaperTrackingState) -> bool:
-        """False: the paper never searches a frame again."""
+        """False: the paper does not search a frame again."""
         return False
 
 
@@ -146,7 +145,7 @@ def sorted_by_rows(point: Points2, row_gap: float) -> Counts:
     """Order of points (n, 2) by rows from small y to large y and by x within a row.
 
     A row ends where the next larger y lies more than `row_gap` above. (The paper compares pairs of points
-    with a tolerance instead, which is no order: a ~ b and b ~ c do not give a ~ c.)
+    with a tolerance instead, which is not an order: a ~ b and b ~ c do not imply a ~ c.)
     """
     by_y = np.argsort(point[:, 1], kind="stable")
     row = np.empty(len(point), dtype=np.int64)
@@ -158,7 +157,7 @@ Matched = tuple[Counts, Float64[np.ndarray, "t 2"], Int64[np.ndarray, " t"], int
 """ID of each detection (-1: none), the list's coordinates and IDs after the frame, new IDs given."""
 
 
-def _numbered(state: PaperTrackingState, centre_px: Points2) -> Matched:
+def _assign_initial_ids(state: PaperTrackingState, centre_px: Points2) -> Matched:
     """First IDs: the k-th sorted midpoint is the k-th sorted marker of the layout."""
     id_of = np.full(len(centre_px), -1, dtype=np.int64)
     if len(centre_px) != len(state.order):
@@ -168,25 +167,24 @@ def _numbered(state: PaperTrackingState, centre_px: Points2) -> Matched:
     return id_of, centre_px, id_of, 0
 
 
-def _followed(state: PaperTrackingState, centre_px: Points2) -> Matched:
-    """The nearest entry of the list within the gate gives its ID, to its nearest midpoint only.
+def _assign_by_distance(state: PaperTrackingState, centre_px: Points2) -> Matched:
+    """The nearest entry of the list within the gate gives its ID to its nearest midpoint.
 
-    An entry of the layout that found nothing keeps its last coordinates; a new ID that found nothing is
-    forgotten.
+    An entry of the layout without a midpoint keeps its last coordinates; a new ID without one is removed.
     """
     id_of = np.full(len(centre_px), -1, dtype=np.int64)
     distance_px, entry = cKDTree(state.position_px).query(centre_px, distance_upper_bound=state.gate_px)
     near = np.flatnonzero(np.isfinite(distance_px))
     near = near[np.lexsort((distance_px[near], entry[near]))]
     _, first = np.unique(entry[near], return_index=True)
-    winner = near[first]
-    id_of[winner] = state.id[entry[winner]]
-    fresh = np.flatnonzero(id_of < 0)
-    id_of[fresh] = state.markers + state.new_ids + np.arange(len(fresh))
+    nearest = near[first]
+    id_of[nearest] = state.id[entry[nearest]]
+    unmatched = np.flatnonzero(id_of < 0)
+    id_of[unmatched] = state.markers + state.new_ids + np.arange(len(unmatched))
     is_kept = state.id < state.markers
-    is_kept[entry[winner]] = False
+    is_kept[entry[nearest]] = False
     position_px = np.concatenate([centre_px, state.position_px[is_kept]])
-    return id_of, position_px, np.concatenate([id_of, state.id[is_kept]]), len(fresh)
+    return id_of, position_px, np.concatenate([id_of, state.id[is_kept]]), len(unmatched)
 
 
 def _neighbour_px(point_px: Points2) -> float:

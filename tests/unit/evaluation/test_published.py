@@ -14,7 +14,7 @@ from manytouch.evaluation.published.page import Experiments, contents, row, writ
 from manytouch.evaluation.published.speed import Speed, plain_map
 from manytouch.evaluation.suite.cases import GROUPS, Case
 from manytouch.evaluation.suite.recordings import Recording, played
-from manytouch.paper.estimation import inverse_distance
+from manytouch.paper.surface import inverse_distance
 from manytouch.session import pipeline_for
 from manytouch.simulation.fem.cache import StateCache
 

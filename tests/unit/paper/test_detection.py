@@ -6,7 +6,7 @@ import pytest
 
 from manytouch.errors import ManytouchError, SensorError
 from manytouch.geometry.camera import project
-from manytouch.paper.detection import PaperDetection, contour_midpoints, opened
+from manytouch.paper.detection import PaperDetection, contour_midpoints, open_binary
 from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, render_discs
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor
 
@@ -152,7 +152,7 @@ def test_padding_keeps_what_the_edge_cuts_and_opening_removes_specks():
     expected = binary.copy()
     binary[12, 30] = binary[0, 40] = binary[39, 59] = 255
     binary[15:17, 5:7] = 255
-    np.testing.assert_array_equal(opened(binary, 3), expected)
+    np.testing.assert_array_equal(open_binary(binary, 3), expected)
 
 
 def test_opening_keeps_the_area_of_discs():
@@ -163,9 +163,9 @@ def test_opening_keeps_the_area_of_discs():
         height_px=45,
     )
     binary = cv2.threshold(image, 0, 255, cv2.THRESH_BINARY | cv2.THRESH_OTSU)[1]
-    lost = np.count_nonzero(binary) - np.count_nonzero(opened(binary, 3))
+    lost = np.count_nonzero(binary) - np.count_nonzero(open_binary(binary, 3))
     assert 0 <= lost <= 0.01 * np.count_nonzero(binary)
-    np.testing.assert_array_equal(opened(binary, 1), binary)
+    np.testing.assert_array_equal(open_binary(binary, 1), binary)
 
 
 def test_area_filter_and_threshold_are_the_users():

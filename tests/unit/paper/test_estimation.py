@@ -1,4 +1,4 @@
-"""The paper's depth, padding, interpolation and peaks: the laws that they obey, and those they do not."""
+"""The paper's depth, padding, interpolation and peaks: their laws, and the laws that they violate."""
 
 import numpy as np
 import pytest
@@ -8,13 +8,9 @@ from hypothesis import strategies as st
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import onto_plane, project
 from manytouch.paper.detection import PaperDetection
-from manytouch.paper.estimation import (
-    PaperEstimation,
-    inverse_distance,
-    marker_quads,
-    peaks,
-    signed_perimeter,
-)
+from manytouch.paper.estimation import PaperEstimation
+from manytouch.paper.perimeters import marker_quads, signed_perimeter
+from manytouch.paper.surface import inverse_distance, peaks
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sources.simulated import simulated_source
@@ -285,14 +281,14 @@ def test_a_press_on_the_axis_is_one_contact_that_starts_moves_and_ends():
     depth, _ = bump(of, (0.0, 0.0), 3.0, 6.0)
     flat, pressed = np.zeros((9 * 13, 3)), np.column_stack([0 * depth, 0 * depth, -depth])
     estimate = PaperEstimation(contact_depth_pitch=0.2)
-    state, told = estimate.start(of), []
+    state, reported = estimate.start(of), []
     for displacement_mm in (flat, pressed, pressed, flat, flat, pressed):
         state, _, contacts = estimate.step(state, seen(of, displacement_mm))
-        told.append([(contact.id, contact.phase) for contact in contacts.contacts])
-    assert told == [[], [(0, Phase.START)], [(0, Phase.MOVE)], [(0, Phase.END)], [], [(1, Phase.START)]]
+        reported.append([(contact.id, contact.phase) for contact in contacts.contacts])
+    assert reported == [[], [(0, Phase.START)], [(0, Phase.MOVE)], [(0, Phase.END)], [], [(1, Phase.START)]]
 
 
-def test_a_contact_says_what_it_knows_and_nothing_else():
+def test_a_contact_has_known_fields_only():
     of = sensor(rows=9, columns=13)
     depth, _ = bump(of, (0.0, 0.0), 3.0, 12.0)
     moved = np.column_stack([np.full_like(depth, 0.5), 0 * depth, -depth])

@@ -1,4 +1,4 @@
-"""The paper's tracking: sorted IDs, the gate, and where they fail as the paper says."""
+"""The paper's tracking: sorted IDs, the gate, and their limits."""
 
 import numpy as np
 import pytest

@@ -77,7 +77,10 @@ def write_stl(mesh: PartMesh, path: Path) -> None:
         OutputError: the file cannot be written.
         MissingExtraError: trimesh is not installed.
     """
-    _write(_trimesh(mesh).export(file_type="stl"), path)
+    shape = _trimesh(mesh)
+    from trimesh.exchange.stl import export_stl
+
+    _write(export_stl(shape), path)
 
 
 def write_3mf(meshes: Sequence[tuple[str, PartMesh, str]], path: Path) -> None:
