@@ -11,7 +11,7 @@ import trimesh
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from pypdf import PdfReader
 
-from manytouch.calibration.camera.board import parse_board, find_board
+from manytouch.calibration.camera.board import find_board, parse_board
 from manytouch.design.choose import design_sensor
 from manytouch.design.parts.casing import (
     SCREW_RADIUS_MM,
