@@ -1,10 +1,7 @@
 """The page "From nothing to newtons": its files and commands, in their order, in an empty folder."""
 
 import csv
-import os
 import re
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +11,7 @@ import pytest
 
 from boards import picture, poses
 from manytouch.calibration.camera.board import parse_board
+from manytouch.cli import main
 from manytouch.values import Camera
 from manytouch.values.sensor_file import load_sensor
 
@@ -38,41 +36,38 @@ def take_views(camera: Camera, folder: Path) -> None:
         cv2.imwrite(str(folder / f"{number:02}.png"), shown)
 
 
-def run_page(folder: Path) -> str:
-    """Run all of it; what was printed."""
-    said = []
+def run_page(folder: Path, capsys: pytest.CaptureFixture[str]) -> str:
+    """Runs all commands of the page in a folder, and returns what they print."""
+    output = []
     for language, text in blocks():
         if language:
             name, body = text.split("\n", 1)
             (folder / name.removeprefix("# ")).write_text(body, encoding="utf-8")
             continue
         for line in text.strip().splitlines():
-            words = line.split()
-            assert words[0] == "manytouch"
-            if words[1:3] == ["calibrate", "camera"]:
+            program, *arguments = line.split()
+            assert program == "manytouch"
+            if arguments[:2] == ["calibrate", "camera"]:
                 take_views(load_sensor(folder / "my-sensor" / "sensor.toml").camera, folder / "views")
-            done = subprocess.run(
-                [sys.executable, "-m", *words],
-                cwd=folder,
-                env={**os.environ, "PYTHONIOENCODING": "utf-8"},
-                capture_output=True,
-                encoding="utf-8",
-                check=False,
-            )
-            assert done.returncode == 0, f"{line}\n{done.stdout}{done.stderr}"
-            said.append(done.stdout)
-    return "\n".join(said)
+            status = main(arguments)
+            printed = capsys.readouterr()
+            assert status == 0, f"{line}\n{printed.out}{printed.err}"
+            output.append(printed.out)
+    return "\n".join(output)
 
 
-def test_every_command_of_the_page_runs_and_ends_in_newtons(tmp_path: Path) -> None:
-    said = run_page(tmp_path)
-    for promise in (
+def test_every_command_of_the_page_runs_and_ends_in_newtons(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    output = run_page(tmp_path, capsys)
+    for expected in (
         "15 x 20, every 4 mm",
         "clamped outline: 80 x 60 mm",
         "15 x 20 markers, 0 missing",
         "forces told from the other presses alone",
     ):
-        assert promise in said
+        assert expected in output
     designed, made = load_sensor(tmp_path / "my-sensor/sensor.toml"), load_sensor(tmp_path / "sensor.toml")
     assert made.camera.fx_px == pytest.approx(designed.camera.fx_px, rel=5e-3)
     assert made.camera.translation_mm[2] == pytest.approx(designed.camera.translation_mm[2], rel=5e-3)

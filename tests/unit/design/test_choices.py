@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from manytouch.cli import main
-from manytouch.design.choose import MIN_GAP_PX, MIN_RIM_MM, rim_mm
+from manytouch.design.choose import MIN_GAP_PX, MIN_RIM_MM, design_sensor, rim_mm
 from manytouch.design.deflection import deflection_curve
 from manytouch.design.materials import MATERIALS, young_MPa
 from manytouch.design.requirements import DesignError, Optics, Printer, Requirements
