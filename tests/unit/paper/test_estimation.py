@@ -194,7 +194,7 @@ def test_deviations_are_the_observed_scatter():
     random = np.random.default_rng(7)
     depth, _ = bump(of, (3.0, -4.0), 6.0, 9.0)
     moved_px = project(of.camera, of.layout.rest_mm + np.column_stack([0 * depth, 0 * depth, -depth]))
-    estimate = PaperEstimation()
+    estimate = PaperEstimation(iterations=5)  # the surface between the markers is not used
     state = estimate.start(of)
     readings = []
     for _ in range(300):
@@ -252,14 +252,14 @@ def test_peaks_are_deep_enough_apart_enough_and_deepest_first():
     assert len(row) == 0
 
 
-def test_layouts_without_rows_or_sensors_without_markers_are_refused():
+def test_layouts_without_rows_or_sensors_without_markers_raise():
     of = sensor()
     estimate = PaperEstimation()
     with pytest.raises(SensorError, match="has no \\[markers\\]"):
         estimate.start(Sensor(name="bare", camera=of.camera))
     with pytest.raises(LayoutError, match="2 x 9 markers"):
         estimate.start(sensor(rows=2))
-    with pytest.raises(LayoutError, match="no rectangle"):
+    with pytest.raises(LayoutError, match="not a rectangle"):
         estimate.start(
             Sensor(
                 name="ring",

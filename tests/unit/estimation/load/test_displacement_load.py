@@ -149,7 +149,7 @@ def test_steps_at_a_thousand_markers_keep_no_memory():
 
     run(20)
     tracemalloc.start()
-    run(200)  # fills the caches of numpy for small objects
+    run(80)  # fills the caches of numpy for small objects
     gc.collect()
     before = tracemalloc.get_traced_memory()[0]
     run(60)
