@@ -190,11 +190,11 @@ def contour_midpoints(contours: Sequence[np.ndarray]) -> tuple[Points2, Scalars]
     following[first + length - 1] = 0.0
     cross = point[:, 0] * following[:, 1] - following[:, 0] * point[:, 1]
     twice_area = np.add.reduceat(cross, first)
-    first_moment = np.add.reduceat((point + following) * cross[:, None], first, axis=0)
+    weighted_sum = np.add.reduceat((point + following) * cross[:, None], first, axis=0)
     mean = np.add.reduceat(point, first, axis=0) / length[:, None]
     is_flat = twice_area == 0.0
     centroid = np.where(
-        is_flat[:, None], mean, first_moment / np.where(is_flat, 1.0, 3.0 * twice_area)[:, None]
+        is_flat[:, None], mean, weighted_sum / np.where(is_flat, 1.0, 3.0 * twice_area)[:, None]
     )
     return origin + centroid, 0.5 * np.abs(twice_area) + 0.5 * length + 1.0
 
