@@ -12,7 +12,8 @@ import pytest
 from manytouch.calibration.sheet.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
 from manytouch.cli import main
 from manytouch.design.accuracy import predicted_accuracy, typical_force_N
-from manytouch.design.choose import Design, design_sensor
+from manytouch.design.choose import design_sensor
+from manytouch.design.dimensions import Design
 from manytouch.design.prototype import Prototype
 from manytouch.design.requirements import Optics, Printer, Requirements
 from manytouch.values import Sensor

@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.design.choose import Design, lattice
+from manytouch.design.choose import lattice
+from manytouch.design.dimensions import Design
 from manytouch.design.prototype import CENTRE_NOISE_PX, FINGERTIP, ObservedPress, OnMessage, Prototype
 from manytouch.estimation.mechanics.contacts import ContactEstimator, ModelError
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator, MechanicsState

@@ -1,85 +1,31 @@
-"""Chooses the dimensions of a sensor from requirements, with the reason for each choice."""
+"""Chooses the dimensions of a sensor from requirements."""
 
 import math
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from manytouch.calibration.sheet.fit import STIFFNESS_PRIOR_STD
 from manytouch.design.deflection import DeflectionCurve, deflection_curve
+from manytouch.design.dimensions import (
+    MIN_GAP_PX,
+    MIN_RADIUS_PX,
+    RADIUS_PER_PITCH,
+    STRENGTH_SHARE,
+    THICKNESSES_MM,
+    VIEW_MARGIN,
+    Design,
+    pitch_mm,
+    rim_mm,
+)
 from manytouch.design.materials import MATERIALS, POISSON, Material
+from manytouch.design.reasons import reasons_for
 from manytouch.design.requirements import DesignError, Requirements
-from manytouch.design.spacing import largest_height_mm, largest_radius_mm, smallest_pitch_mm
+from manytouch.design.spacing import largest_height_mm
 from manytouch.design.stand_off import StandOff, focal_px, stand_off, vfov_rad
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
-
-MIN_RIM_MM = 10.0
-RIM_THICKNESSES, RIM_PITCHES = 2.0, 1.5
-"""Contact forces cannot be separated from clamp forces within two thicknesses of the clamp; a press moves
-markers within 1.5 pitches."""
-VIEW_MARGIN = 1.03
-MIN_RADIUS_PX = 3.0
-MIN_GAP_PX = 3.0
-RESOLUTION_PITCHES = 2.0
-"""Two-point resolution in pitches (docs/metrics.md)."""
-MAX_PITCH_MM = 6.0
-RADIUS_PER_PITCH = 0.25
-THICKNESSES_MM = (2.0, 3.0, 4.0)
-STRENGTH_SHARE = 0.5
-"""The sheet is stretched to at most this share of its strength."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Reason:
-    """A choice.
-
-    Attributes:
-        about: the dimension or part.
-        chosen: its value, with the unit.
-        why: one or two sentences with the decisive numbers.
-    """
-
-    about: str
-    chosen: str
-    why: str
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Design:
-    """A sensor that satisfies requirements.
-
-    Attributes:
-        requirements: of the sensor.
-        sensor: as designed; its forces are only calibrated after `calibrate sheet`.
-        material: of the sheet.
-        curve: depth in the middle of the sheet under increasing force.
-        stand_off: of the camera.
-        reasons: in the order of the choices.
-    """
-
-    requirements: Requirements
-    sensor: Sensor
-    material: Material
-    curve: DeflectionCurve
-    stand_off: StandOff
-    reasons: tuple[Reason, ...] = ()
-
-    @property
-    def mm_per_px(self) -> float:
-        """Size of a pixel on the sheet at rest."""
-        return float(self.sensor.camera.translation_mm[2]) / self.sensor.camera.fx_px
-
-    @property
-    def depth_at_most_mm(self) -> float:
-        """Depth under the largest force."""
-        return self.curve.depth_at(self.requirements.force_N[1] / self.material.young_MPa)
-
-    @property
-    def depth_at_least_mm(self) -> float:
-        """Depth under the smallest force."""
-        return self.curve.depth_at(self.requirements.force_N[0] / self.material.young_MPa)
 
 
 def design_sensor(requirements: Requirements, *, on_message: Callable[[str], object] | None = None) -> Design:
@@ -118,7 +64,7 @@ def design_sensor(requirements: Requirements, *, on_message: Callable[[str], obj
         provenance={"origin": "designed", "material": f"{material.name} (nominal stiffness; calibrate it)"},
     )
     found = Design(requirements=requirements, sensor=sensor, material=material, curve=curve, stand_off=off)
-    return replace(found, reasons=tuple(_reasons(found)))
+    return replace(found, reasons=tuple(reasons_for(found)))
 
 
 def _stand_off(requirements: Requirements, size: tuple[float, float]) -> StandOff:
@@ -138,19 +84,9 @@ def _stand_off(requirements: Requirements, size: tuple[float, float]) -> StandOf
     return off
 
 
-def rim_mm(requirements: Requirements, thickness_mm: float) -> float:
-    """Distance between the clamp line and the touchable area, mm."""
-    reach_mm = RIM_THICKNESSES * thickness_mm + RIM_PITCHES * _pitch_mm(requirements)
-    return max(MIN_RIM_MM, math.ceil(2 * reach_mm) / 2)
-
-
-def _pitch_mm(requirements: Requirements) -> float:
-    return min(requirements.separation_mm / RESOLUTION_PITCHES, MAX_PITCH_MM)
-
-
 def _markers(requirements: Requirements, mm_per_px: float) -> tuple[float, float]:
     """Pitch and radius of the markers, mm."""
-    pitch = _pitch_mm(requirements)
+    pitch = pitch_mm(requirements)
     least = max(MIN_RADIUS_PX * mm_per_px, requirements.printer.nozzle_mm)
     radius = max(RADIUS_PER_PITCH * pitch, least)
     if pitch - 2 * radius < max(2 * requirements.printer.nozzle_mm, MIN_GAP_PX * mm_per_px):
@@ -259,74 +195,3 @@ def lattice(size: tuple[float, float], pitch: float, radius: float, height: floa
         polarity="light",
         is_missing=read_only(np.zeros(len(rest), dtype=np.bool_)),
     )
-
-
-def _room(found: Design, layout: Layout) -> Reason:
-    """The gap by equation 1 where it is smallest, and the limits of pitch, radius and height."""
-    deepest_mm, least_mm = found.requirements.deepest_mm, MIN_GAP_PX * found.mm_per_px
-    d, r, h = float(layout.pitch_mm[0]), float(layout.radius_mm[0]), layout.height_mm
-    gap = found.curve.smallest_gap_mm(pitch_mm=d, radius_mm=r, height_mm=h, depth_mm=deepest_mm)
-    pairs = [
-        {"gap_mm": least_mm, "slope_rad": slope, "turn_rad": turn}
-        for slope, turn in found.curve.pairs_rad(d, deepest_mm)
-    ]
-    pitch = max(smallest_pitch_mm(radius_mm=r, height_mm=h, **pair) for pair in pairs)
-    radius = min(largest_radius_mm(pitch_mm=d, height_mm=h, **pair) for pair in pairs)
-    height = min(largest_height_mm(pitch_mm=d, radius_mm=r, **pair) for pair in pairs)
-    steepest = max(abs(pair["slope_rad"]) for pair in pairs)
-    turn = max(pair["turn_rad"] for pair in pairs)
-    return Reason(
-        about="gap between markers",
-        chosen=f"{gap:.2f} mm ({gap / found.mm_per_px:.1f} px) at a press of {deepest_mm:g} mm",
-        why=f"smallest gap by equation 1 for all pairs of a row; the largest slope is "
-        f"{math.degrees(steepest):.0f} degrees and changes by {math.degrees(turn):.0f} degrees within a "
-        "pitch. "
-        f"The gap would be {MIN_GAP_PX:g} px with markers every {pitch:.1f} mm, or with a radius of "
-        f"{radius:.1f} mm, or {height:.0f} mm high",
-    )
-
-
-def _reasons(found: Design) -> Iterator[Reason]:
-    requirements, sensor, off = found.requirements, found.sensor, found.stand_off
-    sheet, layout, camera = sensor.sheet, sensor.layout, requirements.camera
-    assert sheet is not None and layout is not None and layout.shape is not None  # noqa: PT018
-    x, y = (float(side) for side in sheet.size_mm)
-    yield Reason(
-        about="clamped outline",
-        chosen=f"{x:g} x {y:g} mm",
-        why=f"the area of {requirements.area_mm[0]:g} x {requirements.area_mm[1]:g} mm and a rim of "
-        f"{rim_mm(requirements, sheet.thickness_mm):g} mm: {RIM_THICKNESSES:g} thicknesses, because contact "
-        "forces cannot be separated from clamp forces there, and the "
-        f"{RIM_PITCHES:g} pitches within which a press moves markers",
-    )
-    yield Reason(
-        about="stand-off of the camera",
-        chosen=f"{sensor.camera.translation_mm[2]:.1f} mm",
-        why=f"the outline fills the width of the image at {off.width_mm:.1f} mm and its height at "
-        f"{off.height_mm:.1f} mm (equations 2 and 3), and the deepest press is in focus from "
-        f"{off.focus_mm:.1f} mm on (equation 4, as d > F); the {off.limit} is the limit. One pixel is "
-        f"{found.mm_per_px:.4f} mm",
-    )
-    yield Reason(
-        about="markers",
-        chosen=f"{layout.shape[0]} x {layout.shape[1]}, every {layout.pitch_mm[0]:g} mm, radius "
-        f"{layout.radius_mm[0]:.2f} mm ({layout.radius_mm[0] / found.mm_per_px:.1f} px)",
-        why=f"the two-point resolution of {requirements.separation_mm:g} mm is {RESOLUTION_PITCHES:g} "
-        "pitches; the "
-        f"radius is a quarter of the pitch, and at least {MIN_RADIUS_PX:g} px and one printed line",
-    )
-    yield _room(found, layout)
-    stress = found.material.young_MPa * found.curve.strain_at(found.depth_at_most_mm)
-    yield Reason(
-        about="sheet",
-        chosen=f"{found.material.name}, {sheet.thickness_mm:g} mm thick, E about "
-        f"{found.material.young_MPa:.2g} MPa",
-        why=f"the softest that supports {requirements.force_N[1]:g} N on 1 cm² within "
-        f"{requirements.deepest_mm:g} mm: {found.depth_at_most_mm:.1f} mm, and "
-        f"{1e3 * found.depth_at_least_mm:.0f} µm under "
-        f"{requirements.force_N[0]:g} N; its largest strain is "
-        f"{100 * found.curve.strain_at(found.depth_at_most_mm):.0f} %, at a stress of about {stress:.1f} "
-        "MPa; it breaks at "
-        f"{found.material.strength_MPa:g} MPa",
-    )
-    yield Reason(about="frame rate", chosen=f"{camera.fps:g} per second", why="of the camera at this size")

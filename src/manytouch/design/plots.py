@@ -13,7 +13,7 @@ from manytouch.design.accuracy import (
     scale_design,
     typical_force_N,
 )
-from manytouch.design.choose import Design
+from manytouch.design.dimensions import Design
 from manytouch.errors import MissingExtraError
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from manytouch.calibration.camera.board import parse_board
 from manytouch.design.accuracy import PredictedAccuracy, predicted_accuracy, typical_force_N
-from manytouch.design.choose import Design
+from manytouch.design.dimensions import Design
 from manytouch.design.parts.casing import CasingChoices, Part, make_parts
 from manytouch.design.parts.guide import assembly, bill_of_materials
 from manytouch.design.parts.meshing import PartMesh, make_mesh, write_3mf, write_stl

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from manytouch.cli import main
-from manytouch.design.choose import MIN_GAP_PX, MIN_RIM_MM, design_sensor, rim_mm
+from manytouch.design.choose import design_sensor
 from manytouch.design.deflection import deflection_curve
+from manytouch.design.dimensions import MIN_GAP_PX, MIN_RIM_MM, rim_mm
 from manytouch.design.materials import MATERIALS, young_MPa
 from manytouch.design.requirements import DesignError, Optics, Printer, Requirements
 from manytouch.design.spacing import gap_mm, largest_height_mm, largest_radius_mm, smallest_pitch_mm

@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 
 from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, WEIGHTS_G
-from manytouch.design.choose import Design
+from manytouch.design.dimensions import Design
 from manytouch.design.parts.casing import CasingChoices, Part, height_mm, ledge_mm, screw_places
 from manytouch.design.parts.meshing import PartMesh
 

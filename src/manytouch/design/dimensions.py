@@ -1,0 +1,87 @@
+"""The dimensions of a designed sensor: their limits, and the value that carries them."""
+
+import math
+from dataclasses import dataclass
+
+from manytouch.design.deflection import DeflectionCurve
+from manytouch.design.materials import Material
+from manytouch.design.requirements import Requirements
+from manytouch.design.stand_off import StandOff
+from manytouch.values import Sensor
+
+MIN_RIM_MM = 10.0
+RIM_THICKNESSES, RIM_PITCHES = 2.0, 1.5
+"""Contact forces cannot be separated from clamp forces within two thicknesses of the clamp; a press moves
+markers within 1.5 pitches."""
+VIEW_MARGIN = 1.03
+MIN_RADIUS_PX = 3.0
+MIN_GAP_PX = 3.0
+RESOLUTION_PITCHES = 2.0
+"""Two-point resolution in pitches (docs/metrics.md)."""
+MAX_PITCH_MM = 6.0
+RADIUS_PER_PITCH = 0.25
+THICKNESSES_MM = (2.0, 3.0, 4.0)
+STRENGTH_SHARE = 0.5
+"""The sheet is stretched to at most this share of its strength."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Reason:
+    """A choice.
+
+    Attributes:
+        about: the dimension or part.
+        chosen: its value, with the unit.
+        why: one or two sentences with the decisive numbers.
+    """
+
+    about: str
+    chosen: str
+    why: str
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Design:
+    """A sensor that satisfies requirements.
+
+    Attributes:
+        requirements: of the sensor.
+        sensor: as designed; its forces are only calibrated after `calibrate sheet`.
+        material: of the sheet.
+        curve: depth in the middle of the sheet under increasing force.
+        stand_off: of the camera.
+        reasons: in the order of the choices.
+    """
+
+    requirements: Requirements
+    sensor: Sensor
+    material: Material
+    curve: DeflectionCurve
+    stand_off: StandOff
+    reasons: tuple[Reason, ...] = ()
+
+    @property
+    def mm_per_px(self) -> float:
+        """Size of a pixel on the sheet at rest."""
+        return float(self.sensor.camera.translation_mm[2]) / self.sensor.camera.fx_px
+
+    @property
+    def depth_at_most_mm(self) -> float:
+        """Depth under the largest force."""
+        return self.curve.depth_at(self.requirements.force_N[1] / self.material.young_MPa)
+
+    @property
+    def depth_at_least_mm(self) -> float:
+        """Depth under the smallest force."""
+        return self.curve.depth_at(self.requirements.force_N[0] / self.material.young_MPa)
+
+
+def rim_mm(requirements: Requirements, thickness_mm: float) -> float:
+    """Distance between the clamp line and the touchable area, mm."""
+    reach_mm = RIM_THICKNESSES * thickness_mm + RIM_PITCHES * pitch_mm(requirements)
+    return max(MIN_RIM_MM, math.ceil(2 * reach_mm) / 2)
+
+
+def pitch_mm(requirements: Requirements) -> float:
+    """Distance between neighbouring markers, mm."""
+    return min(requirements.separation_mm / RESOLUTION_PITCHES, MAX_PITCH_MM)
