@@ -50,8 +50,8 @@ def prototype(found):
     return coarse_prototype(found.sensor)
 
 
-def test_a_prototype_moves_the_markers_approximately_as_the_shell_does(found, prototype):
-    pressed = prototype.press(FINGERTIP, np.array([5.0, -4.0]), 2.0)
+def test_a_prototype_moves_the_markers_approximately_as_the_shell_does(found):
+    pressed = Prototype.of(found.sensor).press(FINGERTIP, np.array([5.0, -4.0]), 2.0)
     assert pressed.contact.centre_mm == pytest.approx([5.0, -4.0], abs=0.3)
     assert 1.5 < pressed.contact.depth_mm < 2.0
     fresh = MechanicsEstimator().start(found.sensor)
