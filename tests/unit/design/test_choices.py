@@ -152,7 +152,7 @@ def test_markers_on_pins_must_not_touch_when_pressed(default):
     assert turn.max() > 0
     assert slope[0] + turn[0] == pytest.approx(slope[10], abs=1e-12)
     with pytest.raises(DesignError, match=r"make them at most .* mm high"):
-        design_sensor(Requirements(marker_height_mm=60.0))
+        design_sensor(Requirements(marker_height_mm=60.0, thickness_mm=default.curve.thickness_mm))
 
 
 @pytest.mark.parametrize(
@@ -173,11 +173,12 @@ def test_markers_on_pins_must_not_touch_when_pressed(default):
 )
 def test_a_conflict_of_requirements_is_named(requirements, sentence):
     with pytest.raises(DesignError, match=sentence):
-        design_sensor(Requirements(**requirements))
+        design_sensor(Requirements(**{"area_mm": (40.0, 25.0), **requirements}))
 
 
 def test_the_verb_writes_a_sensor_that_loads(tmp_path, capsys):
     words = ["design", "--out", str(tmp_path), "--parts", "none", "--explain", "--thickness-mm", "3"]
+    words += ["--area-mm", "40,25"]
     assert main(words) == 0
     sensor = load_sensor(tmp_path / "sensor.toml")
     assert sensor.sheet.thickness_mm == 3.0
