@@ -2,6 +2,8 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from manytouch.estimation.perimeter.law import perimeter_law, perimeters
 from manytouch.geometry.neighbours import lattice_cells, triangle_cells
@@ -76,3 +78,26 @@ def test_the_derivative_of_the_perimeter_is_its_finite_difference():
             found = (perimeters(moved)[0] - perimeters(corner)[0]) / step
             expected = along[:, k, axis] + (np.arange(6) == 3) * (k == 2) * along[:, 3, axis]
             np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    angle=st.floats(-np.pi, np.pi),
+    is_mirrored=st.booleans(),
+    scale=st.floats(0.1, 10.0),
+    seed=st.integers(0, 99),
+)
+def test_a_rotated_mirrored_or_scaled_sheet_has_such_displacements(
+    angle: float, is_mirrored: bool, scale: float, seed: int
+) -> None:
+    cosine, sine = np.cos(angle), np.sin(angle)
+    turn = np.array([[cosine, -sine], [sine, cosine]]) * [1.0, -1.0 if is_mirrored else 1.0]
+    plane = PLACE + np.random.default_rng(seed).normal(0.0, 0.2, PLACE.shape)
+    cells = lattice_cells(ROW_COLUMN)
+    one, one_mm2 = perimeter_law(cells, PLACE, EYE, DISTANCE)(plane, NOISE)
+    law = perimeter_law(cells, scale * PLACE @ turn.T, scale * turn @ EYE, scale * DISTANCE)
+    other, other_mm2 = law(scale * plane @ turn.T, scale**2 * turn @ NOISE @ turn.T)
+    whole = np.eye(3)
+    whole[:2, :2] = turn
+    np.testing.assert_allclose(other, scale * one @ whole.T, atol=1e-9 * scale)
+    np.testing.assert_allclose(other_mm2, scale**2 * whole @ one_mm2 @ whole.T, atol=1e-12 * scale**2)
