@@ -93,9 +93,9 @@ def main() -> None:
         print(row(name, stage.wall_ms[-arguments.frames :], stage.own_ms[-arguments.frames :]))
     print(row("picture to contacts, one thread", whole_ms[WARM_FRAMES:]))
     at_s = []
-    sights = pipeline.see(islice(endless(frames, arguments.fps), count), sensor)
-    with BackgroundIterator(sights, ahead=1) as stream:
-        for _ in pipeline.tell(stream, sensor):
+    tracked = pipeline.track_frames(islice(endless(frames, arguments.fps), count), sensor)
+    with BackgroundIterator(tracked, ahead=1) as stream:
+        for _ in pipeline.estimate_readings(stream, sensor):
             at_s.append(time.perf_counter())
     print(row("per frame, two threads", (1e3 * np.diff(at_s))[WARM_FRAMES:].tolist()))
     print(f"{touching / count:.1f} contacts per frame")

@@ -22,7 +22,7 @@ import numpy as np
 
 from manytouch.geometry.sampling import sampling_on
 from manytouch.pipeline import Sink
-from manytouch.session import Live, prepare
+from manytouch.session import Live, prepare, run
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Reading, Sensor
@@ -124,16 +124,17 @@ def main() -> None:
         write_pictures(folder, asked.pictures, asked.fps)
         server, url = serve(folder, asked.fps)
         try:
-            run(asked, url, folder)
+            measure(asked, url, folder)
         finally:
             server.terminate()
             server.wait()
 
 
-def run(asked: argparse.Namespace, url: str, folder: Path) -> None:
+def measure(asked: argparse.Namespace, url: str, folder: Path) -> None:
     """The session, and its figures."""
     job = prepare(url, sensor=demo_sensor(2560), method=asked.method)
-    live, client = Live(job), Client(job.sensor)
+    live = Live(job, record=folder / "bench.mcap" if asked.record else None)
+    client = Client(job.sensor)
     sinks: list[Sink] = [client]
     begun: list[tuple[float, float]] = []
 
@@ -142,7 +143,7 @@ def run(asked: argparse.Namespace, url: str, folder: Path) -> None:
             begun.append((time.monotonic(), time.process_time()))
         return time.monotonic() - begun[0][0] > asked.seconds
 
-    live.run(sinks, record=folder / "bench.mcap" if asked.record else None, stop=stop)
+    run(live, sinks, stop=stop)
     spent_s, cpu_s = time.monotonic() - begun[0][0], time.process_time() - begun[0][1]
     for line in report(client, live, spent_s, cpu_s):
         print(line)

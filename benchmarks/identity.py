@@ -27,7 +27,7 @@ from scipy.spatial import cKDTree
 from sequences import Course, FoldError, Sequence, can_move, course_of, dots_in, pictures
 
 from manytouch.detection import DotSearch
-from manytouch.pipeline import Detect, Pipeline, Track
+from manytouch.pipeline import Detector, Pipeline, Tracker
 from manytouch.tracking.tracker import MarkerTracker
 from manytouch.values import Contacts, Detections, Frame, Reading, Sensor, Surface, TrackedGrid
 
@@ -207,7 +207,7 @@ def _relock(course: Course, is_locked: np.ndarray) -> int | None:
     return longest
 
 
-def track_points(course: Course, track: Track, *, noise_px: float = 0.015) -> Iterator[Reading]:
+def track_points(course: Course, track: Tracker, *, noise_px: float = 0.015) -> Iterator[Reading]:
     """Readings of tracking alone."""
     frames = range(course.sequence.frames)
     dots = tuple(dots_in(course, index, noise_px=noise_px) for index in frames)
@@ -216,7 +216,7 @@ def track_points(course: Course, track: Track, *, noise_px: float = 0.015) -> It
     return Pipeline(detect=detect, track=track, estimate=NoEstimate()).run(blank, course.sensor)
 
 
-def track_pictures(course: Course, detect: Detect, track: Track) -> Iterator[Reading]:
+def track_pictures(course: Course, detect: Detector, track: Tracker) -> Iterator[Reading]:
     """Readings of detection and tracking."""
     return Pipeline(detect=detect, track=track, estimate=NoEstimate()).run(pictures(course), course.sensor)
 

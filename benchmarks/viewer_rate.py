@@ -21,7 +21,7 @@ import numpy as np
 from bench_live import serve, write_pictures
 from websockets.sync.client import connect
 
-from manytouch.session import Live, prepare
+from manytouch.session import Live, prepare, run
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
@@ -88,7 +88,7 @@ def measure(address: str, options: argparse.Namespace) -> None:
     """Run a session until the client has finished."""
     live = Live(prepare(address, sensor=demo_sensor(2560), method=options.method))
     viewer, over = Viewer(live), threading.Event()
-    session = threading.Thread(target=lambda: live.run([LatestOnly(viewer)], stop=over.is_set))
+    session = threading.Thread(target=lambda: run(live, [LatestOnly(viewer)], stop=over.is_set))
     session.start()
     while live.health().frames < 30:
         time.sleep(0.1)

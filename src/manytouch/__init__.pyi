@@ -9,11 +9,11 @@ from manytouch.errors import (
 )
 from manytouch.geometry.surface_sampling import sample as sample
 from manytouch.pipeline import (
-    Detect as Detect,
-    Estimate as Estimate,
+    Detector as Detector,
+    Estimator as Estimator,
     Pipeline as Pipeline,
     Sink as Sink,
-    Track as Track,
+    Tracker as Tracker,
 )
 from manytouch.session import (
     METHODS as METHODS,
@@ -21,8 +21,9 @@ from manytouch.session import (
     pipeline_for as pipeline_for,
     prepare as prepare,
     process as process,
+    run as run,
 )
-from manytouch.sources import Source as Source, open_source as open_source
+from manytouch.sources import Capabilities as Capabilities, Source as Source, open_source as open_source
 from manytouch.values import (
     Camera as Camera,
     Contact as Contact,
@@ -32,9 +33,11 @@ from manytouch.values import (
     Layout as Layout,
     Phase as Phase,
     Reading as Reading,
+    Roi as Roi,
     Sensor as Sensor,
     Sheet as Sheet,
     SheetSpline as SheetSpline,
+    Status as Status,
     Surface as Surface,
     TrackedGrid as TrackedGrid,
     Truth as Truth,

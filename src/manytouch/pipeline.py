@@ -1,8 +1,8 @@
-"""From frames to readings: detection, tracking, estimation, one after the other.
+"""From frames to readings: detection, tracking and estimation in a row.
 
-Each stage is a frozen dataclass of its parameters. `start(sensor)` gives what it must keep between
-frames, `step` takes that and the frame's value and hands both on, so any frame of any recording can
-be computed again with the same bits.
+Each stage is a frozen dataclass of its parameters. `start(sensor)` returns the state of a stage before the
+first frame; `step(state, input)` returns the next state and the output, and changes nothing else. So any
+frame of any recording can be computed again with the same bits.
 """
 
 import time
@@ -26,80 +26,86 @@ from manytouch.values.arrays import Points2
 
 
 @runtime_checkable
-class Source(Protocol):
-    """Where frames come from; all sources look alike."""
-
-    def __iter__(self) -> Iterator[Frame]: ...
-
-
-@runtime_checkable
 class Sink(Protocol):
-    """Where readings go."""
+    """A receiver of readings."""
 
-    def write(self, reading: Reading) -> None: ...
+    def write(self, reading: Reading) -> None:
+        """Take the reading of the next frame."""
 
-    def close(self) -> None: ...
+    def close(self) -> None:
+        """Finish; called once, also after an error."""
 
 
 @runtime_checkable
-class Detect(Protocol):
-    """Finds dots. Its state is scratch memory that is kept from frame to frame, not knowledge."""
+class Detector(Protocol):
+    """First stage: finds the dots of an image. Its state holds buffers and what the first frames showed."""
 
-    def start(self, sensor: Sensor) -> Any: ...
+    def start(self, sensor: Sensor) -> Any:
+        """State before the first frame."""
 
     def step(self, state: Any, frame: Frame, expected_px: Points2 | None) -> tuple[Any, Detections]:
-        """Dots of a frame; `expected_px` (m, 2) limits the search, None looks everywhere."""
+        """Detect the dots of a frame.
+
+        Args:
+            state: from `start` or the step before.
+            frame: its image may be None.
+            expected_px: (m, 2) places to search; None searches the whole image.
+        """
 
 
 @runtime_checkable
-class Track(Protocol):
-    """Tells which dot is which marker."""
+class Tracker(Protocol):
+    """Second stage: assigns dots to markers."""
 
-    def start(self, sensor: Sensor) -> Any: ...
+    def start(self, sensor: Sensor) -> Any:
+        """State before the first frame."""
 
-    def step(self, state: Any, detections: Detections) -> tuple[Any, TrackedGrid]: ...
+    def step(self, state: Any, detections: Detections) -> tuple[Any, TrackedGrid]:
+        """Assign the dots of a frame to the markers of the layout."""
 
     def expected_px(self, state: Any) -> Points2 | None:
-        """Where the markers should be in the next frame; None asks for a search of the whole image."""
+        """Expected places (m, 2) in the next frame; None requests a search of the whole image."""
 
     def is_lost(self, state: Any) -> bool:
-        """Should the frame that gave this state be searched again, everywhere?"""
+        """Whether the frame that led to this state has to be searched again as a whole."""
 
 
 @runtime_checkable
-class Estimate(Protocol):
-    """Tells the sheet's shape and what touches it."""
+class Estimator(Protocol):
+    """Third stage: computes surface and contacts from marker positions."""
 
-    def start(self, sensor: Sensor) -> Any: ...
+    def start(self, sensor: Sensor) -> Any:
+        """State before the first frame."""
 
-    def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]: ...
+    def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]:
+        """Estimate surface and contacts of a frame."""
 
 
 @runtime_checkable
 class Controls(Protocol):
-    """What a running session offers to those who watch and steer it; safe from any thread, never blocks."""
+    """What a running session offers to the viewer; safe from any thread, never blocks."""
 
     @property
     def sensor(self) -> Sensor:
-        """The one in use; another one once `Health.sensor_version` has grown."""
+        """The sensor in use; it has been replaced whenever `Health.sensor_version` has grown."""
 
     def send(self, command: Command) -> None:
-        """Ask for something; it is done between two frames, and what cannot be done becomes a note."""
+        """Request something; it is carried out between two frames. A refusal becomes a note in `health`."""
 
     def health(self) -> Health:
-        """How it is doing."""
+        """State of source, session and recording."""
 
     def beside(self, frame_index: int) -> Comparison | None:
-        """What to show beside the estimate of a frame: a simulated source's truth, or what was recorded."""
+        """What to show beside the estimate of a frame: the ground truth, or what was recorded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TrackedFrame:
-    """A frame whose markers are known, and whose sheet is not yet.
+    """A frame after detection and tracking.
 
     Attributes:
         frame, detections, grid: as in `Reading`.
-        milliseconds: from the decoded frame to here.
+        milliseconds: computing time of both stages.
     """
 
     frame: Frame
@@ -108,54 +114,59 @@ class TrackedFrame:
     milliseconds: float
 
 
-def sights(detect: Detect, track: Track, frames: Iterable[Frame], sensor: Sensor) -> Iterator[TrackedFrame]:
-    """Dots and markers of each frame, in order."""
-    detecting = detect.start(sensor)
-    tracking = track.start(sensor)
+def track_frames(
+    detect: Detector, track: Tracker, frames: Iterable[Frame], sensor: Sensor
+) -> Iterator[TrackedFrame]:
+    """Detect and track the markers of each frame, in order.
+
+    A frame on which tracking is lost is searched once more as a whole, from the state before it.
+    """
+    detection_state = detect.start(sensor)
+    tracking_state = track.start(sensor)
     for frame in frames:
-        begun_s = time.perf_counter()
-        before = tracking
+        begin_s = time.perf_counter()
+        before = tracking_state
         expected_px = track.expected_px(before)
-        detecting, detections = detect.step(detecting, frame, expected_px)
-        tracking, grid = track.step(before, detections)
-        if expected_px is not None and track.is_lost(tracking):
-            detecting, detections = detect.step(detecting, frame, None)
-            tracking, grid = track.step(before, detections)
-        spent_ms = 1e3 * (time.perf_counter() - begun_s)
+        detection_state, detections = detect.step(detection_state, frame, expected_px)
+        tracking_state, grid = track.step(before, detections)
+        if expected_px is not None and track.is_lost(tracking_state):
+            detection_state, detections = detect.step(detection_state, frame, None)
+            tracking_state, grid = track.step(before, detections)
+        spent_ms = 1e3 * (time.perf_counter() - begin_s)
         yield TrackedFrame(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Pipeline:
-    """The three stages in a row.
+    """The three stages of a method, in order.
 
-    `see` and `tell` are its two halves, which may run in two threads: what `see` remembers, `tell` does not
-    need, and the other way round.
+    `track_frames` and `estimate_readings` are its two halves. They share no state, so each may run in a
+    thread of its own.
     """
 
-    detect: Detect
-    track: Track
-    estimate: Estimate
+    detect: Detector
+    track: Tracker
+    estimate: Estimator
 
     def run(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Reading]:
         """One reading per frame, in order."""
-        return self.tell(self.see(frames, sensor), sensor)
+        return self.estimate_readings(self.track_frames(frames, sensor), sensor)
 
-    def see(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[TrackedFrame]:
-        """Dots and markers of each frame, in order."""
-        return sights(self.detect, self.track, frames, sensor)
+    def track_frames(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[TrackedFrame]:
+        """Detect and track the markers of each frame, in order."""
+        return track_frames(self.detect, self.track, frames, sensor)
 
-    def tell(self, sights: Iterable[TrackedFrame], sensor: Sensor) -> Iterator[Reading]:
-        """Shape and contacts of each frame, in order."""
-        estimating = self.estimate.start(sensor)
-        for sight in sights:
-            begun_s = time.perf_counter()
-            estimating, surface, contacts = self.estimate.step(estimating, sight.grid)
+    def estimate_readings(self, tracked: Iterable[TrackedFrame], sensor: Sensor) -> Iterator[Reading]:
+        """Estimate surface and contacts of each tracked frame, in order."""
+        state = self.estimate.start(sensor)
+        for each in tracked:
+            begin_s = time.perf_counter()
+            state, surface, contacts = self.estimate.step(state, each.grid)
             yield Reading(
-                frame=sight.frame,
-                detections=sight.detections,
-                grid=sight.grid,
+                frame=each.frame,
+                detections=each.detections,
+                grid=each.grid,
                 surface=surface,
                 contacts=contacts,
-                milliseconds=sight.milliseconds + 1e3 * (time.perf_counter() - begun_s),
+                milliseconds=each.milliseconds + 1e3 * (time.perf_counter() - begin_s),
             )

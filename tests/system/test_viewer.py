@@ -18,7 +18,7 @@ pytest.importorskip("playwright")
 from playwright.sync_api import Browser, Page, sync_playwright
 
 import manytouch
-from manytouch.session import Live, Playback, prepare
+from manytouch.session import Live, Playback, prepare, run
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
 from manytouch.sources.pressed import PressedSource
@@ -62,7 +62,7 @@ class ServedSession:
         self.controls, self.latest, self._over = controls, Latest(), threading.Event()
         self.viewer = Viewer(controls)
         self._thread = threading.Thread(
-            target=lambda: controls.run([self.latest, LatestOnly(self.viewer)], stop=self._over.is_set)
+            target=lambda: run(controls, [self.latest, LatestOnly(self.viewer)], stop=self._over.is_set)
         )
         self._thread.start()
 

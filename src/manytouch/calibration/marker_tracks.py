@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from manytouch.detection import DotSearch
-from manytouch.pipeline import sights
+from manytouch.pipeline import track_frames
 from manytouch.tracking import MarkerTracker
 from manytouch.values import Frame, Roi, Sensor
 
@@ -46,9 +46,9 @@ def track_markers(sensor: Sensor, frames: Iterable[Frame], roi_px: Roi | None = 
     """Track the markers of a sensor that was registered to the recording (see `register_rest`)."""
     detect, track = DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px)
     times, places, areas, contrasts = [], [], [], []
-    for sight in sights(detect, track, frames, sensor):
-        grid, contrast = sight.grid, sight.detections.contrast
-        times.append(sight.frame.timestamp_ns)
+    for tracked in track_frames(detect, track, frames, sensor):
+        grid, contrast = tracked.grid, tracked.detections.contrast
+        times.append(tracked.frame.timestamp_ns)
         places.append(grid.position_px)
         areas.append(np.full(len(grid.is_seen), np.nan) if grid.area_px2 is None else grid.area_px2)
         contrasts.append(float(np.median(contrast)) if len(contrast) else np.nan)

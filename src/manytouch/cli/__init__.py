@@ -10,8 +10,11 @@ from collections.abc import Sequence
 from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensError
 
 import manytouch
+from manytouch.blas_threads import request_one_blas_thread
 from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, run, simulate, view
 from manytouch.cli.terminal.failures import DEBUG_FLAG, one_line, report
+
+request_one_blas_thread()  # before anything imports numpy
 
 DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
 

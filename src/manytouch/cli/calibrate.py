@@ -274,7 +274,6 @@ def _pictures(texts: list[str]) -> Iterator[tuple[str, "Frame"]]:
     """
     from manytouch.errors import SourceError
     from manytouch.sources import open_source
-    from manytouch.sources.files.images import ImagesSource
     from manytouch.values import Frame
 
     for text in texts:
@@ -285,8 +284,8 @@ def _pictures(texts: list[str]) -> Iterator[tuple[str, "Frame"]]:
                 raise
             yield Path(text).name, Frame(index=0, timestamp_ns=0, camera=text, image=None)
             continue
-        if isinstance(source, ImagesSource):
-            for path, frame in zip(source.paths, source, strict=True):
+        if source.capabilities.is_images:
+            for path, frame in zip(source.capabilities.files, source, strict=True):
                 yield path.name, frame
             continue
         next_ns = None

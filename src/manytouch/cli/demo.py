@@ -65,16 +65,16 @@ def _read(seconds: float, out: Path, reporter: "Reporter") -> None:
     """Read every frame of some seconds, as quickly as it goes."""
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
-    from manytouch.session import prepare, read_into
+    from manytouch.session import prepare, process_job
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.sources.simulated import simulated_source
 
     with Stop() as stop:
         source = simulated_source().lasting(seconds)
-        job = prepare(source, progress=reporter)
+        job = prepare(source, observer=reporter)
         log = ContactLog(job.sensor, reporter.say, source.truth)
         moment = BusiestFrame(job.sensor)
-        summary = read_into(job, out, annotate=True, sinks=[log, moment], progress=reporter, stop=stop)
+        summary = process_job(job, out, annotate=True, sinks=[log, moment], observer=reporter, stop=stop)
     reporter.finish(summary, out)
     _draw(moment, out, reporter)
 
@@ -84,20 +84,20 @@ def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.cli.terminal.viewing import viewers
-    from manytouch.session import Live, files_in, prepare
+    from manytouch.session import Live, prepare, result_sinks, run
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.sources.pressed import PressedSource
 
     with Stop() as stop:
         source = PressedSource(seconds=seconds)
-        job = prepare(source, method="mechanics", progress=reporter)
+        job = prepare(source, method="mechanics", observer=reporter)
         live = Live(job, recordings=out)
         log = ContactLog(job.sensor, reporter.say, source.truth)
         moment = BusiestFrame(job.sensor)
-        files, summary = files_in(out, job)
+        files, summary = result_sinks(out, job)
         last_ns = round((seconds or KEPT_SECONDS) * 1e9)
         kept = [_Beginning(sink, last_ns) for sink in (*files, moment, summary)]
-        live.run([log, *kept, *viewers(live, place, reporter.say)], progress=reporter, stop=stop)
+        run(live, [log, *kept, *viewers(live, place, reporter.say)], reporter, stop)
     reporter.finish(summary, out)
     if live.health().frames > summary.counts["frames"]:
         reporter.say(f"they hold the first {KEPT_SECONDS:g} s; --record of manytouch run keeps all of it")

@@ -49,7 +49,7 @@ def process(
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.failures import report
     from manytouch.cli.terminal.interrupt import Stop
-    from manytouch.session import prepare, read_into
+    from manytouch.session import prepare, process_job
     from manytouch.sinks.pictures.surface_picture import SelectedFrames
 
     failed = 0
@@ -70,19 +70,19 @@ def process(
                         hfov_deg=hfov_deg,
                         roi_px=roi,
                         fps=fps,
-                        progress=reporter,
+                        observer=reporter,
                     )
                     if stop():
                         break
                     folder = out / name
                     moments = SelectedFrames(folder, job.sensor, picture) if picture else None
-                    summary = read_into(
+                    summary = process_job(
                         job,
                         folder,
                         surface=surface,
                         annotate=annotate,
                         sinks=[] if moments is None else [moments],
-                        progress=reporter,
+                        observer=reporter,
                         stop=stop,
                     )
                 reporter.finish(summary, out / name)

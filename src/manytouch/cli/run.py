@@ -52,7 +52,8 @@ def run(
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.cli.terminal.viewing import Place, viewers
-    from manytouch.session import Live, Playback, files_in, prepare, result_name
+    from manytouch.session import Live, Playback, prepare, result_name, result_sinks
+    from manytouch.session import run as run_loop
     from manytouch.session.diagnosis.camera import describe_latency, describe_settings
     from manytouch.sources.cameras.capture import CameraRequest
 
@@ -62,7 +63,7 @@ def run(
         if is_stored(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps):
             playback = Playback(Path(source))
             log = ContactLog(playback.sensor, reporter.say)
-            playback.run([log, *viewers(playback, place, reporter.say)], progress=reporter, stop=stop)
+            run_loop(playback, [log, *viewers(playback, place, reporter.say)], reporter, stop)
             return 0
         job = prepare(
             source,
@@ -80,20 +81,20 @@ def run(
                 focus=focus,
                 white_balance_K=white_balance_K,
             ),
-            progress=reporter,
+            observer=reporter,
         )
-        log = ContactLog(job.sensor, reporter.say, getattr(job.source, "truth", None))
-        live = Live(job)
+        log = ContactLog(job.sensor, reporter.say, job.source.capabilities.truth)
+        live = Live(job, record=record)
         for line in describe_settings(live.health().settings):
             reporter.say(line)
         if out is None:
-            live.run([log, *viewers(live, place, reporter.say)], record=record, progress=reporter, stop=stop)
+            run_loop(live, [log, *viewers(live, place, reporter.say)], reporter, stop)
             reporter.say(describe_latency(live.health()))
             return 0
         folder = out / result_name(source)
-        files, summary = files_in(folder, job)
+        files, summary = result_sinks(folder, job)
         shown = viewers(live, place, reporter.say)
-        live.run([*files, log, *shown, summary], record=record, progress=reporter, stop=stop)
+        run_loop(live, [*files, log, *shown, summary], reporter, stop)
     reporter.say(describe_latency(live.health()))
     reporter.finish(summary, folder)
     return 0

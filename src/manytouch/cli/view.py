@@ -28,7 +28,7 @@ def view(
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.cli.terminal.viewing import Place, viewers
     from manytouch.errors import MissingExtraError
-    from manytouch.session import Playback
+    from manytouch.session import Playback, run
 
     reporter = Reporter(bar=False)
     with Stop() as stop:
@@ -36,5 +36,5 @@ def view(
         shown = viewers(playback, Place(host=host, port=port, token=token), reporter.say)
         if not shown:
             raise MissingExtraError("the viewer", "nicegui", "view")
-        playback.run(shown, progress=reporter, stop=stop)
+        run(playback, shown, reporter, stop)
     return 0

@@ -1,17 +1,18 @@
-"""A source, a pipeline and its sinks, put together and run.
+"""A source, a pipeline and its sinks, put together and run by one loop.
+
+`prepare` opens an input and determines its sensor; `run` drives a prepared job, a `Live` session with
+commands, or a `Playback` of a recording. Formats of files and the viewer are in `manytouch.sinks`, not here.
 
     from manytouch import process
     folder = process("video.mp4", out="out/video")
-
-`prepare` opens an input and finds or fits its sensor. `process` reads every frame of it into tables;
-`Live` reads it at its own pace while people watch and steer, `Playback` shows a recording again.
 """
 
 from manytouch.session.live import Live
 from manytouch.session.methods import METHODS, kernels, pipeline_for
 from manytouch.session.playback import Playback
-from manytouch.session.prepare import REST_FRAMES, Job, Observer, Pitch, check_region, prepare
-from manytouch.session.run import RESULTS, files_in, process, read_all, read_into, result_name
+from manytouch.session.prepare import REST_FRAMES, Job, Pitch, prepare, require_region
+from manytouch.session.results import RESULTS, process, process_job, result_name, result_sinks
+from manytouch.session.run import Observer, Readings, Stop, run
 
 __all__ = [
     "METHODS",
@@ -22,13 +23,15 @@ __all__ = [
     "Observer",
     "Pitch",
     "Playback",
-    "check_region",
-    "files_in",
+    "Readings",
+    "Stop",
     "kernels",
     "pipeline_for",
     "prepare",
     "process",
-    "read_all",
-    "read_into",
+    "process_job",
+    "require_region",
     "result_name",
+    "result_sinks",
+    "run",
 ]

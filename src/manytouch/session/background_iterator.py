@@ -1,4 +1,4 @@
-"""One stage in a thread of its own, a few items ahead of the next."""
+"""An iterator that runs in a thread of its own, a few items ahead of its consumer."""
 
 import queue
 import threading
@@ -7,35 +7,35 @@ from types import TracebackType
 from typing import Generic, TypeVar
 
 Item = TypeVar("Item")
-_LOOK_UP_S = 0.05
+_POLL_S = 0.05
 
 
 class _End:
-    """After the last item; with the error that ended it, if one did."""
+    """Follows the last item; with the error that ended the iteration, if one did."""
 
     def __init__(self, error: BaseException | None = None) -> None:
         self.error = error
 
 
 class BackgroundIterator(Generic[Item]):
-    """Runs an iterator in a thread while its block lasts; iterating gives its items in order.
+    """Runs an iterator in a thread within a `with` block; iterating gives its items in order.
 
-    The thread waits when it is `ahead` items ahead. An error in it is raised where the items are taken.
+    The thread waits when it is `ahead` items ahead. An error in it is raised in the consumer.
     """
 
     def __init__(self, items: Iterator[Item], *, ahead: int, stop: Callable[[], bool] | None = None) -> None:
         """Prepare; nothing runs yet.
 
         Args:
-            items: taken in the thread, and closed in it when it can be closed.
-            ahead: how many items may wait.
-            stop: asked while there is nothing to take; once it says True the iteration ends.
+            items: a generator or iterator; iterated and closed in the thread.
+            ahead: largest number of items that wait.
+            stop: called while no item is available; the iteration ends once it returns True.
         """
         self._items = items
-        self._waiting: queue.Queue[Item | _End] = queue.Queue(maxsize=ahead)
+        self._queue: queue.Queue[Item | _End] = queue.Queue(maxsize=ahead)
         self._stop = stop
         self._is_over = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="manytouch-see", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="manytouch-track", daemon=True)
 
     def __enter__(self) -> "BackgroundIterator[Item]":
         self._thread.start()
@@ -50,7 +50,7 @@ class BackgroundIterator(Generic[Item]):
     def __iter__(self) -> Iterator[Item]:
         while True:
             try:
-                item = self._waiting.get(timeout=_LOOK_UP_S)
+                item = self._queue.get(timeout=_POLL_S)
             except queue.Empty:
                 if self._stop is not None and self._stop():
                     return
@@ -67,7 +67,7 @@ class BackgroundIterator(Generic[Item]):
             for item in self._items:
                 if not self._put(item):
                     break
-        except BaseException as error:  # noqa: BLE001 - it is raised in the thread that takes the items
+        except BaseException as error:  # noqa: BLE001 - it is raised in the consumer
             end = _End(error)
         finally:
             close = getattr(self._items, "close", None)
@@ -78,7 +78,7 @@ class BackgroundIterator(Generic[Item]):
     def _put(self, item: Item | _End) -> bool:
         while not self._is_over.is_set():
             try:
-                self._waiting.put(item, timeout=_LOOK_UP_S)
+                self._queue.put(item, timeout=_POLL_S)
             except queue.Full:
                 continue
             return True

@@ -1,9 +1,8 @@
-"""A source read at its own pace, while people watch and steer."""
+"""A live session: frames at the pace of their source, and commands while it runs."""
 
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack
+from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -12,14 +11,15 @@ from manytouch.pipeline import Pipeline, Sink, TrackedFrame
 from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.commands.contact_id_offset import ContactIdOffset
-from manytouch.session.commands.tare import TARE_FRAMES, tared
-from manytouch.session.commands.tuning import parameters_of, tuned
+from manytouch.session.commands.tare import TARE_FRAMES, tare_sensor
+from manytouch.session.commands.tuning import parameters_of, tune
 from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
-from manytouch.session.prepare import Job, Observer, close
+from manytouch.session.prepare import Job
 from manytouch.session.recording import SessionRecorder
+from manytouch.session.run import Observer
+from manytouch.session.run import Stop as StopRun
 from manytouch.session.throughput import ThroughputMeter
-from manytouch.sources.source import Device
 from manytouch.values import (
     Command,
     Comparison,
@@ -35,17 +35,16 @@ from manytouch.values import (
     StopRecording,
     Tare,
     TrackedGrid,
-    Truth,
     Tune,
     UseMethod,
 )
 
-AHEAD = 1  # frames whose markers are known and whose sheet is not
+AHEAD = 1  # frames that are tracked and wait for estimation
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Setup:
-    """What reads the frames until somebody changes it."""
+    """What processes the frames until a command replaces it."""
 
     pipeline: Pipeline
     sensor: Sensor
@@ -54,149 +53,138 @@ class Setup:
 
 
 class Live:
-    """A session: a job, its sinks, and the commands that steer it; `manytouch.pipeline.Controls`.
+    """Readings of a job at the pace of its source, controlled by commands.
 
-    Decoding, detection and tracking run in one thread, estimation and sinks in the one that calls `run`.
-    A source that does not wait drops whole frames when reading is too slow; they are counted.
+    It is both `manytouch.session.Readings`, for `run`, and `manytouch.pipeline.Controls`, for the viewer.
+    Decoding, detection and tracking run in a thread, estimation and sinks in the one that calls `run`. Frames
+    of a device that come while both are busy are dropped and counted.
     """
 
-    def __init__(self, job: Job, *, recordings: Path = Path()) -> None:
+    def __init__(self, job: Job, *, recordings: Path = Path(), record: Path | None = None) -> None:
         """Prepare; nothing runs yet.
 
         Args:
             job: from `prepare`.
             recordings: folder for recordings that are begun without a name.
+            record: record everything into this file.
         """
         self._job = job
         self._wanted = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
         self._present = self._wanted
-        self._mailbox = CommandQueue()
+        self._commands = CommandQueue()
         self._meter = ThroughputMeter()
+        self._recorder = SessionRecorder(job, recordings, self._commands.note)
+        self._record_path = record
         self._is_held = False
         self._is_over = threading.Event()
         self._dropped = 0
         self._next_index: int | None = None
         self._pace = Pace()
-        self._taring: list[TrackedGrid] | None = None
-        self._markers_seen = 0
-        self._taping = SessionRecorder(job, recordings, self._mailbox.note)
+        self._tare_grids: list[TrackedGrid] | None = None
 
     @property
     def sensor(self) -> Sensor:
-        """The one in use."""
+        """The sensor in use."""
         return self._present.sensor
 
+    @property
+    def frame_count(self) -> int | None:
+        """Expected number of frames; None when not known."""
+        return self._job.frame_count
+
+    @property
+    def own_sinks(self) -> tuple[Sink, ...]:
+        """The recorder and the meter of rate and latency."""
+        return self._recorder, self._meter
+
     def send(self, command: Command) -> None:
-        """Ask for something; it is done between two frames."""
-        self._mailbox.send(command)
+        """Request something; it is carried out between two frames."""
+        self._commands.send(command)
 
     def beside(self, frame_index: int) -> Comparison | None:
-        """What really happened in a frame of a simulated source."""
-        tell = getattr(self._job.source, "truth", None)
-        truth: Truth | None = None if tell is None else tell(frame_index)
-        if truth is None:
-            return None
-        return Comparison(name="truth", surface=truth.surface, contacts=truth.contacts)
+        """Ground truth of a frame; None where the source has none."""
+        truth_of = self._job.source.capabilities.truth
+        truth = None if truth_of is None else truth_of(frame_index)
+        return (
+            None
+            if truth is None
+            else Comparison(name="truth", surface=truth.surface, contacts=truth.contacts)
+        )
 
     def health(self) -> Health:
-        """How it is doing."""
-        setup, source = self._present, self._job.source
+        """State of source, session and recording."""
+        setup, can = self._present, self._job.source.capabilities
         middle, late = self._meter.latency_ms
         layout = setup.sensor.layout
         return Health(
             is_running=not self._is_held,
-            source=source.status if isinstance(source, Device) else "ok",
+            source="ok" if can.device is None else can.device.status,
             fps=self._meter.fps,
             latency_ms_p50=middle,
             latency_ms_p99=late,
             frames=self._meter.frames,
             dropped=self._dropped,
-            markers_seen=self._markers_seen,
+            markers_seen=self._meter.markers_seen,
             markers=0 if layout is None else int((~layout.is_missing).sum()),
             method=setup.method,
             methods=METHODS,
             parameters=parameters_of(setup.pipeline),
-            settings=source.settings if isinstance(source, Device) else (),
-            recording=self._taping.name,
-            notes=self._mailbox.notes,
-            can_press=hasattr(source, "press"),
+            settings=() if can.device is None else can.device.settings,
+            recording=self._recorder.name,
+            notes=self._commands.notes,
+            can_press=can.press is not None,
             sensor_version=setup.version,
         )
 
-    def run(
-        self,
-        sinks: Sequence[Sink],
-        *,
-        record: Path | None = None,
-        progress: Observer | None = None,
-        stop: Callable[[], bool] | None = None,
-    ) -> None:
-        """Read until the source ends or `stop` says so; sinks are closed whatever happens.
-
-        Args:
-            sinks: shall see every reading, in this order.
-            record: a recording of all of it.
-            progress: told what happens, and every note.
-            stop: asked after each frame, and while none comes.
+    def start(self, observer: Observer, stop: StopRun) -> Generator[Reading, None, None]:
+        """Readings until the source ends.
 
         Raises:
+            ManytouchError: the first frames cannot be processed.
             OutputError: the recording cannot be written.
         """
-        with ExitStack() as closing:
-            for sink in reversed(sinks):
-                closing.callback(sink.close)
-            closing.callback(close, self._job.source)
-            if progress is not None:
-                self._mailbox.say = progress.say
-                progress.begin(self._job)
-            self._job.warm_up()
-            closing.callback(self._taping.end)
-            if record is not None:
-                self._record(record)
-            stream = closing.enter_context(BackgroundIterator(self._seen(), ahead=AHEAD, stop=stop))
-            closing.callback(self._end)
-            for reading in self._told(iter(stream)):
-                for sink in sinks:
-                    sink.write(reading)
-                self._taping.write(reading)
-                self._meter.count(reading.frame.arrived_ns)
-                self._markers_seen = int(reading.grid.is_seen.sum())
-                if progress is not None:
-                    progress.read(reading)
-                if stop is not None and stop():
-                    break
+        self._commands.on_note = observer.on_message
+        self._job.warm_up()
+        if self._record_path is not None:
+            self._begin_recording(self._record_path)
+        with BackgroundIterator(self._track(), ahead=AHEAD, stop=stop) as stream:
+            try:
+                yield from self._estimate(iter(stream))
+            finally:
+                self.close()
 
-    def _end(self) -> None:
+    def close(self) -> None:
+        """End the session and release the source."""
         self._is_over.set()
-        close(self._job.source)
+        self._job.close()
 
-    def _told(self, stream: Iterator[Setup | TrackedFrame]) -> Iterator[Reading]:
+    def _estimate(self, stream: Iterator[Setup | TrackedFrame]) -> Iterator[Reading]:
         """Readings, in the calling thread."""
-        continuity = ContactIdOffset()
+        renumber = ContactIdOffset()
         setup = next(stream, None)
         while isinstance(setup, Setup):
             self._present = setup
             following: list[Setup] = []
-            continuity.begin()
-            sights = _until_setup(stream, following)
-            for reading in setup.pipeline.tell(sights, setup.sensor):
-                yield continuity(reading)
+            renumber.begin()
+            tracked = _until_setup(stream, following)
+            for reading in setup.pipeline.estimate_readings(tracked, setup.sensor):
+                yield renumber(reading)
             setup = following[0] if following else None
 
-    def _seen(self) -> Iterator[Setup | TrackedFrame]:
-        """Setups, and the markers of each frame with them, in the other thread."""
+    def _track(self) -> Iterator[Setup | TrackedFrame]:
+        """Setups, each followed by the frames tracked with it, in the background thread."""
         while not self._is_over.is_set():
             setup = self._wanted
             yield setup
-            for sight in setup.pipeline.see(self._frames(setup), setup.sensor):
-                yield sight
-                self._tare(sight.grid)
+            for tracked in setup.pipeline.track_frames(self._frames(setup), setup.sensor):
+                yield tracked
+                self._collect_tare(tracked.grid)
 
     def _frames(self, setup: Setup) -> Iterator[Frame]:
-        """Frames, until somebody wants another setup."""
+        """Frames, until another setup is wanted."""
         is_live = self._job.source.is_live
         while not self._is_over.is_set():
-            self._mailbox.obey(self._do)
+            self._commands.drain(self._carry_out)
             if self._wanted is not setup:
                 return
             if self._is_held and not is_live:
@@ -212,85 +200,86 @@ class Live:
                 if not self._is_held:
                     yield frame
             else:
-                yield self._paced(frame)
+                yield self._wait_for(frame)
 
     def _count_dropped(self, frame: Frame) -> None:
         if self._next_index is not None and not self._is_held:
             self._dropped += frame.index - self._next_index
         self._next_index = frame.index + 1
 
-    def _paced(self, frame: Frame) -> Frame:
-        """The frame, held back until its time has come."""
+    def _wait_for(self, frame: Frame) -> Frame:
+        """Wait until the frame of a file is due; it arrives then, and is recorded."""
         self._pace.wait_for(frame.timestamp_ns, self._is_over.is_set)
-        self._taping.take(frame)
-        return replace(frame, arrived_ns=time.monotonic_ns())
+        arrived = replace(frame, arrived_ns=time.monotonic_ns())
+        self._recorder.take(arrived)
+        return arrived
 
-    def _do(self, command: Command) -> None:
+    def _carry_out(self, command: Command) -> None:
         match command:
             case Start():
                 self._is_held = False
             case Stop():
                 self._is_held = True
             case Tare():
-                self._taring = []
+                self._tare_grids = []
             case UseMethod(method=method):
                 self._change(pipeline=pipeline_for(method, self._job.roi_px), method=method)
-                self._mailbox.note(f"method {method}")
+                self._commands.note(f"method {method}")
             case Tune(parameter=parameter, value=value):
-                self._change(pipeline=tuned(self._wanted.pipeline, parameter, value))
-                self._mailbox.note(f"{parameter} = {value:g}")
+                self._change(pipeline=tune(self._wanted.pipeline, parameter, value))
+                self._commands.note(f"{parameter} = {value:g}")
             case Record(path=path):
-                self._record(path)
+                self._begin_recording(path)
             case StopRecording():
-                self._taping.end()
+                self._recorder.end()
             case Press() | Release():
                 self._press(command)
             case _:
-                self._mailbox.note(f"{type(command).__name__} means nothing to a live source")
+                self._commands.note(f"{type(command).__name__} is not possible with a live source")
 
-    def _record(self, path: Path | None) -> None:
+    def _begin_recording(self, path: Path | None) -> None:
         setup = self._wanted
-        self._taping.begin(path, setup.sensor, setup.pipeline, setup.method)
+        self._recorder.begin(path, setup.sensor, setup.pipeline, setup.method)
 
     def _press(self, command: Press | Release) -> None:
-        press = getattr(self._job.source, "press", None)
+        press = self._job.source.capabilities.press
         if press is None:
-            raise ManytouchError(f"{self._job.text} cannot be pressed from here; the simulated sensor can")
+            raise ManytouchError(f"{self._job.text} cannot be pressed: only the simulated sensor can")
         press(command)
 
-    def _tare(self, grid: TrackedGrid) -> None:
-        """Gather frames at rest, and begin anew with them once they are enough."""
-        if self._taring is None:
+    def _collect_tare(self, grid: TrackedGrid) -> None:
+        """Collect frames at rest; once they are enough, continue with the sensor that they give."""
+        if self._tare_grids is None:
             return
-        self._taring.append(grid)
-        if len(self._taring) < TARE_FRAMES:
+        self._tare_grids.append(grid)
+        if len(self._tare_grids) < TARE_FRAMES:
             return
-        sensor = tared(self._wanted.sensor, self._taring)
-        self._taring = None
+        sensor = tare_sensor(self._wanted.sensor, self._tare_grids)
+        self._tare_grids = None
         if sensor is None:
-            self._mailbox.note("not tared: fewer than half of the markers are seen")
+            self._commands.note("not tared: fewer than half of the markers are seen")
             return
         try:
             self._change(sensor=sensor, version=self._wanted.version + 1)
         except ManytouchError as error:
-            self._mailbox.note(f"not tared: {error}")
+            self._commands.note(f"not tared: {error}")
         else:
-            self._mailbox.note("tared: the sheet as it is now counts as untouched")
+            self._commands.note("tared: the present marker positions are the reference")
 
     def _change(self, **fields: object) -> None:
-        """Begin anew with the next frame, if two frames can be read so.
+        """Continue with another setup from the next frame on, once it has processed two frames.
 
         Raises:
-            ManytouchError: they cannot.
+            ManytouchError: it cannot.
         """
         setup = replace(self._wanted, **fields)  # type: ignore[arg-type]
         replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor, method=setup.method).warm_up()
         self._wanted = setup
-        self._taping.describe(setup.sensor, setup.pipeline, setup.method)
+        self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
 
 
 def _until_setup(stream: Iterator[Setup | TrackedFrame], following: list[Setup]) -> Iterator[TrackedFrame]:
-    """Sights up to the next setup, which is put into `following`."""
+    """Tracked frames up to the next setup, which is appended to `following`."""
     for item in stream:
         if isinstance(item, Setup):
             following.append(item)

@@ -1,4 +1,4 @@
-"""The methods that there are, and the pipelines they stand for."""
+"""The methods and their pipelines."""
 
 import sys
 from pathlib import Path
@@ -14,12 +14,12 @@ from manytouch.tracking import MarkerTracker
 from manytouch.values import Roi, Sensor
 
 METHODS = ("mechanics", "perimeter", "paper")
-ANYWHERE = "perimeter"
-"""What needs to know nothing of the sheet."""
+DEFAULT = "perimeter"
+"""The method that needs no properties of the sheet."""
 
 
 def kernels() -> dict[str, bool]:
-    """The compiled functions in use by name, and whether the disk holds machine code of each."""
+    """The compiled functions in use by name, and whether machine code of each is cached on disk."""
     found = {}
     # copies: another thread may be importing
     for module in [module for name, module in sys.modules.copy().items() if name.startswith("manytouch.")]:
@@ -35,7 +35,7 @@ def kernels() -> dict[str, bool]:
 def default_method(sensor: Sensor) -> str:
     """The best method for a sensor: mechanics where its sheet is known."""
     if sensor.sheet is None or sensor.sheet.is_assumed:
-        return ANYWHERE
+        return DEFAULT
     return "mechanics"
 
 
@@ -43,13 +43,13 @@ def pipeline_for(method: str | None = None, roi_px: Roi | None = None) -> Pipeli
     """The stages of a method.
 
     Args:
-        method: one of `METHODS`; None takes the one that works anywhere.
-        roi_px: x, y, width, height of the part of the image to look at, or None.
+        method: one of `METHODS`; None selects the one that works with every sensor.
+        roi_px: the part of the image to process; None for all of it.
 
     Raises:
         ManytouchError: there is no such method.
     """
-    match method or ANYWHERE:
+    match method or DEFAULT:
         case "mechanics":
             return Pipeline(
                 detect=DotSearch(roi_px=roi_px),

@@ -1,4 +1,4 @@
-"""Frames of files when their time has come."""
+"""Delays frames of files until they are due."""
 
 import time
 from collections.abc import Callable
@@ -7,7 +7,7 @@ LONGEST_NAP_S = 0.05
 
 
 class Pace:
-    """Holds frames back until their time has come, counted from the first after a `reset`.
+    """Delays frames until they are due, counted from the first after a `reset`.
 
     Attributes:
         speed: multiple of the pace of the timestamps.
@@ -15,17 +15,17 @@ class Pace:
 
     def __init__(self, speed: float = 1.0) -> None:
         self.speed = speed
-        self._begun_s: float | None = None
+        self._begin_s: float | None = None
         self._first_ns = 0
 
     def reset(self) -> None:
         """Count from the next frame."""
-        self._begun_s = None
+        self._begin_s = None
 
     def wait_for(self, timestamp_ns: int, is_over: Callable[[], bool]) -> None:
-        """Sleep until a frame of this timestamp is due, or `is_over` says that it does not matter."""
-        if self._begun_s is None:
-            self._begun_s, self._first_ns = time.monotonic(), timestamp_ns
-        due_s = self._begun_s + (timestamp_ns - self._first_ns) * 1e-9 / self.speed
+        """Sleep until a frame of this timestamp is due, or `is_over` returns True."""
+        if self._begin_s is None:
+            self._begin_s, self._first_ns = time.monotonic(), timestamp_ns
+        due_s = self._begin_s + (timestamp_ns - self._first_ns) * 1e-9 / self.speed
         while (wait_s := due_s - time.monotonic()) > 0 and not is_over():
             time.sleep(min(wait_s, LONGEST_NAP_S))

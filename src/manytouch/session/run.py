@@ -1,196 +1,117 @@
-"""Every frame of an input into the files of a folder."""
+"""The run loop: readings into sinks, with an observer, until they end or are stopped.
 
-from collections.abc import Callable, Sequence
+`process`, `run`, `view` and `demo` all use it. What differs between a file, a live session and a playback is
+where their readings come from and at which pace: that is behind `Readings`.
+"""
+
+from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
-from pathlib import Path
+from typing import Protocol, runtime_checkable
 
-from manytouch.errors import OutputError
 from manytouch.pipeline import Sink
-from manytouch.session.prepare import Job, Observer, Pitch, prepare
-from manytouch.sinks.files.atomic_output import output_errors, remove, temporary_path
-from manytouch.sinks.files.summary import Summary
-from manytouch.sinks.files.surface_store import SurfaceStore, require_zarr
-from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
-from manytouch.sinks.pictures.annotate import AnnotatedPictures
-from manytouch.sources import Source
-from manytouch.sources.files.images import ImagesSource
-from manytouch.sources.files.video import VideoSource
-from manytouch.values import Roi, Sensor
+from manytouch.values import Reading, Sensor
 
-RESULTS = (
-    *("contacts.csv", "markers.parquet", "frames.csv", "summary.json"),
-    *("surface.zarr", "annotated.mp4", "annotated"),
-)
-CHOSEN = "picture-[0-9][0-9][0-9][0-9][0-9][0-9]*.png"
+Stop = Callable[[], bool]
+"""Returns True once a run shall end; called after each frame, and while none comes."""
 
 
-def process(
-    input: str | Path,  # noqa: A002 - the word of the command line
-    *,
-    out: str | Path,
-    sensor: str | Path | Sensor | None = None,
-    method: str | None = None,
-    surface: bool = False,
-    annotate: bool = False,
-    pitch_mm: Pitch | None = None,
-    hfov_deg: float | None = None,
-    roi_px: Roi | None = None,
-    fps: float | None = None,
-    progress: Observer | None = None,
-    stop: Callable[[], bool] | None = None,
-) -> Path:
-    """Read every frame of an input and write its tables.
+@runtime_checkable
+class Observer(Protocol):
+    """An object that is notified of the progress of a run."""
 
-    Args:
-        input: a video file, an image, a folder of images, or `sim:`.
-        out: the results go into a folder in it that has the input's name.
-        sensor, method, pitch_mm, hfov_deg, roi_px, fps: see `prepare`.
-        surface, annotate, progress, stop: see `read_into`.
+    def on_message(self, sentence: str) -> None:
+        """A sentence for the user, sent once."""
 
-    Returns:
-        The folder of the results.
+    def on_begin(self, sensor: Sensor, frame_count: int | None) -> None:
+        """The sensor is determined, and the first frame is about to be processed.
 
-    Raises:
-        ManytouchError: see `prepare`; OutputError when the results cannot be written.
-    """
-    job = prepare(
-        input,
-        sensor=sensor,
-        method=method,
-        pitch_mm=pitch_mm,
-        hfov_deg=hfov_deg,
-        roi_px=roi_px,
-        fps=fps,
-        progress=progress,
-    )
-    folder = Path(out) / result_name(str(input))
-    read_into(job, folder, surface=surface, annotate=annotate, progress=progress, stop=stop)
-    return folder
+        Args:
+            sensor: in use, with its assumptions.
+            frame_count: expected number of frames; None when not known.
+        """
+
+    def on_reading(self, reading: Reading) -> None:
+        """All sinks have this reading."""
 
 
-def read_into(
-    job: Job,
-    folder: Path,
-    *,
-    surface: bool = False,
-    annotate: bool = False,
+class NoObserver:
+    """An observer that ignores everything."""
+
+    def on_message(self, sentence: str) -> None:
+        """Ignore it."""
+
+    def on_begin(self, sensor: Sensor, frame_count: int | None) -> None:
+        """Ignore it."""
+
+    def on_reading(self, reading: Reading) -> None:
+        """Ignore it."""
+
+
+@runtime_checkable
+class Readings(Protocol):
+    """Something that produces readings: a `Job`, a `Live` session or a `Playback`. It can be run once."""
+
+    @property
+    def sensor(self) -> Sensor:
+        """The sensor at the beginning."""
+
+    @property
+    def frame_count(self) -> int | None:
+        """Expected number of readings; None when not known."""
+
+    @property
+    def own_sinks(self) -> Sequence[Sink]:
+        """Sinks that belong to it; they get each reading after all others."""
+
+    def start(self, observer: Observer, stop: Stop) -> Generator[Reading, None, None]:
+        """Produce readings in order, at the pace of the source.
+
+        Args:
+            observer: gets its messages.
+            stop: ends waiting for a frame; the end after a reading is left to the run loop.
+        """
+
+    def close(self) -> None:
+        """Release the source; waiting for a frame ends."""
+
+
+def run(
+    readings: Readings,
     sinks: Sequence[Sink] = (),
-    progress: Observer | None = None,
-    stop: Callable[[], bool] | None = None,
-) -> Summary:
-    """Read all frames of a job into the files of a folder.
-
-    Whatever ends the run, the files are complete for the frames read so far. Results of an earlier
-    run in the same folder are removed first, so that all files there belong to one run.
-
-    Args:
-        job: from `prepare`.
-        folder: where the results go.
-        surface: write surface.zarr too (needs the extra `surface`).
-        annotate: draw an annotated video, or pictures when the input is pictures.
-        sinks: others that shall see every reading; they are closed too.
-        progress, stop: see `read_all`.
-
-    Raises:
-        OutputError: a result cannot be written.
-        MissingExtraError: `surface` needs a package that is not installed.
-    """
-    files, summary = files_in(folder, job, surface=surface, annotate=annotate)
-    read_all(job, [*files, *sinks, summary], progress=progress, stop=stop)
-    return summary
-
-
-def files_in(
-    folder: Path, job: Job, *, surface: bool = False, annotate: bool = False
-) -> tuple[list[Sink], Summary]:
-    """Sinks for the files of a folder, and the one that sums up, which is to come last.
-
-    Results of an earlier run in the folder are removed.
-
-    Raises:
-        OutputError: the folder cannot be written, or what is read lies in it.
-        MissingExtraError: `surface` needs a package that is not installed.
-    """
-    if surface:
-        require_zarr()
-    _check_apart(folder, job.source)
-    _clear(folder)
-    summary = Summary(
-        folder, sensor=job.sensor, pipeline=job.pipeline, method=job.method, recording=job.recording
-    )
-    files: list[Sink] = [
-        ContactTable(folder, job.sensor),
-        MarkerTable(folder, job.sensor),
-        FrameTable(folder),
-    ]
-    if surface:
-        files.append(SurfaceStore(folder, job.sensor))
-    if annotate:
-        files.append(AnnotatedPictures(folder, job.sensor, as_video=job.is_video, fps=job.source.fps))
-    return files, summary
-
-
-def read_all(
-    job: Job,
-    sinks: Sequence[Sink],
-    *,
-    progress: Observer | None = None,
-    stop: Callable[[], bool] | None = None,
+    observer: Observer | None = None,
+    stop: Stop | None = None,
 ) -> None:
-    """Read all frames of a job into sinks, and close them whatever happens.
+    """Write each reading to every sink, until there are no more or `stop` returns True.
+
+    Whatever ends the run, the source is released and all sinks are closed, in this order, and an error is
+    raised only after that.
 
     Args:
-        job: from `prepare`.
-        sinks: shall see every reading, in this order; they are closed in the same order.
-        progress: told what happens.
-        stop: asked after each frame; once it says True the run ends.
+        readings: what produces them.
+        sinks: get every reading, in this order.
+        observer: notified of begin, readings and messages.
+        stop: called after each frame.
+
+    Raises:
+        Exception: what source, pipeline or a sink raised.
     """
+    watch = NoObserver() if observer is None else observer
+    is_over = _never if stop is None else stop
+    receivers = (*sinks, *readings.own_sinks)
     with ExitStack() as closing:
-        for sink in reversed(sinks):
+        for sink in reversed(receivers):
             closing.callback(sink.close)
-        if progress is not None:
-            progress.begin(job)
-        job.warm_up()
-        for reading in job.readings():
-            for sink in sinks:
+        stream = readings.start(watch, is_over)
+        closing.callback(stream.close)
+        closing.callback(readings.close)
+        watch.on_begin(readings.sensor, readings.frame_count)
+        for reading in stream:
+            for sink in receivers:
                 sink.write(reading)
-            if progress is not None:
-                progress.read(reading)
-            if stop is not None and stop():
+            watch.on_reading(reading)
+            if is_over():
                 break
 
 
-def result_name(text: str) -> str:
-    """Name of the folder for an input's results: its stem, without what a file name cannot hold."""
-    if text.startswith("sim:"):
-        scene = text.removeprefix("sim:")
-        return f"sim-{Path(scene).stem}" if scene else "sim"
-    path = Path(text).resolve()
-    name = path.name if path.is_dir() else path.stem
-    return name or "input"
-
-
-def _check_apart(folder: Path, source: Source) -> None:
-    """Results replace those of an earlier run, so that what is read must be none of them."""
-    read: Sequence[Path] = ()
-    if isinstance(source, ImagesSource):
-        read = source.paths
-    elif isinstance(source, VideoSource):
-        read = [source.path]
-    for path in read:
-        place = folder / path.name
-        if (path.match(CHOSEN) or path.name in RESULTS) and place.exists() and path.samefile(place):
-            raise OutputError(
-                f"the results would go into {folder} and replace {path.name}, which is read: choose another "
-                "folder for them"
-            )
-
-
-def _clear(folder: Path) -> None:
-    with output_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for left in folder.glob(CHOSEN):
-            left.unlink()
-        for name in RESULTS:
-            remove(folder / name)
-            remove(temporary_path(folder / name))
+def _never() -> bool:
+    return False

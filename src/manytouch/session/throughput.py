@@ -1,29 +1,41 @@
-"""How fast readings come, and how late."""
+"""Rate and latency of a session."""
 
 import time
 from collections import deque
 
 import numpy as np
 
+from manytouch.values import Reading
+
 RATE_OVER_NS = 2 * 10**9
 LATENCIES = 300
 
 
 class ThroughputMeter:
-    """Counts readings as they reach the sinks; may be read from other threads."""
+    """The last sink of a session: counts readings that all others have. It may be read from other threads.
+
+    Attributes:
+        frames: readings so far.
+        markers_seen: in the last reading.
+    """
 
     def __init__(self) -> None:
         self.frames = 0
+        self.markers_seen = 0
         self._done_ns: deque[int] = deque(maxlen=1000)
         self._latency_ms: deque[float] = deque(maxlen=LATENCIES)
 
-    def count(self, arrived_ns: int | None) -> None:
-        """A reading has reached all sinks; its frame had arrived at this `time.monotonic_ns`."""
+    def write(self, reading: Reading) -> None:
+        """Count a reading, and the time since its frame arrived."""
         now_ns = time.monotonic_ns()
         self.frames += 1
+        self.markers_seen = int(reading.grid.is_seen.sum())
         self._done_ns.append(now_ns)
-        if arrived_ns is not None:
-            self._latency_ms.append((now_ns - arrived_ns) * 1e-6)
+        if reading.frame.arrived_ns is not None:
+            self._latency_ms.append((now_ns - reading.frame.arrived_ns) * 1e-6)
+
+    def close(self) -> None:
+        """Nothing to finish."""
 
     @property
     def fps(self) -> float:

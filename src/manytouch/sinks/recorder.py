@@ -60,6 +60,8 @@ class Recorder:
         self._queued_bytes = 0
         self._room = threading.Condition()
         self._messages = 0
+        self._started_unix_ns: int | None = None
+        self._early: list[Any] = []
         self._fps = fps
         try:
             if file is None:
@@ -104,6 +106,7 @@ class Recorder:
             self._queued_bytes += size
         if self._from_index is None:
             self._from_index = frame.index
+            self._started_unix_ns = started_unix_ns(frame)
         self._queue.put((frame, size))
 
     def write(self, reading: Reading) -> None:
@@ -138,6 +141,20 @@ class Recorder:
             self._finish("")
 
     def _put(self, item: Any) -> None:
+        if self._started_unix_ns is None:
+            self._early.append(item)  # its log time follows from the first frame
+            return
+        self._put_early()
+        if self.ended is None:
+            self._put_now(item)
+
+    def _put_early(self) -> None:
+        early, self._early = self._early, []
+        for item in early:
+            if self.ended is None:
+                self._put_now(item)
+
+    def _put_now(self, item: Any) -> None:
         if self._messages % SPACE_CHECK_INTERVAL == 0 and self._is_disk_full():
             self._finish(f"the disk is full: {self.path.name} ended")
             return
@@ -155,7 +172,8 @@ class Recorder:
 
     def _started_writer(self) -> RecordingWriter:
         if self._writer is None:
-            self._writer = RecordingWriter(self._file, started_unix_ns=time.time_ns(), fps=self._fps)
+            begin_ns = time.time_ns() if self._started_unix_ns is None else self._started_unix_ns
+            self._writer = RecordingWriter(self._file, started_unix_ns=begin_ns, fps=self._fps)
         return self._writer
 
     def _is_disk_full(self) -> bool:
@@ -167,6 +185,9 @@ class Recorder:
     def _finish(self, why: str) -> None:
         """Complete the file with its index."""
         try:
+            self._put_early()
+            if self.ended is not None:
+                return
             self._started_writer().finish()
             self._file.close()
         except OSError as error:
@@ -231,6 +252,14 @@ def _byte_count(frame: Frame) -> int:
     if frame.encoded is not None:
         return len(frame.encoded)
     return 0 if frame.image is None else frame.image.nbytes
+
+
+def started_unix_ns(frame: Frame) -> int:
+    """Unix time at timestamp 0, from the arrival of a frame by the monotonic clock."""
+    now_ns = time.monotonic_ns()
+    unix_minus_monotonic_ns = time.time_ns() - now_ns
+    arrived_ns = now_ns if frame.arrived_ns is None else frame.arrived_ns
+    return unix_minus_monotonic_ns + arrived_ns - frame.timestamp_ns
 
 
 def encode_frame(frame: Frame) -> tuple[bytes, str]:

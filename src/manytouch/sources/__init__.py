@@ -1,12 +1,13 @@
-"""Where frames come from: video files, images, folders of images and the simulated sensor.
+"""Sources of frames: cameras, streams, videos, images, recordings and the simulated sensor.
 
-All look alike: an iterable of `Frame` that starts anew with every `iter()`.
+`open_source` selects one by its name; all are iterables of `Frame` that start at the first frame with every
+`iter()`. What is computed from frames, and at which pace, is not here.
 
     for frame in open_source("press.mp4"):
         ...
 """
 
 from manytouch.sources.opening import open_source
-from manytouch.sources.source import Source
+from manytouch.sources.source import Capabilities, Source
 
-__all__ = ["Source", "open_source"]
+__all__ = ["Capabilities", "Source", "open_source"]

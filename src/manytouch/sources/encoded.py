@@ -1,4 +1,4 @@
-"""From the bytes that a camera gave to a picture."""
+"""Decodes images from the bytes of a camera."""
 
 from dataclasses import replace
 
@@ -12,7 +12,7 @@ PNG_BEGIN = b"\x89PNG"
 
 
 def decoded(frame: Frame, *, is_colour: bool) -> Frame:
-    """The frame with its picture; without one when its bytes cannot be decoded, as it is when it has one.
+    """The frame with its image: unchanged when it has one, with None when its bytes cannot be decoded.
 
     Args:
         frame: with `encoded` bytes, JPEG or PNG.
@@ -20,11 +20,11 @@ def decoded(frame: Frame, *, is_colour: bool) -> Frame:
     """
     if frame.image is not None or frame.encoded is None:
         return frame
-    return replace(frame, image=picture_of(frame.encoded, is_colour=is_colour))
+    return replace(frame, image=decode(frame.encoded, is_colour=is_colour))
 
 
-def picture_of(encoded: bytes, *, is_colour: bool) -> Image | None:
-    """Grey or BGR, of 8 or 16 bits, a PNG as it was stored; None when the bytes are no whole picture."""
+def decode(encoded: bytes, *, is_colour: bool) -> Image | None:
+    """Grey or BGR image of 8 or 16 bits, from a PNG as stored; None when the bytes cannot be decoded."""
     mode = cv2.IMREAD_COLOR if is_colour else cv2.IMREAD_GRAYSCALE
     if encoded.startswith(PNG_BEGIN):
         mode = cv2.IMREAD_ANYCOLOR

@@ -1,4 +1,4 @@
-"""From what a person names to a source of frames."""
+"""Opens the source that a text names."""
 
 import difflib
 import math
@@ -22,17 +22,18 @@ SUPPORTED = (
 def open_source(
     text: str | os.PathLike[str], *, fps: float | None = None, camera: CameraRequest | None = None
 ) -> Source:
-    """The source of frames that a text names; nothing is read yet but the first picture.
+    """Open a source of frames by its name; only its first image is read.
 
     Args:
         text: path of a video, an image, a folder of images or an .mcap recording; number, device or address
             of a camera; `sim:` or `sim:SCENE`.
-        fps: rate in frames per second that the timestamps follow instead of the source's own; of a camera the
-            rate to ask for.
-        camera: what else to ask a camera for.
+        fps: rate in frames per second that timestamps follow instead of the source's own; the rate to request
+        of
+            a camera.
+        camera: what else to request of a camera.
 
     Raises:
-        SourceError: there is no such thing, or it cannot be decoded.
+        SourceError: it does not exist, or cannot be decoded.
     """
     if fps is not None and not (math.isfinite(fps) and fps > 0):
         raise SourceError(f"The frame rate must be a positive number of frames per second, not {fps:g}.")
@@ -47,8 +48,8 @@ def open_source(
     if is_camera(text):
         from manytouch.sources.cameras.camera import camera_source
 
-        wishes = CameraRequest() if camera is None else camera
-        return camera_source(text, wishes if fps is None else replace(wishes, fps=fps))
+        request = CameraRequest() if camera is None else camera
+        return camera_source(text, request if fps is None else replace(request, fps=fps))
     try:
         return _file_source(text, path, fps)
     except OSError as error:
@@ -56,7 +57,7 @@ def open_source(
 
 
 def is_camera(text: str) -> bool:
-    """Does a text name a camera or a stream?"""
+    """Whether a text names a camera or a stream."""
     if text.isdigit():
         return not Path(text).exists()
     return "://" in text or text.startswith("/dev/video") or Path(text).is_char_device()
@@ -88,15 +89,15 @@ def _folder_source(path: Path, fps: float | None) -> Source:
         if not videos:
             raise
         raise SourceError(
-            f"{error} It holds videos: name one of them, such as {str(path / videos[0])!r}."
+            f"{error} It contains videos: give one of them, such as {str(path / videos[0])!r}."
         ) from error
 
 
 def _why_not(text: str, path: Path) -> str:
-    """The sentence for something that is neither a file nor a folder that can be opened."""
+    """The message for a path that does not exist."""
     parent = next(parent for parent in path.absolute().parents if parent.is_dir())
     if parent != path.absolute().parent:
-        return f"There is no {text!r}: the path is good up to the folder {str(parent)!r}."
+        return f"There is no {text!r}: the path exists up to the folder {str(parent)!r}."
     names = {child.name.casefold(): child.name for child in parent.iterdir()}
     close = difflib.get_close_matches(path.name.casefold(), names, n=3, cutoff=0.6)
     alike = " or ".join(repr(names[name]) for name in close)

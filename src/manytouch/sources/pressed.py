@@ -1,4 +1,4 @@
-"""The simulated sensor that people press while it runs."""
+"""The simulated sensor that is pressed interactively."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -6,31 +6,33 @@ from itertools import count, islice
 
 from manytouch.simulation.scene.interactive_indenters import InteractiveIndenters
 from manytouch.simulation.scene.solve import simulator, solid_scene
-from manytouch.sources.simulated import Simulated, solved
+from manytouch.sources.simulated import WIDTH_PX, Simulated, load_solved_scene
+from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Press, Release, Truth
 
 
 class PressedSource(Simulated):
-    """Pictures of a simulated sensor under hands, and the truth about the latest of them.
+    """Rendered frames of a simulated sensor that is pressed while it runs, with ground truth of the latest.
 
-    Time goes on with the frames that are taken. All frames of one instance are one story: a second
-    iterator goes on where the first one is.
+    Time advances with the frames that are taken. All iterators of one instance share its time: a second
+    iterator continues where the first one is.
     """
 
-    def __init__(self, scene: str = "", *, seconds: float | None = None) -> None:
-        """The sensor of a scene, to be pressed; where nobody does, the scene plays.
+    def __init__(self, scene: str = "", *, seconds: float | None = None, width_px: int = WIDTH_PX) -> None:
+        """Prepare a scene; it is shown while nothing is pressed.
 
         Args:
             scene: as for `simulated_source`.
-            seconds: how long it lasts, None without end.
+            seconds: duration; None without end.
+            width_px: of the frames of a built-in scene.
 
         Raises:
-            SourceError: there is no such scene, or its file is wrong.
+            SourceError: the scene does not exist, or its file is invalid.
         """
-        said, states = solved(scene)
-        self._hands = InteractiveIndenters(solid_scene(said, states), said.bodies, said.sheet, said.fps)
-        self.simulator = replace(simulator(said, states), scene=self._hands)
-        self._length = None if seconds is None else round(seconds * said.fps)
+        file, states = load_solved_scene(scene, width_px)
+        self._indenters = InteractiveIndenters(solid_scene(file, states), file.bodies, file.sheet, file.fps)
+        self.simulator = replace(simulator(file, states), scene=self._indenters)
+        self._length = None if seconds is None else round(seconds * file.fps)
         self._latest_truth: Truth | None = None
         self._indices = count()
 
@@ -38,19 +40,23 @@ class PressedSource(Simulated):
     def frame_count(self) -> int | None:
         return self._length
 
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(truth=self.truth, press=self.press, sensor=self.sensor)
+
     def __iter__(self) -> Iterator[Frame]:
         for index in islice(self._indices, self._length):
-            self._hands.step(index)
+            self._indenters.step(index)
             yield self.simulator.frame(index)
 
     def press(self, command: Press | Release) -> None:
-        """Put a finger on the sheet, move it, or lift it; from the next frame on."""
-        self._hands.obey(command)
+        """Put a finger on the sheet, move it, or lift it, from the next frame on."""
+        self._indenters.obey(command)
 
     def truth(self, index: int) -> Truth | None:
-        """What really happens in one of the latest frames; None of others."""
+        """Ground truth of one of the latest frames; None for others."""
         latest = self._latest_truth
         if latest is None or latest.frame_index != index:
-            latest = self.simulator.truth(index) if self._hands.is_remembered(index) else None
+            latest = self.simulator.truth(index) if self._indenters.is_remembered(index) else None
             self._latest_truth = latest
         return latest

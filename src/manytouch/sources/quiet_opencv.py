@@ -1,4 +1,4 @@
-"""OpenCV without its own messages: what is wrong with a file is said once, by the source.
+"""OpenCV without its own messages: the source reports what is wrong with a file, once.
 
 FFmpeg's level is read from the environment when the first video is opened, so it is set on import; and so
 is how long a silent camera is waited for on Linux.

@@ -9,16 +9,17 @@ from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.file import BUILT_IN, SceneFile, built_in_scenes, load_scene
 from manytouch.simulation.scene.solve import simulator, solve_scene, states_folder
 from manytouch.simulation.simulator import Simulator
+from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Sensor, Truth
 
-WIDTH_PX = 1280  # of the demo sensor's camera, so that a picture takes less time than it shows
+WIDTH_PX = 1280  # rendering a frame then takes less than a frame period
 
 
 class Simulated:
-    """What all sources of a simulated sensor say of themselves.
+    """Properties that all sources of a simulated sensor share.
 
     Attributes:
-        simulator: the sensor, the scene and how it is looked at.
+        simulator: the sensor, the scene and the rendering.
     """
 
     __slots__ = ()
@@ -53,7 +54,7 @@ class Simulated:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SimulatedSource(Simulated):
-    """Pictures of a simulated sensor under a solved scene, and the truth about them."""
+    """Rendered frames of a simulated sensor under a solved scene, with their ground truth."""
 
     simulator: Simulator
 
@@ -61,15 +62,19 @@ class SimulatedSource(Simulated):
     def frame_count(self) -> int:
         return self.simulator.frame_count
 
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(truth=self.truth, sensor=self.sensor)
+
     def __iter__(self) -> Iterator[Frame]:
         return (self.simulator.frame(index) for index in range(self.frame_count))
 
     def truth(self, index: int) -> Truth:
-        """What really happens in a frame."""
+        """Ground truth of a frame."""
         return self.simulator.truth(index)
 
     def lasting(self, seconds: float) -> "SimulatedSource":
-        """The same source cut, or played again and again, to a number of seconds."""
+        """The same source, cut or repeated to a number of seconds."""
         scene = self.simulator.scene.with_duration(seconds)
         return SimulatedSource(simulator=replace(self.simulator, scene=scene))
 
@@ -81,32 +86,32 @@ def simulated_source(
     seed: int | None = None,
     width_px: int = WIDTH_PX,
 ) -> SimulatedSource:
-    """The simulated sensor under a scene: one that the package has solved, or a file of one's own.
+    """The simulated sensor under a scene.
 
     Args:
-        scene: the name of a built-in scene, or the path of a scene file; `fingers` where none is given.
+        scene: the name of a built-in scene, or the path of a scene file; `fingers` when empty.
         fps: frames per second instead of the scene's.
         seed: of the noise instead of the scene's.
-        width_px: of the pictures of a built-in scene.
+        width_px: of the frames of a built-in scene.
 
     Raises:
-        SourceError: there is no such scene, or its file is wrong.
+        SourceError: the scene does not exist, or its file is invalid.
     """
-    said, states = solved(scene, width_px)
-    said = replace(said, fps=fps or said.fps, seed=said.seed if seed is None else seed)
-    return SimulatedSource(simulator=simulator(said, states))
+    file, states = load_solved_scene(scene, width_px)
+    file = replace(file, fps=fps or file.fps, seed=file.seed if seed is None else seed)
+    return SimulatedSource(simulator=simulator(file, states))
 
 
-def solved(scene: str = "", width_px: int = WIDTH_PX) -> tuple[SceneFile, tuple[Deformation, ...]]:
-    """A scene and its states; as for `simulated_source`."""
+def load_solved_scene(scene: str = "", width_px: int = WIDTH_PX) -> tuple[SceneFile, tuple[Deformation, ...]]:
+    """A scene file and its solved states; arguments and errors as for `simulated_source`."""
     name = scene or "fingers"
     if name.endswith(".toml"):
-        said = load_scene(Path(name).expanduser())
+        file = load_scene(Path(name).expanduser())
     elif name in built_in_scenes():
-        said = load_scene(BUILT_IN / f"{name}.toml", width_px=width_px)
+        file = load_scene(BUILT_IN / f"{name}.toml", width_px=width_px)
     else:
         raise SourceError(
-            f"There is no simulated scene {name!r}: there are {', '.join(built_in_scenes())}, as in "
+            f"The simulated scene {name!r} does not exist: use {', '.join(built_in_scenes())}, as in "
             "'sim:one'; or give the path of a scene file (.toml)."
         )
-    return said, tuple(solve_scene(said, states_folder()))
+    return file, tuple(solve_scene(file, states_folder()))

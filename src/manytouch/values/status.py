@@ -7,7 +7,7 @@ class Status(StrEnum):
     """State of one frame after a stage of the pipeline; a `str`, written to files as its value.
 
     Attributes:
-        remedy: one sentence that says what to do; empty for `OK`.
+        remedy: one sentence about what to do; empty for `OK`.
     """
 
     OK = "ok"

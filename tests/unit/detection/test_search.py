@@ -5,7 +5,7 @@ import pytest
 
 from manytouch.detection import DotSearch, appearance_of
 from manytouch.errors import SensorError
-from manytouch.pipeline import Detect
+from manytouch.pipeline import Detector
 from manytouch.simulation.render.discs import Look, Spot, render_discs
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor
 
@@ -71,7 +71,7 @@ LOOKS = {
 
 
 def test_follows_the_protocol() -> None:
-    assert isinstance(DotSearch(), Detect)
+    assert isinstance(DotSearch(), Detector)
 
 
 @pytest.mark.parametrize("polarity", ["light", "dark"])

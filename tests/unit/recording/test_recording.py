@@ -10,7 +10,7 @@ import threading
 import time
 import typing
 from collections.abc import Iterator
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -24,10 +24,10 @@ from manytouch.errors import OutputError, SourceError
 from manytouch.geometry.camera import project
 from manytouch.recording.json_codec import from_json, to_json
 from manytouch.recording.reader import Recording
-from manytouch.session import Live, Playback, prepare, process, read_all
+from manytouch.session import Live, Playback, prepare, process, run
 from manytouch.sinks import recorder as recorder_module
 from manytouch.sinks.recorder import Recorder, UnbufferedFile
-from manytouch.sources import open_source
+from manytouch.sources import Capabilities, open_source
 from manytouch.sources.encoded import decoded
 from manytouch.values import (
     Command,
@@ -58,6 +58,7 @@ class Pictures:
     width_px: int = 320
     height_px: int = 240
     is_live: bool = False
+    capabilities: Capabilities = field(default_factory=Capabilities)
 
     @property
     def frame_count(self) -> int:
@@ -120,9 +121,9 @@ def recorded(
 ) -> tuple[Path, Seen, Live]:
     """A recording of a whole run, what was read in it, and its session."""
     path = tmp_path_factory.mktemp("recorded") / "press.mcap"
-    live = Live(prepare(Pictures(is_jpeg=request.param)))
+    live = Live(prepare(Pictures(is_jpeg=request.param)), record=path)
     seen = Seen()
-    live.run([seen], record=path)
+    run(live, [seen])
     return path, seen, live
 
 
@@ -153,7 +154,7 @@ def test_stored_readings_are_those_of_the_run(recorded: tuple[Path, Seen, Live])
     path, seen, _ = recorded
     playback = Playback(path)
     again = Seen()
-    playback.run([again])
+    run(playback, [again])
     assert len(again.readings) == len(seen.readings) == 40
     for one, other in zip(again.readings, seen.readings, strict=True):
         assert same(without_time(one), without_time(other))
@@ -167,7 +168,7 @@ def test_stored_readings_are_those_of_the_run(recorded: tuple[Path, Seen, Live])
 def test_reading_the_frames_again_gives_the_same_bits(recorded: tuple[Path, Seen, Live]) -> None:
     path, seen, _ = recorded
     again = Seen()
-    read_all(prepare(str(path)), [again])
+    run(prepare(str(path)), [again])
     assert len(again.readings) == 40
     for one, other in zip(again.readings, seen.readings, strict=True):
         assert same(without_time(one), without_time(other))
@@ -183,7 +184,7 @@ def test_another_method_reads_the_same_frames(recorded: tuple[Path, Seen, Live],
     path, _, _ = recorded
     playback = Playback(path, method="paper")
     again = Seen()
-    playback.run([again])
+    run(playback, [again])
     assert playback.health().method == "paper"
     assert [reading.frame.index for reading in again.readings] == list(range(40))
     folder = process(path, out=tmp_path, method="paper")
@@ -207,7 +208,7 @@ def test_another_method_can_be_chosen_while_it_is_shown(recorded: tuple[Path, Se
     path, seen, _ = recorded
     playback = Playback(path)
     again = Seen(playback, at_20=UseMethod(method="paper"))
-    playback.run([again])
+    run(playback, [again])
     indices = [reading.frame.index for reading in again.readings]
     assert indices == [*range(20), *range(19, 40)], "the frame that is shown is read anew at once"
     assert playback.health().method == "paper"
@@ -278,7 +279,7 @@ def test_a_file_that_was_cut_off_is_good_up_to_there(
         assert recording.is_complete == (share == 0.999), "of the last only the index is cut"
         again = Seen()
         playback = Playback(cut)
-        playback.run([again])
+        run(playback, [again])
         assert len(again.readings) >= max(last - 4, 1), "readings follow their frames"
         for one, other in zip(again.readings, seen.readings, strict=False):
             assert same(without_time(one), without_time(other))
@@ -307,10 +308,12 @@ from clips import picture
 from cameras import jpeg
 from manytouch.session import prepare
 from manytouch.sinks.recorder import Recorder
+from manytouch.sources import Capabilities
 from manytouch.values import Frame
 
 class One:
     name, fps, frame_count, width_px, height_px, is_live = "one", 30.0, 1, 320, 240, False
+    capabilities = Capabilities()
     def __iter__(self):
         yield Frame(index=0, timestamp_ns=0, camera="one", image=picture())
 
@@ -354,7 +357,7 @@ def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path) -> None:
     lost = [at_s for index, at_s in said if index > kept]
     assert killed_s - min(lost, default=killed_s) < 0.2
     again = Seen()
-    Playback(path).run([again])
+    run(Playback(path), [again])
     assert len(again.readings) >= kept - 1
 
 
@@ -378,9 +381,9 @@ def test_a_disk_that_fills_up_ends_the_recording_and_nothing_else(
 ) -> None:
     monkeypatch.setattr(recorder_module, "UnbufferedFile", lambda path: FullDisk(path, 700_000))
     path = tmp_path / "full.mcap"
-    live = Live(prepare(Pictures(frames=60)))
+    live = Live(prepare(Pictures(frames=60)), record=path)
     seen = Seen()
-    live.run([seen], record=path)
+    run(live, [seen])
     assert len(seen.readings) == 60, "sensing goes on"
     assert live.health().recording is None
     (note,) = [note for note in live.health().notes if "disk is full" in note]
@@ -390,7 +393,7 @@ def test_a_disk_that_fills_up_ends_the_recording_and_nothing_else(
     assert len(recording) == kept
     assert path.stat().st_size <= 700_000
     again = Seen()
-    Playback(path).run([again])
+    run(Playback(path), [again])
     assert len(again.readings) >= kept - 5, "readings follow their frames"
 
 
@@ -403,9 +406,9 @@ def test_what_cannot_be_packed_ends_the_recording_in_words(
         return b"{}"
 
     monkeypatch.setattr("manytouch.recording.writer.encode_reading", no_value)
-    live = Live(prepare(Pictures(frames=40)))
+    live = Live(prepare(Pictures(frames=40)), record=tmp_path / "x.mcap")
     seen = Seen()
-    live.run([seen], record=tmp_path / "x.mcap")
+    run(live, [seen])
     assert len(seen.readings) == 40
     assert any("Ghost is no value: x.mcap ended" in note for note in live.health().notes)
     recording = Recording(tmp_path / "x.mcap")
@@ -422,9 +425,9 @@ def test_room_is_kept_for_the_end_of_the_file(tmp_path: Path, monkeypatch: pytes
 
     monkeypatch.setattr(recorder_module, "free_bytes", free)
     path = tmp_path / "nearly.mcap"
-    live = Live(prepare(Pictures(frames=60)))
+    live = Live(prepare(Pictures(frames=60)), record=path)
     seen = Seen()
-    live.run([seen], record=path)
+    run(live, [seen])
     assert len(seen.readings) == 60
     assert any("disk is full" in note for note in live.health().notes)
     recording = Recording(path)
@@ -434,15 +437,15 @@ def test_room_is_kept_for_the_end_of_the_file(tmp_path: Path, monkeypatch: pytes
 
 def test_a_recording_that_cannot_begin_is_one_sentence(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("in the way")
-    live = Live(prepare(Pictures(frames=20)))
+    live = Live(prepare(Pictures(frames=20)), record=tmp_path / "file" / "x.mcap")
     with pytest.raises(OutputError, match="cannot be written"):
-        live.run([Seen()], record=tmp_path / "file" / "x.mcap")
+        run(live, [Seen()])
 
 
 def test_a_button_begins_and_ends_a_recording(tmp_path: Path) -> None:
     live = Live(prepare(Pictures(frames=60)), recordings=tmp_path)
     seen = Seen(live, at_10=Record(), at_20=Record(), at_30=UseMethod(method="paper"), at_45=StopRecording())
-    live.run([seen])
+    run(live, [seen])
     (path,) = tmp_path.glob("recording-*.mcap")
     assert any("stop it first" in note for note in live.health().notes)
     recording = Recording(path)
@@ -454,7 +457,7 @@ def test_a_button_begins_and_ends_a_recording(tmp_path: Path) -> None:
 
 def test_frames_that_nobody_reads_are_recorded_and_noted(tmp_path: Path) -> None:
     job = prepare(Pictures(frames=20))
-    readings = list(job.readings())
+    readings = list(job.pipeline.run(job.frames, job.sensor))
     path = tmp_path / "some.mcap"
     recorder = Recorder(path, source=job.recording, fps=30.0)
     recorder.describe(job.sensor, job.pipeline, job.method)
@@ -498,7 +501,7 @@ def test_a_timeline_is_scrubbed(recorded: tuple[Path, Seen, Live]) -> None:
     playback = Playback(path, stays=True)
     again = Seen(playback, at_5=Stop(), at_6=Seek(frame=33))
     is_over = threading.Event()
-    runner = threading.Thread(target=lambda: playback.run([again], stop=is_over.is_set))
+    runner = threading.Thread(target=lambda: run(playback, [again], stop=is_over.is_set))
     runner.start()
 
     def wait(until: Any) -> None:

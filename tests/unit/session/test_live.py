@@ -11,9 +11,11 @@ import pytest
 from cameras import Driver
 from clips import picture, press_of
 from manytouch.pipeline import Controls
-from manytouch.session import Live, pipeline_for, prepare, read_all
+from manytouch.session import Live, pipeline_for, prepare, run
 from manytouch.session.background_iterator import BackgroundIterator
+from manytouch.session.commands.tuning import parameters_of
 from manytouch.sinks.latest_only import LatestOnly
+from manytouch.sources import Capabilities
 from manytouch.sources.cameras.camera import CameraSource
 from manytouch.sources.cameras.capture import CameraRequest, open_camera
 from manytouch.values import (
@@ -32,6 +34,8 @@ from manytouch.values import (
     Tune,
     UseMethod,
 )
+
+WHOLE = next(name for name, value in parameters_of(pipeline_for()).items() if isinstance(value, int))
 
 
 @dataclass
@@ -52,6 +56,10 @@ class Pictures:
     @property
     def frame_count(self) -> int:
         return self.frames
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(press=self.press)
 
     def __iter__(self) -> Iterator[Frame]:
         for index in range(self.frames):
@@ -92,13 +100,13 @@ class Seen:
 def played(source: Pictures, **at: Command) -> tuple[Live, Seen]:
     live = Live(prepare(source))
     seen = Seen(live, **at)
-    live.run([seen])
+    run(live, [seen])
     return live, seen
 
 
 def test_live_readings_have_the_bits_of_offline_ones() -> None:
     offline = Seen()
-    read_all(prepare(Pictures()), [offline])
+    run(prepare(Pictures()), [offline])
     live, seen = played(Pictures())
     assert isinstance(live, Controls)
     assert len(seen.readings) == len(offline.readings) == 40
@@ -180,10 +188,10 @@ def test_a_parameter_changes_while_it_runs() -> None:
     ("command", "words"),
     [
         (Tune(parameter="detect.nonsense", value=1.0), "no parameter 'detect.nonsense'; there are: detect."),
-        (Tune(parameter="estimate.identity.confirm_frames", value=1.5), "whole number"),
+        (Tune(parameter=WHOLE, value=1.5), "whole number"),
         (UseMethod(method="magic"), "no method 'magic'"),
         (Tune(parameter="detect.least_share", value=float("nan")), "not nan"),
-        (Seek(frame=3), "Seek means nothing"),
+        (Seek(frame=3), "Seek is not possible"),
     ],
 )
 def test_what_cannot_be_done_becomes_a_note(command: Command, words: str) -> None:
@@ -201,7 +209,7 @@ def test_what_cannot_be_read_with_is_not_taken(monkeypatch: pytest.MonkeyPatch) 
             raise ValueError("a window of no size")
 
     fails = replace(pipeline_for(), detect=Fails())
-    monkeypatch.setattr("manytouch.session.live.tuned", lambda *_: fails)
+    monkeypatch.setattr("manytouch.session.live.tune", lambda *_: fails)
     live, seen = played(
         Pictures(frames=25, is_touched=False), at_2=Tune(parameter="detect.least_snr", value=0.0)
     )
@@ -220,7 +228,7 @@ def test_fingers_reach_a_source_that_can_be_pressed() -> None:
 def test_a_file_waits_while_held_and_goes_on() -> None:
     live = Live(prepare(Pictures(frames=40, is_touched=False)))
     seen = Seen(live, at_10=Stop())
-    runner = threading.Thread(target=live.run, args=([seen],))
+    runner = threading.Thread(target=run, args=(live, [seen]))
     runner.start()
     deadline = time.monotonic() + 20
     while live.health().is_running and time.monotonic() < deadline:
@@ -240,7 +248,7 @@ def test_an_error_of_the_source_ends_the_run_with_sinks_closed() -> None:
     live = Live(prepare(source))
     seen = Seen()
     with pytest.raises(ValueError, match="fell off"):
-        live.run([seen])
+        run(live, [seen])
     assert seen.is_closed
     assert [reading.frame.index for reading in seen.readings] == list(range(25))
 
@@ -277,12 +285,12 @@ def test_a_camera_that_goes_and_comes_back_goes_on_and_is_let_go_at_the_end() ->
         heard.append(live.health().source)
         if len(seen.readings) == 8 and not out.is_set() and heard[-1] == "ok":
             out.set()
-        if "no picture" in heard[-1]:
+        if "no image" in heard[-1]:
             out.clear()
         return len(seen.readings) >= 16
 
-    live.run([seen], stop=stop)
-    assert any("no picture from camera-0" in word for word in heard)
+    run(live, [seen], stop=stop)
+    assert any("no image from camera-0" in word for word in heard)
     assert live.health().source == "ok"
     indices = np.array([reading.frame.index for reading in seen.readings])
     assert live.health().dropped == np.sum(np.diff(indices) - 1)

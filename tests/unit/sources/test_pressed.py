@@ -1,4 +1,4 @@
-"""The simulated sensor under people's fingers."""
+"""The simulated sensor, pressed interactively."""
 
 from itertools import islice
 
@@ -11,11 +11,12 @@ from manytouch.sources.simulated import simulated_source
 from manytouch.values import Contact, Press, Release, Truth
 
 EASED = 15  # frames until a finger is where it is wanted
+SMALL_PX = 160  # these laws are about the sheet, not about its images
 
 
 @pytest.fixture
 def source() -> PressedSource:
-    return PressedSource("rest")
+    return PressedSource("rest", width_px=SMALL_PX)
 
 
 def after(source: PressedSource, frames: int) -> Truth:
@@ -66,8 +67,11 @@ def test_fingers_are_not_without_number(source: PressedSource) -> None:
     assert len(touching(source, EASED)) == MOST_FINGERS
 
 
-def test_the_solved_scene_plays_while_nobody_presses() -> None:
-    source, solid = PressedSource("fingers"), simulated_source("fingers")
+def test_the_solved_scene_is_shown_while_nobody_presses() -> None:
+    source, solid = (
+        PressedSource("fingers", width_px=SMALL_PX),
+        simulated_source("fingers", width_px=SMALL_PX),
+    )
     for index, frame in enumerate(islice(source, 100)):
         assert frame.index == index
     shown, true = source.truth(75), solid.truth(75)
@@ -79,8 +83,8 @@ def test_the_solved_scene_plays_while_nobody_presses() -> None:
         np.testing.assert_array_equal(contact.force_N, other.force_N)
 
 
-def test_the_first_finger_takes_over_and_the_scene_begins_anew_when_all_are_lifted() -> None:
-    source = PressedSource("fingers")
+def test_the_first_finger_interrupts_the_scene_which_restarts_when_all_are_lifted() -> None:
+    source = PressedSource("fingers", width_px=SMALL_PX)
     before = after(source, round(3.0 * source.fps))
     assert len(before.contacts.touching) == 2
     source.press(Press(finger=1, x_mm=40.0, y_mm=20.0, depth_mm=2.0))
@@ -103,7 +107,7 @@ def test_the_first_finger_takes_over_and_the_scene_begins_anew_when_all_are_lift
 
 
 def test_the_scene_comes_again_and_again() -> None:
-    source = PressedSource("one")
+    source = PressedSource("one", width_px=SMALL_PX)
     first = touching(source, round(3.0 * source.fps))
     again = touching(source, round(6.0 * source.fps))
     assert len(first) == len(again) == 1
@@ -120,7 +124,7 @@ def test_truth_goes_with_the_picture_and_is_forgotten(source: PressedSource) -> 
 
 
 def test_it_ends_when_it_shall() -> None:
-    source = PressedSource("rest", seconds=0.5)
+    source = PressedSource("rest", seconds=0.5, width_px=SMALL_PX)
     assert [frame.index for frame in source] == list(range(15))
     assert source.frame_count == 15
     assert PressedSource().frame_count is None

@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.calibration.marker_tracks import MarkerTracks, Roi, track_markers
+from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sharpness import edge_width_px, is_soft
@@ -16,7 +16,7 @@ from manytouch.detection import appearance_of
 from manytouch.detection.appearance.dot_appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import camera_matrix, project
-from manytouch.values import Camera, Frame, Layout, Sensor, Sheet
+from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
 from manytouch.values.arrays import Points2, read_only
 
 SEEN_SHARE = 0.5

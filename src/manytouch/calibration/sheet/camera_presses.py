@@ -12,7 +12,7 @@ from manytouch.calibration.marker_tracks import track_markers
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sheet.press_table import REST_FRAMES, PressRow
 from manytouch.errors import OutputError, SensorError
-from manytouch.sources.source import Device, evenly_timed_ns
+from manytouch.sources.source import Source, evenly_timed_ns
 from manytouch.values import Frame, Sensor
 
 HELD_FRAMES = 8
@@ -31,7 +31,7 @@ class CameraPresses:
         folder: of the images; the times of the presses refer to it as a source.
     """
 
-    def __init__(self, sensor: Sensor, camera: Device, table: Path, *, report: Print, prompt: Prompt) -> None:
+    def __init__(self, sensor: Sensor, camera: Source, table: Path, *, report: Print, prompt: Prompt) -> None:
         """Measure the untouched sheet.
 
         Args:
@@ -46,7 +46,9 @@ class CameraPresses:
             OutputError: the images cannot be saved.
         """
         assert sensor.layout is not None
-        camera.is_colour = sensor.layout.colour_weights is not None
+        device = camera.capabilities.device
+        if device is not None:
+            device.is_colour = sensor.layout.colour_weights is not None
         self._frames, self._report, self._prompt = iter(camera), report, prompt
         self.folder = next(
             folder

@@ -11,7 +11,7 @@ from manytouch.calibration.sheet.press_table import PressRow, read_press_table, 
 from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, TOUCHED_RADIUS_MM
 from manytouch.errors import ManytouchError, OutputError, SensorError
 from manytouch.sources import Source, open_source
-from manytouch.sources.source import Device
+from manytouch.sources.source import close
 from manytouch.values import Sensor, Sheet
 
 
@@ -48,7 +48,7 @@ def read_typed_presses(
         report(f"{_count(rows)} already in {table}; undo removes the last one")
     opened = open_source(source)
     try:
-        if isinstance(opened, Device):
+        if opened.capabilities.device is not None:
             measure = CameraPresses(sensor, opened, table, report=report, prompt=prompt)
             context = PressContext(input=measure.folder.name, begin_s=None, end_s=None, sheet=sensor.sheet)
             report(f"type one press per line: x,y in mm, force or mass, such as {EXAMPLE}")
@@ -59,8 +59,7 @@ def read_typed_presses(
         report(f"stopped; {_count(rows)} saved in {table}; run the same command again to continue")
         return None
     finally:
-        if isinstance(opened, Device):
-            opened.close()
+        close(opened)
     return read_press_table(table) if rows else ()
 
 

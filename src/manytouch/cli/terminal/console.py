@@ -9,10 +9,9 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from manytouch.session import Job
 from manytouch.sinks.files.sensor_description import describe_sensor
 from manytouch.sinks.files.summary import Summary
-from manytouch.values import Reading
+from manytouch.values import Reading, Sensor
 
 PLAIN_EVERY_S = 5.0
 Step = TypeVar("Step")
@@ -42,18 +41,22 @@ class Reporter:
         """Print a line; a heading starts a new input."""
         self.console.print(sentence if heading else f"  {sentence}", markup=False)
 
-    def begin(self, job: Job) -> None:
+    def on_message(self, sentence: str) -> None:
+        """Print it."""
+        self.say(sentence)
+
+    def on_begin(self, sensor: Sensor, frame_count: int | None) -> None:
         """Say what was found and what had to be assumed."""
-        self.say(f"found {describe_sensor(job.sensor)}")
-        for assumption in job.sensor.assumptions:
+        self.say(f"found {describe_sensor(sensor)}")
+        for assumption in sensor.assumptions:
             self.say(f"assumed: {assumption}")
-        self._total = job.source.frame_count
+        self._total = frame_count
         self._said_s = time.monotonic()
         if self._is_followed and self.console.is_terminal:
             self._bar.start()
             self._task = self._bar.add_task("reading", total=self._total)
 
-    def read(self, reading: Reading) -> None:
+    def on_reading(self, reading: Reading) -> None:
         """Count a frame."""
         self._read += 1
         if self._task is not None:

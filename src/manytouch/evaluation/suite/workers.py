@@ -9,6 +9,7 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import Protocol, TypeVar, runtime_checkable
 
+from manytouch.blas_threads import limit_blas_threads
 from manytouch.errors import ManytouchError
 
 Task = TypeVar("Task")
@@ -76,6 +77,7 @@ def worked(
 
 def _serve() -> None:
     """Leave Ctrl-C to the first process, which lets the others finish; end when it was killed."""
+    limit_blas_threads()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_the_first, daemon=True).start()
 

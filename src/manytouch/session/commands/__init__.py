@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""What a live session does between two frames: the queue of commands, tare, tuning and contact ids.
+
+The commands themselves are values, in `manytouch.values.commands`.
+"""

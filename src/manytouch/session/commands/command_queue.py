@@ -1,4 +1,4 @@
-"""What people ask of a session, and what it answers in words."""
+"""The queue of commands to a session, and its notes for the user."""
 
 import queue
 from collections import deque
@@ -11,13 +11,13 @@ NOTES = 20
 
 
 class CommandQueue:
-    """Commands come in from any thread and are done in one; what cannot be done becomes a note."""
+    """Takes commands from any thread and carries them out in one; a command that fails becomes a note."""
 
     def __init__(self) -> None:
         self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
         self._notes: deque[str] = deque(maxlen=NOTES)
-        self.say: Callable[[str], None] = lambda _: None
-        """Told every note at once."""
+        self.on_note: Callable[[str], None] = lambda _: None
+        """Called with every note."""
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -25,22 +25,22 @@ class CommandQueue:
         return tuple(self._notes)
 
     def send(self, command: Command) -> None:
-        """Ask for something; never blocks."""
+        """Add a command; never blocks."""
         self._commands.put(command)
 
     def note(self, sentence: str) -> None:
-        """Keep a note, and say it."""
+        """Add a note."""
         self._notes.append(sentence)
-        self.say(sentence)
+        self.on_note(sentence)
 
-    def obey(self, do: Callable[[Command], None]) -> None:
-        """Do what was asked for since the last call."""
+    def drain(self, carry_out: Callable[[Command], None]) -> None:
+        """Carry out the commands since the last call, in order."""
         while True:
             try:
                 command = self._commands.get_nowait()
             except queue.Empty:
                 return
             try:
-                do(command)
+                carry_out(command)
             except ManytouchError as error:
                 self.note(str(error))

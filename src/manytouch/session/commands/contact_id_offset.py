@@ -1,4 +1,4 @@
-"""Contacts keep their identities apart when the estimate begins anew."""
+"""Unique contact ids when the estimation starts again."""
 
 from dataclasses import replace
 
@@ -6,7 +6,7 @@ from manytouch.values import Contact, Contacts, Phase, Reading
 
 
 class ContactIdOffset:
-    """Moves the ids of each new beginning past those given before, and ends the contacts of the old one."""
+    """Offsets the ids after each start past all ids before it, and ends the contacts before it."""
 
     def __init__(self) -> None:
         self._first_id = 0
@@ -15,13 +15,13 @@ class ContactIdOffset:
         self._to_end: tuple[Contact, ...] = ()
 
     def begin(self) -> None:
-        """The next reading is the first of a new estimate."""
+        """The next reading is the first after a start of the estimation."""
         self._first_id = self._next_id
         self._to_end = self._to_end or self._touching
         self._touching = ()
 
     def __call__(self, reading: Reading) -> Reading:
-        """The reading with ids that were never given to another contact."""
+        """The reading with ids that no other contact of the session has had."""
         named = [replace(contact, id=contact.id + self._first_id) for contact in reading.contacts.contacts]
         ended = [replace(contact, phase=Phase.END) for contact in self._to_end]
         self._to_end = ()

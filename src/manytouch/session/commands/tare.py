@@ -1,4 +1,4 @@
-"""The sheet as it is now, taken as the untouched one."""
+"""Tare: the present marker positions become the reference."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -13,10 +13,10 @@ TARE_FRAMES = 15
 _LEAST_SHARE = 0.5
 
 
-def tared(sensor: Sensor, grids: Sequence[TrackedGrid]) -> Sensor | None:
-    """The sensor whose reference places are the medians of the grids'.
+def tare_sensor(sensor: Sensor, grids: Sequence[TrackedGrid]) -> Sensor | None:
+    """Replace the reference positions of a sensor by the medians over some frames.
 
-    A marker that none of them shows keeps its place, moved as the others are in the median.
+    A marker that is seen in none of them is moved by the median of the others.
 
     Args:
         sensor: with a layout.

@@ -1,4 +1,4 @@
-"""The numbers among a pipeline's parameters, by name, to be seen and changed while it runs."""
+"""The numeric parameters of a pipeline by name, to be shown and changed while it runs."""
 
 import math
 from collections.abc import Iterator
@@ -15,20 +15,20 @@ def parameters_of(pipeline: Pipeline) -> dict[str, int | float]:
     return {name: value for stage in fields(pipeline) for name, value in _numbers(pipeline, stage.name)}
 
 
-def tuned(pipeline: Pipeline, parameter: str, value: float) -> Pipeline:
-    """The pipeline with another value of a parameter.
+def tune(pipeline: Pipeline, parameter: str, value: float) -> Pipeline:
+    """Replace a parameter of a pipeline.
 
     Raises:
-        ManytouchError: there is no such parameter, or the value does not suit it.
+        ManytouchError: there is no such parameter, or the value is invalid.
     """
     known = parameters_of(pipeline)
     if parameter not in known:
         raise ManytouchError(f"there is no parameter {parameter!r}; there are: {', '.join(sorted(known))}")
     if not math.isfinite(value):
-        raise ManytouchError(f"{parameter} is a number, not {value}")
+        raise ManytouchError(f"{parameter} must be a finite number, not {value}")
     if isinstance(known[parameter], int):
         if value != int(value):
-            raise ManytouchError(f"{parameter} is a whole number, not {value:g}")
+            raise ManytouchError(f"{parameter} must be a whole number, not {value:g}")
         value = int(value)
     changed: Pipeline = _changed(pipeline, parameter.split("."), value)
     return changed

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from itertools import islice
 from pathlib import Path
 
-from manytouch.sources.source import Device
+from manytouch.sources.source import Source
 from manytouch.values import Health, Setting
 from manytouch.values.arrays import count_of
 
@@ -33,7 +33,7 @@ def describe_latency(health: Health) -> str:
     return f"latency from frame to reading {latency}; {frames} processed, {health.dropped} dropped"
 
 
-def describe_frame_rate(source: Device) -> str:
+def describe_frame_rate(source: Source) -> str:
     """The measured rate at which frames arrive and are decoded."""
     frames = iter(source)
     next(frames, None)
@@ -41,7 +41,8 @@ def describe_frame_rate(source: Device) -> str:
     indices = [frame.index for frame in islice(frames, MEASURED_FRAMES)]
     elapsed_s = time.monotonic() - started_s
     if len(indices) < 2:
-        return f"measured rate: unknown: {source.status}"
+        device = source.capabilities.device
+        return f"measured rate: unknown: {'too few frames' if device is None else device.status}"
     arrived = indices[-1] - indices[0] + 1
     text = f"measured rate: {arrived / elapsed_s:.1f} frames per second arrive"
     if arrived > len(indices):

@@ -12,9 +12,9 @@ from manytouch.detection import Appearance, survey
 from manytouch.detection.search import level_of
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session.diagnosis.camera import describe_frame_rate, describe_settings
-from manytouch.session.prepare import REST_FRAMES, check_region
+from manytouch.session.prepare import REST_FRAMES, require_region
 from manytouch.sources import Source, open_source
-from manytouch.sources.source import Device
+from manytouch.sources.source import close
 from manytouch.values import Detections, Frame, Roi
 
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
@@ -29,20 +29,19 @@ def diagnose(text: str, roi_px: Roi | None = None) -> Iterator[str]:
         SourceError: it cannot be opened, or its first frames cannot be decoded.
     """
     source = open_source(text)
-    if not isinstance(source, Device):
-        yield from _diagnose_frames(source, text, roi_px)
-        return
+    device = source.capabilities.device
     try:
-        yield from describe_settings(source.settings)
-        yield describe_frame_rate(source)
-        source.is_colour = True
+        if device is not None:
+            yield from describe_settings(device.settings)
+            yield describe_frame_rate(source)
+            device.is_colour = True
         yield from _diagnose_frames(source, text, roi_px)
     finally:
-        source.close()
+        close(source)
 
 
 def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[str]:
-    check_region(source, text, roi_px)
+    require_region(source, text, roi_px)
     yield _describe_source(source)
     frames = [frame for frame in islice(source, REST_FRAMES) if frame.image is not None]
     if not frames:

@@ -1,4 +1,4 @@
-"""A camera or a stream as a source: frames as they come, for as long as they come."""
+"""A camera or a stream as a source of frames, until it is closed."""
 
 import threading
 import time
@@ -10,12 +10,13 @@ from manytouch.errors import SourceError
 from manytouch.sources.cameras.capture import CameraRequest, Capture, Shot, open_camera
 from manytouch.sources.cameras.stream import open_stream
 from manytouch.sources.encoded import decoded
+from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Setting
 
-WAITING = 3  # frames; the oldest makes room for a new one
+WAITING = 3  # frames; a new one replaces the oldest
 RETRY_S = 0.5
-FIRST_TRIES = 20  # cameras may need some pictures before one is whole
-FAILURES = 3  # in a row, after which the camera counts as lost
+FIRST_TRIES = 20  # the first images of a camera may be incomplete
+FAILURES = 3  # in a row, after which the camera counts as disconnected
 CLOSE_S = 3.0
 CLOCKS_APART_NS = 10**9
 
@@ -23,23 +24,23 @@ CLOCKS_APART_NS = 10**9
 class CameraSource:
     """Frames of a camera, read in a thread of its own.
 
-    At most `WAITING` frames wait; a frame that is not fetched in time makes room for a newer one, and its
-    number is missing. While the camera is away `status` says so and it is tried again and again; then
-    numbers go on where they were, and timestamps show the gap.
+    At most `WAITING` frames wait; a newer frame replaces the oldest, whose index is then missing. While the
+    camera is disconnected `status` states it and opening is tried repeatedly; afterwards indices continue,
+    and timestamps show the gap.
 
     Attributes:
-        is_colour: decode in colour; grey takes a third of the time, and is all that most sheets need.
+        is_colour: decode in colour; grey takes a third of the time and is sufficient for most sheets.
     """
 
     def __init__(self, text: str, open_capture: Callable[[], Capture | None]) -> None:
-        """Open it and take a first picture.
+        """Open it and read a first image.
 
         Args:
-            text: what the camera is called.
-            open_capture: opens it, and opens it again after it was lost.
+            text: number, device or address of the camera.
+            open_capture: opens it, also after it was disconnected.
 
         Raises:
-            SourceError: it does not open, or gives no picture.
+            SourceError: it does not open, or gives no image.
         """
         self._text = text
         self._open = open_capture
@@ -52,8 +53,8 @@ class CameraSource:
         if picture is None:
             capture.release()
             raise SourceError(
-                f"The camera {without_password(text)!r} opens but gives no picture: try another size or "
-                "--no-mjpg, another cable or port, and see that no other program uses it."
+                f"The camera {without_password(text)!r} opens but gives no image: try another size or "
+                "--no-mjpg, another cable or port, and close other programs that use it."
             )
         self._capture: Capture | None = capture
         self.height_px, self.width_px = map(int, picture.shape[:2])
@@ -76,7 +77,7 @@ class CameraSource:
 
     @property
     def fps(self) -> float | None:
-        """As the camera says."""
+        """As the camera reports."""
         rate = next((setting.found for setting in self.settings if setting.name == "rate"), None)
         return None if rate is None else float(rate.split()[0])
 
@@ -88,8 +89,12 @@ class CameraSource:
     def is_live(self) -> bool:
         return True
 
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(device=self)
+
     def listen(self, tap: Callable[[Frame], None] | None) -> None:
-        """Hand every frame to `tap` as it arrives, in the camera's thread, before any may be dropped."""
+        """Pass every frame to `tap` as it arrives, in the camera's thread, before any may be dropped."""
         self._tap = tap
 
     def __iter__(self) -> Iterator[Frame]:
@@ -101,7 +106,7 @@ class CameraSource:
             yield decoded(frame, is_colour=self.is_colour)
 
     def close(self) -> None:
-        """Let go of the camera; iterations end."""
+        """Release the camera; iterations end."""
         self._is_over.set()
         with self._arrival:
             self._arrival.notify_all()
@@ -122,25 +127,25 @@ class CameraSource:
             if shot is not None:
                 failures = 0
                 self.status = "ok"
-                self._arrived(shot)
+                self._append(shot)
                 continue
             failures += 1
             if failures >= FAILURES:
-                self._lost()
+                self._disconnect()
                 self._is_over.wait(RETRY_S)
-                self._capture = None if self._is_over.is_set() else self._again()
+                self._capture = None if self._is_over.is_set() else self._reopen()
                 failures = FAILURES if self._capture is None else 0
         if self._capture is not None:
             self._capture.release()
 
-    def _lost(self) -> None:
+    def _disconnect(self) -> None:
         if self._capture is not None:
-            self.status = f"no picture from {self.name} any more; it is tried again every {RETRY_S:g} s"
+            self.status = f"no image from {self.name} since it was disconnected; retrying every {RETRY_S:g} s"
             self._capture.release()
             self._capture = None
 
-    def _again(self) -> Capture | None:
-        """The camera, when it is back and gives pictures of the size it had."""
+    def _reopen(self) -> Capture | None:
+        """Open the camera again; None unless it gives images of the size before."""
         capture = self._open()
         shot = None if capture is None else capture.read()
         if capture is None or shot is None:
@@ -151,18 +156,18 @@ class CameraSource:
         if image is None or image.shape[:2] != (self.height_px, self.width_px):
             found = "none that can be decoded" if image is None else f"{image.shape[1]} x {image.shape[0]} px"
             self.status = (
-                f"{self.name} is back with other pictures: {self.width_px} x {self.height_px} px were "
-                f"expected, found {found}; set the size again or start anew"
+                f"{self.name} is connected again with other images: expected {self.width_px} x "
+                f"{self.height_px} px, found {found}; set the size again or restart"
             )
             capture.release()
             return None
         self.settings = capture.settings
         self.status = "ok"
-        self._clock.tie_anew()
-        self._arrived(shot)
+        self._clock.synchronise()
+        self._append(shot)
         return capture
 
-    def _arrived(self, shot: Shot) -> None:
+    def _append(self, shot: Shot) -> None:
         arrived_ns = time.monotonic_ns()
         frame = self._frame(shot, self._clock.at(shot.driver_ns, arrived_ns), arrived_ns)
         self._index += 1
@@ -185,10 +190,10 @@ class CameraSource:
 
 
 class ArrivalClock:
-    """Timestamps from 0: the driver's while it makes sense, this machine's otherwise.
+    """Timestamps from 0: the driver's while plausible, otherwise this machine's.
 
-    A driver's time makes sense while it grows and does not part from this machine's by more than a second;
-    after a gap or a jump it is tied to this machine's anew.
+    A driver's time is plausible while it increases and differs from this machine's by less than a second;
+    after a gap or a jump it is synchronised again with this machine's.
     """
 
     def __init__(self) -> None:
@@ -196,41 +201,41 @@ class ArrivalClock:
         self._offset_ns: int | None = None
         self._last_ns = -1
 
-    def tie_anew(self) -> None:
-        """The driver's time may have begun again."""
+    def synchronise(self) -> None:
+        """Synchronise with the next image, since the driver's time may have restarted."""
         self._offset_ns = None
 
     def at(self, driver_ns: int | None, arrived_ns: int) -> int:
-        """Timestamp of a picture."""
+        """Timestamp of an image, from its driver's time or None and its arrival by `time.monotonic_ns`."""
         if self._first_arrived_ns is None:
             self._first_arrived_ns = arrived_ns
         own_ns = arrived_ns - self._first_arrived_ns
-        told_ns = own_ns
+        timestamp_ns = own_ns
         if driver_ns is None:
             self._offset_ns = None
         else:
             if self._offset_ns is None or abs(driver_ns - self._offset_ns - own_ns) > CLOCKS_APART_NS:
                 self._offset_ns = driver_ns - own_ns
-            told_ns = driver_ns - self._offset_ns
-        self._last_ns = max(told_ns, self._last_ns + 1)
+            timestamp_ns = driver_ns - self._offset_ns
+        self._last_ns = max(timestamp_ns, self._last_ns + 1)
         return self._last_ns
 
 
-def camera_source(text: str, wishes: CameraRequest | None = None) -> CameraSource:
+def camera_source(text: str, request: CameraRequest | None = None) -> CameraSource:
     """A camera by number or device, or a stream by address.
 
     Raises:
-        SourceError: it does not open, or gives no picture.
+        SourceError: it does not open, or gives no image.
     """
-    asked = CameraRequest() if wishes is None else wishes
+    wanted = CameraRequest() if request is None else request
     if "://" in text:
         return CameraSource(text, lambda: open_stream(text))
     number_or_path = int(text) if text.isdigit() else text
-    return CameraSource(text, lambda: open_camera(number_or_path, asked))
+    return CameraSource(text, lambda: open_camera(number_or_path, wanted))
 
 
 def without_password(text: str) -> str:
-    """An address as it may be shown and written down; any other text as it is."""
+    """An address without user and password, to be shown and stored; any other text unchanged."""
     if "://" not in text:
         return text
     parts = urlsplit(text)
@@ -242,6 +247,6 @@ def _not_opened(text: str) -> str:
     if "://" in text:
         return f"The stream {shown!r} does not open: check the address, and that a browser or VLC shows it."
     return (
-        f"The camera {shown!r} does not open: check that it is plugged in, that no other program uses it and "
+        f"The camera {shown!r} does not open: check that it is connected, that no other program uses it and "
         "that this user may use it (on Linux: member of the group video); manytouch doctor lists the cameras."
     )

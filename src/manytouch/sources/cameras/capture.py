@@ -1,11 +1,11 @@
-"""What is asked of a camera, in the order that each system's driver needs, and what it answers.
+"""Requests to a camera in the order that each system's driver needs, and what the driver reports.
 
-OpenCV passes properties on to the driver one by one, and a driver may forget one when another is set:
+OpenCV passes properties to the driver one by one, and a driver may reset one when another is set:
 
 - V4L2 (Linux): the format first, since it decides which sizes and rates there are; width and height act
-  together. Without conversion the driver's JPEG is handed over as it is.
-- DirectShow (Windows): setting a rate builds the graph anew without the format, and a size takes the format
-  with it; so rate, format, size, and the format again for releases that only then heed it.
+  together. Without conversion the driver's JPEG is passed on unchanged.
+- DirectShow (Windows): setting a rate rebuilds the graph without the format, and a size resets the format; so
+  rate, format, size, and the format again for releases that only then accept it.
 - Media Foundation (Windows, where DirectShow does not open): it chooses the format itself.
 - AVFoundation (macOS): size and rate only; exposure and focus are not offered.
 """
@@ -29,12 +29,12 @@ MJPG = cv2.VideoWriter.fourcc(*"MJPG")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CameraRequest:
-    """What a camera is asked for; None leaves it as it is.
+    """Requested settings of a camera; None leaves a setting unchanged.
 
     Attributes:
         size_px: width, height.
         fps: frames per second.
-        is_mjpg: Motion JPEG, without which USB carries large pictures only a few times a second.
+        is_mjpg: Motion JPEG, without which USB transfers only a few large images per second.
         exposure_ms, white_balance_K: fixed, or "auto".
         focus: in the driver's own unit, or "auto".
         gain: in the driver's own unit.
@@ -51,12 +51,12 @@ class CameraRequest:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Shot:
-    """A picture as a driver hands it over; one of image and encoded is there.
+    """An image from a driver; either `image` or `encoded` is set.
 
     Attributes:
         image: grey or BGR, a copy of the driver's buffer.
         encoded: a whole JPEG, a copy of the driver's buffer.
-        driver_ns: the driver's own time of it, None where it does not tell.
+        driver_ns: the driver's time of the image; None where it has none.
     """
 
     image: Image | None
@@ -70,18 +70,18 @@ class Capture(Protocol):
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """What was asked for, and what the camera says."""
+        """What was requested, and what the camera reports."""
 
     def read(self) -> Shot | None:
-        """Wait for the next picture; None when none came."""
+        """Wait for the next image; None when none came."""
 
     def release(self) -> None:
-        """Let go of the device."""
+        """Release the device."""
 
 
 @runtime_checkable
 class VideoCapture(Protocol):
-    """What is used of `cv2.VideoCapture`."""
+    """The part of `cv2.VideoCapture` that is used."""
 
     def isOpened(self) -> bool: ...
 
@@ -98,26 +98,26 @@ class VideoCapture(Protocol):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Backend:
-    """How a system's driver wants to be asked.
+    """How settings are requested from a system's driver.
 
     Attributes:
-        name: for people.
+        name: for messages.
         api: OpenCV's number of it.
         order: properties in the order in which they are set; others are not offered.
-        hands_over_jpeg: can it leave the camera's JPEG as it is?
+        gives_jpeg: it can pass the camera's JPEG on unchanged.
         exposure_is: unit of exposure: 100 microseconds, or the logarithm to base 2 of seconds.
         manual, automatic: values of the switch for automatic exposure.
-        tells_time: is its POS_MSEC the time of the picture?
+        has_timestamps: its POS_MSEC is the time of the image.
     """
 
     name: str
     api: int
     order: tuple[str, ...]
-    hands_over_jpeg: bool = False
+    gives_jpeg: bool = False
     exposure_is: Literal["100us", "log2_s"] = "log2_s"
     manual: float = 0.0
     automatic: float = 1.0
-    tells_time: bool = False
+    has_timestamps: bool = False
 
     def exposure(self, milliseconds: float) -> float:
         """An exposure in the driver's unit."""
@@ -135,28 +135,28 @@ _LIGHT = (
 V4L2 = Backend(
     name="V4L2",
     api=cv2.CAP_V4L2,
-    order=("format", "width", "height", "rate", "as it is", *_LIGHT),
-    hands_over_jpeg=True,
+    order=("format", "width", "height", "rate", "convert", *_LIGHT),
+    gives_jpeg=True,
     exposure_is="100us",
     manual=1.0,
     automatic=3.0,
-    tells_time=True,
+    has_timestamps=True,
 )
 DIRECTSHOW = Backend(
     name="DirectShow", api=cv2.CAP_DSHOW, order=("rate", "format", "width", "height", "format", *_LIGHT)
 )
 MEDIA_FOUNDATION = Backend(
-    name="Media Foundation", api=cv2.CAP_MSMF, order=("width", "height", "rate", *_LIGHT), tells_time=True
+    name="Media Foundation", api=cv2.CAP_MSMF, order=("width", "height", "rate", *_LIGHT), has_timestamps=True
 )
 AVFOUNDATION = Backend(name="AVFoundation", api=cv2.CAP_AVFOUNDATION, order=("width", "height", "rate"))
-FFMPEG = Backend(name="FFmpeg", api=cv2.CAP_FFMPEG, order=(), tells_time=True)
+FFMPEG = Backend(name="FFmpeg", api=cv2.CAP_FFMPEG, order=(), has_timestamps=True)
 
 _PROPERTY = {
     "format": cv2.CAP_PROP_FOURCC,
     "width": cv2.CAP_PROP_FRAME_WIDTH,
     "height": cv2.CAP_PROP_FRAME_HEIGHT,
     "rate": cv2.CAP_PROP_FPS,
-    "as it is": cv2.CAP_PROP_CONVERT_RGB,
+    "convert": cv2.CAP_PROP_CONVERT_RGB,
     "automatic exposure": cv2.CAP_PROP_AUTO_EXPOSURE,
     "exposure": cv2.CAP_PROP_EXPOSURE,
     "gain": cv2.CAP_PROP_GAIN,
@@ -166,34 +166,34 @@ _PROPERTY = {
     "white balance": cv2.CAP_PROP_WB_TEMPERATURE,
 }
 _AMOUNTS: dict[str, Callable[[CameraRequest], Amount]] = {
-    "exposure": lambda wishes: wishes.exposure_ms,
-    "focus": lambda wishes: wishes.focus,
-    "white balance": lambda wishes: wishes.white_balance_K,
+    "exposure": lambda request: request.exposure_ms,
+    "focus": lambda request: request.focus,
+    "white balance": lambda request: request.white_balance_K,
 }
 
 
 def backends(platform: str = sys.platform) -> tuple[Backend, ...]:
-    """Those of a system, the first that opens is taken."""
+    """The backends of a system; the first that opens a camera is used."""
     if platform == "darwin":
         return (AVFOUNDATION,)
     return (DIRECTSHOW, MEDIA_FOUNDATION) if platform == "win32" else (V4L2,)
 
 
-def requests(wishes: CameraRequest, backend: Backend) -> dict[str, float]:
+def driver_values(request: CameraRequest, backend: Backend) -> dict[str, float]:
     """Values to set, by property, in the driver's units."""
     wanted: dict[str, float] = {}
-    if wishes.is_mjpg:
+    if request.is_mjpg:
         wanted["format"] = float(MJPG)
-        if backend.hands_over_jpeg:
-            wanted["as it is"] = 0.0
-    if wishes.size_px is not None:
-        wanted["width"], wanted["height"] = map(float, wishes.size_px)
-    if wishes.fps is not None:
-        wanted["rate"] = wishes.fps
-    if wishes.gain is not None:
-        wanted["gain"] = wishes.gain
+        if backend.gives_jpeg:
+            wanted["convert"] = 0.0
+    if request.size_px is not None:
+        wanted["width"], wanted["height"] = map(float, request.size_px)
+    if request.fps is not None:
+        wanted["rate"] = request.fps
+    if request.gain is not None:
+        wanted["gain"] = request.gain
     for name, amount_of in _AMOUNTS.items():
-        amount = amount_of(wishes)
+        amount = amount_of(request)
         if amount is None:
             continue
         manual, automatic = (backend.manual, backend.automatic) if name == "exposure" else (0.0, 1.0)
@@ -204,54 +204,56 @@ def requests(wishes: CameraRequest, backend: Backend) -> dict[str, float]:
 
 
 class OpenCvCapture:
-    """A camera or stream that OpenCV has opened, asked for what was wished."""
+    """A camera or stream that OpenCV has opened, with the requested settings."""
 
-    def __init__(self, capture: VideoCapture, wishes: CameraRequest, backend: Backend) -> None:
+    def __init__(self, capture: VideoCapture, request: CameraRequest, backend: Backend) -> None:
         self._capture = capture
-        self._wishes = wishes
+        self._request = request
         self._backend = backend
-        wanted = requests(wishes, backend)
+        wanted = driver_values(request, backend)
         for name in backend.order:
             if name in wanted:
                 capture.set(_PROPERTY[name], wanted[name])
-        self._is_raw = "as it is" in wanted
+        self._is_raw = "convert" in wanted
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """What was asked for, and what the camera says."""
-        wishes, rate = self._wishes, self._found("rate")
-        asked_size = None if wishes.size_px is None else f"{wishes.size_px[0]} x {wishes.size_px[1]} px"
+        """What was requested, and what the camera reports."""
+        request, rate = self._request, self._found("rate")
+        requested_size = (
+            None if request.size_px is None else f"{request.size_px[0]} x {request.size_px[1]} px"
+        )
         width, height = self._found("width"), self._found("height")
         found_size = None if width is None or height is None else f"{width:g} x {height:g} px"
         code = self._found("format")
         exposure = self._found("exposure")
         return (
             Setting(name="driver", requested=None, found=self._backend.name),
-            Setting(name="size", requested=asked_size, found=found_size),
+            Setting(name="size", requested=requested_size, found=found_size),
             Setting(
-                name="rate", requested=_words(wishes.fps, "per second"), found=_words(rate, "per second")
+                name="rate", requested=_words(request.fps, "per second"), found=_words(rate, "per second")
             ),
             Setting(
                 name="format",
-                requested="MJPG" if wishes.is_mjpg else None,
+                requested="MJPG" if request.is_mjpg else None,
                 found=None if code is None else _letters(int(code)),
             ),
             Setting(
                 name="exposure",
-                requested=_words(wishes.exposure_ms, "ms"),
+                requested=_words(request.exposure_ms, "ms"),
                 found=None if exposure is None else _words(self._backend.milliseconds(exposure), "ms"),
             ),
-            Setting(name="gain", requested=_words(wishes.gain), found=_words(self._found("gain"))),
-            Setting(name="focus", requested=_words(wishes.focus), found=_words(self._found("focus"))),
+            Setting(name="gain", requested=_words(request.gain), found=_words(self._found("gain"))),
+            Setting(name="focus", requested=_words(request.focus), found=_words(self._found("focus"))),
             Setting(
                 name="white balance",
-                requested=_words(wishes.white_balance_K, "K"),
+                requested=_words(request.white_balance_K, "K"),
                 found=_words(self._found("white balance"), "K"),
             ),
         )
 
     def read(self) -> Shot | None:
-        """Wait for the next picture; None when none came."""
+        """Wait for the next image; None when none came."""
         if not self._capture.grab():
             return None
         driver_ns = self._time_ns()
@@ -261,18 +263,18 @@ class OpenCvCapture:
         if not self._is_raw:
             return Shot(image=read_only(image.copy()), encoded=None, driver_ns=driver_ns)
         encoded = whole_jpeg(image)
-        if encoded is None:  # the camera has no JPEG to give: let the driver make pictures of what it has
+        if encoded is None:  # the camera gives no JPEG: let the driver convert
             self._is_raw = False
-            self._capture.set(_PROPERTY["as it is"], 1.0)
+            self._capture.set(_PROPERTY["convert"], 1.0)
             return None
         return Shot(image=None, encoded=encoded, driver_ns=driver_ns)
 
     def release(self) -> None:
-        """Let go of the device."""
+        """Release the device."""
         self._capture.release()
 
     def _found(self, name: str) -> float | None:
-        """A property as the camera tells it."""
+        """A property as the camera reports it; None where it does not."""
         if name not in self._backend.order and name not in ("width", "height", "rate", "format"):
             return None
         value = float(self._capture.get(_PROPERTY[name]))
@@ -281,12 +283,12 @@ class OpenCvCapture:
         return None if not math.isfinite(value) or unknown or is_empty else value
 
     def _time_ns(self) -> int | None:
-        milliseconds = self._capture.get(cv2.CAP_PROP_POS_MSEC) if self._backend.tells_time else 0.0
+        milliseconds = self._capture.get(cv2.CAP_PROP_POS_MSEC) if self._backend.has_timestamps else 0.0
         return round(milliseconds * 1e6) if math.isfinite(milliseconds) and milliseconds > 0 else None
 
 
 def whole_jpeg(buffer: np.ndarray) -> bytes | None:
-    """The JPEG that a driver's buffer begins with, without what follows its end; None when it holds none."""
+    """The JPEG at the beginning of a driver's buffer, without what follows it; None when there is none."""
     if buffer.dtype != np.uint8 or (buffer.ndim > 1 and min(buffer.shape[:2]) != 1):
         return None
     encoded = buffer.tobytes()
@@ -296,15 +298,15 @@ def whole_jpeg(buffer: np.ndarray) -> bytes | None:
 
 def open_camera(
     number_or_path: int | str,
-    wishes: CameraRequest,
+    request: CameraRequest,
     open_with: Callable[[int | str, int], VideoCapture] | None = None,
     platform: str = sys.platform,
 ) -> OpenCvCapture | None:
-    """A camera with the first of the system's drivers that opens it; None when none does."""
+    """Open a camera with the first of the system's backends that can; None when none can."""
     for backend in backends(platform):
         capture = (open_with or cv2.VideoCapture)(number_or_path, backend.api)
         if capture.isOpened():
-            return OpenCvCapture(capture, wishes, backend)
+            return OpenCvCapture(capture, request, backend)
         capture.release()
     return None
 

@@ -1,4 +1,4 @@
-"""Motion JPEG over HTTP, as network cameras and phones send it: one JPEG after the other, untouched."""
+"""Motion JPEG over HTTP, as network cameras and phones send it: one JPEG after the other, unchanged."""
 
 import math
 import urllib.error
@@ -9,33 +9,33 @@ from manytouch.sources.cameras.capture import FFMPEG, JPEG_BEGIN, CameraRequest,
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.values import Setting
 
-SILENCE_S = 3.0
-LARGEST_PICTURE = 64 * 2**20
-LONGEST_HEADERS = 64 * 2**10
-BLOCK = 2**16
+TIMEOUT_S = 3.0
+MOST_IMAGE_BYTES = 64 * 2**20
+MOST_HEADER_BYTES = 64 * 2**10
+BLOCK_BYTES = 2**16
 
 
 class MultipartCapture:
-    """A response of the kind multipart/x-mixed-replace.
+    """Images of a response of the type multipart/x-mixed-replace.
 
-    A time that the server sends with a picture (X-Timestamp, seconds) counts as the driver's.
+    A time that the server sends with an image (X-Timestamp, seconds) is used as the driver's.
     """
 
     def __init__(self, response: HTTPResponse, boundary: bytes) -> None:
         self._response = response
         self._boundary = b"--" + boundary.removeprefix(b"--")
-        self._held = b""
+        self._buffer = b""
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """A stream cannot be asked for anything."""
+        """Driver and format; a stream accepts no requests."""
         return (
             Setting(name="driver", requested=None, found="HTTP"),
             Setting(name="format", requested=None, found="MJPG"),
         )
 
     def read(self) -> Shot | None:
-        """Wait for the next picture; None when the stream has ended or keeps silent."""
+        """Wait for the next image; None when the stream has ended or sends nothing."""
         try:
             return self._next()
         except (OSError, HTTPException, ValueError):
@@ -46,12 +46,12 @@ class MultipartCapture:
         self._response.close()
 
     def _next(self) -> Shot | None:
-        self._until(self._boundary, LARGEST_PICTURE)
-        headers = _headers(self._until(b"\r\n\r\n", LONGEST_HEADERS))
+        self._until(self._boundary, MOST_IMAGE_BYTES)
+        headers = _headers(self._until(b"\r\n\r\n", MOST_HEADER_BYTES))
         length = headers.get("content-length")
         if length is None:
-            body = self._until(b"\r\n" + self._boundary, LARGEST_PICTURE)
-            self._held = self._boundary + self._held
+            body = self._until(b"\r\n" + self._boundary, MOST_IMAGE_BYTES)
+            self._buffer = self._boundary + self._buffer
         else:
             body = self._exactly(int(length))
         if not body.startswith(JPEG_BEGIN):
@@ -59,23 +59,23 @@ class MultipartCapture:
         return Shot(image=None, encoded=body, driver_ns=_time_ns(headers.get("x-timestamp")))
 
     def _until(self, mark: bytes, most: int) -> bytes:
-        """What comes before a mark; both are taken."""
+        """Read up to a mark; return what is before it, and drop the mark."""
         searched = 0
-        while (place := self._held.find(mark, searched)) < 0:
-            if len(self._held) > most:
-                raise ValueError("the mark does not come")
-            searched = max(len(self._held) - len(mark) + 1, 0)
-            self._held += self._more()
-        before, self._held = self._held[:place], self._held[place + len(mark) :]
+        while (place := self._buffer.find(mark, searched)) < 0:
+            if len(self._buffer) > most:
+                raise ValueError("the mark is missing")
+            searched = max(len(self._buffer) - len(mark) + 1, 0)
+            self._buffer += self._more()
+        before, self._buffer = self._buffer[:place], self._buffer[place + len(mark) :]
         return before
 
     def _exactly(self, length: int) -> bytes:
-        if not 0 < length <= LARGEST_PICTURE:
-            raise ValueError("no such length")
-        parts, missing = [self._held[:length]], length - len(self._held)
-        self._held = self._held[length:]
+        if not 0 < length <= MOST_IMAGE_BYTES:
+            raise ValueError("invalid length")
+        parts, missing = [self._buffer[:length]], length - len(self._buffer)
+        self._buffer = self._buffer[length:]
         while missing > 0:
-            part = self._response.read1(min(missing, 16 * BLOCK))
+            part = self._response.read1(min(missing, 16 * BLOCK_BYTES))
             if not part:
                 raise ConnectionError("the stream has ended")
             parts.append(part)
@@ -83,24 +83,24 @@ class MultipartCapture:
         return b"".join(parts)
 
     def _more(self) -> bytes:
-        block = self._response.read1(BLOCK)
+        block = self._response.read1(BLOCK_BYTES)
         if not block:
             raise ConnectionError("the stream has ended")
         return block
 
 
 def open_stream(url: str) -> Capture | None:
-    """A stream by its address: Motion JPEG over HTTP as it comes, all else by FFmpeg; None when closed."""
+    """Open a stream: Motion JPEG over HTTP unchanged, all others with FFmpeg; None on failure."""
     if url.startswith(("http://", "https://")):
         try:
-            response = urllib.request.urlopen(url, timeout=SILENCE_S)
+            response = urllib.request.urlopen(url, timeout=TIMEOUT_S)
         except (OSError, HTTPException, ValueError):
             return None
         if response.headers.get_content_type() == "multipart/x-mixed-replace":
             boundary = str(response.headers.get_param("boundary", "--"))
             return MultipartCapture(response, boundary.encode("latin-1", errors="replace"))
         response.close()
-    limit_ms = int(1e3 * SILENCE_S)
+    limit_ms = int(1e3 * TIMEOUT_S)
     limits = [cv2.CAP_PROP_OPEN_TIMEOUT_MSEC, limit_ms, cv2.CAP_PROP_READ_TIMEOUT_MSEC, limit_ms]
     capture = cv2.VideoCapture(url, cv2.CAP_FFMPEG, limits)
     return OpenCvCapture(capture, CameraRequest(is_mjpg=False), FFMPEG) if capture.isOpened() else None

@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Sources that read files: videos, images, folders of images, and recordings.
+
+Results and recordings are written by `manytouch.sinks`, not here.
+"""

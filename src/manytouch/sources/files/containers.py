@@ -1,4 +1,4 @@
-"""What a video file's outermost structure says of its completeness, without decoding.
+"""Completeness of a video file from its outermost structure, without decoding.
 
 RIFF (AVI): Microsoft, "AVI RIFF File Reference". MP4 and MOV: ISO/IEC 14496-12, 4.2. Matroska and
 WebM: RFC 8794 (EBML) and RFC 9559.
@@ -15,14 +15,14 @@ EBML, SEGMENT = b"\x1a\x45\xdf\xa3", b"\x18\x53\x80\x67"
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Container:
-    """The kind of a video file, and whether it ends before it says it should."""
+    """The kind of a video file, and whether it ends before its declared end."""
 
     kind: Literal["riff", "mp4", "matroska", "other"]
     is_cut_short: bool
 
 
 def read_container(path: Path) -> Container:
-    """Reads the sizes that the file's outermost elements declare."""
+    """Read the sizes that the file's outermost elements declare."""
     size = path.stat().st_size
     with path.open("rb") as file:
         head = file.read(12)
@@ -61,7 +61,7 @@ def _mp4_ends(file: BinaryIO, size: int) -> Iterator[int]:
 
 
 def _segment_end(file: BinaryIO) -> int:
-    """End of the segment; 0 when it does not say its length, as in a recording that was streamed."""
+    """End of the segment; 0 when its length is not declared, as in a stream."""
     file.seek(4)
     length = _ebml_length(file)
     if length is None:

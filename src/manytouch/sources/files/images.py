@@ -9,7 +9,7 @@ import numpy as np
 
 from manytouch.errors import SourceError
 from manytouch.sources.quiet_opencv import cv2
-from manytouch.sources.source import evenly_timed_ns
+from manytouch.sources.source import Capabilities, evenly_timed_ns
 from manytouch.values import Frame
 from manytouch.values.arrays import Image, read_only
 
@@ -21,7 +21,7 @@ class ImagesSource:
     """Images of one size, one frame each.
 
     An image that cannot be decoded, or that differs from the first in size or bit depth, is a frame
-    without a picture. A grey image among colour ones is given as colour, and the other way round.
+    without an image. A grey image among colour ones is converted to colour, and the other way round.
 
     Attributes:
         name: stem for the folder of its results.
@@ -50,6 +50,10 @@ class ImagesSource:
     @property
     def is_live(self) -> bool:
         return False
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(files=self.paths, is_images=True)
 
     def __iter__(self) -> Iterator[Frame]:
         colour = cv2.IMREAD_COLOR if self.first.ndim == 3 else cv2.IMREAD_GRAYSCALE
@@ -82,11 +86,11 @@ def folder_source(folder: Path, fps: float | None) -> ImagesSource:
     paths = tuple(sorted((path for path in folder.iterdir() if _is_image_name(path)), key=natural_key))
     if not paths:
         wanted = ", ".join(suffix[1:] for suffix in IMAGE_SUFFIXES)
-        raise SourceError(f"The folder {str(folder)!r} holds no images ({wanted} were looked for).")
+        raise SourceError(f"The folder {str(folder)!r} contains no images ({wanted}).")
     first = next((image for path in paths if (image := read_image(path)) is not None), None)
     if first is None:
         raise SourceError(
-            f"None of the {len(paths)} images in {str(folder)!r} can be decoded: check that they are whole."
+            f"None of the {len(paths)} images in {str(folder)!r} can be decoded: check their files."
         )
     return ImagesSource(name=folder.resolve().name or "images", paths=paths, fps=fps, first=first)
 

@@ -7,12 +7,12 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.recording.reader import Recording
 from manytouch.sources.encoded import decoded
-from manytouch.sources.source import evenly_timed_ns
-from manytouch.values import Frame, Reading, Sensor
+from manytouch.sources.source import Capabilities, evenly_timed_ns
+from manytouch.values import Frame, Reading
 
 
 class ReplaySource:
-    """The frames of a recording, at the times they had, and its stored readings.
+    """The frames of a recording at their recorded times, and its stored readings.
 
     Attributes:
         recording: the file.
@@ -20,7 +20,7 @@ class ReplaySource:
     """
 
     def __init__(self, recording: Recording, fps: float | None = None) -> None:
-        """Find the size of its frames.
+        """Read the size of its frames.
 
         Args:
             recording: the file.
@@ -43,7 +43,7 @@ class ReplaySource:
         )
         if first is None:
             raise SourceError(
-                f"{str(recording.path)!r}: none of its {len(recording)} frames can be decoded; record again"
+                f"none of the {len(recording)} frames of {str(recording.path)!r} can be decoded: record again"
             )
         self.height_px, self.width_px = int(first[0]), int(first[1])
 
@@ -53,7 +53,7 @@ class ReplaySource:
 
     @property
     def fps(self) -> float | None:
-        """As given, else by the middle step from frame to frame, so that gaps do not count."""
+        """As given, else from the median step between frames, so that gaps do not count."""
         if self._fps is not None:
             return self._fps
         steps = [
@@ -72,16 +72,27 @@ class ReplaySource:
         return False
 
     @property
-    def sensor(self) -> Sensor:
-        """The sensor that was recorded."""
-        return self.recording.sensor
+    def capabilities(self) -> Capabilities:
+        return Capabilities(seek=self, sensor=self.recording.sensor, files=(self.recording.path,))
+
+    @property
+    def method(self) -> str:
+        """Method of the stored readings."""
+        return str(self.recording.about["method"])
 
     @property
     def warning(self) -> str | None:
-        """What to tell about the file, or None."""
+        """A sentence about a file that is not whole, or None."""
         if self.recording.is_complete:
             return None
         return f"{self.recording.path.name} was cut off; its {len(self.recording)} whole frames are replayed"
+
+    def __len__(self) -> int:
+        return len(self.recording)
+
+    def timestamp_ns(self, place: int) -> int:
+        """Stored timestamp of the frame at a place."""
+        return self.recording.timestamp_ns(place)
 
     def __iter__(self) -> Iterator[Frame]:
         return (self.frame(place) for place in range(len(self.recording)))
@@ -92,15 +103,20 @@ class ReplaySource:
         return frame if self._fps is None else replace(frame, timestamp_ns=evenly_timed_ns(place, self._fps))
 
     def reading(self, place: int) -> Reading | None:
-        """The stored reading of the frame at a place; None when it was not read."""
+        """The stored reading of the frame at a place; None when there is none."""
         return self.recording.reading(self.frame(place)) if self.recording.has_reading(place) else None
+
+    def stored_reading(self, frame_index: int) -> Reading | None:
+        """The stored reading of a frame by its number, without image; None when there is none."""
+        bare = Frame(index=frame_index, timestamp_ns=0, camera="", image=None)
+        return self.recording.reading(bare)
 
 
 def replay_source(path: Path, fps: float | None = None) -> ReplaySource:
     """A recording as a source.
 
     Raises:
-        SourceError: it is none, or none of its frames can be decoded.
+        SourceError: it is not a recording, or none of its frames can be decoded.
         MissingExtraError: the packages for recordings are not installed.
     """
     return ReplaySource(Recording(path), fps)

@@ -8,29 +8,29 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.sources.files.containers import Container, read_container
 from manytouch.sources.quiet_opencv import cv2
-from manytouch.sources.source import ASSUMED_FPS, evenly_timed_ns
+from manytouch.sources.source import ASSUMED_FPS, Capabilities, evenly_timed_ns
 from manytouch.values import Frame
 from manytouch.values.arrays import read_only
 
 VIDEO_SUFFIXES = (".mp4", ".avi", ".mov", ".mkv", ".webm", ".m4v", ".mpg", ".mpeg", ".wmv", ".ts")
-MOST_FRAMES = 1_000_000  # a header that promises more is not believed
-MOST_FAILURES = 1_000  # grabs in a row that may fail before a file counts as ended
-LONGEST_PAUSE_NS = 60 * 10**9  # a larger step of the container's clock is taken for an error of it
+MOST_FRAMES = 1_000_000  # a larger number in a header is ignored
+MOST_FAILURES = 1_000  # failed reads in a row after which a file counts as ended
+LONGEST_PAUSE_NS = 60 * 10**9  # a larger step of the container's clock counts as its error
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class VideoSource:
-    """A video file; each iteration opens it anew.
+    """A video file; each iteration opens it again.
 
     Timestamps are the container's own, from 0, unless the rate is given. Frames that a damaged file
-    has lost follow as frames without a picture, as far as the file tells that they existed.
+    has lost follow as frames without an image, as far as the file states that there were such frames.
 
     Attributes:
         name: stem for the folder of its results.
         path: the file.
-        fps: rate in frames per second; None when the file does not say.
-        is_rate_given: should timestamps follow `fps` instead of the container?
-        frame_count: frames that the file promises; None when it does not say.
+        fps: rate in frames per second; None when the file states none.
+        is_rate_given: timestamps follow `fps` instead of the container.
+        frame_count: frames that the file announces; None when it announces none.
         width_px, height_px: size of its first frame.
     """
 
@@ -45,6 +45,10 @@ class VideoSource:
     @property
     def is_live(self) -> bool:
         return False
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(files=(self.path,))
 
     def __iter__(self) -> Iterator[Frame]:
         capture = _opened(self.path)
@@ -76,7 +80,7 @@ class VideoSource:
         return Frame(index=index, timestamp_ns=timestamp_ns, camera=self.name, image=image)  # type: ignore[arg-type]
 
     def _patience(self, index: int) -> int:
-        """How many grabs in a row may fail: a decoder gives up on every packet of a damaged stretch."""
+        """How many reads in a row may fail: a decoder fails on every packet of a damaged stretch."""
         return 0 if self.frame_count is None else min(max(self.frame_count - index, 0), MOST_FAILURES)
 
     def _lost_before(self, index: int, failures: int, periods: int) -> int:
@@ -86,7 +90,7 @@ class VideoSource:
 
 
 class _Clock:
-    """Timestamps of one run through a file: the container's while they make sense."""
+    """Timestamps of one iteration over a file: the container's while they are plausible."""
 
     def __init__(self, *, fps: float | None, follows_container: bool) -> None:
         self._fps = fps
@@ -110,7 +114,7 @@ class _Clock:
         return self._last_ns
 
     def missed(self) -> int:
-        """Timestamp of a frame that tells no time: one period on."""
+        """Timestamp of a frame that has none: one period after the last."""
         self._count += 1
         if not self._follows:
             self._last_ns = evenly_timed_ns(self._count - 1, self._fps)
@@ -125,40 +129,44 @@ class _Clock:
         return max(round((container_ns - self._first_ns - self._last_ns) / self._period_ns), 0)
 
 
-def frames_lost(promised: int | None, delivered: int, failures: int, container: Container) -> int:
+def frames_lost(announced: int | None, delivered: int, failures: int, container: Container) -> int:
     """Frames that a file has lost at an unknown place.
 
-    A promise counts as a loss only where it is exact: not for containers that tell a duration alone,
-    nor for an MP4 whose edit list leaves frames out. An AVI may be off by a few when it is healthy.
+    The announced number counts only where it is exact: not for containers that state a duration alone,
+    nor for an MP4 whose edit list leaves frames out. An intact AVI may be off by a few.
     """
-    if promised is None or container.kind == "other":
+    if announced is None or container.kind == "other":
         return 0
-    lost = max(promised - delivered, 0)
+    lost = max(announced - delivered, 0)
     if container.is_cut_short or failures:
         return lost
-    return lost if container.kind == "riff" and lost > max(2, 0.01 * promised) else 0
+    return lost if container.kind == "riff" and lost > max(2, 0.01 * announced) else 0
 
 
 def video_source(path: Path, fps: float | None) -> VideoSource:
-    """A video file as a source; raises SourceError when it is none."""
+    """A video file as a source.
+
+    Raises:
+        SourceError: it cannot be decoded.
+    """
     if read_container(path).is_cut_short and not _opened(path).isOpened():
         raise SourceError(
             f"{str(path)!r} is cut short: it ends before the index without which its frames cannot be found; "
             f"copy or record it again."
         )
-    refusal = SourceError(
+    error = SourceError(
         f"{str(path)!r} cannot be decoded as a video or an image: check that it is complete and of a "
         f"common kind ({', '.join(suffix[1:] for suffix in VIDEO_SUFFIXES)}), or convert it to MP4."
     )
     if _is_text(path):
-        raise refusal
+        raise error
     capture = _opened(path)
     try:
         image = next((image for decoded, image in (capture.read() for _ in range(100)) if decoded), None)
         if image is None:
-            raise refusal
+            raise error
         rate = capture.get(cv2.CAP_PROP_FPS)
-        promised = capture.get(cv2.CAP_PROP_FRAME_COUNT)
+        announced = capture.get(cv2.CAP_PROP_FRAME_COUNT)
     finally:
         capture.release()
     return VideoSource(
@@ -166,14 +174,14 @@ def video_source(path: Path, fps: float | None) -> VideoSource:
         path=path,
         fps=fps or (rate if math.isfinite(rate) and 0 < rate <= 10_000 else None),
         is_rate_given=fps is not None,
-        frame_count=int(promised) if math.isfinite(promised) and 0 < promised <= MOST_FRAMES else None,
+        frame_count=int(announced) if math.isfinite(announced) and 0 < announced <= MOST_FRAMES else None,
         width_px=image.shape[1],
         height_px=image.shape[0],
     )
 
 
 def _opened(path: Path) -> "cv2.VideoCapture":
-    """FFmpeg first: other backends may take a name with digits for a sequence of images."""
+    """Open with FFmpeg first: other backends may read a name with digits as a sequence of images."""
     capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
     return capture if capture.isOpened() else cv2.VideoCapture(str(path))
 
@@ -184,7 +192,7 @@ def _position_ns(capture: "cv2.VideoCapture") -> int | None:
 
 
 def _is_text(path: Path) -> bool:
-    """FFmpeg plays a text file as a film of a terminal."""
+    """Whether it is a text file, which FFmpeg would decode as a video of a terminal."""
     with path.open("rb") as file:
         head = file.read(4096)
     return not any(byte < 9 or 13 < byte < 27 for byte in head)

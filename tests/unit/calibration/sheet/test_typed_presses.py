@@ -12,7 +12,7 @@ from manytouch.calibration.sheet.press_table import measure_presses, read_press_
 from manytouch.calibration.sheet.typed_presses import read_typed_presses
 from manytouch.errors import OutputError, SensorError
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.sources import open_source
+from manytouch.sources import Capabilities, open_source
 from manytouch.values import Frame, Setting
 
 WIDTH_PX = 1280
@@ -40,6 +40,7 @@ class Still:
     """A recording of ten seconds."""
 
     is_live, name, fps, frame_count, width_px, height_px = False, "still", 10.0, 101, 8, 8
+    capabilities = Capabilities()
 
     def __iter__(self) -> Iterator[Frame]:
         return (Frame(index=k, timestamp_ns=k * 10**8, camera="still", image=None) for k in range(101))
@@ -97,6 +98,10 @@ class Camera:
     fps = frame_count = None
     width_px = height_px = WIDTH_PX
     settings: tuple[Setting, ...] = ()
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(device=self)
 
     def __init__(self) -> None:
         self.source = open_source("sim:one")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from manytouch.session.diagnosis.camera import describe_cameras, describe_frame_rate, describe_settings
+from manytouch.sources import Capabilities
 from manytouch.values import Frame, Setting
 
 
@@ -36,6 +37,10 @@ class Steady:
     name, fps, frame_count, width_px, height_px, is_live = "steady", 200.0, None, 8, 6, True
     status, is_colour = "ok", False
     settings: tuple[Setting, ...] = ()
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(device=self)
 
     def __iter__(self) -> Iterator[Frame]:
         for index in range(100):

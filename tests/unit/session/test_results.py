@@ -16,10 +16,11 @@ from manytouch.session import (
     pipeline_for,
     prepare,
     process,
-    read_all,
-    read_into,
+    process_job,
     result_name,
+    run,
 )
+from manytouch.sources import Capabilities
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Frame, Reading, Roi, Sensor
 from results import rows_of
@@ -39,6 +40,7 @@ class Pictures:
     width_px: int = 320
     height_px: int = 240
     is_live: bool = False
+    capabilities: Capabilities = field(default_factory=Capabilities)
     taken: list[int] = field(default_factory=list)
 
     @property
@@ -82,7 +84,7 @@ class Full:
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_reads_every_frame_in_order(method: str) -> None:
     seen = Seen()
-    read_all(prepare(Pictures(), method=method), [seen])
+    run(prepare(Pictures(), method=method), [seen])
     assert [reading.frame.index for reading in seen.readings] == list(range(30))
     assert seen.is_closed
     assert seen.readings[-1].grid.is_seen.sum() >= 0.9 * ROWS * COLUMNS
@@ -101,7 +103,7 @@ def test_only_the_first_frames_are_taken_before_reading_begins() -> None:
 
 def test_interrupted_runs_have_complete_files_of_what_was_read(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        read_into(prepare(Pictures(fails_at=22)), tmp_path)
+        process_job(prepare(Pictures(fails_at=22)), tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == TABLES
     assert [row["frame"] for row in rows_of(tmp_path / "frames.csv")] == [str(i) for i in range(22)]
 
@@ -109,7 +111,7 @@ def test_interrupted_runs_have_complete_files_of_what_was_read(tmp_path: Path) -
 def test_a_sink_that_fails_does_not_keep_the_others_from_closing(tmp_path: Path) -> None:
     seen = Seen()
     with pytest.raises(OutputError):
-        read_into(prepare(Pictures()), tmp_path, sinks=[Full(), seen])
+        process_job(prepare(Pictures()), tmp_path, sinks=[Full(), seen])
     assert seen.is_closed
     assert {path.name for path in tmp_path.iterdir()} == TABLES
     assert len(rows_of(tmp_path / "frames.csv")) == 21
@@ -117,7 +119,7 @@ def test_a_sink_that_fails_does_not_keep_the_others_from_closing(tmp_path: Path)
 
 def test_stopping_ends_after_the_frame_at_hand(tmp_path: Path) -> None:
     seen = Seen()
-    summary = read_into(prepare(Pictures()), tmp_path, sinks=[seen], stop=lambda: len(seen.readings) == 5)
+    summary = process_job(prepare(Pictures()), tmp_path, sinks=[seen], stop=lambda: len(seen.readings) == 5)
     assert summary.counts["frames"] == 5
     assert any("announced 30 frames; 5 were read" in sentence for sentence in summary.warnings())
 
@@ -127,7 +129,7 @@ def test_files_of_an_earlier_run_do_not_stay_beside_those_of_this_one(tmp_path: 
         (tmp_path / name).write_text("earlier")
     (tmp_path / ".surface.partial.zarr").mkdir()
     (tmp_path / "notes.txt").write_text("mine")
-    read_into(prepare(Pictures(frames=16)), tmp_path)
+    process_job(prepare(Pictures(frames=16)), tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == TABLES | {"notes.txt"}
     assert "earlier" not in (tmp_path / "frames.csv").read_text()
 
@@ -154,7 +156,7 @@ def test_a_sensor_of_another_image_size_is_refused() -> None:
     sensor = Sensor(name="other", camera=camera)
     with pytest.raises(SensorError, match="640 x 480 px, but drawn has 320 x 240"):
         prepare(Pictures(), sensor=sensor)
-    with pytest.raises(SensorError, match="already says pitch"):
+    with pytest.raises(SensorError, match="already states pitch"):
         prepare(Pictures(), sensor=sensor, pitch_mm=4.0)
 
 
@@ -207,5 +209,5 @@ def test_results_may_have_the_name_of_a_source_that_is_no_file(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for _ in range(2):
-        read_into(prepare(Pictures(frames=3)), Path("drawn"))
+        process_job(prepare(Pictures(frames=3)), Path("drawn"))
     assert {path.name for path in Path("drawn").iterdir()} == TABLES

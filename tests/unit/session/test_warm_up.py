@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from manytouch.session import warm_up as rehearsal
+from manytouch.session import warm_up
 from manytouch.session.methods import kernels, pipeline_for
 from manytouch.values import Reading
 
@@ -24,9 +24,9 @@ def test_a_touch_is_read_from_its_beginning_to_its_end(monkeypatch: pytest.Monke
                 readings.append(reading)
                 yield reading
 
-    monkeypatch.setattr(rehearsal, "kernels", dict)
-    monkeypatch.setattr(rehearsal, "pipeline_for", Heard)
-    assert rehearsal.rehearse("perimeter")
+    monkeypatch.setattr(warm_up, "kernels", dict)
+    monkeypatch.setattr(warm_up, "pipeline_for", Heard)
+    assert warm_up.warm_up_kernels("perimeter")
     touched = [bool(reading.contacts.touching) for reading in readings]
     assert not touched[0]
     assert any(touched)
@@ -55,10 +55,10 @@ def test_only_what_was_never_compiled_is_rehearsed(
     monkeypatch: pytest.MonkeyPatch, method: str, known: dict[str, bool], is_needed: bool
 ) -> None:
     simulated = replace(pipeline_for("perimeter"))
-    monkeypatch.setattr(rehearsal, "kernels", lambda: known)
-    monkeypatch.setattr(rehearsal, "pipeline_for", lambda _: simulated)
-    monkeypatch.setattr(rehearsal, "FRAMES", (0,))
-    assert rehearsal.rehearse(method) is is_needed
+    monkeypatch.setattr(warm_up, "kernels", lambda: known)
+    monkeypatch.setattr(warm_up, "pipeline_for", lambda _: simulated)
+    monkeypatch.setattr(warm_up, "FRAMES", (0,))
+    assert warm_up.warm_up_kernels(method) is is_needed
 
 
 def test_kernels_are_listed_while_another_thread_imports(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,28 @@
+"""Limits BLAS to one thread.
+
+Its matrices are small here, and on a busy machine its threads would wait for each other. Several threads also
+sum in another order, so that results would depend on the number of cores.
+"""
+
+import os
+
+VARIABLES = (
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "BLIS_NUM_THREADS",
+    "VECLIB_MAXIMUM_THREADS",
+)
+
+
+def request_one_blas_thread() -> None:
+    """Request one thread of each BLAS that this process or a child of it loads later; imports nothing."""
+    for name in VARIABLES:
+        os.environ[name] = "1"
+
+
+def limit_blas_threads() -> None:
+    """Limit each BLAS to one thread, those that are loaded already and those that are loaded later."""
+    request_one_blas_thread()
+    from threadpoolctl import threadpool_limits
+
+    threadpool_limits(limits=1, user_api="blas")
