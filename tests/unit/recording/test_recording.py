@@ -459,7 +459,7 @@ def test_frames_that_nobody_reads_are_recorded_and_noted(tmp_path: Path) -> None
     job = prepare(Pictures(frames=20))
     readings = list(job.pipeline.run(job.frames, job.sensor))
     path = tmp_path / "some.mcap"
-    recorder = Recorder(path, source=job.recording, fps=30.0)
+    recorder = Recorder(path, source=job.input_info, fps=30.0)
     recorder.describe(job.sensor, job.pipeline, job.method)
     recorder.write(readings[0])  # its frame came before the recording began
     for reading in readings[2:]:

@@ -84,7 +84,7 @@ def test_each_reading_reaches_sinks_in_order_then_own_sinks_then_the_observer() 
 
 def test_stop_ends_after_the_present_reading() -> None:
     log: list[str] = []
-    run(Numbers(log), [Noted("a", log)], stop=lambda: "a 1" in log)
+    run(Numbers(log), [Noted("a", log)], Watch(log), stop=lambda: "a 1" in log)
     assert "a 1" in log
     assert "a 2" not in log
     assert log[-4:] == ["released", "ended", "a closed", "own closed"]
