@@ -61,7 +61,7 @@ def test_values_print_in_one_line() -> None:
 
     source = simulated_source().lasting(0.1)
     job = manytouch.prepare(source, method="mechanics")
-    reading = next(job.pipeline.run(job.frames, job.sensor))
+    reading = next(job.readings())
     truth = source.truth(0)
     assert repr(reading) == "Reading(frame 0, 600 of 600 markers seen, 0 contacts, ok)"
     values = [reading, truth, demo_sensor(640)]

@@ -91,6 +91,10 @@ class Job:
         except (ArithmeticError, ValueError) as error:
             raise ManytouchError(f"frames cannot be processed with this setup: {error}") from error
 
+    def readings(self) -> Iterator[Reading]:
+        """Every frame's reading, in order; can be iterated once."""
+        return self.pipeline.run(self.frames, self.sensor)
+
     def start(self, observer: Observer, stop: Stop) -> Generator[Reading, None, None]:
         """Every frame's reading, in order.
 
@@ -98,7 +102,7 @@ class Job:
             ManytouchError: the first frames cannot be processed.
         """
         self.warm_up()
-        yield from self.pipeline.run(self.frames, self.sensor)
+        yield from self.readings()
 
     def close(self) -> None:
         """Release the source."""

@@ -457,7 +457,7 @@ def test_a_button_begins_and_ends_a_recording(tmp_path: Path) -> None:
 
 def test_frames_that_nobody_reads_are_recorded_and_noted(tmp_path: Path) -> None:
     job = prepare(Pictures(frames=20))
-    readings = list(job.pipeline.run(job.frames, job.sensor))
+    readings = list(job.readings())
     path = tmp_path / "some.mcap"
     recorder = Recorder(path, source=job.input_info, fps=30.0)
     recorder.describe(job.sensor, job.pipeline, job.method)
