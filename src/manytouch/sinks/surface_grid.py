@@ -7,18 +7,17 @@ from jaxtyping import Float64
 
 from manytouch.geometry.sampling import BEYOND_PITCH
 from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_on
-from manytouch.sinks.files.sensor_description import layout_of
-from manytouch.values import Layout, Sensor
+from manytouch.values import Layout
 
 POINTS_PER_PITCH = 4
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SurfaceGrid:
-    """An even grid over the markers of a sensor and half a pitch beyond.
+    """An even grid over the markers and half a pitch beyond.
 
     Attributes:
-        x_mm, y_mm: (nx,) columns and (ny,) rows, undeformed sheet coordinates in the unit of the sensor.
+        x_mm, y_mm: (nx,) columns and (ny,) rows, undeformed sheet coordinates in the unit of the layout.
         sampler: evaluates surfaces there; its results are (ny, nx).
     """
 
@@ -27,13 +26,8 @@ class SurfaceGrid:
     sampler: SurfaceSampler
 
 
-def surface_grid(sensor: Sensor) -> SurfaceGrid:
-    """A grid with `POINTS_PER_PITCH` points per pitch.
-
-    Raises:
-        SensorError: the sensor is a camera only.
-    """
-    layout = layout_of(sensor)
+def surface_grid(layout: Layout) -> SurfaceGrid:
+    """A grid with `POINTS_PER_PITCH` points per pitch."""
     low, high = grid_corners(layout)
     step = float(np.sqrt(np.prod(layout.pitch_mm))) / POINTS_PER_PITCH
     x_mm, y_mm = (

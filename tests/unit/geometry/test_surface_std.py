@@ -83,7 +83,7 @@ def test_the_strain_of_a_solid_lies_within_its_deviations(tmp_path: Path) -> Non
     assert sensor.layout is not None
     edge_mm = outlines(sensor.layout.rest_mm, sensor.layout.radius_mm)
     draw, state = PosteriorSamples(sensor), estimate.start(sensor)
-    surface_points = surface_grid(sensor)
+    surface_points = surface_grid(sensor.layout)
     sampler = surface_points.sampler
     for seed, solid in enumerate(states):
         moved_mm = solid.displacement_mm(np.ascontiguousarray(edge_mm.reshape(-1, 3)[:, :2]))

@@ -13,6 +13,7 @@ import numpy as np
 
 from manytouch.errors import MissingExtraError
 from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.sinks.files.tables import time_s
 from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import Reading, Sensor
@@ -38,7 +39,7 @@ class SurfaceStore:
         import zarr
 
         self._unit = sensor.length_unit
-        grid = surface_grid(sensor)
+        grid = surface_grid(layout_of(sensor))
         self._sampler = grid.sampler
         self._output = AtomicOutput(folder / "surface.zarr")
         with output_errors(self._output.path):

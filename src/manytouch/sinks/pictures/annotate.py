@@ -10,6 +10,7 @@ from manytouch.geometry.camera import mm_per_px, project
 from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
 from manytouch.sinks.files.sensor_description import layout_of, pitch_px, rest_px
 from manytouch.sinks.pictures import drawing
+from manytouch.sinks.pictures.label_layout import Rectangle, place_label
 from manytouch.values import Contact, Reading, Sensor
 from manytouch.values.arrays import Points2
 
@@ -98,7 +99,7 @@ class Annotator:
 
     def _draw_contacts(self, picture: np.ndarray, reading: Reading) -> None:
         width = max(2, round(self._long_side / 500))
-        taken: list[tuple[float, float, float, float]] = []
+        occupied: list[Rectangle] = []
         for contact in reading.contacts.touching:
             if not np.isfinite(contact.centre_px).all():
                 continue
@@ -106,7 +107,7 @@ class Annotator:
             radius = self._radius_of(contact)
             drawing.disc_outline(picture, (x, y), radius, drawing.VERMILION, width)
             drawing.cross(picture, (x, y), 1.5 * width + 2, drawing.VERMILION, width)
-            self._label(picture, contact, (float(x), float(y), radius), taken)
+            self._label(picture, contact, (float(x), float(y), radius), occupied)
 
     def _radius_of(self, contact: Contact) -> float:
         """Of a circle as large as the contact, in px of the drawn picture; half a pitch when not known."""
@@ -118,25 +119,16 @@ class Annotator:
         picture: np.ndarray,
         contact: Contact,
         circle: tuple[float, float, float],
-        taken: list[tuple[float, float, float, float]],
+        occupied: list[Rectangle],
     ) -> None:
         text = f"#{contact.id}  {self.depth_text(contact)}"
         height = 1.1 * self._text_px
-        width = drawing.text_size(text, height)[0] + height
-        tall = 2.0 * height
-        x, y, radius = circle
-        left = float(np.clip(x - width / 2, 0, max(picture.shape[1] - width, 0)))
-        tops = [y - radius - tall - 4, y + radius + 4]
-        tops += [top + step * tall for step in (1, 2, 3, -1, -2, -3) for top in tops[:2]]
-        inside = [top for top in tops if 0 <= top <= picture.shape[0] - tall] or [0.0]
-        free = [
-            top for top in inside if not any(_overlap((left, top, width, tall), other) for other in taken)
-        ]
-        top = (free or inside)[0]
-        taken.append((left, top, width, tall))
-        drawing.plate(picture, (left, top), (width, tall))
-        place = (left + height / 2, top + 1.5 * height)
-        drawing.write_text(picture, text, place, height, drawing.WHITE, outline=False)
+        size = (drawing.text_size(text, height)[0] + height, 2.0 * height)
+        label = place_label(circle, size, (picture.shape[1], picture.shape[0]), occupied)
+        occupied.append(label)
+        drawing.plate(picture, (label.left, label.top), size)
+        baseline = (label.left + height / 2, label.top + 1.5 * height)
+        drawing.write_text(picture, text, baseline, height, drawing.WHITE, outline=False)
 
     def depth_text(self, contact: Contact) -> str:
         """Depth and its deviation in the sensor's unit."""
@@ -248,12 +240,6 @@ def write_png(path: Path, picture: np.ndarray) -> None:
     _, encoded = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 3])
     with output_errors(path):
         path.write_bytes(encoded.tobytes())
-
-
-def _overlap(one: tuple[float, float, float, float], other: tuple[float, float, float, float]) -> bool:
-    apart_x = one[0] >= other[0] + other[2] or other[0] >= one[0] + one[2]
-    apart_y = one[1] >= other[1] + other[3] or other[1] >= one[1] + one[3]
-    return not (apart_x or apart_y)
 
 
 def _round_number(value: float) -> float:
