@@ -9,18 +9,18 @@ from manytouch.values.arrays import Points2, Scalars
 class RestNoise:
     """RMS of every marker about its mean, over the frames without contact.
 
-    Frames without contact come in runs. Each run has its own mean, so that a rest position
-    that changes after a press does not count as noise. One value per marker: the root of the mean of
-    the variances along x and y. Movement of the whole view is part of it.
+    Each uninterrupted run of such frames has its own mean, so that a rest position that changes after a
+    press does not count as noise. The noise of a marker is the root of the mean of its variances along x
+    and y; motion of the whole view is part of it.
     """
 
     def __init__(self, markers: int) -> None:
         self._squares = np.zeros((markers, 2))
-        self._freedom = np.zeros(markers)
+        self._degrees_of_freedom = np.zeros(markers)
         self._run = _Run(markers)
 
     def add(self, reading: Reading) -> None:
-        """Take in a frame; one with a contact, or one that failed, ends the run."""
+        """Add a frame; a contact or a status other than `ok` ends the run."""
         if reading.status is not Status.OK or reading.contacts.contacts:
             self._end_run()
             return
@@ -29,18 +29,18 @@ class RestNoise:
     def per_marker_px(self) -> Scalars:
         """(m,) noise of each marker; NaN where it was seen too rarely."""
         squares = self._squares + self._run.squares()
-        freedom = self._freedom + self._run.freedom()
+        degrees = self._degrees_of_freedom + self._run.degrees_of_freedom()
         with np.errstate(invalid="ignore", divide="ignore"):
-            return np.sqrt(np.where(freedom > 0, squares.mean(axis=1) / freedom, np.nan))
+            return np.sqrt(np.where(degrees > 0, squares.mean(axis=1) / degrees, np.nan))
 
     def _end_run(self) -> None:
         self._squares += self._run.squares()
-        self._freedom += self._run.freedom()
-        self._run = _Run(len(self._freedom))
+        self._degrees_of_freedom += self._run.degrees_of_freedom()
+        self._run = _Run(len(self._degrees_of_freedom))
 
 
 class _Run:
-    """Sums over one unbroken run, about its first positions to keep the digits."""
+    """Sums over one run, relative to its first positions, which keeps them precise."""
 
     def __init__(self, markers: int) -> None:
         self._origin = np.full((markers, 2), np.nan)
@@ -58,10 +58,10 @@ class _Run:
         self._count[seen] += 1
 
     def squares(self) -> Points2:
-        """(m, 2) sum of the squares about the run's mean."""
+        """(m, 2) sum of the squares about the mean of the run."""
         mean = self._sum / np.maximum(self._count, 1)[:, None]
         return np.asarray(np.maximum(self._sum_of_squares - mean * self._sum, 0.0))
 
-    def freedom(self) -> Scalars:
-        """(m,) observations less the one that the mean takes."""
+    def degrees_of_freedom(self) -> Scalars:
+        """(m,) number of observations minus one, for the mean."""
         return np.asarray(np.maximum(self._count - 1, 0))

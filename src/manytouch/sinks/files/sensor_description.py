@@ -12,7 +12,7 @@ from manytouch.values.arrays import Points2
 
 
 def layout_of(sensor: Sensor) -> Layout:
-    """The sensor's markers.
+    """The layout of a sensor that must have one.
 
     Raises:
         SensorError: the sensor is a camera only.
@@ -20,19 +20,19 @@ def layout_of(sensor: Sensor) -> Layout:
     if sensor.layout is None:
         raise SensorError(
             f"the sensor '{sensor.name}' describes a camera without markers; "
-            "add [markers] to its file, or leave the file away to find them in the recording"
+            "add [markers] to its file, or omit the file to find the markers in the recording"
         )
     return sensor.layout
 
 
 def rest_px(sensor: Sensor) -> Points2:
-    """Where each marker shows when nothing touches, (m, 2)."""
+    """(m, 2) positions of the markers in the image at rest."""
     layout = layout_of(sensor)
     return layout.rest_px if layout.rest_px is not None else project(sensor.camera, layout.rest_mm)
 
 
 def pitch_px(sensor: Sensor) -> Float64[np.ndarray, "2"]:
-    """Median distance in the image of neighbours along x and along y; NaN where there are none.
+    """Median distance of neighbours in the image, along x and along y; NaN if there are none.
 
     A layout without rows and columns has one pitch: the median distance to the nearest neighbour.
     """
@@ -50,7 +50,7 @@ def pitch_px(sensor: Sensor) -> Float64[np.ndarray, "2"]:
 
 
 def describe_sensor(sensor: Sensor) -> str:
-    """One line, such as "8 x 10 markers, dark, pitch 62 x 77 px, 2 missing"."""
+    """Describe a sensor in one line, such as "8 x 10 markers, dark, pitch 62 x 77 px, 2 missing"."""
     layout = layout_of(sensor)
     x_px, y_px = pitch_px(sensor)
     missing = int(layout.is_missing.sum())
@@ -67,7 +67,7 @@ def describe_sensor(sensor: Sensor) -> str:
 
 
 def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:
-    """The sensor as plain numbers and lists; null where not known."""
+    """A sensor as plain numbers and lists; None where not known."""
     layout, camera, sheet = layout_of(sensor), sensor.camera, sensor.sheet
     rows, columns = layout.shape if layout.shape is not None else (None, None)
     unit = sensor.length_unit
