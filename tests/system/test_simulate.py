@@ -127,7 +127,7 @@ def test_ctrl_c_leaves_what_is_whole_and_the_same_command_goes_on(tmp_path: Path
     running.send_signal(signal.SIGINT)
     said, _ = running.communicate(timeout=240)
     assert running.returncode == 0
-    assert "run it again to go on" in said
+    assert "run the same command again to continue" in said
     assert not (tmp_path / "out").exists()
     kept = {path.name for path in states.iterdir()}
     assert all(name.endswith(".npz") and not name.startswith(".") for name in kept)

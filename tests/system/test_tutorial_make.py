@@ -65,7 +65,7 @@ def test_every_command_of_the_page_runs_and_ends_in_newtons(
         "15 x 20, every 4 mm",
         "clamped outline: 80 x 60 mm",
         "15 x 20 markers, 0 missing",
-        "forces told from the other presses alone",
+        "leave-one-out force error",
     ):
         assert expected in output
     designed, made = load_sensor(tmp_path / "my-sensor/sensor.toml"), load_sensor(tmp_path / "sensor.toml")

@@ -97,7 +97,7 @@ def test_presses_of_one_recording_are_typed_in_and_give_what_their_table_gives(
     assert status == 0, shown
     assert "'pounds' is not understood" in shown
     assert "the time is missing: add the time in presses.mcap" in shown
-    assert "forces told from the other presses alone" in shown
+    assert "leave-one-out force error" in shown
     rows = rows_of(folder / "calibrated-presses.csv")
     assert {row["input"] for row in rows} == {"presses.mcap"}
     assert [float(row["normal_force_N"]) for row in rows] == pytest.approx(forces, rel=2e-3)

@@ -1,4 +1,6 @@
-"""The command line: one module per verb, each a thin face on `manytouch.session`.
+"""The command line: one module per command, which parses, calls the package and prints.
+
+No computation is in here; all of it is available in Python too.
 
 Exit status: 0 done, 1 the work failed, 2 the command line is wrong.
 """
@@ -19,15 +21,15 @@ request_one_blas_thread()  # before anything imports numpy
 DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
 
 EPILOGUE = """\
---debug anywhere on the line shows the traceback of an error.
+--debug, anywhere on the line, prints the traceback of an error.
 
-Exit status: 0 done, 1 the work failed (one line on stderr says what to do),
-2 the command line is wrong.
+Exit status: 0 done, 1 the command failed (one line on stderr gives the cause and
+the remedy), 2 the command line is wrong.
 """
 
 app = App(
     name="manytouch",
-    help="Where, how deep and how hard a dotted soft sheet is touched, all contacts at once, by one camera.",
+    help="Estimate every contact on a soft dotted sheet from one camera: position, depth and force.",
     help_epilogue=EPILOGUE,
     version=manytouch.__version__,
     help_format="plaintext",
@@ -48,20 +50,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line and return the exit status.
 
     Args:
-        arguments: words after the program's name; None takes those of this process.
+        arguments: words after the name of the program; None: those of this process.
     """
     words = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != DEBUG_FLAG]
     try:
         return _status(app(words, exit_on_error=False, print_error=False, result_action="return_value"))
     except CycloptsError as error:
-        return _wrong(error)
+        return _report_usage(error)
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
         return DONE
-    except BrokenPipeError:  # the reader of our output, such as `head`, has gone
+    except BrokenPipeError:  # the reader of the output, such as `head`, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED
-    except Exception as error:  # noqa: BLE001 - the last place where one line can be made of it
+    except Exception as error:  # noqa: BLE001 - reported in one line
         report(error)
         return FAILED
 
@@ -70,17 +72,17 @@ def _status(result: object) -> int:
     return result if isinstance(result, int) else DONE
 
 
-def _wrong(error: CycloptsError) -> int:
+def _report_usage(error: CycloptsError) -> int:
     help_line = " ".join(("manytouch", *(error.command_chain or ()), "--help"))
-    print(f"manytouch: {_what_is_wrong(error)}; see {help_line}", file=sys.stderr)
+    print(f"manytouch: {_usage_error(error)}; see {help_line}", file=sys.stderr)
     return WRONG_COMMAND_LINE
 
 
-def _what_is_wrong(error: CycloptsError) -> str:
+def _usage_error(error: CycloptsError) -> str:
     if isinstance(error, UnusedCliTokensError):
-        return f"these words are left over: {' '.join(error.unused_tokens or ())} (inputs stand side by side)"
+        return f"unexpected words: {' '.join(error.unused_tokens or ())} (list all inputs before the options)"
     sentence = one_line(str(error))
     if isinstance(error, UnknownCommandError) and error.app is not None:
         known = ", ".join(name for name in error.app if not name.startswith("-"))
-        return f"{sentence.partition(' Available')[0]} There are {known}"
+        return f"{sentence.partition(' Available')[0]} The commands are {known}"
     return sentence.rstrip(".")

@@ -10,7 +10,7 @@ from manytouch.cli.terminal import options
 
 if TYPE_CHECKING:
     from manytouch.cli.terminal.console import Reporter
-    from manytouch.cli.terminal.viewing import Place
+    from manytouch.cli.terminal.viewing import ViewerAddress
     from manytouch.pipeline import Sink
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.values import Reading
@@ -55,9 +55,9 @@ def demo(
     if no_view:
         _read(seconds or DEFAULT_SECONDS, out, reporter)
     else:
-        from manytouch.cli.terminal.viewing import Place
+        from manytouch.cli.terminal.viewing import ViewerAddress
 
-        _watch(seconds, out, Place(host=host, port=port, token=token), reporter)
+        _watch(seconds, out, ViewerAddress(host=host, port=port, token=token), reporter)
     return 0
 
 
@@ -79,7 +79,7 @@ def _read(seconds: float, out: Path, reporter: "Reporter") -> None:
     _draw(moment, out, reporter)
 
 
-def _watch(seconds: float | None, out: Path, place: "Place", reporter: "Reporter") -> None:
+def _watch(seconds: float | None, out: Path, place: "ViewerAddress", reporter: "Reporter") -> None:
     """Serve the viewer; without an end the tables hold the beginning, so that no disk fills unseen."""
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop

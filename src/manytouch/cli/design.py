@@ -18,21 +18,24 @@ Pair = Annotated[
 def design(
     *,
     out: Annotated[Path, options.folder("Folder for the design.")],
-    area_mm: Annotated[Pair, Parameter(help="Area that can be touched.")] = (100.0, 60.0),
-    deepest_mm: Annotated[float, Parameter(metavar="MM", help="Deepest press.")] = 10.0,
+    area_mm: Annotated[Pair, Parameter(help="Size of the area to be touched.")] = (100.0, 60.0),
+    deepest_mm: Annotated[float, Parameter(metavar="MM", help="Depth of the deepest press.")] = 10.0,
     force_N: Annotated[
-        Pair, Parameter(name="--force-N", help="Smallest and largest force of a fingertip.")
+        Pair, Parameter(name="--force-N", help="Smallest and largest normal force of a fingertip.")
     ] = (0.1, 10.0),
     separation_mm: Annotated[
-        float, Parameter(metavar="MM", help="Contacts this far apart are told apart.")
+        float,
+        Parameter(
+            metavar="MM", help="Two-point resolution: distance at which two contacts are found as two."
+        ),
     ] = 8.0,
-    resolution_px: Annotated[Pair, Parameter(help="Picture of the camera.")] = (2560.0, 1440.0),
-    hfov_deg: Annotated[float, Parameter(metavar="A", help="Its horizontal field of view.")] = 63.7,
+    resolution_px: Annotated[Pair, Parameter(help="Image size of the camera.")] = (2560.0, 1440.0),
+    hfov_deg: Annotated[float, Parameter(metavar="A", help="Horizontal field of view of the camera.")] = 63.7,
     focus_mm: Annotated[
-        float, Parameter(metavar="MM", help="Least distance at which it is in focus.")
+        float, Parameter(metavar="MM", help="Smallest focus distance of the camera.")
     ] = 100.0,
-    fps: Annotated[float, Parameter(metavar="F", help="Its pictures per second.")] = 30.0,
-    nozzle_mm: Annotated[float, Parameter(metavar="MM", help="Of the printer.")] = 0.4,
+    fps: Annotated[float, Parameter(metavar="F", help="Frame rate of the camera.")] = 30.0,
+    nozzle_mm: Annotated[float, Parameter(metavar="MM", help="Nozzle diameter of the printer.")] = 0.4,
     bed_mm: Annotated[
         Any,
         Parameter(
@@ -41,26 +44,31 @@ def design(
             metavar="X,Y,Z",
             negative=(),
             allow_leading_hyphen=True,
-            help="Of the printer.",
+            help="Build volume of the printer.",
         ),
     ] = (220.0, 220.0, 250.0),
-    marker_height_mm: Annotated[float, Parameter(metavar="MM", help="0: flush, in a second colour.")] = 0.0,
+    marker_height_mm: Annotated[
+        float, Parameter(metavar="MM", help="Height of the markers; 0: flush, in a second colour.")
+    ] = 0.0,
     material: Annotated[
-        str | None, Parameter(help="Of the sheet, such as 'TPU, Shore A 60'; chosen when not given.")
+        str | None,
+        Parameter(help="Material of the sheet, such as 'TPU, Shore A 60'; chosen if not specified."),
     ] = None,
-    thickness_mm: Annotated[float | None, Parameter(metavar="MM", help="Chosen when not given.")] = None,
-    parts: Annotated[Literal["none", "mesh", "step"], Parameter(help="step: STEP files too.")] = "mesh",
-    predict: Annotated[
-        bool, options.switch("Also predict how accurate it will be, and draw it (some minutes).")
-    ] = False,
+    thickness_mm: Annotated[
+        float | None, Parameter(metavar="MM", help="Thickness of the sheet; chosen if not specified.")
+    ] = None,
+    parts: Annotated[
+        Literal["none", "mesh", "step"], Parameter(help="Parts to write; step: STEP files too.")
+    ] = "mesh",
+    predict: Annotated[bool, options.switch("Also predict the accuracy and plot it (some minutes).")] = False,
     explain: Annotated[bool, options.switch("Print the reason for each choice.")] = False,
 ) -> int:
-    """Choose a sheet, its markers and where the camera stands; write a sensor file and parts.
+    """Choose sheet, markers and camera position; write a sensor file and printable parts.
 
-    The folder holds sensor.toml, design.md with all reasons, parts/ (STL, 3MF) and
-    parts.png, patterns/ (SVG, PDF in true size, boards for calibrating),
-    bill_of_materials.csv and assembly.md; with --predict accuracy.csv,
-    accuracy.png and tradeoff.png too.
+    Writes sensor.toml, design.md with the reason for each choice, parts/ (STL,
+    3MF), parts.png, patterns/ (SVG and PDF in true size, calibration boards),
+    bill_of_materials.csv and assembly.md; with --predict also accuracy.csv,
+    accuracy.png and tradeoff.png.
 
     Example: manytouch design --area-mm 100,60 --force-N 0.1,10 --out my-sensor --explain
     """
@@ -108,10 +116,10 @@ def design(
         predicted = write_prediction(found, out, on_message=lambda text: console.print(f"  {text}"))
         position_mm, depth_um, force_percent = predicted.rms
         console.print(
-            f"  once calibrated it will be off by about {position_mm:.2f} mm in place, {depth_um:.0f} µm in "
-            f"depth and {force_percent:.1f} % in force (root mean square over the area)"
+            f"  predicted error after calibration: position {position_mm:.2f} mm, depth {depth_um:.0f} µm, "
+            f"force {force_percent:.1f} % (RMS over the area)"
         )
     for sentence in against:
-        console.print(f"  odd: {sentence}")
+        console.print(f"  warning: {sentence}")
     console.print(f"  design in {out}")
     return 0

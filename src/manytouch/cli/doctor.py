@@ -1,4 +1,4 @@
-"""`manytouch doctor`: what works on this machine, and how well a recording can be read."""
+"""`manytouch doctor`: diagnosis of the installation and of a source."""
 
 from typing import Annotated
 
@@ -16,12 +16,11 @@ def doctor(
     *,
     roi: options.RoiPx = None,
 ) -> int:
-    """Say what works on this machine and, with a source, how well its dots can be read.
+    """Diagnose this installation and, if a source is given, how well it can be processed.
 
-    Of a camera: what it says of size, rate, exposure and focus, and how many
-    pictures really come. Of any source: dots, contrast, focus, exposure, the
-    arrangement found or why there is none, noise; each with a remedy where it is
-    poor.
+    For a camera: reported size, rate, exposure and focus, and the measured frame
+    rate. For any source: exposure, dots, contrast, focus, the layout found or why
+    there is none, and noise; with a remedy for each problem.
 
     Example: manytouch doctor press.mp4
     """

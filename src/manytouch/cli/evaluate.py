@@ -1,4 +1,4 @@
-"""`manytouch evaluate`: how wrong are results, or the methods?"""
+"""`manytouch evaluate`: errors of results, or of the methods, against ground truth."""
 
 import shutil
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Literal, get_args
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import options
-from manytouch.cli.terminal.failures import wrong_words
+from manytouch.cli.terminal.failures import usage_error
 
 if TYPE_CHECKING:
     from manytouch.evaluation.suite.cases import Case
@@ -23,56 +23,58 @@ def evaluate(
         Parameter(
             name="RESULT_DIR TRUTH_DIR",
             negative=(),
-            help="What manytouch process wrote, and the truth in the same columns. "
-            "Without the two the built-in accuracy suite is run.",
+            help="Results of manytouch process, and ground truth in the same columns. "
+            "Without them the accuracy suite is run.",
         ),
     ] = None,
     /,
     *,
     out: Annotated[Path, options.folder("Folder for report.html and report.json.")],
     quick: Annotated[
-        bool, Parameter(negative=(), help="Only a dozen cases of the suite, in two or three minutes.")
+        bool, Parameter(negative=(), help="Run only a dozen cases of the suite (two or three minutes).")
     ] = False,
     method: Annotated[
         list[options.Method] | None,
-        Parameter(name="--method", negative=(), help="Run only this method; may be repeated."),
+        Parameter(name="--method", negative=(), help="Run only this method; repeatable."),
     ] = None,
     group: Annotated[
         list[Group] | None,
-        Parameter(name="--group", negative=(), help="Run only this group of cases; may be repeated."),
+        Parameter(name="--group", negative=(), help="Run only this group of cases; repeatable."),
     ] = None,
     tuning: Annotated[
-        bool, Parameter(negative=(), help="Leave out the half of the cases that is held out of tuning.")
+        bool, Parameter(negative=(), help="Omit the half of the cases that is reserved for validation.")
     ] = False,
     paper: Annotated[
         bool,
         Parameter(
             negative=(),
-            help="Instead, do the published paper's own experiments again: its material, marker spacing, "
-            "Table 3 and frames per second, as paper.html and paper.json.",
+            help="Only repeat the experiments of the published paper (material, marker spacing, Table 3, "
+            "frame rate); writes paper.html and paper.json.",
         ),
     ] = False,
     cache: Annotated[
         Path | None,
         Parameter(
             negative=(),
-            help="Folder of the solved cases; what is not there is solved, in an hour or two for all. "
-            "[default: the user's cache]",
+            help="Folder of solved cases; missing ones are solved, which takes an hour or two for all. "
+            "[default: the cache of the user]",
             show_default=False,
         ),
     ] = None,
-    processes: Annotated[int, Parameter(negative=(), help="Cases that are worked on at once.")] = 2,
+    processes: Annotated[
+        int, Parameter(negative=(), help="Number of cases that are processed in parallel.")
+    ] = 2,
 ) -> int:
-    """Compare results with the truth: dots, depth, contacts, forces, separation, uncertainty, latency.
+    """Compare results with ground truth: dots, depth, contacts, forces, two-point resolution, latency.
 
-    Writes report.html, one page that needs nothing else, and the same figures as
+    Writes report.html, a single self-contained page, and the same figures as
     report.json.
 
     Example: manytouch evaluate results/press simulated/truth --out report
 
-    Without folders every method is run on the accuracy suite, which is simulated:
-    manytouch evaluate --quick --out report. A run that was killed goes on where it
-    ended.
+    Without folders every method is run on the simulated accuracy suite:
+    manytouch evaluate --quick --out report. An interrupted run is continued by the
+    same command.
     """
     from manytouch.cli.terminal.console import Reporter
     from manytouch.evaluation.report.page import require_packages, write_report
@@ -80,17 +82,17 @@ def evaluate(
 
     given = folders or []
     if len(given) not in {0, 2}:
-        raise wrong_words(
+        raise usage_error(
             "evaluate",
-            f"evaluate takes both RESULT_DIR and TRUTH_DIR or neither, found {len(given)} folder(s)",
+            f"specify both RESULT_DIR and TRUTH_DIR or neither, found {len(given)} folder(s)",
         )
     if given and (quick or method or group or tuning or cache or paper):
-        raise wrong_words(
+        raise usage_error(
             "evaluate",
-            "--quick, --method, --group, --tuning, --paper and --cache are for the suite, without folders",
+            "--quick, --method, --group, --tuning, --paper and --cache are for the suite: omit the folders",
         )
     if paper and (quick or group or tuning):
-        raise wrong_words("evaluate", "--paper is not the suite: without --quick, --group and --tuning")
+        raise usage_error("evaluate", "--paper does not run the suite: omit --quick, --group and --tuning")
     require_packages()
     if not given:
         check_writable(out)  # before hours of work
@@ -108,11 +110,11 @@ def evaluate(
         chosen = cases(tuple(group or GROUPS), quick=quick, tuning=tuning)
         evaluation = _suite(chosen, method, cache=cache, processes=max(processes, 1), kept=kept)
         if not evaluation.trials:
-            reporter.say("nothing was measured, so there is no report")
+            reporter.say("no case was completed, so there is no report")
             return 0
     page = write_report(evaluation, out)
     shutil.rmtree(kept, ignore_errors=True)
-    for sentence in _results_in_words(evaluation):
+    for sentence in _describe_results(evaluation):
         reporter.say(sentence)
     reporter.say(f"report in {page}")
     return 0
@@ -126,16 +128,19 @@ def _paper(methods: list[options.Method] | None, *, cache: Path | None, processe
 
     pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}
     with Stop() as stop, _Progress() as progress:
-        progress.say("the paper's experiments: material, spacing, places, speed")
+        progress.say("experiments of the paper: material, marker spacing, positions, speed")
         found = experiments(pipelines, cache or user_cache(), watch=progress, stop=stop, processes=processes)
         if found is None:
-            progress.say("stopped, so there is no page; the same command goes on")
+            progress.say("stopped without a page; run the same command again to continue")
             return 0
         for name, presses in found.presses.items():
             first_mm, second_mm, depth_mm = row(presses)
-            progress.say(f"  {name}: {first_mm:.2f} and {second_mm:.2f} mm, {depth_mm:.2f} mm deep")
+            progress.say(
+                f"  {name}: position error {first_mm:.2f} and {second_mm:.2f} mm, "
+                f"depth error {depth_mm:.2f} mm"
+            )
         for words, fps in found.speed.frames_per_second.items():
-            progress.say(f"  paper's chain {words}: {fps:.2f} frames per second")
+            progress.say(f"  method of the paper, {words}: {fps:.2f} frames per second")
         progress.say(f"  page in {write_page(found, out)}")
     return 0
 
@@ -163,7 +168,7 @@ def _suite(
         "processes": processes,
     }
     with Stop() as stop, _Progress() as progress:
-        progress.say(f"accuracy suite: {len(chosen)} cases, read by {', '.join(pipelines)}")
+        progress.say(f"accuracy suite: {len(chosen)} cases, methods {', '.join(pipelines)}")
         solve_missing(chosen, solutions, watch=progress, stop=stop, processes=processes)
         return run_suite(
             chosen,
@@ -178,7 +183,7 @@ def _suite(
 
 
 class _Progress:
-    """A bar on a terminal; a line for each case everywhere."""
+    """Prints a line for each case, and on a terminal a progress bar."""
 
     def __init__(self) -> None:
         from rich.console import Console
@@ -210,7 +215,7 @@ class _Progress:
         self.say(f"  {self._work} {self._count} of {self._total}  {title}: {sentence}")
 
 
-def _results_in_words(evaluation: "Evaluation") -> list[str]:
+def _describe_results(evaluation: "Evaluation") -> list[str]:
     """One line per method, of all recordings."""
     from manytouch.evaluation.report.report_data import in_short
 

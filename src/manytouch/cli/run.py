@@ -51,14 +51,14 @@ def run(
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
-    from manytouch.cli.terminal.viewing import Place, viewers
+    from manytouch.cli.terminal.viewing import ViewerAddress, viewers
     from manytouch.session import Live, Playback, prepare, result_name, result_sinks
     from manytouch.session import run as run_loop
     from manytouch.session.diagnosis.camera import describe_latency, describe_settings
     from manytouch.sources.cameras.capture import CameraRequest
 
     reporter = Reporter(bar=False)
-    place = None if no_view else Place(host=host, port=port, token=token)
+    place = None if no_view else ViewerAddress(host=host, port=port, token=token)
     with Stop() as stop:
         if is_stored(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps):
             playback = Playback(Path(source))

@@ -1,4 +1,4 @@
-"""`manytouch simulate`: a recording of the simulated sensor, and what really happened."""
+"""`manytouch simulate`: images of the simulated sensor with their ground truth."""
 
 from pathlib import Path
 from typing import Annotated
@@ -10,22 +10,22 @@ from manytouch.cli.terminal import options
 
 def simulate(
     scene: Annotated[
-        Path, Parameter(name="SCENE.toml", negative=(), help="What presses, and how it is seen.")
+        Path, Parameter(name="SCENE.toml", negative=(), help="Scene file: sensor, indenters and motions.")
     ],
     /,
     *,
-    out: Annotated[Path, options.folder("Folder for frames, sensor file and truth.")],
+    out: Annotated[Path, options.folder("Folder for frames, sensor file and ground truth.")],
     states: Annotated[
         Path | None,
-        options.folder("Folder of solved states of the sheet. [default: in the user's cache]"),
+        options.folder("Folder of solved states of the sheet. [default: the cache of the user]"),
     ] = None,
 ) -> int:
-    """Press a simulated sheet as a scene file says; write pictures, sensor file and truth.
+    """Simulate a scene file; write images, sensor file and ground truth.
 
-    The folder gets frames/000000.png and on, sensor.toml, truth/contacts.csv and
-    truth/markers.parquet. The sheet is solved with finite elements in 3-D at
-    keyframes, some seconds each. Solved states are kept, so after Ctrl-C the same
-    command goes on.
+    Writes frames/000000.png and so on, sensor.toml, truth/contacts.csv and
+    truth/markers.parquet. The sheet is solved with 3-D finite elements at
+    keyframes, which takes some seconds each. Solved states are saved, so that the
+    same command continues after Ctrl-C.
 
     Example: manytouch simulate two_fingers.toml --out simulated
     """
@@ -36,29 +36,31 @@ def simulate(
     from manytouch.sinks.files.atomic_output import check_writable
     from manytouch.sinks.files.simulated_folder import SimulatedFolder
 
-    said = load_scene(scene)
+    loaded = load_scene(scene)
     check_writable(out)
     with Stop() as stop, Steps() as steps:
-        steps.say(
-            f"scene {said.name}: {len(said.bodies)} bodies, {said.duration_s:g} s on {said.sensor.name}"
+        steps.print(
+            f"scene {loaded.name}: {len(loaded.bodies)} indenters, {loaded.duration_s:g} s, "
+            f"sensor {loaded.sensor.name}"
         )
-        count, found = state_count(said), []
+        count, found = state_count(loaded), []
         folder = states or states_folder()
-        for state in steps.through("states of the sheet", solve_scene(said, folder), count):
+        for state in steps.count("states of the sheet", solve_scene(loaded, folder), count):
             found.append(state)
             if stop() and len(found) < count:
-                steps.say(
-                    f"stopped; {len(found)} of {count} states are kept in {folder}, run it again to go on"
+                steps.print(
+                    f"stopped; {len(found)} of {count} states are saved in {folder}; "
+                    "run the same command again to continue"
                 )
                 return 0
-        sensor = simulator(said, tuple(found))
+        sensor = simulator(loaded, tuple(found))
         sink, written = SimulatedFolder(out, sensor.sensor), 0
-        for index in steps.through("frames", range(sensor.frame_count), sensor.frame_count):
+        for index in steps.count("frames", range(sensor.frame_count), sensor.frame_count):
             sink.write(sensor.frame(index), sensor.truth(index))
             written += 1
             if stop():
                 break
         sink.close()
-        whole = "" if written == sensor.frame_count else f" of {sensor.frame_count}"
-        steps.say(f"{written}{whole} frames and their truth in {out}")
+        of_all = "" if written == sensor.frame_count else f" of {sensor.frame_count}"
+        steps.print(f"{written}{of_all} frames and their ground truth in {out}")
     return 0

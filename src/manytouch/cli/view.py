@@ -26,14 +26,14 @@ def view(
     """
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.interrupt import Stop
-    from manytouch.cli.terminal.viewing import Place, viewers
+    from manytouch.cli.terminal.viewing import ViewerAddress, viewers
     from manytouch.errors import MissingExtraError
     from manytouch.session import Playback, run
 
     reporter = Reporter(bar=False)
     with Stop() as stop:
         playback = Playback(recording, method=method, sensor=sensor, stays=True)
-        shown = viewers(playback, Place(host=host, port=port, token=token), reporter.say)
+        shown = viewers(playback, ViewerAddress(host=host, port=port, token=token), reporter.say)
         if not shown:
             raise MissingExtraError("the viewer", "nicegui", "view")
         run(playback, shown, reporter, stop)

@@ -258,7 +258,7 @@ def test_the_verb_writes_a_sensor_that_process_can_use(tmp_path, capsys):
     assert sensor.sheet.size_mm.tolist() == [120.0, 80.0]
     assert sensor.centre_noise_px == pytest.approx(0.008, abs=0.006)
     said = capsys.readouterr().out
-    assert "px (RMS) from a flat lattice" in said
+    assert "residual from a flat lattice" in said
     assert "clamp line: visible on no side, so [sheet] is used, 120 x 80 mm; an error of" in said
     assert main([*words, "--sheet-mm", "120,80"]) == 2
     assert "--sheet-mm needs --thickness-mm too" in capsys.readouterr().err

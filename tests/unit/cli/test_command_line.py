@@ -1,4 +1,4 @@
-"""Words to values, names of folders, exit statuses, and lines about contacts."""
+"""Options, exit statuses, help, and errors of the command line."""
 
 import signal
 from pathlib import Path
@@ -56,32 +56,35 @@ def test_a_folder_of_pictures_keeps_its_whole_name(tmp_path: Path):
 )
 def test_exit_status_of_words_alone(words, status, capsys):
     assert main(words) == status
-    said = capsys.readouterr()
-    assert (said.err.count("\n") == 1) == (status == 2)
+    printed = capsys.readouterr()
+    assert (printed.err.count("\n") == 1) == (status == 2)
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (["nothing"], "calibrate, design; see manytouch --help"),
         (["calibrate", "camera"], "see manytouch calibrate camera --help"),
         (["calibrate", "sheet", "--sensor", "s.toml"], "see manytouch calibrate sheet --help"),
         (["evaluate", "a", "--out", "o"], "see manytouch evaluate --help"),
-        (["process", "a.mp4", "--out", "o", "b.mp4"], "left over: b.mp4 (inputs stand side by side)"),
+        (
+            ["process", "a.mp4", "--out", "o", "b.mp4"],
+            "unexpected words: b.mp4 (list all inputs before the options)",
+        ),
     ],
 )
-def test_wrong_words_name_the_help_that_says_more(words, said, capsys):
+def test_an_error_of_the_command_line_refers_to_the_help(words, message, capsys):
     assert main(words) == 2
-    assert said in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
-def test_options_of_two_numbers_offer_no_empty_ones(capsys):
+def test_options_of_two_numbers_have_no_empty_variant(capsys):
     assert main(["design", "--help"]) == 0
     assert "--empty" not in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("verb", [*VERBS, "calibrate camera", "calibrate rest", "calibrate sheet"])
-def test_help_has_an_example_and_breaks_its_lines_where_they_were_written(verb, capsys):
+def test_help_has_an_example_and_keeps_its_line_breaks(verb, capsys):
     assert main([*verb.split(), "--help"]) == 0
     explained = capsys.readouterr().out.split("╭")[0]
     assert f"Example: manytouch {verb}" in explained
@@ -99,19 +102,19 @@ def test_failures_are_one_line_even_when_the_message_has_more(capsys, monkeypatc
     assert capsys.readouterr().err == "manytouch: first second\n"
 
 
-def test_an_error_that_nobody_foresaw_asks_for_a_report(capsys, monkeypatch):
+def test_an_internal_error_requests_a_report(capsys, monkeypatch):
     def fail(*_: object, **__: object) -> int:
         raise ValueError("shapes differ")
 
     monkeypatch.setattr("manytouch.cli.app", fail)
     assert main(["doctor"]) == 1
-    said = capsys.readouterr().err
-    assert "ValueError: shapes differ" in said
-    assert "--debug" in said
-    assert "Traceback" not in said
+    printed = capsys.readouterr().err
+    assert "ValueError: shapes differ" in printed
+    assert "--debug" in printed
+    assert "Traceback" not in printed
 
 
-def test_the_first_ctrl_c_is_a_wish_and_the_second_an_order(capsys):
+def test_the_first_ctrl_c_requests_a_stop_and_the_second_interrupts(capsys):
     before = signal.getsignal(signal.SIGINT)
     with Stop() as stop:
         assert not stop()

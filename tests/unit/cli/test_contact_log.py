@@ -1,4 +1,4 @@
-"""Lines when contacts come and go, with the nearest truth of the same moment beside them."""
+"""Lines at the start and the end of contacts, with the nearest true contact of the same frame."""
 
 import numpy as np
 
@@ -67,16 +67,16 @@ def truth(index: int) -> Truth:
     return Truth(frame_index=index, grid=GRID, surface=SURFACE, contacts=Contacts(contacts=(far, near)))
 
 
-def lines_of(*readings: Reading, beside: bool = False) -> list[str]:
+def lines_of(*readings: Reading, with_truth: bool = False) -> list[str]:
     lines: list[str] = []
-    log = ContactLog(SENSOR, lines.append, truth if beside else None)
+    log = ContactLog(SENSOR, lines.append, truth if with_truth else None)
     for each in readings:
         log.write(each)
     log.close()
     return lines
 
 
-LIFE = (
+ONE_CONTACT = (
     reading(0),
     reading(1, contact(4, Phase.START, 0.5)),
     reading(2, contact(4, Phase.MOVE, 2.0)),
@@ -85,22 +85,22 @@ LIFE = (
 )
 
 
-def test_a_line_when_it_comes_and_one_when_it_goes():
-    _, came, gone = lines_of(*LIFE)
-    assert came.split() == ["0.50", "s", "#4", "touches", "3.00", "-2.00", "0.50", "±", "0.50"]
-    assert gone.split()[:8] == ["2.00", "s", "#4", "gone", "3.00", "-2.00", "2.00", "±"]
-    assert gone.endswith("deepest of 1.50 s")
+def test_a_contact_has_a_line_at_its_start_and_one_at_its_end():
+    _, start, end = lines_of(*ONE_CONTACT)
+    assert start.split() == ["0.50", "s", "#4", "touches", "3.00", "-2.00", "0.50", "±", "0.50"]
+    assert end.split()[:8] == ["2.00", "s", "#4", "gone", "3.00", "-2.00", "2.00", "±"]
+    assert end.endswith("deepest of 1.50 s")
 
 
-def test_the_nearest_truth_of_the_deepest_moment_stands_beside_it():
-    _, came, gone = lines_of(*LIFE, beside=True)
-    assert came.endswith("truth 2.50, -2.00, depth 1.90")
-    assert gone.endswith("truth 2.50, -2.00, depth 2.90")
+def test_the_end_has_the_nearest_true_contact_of_the_deepest_frame():
+    _, start, end = lines_of(*ONE_CONTACT, with_truth=True)
+    assert start.endswith("truth 2.50, -2.00, depth 1.90")
+    assert end.endswith("truth 2.50, -2.00, depth 2.90")
 
 
-def test_contacts_that_last_are_named_at_the_end():
-    assert "#4 still there" in lines_of(*LIFE[:3])[-1]
+def test_open_contacts_are_printed_on_closing():
+    assert "#4 still there" in lines_of(*ONE_CONTACT[:3])[-1]
 
 
-def test_nothing_is_said_when_nothing_touches():
+def test_nothing_is_printed_without_contacts():
     assert lines_of(reading(0), reading(1)) == []

@@ -1,4 +1,4 @@
-"""The verb: what it takes, what it refuses, and what it leaves behind."""
+"""Options of the command, what it refuses, and the files that it leaves."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -55,13 +55,13 @@ def test_folders_that_are_not_there_are_one_sentence(tmp_path: Path) -> None:
 @pytest.fixture
 def solved(monkeypatch: pytest.MonkeyPatch) -> list[tuple[int, Path]]:
     """How many cases would be solved, and kept where, instead of solving them."""
-    asked: list[tuple[int, Path]] = []
+    solved_cases: list[tuple[int, Path]] = []
 
     def solve(cases: Any, solutions: Any, **more: Any) -> None:
-        asked.append((len(cases), solutions.folder))
+        solved_cases.append((len(cases), solutions.folder))
 
     monkeypatch.setattr(solutions, "solve_missing", solve)
-    return asked
+    return solved_cases
 
 
 @pytest.fixture
@@ -79,7 +79,7 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[Evaluation]:
     return reported
 
 
-def played(chosen: list[tuple[Case, ...]]) -> Callable[..., Evaluation]:
+def recorded_run(chosen: list[tuple[Case, ...]]) -> Callable[..., Evaluation]:
     def suite(cases: Any, methods: Any, twin: Any, *, settings: Any, watch: Any, **more: Any) -> Evaluation:
         chosen.append(cases)
         watch.begin("reading", len(cases))
@@ -105,7 +105,7 @@ def test_the_suite_takes_its_options(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     chosen: list[tuple[Case, ...]] = []
-    monkeypatch.setattr(runner, "run_suite", played(chosen))
+    monkeypatch.setattr(runner, "run_suite", recorded_run(chosen))
     words = ("--quick", "--tuning", "--method", "paper", "--group", "stress", "--group", "nominal")
     assert run(*words, "--cache", str(tmp_path / "cache"), "--out", str(tmp_path)) == 0
     assert solved == [(len(chosen[0]), tmp_path / "cache")]
@@ -126,7 +126,7 @@ def test_without_options_every_method_reads_every_case(
     tmp_path: Path,
 ) -> None:
     chosen: list[tuple[Case, ...]] = []
-    monkeypatch.setattr(runner, "run_suite", played(chosen))
+    monkeypatch.setattr(runner, "run_suite", recorded_run(chosen))
     assert run("--out", str(tmp_path)) == 0
     assert len(chosen[0]) == 126
     assert written[0].methods == METHODS

@@ -10,7 +10,7 @@ from manytouch.calibration.camera.board_views import PARTS
 from manytouch.calibration.camera.calibrate import CameraCalibration
 from manytouch.errors import MissingExtraError, OutputError
 from manytouch.geometry.camera import camera_matrix
-from manytouch.values import Camera
+from manytouch.values import Camera, Sensor
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -192,3 +192,17 @@ def _frame(axes: "Axes", calibration: CameraCalibration) -> None:
 def _matrix(name: str, values: np.ndarray) -> list[str]:
     numbers = ", ".join(f"{value:.10g}" for value in values.ravel())
     return [f"{name}:", f"  rows: {values.shape[0]}", f"  cols: {values.shape[1]}", f"  data: [{numbers}]"]
+
+
+def calibrated_camera(calibration: CameraCalibration, name: str) -> Sensor:
+    """A sensor with the calibrated camera only; its provenance names the board and the residuals."""
+    found, board = calibration.intrinsics, calibration.board
+    provenance = {
+        "camera": (
+            f"calibrated from {len(calibration.views)} views of a {board}, square {board.square_mm:g} mm"
+        ),
+        "camera_rms_px": round(found.rms_px, 4),
+        **{f"camera_std_{key}": value for key, value in found.std.items()},
+        "new_camera_matrix": found.new_matrix.tolist(),
+    }
+    return Sensor(name=name, camera=found.camera, provenance=provenance)

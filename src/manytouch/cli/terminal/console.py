@@ -87,7 +87,7 @@ def progress_bar(console: Console) -> Progress:
 
 
 class Steps:
-    """Follows work that goes in steps: a bar on a terminal, a line now and then elsewhere."""
+    """Progress of work in steps: a bar on a terminal, a line every few seconds elsewhere."""
 
     def __init__(self) -> None:
         self._console = Console(highlight=False, soft_wrap=True)
@@ -102,24 +102,24 @@ class Steps:
     ) -> None:
         self._bar.stop()
 
-    def say(self, sentence: str) -> None:
+    def print(self, sentence: str) -> None:
         """Print a line."""
         self._console.print(sentence, markup=False)
 
-    def through(self, noun: str, steps: Iterable[Step], total: int) -> Iterator[Step]:
-        """The steps one by one, counted."""
-        task, said_s = self._bar.add_task(noun, total=total), time.monotonic()
+    def count(self, noun: str, steps: Iterable[Step], total: int) -> Iterator[Step]:
+        """Iterate over the steps and show how many are done."""
+        task, printed_s = self._bar.add_task(noun, total=total), time.monotonic()
         for number, step in enumerate(steps, start=1):
             self._bar.advance(task)
-            if not self._console.is_terminal and time.monotonic() - said_s > PLAIN_EVERY_S:
-                said_s = time.monotonic()
-                self.say(f"  {number} of {total} {noun}")
+            if not self._console.is_terminal and time.monotonic() - printed_s > PLAIN_EVERY_S:
+                printed_s = time.monotonic()
+                self.print(f"  {number} of {total} {noun}")
             yield step
         self._bar.remove_task(task)
 
 
 def results_in_words(summary: Summary) -> Sequence[str]:
-    """Lines about frames, contacts, noise, and what was odd."""
+    """Lines about frames, contacts and noise, and the warnings."""
     counts, noise = summary.counts, summary.noise_px
     sentences = [f"{_many(counts['frames'], 'frame')}, {counts['status'].get('ok', 0)} of them ok"]
     if counts["contacts"]:
@@ -130,12 +130,12 @@ def results_in_words(summary: Summary) -> Sequence[str]:
     else:
         sentences.append("no contact in any frame")
     if noise["median"] is None:
-        sentences.append("noise per marker not known: too few frames without contact")
+        sentences.append("noise per marker unknown: too few frames without contact")
     else:
         sentences.append(
             f"noise per marker at rest {noise['median']:.3f} px (median), {noise['worst']:.3f} px (worst)"
         )
-    return [*sentences, *(f"odd: {sentence}" for sentence in summary.warnings())]
+    return [*sentences, *(f"warning: {sentence}" for sentence in summary.warnings())]
 
 
 def _many(count: int, noun: str) -> str:

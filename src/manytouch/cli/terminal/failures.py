@@ -1,4 +1,4 @@
-"""How an error reaches the user: one clear line on stderr, and a traceback only with --debug."""
+"""Errors as one line on stderr, with a traceback if --debug is given."""
 
 import sys
 import traceback
@@ -11,26 +11,26 @@ DEBUG_FLAG = "--debug"
 
 
 def report(error: Exception) -> None:
-    """Print what went wrong and what to do."""
+    """Print an error on stderr."""
     if DEBUG_FLAG in sys.argv:
         traceback.print_exception(error)
-    print(f"manytouch: {one_line(_sentence(error))}", file=sys.stderr)
+    print(f"manytouch: {one_line(_message(error))}", file=sys.stderr)
 
 
-def wrong_words(verb: str, sentence: str) -> CycloptsError:
-    """An error of the command line itself, which ends with status 2 and names the verb's help."""
+def usage_error(verb: str, sentence: str) -> CycloptsError:
+    """An error of the command line, which ends with status 2 and a reference to the help of the command."""
     return CycloptsError(msg=sentence, command_chain=tuple(verb.split()))
 
 
 def one_line(text: str) -> str:
-    """The text without line breaks and runs of blanks."""
+    """The text without line breaks and repeated spaces."""
     return " ".join(text.split())
 
 
-def _sentence(error: Exception) -> str:
+def _message(error: Exception) -> str:
     if isinstance(error, ManytouchError):
         return str(error)
     return (
-        f"this should not happen: {type(error).__name__}: {error}; "
-        f"run again with {DEBUG_FLAG} and report what it prints"
+        f"internal error: {type(error).__name__}: {error}; "
+        f"please report it with the output of the same command with {DEBUG_FLAG}"
     )

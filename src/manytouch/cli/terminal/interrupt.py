@@ -1,4 +1,4 @@
-"""Ctrl-C as a wish: the frame at hand is finished, and so are the files."""
+"""Ctrl-C as a request to stop: the current frame and all files are completed."""
 
 import signal
 import sys
@@ -6,29 +6,29 @@ from types import FrameType, TracebackType
 
 
 class Stop:
-    """Within its block the first Ctrl-C is only noted; a second one interrupts at once.
+    """Within its block the first Ctrl-C requests a stop, and a second one raises KeyboardInterrupt.
 
-    Call it to ask whether to stop.
+    Calling it returns whether a stop is requested.
     """
 
     def __init__(self) -> None:
-        self._asked = False
-        self._before: object = signal.SIG_DFL
+        self._is_requested = False
+        self._previous_handler: object = signal.SIG_DFL
 
     def __call__(self) -> bool:
-        return self._asked
+        return self._is_requested
 
     def __enter__(self) -> "Stop":
-        self._before = signal.signal(signal.SIGINT, self._note)
+        self._previous_handler = signal.signal(signal.SIGINT, self._note)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        signal.signal(signal.SIGINT, self._before)  # type: ignore[arg-type]
+        signal.signal(signal.SIGINT, self._previous_handler)  # type: ignore[arg-type]
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self._asked:
+        if self._is_requested:
             raise KeyboardInterrupt
-        self._asked = True
-        sys.stderr.write("\nstopping after this frame; Ctrl-C again stops at once\n")
+        self._is_requested = True
+        sys.stderr.write("\nstopping after this frame; press Ctrl-C again to stop at once\n")

@@ -1,4 +1,4 @@
-"""Options that several verbs share, and how their words become values."""
+"""Options that several commands share, and their conversion to values."""
 
 import math
 import re
@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter, Token, validators
 
-from manytouch.cli.terminal.failures import wrong_words
+from manytouch.cli.terminal.failures import usage_error
 
 Method = Literal["mechanics", "perimeter", "paper"]
 
@@ -27,12 +27,12 @@ def _numbers(tokens: Sequence[Token], counts: tuple[int, ...], form: str) -> lis
 def _pitch(_: Any, tokens: Sequence[Token]) -> float | tuple[float, float]:
     found = _numbers(tokens, (1, 2), "a length or X,Y in mm")
     if min(found) <= 0:
-        raise ValueError("a pitch is more than 0 mm")
+        raise ValueError("a pitch must be positive")
     return found[0] if len(found) == 1 else (found[0], found[1])
 
 
 def numbers(count: int, form: str) -> Any:
-    """A converter for some numbers with commas between them."""
+    """A converter for numbers separated by commas."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> tuple[float, ...]:
         return tuple(_numbers(tokens, (count,), form))
@@ -61,7 +61,7 @@ def _roi(_: Any, tokens: Sequence[Token]) -> Any:
 def _frames(_: Any, tokens: Sequence[Token]) -> tuple[int, ...]:
     words = tokens[0].value.split(",")
     if not all(word.strip().isdecimal() for word in words):
-        raise ValueError(f"expected numbers of frames N,N,... from 0, found {tokens[0].value}")
+        raise ValueError(f"expected frame numbers N,N,... from 0, found {tokens[0].value}")
     return tuple(int(word) for word in words)
 
 
@@ -85,30 +85,28 @@ def _amount(_: Any, tokens: Sequence[Token]) -> float | str:
     return value
 
 
-def _asked(name: str, metavar: str, words: str, converter: Any = _amount) -> Parameter:
-    """Something to ask a camera for."""
+def _camera_option(name: str, metavar: str, words: str, converter: Any = _amount) -> Parameter:
+    """An option that requests a setting of a camera."""
     return Parameter(name=name, metavar=metavar, converter=converter, n_tokens=1, group="Camera", help=words)
 
 
 def _is_token(_: Any, value: str | None) -> None:
     if value is not None and not re.fullmatch(r"[A-Za-z0-9_~.-]{8,200}", value):
-        raise ValueError("a token has 8 to 200 letters, digits, or - _ ~ . characters")
+        raise ValueError("a token has 8 to 200 characters: letters, digits, and - _ ~ .")
 
 
 def refuse_two_scales(verb: str, sensor: str | None, pitch_mm: object, hfov_deg: object) -> None:
-    """A sensor file says pitch and camera.
+    """Refuse --pitch-mm and --hfov-deg together with a sensor file, which contains both.
 
     Raises:
-        CycloptsError: the words say them too.
+        CycloptsError: both are given.
     """
     if sensor is not None and (pitch_mm is not None or hfov_deg is not None):
-        raise wrong_words(
-            verb, "a sensor already says pitch and camera: leave --pitch-mm and --hfov-deg away"
-        )
+        raise usage_error(verb, "a sensor file contains pitch and camera: omit --pitch-mm and --hfov-deg")
 
 
 def positive(what: str, below: float | None = None) -> Any:
-    """A converter for numbers above 0, and below a limit where there is one."""
+    """A converter for positive numbers, optionally below a limit."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> float:
         (value,) = _numbers(tokens, (1,), what)
@@ -121,28 +119,30 @@ def positive(what: str, below: float | None = None) -> Any:
 
 
 def switch(words: str) -> Parameter:
-    """An option that is on when it is named."""
+    """An option without a value."""
     return Parameter(negative=(), show_default=False, help=words)
 
 
 def folder(words: str) -> Parameter:
-    """An option that names a folder."""
+    """An option with a folder as value."""
     return Parameter(negative=(), metavar="DIR", help=words)
 
 
 def _is_recording(_: Any, path: Path | None) -> None:
     if path is not None and path.suffix.lower() != ".mcap":
-        raise ValueError("expected a name that ends in .mcap, by which recordings are known")
+        raise ValueError("expected the name of a recording, which ends in .mcap")
 
 
-SOURCE_WORDS = "Camera (0, /dev/video2), address of a stream, video, image, folder of images, or sim:."
-NoView = Annotated[bool, switch("Without the viewer.")]
+SOURCE_WORDS = (
+    "Camera (0, /dev/video2), stream URL, video, image, folder of images, recording (.mcap), or sim:."
+)
+NoView = Annotated[bool, switch("Do not start the viewer.")]
 Host = Annotated[
     str,
     Parameter(
         name="--host",
         metavar="ADDRESS",
-        help="Address that the viewer listens on; others than this machine's own get a token.",
+        help="Address that the viewer listens on. Others than the own machine require an access token.",
     ),
 ]
 Port = Annotated[
@@ -150,7 +150,7 @@ Port = Annotated[
     Parameter(
         name="--port",
         validator=validators.Number(gte=0, lte=65535),
-        help="Port of the viewer. [default: a free one]",
+        help="Port of the viewer. [default: any free port]",
         show_default=False,
     ),
 ]
@@ -159,7 +159,7 @@ ViewToken = Annotated[
     Parameter(
         name="--token",
         validator=_is_token,
-        help="Word that the viewer asks visitors for. Without one it is made where others can reach it.",
+        help="Access token of the viewer. [default: generated if other machines can reach the viewer]",
     ),
 ]
 SensorFile = Annotated[
@@ -167,14 +167,14 @@ SensorFile = Annotated[
     Parameter(
         name="--sensor",
         metavar="FILE",
-        help="Sensor file of this camera and sheet. Without one the markers are found in the first frames.",
+        help="Sensor file of this camera and sheet. Without it the layout is found in the first frames.",
     ),
 ]
 MethodName = Annotated[
     Method | None,
     Parameter(
         name="--method",
-        help="How depth is told. [default: mechanics; perimeter without a sheet]",
+        help="Estimation method. [default: mechanics; perimeter if the sheet is unknown]",
         show_default=False,
     ),
 ]
@@ -186,7 +186,7 @@ PitchMm = Annotated[
         converter=_pitch,
         n_tokens=1,
         allow_leading_hyphen=True,
-        help="Distance of neighbouring markers in mm. Without it lengths are in pitches.",
+        help="Distance between neighbouring markers in mm. Without it lengths are in pitches.",
     ),
 ]
 HfovDeg = Annotated[
@@ -196,7 +196,7 @@ HfovDeg = Annotated[
         metavar="A",
         converter=positive("an angle in degrees", 180.0),
         n_tokens=1,
-        help="Horizontal field of view of the camera. Without it 60 degrees are assumed.",
+        help="Horizontal field of view of the camera. Without it 60 degrees is assumed.",
     ),
 ]
 RoiPx = Annotated[
@@ -207,7 +207,7 @@ RoiPx = Annotated[
         converter=_roi,
         n_tokens=1,
         allow_leading_hyphen=True,
-        help="Look only at this part of the image, px.",
+        help="Region of interest: process only this part of the image, px.",
     ),
 ]
 PictureFrames = Annotated[
@@ -217,7 +217,7 @@ PictureFrames = Annotated[
         metavar="N,N,...",
         converter=_frames,
         n_tokens=1,
-        help="Also draw the surface in 3-D at these frames, counted from 0.",
+        help="Also draw the surface in 3-D for these frames, counted from 0.",
     ),
 ]
 Fps = Annotated[
@@ -227,14 +227,16 @@ Fps = Annotated[
         metavar="F",
         converter=positive("a number of frames per second"),
         n_tokens=1,
-        help="Frames per second, where the input does not say or says wrong.",
+        help="Override the frame rate, frames per second.",
     ),
 ]
-Size = Annotated[Any, _asked("--size", "WxH", "Size of the camera's pictures, px.", _size)]
-ExposureMs = Annotated[Any, _asked("--exposure-ms", "T|auto", "Exposure time of the camera.")]
-Gain = Annotated[Any, _asked("--gain", "G", "Gain, in the camera's own unit.", positive("a gain"))]
-Focus = Annotated[Any, _asked("--focus", "F|auto", "Focus, in the camera's own unit.")]
-WhiteBalanceK = Annotated[Any, _asked("--white-balance-K", "T|auto", "Colour temperature of the light.")]
+Size = Annotated[Any, _camera_option("--size", "WxH", "Image size of the camera, px.", _size)]
+ExposureMs = Annotated[Any, _camera_option("--exposure-ms", "T|auto", "Exposure time of the camera.")]
+Gain = Annotated[Any, _camera_option("--gain", "G", "Gain, in the unit of the camera.", positive("a gain"))]
+Focus = Annotated[Any, _camera_option("--focus", "F|auto", "Focus, in the unit of the camera.")]
+WhiteBalanceK = Annotated[
+    Any, _camera_option("--white-balance-K", "T|auto", "White balance, as colour temperature.")
+]
 NoMjpg = Annotated[
     bool,
     Parameter(
@@ -242,7 +244,7 @@ NoMjpg = Annotated[
         negative=(),
         show_default=False,
         group="Camera",
-        help="Do not ask for Motion JPEG; large pictures then come slowly over USB.",
+        help="Do not request Motion JPEG; the frame rate of large images over USB is then low.",
     ),
 ]
 RecordFile = Annotated[
@@ -252,6 +254,6 @@ RecordFile = Annotated[
         negative=(),
         metavar="FILE.mcap",
         validator=_is_recording,
-        help="Record the pictures as they come, and the readings, to be replayed or opened in Foxglove.",
+        help="Record the frames as they arrive, and the readings, for playback or Foxglove.",
     ),
 ]

@@ -1,4 +1,4 @@
-"""The viewer beside a session: served, told where, and opened where there is a screen."""
+"""The viewer of a session: started, its address printed, and opened if there is a screen."""
 
 import os
 import sys
@@ -12,8 +12,8 @@ from manytouch.sinks.latest_only import LatestOnly
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
-    """Where the viewer is served, as the command line asks.
+class ViewerAddress:
+    """Requested address of the viewer.
 
     Attributes:
         host, port, token: see `manytouch.sinks.viewer.Viewer`.
@@ -24,37 +24,39 @@ class Place:
     token: str | None = None
 
 
-def viewers(controls: Controls, place: Place | None, say: Callable[[str], None]) -> list[LatestOnly]:
-    """Serve a viewer of a session, say where, and open it where there is a screen.
+def viewers(
+    controls: Controls, address: ViewerAddress | None, report: Callable[[str], None]
+) -> list[LatestOnly]:
+    """Start a viewer of a session, print its address, and open it if there is a screen.
 
     Args:
         controls: the session.
-        place: where; None serves nothing.
-        say: told the address, or what is missing.
+        address: None starts no viewer.
+        report: prints the address, or why there is no viewer.
 
     Returns:
-        The viewer as a sink, or nothing when there is none.
+        The viewer as a sink; empty if there is none.
 
     Raises:
-        OutputError: the address cannot be had.
+        OutputError: the address is not available.
     """
-    if place is None:
+    if address is None:
         return []
     try:
         from manytouch.sinks.viewer import Viewer
 
-        viewer = Viewer(controls, host=place.host, port=place.port, token=place.token)
+        viewer = Viewer(controls, host=address.host, port=address.port, token=address.token)
     except MissingExtraError as error:
-        say(f"no viewer: {error}")
+        report(f"no viewer: {error}")
         return []
-    say(f"viewer at {viewer.url}")
+    report(f"viewer at {viewer.url}")
     if has_screen():
         webbrowser.open(viewer.url)
     return [LatestOnly(viewer)]
 
 
 def has_screen() -> bool:
-    """Is there a display that a browser could open on?"""
+    """Whether there is a display on which a browser can open."""
     if sys.platform in ("darwin", "win32"):
         return "SSH_CONNECTION" not in os.environ
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))

@@ -1,0 +1,46 @@
+"""A calibration at rest as lines of text, and its sensor with provenance."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from manytouch.calibration.rest.pose import RestCalibration
+from manytouch.calibration.sheet.clamp_line import describe as describe_clamp
+from manytouch.values import Sensor
+
+
+def describe(calibration: RestCalibration) -> Iterator[str]:
+    """Lines about layout, pose, residuals and clamp line, and the warnings."""
+    camera, layout = calibration.sensor.camera, calibration.sensor.layout
+    assert layout is not None
+    count = f"{len(layout.rest_mm)}" if layout.shape is None else f"{layout.shape[0]} x {layout.shape[1]}"
+    rotation_deg, shift_mm = np.rad2deg(camera.rotation_vector), camera.translation_mm
+    rotation_std, shift_std = np.rad2deg(calibration.pose_std[:3]), calibration.pose_std[3:]
+    yield f"{count} markers, {int(layout.is_missing.sum())} missing, measured in {calibration.frames} frames"
+    yield (
+        f"distance of the sheet {shift_mm[2]:.2f} ± {shift_std[2]:.2f} mm, offset from the optical axis "
+        f"{shift_mm[0]:.2f}, {shift_mm[1]:.2f} mm"
+    )
+    yield (
+        f"rotation {rotation_deg[0]:.3f}, {rotation_deg[1]:.3f}, {rotation_deg[2]:.3f} ± "
+        f"{rotation_std.max():.3f} degrees about x, y, z"
+    )
+    yield (
+        f"residual from a flat lattice {calibration.rms_px:.3f} px (RMS), "
+        f"noise {calibration.noise_px:.3f} px, contrast {calibration.contrast:.0f} grey levels"
+    )
+    yield describe_clamp(calibration.clamp, calibration.sensor.sheet)
+    yield from (f"warning: {sentence}" for sentence in calibration.warnings)
+
+
+def with_provenance(calibration: RestCalibration, source_name: str) -> Sensor:
+    """The calibrated sensor; its provenance names the source and the residuals."""
+    sensor = calibration.sensor
+    provenance = {
+        **sensor.provenance,
+        "rest": f"calibrated from {calibration.frames} frames of {source_name}",
+        "rest_rms_px": round(calibration.rms_px, 4),
+        "rest_odd": list(calibration.warnings),
+    }
+    return replace(sensor, provenance=provenance)
