@@ -177,7 +177,7 @@ def test_a_run_replaces_all_of_an_earlier_one_and_says_which_picture_is_missing(
     folder.mkdir()
     for index in range(2):
         cv2.imwrite(str(folder / f"{index}.png"), picture(seed=index))
-    assert "no picture of frame 7:" in run("process", folder, "--out", out, "--picture", "1,7")
+    assert "no image of frame 7:" in run("process", folder, "--out", out, "--picture", "1,7")
     assert (out / "pictures" / "picture-000001.png").is_file()
     run("process", folder, "--out", out)
     assert {path.name for path in (out / "pictures").iterdir()} == FILES

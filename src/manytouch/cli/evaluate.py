@@ -110,13 +110,13 @@ def evaluate(
         chosen = cases(tuple(group or GROUPS), quick=quick, tuning=tuning)
         evaluation = _suite(chosen, method, cache=cache, processes=max(processes, 1), kept=kept)
         if not evaluation.trials:
-            reporter.say("no case was completed, so there is no report")
+            reporter.print("no case was completed, so there is no report")
             return 0
     page = write_report(evaluation, out)
     shutil.rmtree(kept, ignore_errors=True)
     for sentence in _describe_results(evaluation):
-        reporter.say(sentence)
-    reporter.say(f"report in {page}")
+        reporter.print(sentence)
+    reporter.print(f"report in {page}")
     return 0
 
 

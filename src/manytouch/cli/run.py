@@ -1,4 +1,4 @@
-"""`manytouch run`: a source at its own pace, contacts as they come and go."""
+"""`manytouch run`: live processing of a source."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,7 +18,7 @@ def run(
     sensor: options.SensorFile = None,
     out: Annotated[
         Path | None,
-        options.folder("Also write the tables, into a folder in this one."),
+        options.folder("Also write the tables, to a folder in this one."),
     ] = None,
     record: options.RecordFile = None,
     method: options.MethodName = None,
@@ -37,13 +37,14 @@ def run(
     port: options.Port = 0,
     token: options.ViewToken = None,
 ) -> int:
-    """Read a source at its own pace and print contacts as they come and go.
+    """Process a source live and print the contacts as they start and end.
 
-    A camera is asked for size, rate and light, and what it says is printed. When
-    reading is too slow whole frames of a camera are dropped, and counted; files and
-    the simulated sensor keep their own pace, or --fps, and every frame is read.
-    A recording gives its stored readings; with any option about reading or files
-    its frames are read anew. Ctrl-C ends it, with complete files.
+    Size, rate and exposure are requested from a camera, and the values that it
+    reports are printed. If processing is too slow, frames of a camera are dropped
+    and counted. Files and the simulated sensor run at their own rate, or at --fps,
+    and every frame is processed. A recording is played back; with any option about
+    processing or files its frames are processed again. Ctrl-C ends the run with
+    complete files.
 
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
@@ -58,12 +59,12 @@ def run(
     from manytouch.sources.cameras.capture import CameraRequest
 
     reporter = Reporter(bar=False)
-    place = None if no_view else ViewerAddress(host=host, port=port, token=token)
+    address = None if no_view else ViewerAddress(host=host, port=port, token=token)
     with Stop() as stop:
-        if is_stored(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps):
+        if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps):
             playback = Playback(Path(source))
-            log = ContactLog(playback.sensor, reporter.say)
-            run_loop(playback, [log, *viewers(playback, place, reporter.say)], reporter, stop)
+            log = ContactLog(playback.sensor, reporter.print)
+            run_loop(playback, [log, *viewers(playback, address, reporter.print)], reporter, stop)
             return 0
         job = prepare(
             source,
@@ -83,23 +84,23 @@ def run(
             ),
             observer=reporter,
         )
-        log = ContactLog(job.sensor, reporter.say, job.source.capabilities.truth)
+        log = ContactLog(job.sensor, reporter.print, job.source.capabilities.truth)
         live = Live(job, record=record)
         for line in describe_settings(live.health().settings):
-            reporter.say(line)
+            reporter.print(line)
         if out is None:
-            run_loop(live, [log, *viewers(live, place, reporter.say)], reporter, stop)
-            reporter.say(describe_latency(live.health()))
+            run_loop(live, [log, *viewers(live, address, reporter.print)], reporter, stop)
+            reporter.print(describe_latency(live.health()))
             return 0
         folder = out / result_name(source)
         files, summary = result_sinks(folder, job)
-        shown = viewers(live, place, reporter.say)
+        shown = viewers(live, address, reporter.print)
         run_loop(live, [*files, log, *shown, summary], reporter, stop)
-    reporter.say(describe_latency(live.health()))
+    reporter.print(describe_latency(live.health()))
     reporter.finish(summary, folder)
     return 0
 
 
-def is_stored(source: str, *asked: object) -> bool:
-    """Is it a recording of which nothing is asked but what it holds?"""
-    return source.lower().endswith(".mcap") and not any(asked)
+def is_playback(source: str, *options_given: object) -> bool:
+    """Whether the stored readings of a recording are shown, because no option requires processing."""
+    return source.lower().endswith(".mcap") and not any(options_given)

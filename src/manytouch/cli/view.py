@@ -1,4 +1,4 @@
-"""`manytouch view`: a recording, shown again in the browser."""
+"""`manytouch view`: playback of a recording in the viewer."""
 
 from pathlib import Path
 from typing import Annotated
@@ -18,9 +18,10 @@ def view(
     port: options.Port = 0,
     token: options.ViewToken = None,
 ) -> int:
-    """Show a recording again: its stored readings, with a timeline, until Ctrl-C.
+    """Play back a recording in the viewer, with a timeline, until Ctrl-C.
 
-    With --method or --sensor its frames are read anew, and what was recorded stands beside it.
+    With --method or --sensor its frames are processed again, and the viewer shows
+    the recorded readings for comparison.
 
     Example: manytouch view press.mcap --method paper
     """
@@ -33,7 +34,7 @@ def view(
     reporter = Reporter(bar=False)
     with Stop() as stop:
         playback = Playback(recording, method=method, sensor=sensor, stays=True)
-        shown = viewers(playback, ViewerAddress(host=host, port=port, token=token), reporter.say)
+        shown = viewers(playback, ViewerAddress(host=host, port=port, token=token), reporter.print)
         if not shown:
             raise MissingExtraError("the viewer", "nicegui", "view")
         run(playback, shown, reporter, stop)

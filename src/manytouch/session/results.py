@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from manytouch.errors import OutputError
+from manytouch.errors import OutputError, SourceError
 from manytouch.pipeline import Sink
 from manytouch.session.prepare import Job, Pitch, prepare
 from manytouch.session.run import Observer, Stop, run
@@ -13,6 +13,8 @@ from manytouch.sinks.files.surface_store import SurfaceStore, require_zarr
 from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.sinks.pictures.annotate import AnnotatedPictures
 from manytouch.sources import Source
+from manytouch.sources.cameras.camera import without_password
+from manytouch.sources.opening import is_camera
 from manytouch.values import Roi, Sensor
 
 RESULTS = (
@@ -138,6 +140,34 @@ def result_name(text: str) -> str:
     path = Path(text).resolve()
     name = path.name if path.is_dir() else path.stem
     return name or "input"
+
+
+def result_names(inputs: Sequence[str]) -> list[str]:
+    """One folder name per input: its stem, or stem-2, stem-3 if it is taken (a, b, a: a, b, a-2)."""
+    taken: set[str] = set()
+    names = []
+    for text in inputs:
+        stem = result_name(text)
+        name, number = stem, 1
+        while name.casefold() in taken:
+            number += 1
+            name = f"{stem}-{number}"
+        taken.add(name.casefold())
+        names.append(name)
+    return names
+
+
+def require_finite(text: str) -> None:
+    """Check that an input has an end.
+
+    Raises:
+        SourceError: it is a camera or a stream.
+    """
+    if is_camera(text):
+        raise SourceError(
+            f"{without_password(text)!r} is a camera or a stream, which has no end: use manytouch run, and "
+            "--record to process the recording later"
+        )
 
 
 def _require_apart(folder: Path, source: Source) -> None:

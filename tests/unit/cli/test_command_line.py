@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from manytouch.cli import main
-from manytouch.cli.process import folder_names
 from manytouch.cli.terminal.interrupt import Stop
 from manytouch.errors import ManytouchError
+from manytouch.session.results import result_names
 
 VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "doctor")
 
@@ -24,12 +24,12 @@ VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "do
     ],
 )
 def test_every_input_has_a_folder_of_its_own(inputs, names):
-    assert folder_names(inputs) == names
+    assert result_names(inputs) == names
 
 
 def test_a_folder_of_pictures_keeps_its_whole_name(tmp_path: Path):
     (tmp_path / "trial.3").mkdir()
-    assert folder_names([str(tmp_path / "trial.3"), f"{tmp_path}/trial.3/"]) == ["trial.3", "trial.3-2"]
+    assert result_names([str(tmp_path / "trial.3"), f"{tmp_path}/trial.3/"]) == ["trial.3", "trial.3-2"]
 
 
 @pytest.mark.parametrize(

@@ -210,7 +210,7 @@ def test_another_method_can_be_chosen_while_it_is_shown(recorded: tuple[Path, Se
     again = Seen(playback, at_20=UseMethod(method="paper"))
     run(playback, [again])
     indices = [reading.frame.index for reading in again.readings]
-    assert indices == [*range(20), *range(19, 40)], "the frame that is shown is read anew at once"
+    assert indices == [*range(20), *range(19, 40)], "the frame that is shown is processed again at once"
     assert playback.health().method == "paper"
     assert playback.beside(30) is not None
     assert same(without_time(again.readings[10]), without_time(seen.readings[10]))

@@ -1,4 +1,4 @@
-"""What a run says while it goes on: a bar on a terminal, plain lines elsewhere."""
+"""Progress and results on the console: a bar on a terminal, plain lines elsewhere."""
 
 import time
 from collections.abc import Iterable, Iterator, Sequence
@@ -18,16 +18,16 @@ Step = TypeVar("Step")
 
 
 class Reporter:
-    """Follows one run on the console; within its block a terminal shows a bar."""
+    """Prints messages, progress and results of one run; within its block a terminal shows a bar."""
 
     def __init__(self, *, bar: bool = True) -> None:
         self.console = Console(highlight=False, soft_wrap=True)
-        self._is_followed = bar
+        self._shows_progress = bar
         self._bar = progress_bar(self.console)
         self._task: TaskID | None = None
         self._total: int | None = None
-        self._read = 0
-        self._said_s = time.monotonic()
+        self._count = 0
+        self._printed_s = time.monotonic()
 
     def __enter__(self) -> "Reporter":
         return self
@@ -37,44 +37,44 @@ class Reporter:
     ) -> None:
         self._bar.stop()
 
-    def say(self, sentence: str, *, heading: bool = False) -> None:
+    def print(self, sentence: str, *, heading: bool = False) -> None:
         """Print a line; a heading starts a new input."""
         self.console.print(sentence if heading else f"  {sentence}", markup=False)
 
     def on_message(self, sentence: str) -> None:
-        """Print it."""
-        self.say(sentence)
+        """Print a message of the run."""
+        self.print(sentence)
 
     def on_begin(self, sensor: Sensor, frame_count: int | None) -> None:
-        """Say what was found and what had to be assumed."""
-        self.say(f"found {describe_sensor(sensor)}")
+        """Print the sensor and the assumptions."""
+        self.print(f"found {describe_sensor(sensor)}")
         for assumption in sensor.assumptions:
-            self.say(f"assumed: {assumption}")
+            self.print(f"assumed: {assumption}")
         self._total = frame_count
-        self._said_s = time.monotonic()
-        if self._is_followed and self.console.is_terminal:
+        self._printed_s = time.monotonic()
+        if self._shows_progress and self.console.is_terminal:
             self._bar.start()
-            self._task = self._bar.add_task("reading", total=self._total)
+            self._task = self._bar.add_task("frames", total=self._total)
 
     def on_reading(self, reading: Reading) -> None:
-        """Count a frame."""
-        self._read += 1
+        """Update the progress."""
+        self._count += 1
         if self._task is not None:
             self._bar.advance(self._task)
-        elif self._is_followed and time.monotonic() - self._said_s > PLAIN_EVERY_S:
-            self._said_s = time.monotonic()
+        elif self._shows_progress and time.monotonic() - self._printed_s > PLAIN_EVERY_S:
+            self._printed_s = time.monotonic()
             of = "" if self._total is None else f" of {self._total}"
-            self.say(f"{self._read}{of} frames")
+            self.print(f"{self._count}{of} frames")
 
     def finish(self, summary: Summary, folder: Path) -> None:
-        """Say what came out and where it lies."""
-        for sentence in results_in_words(summary):
-            self.say(sentence)
-        self.say(f"results in {folder}")
+        """Print the results and their folder."""
+        for sentence in describe_results(summary):
+            self.print(sentence)
+        self.print(f"results in {folder}")
 
 
 def progress_bar(console: Console) -> Progress:
-    """A bar that goes when it is done, and is not there at all where nobody could see it move."""
+    """A progress bar that disappears at the end, and is disabled if the console is not a terminal."""
     return Progress(
         TextColumn("  {task.description}"),
         BarColumn(),
@@ -118,7 +118,7 @@ class Steps:
         self._bar.remove_task(task)
 
 
-def results_in_words(summary: Summary) -> Sequence[str]:
+def describe_results(summary: Summary) -> Sequence[str]:
     """Lines about frames, contacts and noise, and the warnings."""
     counts, noise = summary.counts, summary.noise_px
     sentences = [f"{_many(counts['frames'], 'frame')}, {counts['status'].get('ok', 0)} of them ok"]
