@@ -39,7 +39,7 @@ def scene(way: Trajectory, duration_s: float) -> SolidScene:
                 PosedIndenter(indenter=body.indenter, position_mm=position_mm, rotation_vector=turn)
                 for body, position_mm, turn in poses((body,), at_s, thickness_mm=sheet.thickness_mm)
             ],
-            most=40,
+            max_evaluations=40,
         )
         states.append(live.deformation())
     return SolidScene(name="ball", time_s=time_s, states=tuple(states), duration_s=duration_s)

@@ -14,7 +14,15 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.simulation.render.kernels import add_discs, normal_quantiles, photograph, profile_table
+from manytouch.simulation.render.kernels import (
+    Levels,
+    Noise,
+    Spots,
+    add_discs,
+    normal_quantiles,
+    photograph,
+    profile_table,
+)
 from manytouch.values.arrays import Covariances2, Image, Points2, Scalars, read_only
 
 
@@ -141,20 +149,16 @@ def image_from_coverage(
     ground, dot = np.broadcast_arrays(ground.astype(np.float32), dot.astype(np.float32))
     is_noisy = seed is not None and (look.read_noise > 0 or look.shot_noise > 0)
     pixels = np.empty((height, width, len(ground)), dtype=np.uint16 if bits == 16 else np.uint8)
-    photograph(
-        pixels,
-        coverage,
-        ground.copy(),
-        dot.copy(),
-        np.array([look.tilt_x, look.tilt_y, look.vignetting, look.gain], dtype=np.float32),
-        *_separable(look.glare, width, height),
-        *_separable(look.shadows, width, height),
-        np.array([look.read_noise**2, look.shot_noise], dtype=np.float32),
-        np.uint64(0 if seed is None else seed % 2**64),
-        is_noisy,
-        normal_quantiles(),
-        np.float32(257.0 if bits == 16 else 1.0),
+    light = np.array([look.tilt_x, look.tilt_y, look.vignetting, look.gain], dtype=np.float32)
+    levels = Levels(ground=ground.copy(), dot=dot.copy(), light=light)
+    spots = Spots(*_separable(look.glare, width, height), *_separable(look.shadows, width, height))
+    noise = Noise(
+        is_noisy=is_noisy,
+        seed=np.uint64(0 if seed is None else seed % 2**64),
+        variance=np.array([look.read_noise**2, look.shot_noise], dtype=np.float32),
+        quantiles=normal_quantiles(),
     )
+    photograph(pixels, coverage, levels, spots, noise, np.float32(257.0 if bits == 16 else 1.0))
     read_only(pixels)
     return pixels[:, :, 0] if len(ground) == 1 else pixels
 

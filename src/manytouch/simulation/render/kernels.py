@@ -1,17 +1,17 @@
-"""The renderer's loops over pixels, compiled; see `render` for what they mean."""
+"""The renderer's loops over pixels, compiled; the formulae are in `discs`."""
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
-# no_type_check keeps checkers of annotations, which numba cannot compile, out of them
 
 import math
 from functools import cache
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy.special import ndtr, ndtri
 
-REACH = 4.5  # standard deviations beyond which the point spread is nothing
+from manytouch.simulation.compilation import kernel
+
+REACH = 4.5  # standard deviations beyond which the point spread is taken as 0
 TABLE_STEPS = 256  # entries of the profile's table per standard deviation
 SMALL = 0.12  # blur against radius of curvature from where on dots are integrated over their chords
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(20)
@@ -31,9 +31,8 @@ def normal_quantiles() -> np.ndarray:
     return np.asarray(ndtri((np.arange(65536) + 0.5) / 65536), dtype=np.float32)
 
 
-@njit(cache=True)
-@no_type_check
-def _looked_up(row: np.ndarray, x: float) -> float:
+@kernel()
+def _interpolate(row: np.ndarray, x: float) -> float:
     place = (x + REACH) * TABLE_STEPS
     if place <= 0.0:
         return float(row[0])
@@ -44,8 +43,7 @@ def _looked_up(row: np.ndarray, x: float) -> float:
     return float((1.0 - share) * row[index] + share * row[index + 1])
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _over_chords(
     dx: float, dy: float, mxx: float, mxy: float, determinant: float, blur: float, table: np.ndarray
 ) -> float:
@@ -62,15 +60,14 @@ def _over_chords(
         angle = middle + half * NODES[node]
         y, cosine = extent * math.sin(angle), math.cos(angle)
         centre, reach = -mxy * y / mxx, cosine / math.sqrt(mxx)
-        chord = _looked_up(table[0], (dx - centre - reach) / blur) - _looked_up(
+        chord = _interpolate(table[0], (dx - centre - reach) / blur) - _interpolate(
             table[0], (dx - centre + reach) / blur
         )
-        total += WEIGHTS[node] * _looked_up(table[1], (dy - y) / blur) * chord * cosine
+        total += WEIGHTS[node] * _interpolate(table[1], (dy - y) / blur) * chord * cosine
     return total * half * extent / blur
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _along_normal(
     dx: float, dy: float, mxx: float, mxy: float, myy: float, blur: float, table: np.ndarray
 ) -> float:
@@ -84,11 +81,66 @@ def _along_normal(
     if scaled <= -REACH:
         return 1.0
     curvature = (mxx * myy - mxy * mxy) / steepness**3
-    return _looked_up(table[0], scaled) - 0.5 * blur * curvature * _looked_up(table[1], scaled)
+    return _interpolate(table[0], scaled) - 0.5 * blur * curvature * _interpolate(table[1], scaled)
 
 
-@njit(cache=True)
-@no_type_check
+class _Ellipse(NamedTuple):
+    """One dot in the image, from its centre.
+
+    Attributes:
+        ixx, ixy, iyx, iyy: unit disc from image.
+        mxx, mxy, myy: of the quadratic form that is 1 on its boundary.
+        blur: standard deviation of the point spread, px.
+        is_small: whether it is integrated over its chords.
+        inner, outer: values of the form below which it is white, above which it is black.
+        reach_x, reach_y: half extents, px, blur included.
+    """
+
+    ixx: float
+    ixy: float
+    iyx: float
+    iyy: float
+    mxx: float
+    mxy: float
+    myy: float
+    blur: float
+    is_small: bool
+    inner: float
+    outer: float
+    reach_x: float
+    reach_y: float
+
+
+@kernel(forceinline=True)
+def _ellipse(shape: np.ndarray, area: float, blur: float) -> _Ellipse:
+    """The ellipse of a shape (2, 2) with a determinant that is not 0."""
+    a, b, c, d = shape[0, 0], shape[0, 1], shape[1, 0], shape[1, 1]
+    ixx, ixy, iyx, iyy = d / area, -b / area, -c / area, a / area
+    mxx, mxy, myy = ixx * ixx + iyx * iyx, ixx * ixy + iyx * iyy, ixy * ixy + iyy * iyy
+    spread = 0.5 * (mxx + myy) + math.sqrt(0.25 * (mxx - myy) ** 2 + mxy * mxy)
+    minor = 1.0 / math.sqrt(spread)
+    is_small = blur * abs(area) > SMALL * minor**3  # |area| / minor^3 is the largest curvature
+    inner = max(1.0 - REACH * blur / minor, 0.0) ** 2
+    outer = (1.0 + REACH * blur / minor) ** 2
+    reach_x, reach_y = math.hypot(a, b) + REACH * blur, math.hypot(c, d) + REACH * blur
+    return _Ellipse(ixx, ixy, iyx, iyy, mxx, mxy, myy, blur, is_small, inner, outer, reach_x, reach_y)
+
+
+@kernel(forceinline=True)
+def _share_of_pixel(dx: float, dy: float, dot: _Ellipse, table: np.ndarray) -> float:
+    """The blurred ellipse at (dx, dy) from its centre; -1 where it is not reached."""
+    square = dot.mxx * dx * dx + 2.0 * dot.mxy * dx * dy + dot.myy * dy * dy
+    if square > dot.outer:
+        return -1.0
+    if dot.is_small:
+        determinant = dot.mxx * dot.myy - dot.mxy * dot.mxy
+        return _over_chords(dx, dy, dot.mxx, dot.mxy, determinant, dot.blur, table)
+    if square > dot.inner:
+        return _along_normal(dx, dy, dot.mxx, dot.mxy, dot.myy, dot.blur, table)
+    return 1.0
+
+
+@kernel()
 def add_discs(
     coverage: np.ndarray,
     centre: np.ndarray,
@@ -98,101 +150,144 @@ def add_discs(
     blurs: np.ndarray,
     table: np.ndarray,
 ) -> None:
-    """Lay blurred ellipses over a coverage (h, w), one after the other."""
+    """Lay blurred ellipses over a coverage, one after the other.
+
+    Args:
+        coverage: (h, w) float32, changed.
+        centre: (n, 2) px.
+        shape: (n, 2, 2) image from unit disc, px.
+        contrast: (n,).
+        cut: (n, 3) the part that is printed, see `render_discs`.
+        blurs: (n,) px.
+        table: see `profile_table`.
+    """
     rows, columns = coverage.shape
-    for dot in range(centre.shape[0]):
-        blur = blurs[dot]
-        a, b, c, d = shape[dot, 0, 0], shape[dot, 0, 1], shape[dot, 1, 0], shape[dot, 1, 1]
-        area = a * d - b * c
-        if not (area != 0.0 and math.isfinite(area + centre[dot, 0] + centre[dot, 1])):
+    for number in range(centre.shape[0]):
+        x, y = centre[number, 0], centre[number, 1]
+        area = shape[number, 0, 0] * shape[number, 1, 1] - shape[number, 0, 1] * shape[number, 1, 0]
+        if not (area != 0.0 and math.isfinite(area + x + y)):
             continue
-        ixx, ixy, iyx, iyy = d / area, -b / area, -c / area, a / area  # unit disc from image
-        mxx, mxy, myy = ixx * ixx + iyx * iyx, ixx * ixy + iyx * iyy, ixy * ixy + iyy * iyy
-        spread = 0.5 * (mxx + myy) + math.sqrt(0.25 * (mxx - myy) ** 2 + mxy * mxy)
-        minor = 1.0 / math.sqrt(spread)
-        is_small = blur * abs(area) > SMALL * minor**3  # |area| / minor^3 is the largest curvature
-        inner = max(1.0 - REACH * blur / minor, 0.0) ** 2
-        outer = (1.0 + REACH * blur / minor) ** 2
-        reach_x, reach_y = math.hypot(a, b) + REACH * blur, math.hypot(c, d) + REACH * blur
-        normal_px = math.hypot(cut[dot, 0] * ixx + cut[dot, 1] * iyx, cut[dot, 0] * ixy + cut[dot, 1] * iyy)
-        for row in range(
-            max(math.ceil(centre[dot, 1] - reach_y), 0), min(math.floor(centre[dot, 1] + reach_y) + 1, rows)
-        ):
-            dy = row - centre[dot, 1]
-            for column in range(
-                max(math.ceil(centre[dot, 0] - reach_x), 0),
-                min(math.floor(centre[dot, 0] + reach_x) + 1, columns),
-            ):
-                dx = column - centre[dot, 0]
-                square = mxx * dx * dx + 2.0 * mxy * dx * dy + myy * dy * dy
-                if square > outer:
+        dot = _ellipse(shape[number], area, blurs[number])
+        cut_x, cut_y, cut_at = cut[number, 0], cut[number, 1], cut[number, 2]
+        normal_px = math.hypot(cut_x * dot.ixx + cut_y * dot.iyx, cut_x * dot.ixy + cut_y * dot.iyy)
+        first_row, last_row = max(math.ceil(y - dot.reach_y), 0), math.floor(y + dot.reach_y) + 1
+        first_column, last_column = max(math.ceil(x - dot.reach_x), 0), math.floor(x + dot.reach_x) + 1
+        for row in range(first_row, min(last_row, rows)):
+            dy = row - y
+            for column in range(first_column, min(last_column, columns)):
+                dx = column - x
+                part = _share_of_pixel(dx, dy, dot, table)
+                if part < 0.0:
                     continue
-                part = 1.0
-                if is_small:
-                    part = _over_chords(dx, dy, mxx, mxy, mxx * myy - mxy * mxy, blur, table)
-                elif square > inner:
-                    part = _along_normal(dx, dy, mxx, mxy, myy, blur, table)
-                if normal_px > 0.0 and math.isfinite(cut[dot, 2]):
-                    along = cut[dot, 0] * (ixx * dx + ixy * dy) + cut[dot, 1] * (iyx * dx + iyy * dy)
-                    part *= _looked_up(table[0], (along - cut[dot, 2]) / normal_px / blur)
-                coverage[row, column] += (1.0 - coverage[row, column]) * part * contrast[dot]
+                if normal_px > 0.0 and math.isfinite(cut_at):
+                    along_x, along_y = dot.ixx * dx + dot.ixy * dy, dot.iyx * dx + dot.iyy * dy
+                    along = cut_x * along_x + cut_y * along_y
+                    part *= _interpolate(table[0], (along - cut_at) / normal_px / dot.blur)
+                coverage[row, column] += (1.0 - coverage[row, column]) * part * contrast[number]
 
 
-@njit(cache=True)
-@no_type_check
-def _mixed(word: np.uint64) -> np.uint64:
+@kernel()
+def _mix_bits(word: np.uint64) -> np.uint64:
     """SplitMix64's finaliser (Steele, Lea and Flood 2014, doi:10.1145/2660193.2660195)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     word = (word ^ (word >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     return word ^ (word >> np.uint64(31))
 
 
-@njit(cache=True)
-@no_type_check
+class Levels(NamedTuple):
+    """Grey levels of 255 of each channel, and the light on them; float32.
+
+    Attributes:
+        ground, dot: (c,).
+        light: (4,) tilt_x, tilt_y, vignetting, gain.
+    """
+
+    ground: np.ndarray
+    dot: np.ndarray
+    light: np.ndarray
+
+
+class Spots(NamedTuple):
+    """Patches of light and of shadow as outer products of factors over columns and over rows; float32.
+
+    Attributes:
+        glare_x, shadow_x: (s, w).
+        glare_y, shadow_y: (s, h).
+    """
+
+    glare_x: np.ndarray
+    glare_y: np.ndarray
+    shadow_x: np.ndarray
+    shadow_y: np.ndarray
+
+
+class Noise(NamedTuple):
+    """Noise of a picture.
+
+    Attributes:
+        is_noisy: whether there is any.
+        seed: of the picture.
+        variance: (2,) float32, constant part and part per grey level.
+        quantiles: (65536,) float32, see `normal_quantiles`.
+    """
+
+    is_noisy: bool
+    seed: np.uint64
+    variance: np.ndarray
+    quantiles: np.ndarray
+
+
+@kernel(forceinline=True)
+def _illumination(row: int, column: int, shape: tuple[int, int], light: np.ndarray) -> np.float32:
+    """Relative light on a pixel without spots."""
+    rows, columns = shape
+    y = np.float32((2 * row + 1 - rows) / rows)
+    x = np.float32((2 * column + 1 - columns) / columns)
+    bright = light[3] * (np.float32(1) + light[0] * x + light[1] * y)
+    level: np.float32 = bright * (np.float32(1) - light[2] * np.float32(0.5) * (x * x + y * y))
+    return level
+
+
+@kernel()
 def photograph(
     pixels: np.ndarray,
     coverage: np.ndarray,
-    ground: np.ndarray,
-    dot: np.ndarray,
-    light: np.ndarray,
-    glare_x: np.ndarray,
-    glare_y: np.ndarray,
-    shadow_x: np.ndarray,
-    shadow_y: np.ndarray,
-    noise: np.ndarray,
-    seed: np.uint64,
-    is_noisy: bool,
-    quantiles: np.ndarray,
+    levels: Levels,
+    spots: Spots,
+    noise: Noise,
     scale: np.float32,
 ) -> None:
-    """Fill pixels (h, w, c) with a coverage (h, w) between ground and dot, lit and noisy.
+    """Fill pixels with a coverage between ground and dot, lit and noisy.
 
-    light is (tilt_x, tilt_y, vignetting, gain), noise is (variance, variance per level). The noise of a
-    pixel depends on the seed and its place alone.
+    The noise of a pixel depends on the seed and its place alone.
+
+    Args:
+        pixels: (h, w, c) uint8 or uint16, filled.
+        coverage: (h, w) float32, 0 to 1.
+        levels: of ground and dots, and their light.
+        spots: added light and shadows.
+        noise: of the picture.
+        scale: 1 for uint8, 257 for uint16.
     """
     rows, columns, channels = pixels.shape
     largest = np.float32(255.0) * scale
-    start = _mixed(seed + np.uint64(0x9E3779B97F4A7C15))
+    start = _mix_bits(noise.seed + np.uint64(0x9E3779B97F4A7C15))
     for row in range(rows):
-        y = np.float32((2 * row + 1 - rows) / rows)
         for column in range(columns):
-            x = np.float32((2 * column + 1 - columns) / columns)
-            bright = light[3] * (np.float32(1) + light[0] * x + light[1] * y)
-            bright *= np.float32(1) - light[2] * np.float32(0.5) * (x * x + y * y)
-            for spot in range(shadow_x.shape[0]):
-                bright *= np.float32(1) - shadow_x[spot, column] * shadow_y[spot, row]
+            bright = _illumination(row, column, (rows, columns), levels.light)
+            for spot in range(spots.shadow_x.shape[0]):
+                bright *= np.float32(1) - spots.shadow_x[spot, column] * spots.shadow_y[spot, row]
             added = np.float32(0)
-            for spot in range(glare_x.shape[0]):
-                added += glare_x[spot, column] * glare_y[spot, row]
+            for spot in range(spots.glare_x.shape[0]):
+                added += spots.glare_x[spot, column] * spots.glare_y[spot, row]
             for channel in range(channels):
-                level = (
-                    ground[channel] + (dot[channel] - ground[channel]) * coverage[row, column]
-                ) * bright + added
-                if is_noisy:
+                ground = levels.ground[channel]
+                level = (ground + (levels.dot[channel] - ground) * coverage[row, column]) * bright + added
+                if noise.is_noisy:
                     place = np.uint64((row * columns + column) * channels + channel)
-                    word = _mixed(start + place * np.uint64(0x9E3779B97F4A7C15))
-                    deviation = math.sqrt(noise[0] + noise[1] * max(level, np.float32(0)))
-                    level += deviation * quantiles[word >> np.uint64(48)]
+                    word = _mix_bits(start + place * np.uint64(0x9E3779B97F4A7C15))
+                    variance = noise.variance[0] + noise.variance[1] * max(level, np.float32(0))
+                    level += math.sqrt(variance) * noise.quantiles[word >> np.uint64(48)]
                 pixels[row, column, channel] = min(
                     max(level * scale + np.float32(0.5), np.float32(0)), largest
                 )

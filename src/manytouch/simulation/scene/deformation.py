@@ -7,12 +7,11 @@ the edge middles less a quarter of the sum of the corners there, the nine-node e
 """
 
 from dataclasses import dataclass, replace
-from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float32, Float64
-from numba import njit
 
+from manytouch.simulation.compilation import kernel
 from manytouch.values.arrays import Points2, Points3, read_only
 
 Lattice = Float32[np.ndarray, "a b 3"]
@@ -133,8 +132,7 @@ def fill_middles(face_mm: np.ndarray) -> None:
     face_mm[..., 1::2, 1::2, :] = 0.5 * edges - 0.25 * corner_sum
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _cell(lines: np.ndarray, place: float, value: np.ndarray, slope: np.ndarray) -> int:
     """First of the three lines around a place, and the quadratics through them; -1 outside."""
     last = lines.shape[0] - 1
@@ -155,8 +153,7 @@ def _cell(lines: np.ndarray, place: float, value: np.ndarray, slope: np.ndarray)
     return 2 * low
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _sample(  # noqa: PLR0917 - compiled
     x: np.ndarray, y: np.ndarray, face: np.ndarray, place: np.ndarray, found: np.ndarray, gradient: np.ndarray
 ) -> None:

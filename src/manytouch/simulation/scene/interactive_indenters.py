@@ -172,7 +172,7 @@ class InteractiveIndenters:
         fingers = [*self._held.values(), *self._lifted]
         for finger in fingers:
             finger.ease(share)
-        self._live.settle([finger.pressed for finger in fingers], most=LOOKS)
+        self._live.settle([finger.pressed for finger in fingers], max_evaluations=LOOKS)
         face = self._live.deformation()
         pairs = zip(fingers, face.contacts, strict=True)
         contacts = {finger.id: contact for finger, contact in pairs if contact.is_touching}
@@ -201,8 +201,8 @@ class InteractiveIndenters:
             touching.pop(id_, None)
             self._next_id += 1
             self._lift(_Finger(id_, body.indenter, position_mm, position_mm, rotation_vector))
-        self._live.begin(self.scene.face(before_s))
-        self._live.settle([finger.pressed for finger in self._lifted], most=TAKING_OVER)
+        self._live.start_from(self.scene.face(before_s))
+        self._live.settle([finger.pressed for finger in self._lifted], max_evaluations=TAKING_OVER)
 
     def _lift(self, finger: _Finger) -> None:
         finger.wanted_mm = np.array([*finger.position_mm[:2], self.sheet.thickness_mm - LIFTED_MM])

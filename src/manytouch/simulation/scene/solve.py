@@ -128,7 +128,7 @@ def _solved_live(scene: SceneFile) -> Iterator[Deformation]:
             for body, position_mm, rotation_vector in poses(scene.bodies, time_s, thickness_mm=thickness_mm)
         ]
         for _ in range(3):  # thickness follows from call to call
-            sheet.settle(bodies, most=MOST_STEPS)
+            sheet.settle(bodies, max_evaluations=MOST_STEPS)
         yield sheet.deformation()
 
 

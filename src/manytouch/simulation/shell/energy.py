@@ -29,7 +29,7 @@ BED = 1.7  # stiffness of the touched face, in young_MPa / thickness_mm
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PosedIndenter:
-    """A rigid body where it is now.
+    """An indenter with its present pose.
 
     Attributes:
         indenter: its shape.
@@ -43,17 +43,24 @@ class PosedIndenter:
 
 
 class ContactBodies:
-    """ContactBodies as the kernels want them, and what they do to the sheet (see `kernels.touch`)."""
+    """Bodies as arrays of the kernels, and what they do to the sheet."""
 
-    def __init__(self, bodies: Sequence[PosedIndenter], thickness_mm: float) -> None:
-        """Args: bodies; thickness_mm: of the sheet at rest."""
-        self.kind, self.numbers = pack(tuple(body.indenter for body in bodies))
+    def __init__(self, bodies: Sequence[PosedIndenter], shell: "ShellEnergy") -> None:
+        """Args: bodies; shell: that they press."""
+        kind, numbers = pack(tuple(body.indenter for body in bodies))
         places = np.array([body.position_mm for body in bodies]).reshape(-1, 3)
-        self.position_mm = places - [0.0, 0.0, 0.5 * thickness_mm]
         turns = [Rotation.from_rotvec(body.rotation_vector.copy()).as_matrix() for body in bodies]
-        self.rotation = np.array(turns).reshape(-1, 3, 3)
-        self.reach_mm = np.array([_reach_mm(body.indenter) for body in bodies])
-        self.told = np.zeros((len(places), 7))
+        self.arrays = kernels.BodyArrays(
+            kind=kind,
+            numbers=numbers,
+            position_mm=places - [0.0, 0.0, shell.half_mm],
+            rotation=np.array(turns).reshape(-1, 3, 3),
+            reach_mm=np.array([_reach_mm(body.indenter) for body in bodies], dtype=np.float64),
+        )
+        points = tuple(2 * (count - 1) for count in shell.shape)
+        self.loads = kernels.BodyLoads(
+            resultant=np.zeros((len(places), 7)), body_at=np.full(points, -1, dtype=np.int64)
+        )
 
 
 class ShellEnergy:
@@ -66,7 +73,7 @@ class ShellEnergy:
             ValueError: the sheet has no Young's modulus or Poisson's ratio.
         """
         if sheet.young_MPa is None or sheet.poisson is None:
-            raise ValueError("a sheet that shall be pressed needs young_MPa and poisson")
+            raise ValueError("the sheet has no young_MPa or no poisson: both are needed to simulate a press")
         cells = [2 * max(round(float(size) / spacing_mm / 2), 2) for size in sheet.size_mm]
         self.shape = (cells[0] + 1, cells[1] + 1)
         self.x_mm, self.y_mm = (
@@ -76,20 +83,24 @@ class ShellEnergy:
         self.spacing_mm = np.array([line[1] - line[0] for line in (self.x_mm, self.y_mm)])
         self.sheet, self.half_mm = sheet, 0.5 * sheet.thickness_mm
         self.prestretch = prestretch(sheet)
-        self._bed = BED * sheet.young_MPa / sheet.thickness_mm
-        self._law = _law(sheet, self.prestretch, float(np.prod(self.spacing_mm)))
-        self._q = sheet.poisson / (1.0 - sheet.poisson)
+        assert sheet.young_MPa is not None
+        stiffness = BED * sheet.young_MPa / sheet.thickness_mm
+        self._bed = kernels.Bed(half_mm=self.half_mm, stiffness_MPa_per_mm=stiffness)
+        self._law = shell_law(sheet, self.prestretch, float(np.prod(self.spacing_mm)))
         corners = np.full(self.shape, 8.0)
         corners[[0, -1]] *= 0.5
         corners[:, [0, -1]] *= 0.5
         self._corners = corners
-        self.fibre, self._on_fibre = np.empty((3, *self.shape)), np.empty((3, *self.shape))
-        self._tangents, self._forces = np.zeros((2, 6, *self.shape)), np.zeros((2, 6, *self.shape))
-        self._square = corners.copy()
-        self.covered = np.empty((2 * cells[0], 2 * cells[1]), dtype=np.int64)
+        self._buffers = kernels.ElasticBuffers(
+            fibre=np.empty((3, *self.shape)),
+            by_fibre=np.empty((3, *self.shape)),
+            tangent=np.zeros((2, 6, *self.shape)),
+            force=np.zeros((2, 6, *self.shape)),
+            determinant=corners.copy(),
+        )
 
-    def softness(self) -> Preconditioner:
-        """How the sheet at rest gives way."""
+    def preconditioner(self) -> Preconditioner:
+        """An approximate inverse of the stiffness of the sheet at rest."""
         sheet = self.sheet
         assert sheet.young_MPa is not None
         assert sheet.poisson is not None
@@ -99,27 +110,15 @@ class ShellEnergy:
             spacing_mm=(float(self.spacing_mm[0]), float(self.spacing_mm[1])),
             stretching=stretching,
             bending=stretching * sheet.thickness_mm**2 / 12.0,
-            shear=float(self._law[4]),
+            shear=self._law.shear_N_per_mm,
             poisson=sheet.poisson,
             tension=sheet.pretension_N_per_mm or 0.0,
         )
 
     def elastic(self, value: np.ndarray, stretch: np.ndarray) -> tuple[float, np.ndarray]:
-        """Of the sheet alone: energy, and its derivatives by displacement in the first 3 of (5, a, b)."""
+        """Energy of the sheet alone in N mm, and its derivatives by displacement in out[:3] of (5, a, b)."""
         out = np.empty_like(value)
-        energy = kernels.elastic(
-            value,
-            stretch,
-            self.fibre,
-            self.spacing_mm,
-            self._law,
-            self._tangents,
-            self._forces,
-            self._square,
-            out,
-            self._on_fibre,
-        )
-        return float(energy), out
+        return float(kernels.elastic(value, stretch, self.spacing_mm, self._law, self._buffers, out)), out
 
     def __call__(
         self, value: np.ndarray, stretch: np.ndarray, bodies: ContactBodies
@@ -129,47 +128,38 @@ class ShellEnergy:
         Args:
             value: (5, a, b) displacement of the middle surface, tilt of the fibres.
             stretch: (a, b) thickness in shares of that at rest.
-            bodies: that press; what they do to the sheet is written into them.
+            bodies: that press; their loads are filled.
         """
         energy, out = self.elastic(value, stretch)
-        energy += kernels.touch(
-            value,
-            self.fibre,
-            self.spacing_mm,
-            self.half_mm,
-            self._bed,
-            bodies.kind,
-            bodies.numbers,
-            bodies.position_mm,
-            bodies.rotation,
-            bodies.reach_mm,
-            out,
-            self._on_fibre,
-            self.covered,
-            bodies.told,
-        )
-        kernels.close(value, stretch, out, self._on_fibre)
+        arguments = (self._bed, bodies.arrays, self._buffers, out, bodies.loads)
+        energy += kernels.touch(value, self.spacing_mm, *arguments)
+        kernels.finish_slope(value, stretch, out, self._buffers.by_fibre)
         return energy, out
 
-    def thinned(self) -> np.ndarray:
-        """(a, b) thickness of the sheet as last looked at: what is stretched becomes thinner."""
-        return np.asarray((self._square / self._corners) ** (-0.5 * self._q))
+    def fibres(self, value: np.ndarray, stretch: np.ndarray) -> np.ndarray:
+        """(3, a, b) directors of the sheet, as long as it is thick for 1; valid until the next call."""
+        kernels.fibres(value, stretch, self._buffers.fibre)
+        return self._buffers.fibre
+
+    def thickness_ratio(self) -> np.ndarray:
+        """(a, b) thickness over that at rest, of the sheet as last evaluated: stretched, it is thinner."""
+        return np.asarray((self._buffers.determinant / self._corners) ** (-0.5 * self._law.exponent))
 
 
 def prestretch(sheet: Sheet) -> float:
-    """How far the sheet was stretched in its plane before it was clamped, so that it pulls as it shall."""
+    """Stretch of the sheet in its plane before it was clamped, which gives its pretension."""
     assert sheet.young_MPa is not None
     tension = sheet.pretension_N_per_mm or 0.0
 
     def excess(stretch: float) -> float:
-        first, second = _law(sheet, stretch, 1.0)[:2]
-        return float(first - second) * sheet.thickness_mm - tension
+        law = shell_law(sheet, stretch, 1.0)
+        return (law.first_MPa - law.second_MPa) * sheet.thickness_mm - tension
 
     return float(brentq(excess, 1.0, 3.0)) if tension > 0.0 else 1.0
 
 
-def _law(sheet: Sheet, stretch: float, area_mm2: float) -> np.ndarray:
-    """The kernels' numbers.
+def shell_law(sheet: Sheet, stretch: float, cell_mm2: float) -> kernels.ShellLaw:
+    """Material and thickness of a sheet that was stretched before it was clamped.
 
     W = mu/2 (tr C - 2 + (det C^-q - 1) / q), q = nu / (1 - nu), per stress-free volume, C being that of the
     mounted sheet times stretch^2, whose volume is stretch^(2 - 2 q) times the stress-free one.
@@ -182,11 +172,19 @@ def _law(sheet: Sheet, stretch: float, area_mm2: float) -> np.ndarray:
     lever_mm = sheet.thickness_mm / math.sqrt(12.0)
     shear = SHEAR_SHARE * mu * sheet.thickness_mm
     first, second = scale * stretch**2, scale * stretch ** (-4.0 * q)
-    return np.array([first, second, q, lever_mm, shear, area_mm2, 0.5 * sheet.thickness_mm])
+    return kernels.ShellLaw(
+        first_MPa=first,
+        second_MPa=second,
+        exponent=q,
+        lever_mm=lever_mm,
+        shear_N_per_mm=shear,
+        cell_mm2=cell_mm2,
+        half_mm=0.5 * sheet.thickness_mm,
+    )
 
 
 def _reach_mm(indenter: Indenter) -> float:
-    """From a body's lowest point to the furthest that it can touch when it is pressed in to its middle."""
+    """From the lowest point of an indenter to the furthest contact when half of it is pressed in."""
     match indenter:
         case Sphere(radius_mm=radius_mm) | RoundPunch(radius_mm=radius_mm):
             return 1.5 * radius_mm

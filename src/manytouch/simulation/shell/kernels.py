@@ -1,22 +1,107 @@
 """Energy and forces of the sheet that is solved live, compiled; derivation in docs/derivations/live-sheet.md.
 
-Nodal values stand as (5, a, b): displacement x, y, z of the middle surface, then the tilt p, q of the
+Nodal values are (5, a, b): displacement x, y, z of the middle surface, then the tilt p, q of the
 fibre (p, q, 1) / sqrt(1 + p^2 + q^2), on grid lines along x (a) and y (b).
 """
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from manytouch.simulation.compilation import kernel
 from manytouch.simulation.fem.contact import distance
 
+FAST = {"contract", "arcp", "nsz", "reassoc"}  # sums may be reordered; NaN and infinity stay valid
 
-@njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz", "reassoc"}, error_model="numpy")
-@no_type_check
+
+class ShellLaw(NamedTuple):
+    """Material and thickness of the sheet; see `energy.shell_law`.
+
+    Attributes:
+        first_MPa, second_MPa: factors of tr C - 2 and of (det C^-q - 1) / q, twice the energy density.
+        exponent: q = nu / (1 - nu).
+        lever_mm: from the middle surface to either layer.
+        shear_N_per_mm: transverse shear stiffness.
+        cell_mm2: area of a cell of the grid.
+        half_mm: half of the thickness.
+    """
+
+    first_MPa: float
+    second_MPa: float
+    exponent: float
+    lever_mm: float
+    shear_N_per_mm: float
+    cell_mm2: float
+    half_mm: float
+
+
+class ElasticBuffers(NamedTuple):
+    """Arrays that `elastic` fills, kept between calls.
+
+    Attributes:
+        fibre: (3, a, b) directors, as long as the sheet is thick for 1.
+        by_fibre: (3, a, b) derivatives of the energy by them.
+        tangent, force: (2, 6, a, b) of the edges along each axis, lower layer, then upper layer.
+        determinant: (a, b) sum of det C over the corners of the cells around a node, in both layers.
+    """
+
+    fibre: np.ndarray
+    by_fibre: np.ndarray
+    tangent: np.ndarray
+    force: np.ndarray
+    determinant: np.ndarray
+
+
+class BodyArrays(NamedTuple):
+    """Rigid bodies that press.
+
+    Attributes:
+        kind, numbers: (n,), (n, k) shapes, see `distance.signed_distance`.
+        position_mm: (n, 3) of their lowest points, z from the middle surface at rest.
+        rotation: (n, 3, 3) sheet_from_body.
+        reach_mm: (n,) from there to the furthest point that can touch.
+    """
+
+    kind: np.ndarray
+    numbers: np.ndarray
+    position_mm: np.ndarray
+    rotation: np.ndarray
+    reach_mm: np.ndarray
+
+
+class Bed(NamedTuple):
+    """The touched face as a bed of springs: half of the sheet's thickness, stiffness per area."""
+
+    half_mm: float
+    stiffness_MPa_per_mm: float
+
+
+class BodyLoads(NamedTuple):
+    """What the bodies do to the sheet.
+
+    Attributes:
+        resultant: (n, 7) force on the sheet (3), its torque about the sheet's z axis, its z part times
+            undeformed x and y, area in contact.
+        body_at: (a', b') number of the body at each contact point, -1 for none.
+    """
+
+    resultant: np.ndarray
+    body_at: np.ndarray
+
+
+class _Edges(NamedTuple):
+    """Edges along one axis: axis, length, lever of the layers, transverse shear stiffness of an edge."""
+
+    axis: int
+    spacing_mm: float
+    lever_mm: float
+    shear_N_mm: float
+
+
+@kernel(nogil=True, fastmath=FAST, error_model="numpy")
 def power(base: float, exponent: float) -> float:
     """base ** exponent for bases near 1, in plain arithmetic so that loops become vector instructions.
 
@@ -35,8 +120,7 @@ def power(base: float, exponent: float) -> float:
     return square * square
 
 
-@njit(cache=True, nogil=True)
-@no_type_check
+@kernel(nogil=True)
 def fibres(value: np.ndarray, stretch: np.ndarray, fibre: np.ndarray) -> None:
     """Fill fibre (3, a, b): the directors, as long as the sheet is thick for 1."""
     for i in range(value.shape[1]):
@@ -46,8 +130,7 @@ def fibres(value: np.ndarray, stretch: np.ndarray, fibre: np.ndarray) -> None:
             fibre[0, i, j], fibre[1, i, j], fibre[2, i, j] = p * scale, q * scale, scale
 
 
-@njit(cache=True, nogil=True)
-@no_type_check
+@kernel(nogil=True)
 def _edges(
     value: np.ndarray, fibre: np.ndarray, axis: int, spacing: float, lever: float, out: np.ndarray
 ) -> None:
@@ -63,22 +146,21 @@ def _edges(
                 out[3 + k, i, j] = middle + bend
 
 
-@njit(cache=True, nogil=True, fastmath={"contract", "arcp", "nsz", "reassoc"}, error_model="numpy")
-@no_type_check
+@kernel(nogil=True, fastmath=FAST, error_model="numpy")
 def _layer(
     along_x: np.ndarray,
     along_y: np.ndarray,
     force_x: np.ndarray,
     force_y: np.ndarray,
-    square: np.ndarray,
-    law: np.ndarray,
+    determinant: np.ndarray,
+    law: ShellLaw,
     weight: float,
 ) -> float:
-    """Energy of one layer; adds its forces on the tangents, and det C at the nodes to square.
+    """Energy of one layer; adds its forces on the tangents, and det C at the nodes to determinant.
 
     Each cell is integrated at its corners: there, the tangents are those of its edges.
     """
-    first, second, q = law[0], law[1], law[2]
+    first, second, q = law.first_MPa, law.second_MPa, law.exponent
     power_of = -1.0 - q
     rows, columns = along_y.shape[1], along_x.shape[2]
     total = 0.0
@@ -95,7 +177,7 @@ def _layer(
                     det = max(cxx * cyy - cxy * cxy, 0.2)
                     s = power(det, power_of) * second
                     total += first * (cxx - 1.0 + cyy - 1.0) + (s * det - second) / q
-                    square[at, j + up] += det
+                    determinant[at, j + up] += det
                     a, b, c = weight * (first - s * cyy), weight * (first - s * cxx), weight * s * cxy
                     force_x[0, i, j + up] += a * gx0 + c * gy0
                     force_x[1, i, j + up] += a * gx1 + c * gy1
@@ -106,21 +188,18 @@ def _layer(
     return 0.5 * weight * total
 
 
-@njit(cache=True, nogil=True)
-@no_type_check
+@kernel(nogil=True)
 def _gather(
-    out: np.ndarray,
-    on_fibre: np.ndarray,
+    edges: _Edges,
     tangent: np.ndarray,
     force: np.ndarray,
     fibre: np.ndarray,
-    axis: int,
-    spacing: float,
-    lever: float,
-    shear: float,
+    out: np.ndarray,
+    by_fibre: np.ndarray,
 ) -> float:
     """Edge forces of an axis to the nodes, with transverse shear on the way; returns its energy."""
-    down, right = (1, 0) if axis == 0 else (0, 1)
+    down, right = (1, 0) if edges.axis == 0 else (0, 1)
+    spacing, lever, shear = edges.spacing_mm, edges.lever_mm, edges.shear_N_mm
     total = 0.0
     rows, columns = fibre.shape[1], fibre.shape[2]
     for i in range(rows - down):
@@ -139,55 +218,57 @@ def _gather(
                 turn = 0.5 * shear * gamma * middle
                 out[k, i, j] -= pull
                 out[k, end, beyond] += pull
-                on_fibre[k, i, j] += turn - bend
-                on_fibre[k, end, beyond] += turn + bend
+                by_fibre[k, i, j] += turn - bend
+                by_fibre[k, end, beyond] += turn + bend
     return total
 
 
-@njit(cache=True, nogil=True)
-@no_type_check
+@kernel(nogil=True)
 def elastic(
     value: np.ndarray,
     stretch: np.ndarray,
-    fibre: np.ndarray,
     spacing: np.ndarray,
-    law: np.ndarray,
-    tangents: np.ndarray,
-    forces: np.ndarray,
-    square: np.ndarray,
+    law: ShellLaw,
+    buffers: ElasticBuffers,
     out: np.ndarray,
-    on_fibre: np.ndarray,
 ) -> float:
-    """Elastic energy; fills its derivatives by displacement (out[:3]) and by fibre, and det C (a, b)."""
-    lever, shear, area, half = law[3], law[4], law[5], law[6]
-    forces[:] = 0.0
-    square[:] = 0.0
+    """Elastic energy in N mm.
+
+    Args:
+        value: (5, a, b) displacements in mm and tilts.
+        stretch: (a, b) thickness over that at rest.
+        spacing: (2,) of the grid, mm.
+        law: of the sheet.
+        buffers: filled, derivatives by the fibres among them.
+        out: (5, a, b); the first three are filled with the derivatives by displacement, the others with 0.
+    """
+    tangent, force = buffers.tangent, buffers.force
+    force[:] = 0.0
+    buffers.determinant[:] = 0.0
     out[:] = 0.0
-    on_fibre[:] = 0.0
-    fibres(value, stretch, fibre)
+    buffers.by_fibre[:] = 0.0
+    fibres(value, stretch, buffers.fibre)
     total = 0.0
     for axis in range(2):
-        _edges(value, fibre, axis, spacing[axis], lever, tangents[axis])
+        _edges(value, buffers.fibre, axis, spacing[axis], law.lever_mm, tangent[axis])
     for layer in range(2):
         part = slice(3 * layer, 3 * layer + 3)
         total += _layer(
-            tangents[0, part],
-            tangents[1, part],
-            forces[0, part],
-            forces[1, part],
-            square,
+            tangent[0, part],
+            tangent[1, part],
+            force[0, part],
+            force[1, part],
+            buffers.determinant,
             law,
-            0.25 * area * half,
+            0.25 * law.cell_mm2 * law.half_mm,
         )
     for axis in range(2):
-        total += _gather(
-            out, on_fibre, tangents[axis], forces[axis], fibre, axis, spacing[axis], lever, shear * area
-        )
+        edges = _Edges(axis, spacing[axis], law.lever_mm, law.shear_N_per_mm * law.cell_mm2)
+        total += _gather(edges, tangent[axis], force[axis], buffers.fibre, out, buffers.by_fibre)
     return total
 
 
-@njit(cache=True, nogil=True)
-@no_type_check
+@kernel(nogil=True)
 def _cells(position: float, reach: float, spacing: float, count: int) -> tuple[int, int]:
     """First and one beyond the last of the cells along an axis that a body can touch."""
     start = -0.5 * spacing * count
@@ -195,95 +276,111 @@ def _cells(position: float, reach: float, spacing: float, count: int) -> tuple[i
     return first, min(int((position + reach - start) / spacing) + 1, count)
 
 
-@njit(cache=True, nogil=True)
-@no_type_check
-def _there(place: np.ndarray, position: np.ndarray, rotation: np.ndarray, local: np.ndarray) -> float:
-    """Fill local with a place in a body's frame; returns its square, or infinity where no body can be."""
+@kernel(nogil=True)
+def _to_body_frame(place: np.ndarray, position: np.ndarray, rotation: np.ndarray, local: np.ndarray) -> float:
+    """Fill local (3,) with a place in a body's frame; its square, or infinity below that body."""
     for k in range(3):
         local[k] = 0.0
         for m in range(3):
             local[k] += rotation[m, k] * (place[m] - position[m])
     if local[2] <= 0.0:
-        return np.inf  # bodies stand on the origin of their frame
-    return local[0] ** 2 + local[1] ** 2 + local[2] ** 2
+        return np.inf
+    return float(local[0] ** 2 + local[1] ** 2 + local[2] ** 2)
 
 
-@njit(cache=True, nogil=True)
-@no_type_check
+class _Point(NamedTuple):
+    """A contact point in a cell of the grid: first node (i, j), shape functions (4,), quarter 0 to 3."""
+
+    i: int
+    j: int
+    quarter: int
+    shape: np.ndarray
+
+
+@kernel(nogil=True)
+def _face_point(
+    point: _Point, value: np.ndarray, fibre: np.ndarray, spacing: np.ndarray, half: float, here: np.ndarray
+) -> tuple[float, float]:
+    """Fill the present place (3,) of a contact point of the touched face; its undeformed x and y, mm."""
+    i, j, shape = point.i, point.j, point.shape
+    s, r = 0.25 + 0.5 * (point.quarter // 2), 0.25 + 0.5 * (point.quarter % 2)
+    shape[0], shape[1], shape[2], shape[3] = (1 - s) * (1 - r), (1 - s) * r, s * (1 - r), s * r
+    here[0] = (i + s - 0.5 * (value.shape[1] - 1)) * spacing[0]
+    here[1] = (j + r - 0.5 * (value.shape[2] - 1)) * spacing[1]
+    here[2] = 0.0
+    rest_x, rest_y = here[0], here[1]
+    for node in range(4):
+        at_i, at_j = i + node // 2, j + node % 2
+        for k in range(3):
+            here[k] += shape[node] * (value[k, at_i, at_j] + half * fibre[k, at_i, at_j])
+    return rest_x, rest_y
+
+
+@kernel(nogil=True)
 def touch(
     value: np.ndarray,
-    fibre: np.ndarray,
     spacing: np.ndarray,
-    half: float,
-    stiffness: float,
-    kind: np.ndarray,
-    numbers: np.ndarray,
-    position: np.ndarray,
-    rotation: np.ndarray,
-    reach: np.ndarray,
+    bed: Bed,
+    bodies: BodyArrays,
+    buffers: ElasticBuffers,
     out: np.ndarray,
-    on_fibre: np.ndarray,
-    covered: np.ndarray,
-    told: np.ndarray,
+    loads: BodyLoads,
 ) -> float:
-    """Energy of the contact; adds its derivatives to out and on_fibre.
+    """Energy of the contact in N mm, evaluated at four points of each cell of the touched face.
 
-    The touched face is half a fibre above the middle surface; it is looked at in four points of each cell.
-    Fills told (bodies, 7): force on the sheet (3), its torque about z, its z part times undeformed x and y,
-    area; and which body covers each point (a', b'), -1 for none.
+    Args:
+        value: (5, a, b) displacements in mm and tilts.
+        spacing: (2,) of the grid, mm.
+        bed: of the touched face.
+        bodies: that press.
+        buffers: of `elastic`, whose derivatives by the fibres are added to.
+        out: (5, a, b), whose derivatives by displacement are added to.
+        loads: filled.
     """
-    cells = value.shape[1] - 1, value.shape[2] - 1
+    fibre, by_fibre, half, stiffness = buffers.fibre, buffers.by_fibre, bed.half_mm, bed.stiffness_MPa_per_mm
     weight = 0.25 * spacing[0] * spacing[1]
     normal, curvature = np.empty(3), np.empty((3, 3))
     here, local, push, shape = np.empty(3), np.empty(3), np.empty(3), np.empty(4)
-    told[:] = 0.0
-    covered[:] = -1
+    loads.resultant[:] = 0.0
+    loads.body_at[:] = -1
     total = 0.0
-    for body in range(kind.shape[0]):
-        first_i, last_i = _cells(position[body, 0], reach[body], spacing[0], cells[0])
-        first_j, last_j = _cells(position[body, 1], reach[body], spacing[1], cells[1])
+    for body in range(bodies.kind.shape[0]):
+        position, rotation, reach = bodies.position_mm[body], bodies.rotation[body], bodies.reach_mm[body]
+        resultant = loads.resultant[body]
+        first_i, last_i = _cells(position[0], reach, spacing[0], value.shape[1] - 1)
+        first_j, last_j = _cells(position[1], reach, spacing[1], value.shape[2] - 1)
         for place in range(4 * max(last_i - first_i, 0) * max(last_j - first_j, 0)):
-            cell, part = place // 4, place % 4
+            cell, quarter = place // 4, place % 4
             i, j = first_i + cell // (last_j - first_j), first_j + cell % (last_j - first_j)
-            s, r = 0.25 + 0.5 * (part // 2), 0.25 + 0.5 * (part % 2)
-            shape[0], shape[1], shape[2], shape[3] = (1 - s) * (1 - r), (1 - s) * r, s * (1 - r), s * r
-            here[0], here[1], here[2] = (
-                (i + s - 0.5 * cells[0]) * spacing[0],
-                (j + r - 0.5 * cells[1]) * spacing[1],
-                0.0,
-            )
-            rest_x, rest_y = here[0], here[1]
-            for node in range(4):
-                at_i, at_j = i + node // 2, j + node % 2
-                for k in range(3):
-                    here[k] += shape[node] * (value[k, at_i, at_j] + half * fibre[k, at_i, at_j])
-            if _there(here, position[body], rotation[body], local) > reach[body] ** 2:
+            rest_x, rest_y = _face_point(_Point(i, j, quarter, shape), value, fibre, spacing, half, here)
+            if _to_body_frame(here, position, rotation, local) > reach**2:
                 continue
-            depth = distance.signed_distance(kind[body], numbers[body], local, normal, curvature)
+            depth = distance.signed_distance(
+                bodies.kind[body], bodies.numbers[body], local, normal, curvature
+            )
             if depth >= 0.0:
                 continue
-            covered[2 * i + part // 2, 2 * j + part % 2] = body
+            loads.body_at[2 * i + quarter // 2, 2 * j + quarter % 2] = body
             total += 0.5 * stiffness * weight * depth * depth
             for k in range(3):
                 push[k] = 0.0
                 for m in range(3):
-                    push[k] -= rotation[body, k, m] * normal[m] * stiffness * weight * depth
-                told[body, k] += push[k]
+                    push[k] -= rotation[k, m] * normal[m] * stiffness * weight * depth
+                resultant[k] += push[k]
                 for node in range(4):
                     at_i, at_j = i + node // 2, j + node % 2
                     out[k, at_i, at_j] -= shape[node] * push[k]
-                    on_fibre[k, at_i, at_j] -= shape[node] * half * push[k]
-            told[body, 3] += here[0] * push[1] - here[1] * push[0]
-            told[body, 4] += rest_x * push[2]
-            told[body, 5] += rest_y * push[2]
-            told[body, 6] += weight
+                    by_fibre[k, at_i, at_j] -= shape[node] * half * push[k]
+            resultant[3] += here[0] * push[1] - here[1] * push[0]
+            resultant[4] += rest_x * push[2]
+            resultant[5] += rest_y * push[2]
+            resultant[6] += weight
     return total
 
 
-@njit(cache=True, nogil=True)
-@no_type_check
-def close(value: np.ndarray, stretch: np.ndarray, out: np.ndarray, on_fibre: np.ndarray) -> None:
-    """Derivatives by the fibre become derivatives by its tilt; nothing acts on the clamped outline."""
+@kernel(nogil=True)
+def finish_slope(value: np.ndarray, stretch: np.ndarray, out: np.ndarray, by_fibre: np.ndarray) -> None:
+    """Fill the derivatives by the tilts (out[3:]) from those by the fibres; all are 0 on the outline."""
     rows, columns = value.shape[1], value.shape[2]
     for i in range(rows):
         for j in range(columns):
@@ -293,6 +390,6 @@ def close(value: np.ndarray, stretch: np.ndarray, out: np.ndarray, on_fibre: np.
             p, q = value[3, i, j], value[4, i, j]
             size = 1.0 + p * p + q * q
             scale = stretch[i, j] / math.sqrt(size)
-            along = (p * on_fibre[0, i, j] + q * on_fibre[1, i, j] + on_fibre[2, i, j]) / size
-            out[3, i, j] = scale * (on_fibre[0, i, j] - p * along)
-            out[4, i, j] = scale * (on_fibre[1, i, j] - q * along)
+            along = (p * by_fibre[0, i, j] + q * by_fibre[1, i, j] + by_fibre[2, i, j]) / size
+            out[3, i, j] = scale * (by_fibre[0, i, j] - p * along)
+            out[4, i, j] = scale * (by_fibre[1, i, j] - q * along)

@@ -11,7 +11,6 @@ from dataclasses import replace
 import numpy as np
 
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
-from manytouch.simulation.shell import kernels
 from manytouch.simulation.shell.energy import ContactBodies, PosedIndenter, ShellEnergy
 from manytouch.simulation.shell.minimisation import EnergyMinimiser
 from manytouch.values import Sheet
@@ -21,7 +20,7 @@ SPACING_MM = 2.0
 
 
 class LiveSheet:
-    """The sheet as it is now; `settle` brings it to equilibrium with the bodies that press."""
+    """The sheet at present; `settle` brings it to equilibrium with the bodies that press."""
 
     def __init__(self, sheet: Sheet, spacing_mm: float = SPACING_MM) -> None:
         """The sheet at rest.
@@ -34,30 +33,32 @@ class LiveSheet:
             ValueError: the sheet has no Young's modulus or Poisson's ratio.
         """
         self.energy = ShellEnergy(sheet, spacing_mm)
-        self._descent = EnergyMinimiser(self.energy.softness())
-        self._thickness_mm = sheet.thickness_mm
+        self._minimiser = EnergyMinimiser(self.energy.preconditioner())
         self.value = np.zeros((5, *self.energy.shape))
         self.stretch = np.ones(self.energy.shape)
-        self._bodies = ContactBodies((), self._thickness_mm)
-        self._look(self.value)
+        self._bodies = ContactBodies((), self.energy)
+        self._evaluate(self.value)
 
-    def settle(self, bodies: Sequence[PosedIndenter], most: int = 14) -> bool:
-        """Bring the sheet nearer to equilibrium with these bodies; has it come there?
+    def settle(self, bodies: Sequence[PosedIndenter], max_evaluations: int = 14) -> bool:
+        """Bring the sheet nearer to equilibrium with these bodies.
 
         Args:
-            bodies: all that press; one that comes to lie deeper in the sheet than half of its width at once
-                may be lost.
-            most: times to look at the energy, which bounds the work. Where bodies come suddenly, several
+            bodies: all that press; the contact of one that is at once pressed in by more than half of its
+                width may be missed.
+            max_evaluations: of the energy, which bounds the work. Where bodies come suddenly, several
                 calls may be needed; the thickness of the sheet always follows from call to call.
-        """
-        self._bodies = ContactBodies(bodies, self._thickness_mm)
-        self.stretch = self.energy.thinned()
-        found = self._descent(self._look, self.value, most)
-        self.value = found.value
-        return found.is_settled
 
-    def begin(self, face: Deformation) -> None:
-        """Take the shape of a sheet of the same outline; its fibres stand on the face, as long as at rest."""
+        Returns:
+            Whether it is in equilibrium.
+        """
+        self._bodies = ContactBodies(bodies, self.energy)
+        self.stretch = self.energy.thickness_ratio()
+        found = self._minimiser.minimise(self._evaluate, self.value, max_evaluations)
+        self.value = found.value
+        return found.has_converged
+
+    def start_from(self, face: Deformation) -> None:
+        """Take the shape of a sheet of the same outline, with fibres normal to it and as long as at rest."""
         energy = self.energy
         place_mm = np.stack(np.meshgrid(energy.x_mm, energy.y_mm, indexing="ij"), axis=-1).reshape(-1, 2)
         moved_mm, normal = face.normals(place_mm)
@@ -67,14 +68,13 @@ class LiveSheet:
         for line in (self.value[:, 0], self.value[:, -1], self.value[:, :, 0], self.value[:, :, -1]):
             line[:] = 0.0
         self.stretch = np.ones(energy.shape)
-        self._descent.forget()
-        self._look(self.value)
+        self._minimiser.reset()
+        self._evaluate(self.value)
 
     def deformation(self) -> Deformation:
-        """The sheet as it is, and what the bodies do to it, in their order."""
+        """The present camera-side face, and the contacts of the bodies, in their order."""
         energy = self.energy
-        kernels.fibres(self.value, self.stretch, energy.fibre)
-        face_mm = self.value[:3] - energy.half_mm * energy.fibre
+        face_mm = self.value[:3] - energy.half_mm * energy.fibres(self.value, self.stretch)
         face_mm[2] += energy.half_mm
         found = Deformation(
             x_mm=energy.x_mm,
@@ -83,34 +83,36 @@ class LiveSheet:
             contacts=(),
             status="ok",
         )
-        contacts = tuple(self._contact(number, found) for number in range(len(self._bodies.told)))
+        contacts = tuple(self._contact(number, found) for number in range(len(self._bodies.loads.resultant)))
         return replace(found, contacts=contacts)
 
-    def _look(self, value: np.ndarray) -> tuple[float, np.ndarray]:
+    def _evaluate(self, value: np.ndarray) -> tuple[float, np.ndarray]:
         return self.energy(value, self.stretch, self._bodies)
 
     def _contact(self, body: int, face: Deformation) -> TrueContact:
-        told, energy = self._bodies.told[body], self.energy
-        if told[2] == 0.0:
-            return NOTHING
-        centre_mm = told[4:6] / told[2]
+        resultant, energy = self._bodies.loads.resultant[body], self.energy
+        if resultant[2] == 0.0:
+            return NO_CONTACT
+        centre_mm = resultant[4:6] / resultant[2]
         start_mm = np.array([energy.x_mm[0], energy.y_mm[0]])
-        place_mm = start_mm + (np.argwhere(energy.covered == body) + 0.5) * 0.5 * energy.spacing_mm
+        place_mm = (
+            start_mm + (np.argwhere(self._bodies.loads.body_at == body) + 0.5) * 0.5 * energy.spacing_mm
+        )
         about_mm = centre_mm + face.displacement_mm(centre_mm[None])[0, :2]
         return TrueContact(
-            force_N=read_only(told[:3].copy()),
-            torque_Nmm=float(told[3] - about_mm[0] * told[1] + about_mm[1] * told[0]),
-            area_mm2=float(told[6]),
+            force_N=read_only(resultant[:3].copy()),
+            torque_Nmm=float(resultant[3] - about_mm[0] * resultant[1] + about_mm[1] * resultant[0]),
+            area_mm2=float(resultant[6]),
             centre_mm=read_only(centre_mm),
             depth_mm=-float(face.displacement_mm(place_mm)[:, 2].min()),
         )
 
 
-NOTHING = TrueContact(
+NO_CONTACT = TrueContact(
     force_N=read_only(np.zeros(3)),
     torque_Nmm=np.nan,
     area_mm2=0.0,
     centre_mm=read_only(np.full(2, np.nan)),
     depth_mm=np.nan,
 )
-"""A body that does not touch."""
+"""The contact of a body that does not touch the sheet."""

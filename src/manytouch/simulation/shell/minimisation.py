@@ -1,7 +1,7 @@
-"""Downhill to an equilibrium in few steps, over and over while the loads move.
+"""Minimisation of an energy in few evaluations, again and again while the loads move.
 
 Limited-memory BFGS (J. Nocedal, Math. Comp. 35 (1980), 773), on top of an approximate inverse of the
-stiffness; what it has learned of the stiffness is kept from one call to the next.
+stiffness; the steps of earlier calls are used in the next one.
 """
 
 from collections import deque
@@ -11,84 +11,87 @@ from dataclasses import dataclass
 import numpy as np
 
 PAIRS = 12  # steps that are remembered
-ENOUGH = 1e-6  # share of the energy that may be left to gain
-NOTHING = 1e-12  # N mm
+TOLERANCE = 1e-6  # share of the energy that a further step would gain at convergence
+NEGLIGIBLE_N_MM = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Minimum:
-    """Where the descent ended.
+    """Where a minimisation ended.
 
     Attributes:
         value: the unknowns.
-        looks: how often the energy was asked for.
-        is_settled: is there next to nothing left to gain?
+        evaluations: of the energy.
+        has_converged: whether hardly any energy could still be gained.
     """
 
     value: np.ndarray
-    looks: int
-    is_settled: bool
+    evaluations: int
+    has_converged: bool
 
 
 class EnergyMinimiser:
-    """Finds minima of an energy; the energy falls in every step, so it cannot run away."""
+    """Finds minima of an energy that changes from call to call; the energy falls in every step."""
 
-    def __init__(self, softness: Callable[[np.ndarray], np.ndarray]) -> None:
-        """Args: softness: approximate inverse of the stiffness, symmetric and positive."""
-        self._softness = softness
+    def __init__(self, preconditioner: Callable[[np.ndarray], np.ndarray]) -> None:
+        """Args: preconditioner: approximate inverse of the stiffness, symmetric and positive."""
+        self._preconditioner = preconditioner
         self._pairs: deque[tuple[np.ndarray, np.ndarray, float]] = deque(maxlen=PAIRS)
 
-    def forget(self) -> None:
-        """The next call begins with what is known at rest."""
+    def reset(self) -> None:
+        """Discard what earlier steps showed of the stiffness."""
         self._pairs.clear()
 
-    def __call__(
-        self, energy_of: Callable[[np.ndarray], tuple[float, np.ndarray]], value: np.ndarray, most: int
+    def minimise(
+        self,
+        energy_of: Callable[[np.ndarray], tuple[float, np.ndarray]],
+        value: np.ndarray,
+        max_evaluations: int,
     ) -> Minimum:
-        """Go down from a value, looking at the energy at most so many times.
+        """Descend from a value.
 
         Args:
-            energy_of: energy above that at rest, and its derivatives; asked last at the value that is found.
+            energy_of: energy above that at rest, and its derivatives; its last call is at the result.
             value: unknowns to begin with.
-            most: looks, one at least.
+            max_evaluations: of the energy, at least one.
         """
         energy, slope = energy_of(value)
-        looks, is_settled = 1, False
-        while looks < most:
-            step = -self._eased(slope)
+        evaluations, has_converged = 1, False
+        while evaluations < max_evaluations:
+            step = -self._scale(slope)
             fall = float(np.vdot(slope, step))
-            is_settled = -fall <= ENOUGH * energy + NOTHING
-            if is_settled:
+            has_converged = -fall <= TOLERANCE * energy + NEGLIGIBLE_N_MM
+            if has_converged:
                 break
             share, start = 1.0, energy
-            while looks < most:
+            while evaluations < max_evaluations:
                 tried = value + share * step
-                energy, turned = energy_of(tried)
-                looks += 1
+                energy, new_slope = energy_of(tried)
+                evaluations += 1
                 if energy <= start + 1e-4 * share * fall:
                     break
-                above = max(energy - start - share * fall, NOTHING)
+                above = max(energy - start - share * fall, NEGLIGIBLE_N_MM)
                 share *= min(max(-0.5 * fall * share / above, 0.1), 0.5)
             else:
-                self.forget()
+                self.reset()
                 energy_of(value)
                 break
-            self._remember(share * step, turned - slope)
-            value, slope = tried, turned
-        return Minimum(value=value, looks=looks, is_settled=is_settled)
+            self._remember(share * step, new_slope - slope)
+            value, slope = tried, new_slope
+        return Minimum(value=value, evaluations=evaluations, has_converged=has_converged)
 
-    def _remember(self, moved: np.ndarray, turned: np.ndarray) -> None:
-        product = float(np.vdot(moved, turned))
-        if product > 1e-12 * float(np.linalg.norm(moved)) * float(np.linalg.norm(turned)):
-            self._pairs.append((moved, turned, product))
+    def _remember(self, moved: np.ndarray, change: np.ndarray) -> None:
+        product = float(np.vdot(moved, change))
+        if product > 1e-12 * float(np.linalg.norm(moved)) * float(np.linalg.norm(change)):
+            self._pairs.append((moved, change, product))
 
-    def _eased(self, slope: np.ndarray) -> np.ndarray:
-        """The step that would end the slope, by all that is known."""
+    def _scale(self, slope: np.ndarray) -> np.ndarray:
+        """The slope times the approximate inverse of the Hessian (two-loop recursion)."""
         out, shares = slope.copy(), []
-        for moved, turned, product in reversed(self._pairs):
+        for moved, change, product in reversed(self._pairs):
             shares.append(float(np.vdot(moved, out)) / product)
-            out -= shares[-1] * turned
-        out = self._softness(out)
-        for (moved, turned, product), share in zip(self._pairs, reversed(shares), strict=True):
-            out += (share - float(np.vdot(turned, out)) / product) * moved
+            out -= shares[-1] * change
+        out = self._preconditioner(out)
+        for (moved, change, product), share in zip(self._pairs, reversed(shares), strict=True):
+            out += (share - float(np.vdot(change, out)) / product) * moved
         return out

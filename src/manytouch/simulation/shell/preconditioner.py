@@ -1,4 +1,4 @@
-"""How the sheet at rest gives way to forces on its nodes, nearly: what makes the live sheet's steps long."""
+"""Approximate displacements of the sheet at rest under nodal forces: the preconditioner of the live sheet."""
 
 from dataclasses import dataclass, field
 
@@ -57,24 +57,24 @@ class Preconditioner:
         """Displacements and tilts (5, a, b) under forces and moments (5, a, b); zero on the outline."""
         out = np.zeros_like(force)
         inner = out[:, 1:-1, 1:-1]
-        inner[[0, 1, 3, 4]] = self._eased(force[[0, 1, 3, 4], 1:-1, 1:-1], [0, 1, 3, 4])
+        inner[[0, 1, 3, 4]] = self._compliance(force[[0, 1, 3, 4], 1:-1, 1:-1], [0, 1, 3, 4])
         pull = force[2, 1:-1, 1:-1] + self._coupling(0) * (out[3, 2:, 1:-1] - out[3, :-2, 1:-1])
         pull += self._coupling(1) * (out[4, 1:-1, 2:] - out[4, 1:-1, :-2])
-        inner[2] = self._eased(pull[None], [2])[0]
+        inner[2] = self._compliance(pull[None], [2])[0]
         turn = np.stack(
             [
                 self._coupling(0) * (out[2, 2:, 1:-1] - out[2, :-2, 1:-1]),
                 self._coupling(1) * (out[2, 1:-1, 2:] - out[2, 1:-1, :-2]),
             ]
         )
-        inner[3:] -= self._eased(turn, [3, 4])
+        inner[3:] -= self._compliance(turn, [3, 4])
         return out
 
     def _coupling(self, axis: int) -> float:
-        """Between a tilt and the depth beside it."""
+        """Coupling of a tilt to the difference of depth of its neighbours along an axis."""
         return self.shear * self.spacing_mm[0] * self.spacing_mm[1] / (2.0 * self.spacing_mm[axis])
 
-    def _eased(self, force: np.ndarray, fields: list[int]) -> np.ndarray:
+    def _compliance(self, force: np.ndarray, fields: list[int]) -> np.ndarray:
         along_x, along_y = self._sines
         force = force.astype(np.float32)
         return np.asarray(along_x @ ((along_x @ force @ along_y) * self._soft[fields]) @ along_y)

@@ -191,14 +191,14 @@ def test_the_tangent_agrees_with_differences(indenter: Indenter, friction: float
         stiffness_MPa_per_mm=30.0,
         rounding_mm=0.02,
     )
-    stage: Substep = balance.course(state, 1, (0.0, 0.0, 0.0)).stage(1.0, state)
+    substep: Substep = balance.load_step(state, 1, (0.0, 0.0, 0.0)).substep(1.0, state)
     rng = np.random.default_rng(2)
     bent = state.displacement_mm + 0.01 * rng.standard_normal(state.displacement_mm.shape) * solver_.is_free
     along = rng.standard_normal(bent.shape) * solver_.is_free
     step = 1e-7
-    above, _, _ = balance.residual(state, stage, bent + step * along, solver_.is_free)
-    below, _, _ = balance.residual(state, stage, bent - step * along, solver_.is_free)
-    tangent = balance.tangent(state, stage, bent)
+    above, _, _ = balance.residual(state, substep, bent + step * along, solver_.is_free)
+    below, _, _ = balance.residual(state, substep, bent - step * along, solver_.is_free)
+    tangent = balance.tangent(state, substep, bent)
     product, element = np.zeros_like(bent), solver_.body.mesh.element
     flat = along[element].reshape(len(tangent), 60)
     np.add.at(product, element, np.einsum("eij,ej->ei", tangent, flat).reshape(-1, 20, 3))

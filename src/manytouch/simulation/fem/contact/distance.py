@@ -7,20 +7,27 @@ Distances are negative inside, gradients point out of the body.
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
-from typing import no_type_check
 
 import numpy as np
-from numba import njit
+
+from manytouch.simulation.compilation import kernel
 
 SPHERE, ELLIPSOID, REVOLVED, BOX, HALF_SPACES = range(5)
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def signed_distance(
     kind: int, numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray
 ) -> float:
-    """Distance of a point (3,) in the body's frame; fills its gradient (3,) and Hessian (3, 3)."""
+    """Signed distance in mm of a point (3,) in the indenter's frame.
+
+    Args:
+        kind: SPHERE, ELLIPSOID, REVOLVED, BOX or HALF_SPACES.
+        numbers: parameters of the shape, as its own function lists them; longer arrays are allowed.
+        point: (3,) mm.
+        normal: (3,), filled with the gradient.
+        curvature: (3, 3), filled with the Hessian, 1 / mm.
+    """
     curvature[:] = 0.0
     if kind == SPHERE:
         return _sphere(numbers[0], point, normal, curvature)
@@ -33,8 +40,7 @@ def signed_distance(
     return _half_spaces(numbers, point, normal, curvature)
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _sphere(radius: float, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     x, y, z = point[0], point[1], point[2] - radius
     distance = math.sqrt(x * x + y * y + z * z)
@@ -48,8 +54,7 @@ def _sphere(radius: float, point: np.ndarray, normal: np.ndarray, curvature: np.
     return float(distance - radius)
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _ellipsoid(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """Closest point r^2 x / (t + r^2) with F(t) = sum (r x / (t + r^2))^2 - 1 = 0, convex and falling."""
     square = np.array([numbers[0] ** 2, numbers[1] ** 2, numbers[2] ** 2])
@@ -80,8 +85,7 @@ def _ellipsoid(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curva
     return distance
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _offset_curvature(second: np.ndarray, normal: np.ndarray, distance: float, curvature: np.ndarray) -> None:
     """Hessian of the distance: S (1 + d S)^-1 with the surface's shape operator S = P diag(second) P."""
     axis = int(np.argmin(np.abs(normal)))
@@ -92,7 +96,7 @@ def _offset_curvature(second: np.ndarray, normal: np.ndarray, distance: float, c
     other = np.cross(normal, first)
     a, b, c = (first * second * first).sum(), (first * second * other).sum(), (other * second * other).sum()
     largest = 0.5 * (a + c) + math.sqrt(0.25 * (a - c) ** 2 + b * b)
-    d = max(distance, -0.5 / largest)  # nearer to the centre of curvature only a bad iterate gets
+    d = max(distance, -0.5 / largest)  # only a bad iterate is nearer to the centre of curvature
     aa, cc = 1.0 + d * a, 1.0 + d * c
     determinant = aa * cc - d * d * b * b
     h11, h22, h12 = (
@@ -109,8 +113,7 @@ def _offset_curvature(second: np.ndarray, normal: np.ndarray, distance: float, c
             )
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """A cylinder: radius, half length, edge radius, axis (0: x, 2: z), height of its centre."""
     radius, half, edge, height = numbers[0], numbers[1], numbers[2], numbers[4]
@@ -142,8 +145,7 @@ def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvat
     return float(size - edge)
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _add_outer(curvature: np.ndarray, factor: float, u: float, v: float, i: int, j: int) -> None:
     curvature[i, i] += factor * u * u
     curvature[i, j] += factor * u * v
@@ -151,8 +153,7 @@ def _add_outer(curvature: np.ndarray, factor: float, u: float, v: float, i: int,
     curvature[j, j] += factor * v * v
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _box(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """A block with rounded edges: half lengths (3) and edge radius."""
     edge = numbers[3]
@@ -176,10 +177,9 @@ def _box(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: 
     return float(size - edge)
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _half_spaces(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
-    """log sum exp(s (n.x - d)) / s over faces: smooth, convex, and the largest but near the edges."""
+    """log sum exp(s (n.x - d)) / s over faces: smooth, convex, and their maximum except near edges."""
     sharpness, faces = numbers[0], int(numbers[1])
     largest = -np.inf
     for face in range(faces):

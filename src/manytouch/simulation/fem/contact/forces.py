@@ -7,17 +7,17 @@ t = P_n (turned old t - stiffness * slip), |t| <= friction * p (J. C. Simo and T
 doi:10.1016/0045-7949(92)90540-G). Linearised exactly, with the curvature of the indenter.
 """
 
-# ruff: noqa: PLR0912, PLR0917 - compiled functions are long and called with positional arguments
+# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import itertools
 import math
 from dataclasses import dataclass
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int64
-from numba import njit
 
+from manytouch.simulation.compilation import kernel
 from manytouch.simulation.fem.contact.distance import signed_distance
 from manytouch.simulation.fem.elements.mesh import HexMesh, reference_nodes, shape_functions
 from manytouch.values.arrays import read_only
@@ -25,7 +25,7 @@ from manytouch.values.arrays import read_only
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class TouchedFace:
-    """Points of the touched face at which contact is asked for.
+    """Quadrature points of the touched face, at which contact is evaluated.
 
     Attributes:
         owner: (f,) element of each face.
@@ -44,14 +44,18 @@ class TouchedFace:
     def displaced(
         self, mesh: HexMesh, displacement_mm: Float64[np.ndarray, "nodes 3"]
     ) -> Float64[np.ndarray, "f q 3"]:
-        """Where the points are now."""
+        """Present places (f, q, 3) of the points under nodal displacements (n, 3), mm."""
         nodal = displacement_mm[mesh.element[self.owner[:, None], self.local]]  # (f, 8, 3)
         return np.asarray(self.rest_mm + np.einsum("qn,fni->fqi", self.value, nodal))
+
+    def arrays(self, mesh: HexMesh) -> "FaceArrays":
+        """The face as the kernels read it."""
+        return FaceArrays(mesh.element, self.owner, self.local, self.value, self.area_mm2, self.rest_mm)
 
     def nodal_force_N(
         self, mesh: HexMesh, traction_MPa: Float64[np.ndarray, "f q 3"]
     ) -> Float64[np.ndarray, "nodes 3"]:
-        """The nodal forces (n, 3) that do the same work as a traction per undeformed area."""
+        """Nodal forces (n, 3) in N that are equivalent to a traction (f, q, 3) per undeformed area."""
         force = np.zeros_like(mesh.node_mm)
         share = np.einsum("fq,qn,fqi->fni", self.area_mm2, self.value, traction_MPa)
         np.add.at(force, mesh.element[self.owner[:, None], self.local], share)
@@ -59,7 +63,13 @@ class TouchedFace:
 
 
 def touched_face(mesh: HexMesh, *, points: int = 4, rule: str = "gauss") -> TouchedFace:
-    """The touched face with points x points Gauss points per element, or the middles of so many cells."""
+    """The touched face of a mesh.
+
+    Args:
+        mesh: the mesh.
+        points: quadrature points along each edge of an element.
+        rule: "gauss", or "middles" for the middles of points x points equal cells.
+    """
     node, weight = np.polynomial.legendre.leggauss(points)
     if rule == "middles":
         node, weight = (2.0 * np.arange(points) + 1.0) / points - 1.0, np.full(points, 2.0 / points)
@@ -77,9 +87,93 @@ def touched_face(mesh: HexMesh, *, points: int = 4, rule: str = "gauss") -> Touc
     )
 
 
-@njit(cache=True)
-@no_type_check
-def _times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
+class FaceArrays(NamedTuple):
+    """The touched face as the kernels read it: nodes (e, 20) of all elements, and `TouchedFace`'s arrays."""
+
+    node: np.ndarray
+    owner: np.ndarray
+    local: np.ndarray
+    value: np.ndarray
+    area_mm2: np.ndarray
+    rest_mm: np.ndarray
+
+
+class PosedShape(NamedTuple):
+    """One indenter where it is now.
+
+    Attributes:
+        kind, numbers: its shape, see `distance.signed_distance`.
+        position_mm: (3,) of its lowest point, sheet frame.
+        rotation: (3, 3) sheet_from_indenter.
+    """
+
+    kind: int
+    numbers: np.ndarray
+    position_mm: np.ndarray
+    rotation: np.ndarray
+
+
+class ContactLaw(NamedTuple):
+    """Penalty and friction of one contact.
+
+    Attributes:
+        friction: Coulomb's coefficient.
+        stiffness_MPa_per_mm: of the penalty.
+        rounding_mm: penetration below which the penalty softens.
+        curvature_factor: 1, or 0 to leave the indenter's curvature out of the derivative, which then is
+            positive definite.
+    """
+
+    friction: float
+    stiffness_MPa_per_mm: float
+    rounding_mm: float
+    curvature_factor: float
+
+
+class FrictionHistory(NamedTuple):
+    """What friction needs of the last equilibrium; not read without friction.
+
+    Attributes:
+        contact_fraction: (f, q) share of the step during which a point is in contact.
+        trial_MPa: (f, q, 3) the last friction, turned with the indenter.
+        anchor_mm: (f, q, 3) where the points would be had they moved with the indenter.
+    """
+
+    contact_fraction: np.ndarray
+    trial_MPa: np.ndarray
+    anchor_mm: np.ndarray
+
+
+class ContactField(NamedTuple):
+    """Tractions per undeformed area at the points of the face, and the indenter's normals there.
+
+    Attributes:
+        pressure_MPa: (f, q).
+        shear_MPa: (f, q, 3) friction.
+        normal: (f, q, 3) out of the indenter; valid where the pressure is positive.
+    """
+
+    pressure_MPa: np.ndarray
+    shear_MPa: np.ndarray
+    normal: np.ndarray
+
+
+class _Surface(NamedTuple):
+    """An indenter's surface at one point in contact.
+
+    Attributes:
+        normal, curvature: (3,), (3, 3) gradient and Hessian of its distance, sheet frame.
+        pressure_MPa, rise_MPa_per_mm: penalty pressure and its derivative by the penetration.
+    """
+
+    normal: np.ndarray
+    curvature: np.ndarray
+    pressure_MPa: float
+    rise_MPa_per_mm: float
+
+
+@kernel()
+def _multiply(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     out = np.zeros((3, 3))
     for i in range(3):
         for j in range(3):
@@ -88,20 +182,17 @@ def _times(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     return out
 
 
-@njit(cache=True)
-@no_type_check
-def _friction(
+@kernel()
+def _add_friction(
     trial: np.ndarray,
-    normal: np.ndarray,
-    curvature: np.ndarray,
-    pressure: float,
-    rise: float,
+    surface: _Surface,
     friction: float,
     spring: float,
     traction: np.ndarray,
     slope: np.ndarray,
 ) -> None:
     """Return map; fills the tangential traction (3,) and subtracts its derivative (3, 3) from `slope`."""
+    normal, curvature = surface.normal, surface.curvature
     along = 0.0
     turned = np.zeros(3)
     for i in range(3):
@@ -117,106 +208,140 @@ def _friction(
             projector = (1.0 if i == j else 0.0) - normal[i] * normal[j]
             derivative[i, j] = -spring * projector - along * curvature[i, j] - normal[i] * turned[j]
     size = math.sqrt(size)
-    if size > friction * pressure and size > 0.0:
+    limit = friction * surface.pressure_MPa
+    if size > limit and size > 0.0:
         direction = traction / size
-        ratio = friction * pressure / size
+        ratio = limit / size
         projected = np.empty((3, 3))
         for i in range(3):
             for j in range(3):
                 projected[i, j] = ratio * ((1.0 if i == j else 0.0) - direction[i] * direction[j])
-        derivative = _times(projected, derivative)
+        derivative = _multiply(projected, derivative)
         for i in range(3):
             traction[i] *= ratio
             for j in range(3):
-                derivative[i, j] -= friction * rise * direction[i] * normal[j]
+                derivative[i, j] -= friction * surface.rise_MPa_per_mm * direction[i] * normal[j]
     for i in range(3):
         for j in range(3):
             slope[i, j] -= derivative[i, j]
 
 
-@njit(cache=True)
-@no_type_check
-def add_contact(
-    displacement: np.ndarray,
-    element: np.ndarray,
-    owner: np.ndarray,
-    local: np.ndarray,
-    value: np.ndarray,
-    area: np.ndarray,
-    rest: np.ndarray,
-    kind: int,
-    numbers: np.ndarray,
-    position: np.ndarray,
-    rotation: np.ndarray,
-    friction: float,
-    stiffness: float,
-    rounding: float,
-    bending: float,
-    held: np.ndarray,
-    old_trial: np.ndarray,
-    anchor: np.ndarray,
+@kernel()
+def _displaced_point(f: int, q: int, displacement: np.ndarray, face: FaceArrays, point: np.ndarray) -> None:
+    """Fill the present place (3,) of one point of the face."""
+    e = face.owner[f]
+    for i in range(3):
+        point[i] = face.rest_mm[f, q, i]
+        for n in range(8):
+            point[i] += face.value[q, n] * displacement[face.node[e, face.local[n]], i]
+
+
+@kernel()
+def _distance_to(
+    shape: PosedShape, point: np.ndarray, local: np.ndarray, normal: np.ndarray, curvature: np.ndarray
+) -> float:
+    """Distance of a place (3,) in the sheet frame; gradient and Hessian in the indenter's frame.
+
+    `local` (3,) is filled with the place in the indenter's frame.
+    """
+    for i in range(3):
+        local[i] = 0.0
+        for j in range(3):
+            local[i] += shape.rotation[j, i] * (point[j] - shape.position_mm[j])
+    return signed_distance(shape.kind, shape.numbers, local, normal, curvature)
+
+
+@kernel()
+def _penalty(distance: float, law: ContactLaw) -> tuple[float, float]:
+    """Pressure in MPa and its derivative by the penetration, MPa/mm, at a negative distance."""
+    stiffness, rounding = law.stiffness_MPa_per_mm, law.rounding_mm
+    if -distance < rounding:
+        return 0.5 * stiffness * distance * distance / rounding, -stiffness * distance / rounding
+    return stiffness * (-distance - 0.5 * rounding), stiffness
+
+
+@kernel()
+def _add_traction(
+    f: int,
+    q: int,
+    face: FaceArrays,
+    field: ContactField,
+    slope: np.ndarray,
     force: np.ndarray,
     tangent: np.ndarray,
-    pressure: np.ndarray,
-    shear: np.ndarray,
-    gradient: np.ndarray,
-) -> float:
-    """Add one indenter's forces on the nodes to `force` (n, 3) and minus their derivative to `tangent`.
+) -> None:
+    """Add one point's traction to the nodal forces and `slope` (3, 3) to the element's tangent."""
+    e = face.owner[f]
+    p = field.pressure_MPa[f, q]
+    for n in range(8):
+        share = face.area_mm2[f, q] * face.value[q, n]
+        for i in range(3):
+            traction = p * field.normal[f, q, i] + field.shear_MPa[f, q, i]
+            force[face.node[e, face.local[n]], i] += share * traction
+        if tangent.shape[0] > 0:
+            for m in range(8):
+                weight = share * face.value[q, m]
+                for i in range(3):
+                    for j in range(3):
+                        tangent[e, 3 * face.local[n] + i, 3 * face.local[m] + j] += weight * slope[i, j]
 
-    `bending` is 1, or 0 to leave the indenter's curvature out of the derivative, which then is positive
-    definite. `held` (f, q) is the share of the step during which a point touches, `old_trial` (f, q, 3)
-    the old friction turned with the indenter, `anchor` (f, q, 3) where the points would be had they
-    moved with it. Fills pressure (f, q), shear and gradient (f, q, 3); returns the deepest penetration.
+
+@kernel()
+def add_contact(
+    displacement: np.ndarray,
+    face: FaceArrays,
+    shape: PosedShape,
+    law: ContactLaw,
+    history: FrictionHistory,
+    field: ContactField,
+    force: np.ndarray,
+    tangent: np.ndarray,
+) -> float:
+    """Add one indenter's forces on the nodes, and minus their derivative.
+
+    Args:
+        displacement: (n, 3) of the nodes, mm.
+        face: the touched face.
+        shape: the indenter.
+        law: penalty and friction.
+        history: of the friction.
+        field: filled.
+        force: (n, 3), added to, N.
+        tangent: (e, 60, 60), added to, N/mm; or (0, 60, 60), then left alone.
+
+    Returns:
+        The deepest penetration in mm, 0 without contact.
     """
-    wants_tangent = tangent.shape[0] > 0
-    point, at = np.empty(3), np.empty(3)
-    normal_there, curvature_there = np.empty(3), np.empty((3, 3))
-    normal, trial, slope = np.empty(3), np.empty(3), np.empty((3, 3))
+    point, local, trial, slope = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    local_normal, local_curvature, normal = np.empty(3), np.empty((3, 3)), np.empty(3)
+    rotation = shape.rotation
     deepest = 0.0
-    pressure[:] = 0.0
-    shear[:] = 0.0
-    for f in range(owner.shape[0]):
-        e = owner[f]
-        for q in range(value.shape[0]):
-            for i in range(3):
-                point[i] = rest[f, q, i]
-                for n in range(8):
-                    point[i] += value[q, n] * displacement[element[e, local[n]], i]
-            for i in range(3):
-                at[i] = 0.0
-                for j in range(3):
-                    at[i] += rotation[j, i] * (point[j] - position[j])
-            distance = signed_distance(kind, numbers, at, normal_there, curvature_there)
+    field.pressure_MPa[:] = 0.0
+    field.shear_MPa[:] = 0.0
+    for f in range(face.owner.shape[0]):
+        for q in range(face.value.shape[0]):
+            _displaced_point(f, q, displacement, face, point)
+            distance = _distance_to(shape, point, local, local_normal, local_curvature)
             if distance >= 0.0:
                 continue
             deepest = max(deepest, -distance)
             for i in range(3):
                 normal[i] = 0.0
                 for j in range(3):
-                    normal[i] += rotation[i, j] * normal_there[j]
-            curvature = bending * _times(_times(rotation, curvature_there), rotation.T)
-            if -distance < rounding:
-                p, rise = 0.5 * stiffness * distance * distance / rounding, -stiffness * distance / rounding
-            else:
-                p, rise = stiffness * (-distance - 0.5 * rounding), stiffness
-            pressure[f, q] = p
+                    normal[i] += rotation[i, j] * local_normal[j]
+            curvature = law.curvature_factor * _multiply(_multiply(rotation, local_curvature), rotation.T)
+            p, rise = _penalty(distance, law)
+            field.pressure_MPa[f, q] = p
             for i in range(3):
-                gradient[f, q, i] = normal[i]
+                field.normal[f, q, i] = normal[i]
                 for j in range(3):
                     slope[i, j] = rise * normal[i] * normal[j] - p * curvature[i, j]
-            if friction > 0.0:
-                spring = stiffness * held[f, q]
+            if law.friction > 0.0:
+                spring = law.stiffness_MPa_per_mm * history.contact_fraction[f, q]
                 for i in range(3):
-                    trial[i] = old_trial[f, q, i] - spring * (point[i] - anchor[f, q, i])
-                _friction(trial, normal, curvature, p, rise, friction, spring, shear[f, q], slope)
-            for n in range(8):
-                share = area[f, q] * value[q, n]
-                for i in range(3):
-                    force[element[e, local[n]], i] += share * (p * normal[i] + shear[f, q, i])
-                if wants_tangent:
-                    for m in range(8):
-                        weight = share * value[q, m]
-                        for i in range(3):
-                            for j in range(3):
-                                tangent[e, 3 * local[n] + i, 3 * local[m] + j] += weight * slope[i, j]
+                    moved = point[i] - history.anchor_mm[f, q, i]
+                    trial[i] = history.trial_MPa[f, q, i] - spring * moved
+                surface = _Surface(normal, curvature, p, rise)
+                _add_friction(trial, surface, law.friction, spring, field.shear_MPa[f, q], slope)
+            _add_traction(f, q, face, field, slope, force, tangent)
     return deepest

@@ -1,29 +1,28 @@
 """Rigid indenters as values, each a signed-distance function.
 
-Every body stands on the origin of its own frame, its lowest point at (0, 0, 0), and extends to +z; a
-pose puts that point somewhere. So a press of depth d at (x, y) has position (x, y, thickness - d).
+The lowest point of each body is the origin of its own frame, and it extends to +z; its position is that of
+this point. So a press of depth d at (x, y) has the position (x, y, thickness - d).
 """
 
 import math
 from dataclasses import dataclass
-from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 from scipy.spatial import ConvexHull
 
+from manytouch.simulation.compilation import kernel
 from manytouch.simulation.fem.contact import distance
 from manytouch.values.arrays import Points3, read_only
 
 
-def _positive(**lengths_mm: float) -> None:
+def _require_positive(**lengths_mm: float) -> None:
     for name, length_mm in lengths_mm.items():
         if not 0.0 < length_mm < math.inf:
             raise ValueError(f"{name} is {length_mm}, expected a positive length in mm")
 
 
-def _edge(edge_mm: float, limit_mm: float) -> None:
+def _require_edge(edge_mm: float, limit_mm: float) -> None:
     if not 0.0 < edge_mm <= limit_mm:
         raise ValueError(f"edge_radius_mm is {edge_mm}, expected a length above 0 and at most {limit_mm} mm")
 
@@ -35,26 +34,28 @@ class Sphere:
     radius_mm: float
 
     def __post_init__(self) -> None:
-        _positive(radius_mm=self.radius_mm)
+        _require_positive(radius_mm=self.radius_mm)
 
     @property
-    def numbers(self) -> tuple[int, tuple[float, ...]]:
-        """Kind and parameters of the compiled distance."""
+    def distance_parameters(self) -> tuple[int, tuple[float, ...]]:
+        """Kind and parameters for `distance.signed_distance`."""
         return distance.SPHERE, (self.radius_mm,)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Fingertip:
-    """An ellipsoid with its axes along those of its frame; a finger that lies flat: (7, 10, 6)."""
+    """An ellipsoid with its axes along those of its frame; (7, 10, 6) mm is a finger that lies flat."""
 
     semi_axes_mm: tuple[float, float, float]
 
     def __post_init__(self) -> None:
-        _positive(**{f"semi_axes_mm[{axis}]": length for axis, length in enumerate(self.semi_axes_mm)})
+        _require_positive(
+            **{f"semi_axes_mm[{axis}]": length for axis, length in enumerate(self.semi_axes_mm)}
+        )
 
     @property
-    def numbers(self) -> tuple[int, tuple[float, ...]]:
-        """Kind and parameters of the compiled distance."""
+    def distance_parameters(self) -> tuple[int, tuple[float, ...]]:
+        """Kind and parameters for `distance.signed_distance`."""
         return distance.ELLIPSOID, self.semi_axes_mm
 
 
@@ -67,12 +68,12 @@ class RoundPunch:
     height_mm: float = 40.0
 
     def __post_init__(self) -> None:
-        _positive(radius_mm=self.radius_mm, height_mm=self.height_mm)
-        _edge(self.edge_radius_mm, min(self.radius_mm, 0.5 * self.height_mm))
+        _require_positive(radius_mm=self.radius_mm, height_mm=self.height_mm)
+        _require_edge(self.edge_radius_mm, min(self.radius_mm, 0.5 * self.height_mm))
 
     @property
-    def numbers(self) -> tuple[int, tuple[float, ...]]:
-        """Kind and parameters of the compiled distance."""
+    def distance_parameters(self) -> tuple[int, tuple[float, ...]]:
+        """Kind and parameters for `distance.signed_distance`."""
         half = 0.5 * self.height_mm
         return distance.REVOLVED, (self.radius_mm, half, self.edge_radius_mm, 2.0, half)
 
@@ -86,12 +87,12 @@ class LyingCylinder:
     edge_radius_mm: float = 0.5
 
     def __post_init__(self) -> None:
-        _positive(radius_mm=self.radius_mm, length_mm=self.length_mm)
-        _edge(self.edge_radius_mm, min(self.radius_mm, 0.5 * self.length_mm))
+        _require_positive(radius_mm=self.radius_mm, length_mm=self.length_mm)
+        _require_edge(self.edge_radius_mm, min(self.radius_mm, 0.5 * self.length_mm))
 
     @property
-    def numbers(self) -> tuple[int, tuple[float, ...]]:
-        """Kind and parameters of the compiled distance."""
+    def distance_parameters(self) -> tuple[int, tuple[float, ...]]:
+        """Kind and parameters for `distance.signed_distance`."""
         return distance.REVOLVED, (
             self.radius_mm,
             0.5 * self.length_mm,
@@ -110,12 +111,12 @@ class SquarePunch:
     height_mm: float = 40.0
 
     def __post_init__(self) -> None:
-        _positive(side_x_mm=self.side_mm[0], side_y_mm=self.side_mm[1], height_mm=self.height_mm)
-        _edge(self.edge_radius_mm, 0.5 * min(*self.side_mm, self.height_mm))
+        _require_positive(side_x_mm=self.side_mm[0], side_y_mm=self.side_mm[1], height_mm=self.height_mm)
+        _require_edge(self.edge_radius_mm, 0.5 * min(*self.side_mm, self.height_mm))
 
     @property
-    def numbers(self) -> tuple[int, tuple[float, ...]]:
-        """Kind and parameters of the compiled distance."""
+    def distance_parameters(self) -> tuple[int, tuple[float, ...]]:
+        """Kind and parameters for `distance.signed_distance`."""
         half = (0.5 * self.side_mm[0], 0.5 * self.side_mm[1], 0.5 * self.height_mm)
         return distance.BOX, (*half, self.edge_radius_mm)
 
@@ -139,11 +140,11 @@ class ConvexBody:
     edge_radius_mm: float = 0.3
 
     def __post_init__(self) -> None:
-        _positive(edge_radius_mm=self.edge_radius_mm)
+        _require_positive(edge_radius_mm=self.edge_radius_mm)
 
     @property
-    def numbers(self) -> tuple[int, tuple[float, ...]]:
-        """Kind and parameters of the compiled distance."""
+    def distance_parameters(self) -> tuple[int, tuple[float, ...]]:
+        """Kind and parameters for `distance.signed_distance`."""
         faces = np.column_stack([self.normal, self.offset_mm])
         sharpness = math.sqrt(2.0) / self.edge_radius_mm
         return distance.HALF_SPACES, (sharpness, float(len(faces)), *faces.ravel().tolist())
@@ -153,7 +154,7 @@ Indenter = Sphere | Fingertip | RoundPunch | SquarePunch | LyingCylinder | Conve
 
 
 def convex_hull(corner_mm: Points3, *, edge_radius_mm: float = 0.3) -> ConvexBody:
-    """The convex body of a mesh's corners, moved so that its lowest point is at z = 0."""
+    """The convex hull of points (n, 3), moved along z so that its lowest point is at z = 0."""
     faces = np.unique(np.round(ConvexHull(corner_mm).equations, 9), axis=0)
     lift_mm = float(corner_mm[:, 2].min())
     return ConvexBody(
@@ -164,8 +165,8 @@ def convex_hull(corner_mm: Points3, *, edge_radius_mm: float = 0.3) -> ConvexBod
 
 
 def pack(indenters: tuple[Indenter, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Kinds (t,) and parameters (t, longest) for the compiled distance."""
-    described = [indenter.numbers for indenter in indenters]
+    """Kinds (t,) and parameters (t, longest) of indenters for `distance.signed_distance`."""
+    described = [indenter.distance_parameters for indenter in indenters]
     table = np.zeros((len(described), max((len(numbers) for _, numbers in described), default=1)))
     for row, (_, numbers) in zip(table, described, strict=True):
         row[: len(numbers)] = numbers
@@ -175,17 +176,19 @@ def pack(indenters: tuple[Indenter, ...]) -> tuple[np.ndarray, np.ndarray]:
 def signed_distance(
     indenter: Indenter, point_mm: Points3
 ) -> tuple[Float64[np.ndarray, " n"], Points3, Float64[np.ndarray, "n 3 3"]]:
-    """Distance (n,), gradient (n, 3) and Hessian (n, 3, 3) at points of the indenter's frame."""
+    """Signed distances (n,) in mm, gradients (n, 3) and Hessians (n, 3, 3) at points of the indenter's frame.
+
+    Distances are negative inside; gradients point out of the body.
+    """
     kind, numbers = pack((indenter,))
     value, gradient = np.empty(len(point_mm)), np.empty((len(point_mm), 3))
     hessian = np.empty((len(point_mm), 3, 3))
-    _many(kind[0], numbers[0], point_mm, value, gradient, hessian)
+    _fill_distances(kind[0], numbers[0], point_mm, value, gradient, hessian)
     return value, gradient, hessian
 
 
-@njit(cache=True)
-@no_type_check
-def _many(  # noqa: PLR0917 - compiled
+@kernel()
+def _fill_distances(  # noqa: PLR0917 - compiled
     kind: int,
     numbers: np.ndarray,
     point: np.ndarray,

@@ -9,24 +9,47 @@ doi:10.1016/0045-7825(85)90033-7). The rest is integrated at Irons' 14 points, e
 (B. M. Irons 1971, doi:10.1002/nme.1620030213). Formulae: docs/derivations/fem.md.
 """
 
-# ruff: noqa: PLR0912, PLR0917 - compiled functions are long and called with positional arguments
+# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import itertools
 import math
 from dataclasses import dataclass
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
+from manytouch.simulation.compilation import kernel
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.elements.mesh import HexMesh, shape_functions
 from manytouch.values.arrays import read_only
 
+GRAVITY_M_S2 = 9.80665
+
+
+class ElementArrays(NamedTuple):
+    """A mesh and its material, as the kernels read them; see `ElasticBody` for the shapes.
+
+    Attributes:
+        node: (e, 20) nodes of each element.
+        gradient_per_mm: (e, q, 20, 3) of the shape functions over stress-free coordinates.
+        weight_mm3: (e, q) stress-free volume of each quadrature point.
+        pressure_mode: (e, q, 4) the orthonormal linear functions, 1 / mm^1.5.
+        stretch: (3,) before clamping.
+        shear_MPa, bulk_MPa: of the material.
+    """
+
+    node: np.ndarray
+    gradient_per_mm: np.ndarray
+    weight_mm3: np.ndarray
+    pressure_mode: np.ndarray
+    stretch: np.ndarray
+    shear_MPa: float
+    bulk_MPa: float
+
 
 def irons_rule() -> tuple[Float64[np.ndarray, "14 3"], Float64[np.ndarray, "14"]]:
-    """Points and weights on the unit cube."""
+    """Irons' 14 quadrature points (14, 3) and their weights (14,) on the unit cube."""
     corner = math.sqrt(19.0 / 33.0) * np.array(list(itertools.product((-1.0, 1.0), repeat=3)))
     face = math.sqrt(19.0 / 30.0) * np.vstack([np.eye(3), -np.eye(3)])
     weight = np.repeat([121.0 / 361.0, 320.0 / 361.0], [8, 6]) / 8.0
@@ -35,7 +58,7 @@ def irons_rule() -> tuple[Float64[np.ndarray, "14 3"], Float64[np.ndarray, "14"]
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ElasticBody:
-    """What the kernels need of a mesh and its material.
+    """A mesh of one material, prepared for the kernels.
 
     Attributes:
         mesh: the mesh.
@@ -61,11 +84,11 @@ class ElasticBody:
     ) -> tuple[float, Float64[np.ndarray, "nodes 3"], float]:
         """Strain energy (N mm), internal nodal forces (n, 3) in N, and the smallest J.
 
-        Where the smallest J is not positive the forces mean nothing.
+        Where the smallest J is not positive the forces are not valid.
         """
         tangent = np.empty((0, 60, 60))
         force_N = np.zeros_like(displacement_mm)
-        energy, smallest = self._run(displacement_mm, force_N, tangent)
+        energy, smallest = self._sum(displacement_mm, force_N, tangent)
         return energy, force_N, smallest
 
     def forces_and_tangent(
@@ -74,32 +97,32 @@ class ElasticBody:
         """Internal nodal forces and their derivative by each element's nodes, N/mm, freshly allocated."""
         tangent = np.empty((len(self.mesh.element), 60, 60))
         force_N = np.zeros_like(displacement_mm)
-        self._run(displacement_mm, force_N, tangent)
+        self._sum(displacement_mm, force_N, tangent)
         return force_N, tangent
 
-    def _run(
+    def _sum(
         self, displacement_mm: np.ndarray, force_N: np.ndarray, tangent: np.ndarray
     ) -> tuple[float, float]:
-        energy, smallest = _sum_elements(
-            displacement_mm.copy(),  # writable, always: the kernel is compiled once
-            self.mesh.element,
-            self.gradient_per_mm,
-            self.weight_mm3,
-            self.pressure_mode,
-            self.stretch,
-            self.shear_MPa,
-            self.bulk_MPa,
-            force_N,
-            tangent,
+        elements = ElementArrays(
+            node=self.mesh.element,
+            gradient_per_mm=self.gradient_per_mm,
+            weight_mm3=self.weight_mm3,
+            pressure_mode=self.pressure_mode,
+            stretch=self.stretch,
+            shear_MPa=self.shear_MPa,
+            bulk_MPa=self.bulk_MPa,
         )
+        # a copy is writable, so the kernel is compiled for one type only
+        energy, smallest = sum_elements(displacement_mm.copy(), elements, force_N, tangent)
         return float(energy), float(smallest)
 
 
-GRAVITY_M_S2 = 9.80665
-
-
 def elastic_body(mesh: HexMesh, material: NeoHooke, *, pretension_N_per_mm: float = 0.0) -> ElasticBody:
-    """Prepare a mesh for a material and a pretension."""
+    """Prepare a mesh for a material and a pretension in N/mm.
+
+    Raises:
+        ValueError: an element has no positive volume, or no stretch gives the pretension.
+    """
     point, share = irons_rule()
     value, slope = shape_functions(point)
     place_mm = mesh.node_mm[mesh.element]  # (e, 20, 3)
@@ -128,8 +151,31 @@ def elastic_body(mesh: HexMesh, material: NeoHooke, *, pretension_N_per_mm: floa
     )
 
 
-@njit(cache=True)
-@no_type_check
+class _Workspace(NamedTuple):
+    """Values at the points of one element, and the factors of its tangent.
+
+    Attributes:
+        F, cofactor: (q, 3, 3) deformation gradient and its matrix of cofactors.
+        jacobian: (q,) det F.
+        volume: (4,) change of volume, projected on the pressure modes.
+        left, right: (2 q + 4, 60) factors of the symmetric products.
+        turned, swapped: (q, 60) factors of the product whose components are exchanged.
+        plain, scaled: (3 q, 20) factors of the product that is the same for all components.
+    """
+
+    F: np.ndarray
+    cofactor: np.ndarray
+    jacobian: np.ndarray
+    volume: np.ndarray
+    left: np.ndarray
+    right: np.ndarray
+    turned: np.ndarray
+    swapped: np.ndarray
+    plain: np.ndarray
+    scaled: np.ndarray
+
+
+@kernel(forceinline=True)
 def _cofactor(F: np.ndarray, out: np.ndarray) -> float:
     """det F; `out` gets its derivative, the matrix of cofactors."""
     for i in range(3):
@@ -140,87 +186,121 @@ def _cofactor(F: np.ndarray, out: np.ndarray) -> float:
     return float(F[0, 0] * out[0, 0] + F[0, 1] * out[0, 1] + F[0, 2] * out[0, 2])
 
 
-@njit(cache=True)
-@no_type_check
-def _sum_elements(
-    displacement: np.ndarray,
-    element: np.ndarray,
-    gradient: np.ndarray,
-    weight: np.ndarray,
-    mode: np.ndarray,
-    stretch: np.ndarray,
-    shear: float,
-    bulk: float,
-    force: np.ndarray,
-    tangent: np.ndarray,
-) -> tuple[float, float]:
-    """Add every element's forces; fill its tangent where `tangent` has room for it."""
-    points = gradient.shape[1]
-    wants_tangent = tangent.shape[0] > 0
-    F, cofactor, jacobian = np.empty((points, 3, 3)), np.empty((points, 3, 3)), np.empty(points)
-    left, right = np.zeros((2 * points + 4, 60)), np.zeros((2 * points + 4, 60))
-    swapped, turned = np.empty((points, 60)), np.empty((points, 60))
-    plain, scaled = np.empty((3 * points, 20)), np.empty((3 * points, 20))
-    energy, smallest = 0.0, np.inf
-    for e in range(element.shape[0]):
-        volume = np.zeros(4)
-        for q in range(points):
+@kernel(forceinline=True)
+def _deform(e: int, displacement: np.ndarray, elements: ElementArrays, work: _Workspace) -> float:
+    """Fill F, its cofactors, J and the modes of J - 1 of one element; its smallest J."""
+    smallest = np.inf
+    work.volume[:] = 0.0
+    for q in range(work.jacobian.shape[0]):
+        for i in range(3):
+            for j in range(3):
+                total = elements.stretch[i] if i == j else 0.0
+                for a in range(20):
+                    total += displacement[elements.node[e, a], i] * elements.gradient_per_mm[e, q, a, j]
+                work.F[q, i, j] = total
+        work.jacobian[q] = _cofactor(work.F[q], work.cofactor[q])
+        smallest = min(smallest, work.jacobian[q])
+        for m in range(4):
+            change = work.jacobian[q] - 1.0
+            work.volume[m] += elements.weight_mm3[e, q] * elements.pressure_mode[e, q, m] * change
+    return smallest
+
+
+@kernel(forceinline=True)
+def _add_point(
+    e: int, q: int, elements: ElementArrays, work: _Workspace, force: np.ndarray, has_tangent: bool
+) -> float:
+    """Add the nodal forces of one point, fill its factors of the tangent; its isochoric energy."""
+    points = work.jacobian.shape[0]
+    w, J = elements.weight_mm3[e, q], work.jacobian[q]
+    pressure = 0.0
+    for m in range(4):
+        pressure += elements.bulk_MPa * work.volume[m] * elements.pressure_mode[e, q, m]
+    invariant = 0.0
+    for i in range(3):
+        for j in range(3):
+            invariant += work.F[q, i, j] ** 2
+    modulus = elements.shear_MPa * J ** (-2.0 / 3.0)
+    for a in range(20):
+        for i in range(3):
+            h, s = 0.0, 0.0  # F^-T grad N and F grad N
+            for j in range(3):
+                h += work.cofactor[q, i, j] * elements.gradient_per_mm[e, q, a, j] / J
+                s += work.F[q, i, j] * elements.gradient_per_mm[e, q, a, j]
+            row = 3 * a + i
+            node = elements.node[e, a]
+            force[node, i] += w * (modulus * (s - invariant / 3.0 * h) + pressure * J * h)
+            if has_tangent:
+                work.left[q, row] = w * (
+                    (2.0 / 9.0 * modulus * invariant + pressure * J) * h - 2.0 / 3.0 * modulus * s
+                )
+                work.right[q, row] = h
+                work.left[points + q, row] = -2.0 / 3.0 * w * modulus * h
+                work.right[points + q, row] = s
+                work.turned[q, row] = w * (modulus * invariant / 3.0 - pressure * J) * h
+                work.swapped[q, row] = h
+                work.plain[3 * q + i, a] = elements.gradient_per_mm[e, q, a, i]
+                work.scaled[3 * q + i, a] = w * modulus * elements.gradient_per_mm[e, q, a, i]
+                for m in range(4):
+                    work.right[2 * points + m, row] += w * elements.pressure_mode[e, q, m] * J * h
+    return float(0.5 * w * (modulus * invariant - 3.0 * elements.shear_MPa))
+
+
+@kernel()
+def _multiply_factors(work: _Workspace, bulk_MPa: float, tangent: np.ndarray) -> None:
+    """Fill the tangent (60, 60) of one element from its factors."""
+    points = work.jacobian.shape[0]
+    work.left[2 * points :] = bulk_MPa * work.right[2 * points :]
+    tangent[:] = work.left.T @ work.right
+    exchange = work.turned.T @ work.swapped
+    stiffness = work.plain.T @ work.scaled
+    for a in range(20):
+        for b in range(20):
             for i in range(3):
-                for j in range(3):
-                    total = stretch[i] if i == j else 0.0
-                    for a in range(20):
-                        total += displacement[element[e, a], i] * gradient[e, q, a, j]
-                    F[q, i, j] = total
-            jacobian[q] = _cofactor(F[q], cofactor[q])
-            smallest = min(smallest, jacobian[q])
-            for m in range(4):
-                volume[m] += weight[e, q] * mode[e, q, m] * (jacobian[q] - 1.0)
+                for k in range(3):
+                    tangent[3 * a + i, 3 * b + k] += exchange[3 * a + k, 3 * b + i]
+                tangent[3 * a + i, 3 * b + i] += stiffness[a, b]
+
+
+@kernel()
+def sum_elements(
+    displacement: np.ndarray, elements: ElementArrays, force: np.ndarray, tangent: np.ndarray
+) -> tuple[float, float]:
+    """Add every element's nodal forces to `force` (n, 3), in N.
+
+    Args:
+        displacement: (n, 3) of the nodes, mm.
+        elements: mesh and material.
+        force: (n, 3), added to.
+        tangent: (e, 60, 60), filled, N/mm; or (0, 60, 60), then no tangent is computed.
+
+    Returns:
+        Strain energy in N mm and the smallest J; energy is infinite where that is not positive.
+    """
+    points = elements.weight_mm3.shape[1]
+    work = _Workspace(
+        np.empty((points, 3, 3)),
+        np.empty((points, 3, 3)),
+        np.empty(points),
+        np.empty(4),
+        np.zeros((2 * points + 4, 60)),
+        np.zeros((2 * points + 4, 60)),
+        np.empty((points, 60)),
+        np.empty((points, 60)),
+        np.empty((3 * points, 20)),
+        np.empty((3 * points, 20)),
+    )
+    has_tangent = tangent.shape[0] > 0
+    energy, smallest = 0.0, np.inf
+    for e in range(elements.node.shape[0]):
+        smallest = min(smallest, _deform(e, displacement, elements, work))
         if smallest <= 0.0:
             return np.inf, smallest
         for m in range(4):
-            energy += 0.5 * bulk * volume[m] * volume[m]
-        right[2 * points :] = 0.0
+            energy += 0.5 * elements.bulk_MPa * work.volume[m] * work.volume[m]
+        work.right[2 * points :] = 0.0
         for q in range(points):
-            w, J = weight[e, q], jacobian[q]
-            pressure = 0.0
-            for m in range(4):
-                pressure += bulk * volume[m] * mode[e, q, m]
-            invariant = 0.0
-            for i in range(3):
-                for j in range(3):
-                    invariant += F[q, i, j] ** 2
-            modulus = shear * J ** (-2.0 / 3.0)
-            energy += 0.5 * w * (modulus * invariant - 3.0 * shear)
-            for a in range(20):
-                for i in range(3):
-                    h, s = 0.0, 0.0  # F^-T grad N and F grad N
-                    for j in range(3):
-                        h += cofactor[q, i, j] * gradient[e, q, a, j] / J
-                        s += F[q, i, j] * gradient[e, q, a, j]
-                    row = 3 * a + i
-                    force[element[e, a], i] += w * (modulus * (s - invariant / 3.0 * h) + pressure * J * h)
-                    if wants_tangent:
-                        left[q, row] = w * (
-                            (2.0 / 9.0 * modulus * invariant + pressure * J) * h - 2.0 / 3.0 * modulus * s
-                        )
-                        right[q, row] = h
-                        left[points + q, row] = -2.0 / 3.0 * w * modulus * h
-                        right[points + q, row] = s
-                        turned[q, row] = w * (modulus * invariant / 3.0 - pressure * J) * h
-                        swapped[q, row] = h
-                        plain[3 * q + i, a] = gradient[e, q, a, i]
-                        scaled[3 * q + i, a] = w * modulus * gradient[e, q, a, i]
-                        for m in range(4):
-                            right[2 * points + m, row] += w * mode[e, q, m] * J * h
-        if wants_tangent:
-            left[2 * points :] = bulk * right[2 * points :]
-            tangent[e] = left.T @ right
-            exchange = turned.T @ swapped
-            stiffness = plain.T @ scaled
-            for a in range(20):
-                for b in range(20):
-                    for i in range(3):
-                        for k in range(3):
-                            tangent[e, 3 * a + i, 3 * b + k] += exchange[3 * a + k, 3 * b + i]
-                        tangent[e, 3 * a + i, 3 * b + i] += stiffness[a, b]
+            energy += _add_point(e, q, elements, work, force, has_tangent)
+        if has_tangent:
+            _multiply_factors(work, elements.bulk_MPa, tangent[e])
     return energy, smallest

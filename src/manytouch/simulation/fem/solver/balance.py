@@ -1,4 +1,4 @@
-"""The balance of forces at one stage of a step: inner forces, contacts and dead loads."""
+"""The balance of forces at a share of a load step: internal forces, contacts and dead loads."""
 
 from dataclasses import dataclass, field, replace
 
@@ -6,7 +6,14 @@ import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.spatial.transform import Rotation
 
-from manytouch.simulation.fem.contact.forces import TouchedFace, add_contact
+from manytouch.simulation.fem.contact.forces import (
+    ContactField,
+    ContactLaw,
+    FrictionHistory,
+    PosedShape,
+    TouchedFace,
+    add_contact,
+)
 from manytouch.simulation.fem.contact.indenters import pack, signed_distance
 from manytouch.simulation.fem.elements.assembly import ElasticBody
 from manytouch.simulation.fem.elements.mesh import Nodal, Poses
@@ -18,7 +25,7 @@ from manytouch.values.arrays import read_only
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Substep:
-    """Where the indenters are at some share of a step, and what friction remembers there.
+    """Poses of the indenters and dead loads at a share of a load step.
 
     Attributes:
         position_mm, rotation_vector: (t, 3) poses.
@@ -36,7 +43,7 @@ class Substep:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class LoadStep:
-    """The way of a step: from a state to new poses and dead loads, in a straight line.
+    """One step of a loading: from a state to new poses and dead loads, in a straight line.
 
     Attributes:
         begin: the state before the step.
@@ -49,8 +56,8 @@ class LoadStep:
     rotation_vector: Poses
     dead_N: Nodal
 
-    def stage(self, share: float, last: SheetState) -> Substep:
-        """A share of the way, seen from the last equilibrium on it."""
+    def substep(self, share: float, last: SheetState) -> Substep:
+        """Poses and loads at a share (0 to 1) of the step; turns are from the last equilibrium."""
         begin = self.begin
         vector = begin.rotation_vector + share * (self.rotation_vector - begin.rotation_vector)
         rotation = _matrices(vector)
@@ -64,8 +71,12 @@ class LoadStep:
 
     @property
     def length_mm(self) -> float:
-        """How far the indenter goes that goes farthest."""
+        """Largest displacement of an indenter in the step."""
         return float(np.linalg.norm(self.position_mm - self.begin.position_mm, axis=1).max(initial=0.0))
+
+
+NO_TANGENT = np.empty((0, 60, 60))
+NO_FRICTION = FrictionHistory(np.zeros((1, 0)), np.zeros((1, 0, 3)), np.zeros((1, 0, 3)))
 
 
 def _matrices(vector: Poses) -> Float64[np.ndarray, "touches 3 3"]:
@@ -76,7 +87,14 @@ def _matrices(vector: Poses) -> Float64[np.ndarray, "touches 3 3"]:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ForceBalance:
-    """Forces out of balance, and their derivative, for a loading."""
+    """Forces out of balance, and their derivative, for a loading.
+
+    Attributes:
+        body: mesh and material.
+        face: quadrature points of the contacts.
+        loading: indenters and patches.
+        stiffness_MPa_per_mm, rounding_mm: of the penalty; see `ContactLaw`.
+    """
 
     body: ElasticBody
     face: TouchedFace
@@ -93,7 +111,7 @@ class ForceBalance:
 
     @property
     def has_friction(self) -> bool:
-        """Then the tangent is not symmetric."""
+        """Whether any indenter has friction; then the tangent is not symmetric."""
         return any(touch.friction > 0.0 for touch in self.loading.touches)
 
     def poses(self, number: int) -> tuple[Poses, Poses]:
@@ -102,8 +120,8 @@ class ForceBalance:
         position = np.array([touch.position_mm[number] for touch in touches]).reshape(-1, 3)
         return position, np.array([touch.rotation_vector[number] for touch in touches]).reshape(-1, 3)
 
-    def course(self, begin: SheetState, number: int, gravity: tuple[float, float, float]) -> LoadStep:
-        """The way from a state to a step of the loading."""
+    def load_step(self, begin: SheetState, number: int, gravity: tuple[float, float, float]) -> LoadStep:
+        """The step of the loading with this number, from a state; gravity in multiples of g."""
         dead_N = self.body.weight_N[:, None] * np.array(gravity)
         for patch in self.loading.patches:
             dead_N += patch_forces(self.body.mesh, patch) * patch.force_N[number]
@@ -111,19 +129,19 @@ class ForceBalance:
         return LoadStep(begin=begin, position_mm=position, rotation_vector=rotation, dead_N=dead_N)
 
     def residual(
-        self, state: SheetState, stage: Substep, displacement: Nodal, is_free: Bool[np.ndarray, "nodes 3"]
+        self, state: SheetState, substep: Substep, displacement: Nodal, is_free: Bool[np.ndarray, "nodes 3"]
     ) -> tuple[Nodal, float, float]:
         """Forces out of balance (n, 3), the size of the forces that act, and the smallest J."""
-        _, inner, smallest = self.body.forces(displacement)
+        _, internal, smallest = self.body.forces(displacement)
         if smallest <= 0.0:
-            return inner, 0.0, smallest
-        outer = np.zeros_like(displacement)
-        self._contacts(state, stage, displacement, outer, np.empty((0, 60, 60)))
-        scale = float(np.linalg.norm(outer) + np.linalg.norm(stage.dead_N))
-        return np.where(is_free, inner - outer - stage.dead_N, 0.0), scale, smallest
+            return internal, 0.0, smallest
+        external = np.zeros_like(displacement)
+        self._add_contacts(state, substep, displacement, external, NO_TANGENT)
+        scale = float(np.linalg.norm(external) + np.linalg.norm(substep.dead_N))
+        return np.where(is_free, internal - external - substep.dead_N, 0.0), scale, smallest
 
     def tangent(
-        self, state: SheetState, stage: Substep, displacement: Nodal, *, is_exact: bool = True
+        self, state: SheetState, substep: Substep, displacement: Nodal, *, is_exact: bool = True
     ) -> Float64[np.ndarray, "e 60 60"]:
         """Derivative of the forces out of balance by each element's nodes.
 
@@ -131,127 +149,110 @@ class ForceBalance:
         """
         _, tangent = self.body.forces_and_tangent(displacement)
         nothing = np.zeros_like(displacement)
-        self._contacts(state, stage, displacement, nothing, tangent, bending=1.0 if is_exact else 0.0)
+        factor = 1.0 if is_exact else 0.0
+        self._add_contacts(state, substep, displacement, nothing, tangent, curvature_factor=factor)
         return tangent
 
-    def penetration_mm(self, state: SheetState, stage: Substep, displacement: Nodal) -> float:
-        """How far an indenter enters the face at worst."""
+    def penetration_mm(self, state: SheetState, substep: Substep, displacement: Nodal) -> float:
+        """Largest penetration of an indenter into the face."""
         force = np.zeros_like(displacement)
-        return max(self._contacts(state, stage, displacement, force, np.empty((0, 60, 60)))[3], default=0.0)
+        return max(self._add_contacts(state, substep, displacement, force, NO_TANGENT)[1], default=0.0)
 
-    def _contacts(
+    def _add_contacts(
         self,
         state: SheetState,
-        stage: Substep,
+        substep: Substep,
         displacement: Nodal,
         force: np.ndarray,
         tangent: np.ndarray,
         *,
-        bending: float = 1.0,
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, list[float]]:
-        """Add all contacts; pressure (t, f, q), shear and normals (t, f, q, 3), deepest penetrations."""
-        face, mesh = self.face, self.body.mesh
-        shape = (len(self._kind), *face.area_mm2.shape)
-        pressure, shear, normal = np.zeros(shape), np.zeros((*shape, 3)), np.zeros((*shape, 3))
+        curvature_factor: float = 1.0,
+    ) -> tuple[ContactField, list[float]]:
+        """Add all contacts; their field (first axis: indenters) and deepest penetrations."""
+        shape = (len(self._kind), *self.face.area_mm2.shape)
+        field = ContactField(np.zeros(shape), np.zeros((*shape, 3)), np.zeros((*shape, 3)))
+        face = self.face.arrays(self.body.mesh)
+        displacement = displacement.copy()  # writable, so the kernel is compiled for one type only
         deepest = []
-        displacement = displacement.copy()  # writable, always: the kernel is compiled once
-        nothing = np.zeros((1, 0, 3))
         for number, touch in enumerate(self.loading.touches):
-            held, old_shear, anchor = np.zeros((1, 0)), nothing, nothing
+            history = NO_FRICTION
             if touch.friction > 0.0:
-                held, old_shear, anchor = self._memory(number, state, stage)
-            deepest.append(
-                add_contact(
-                    displacement,
-                    mesh.element,
-                    face.owner,
-                    face.local,
-                    face.value,
-                    face.area_mm2,
-                    face.rest_mm,
-                    self._kind[number],
-                    self._numbers[number],
-                    stage.position_mm[number],
-                    stage.rotation[number],
-                    touch.friction,
-                    self.stiffness_MPa_per_mm,
-                    self.rounding_mm,
-                    bending,
-                    held,
-                    old_shear,
-                    anchor,
-                    force,
-                    tangent,
-                    pressure[number],
-                    shear[number],
-                    normal[number],
-                )
+                history = self._friction_history(number, state, substep)
+            indenter = PosedShape(
+                self._kind[number],
+                self._numbers[number],
+                substep.position_mm[number],
+                substep.rotation[number],
             )
-        return pressure, shear, normal, deepest
+            law = ContactLaw(touch.friction, self.stiffness_MPa_per_mm, self.rounding_mm, curvature_factor)
+            out = ContactField(*(array[number] for array in field))
+            deepest.append(add_contact(displacement, face, indenter, law, history, out, force, tangent))
+        return field, deepest
 
-    def _memory(
-        self, number: int, state: SheetState, stage: Substep
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """What friction knows of the last equilibrium: see `add_contact`.
+    def _friction_history(self, number: int, state: SheetState, substep: Substep) -> FrictionHistory:
+        """What the friction of one indenter needs of the last equilibrium.
 
-        A point that did not touch then does so from when the indenter would reach it if it stood still.
+        A point that was not in contact comes into it when the indenter would reach it if it stood still.
         """
-        turn, indenter = stage.turn[number], self.loading.touches[number].indenter
+        turn, indenter = substep.turn[number], self.loading.touches[number].indenter
         was = self.face.displaced(self.body.mesh, state.displacement_mm)
         away = was - state.position_mm[number]
-        before = (away @ turn.T @ stage.rotation[number]).reshape(-1, 3)
-        after = ((was - stage.position_mm[number]) @ stage.rotation[number]).reshape(-1, 3)
+        before = (away @ turn.T @ substep.rotation[number]).reshape(-1, 3)
+        after = ((was - substep.position_mm[number]) @ substep.rotation[number]).reshape(-1, 3)
         apart = np.maximum(signed_distance(indenter, before)[0], 0.0)
         inside = np.maximum(-signed_distance(indenter, after)[0], 0.0)
-        held = (inside / np.maximum(apart + inside, 1e-12)).reshape(was.shape[:2])
-        held[state.pressure_MPa[number] > 0.0] = 1.0
-        return held, state.shear_MPa[number] @ turn.T, away @ turn.T + stage.position_mm[number]
+        fraction = (inside / np.maximum(apart + inside, 1e-12)).reshape(was.shape[:2])
+        fraction[state.pressure_MPa[number] > 0.0] = 1.0
+        return FrictionHistory(
+            contact_fraction=fraction,
+            trial_MPa=state.shear_MPa[number] @ turn.T,
+            anchor_mm=away @ turn.T + substep.position_mm[number],
+        )
 
-    def lifted(self, position_mm: Poses, rotation_vector: Poses) -> Poses:
-        """(t, 3) positions above these, as low as the undeformed sheet is not touched."""
+    def lift_clear(self, position_mm: Poses, rotation_vector: Poses) -> Poses:
+        """Positions (t, 3) raised until no indenter touches the undeformed sheet."""
         rotation = _matrices(rotation_vector)
-        lifted = position_mm.copy()
+        clear = position_mm.copy()
         for number, touch in enumerate(self.loading.touches):
             while True:
-                at = (self.face.rest_mm.reshape(-1, 3) - lifted[number]) @ rotation[number]
+                at = (self.face.rest_mm.reshape(-1, 3) - clear[number]) @ rotation[number]
                 inside_mm = -float(signed_distance(touch.indenter, at)[0].min())
                 if inside_mm < 0.0:
                     break
-                lifted[number, 2] += inside_mm + 1e-3
-        return lifted
+                clear[number, 2] += inside_mm + 1e-3
+        return clear
 
-    def settled(
-        self, state: SheetState, stage: Substep, displacement: Nodal, residual_N: float
+    def equilibrium_state(
+        self, state: SheetState, substep: Substep, displacement: Nodal, residual_N: float
     ) -> SheetState:
-        """The state that has been found, with its tractions."""
-        outer = np.zeros_like(displacement)
-        pressure, shear, normal, deepest = self._contacts(
-            state, stage, displacement, outer, np.empty((0, 60, 60))
-        )
-        _, inner, _ = self.body.forces(displacement)
+        """The state at an equilibrium, with its tractions and resultants."""
+        external = np.zeros_like(displacement)
+        field, deepest = self._add_contacts(state, substep, displacement, external, NO_TANGENT)
+        _, internal, _ = self.body.forces(displacement)
         rest = self.face.rest_mm
         place = self.face.displaced(self.body.mesh, displacement)
         contacts = []
         for number, touch in enumerate(self.loading.touches):
-            traction = pressure[number, :, :, None] * normal[number] + shear[number]
+            pressure, shear, normal = (array[number] for array in field)
+            traction = pressure[:, :, None] * normal + shear
             area_mm2 = contact_area_mm2(
                 self.body.mesh,
                 displacement,
                 touch.indenter,
-                stage.position_mm[number],
-                stage.rotation[number],
+                substep.position_mm[number],
+                substep.rotation[number],
             )
             force = traction * self.face.area_mm2[:, :, None]
             contacts.append(read_contact(force, rest, place, area_mm2, deepest[number]))
         return replace(
             state,
             displacement_mm=read_only(displacement.copy()),
-            support_N=read_only((inner - outer - stage.dead_N).sum(axis=0)),
+            support_N=read_only((internal - external - substep.dead_N).sum(axis=0)),
             contacts=tuple(contacts),
             residual_N=residual_N,
-            dead_N=read_only(stage.dead_N),
-            position_mm=read_only(stage.position_mm),
-            rotation_vector=read_only(stage.rotation_vector),
-            pressure_MPa=read_only(pressure),
-            shear_MPa=read_only(shear),
+            dead_N=read_only(substep.dead_N),
+            position_mm=read_only(substep.position_mm),
+            rotation_vector=read_only(substep.rotation_vector),
+            pressure_MPa=read_only(field.pressure_MPa),
+            shear_MPa=read_only(field.shear_MPa),
         )

@@ -7,13 +7,12 @@ SuperLU with its minimum-degree ordering (docs/decisions/0010), and no sparse ma
 """
 
 from dataclasses import dataclass, field
-from typing import no_type_check
 
 import numpy as np
 from jaxtyping import Bool, Float64
-from numba import njit
 from scipy.linalg import blas, lapack
 
+from manytouch.simulation.compilation import kernel
 from manytouch.simulation.fem.elements.mesh import HexMesh
 
 LEAF_ELEMENTS = 4
@@ -28,7 +27,7 @@ class _Front:
         unknown: (k,) numbers of its unknowns.
         eliminated: how many of them it eliminates.
         elements: (l,) leaves only: elements that are added.
-        element_place: (l, 60) where their unknowns stand in the front; NOWHERE: held fast.
+        element_place: (l, 60) where their unknowns stand in the front; NOWHERE: not free.
         children: positions of the parts below in the order of elimination.
         child_place: for each child, where the unknowns that it leaves stand.
     """
@@ -43,7 +42,12 @@ class _Front:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MultifrontalSolver:
-    """The order of elimination for a mesh and its free unknowns (3 node + axis)."""
+    """Solves systems of element matrices of one mesh, in an order of elimination that is found once.
+
+    Attributes:
+        mesh: the mesh.
+        is_free: (n, 3) unknowns of the system; the others are zero.
+    """
 
     mesh: HexMesh
     is_free: Bool[np.ndarray, "nodes 3"]
@@ -59,9 +63,9 @@ class MultifrontalSolver:
         if np.any(free & (shared == 0)):
             raise ValueError("a free node belongs to no element")
         centre_mm = self.mesh.node_mm[self.mesh.element].mean(axis=1)
-        self._part(np.arange(len(centre_mm)), centre_mm, element_unknown, shared)
+        self._append_fronts(np.arange(len(centre_mm)), centre_mm, element_unknown, shared)
 
-    def _part(
+    def _append_fronts(
         self, elements: np.ndarray, centre_mm: np.ndarray, element_unknown: np.ndarray, shared: np.ndarray
     ) -> tuple[int, np.ndarray, np.ndarray]:
         """Append the fronts of some elements: its position, unknowns it leaves, how often each was added."""
@@ -73,7 +77,7 @@ class MultifrontalSolver:
             cut = np.searchsorted(along[order], np.nextafter(np.median(along) + 1e-9 * extent.max(), np.inf))
             cut = len(order) // 2 if cut in (0, len(order)) else int(cut)
             below = [
-                self._part(elements[half], centre_mm, element_unknown, shared)
+                self._append_fronts(elements[half], centre_mm, element_unknown, shared)
                 for half in (order[:cut], order[cut:])
             ]
             present = np.concatenate([left for _, left, _ in below])
@@ -136,13 +140,19 @@ def _front(
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Part:
-    """What one part keeps for substitution: (diagonal, below) of Cholesky, or LU with its pivots."""
+class _FrontFactors:
+    """Factors of one front: of Cholesky, or of LU with its pivots.
+
+    Attributes:
+        diagonal: (m, m) factors of the block that is eliminated.
+        pivots: (m,) of LU; None for Cholesky.
+        below: (k - m, m) and right_block: (m, k - m), the blocks that couple it to the other unknowns.
+    """
 
     diagonal: np.ndarray
     pivots: np.ndarray | None
     below: np.ndarray
-    beside: np.ndarray
+    right_block: np.ndarray
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -150,15 +160,15 @@ class Factorisation:
     """A factorised system of equations."""
 
     fronts: list[_Front]
-    parts: list[_Part]
+    parts: list[_FrontFactors]
 
     @property
     def pivoted_parts(self) -> int:
-        """Parts that were not factorised by Cholesky; 0 says that the matrix is positive definite."""
+        """Parts that were not factorised by Cholesky; with 0 the matrix is positive definite."""
         return sum(part.pivots is not None for part in self.parts)
 
     def solve(self, right: Float64[np.ndarray, "nodes 3"]) -> Float64[np.ndarray, "nodes 3"]:
-        """Displacements for nodal forces; nodes that are held fast stay at zero."""
+        """Displacements for nodal forces; unknowns that are not free stay at zero."""
         value = right.ravel().copy()
         for front, part in zip(self.fronts, self.parts, strict=True):
             if front.eliminated == 0:
@@ -174,38 +184,39 @@ class Factorisation:
             if front.eliminated == 0:
                 continue
             mine, others = front.unknown[: front.eliminated], front.unknown[front.eliminated :]
-            rest = value[mine] - part.beside @ solution[others]
+            rest = value[mine] - part.right_block @ solution[others]
             solution[mine] = (
                 rest if part.pivots is not None else blas.dtrsv(part.diagonal, rest, lower=1, trans=1)
             )
         return solution.reshape(right.shape)
 
 
-def _eliminate(matrix: np.ndarray, count: int, is_symmetric: bool) -> tuple[_Part, np.ndarray]:
+def _eliminate(matrix: np.ndarray, count: int, is_symmetric: bool) -> tuple[_FrontFactors, np.ndarray]:
     """Factorisation of the first unknowns, and the matrix that is left for the others."""
     rest = np.ascontiguousarray(matrix[count:, count:])
     if count == 0:
         empty = np.zeros((0, 0))
-        return _Part(
-            diagonal=empty, pivots=None, below=np.zeros((len(rest), 0)), beside=np.zeros((0, len(rest)))
+        return _FrontFactors(
+            diagonal=empty, pivots=None, below=np.zeros((len(rest), 0)), right_block=np.zeros((0, len(rest)))
         ), rest
     if is_symmetric:
         diagonal, info = lapack.dpotrf(matrix[:count, :count], lower=1)
         if info == 0:
             below = blas.dtrsm(1.0, diagonal, matrix[count:, :count], side=1, lower=1, trans_a=1)
             rest -= below @ below.T
-            return _Part(diagonal=diagonal, pivots=None, below=below, beside=below.T), rest
+            return _FrontFactors(diagonal=diagonal, pivots=None, below=below, right_block=below.T), rest
     diagonal, pivots, info = lapack.dgetrf(matrix[:count, :count])
     if info != 0:
-        raise np.linalg.LinAlgError("the stiffness is singular: something is not held")
+        raise np.linalg.LinAlgError(
+            "the stiffness is singular: a part of the body is not supported; fix some of its nodes"
+        )
     below = matrix[count:, :count].copy()
-    beside = lapack.dgetrs(diagonal, pivots, matrix[:count, count:])[0]
-    rest -= below @ beside
-    return _Part(diagonal=diagonal, pivots=pivots, below=below, beside=beside), rest
+    right_block = lapack.dgetrs(diagonal, pivots, matrix[:count, count:])[0]
+    rest -= below @ right_block
+    return _FrontFactors(diagonal=diagonal, pivots=pivots, below=below, right_block=right_block), rest
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _add_elements(matrix: np.ndarray, tangent: np.ndarray, elements: np.ndarray, place: np.ndarray) -> None:
     for number in range(elements.shape[0]):
         for row in range(60):
@@ -218,8 +229,7 @@ def _add_elements(matrix: np.ndarray, tangent: np.ndarray, elements: np.ndarray,
                     matrix[i, j] += tangent[elements[number], row, column]
 
 
-@njit(cache=True)
-@no_type_check
+@kernel()
 def _add_matrix(matrix: np.ndarray, added: np.ndarray, place: np.ndarray) -> None:
     for row in range(place.shape[0]):
         for column in range(place.shape[0]):

@@ -69,7 +69,7 @@ class NewtonSolver:
             newton_steps=0,
             residual_N=0.0,
             dead_N=read_only(np.zeros((nodes, 3))),
-            position_mm=read_only(balance.lifted(position, rotation)),
+            position_mm=read_only(balance.lift_clear(position, rotation)),
             rotation_vector=read_only(rotation),
             pressure_MPa=read_only(np.zeros((touches, *face.area_mm2.shape))),
             shear_MPa=read_only(np.zeros((touches, *face.area_mm2.shape, 3))),
@@ -81,11 +81,11 @@ class NewtonSolver:
         Where no equilibrium is found the state is the last one on the way, its status "not_converged".
         """
         balance = self._balance(loading)
-        course = balance.course(state, number, self.gravity)
+        load_step = balance.load_step(state, number, self.gravity)
         # The fronts are small, and the threads of numpy's library and of scipy's wait for each other: on two
         # cores that is twenty times slower.
         with threadpool_limits(limits=1, user_api="blas"):
-            found, reached, solved = self._march(balance, course)
+            found, reached, solved = self._march(balance, load_step)
         done = reached == 1.0
         found = replace(found, status="ok" if done else "not_converged", reached=reached, newton_steps=solved)
         return with_patches(found, loading.patches, number) if done else found
@@ -104,20 +104,20 @@ class NewtonSolver:
         mu, k = self.body.shear_MPa, self.body.bulk_MPa
         return 9.0 * k * mu / (3.0 * k + mu)
 
-    def _march(self, balance: ForceBalance, course: LoadStep) -> tuple[SheetState, float, int]:
+    def _march(self, balance: ForceBalance, load_step: LoadStep) -> tuple[SheetState, float, int]:
         """Go the way in shares that converge: the state, the share reached, linear systems solved."""
-        state, reached, solved = course.begin, 0.0, 0
+        state, reached, solved = load_step.begin, 0.0, 0
         slide_mm = self.largest_slide_mm if balance.has_friction else np.inf
-        largest = share = min(1.0, slide_mm / max(course.length_mm, 1e-9))
+        largest = share = min(1.0, slide_mm / max(load_step.length_mm, 1e-9))
         while reached < 1.0:
-            velocity = self._velocity(balance, course, state, reached)
+            velocity = self._velocity(balance, load_step, state, reached)
             found, iterations = None, 1
             while found is None and share >= self.smallest_share:
                 target, guess = self._guess(
-                    balance, course, state, velocity=velocity, reached=reached, share=share
+                    balance, load_step, state, velocity=velocity, reached=reached, share=share
                 )
-                stage = course.stage(target, state)
-                found, more = self._solve(balance, state, stage, guess)
+                substep = load_step.substep(target, state)
+                found, more = self._solve(balance, state, substep, guess)
                 iterations += more
                 share = (1.0 if found else 0.5) * (target - reached)
             solved += iterations
@@ -126,9 +126,11 @@ class NewtonSolver:
             state, reached, share = found, target, min(2.0 * share, largest)
         return state, reached, solved
 
-    def _velocity(self, balance: ForceBalance, course: LoadStep, state: SheetState, reached: float) -> Nodal:
+    def _velocity(
+        self, balance: ForceBalance, load_step: LoadStep, state: SheetState, reached: float
+    ) -> Nodal:
         """How the sheet follows the way, to first order: d displacement / d share."""
-        here, ahead = course.stage(reached, state), course.stage(reached + 1e-7, state)
+        here, ahead = load_step.substep(reached, state), load_step.substep(reached + 1e-7, state)
         out = [balance.residual(state, at, state.displacement_mm, self.is_free)[0] for at in (here, ahead)]
         if not np.any(out[1] - out[0]):
             return np.zeros_like(state.displacement_mm)
@@ -139,7 +141,7 @@ class NewtonSolver:
     def _guess(
         self,
         balance: ForceBalance,
-        course: LoadStep,
+        load_step: LoadStep,
         state: SheetState,
         *,
         velocity: Nodal,
@@ -151,17 +153,17 @@ class NewtonSolver:
         while True:
             target = 1.0 if reached + share > 1.0 - 1e-9 else reached + share
             guess = state.displacement_mm + (target - reached) * velocity
-            inside_mm = balance.penetration_mm(state, course.stage(target, state), guess)
+            inside_mm = balance.penetration_mm(state, load_step.substep(target, state), guess)
             if inside_mm < self.largest_guess_mm or share < self.smallest_share:
                 return target, guess
             share = 0.7 * (target - reached)
 
     def _solve(
-        self, balance: ForceBalance, state: SheetState, stage: Substep, guess: Nodal
+        self, balance: ForceBalance, state: SheetState, substep: Substep, guess: Nodal
     ) -> tuple[SheetState | None, int]:
         """Newton's method from a guess; None when it does not converge."""
         displacement = guess
-        out, scale, smallest = balance.residual(state, stage, displacement, self.is_free)
+        out, scale, smallest = balance.residual(state, substep, displacement, self.is_free)
         if smallest <= 0.0:
             return None, 0
         sizes: list[float] = []
@@ -169,17 +171,17 @@ class NewtonSolver:
         for iteration in range(self.most_iterations + 1):
             size = float(np.linalg.norm(out))
             if size <= self.tolerance * scale + 1e-9 * self._young_MPa:
-                return balance.settled(state, stage, displacement, size), iteration
+                return balance.equilibrium_state(state, substep, displacement, size), iteration
             sizes.append(size)
             if iteration == self.most_iterations or (len(sizes) > 8 and size > 0.7 * sizes[-7]):
                 break
-            tangent = balance.tangent(state, stage, displacement, is_exact=is_exact)
+            tangent = balance.tangent(state, substep, displacement, is_exact=is_exact)
             factors = self._order.factorise(tangent, is_symmetric=not balance.has_friction)
             if is_exact and not balance.has_friction and factors.pivoted_parts:
-                tangent = balance.tangent(state, stage, displacement, is_exact=False)
+                tangent = balance.tangent(state, substep, displacement, is_exact=False)
                 factors = self._order.factorise(tangent, is_symmetric=True)
             move = factors.solve(-out)
-            found = self._search(balance, state, stage, displacement=displacement, move=move, out=out)
+            found = self._search(balance, state, substep, displacement=displacement, move=move, out=out)
             if found is None:
                 return None, iteration + 1
             snaps = np.vdot(move, found[1]) < np.vdot(move, out) < 0.0
@@ -194,7 +196,7 @@ class NewtonSolver:
         self,
         balance: ForceBalance,
         state: SheetState,
-        stage: Substep,
+        substep: Substep,
         *,
         displacement: Nodal,
         move: Nodal,
@@ -205,7 +207,7 @@ class NewtonSolver:
         length, best, downhill = 1.0, None, None
         for _ in range(10):
             trial = displacement + length * move
-            new, scale, smallest = balance.residual(state, stage, trial, self.is_free)
+            new, scale, smallest = balance.residual(state, substep, trial, self.is_free)
             if smallest <= 0.0:
                 if downhill is not None:
                     break
