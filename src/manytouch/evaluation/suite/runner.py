@@ -1,8 +1,6 @@
 """Runs the suite: every case played once and read by every method."""
 
 import hashlib
-import os
-import pickle
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -23,9 +21,9 @@ from manytouch.evaluation.records.record import Record, contact_rows
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case
 from manytouch.evaluation.suite.recordings import Recording, Twin
 from manytouch.evaluation.suite.sensors import nominal_sensor
+from manytouch.evaluation.suite.trial_store import SUFFIX, read_comparisons, write_comparisons
 from manytouch.evaluation.suite.workers import Watch, worked
 from manytouch.pipeline import Pipeline
-from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.values.arrays import read_only
 
 CONTACT_COLUMNS = (
@@ -128,19 +126,12 @@ def kept_trial(case: Case, *, methods: Mapping[str, Pipeline], twin: Twin, kept:
     if kept is None:
         return try_case(case, methods, twin.play(case))
     depends = (code_of_the_package(), repr(case), repr(dict(methods)), repr(twin))
-    path = kept / f"{hashlib.sha256(chr(10).join(depends).encode()).hexdigest()[:24]}.trial"
-    try:
-        trial = pickle.loads(path.read_bytes())
-    except (OSError, pickle.UnpicklingError, EOFError):
-        trial = None
-    if isinstance(trial, Trial):
-        return trial
+    path = kept / f"{hashlib.sha256(chr(10).join(depends).encode()).hexdigest()[:24]}{SUFFIX}"
+    comparisons = read_comparisons(path)
+    if comparisons is not None:
+        return Trial(title=case.title, case=case, comparisons=comparisons)
     trial = try_case(case, methods, twin.play(case))
-    aside = path.with_name(f".{path.name}.{os.getpid()}.part")
-    with output_errors(path):
-        kept.mkdir(parents=True, exist_ok=True)
-        aside.write_bytes(pickle.dumps(trial))
-        aside.replace(path)
+    write_comparisons(path, trial.comparisons)
     return trial
 
 
