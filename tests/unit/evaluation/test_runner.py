@@ -1,7 +1,9 @@
 """The run of the suite with stages that know the truth, that are blind, and that cannot begin."""
 
+import io
+import pickle
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, is_dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,6 +19,7 @@ from manytouch.evaluation.suite import runner
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation, Touch
 from manytouch.evaluation.suite.recordings import Recording, played
 from manytouch.evaluation.suite.runner import Evaluation, run_suite, try_case
+from manytouch.evaluation.suite.trial_store import read_comparisons, write_comparisons
 from manytouch.pipeline import Pipeline
 from manytouch.values import Contacts, Detections, Frame, Sensor, Surface, TrackedGrid, Truth
 from manytouch.values.arrays import Points2
@@ -200,6 +203,56 @@ def test_a_run_that_was_killed_goes_on_with_the_trials_that_are_kept(tmp_path: P
         path.write_bytes(path.read_bytes()[:50])
     run_suite((CASE,), {"right": pipeline()}, twin, settings={}, kept=tmp_path)
     assert twin.plays == 4  # half a file is none
+
+
+def same(one: Any, other: Any) -> bool:
+    if isinstance(one, np.ndarray):
+        return one.dtype == other.dtype and np.array_equal(one, other, equal_nan=one.dtype.kind == "f")
+    if is_dataclass(one):
+        return type(one) is type(other) and all(
+            same(getattr(one, each.name), getattr(other, each.name)) for each in fields(one)
+        )
+    if isinstance(one, tuple):
+        return len(one) == len(other) and all(map(same, one, other))
+    return one == other or (one != one and other != other)
+
+
+def test_errors_in_a_file_come_back_bit_for_bit(tmp_path: Path) -> None:
+    comparisons = evaluation().trials[0].comparisons
+    write_comparisons(tmp_path / "trial.npz", comparisons)
+    assert same(read_comparisons(tmp_path / "trial.npz"), comparisons)
+
+
+class Planted:
+    """A pickle that makes a folder when it is loaded."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def __reduce__(self) -> Any:
+        return Path.mkdir, (self.folder,)
+
+
+@pytest.mark.parametrize("kind", ["pickle", "array of objects", "unknown type"])
+def test_nothing_in_a_folder_of_results_is_executed(tmp_path: Path, kind: str) -> None:
+    proof, folder, twin = tmp_path / "executed", tmp_path / "trials", Twin()
+    run_suite((CASE,), {"right": pipeline()}, twin, settings={}, kept=folder)
+    (path,) = folder.iterdir()
+    content = {
+        "pickle": pickle.dumps(Planted(proof)),
+        "array of objects": npz(tree=np.array([Planted(proof)], dtype=object)),
+        "unknown type": npz(tree=np.array('[{"type": "Path", "fields": {}}]')),
+    }[kind]
+    path.write_bytes(content)
+    done = run_suite((CASE,), {"right": pipeline()}, twin, settings={}, kept=folder)
+    assert not proof.exists()
+    assert (twin.plays, len(done.trials)) == (2, 1)
+
+
+def npz(**arrays: np.ndarray) -> bytes:
+    file = io.BytesIO()
+    np.savez(file, **arrays)
+    return file.getvalue()
 
 
 def test_methods_begin_from_the_frames_at_rest_and_what_they_are_told(

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from manytouch.simulation.compilation import kernel
+from manytouch.compilation import kernel, no_type_check
 
 REACH = 4.5  # standard deviations beyond which the point spread is taken as 0
 TABLE_STEPS = 256  # entries of the profile's table per standard deviation
@@ -32,6 +32,7 @@ def normal_quantiles() -> np.ndarray:
 
 
 @kernel()
+@no_type_check
 def _interpolate(row: np.ndarray, x: float) -> float:
     place = (x + REACH) * TABLE_STEPS
     if place <= 0.0:
@@ -44,6 +45,7 @@ def _interpolate(row: np.ndarray, x: float) -> float:
 
 
 @kernel()
+@no_type_check
 def _over_chords(
     dx: float, dy: float, mxx: float, mxy: float, determinant: float, blur: float, table: np.ndarray
 ) -> float:
@@ -68,6 +70,7 @@ def _over_chords(
 
 
 @kernel()
+@no_type_check
 def _along_normal(
     dx: float, dy: float, mxx: float, mxy: float, myy: float, blur: float, table: np.ndarray
 ) -> float:
@@ -112,6 +115,7 @@ class _Ellipse(NamedTuple):
 
 
 @kernel(forceinline=True)
+@no_type_check
 def _ellipse(shape: np.ndarray, area: float, blur: float) -> _Ellipse:
     """The ellipse of a shape (2, 2) with a determinant that is not 0."""
     a, b, c, d = shape[0, 0], shape[0, 1], shape[1, 0], shape[1, 1]
@@ -127,6 +131,7 @@ def _ellipse(shape: np.ndarray, area: float, blur: float) -> _Ellipse:
 
 
 @kernel(forceinline=True)
+@no_type_check
 def _share_of_pixel(dx: float, dy: float, dot: _Ellipse, table: np.ndarray) -> float:
     """The blurred ellipse at (dx, dy) from its centre; -1 where it is not reached."""
     square = dot.mxx * dx * dx + 2.0 * dot.mxy * dx * dy + dot.myy * dy * dy
@@ -141,6 +146,7 @@ def _share_of_pixel(dx: float, dy: float, dot: _Ellipse, table: np.ndarray) -> f
 
 
 @kernel()
+@no_type_check
 def add_discs(
     coverage: np.ndarray,
     centre: np.ndarray,
@@ -187,6 +193,7 @@ def add_discs(
 
 
 @kernel()
+@no_type_check
 def _mix_bits(word: np.uint64) -> np.uint64:
     """SplitMix64's finaliser (Steele, Lea and Flood 2014, doi:10.1145/2660193.2660195)."""
     word = (word ^ (word >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
@@ -238,6 +245,7 @@ class Noise(NamedTuple):
 
 
 @kernel(forceinline=True)
+@no_type_check
 def _illumination(row: int, column: int, shape: tuple[int, int], light: np.ndarray) -> np.float32:
     """Relative light on a pixel without spots."""
     rows, columns = shape
@@ -249,6 +257,7 @@ def _illumination(row: int, column: int, shape: tuple[int, int], light: np.ndarr
 
 
 @kernel()
+@no_type_check
 def photograph(
     pixels: np.ndarray,
     coverage: np.ndarray,

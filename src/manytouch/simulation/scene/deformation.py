@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from manytouch.simulation.compilation import kernel
+from manytouch.compilation import kernel, no_type_check
 from manytouch.values.arrays import Points2, Points3, read_only
 
 Lattice = Float32[np.ndarray, "a b 3"]
@@ -133,6 +133,7 @@ def fill_middles(face_mm: np.ndarray) -> None:
 
 
 @kernel()
+@no_type_check
 def _cell(lines: np.ndarray, place: float, value: np.ndarray, slope: np.ndarray) -> int:
     """First of the three lines around a place, and the quadratics through them; -1 outside."""
     last = lines.shape[0] - 1
@@ -154,6 +155,7 @@ def _cell(lines: np.ndarray, place: float, value: np.ndarray, slope: np.ndarray)
 
 
 @kernel()
+@no_type_check
 def _sample(  # noqa: PLR0917 - compiled
     x: np.ndarray, y: np.ndarray, face: np.ndarray, place: np.ndarray, found: np.ndarray, gradient: np.ndarray
 ) -> None:

@@ -11,10 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from manytouch.simulation.compilation import kernel
+from manytouch.compilation import REORDER, kernel, no_type_check
 from manytouch.simulation.fem.contact import distance
-
-FAST = {"contract", "arcp", "nsz", "reassoc"}  # sums may be reordered; NaN and infinity stay valid
 
 
 class ShellLaw(NamedTuple):
@@ -101,7 +99,8 @@ class _Edges(NamedTuple):
     shear_N_mm: float
 
 
-@kernel(nogil=True, fastmath=FAST, error_model="numpy")
+@kernel(fastmath=REORDER)
+@no_type_check
 def power(base: float, exponent: float) -> float:
     """base ** exponent for bases near 1, in plain arithmetic so that loops become vector instructions.
 
@@ -120,7 +119,8 @@ def power(base: float, exponent: float) -> float:
     return square * square
 
 
-@kernel(nogil=True)
+@kernel()
+@no_type_check
 def fibres(value: np.ndarray, stretch: np.ndarray, fibre: np.ndarray) -> None:
     """Fill fibre (3, a, b): the directors, as long as the sheet is thick for 1."""
     for i in range(value.shape[1]):
@@ -130,7 +130,8 @@ def fibres(value: np.ndarray, stretch: np.ndarray, fibre: np.ndarray) -> None:
             fibre[0, i, j], fibre[1, i, j], fibre[2, i, j] = p * scale, q * scale, scale
 
 
-@kernel(nogil=True)
+@kernel()
+@no_type_check
 def _edges(
     value: np.ndarray, fibre: np.ndarray, axis: int, spacing: float, lever: float, out: np.ndarray
 ) -> None:
@@ -146,7 +147,8 @@ def _edges(
                 out[3 + k, i, j] = middle + bend
 
 
-@kernel(nogil=True, fastmath=FAST, error_model="numpy")
+@kernel(fastmath=REORDER)
+@no_type_check
 def _layer(
     along_x: np.ndarray,
     along_y: np.ndarray,
@@ -188,7 +190,8 @@ def _layer(
     return 0.5 * weight * total
 
 
-@kernel(nogil=True)
+@kernel()
+@no_type_check
 def _gather(
     edges: _Edges,
     tangent: np.ndarray,
@@ -223,7 +226,8 @@ def _gather(
     return total
 
 
-@kernel(nogil=True)
+@kernel()
+@no_type_check
 def elastic(
     value: np.ndarray,
     stretch: np.ndarray,
@@ -268,7 +272,8 @@ def elastic(
     return total
 
 
-@kernel(nogil=True)
+@kernel()
+@no_type_check
 def _cells(position: float, reach: float, spacing: float, count: int) -> tuple[int, int]:
     """First and one beyond the last of the cells along an axis that a body can touch."""
     start = -0.5 * spacing * count
@@ -276,7 +281,8 @@ def _cells(position: float, reach: float, spacing: float, count: int) -> tuple[i
     return first, min(int((position + reach - start) / spacing) + 1, count)
 
 
-@kernel(nogil=True)
+@kernel()
+@no_type_check
 def _to_body_frame(place: np.ndarray, position: np.ndarray, rotation: np.ndarray, local: np.ndarray) -> float:
     """Fill local (3,) with a place in a body's frame; its square, or infinity below that body."""
     for k in range(3):
@@ -297,7 +303,8 @@ class _Point(NamedTuple):
     shape: np.ndarray
 
 
-@kernel(nogil=True)
+@kernel()
+@no_type_check
 def _face_point(
     point: _Point, value: np.ndarray, fibre: np.ndarray, spacing: np.ndarray, half: float, here: np.ndarray
 ) -> tuple[float, float]:
@@ -316,7 +323,8 @@ def _face_point(
     return rest_x, rest_y
 
 
-@kernel(nogil=True)
+@kernel()
+@no_type_check
 def touch(
     value: np.ndarray,
     spacing: np.ndarray,
@@ -378,7 +386,8 @@ def touch(
     return total
 
 
-@kernel(nogil=True)
+@kernel()
+@no_type_check
 def finish_slope(value: np.ndarray, stretch: np.ndarray, out: np.ndarray, by_fibre: np.ndarray) -> None:
     """Fill the derivatives by the tilts (out[3:]) from those by the fibres; all are 0 on the outline."""
     rows, columns = value.shape[1], value.shape[2]

@@ -10,12 +10,13 @@ import math
 
 import numpy as np
 
-from manytouch.simulation.compilation import kernel
+from manytouch.compilation import kernel, no_type_check
 
 SPHERE, ELLIPSOID, REVOLVED, BOX, HALF_SPACES = range(5)
 
 
 @kernel()
+@no_type_check
 def signed_distance(
     kind: int, numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray
 ) -> float:
@@ -41,6 +42,7 @@ def signed_distance(
 
 
 @kernel()
+@no_type_check
 def _sphere(radius: float, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     x, y, z = point[0], point[1], point[2] - radius
     distance = math.sqrt(x * x + y * y + z * z)
@@ -55,6 +57,7 @@ def _sphere(radius: float, point: np.ndarray, normal: np.ndarray, curvature: np.
 
 
 @kernel()
+@no_type_check
 def _ellipsoid(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """Closest point r^2 x / (t + r^2) with F(t) = sum (r x / (t + r^2))^2 - 1 = 0, convex and falling."""
     square = np.array([numbers[0] ** 2, numbers[1] ** 2, numbers[2] ** 2])
@@ -86,6 +89,7 @@ def _ellipsoid(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curva
 
 
 @kernel()
+@no_type_check
 def _offset_curvature(second: np.ndarray, normal: np.ndarray, distance: float, curvature: np.ndarray) -> None:
     """Hessian of the distance: S (1 + d S)^-1 with the surface's shape operator S = P diag(second) P."""
     axis = int(np.argmin(np.abs(normal)))
@@ -114,6 +118,7 @@ def _offset_curvature(second: np.ndarray, normal: np.ndarray, distance: float, c
 
 
 @kernel()
+@no_type_check
 def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """A cylinder: radius, half length, edge radius, axis (0: x, 2: z), height of its centre."""
     radius, half, edge, height = numbers[0], numbers[1], numbers[2], numbers[4]
@@ -146,6 +151,7 @@ def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvat
 
 
 @kernel()
+@no_type_check
 def _add_outer(curvature: np.ndarray, factor: float, u: float, v: float, i: int, j: int) -> None:
     curvature[i, i] += factor * u * u
     curvature[i, j] += factor * u * v
@@ -154,6 +160,7 @@ def _add_outer(curvature: np.ndarray, factor: float, u: float, v: float, i: int,
 
 
 @kernel()
+@no_type_check
 def _box(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """A block with rounded edges: half lengths (3) and edge radius."""
     edge = numbers[3]
@@ -178,6 +185,7 @@ def _box(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: 
 
 
 @kernel()
+@no_type_check
 def _half_spaces(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
     """log sum exp(s (n.x - d)) / s over faces: smooth, convex, and their maximum except near edges."""
     sharpness, faces = numbers[0], int(numbers[1])

@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.simulation.compilation import kernel
+from manytouch.compilation import kernel, no_type_check
 from manytouch.simulation.fem.contact.distance import signed_distance
 from manytouch.simulation.fem.elements.mesh import HexMesh, reference_nodes, shape_functions
 from manytouch.values.arrays import read_only
@@ -173,6 +173,7 @@ class _Surface(NamedTuple):
 
 
 @kernel()
+@no_type_check
 def _multiply(A: np.ndarray, B: np.ndarray) -> np.ndarray:
     out = np.zeros((3, 3))
     for i in range(3):
@@ -183,6 +184,7 @@ def _multiply(A: np.ndarray, B: np.ndarray) -> np.ndarray:
 
 
 @kernel()
+@no_type_check
 def _add_friction(
     trial: np.ndarray,
     surface: _Surface,
@@ -227,6 +229,7 @@ def _add_friction(
 
 
 @kernel()
+@no_type_check
 def _displaced_point(f: int, q: int, displacement: np.ndarray, face: FaceArrays, point: np.ndarray) -> None:
     """Fill the present place (3,) of one point of the face."""
     e = face.owner[f]
@@ -237,6 +240,7 @@ def _displaced_point(f: int, q: int, displacement: np.ndarray, face: FaceArrays,
 
 
 @kernel()
+@no_type_check
 def _distance_to(
     shape: PosedShape, point: np.ndarray, local: np.ndarray, normal: np.ndarray, curvature: np.ndarray
 ) -> float:
@@ -252,6 +256,7 @@ def _distance_to(
 
 
 @kernel()
+@no_type_check
 def _penalty(distance: float, law: ContactLaw) -> tuple[float, float]:
     """Pressure in MPa and its derivative by the penetration, MPa/mm, at a negative distance."""
     stiffness, rounding = law.stiffness_MPa_per_mm, law.rounding_mm
@@ -261,6 +266,7 @@ def _penalty(distance: float, law: ContactLaw) -> tuple[float, float]:
 
 
 @kernel()
+@no_type_check
 def _add_traction(
     f: int,
     q: int,
@@ -287,6 +293,7 @@ def _add_traction(
 
 
 @kernel()
+@no_type_check
 def add_contact(
     displacement: np.ndarray,
     face: FaceArrays,

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import ConvexHull
 
-from manytouch.simulation.compilation import kernel
+from manytouch.compilation import kernel, no_type_check
 from manytouch.simulation.fem.contact import distance
 from manytouch.values.arrays import Points3, read_only
 
@@ -188,6 +188,7 @@ def signed_distance(
 
 
 @kernel()
+@no_type_check
 def _fill_distances(  # noqa: PLR0917 - compiled
     kind: int,
     numbers: np.ndarray,

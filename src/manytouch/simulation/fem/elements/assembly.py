@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.simulation.compilation import kernel
+from manytouch.compilation import kernel, no_type_check
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.elements.mesh import HexMesh, shape_functions
 from manytouch.values.arrays import read_only
@@ -176,6 +176,7 @@ class _Workspace(NamedTuple):
 
 
 @kernel(forceinline=True)
+@no_type_check
 def _cofactor(F: np.ndarray, out: np.ndarray) -> float:
     """det F; `out` gets its derivative, the matrix of cofactors."""
     for i in range(3):
@@ -187,6 +188,7 @@ def _cofactor(F: np.ndarray, out: np.ndarray) -> float:
 
 
 @kernel(forceinline=True)
+@no_type_check
 def _deform(e: int, displacement: np.ndarray, elements: ElementArrays, work: _Workspace) -> float:
     """Fill F, its cofactors, J and the modes of J - 1 of one element; its smallest J."""
     smallest = np.inf
@@ -207,6 +209,7 @@ def _deform(e: int, displacement: np.ndarray, elements: ElementArrays, work: _Wo
 
 
 @kernel(forceinline=True)
+@no_type_check
 def _add_point(
     e: int, q: int, elements: ElementArrays, work: _Workspace, force: np.ndarray, has_tangent: bool
 ) -> float:
@@ -247,6 +250,7 @@ def _add_point(
 
 
 @kernel()
+@no_type_check
 def _multiply_factors(work: _Workspace, bulk_MPa: float, tangent: np.ndarray) -> None:
     """Fill the tangent (60, 60) of one element from its factors."""
     points = work.jacobian.shape[0]
@@ -263,6 +267,7 @@ def _multiply_factors(work: _Workspace, bulk_MPa: float, tangent: np.ndarray) ->
 
 
 @kernel()
+@no_type_check
 def sum_elements(
     displacement: np.ndarray, elements: ElementArrays, force: np.ndarray, tangent: np.ndarray
 ) -> tuple[float, float]:

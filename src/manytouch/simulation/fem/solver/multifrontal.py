@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 from scipy.linalg import blas, lapack
 
-from manytouch.simulation.compilation import kernel
+from manytouch.compilation import kernel, no_type_check
 from manytouch.simulation.fem.elements.mesh import HexMesh
 
 LEAF_ELEMENTS = 4
@@ -217,6 +217,7 @@ def _eliminate(matrix: np.ndarray, count: int, is_symmetric: bool) -> tuple[_Fro
 
 
 @kernel()
+@no_type_check
 def _add_elements(matrix: np.ndarray, tangent: np.ndarray, elements: np.ndarray, place: np.ndarray) -> None:
     for number in range(elements.shape[0]):
         for row in range(60):
@@ -230,6 +231,7 @@ def _add_elements(matrix: np.ndarray, tangent: np.ndarray, elements: np.ndarray,
 
 
 @kernel()
+@no_type_check
 def _add_matrix(matrix: np.ndarray, added: np.ndarray, place: np.ndarray) -> None:
     for row in range(place.shape[0]):
         for column in range(place.shape[0]):
