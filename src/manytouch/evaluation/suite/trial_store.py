@@ -49,7 +49,7 @@ def write_comparisons(path: Path, comparisons: tuple[MethodErrors, ...]) -> None
 
 
 def read_comparisons(path: Path) -> tuple[MethodErrors, ...] | None:
-    """The errors in a file of `write_comparisons`; None where there is no such file or it is damaged."""
+    """What `write_comparisons` has written; None where the file is missing or damaged."""
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = {name: read_only(file[name]) for name in file.files}
