@@ -309,7 +309,7 @@ def test_layout_and_theme_suit_the_screen(
         painted = page.evaluate("manytouch.state.paints")
         wait(page, f"manytouch.state.paints > {painted + 1}")
         image_path = tmp_path / f"{theme}-{width}.png"
-        page.screenshot(path=image_path)
+        page.screenshot(path=image_path, caret="initial")
         image = cv2.imread(str(image_path))
         assert image.shape[:2] == (height, width)
         assert (float(np.median(image)) < 90) is (theme == "dark")
