@@ -164,7 +164,7 @@ def test_what_is_read_is_not_among_the_results_that_are_replaced(tmp_path: Path)
     words = command("process", folder, "--out", tmp_path, "--picture", "1")
     done = subprocess.run(words, capture_output=True, text=True, timeout=900, check=False)
     assert done.returncode == 1
-    assert "replace picture-000000.png, which is read: choose another folder" in done.stderr
+    assert "replace picture-000000.png, which is the input: choose another folder" in done.stderr
     assert len(list(folder.iterdir())) == 3
     for path in list(folder.iterdir()):
         path.rename(folder / path.name.removeprefix("picture-"))
