@@ -4,7 +4,7 @@
 
 Pre-encoded Motion JPEG of 2560 x 1440 px with 600 markers comes over HTTP on loopback at --fps, from another
 process. It is decoded, read, sampled at 100 x 60 points and packed as float32 for a client that counts what
-it gets. The first two seconds are not counted. The first line says how busy the machine was: figures of a
+it gets. The first two seconds are not counted. The first line states how busy the machine was: figures of a
 busy one are upper bounds.
 """
 
@@ -115,25 +115,25 @@ def main() -> None:
     parser.add_argument("--method", default=None)
     parser.add_argument("--record", action="store_true", help="record meanwhile")
     parser.add_argument("--cpus", default=None, help="processors to run on, such as 0,1")
-    asked = parser.parse_args()
-    if asked.cpus is not None:
-        os.sched_setaffinity(0, {int(number) for number in asked.cpus.split(",")})
+    options = parser.parse_args()
+    if options.cpus is not None:
+        os.sched_setaffinity(0, {int(number) for number in options.cpus.split(",")})
     cv2.setNumThreads(1)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        write_pictures(folder, asked.pictures, asked.fps)
-        server, url = serve(folder, asked.fps)
+        write_pictures(folder, options.pictures, options.fps)
+        server, url = serve(folder, options.fps)
         try:
-            measure(asked, url, folder)
+            measure(options, url, folder)
         finally:
             server.terminate()
             server.wait()
 
 
-def measure(asked: argparse.Namespace, url: str, folder: Path) -> None:
+def measure(options: argparse.Namespace, url: str, folder: Path) -> None:
     """The session, and its figures."""
-    job = prepare(url, sensor=demo_sensor(2560), method=asked.method)
-    live = Live(job, record=folder / "bench.mcap" if asked.record else None)
+    job = prepare(url, sensor=demo_sensor(2560), method=options.method)
+    live = Live(job, record=folder / "bench.mcap" if options.record else None)
     client = Client(job.sensor)
     sinks: list[Sink] = [client]
     begun: list[tuple[float, float]] = []
@@ -141,7 +141,7 @@ def measure(asked: argparse.Namespace, url: str, folder: Path) -> None:
     def stop() -> bool:
         if not begun:
             begun.append((time.monotonic(), time.process_time()))
-        return time.monotonic() - begun[0][0] > asked.seconds
+        return time.monotonic() - begun[0][0] > options.seconds
 
     run(live, sinks, stop=stop)
     spent_s, cpu_s = time.monotonic() - begun[0][0], time.process_time() - begun[0][1]

@@ -52,7 +52,7 @@ class FakeSession:
     def health(self) -> Health:
         return self.now
 
-    def beside(self, frame_index: int) -> Comparison | None:
+    def comparison(self, frame_index: int) -> Comparison | None:
         return self.other
 
     def change_sensor(self, sensor: Sensor) -> None:

@@ -95,8 +95,8 @@ class Controls(Protocol):
     def health(self) -> Health:
         """State of source, session and recording."""
 
-    def beside(self, frame_index: int) -> Comparison | None:
-        """What to show beside the estimate of a frame: the ground truth, or what was recorded."""
+    def comparison(self, frame_index: int) -> Comparison | None:
+        """What to show with the estimate of a frame: the ground truth, or what was recorded."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

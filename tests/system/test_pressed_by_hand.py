@@ -1,4 +1,4 @@
-"""What the estimator says of a sheet that is pressed by hand: two models of the same thing agree."""
+"""The estimator on a sheet that is pressed interactively: two models of the same sheet agree."""
 
 from collections.abc import Iterator
 

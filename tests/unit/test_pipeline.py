@@ -1,4 +1,4 @@
-"""The pipeline: order, memory, and the second look when tracking is lost."""
+"""The pipeline: order, memory, and the second search when tracking is lost."""
 
 from dataclasses import dataclass, field
 
@@ -21,15 +21,15 @@ def frame(index: int) -> Frame:
 
 @dataclass
 class Dots:
-    """A detector that writes down how it was asked, and finds as many dots as its calls so far."""
+    """A detector that notes its calls, and finds as many dots as its calls so far."""
 
-    asked: list[tuple[int, bool]] = field(default_factory=list)
+    calls: list[tuple[int, bool]] = field(default_factory=list)
 
     def start(self, sensor: Sensor) -> int:
         return 0
 
     def step(self, state: int, frame: Frame, expected_px: object) -> tuple[int, Detections]:
-        self.asked.append((frame.index, expected_px is not None))
+        self.calls.append((frame.index, expected_px is not None))
         return state + 1, Detections(
             centre_px=np.full((1, 2), float(expected_px is None)),
             covariance_px2=np.zeros((1, 2, 2)),
@@ -94,16 +94,16 @@ def test_every_frame_gives_one_reading_in_order() -> None:
 
 def test_a_lost_frame_is_searched_again_from_the_memory_before_it() -> None:
     looks, made = readings()
-    assert looks.asked == [(0, False), (1, True), (1, False), (2, True), (3, True)]
+    assert looks.calls == [(0, False), (1, True), (1, False), (2, True), (3, True)]
     assert [int(reading.grid.frames_unseen[0]) for reading in made] == [0, 1, 2, 3]
 
 
-def test_the_first_stage_that_complains_is_heard() -> None:
+def test_the_status_is_that_of_the_first_stage_with_one() -> None:
     _, made = readings()
     assert [reading.status for reading in made] == ["not_converged", "not_converged", "dark", "few_markers"]
 
 
-def test_the_protocols_tell_stages_apart() -> None:
+def test_the_protocols_distinguish_stages() -> None:
     assert isinstance(Dots(), Detector)
     assert isinstance(Follows(), Tracker)
     assert isinstance(Flat(), Estimator)

@@ -101,7 +101,7 @@ class Live:
         """Request something; it is carried out between two frames."""
         self._commands.send(command)
 
-    def beside(self, frame_index: int) -> Comparison | None:
+    def comparison(self, frame_index: int) -> Comparison | None:
         """Ground truth of a frame; None where the source has none."""
         truth_of = self._job.source.capabilities.truth
         truth = None if truth_of is None else truth_of(frame_index)

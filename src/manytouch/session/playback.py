@@ -96,7 +96,7 @@ class Playback:
         """Request something; it is carried out between two frames."""
         self._commands.send(command)
 
-    def beside(self, frame_index: int) -> Comparison | None:
+    def comparison(self, frame_index: int) -> Comparison | None:
         """What was recorded of a frame, where it is processed again with the same unit of length."""
         recorded_sensor = self._job.source.capabilities.sensor
         if not self._is_processed or recorded_sensor is None:

@@ -195,13 +195,13 @@ def test_another_method_reads_the_same_frames(recorded: tuple[Path, Seen, Live],
 def test_what_was_recorded_stands_beside_what_is_read_anew(recorded: tuple[Path, Seen, Live]) -> None:
     path, seen, _ = recorded
     touched = next(reading for reading in seen.readings if reading.contacts.touching)
-    assert Playback(path).beside(touched.frame.index) is None
-    beside = Playback(path, method="paper").beside(touched.frame.index)
+    assert Playback(path).comparison(touched.frame.index) is None
+    beside = Playback(path, method="paper").comparison(touched.frame.index)
     assert beside is not None
     assert beside.name == "recorded"
     assert same(beside.contacts, touched.contacts)
     assert same(beside.surface, touched.surface)
-    assert Playback(path, method="paper").beside(4000) is None
+    assert Playback(path, method="paper").comparison(4000) is None
 
 
 def test_another_method_can_be_chosen_while_it_is_shown(recorded: tuple[Path, Seen, Live]) -> None:
@@ -212,7 +212,7 @@ def test_another_method_can_be_chosen_while_it_is_shown(recorded: tuple[Path, Se
     indices = [reading.frame.index for reading in again.readings]
     assert indices == [*range(20), *range(19, 40)], "the frame that is shown is processed again at once"
     assert playback.health().method == "paper"
-    assert playback.beside(30) is not None
+    assert playback.comparison(30) is not None
     assert same(without_time(again.readings[10]), without_time(seen.readings[10]))
     assert not same(again.readings[-1].surface, seen.readings[-1].surface)
 

@@ -3,19 +3,19 @@
 import threading
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from cameras import Driver
-from clips import picture, press_of
+from clips import picture
+from drawn_source import DrawnSource
 from manytouch.pipeline import Controls
 from manytouch.session import Live, pipeline_for, prepare, run
 from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.commands.tuning import parameters_of
 from manytouch.sinks.latest_only import LatestOnly
-from manytouch.sources import Capabilities
 from manytouch.sources.cameras.camera import CameraSource
 from manytouch.sources.cameras.capture import CameraRequest, open_camera
 from manytouch.values import (
@@ -38,49 +38,8 @@ from manytouch.values import (
 WHOLE = next(name for name, value in parameters_of(pipeline_for()).items() if isinstance(value, int))
 
 
-@dataclass
-class Pictures:
-    """A source that is drawn while it is read, without a pace; a live one skips some numbers."""
-
-    frames: int = 40
-    is_touched: bool = True
-    is_live: bool = False
-    skips: tuple[int, ...] = ()
-    fails_at: int | None = None
-    name: str = "drawn"
-    fps: float | None = 1000.0
-    width_px: int = 320
-    height_px: int = 240
-    pressed: list[Command] = field(default_factory=list)
-
-    @property
-    def frame_count(self) -> int:
-        return self.frames
-
-    @property
-    def capabilities(self) -> Capabilities:
-        return Capabilities(press=self.press)
-
-    def __iter__(self) -> Iterator[Frame]:
-        for index in range(self.frames):
-            if index == self.fails_at:
-                raise ValueError("the camera fell off the table")
-            if index not in self.skips:
-                image = picture(press_of(index) if self.is_touched else 0.0, seed=index)
-                yield Frame(
-                    index=index,
-                    timestamp_ns=index * 1_000_000,
-                    camera=self.name,
-                    image=image,
-                    arrived_ns=time.monotonic_ns() if self.is_live else None,
-                )
-
-    def press(self, command: Command) -> None:
-        self.pressed.append(command)
-
-
 class Seen:
-    """A sink that keeps readings, and says something when it has so many."""
+    """A sink that keeps readings, and sends commands after certain numbers of them."""
 
     def __init__(self, live: Live | None = None, **at: Command) -> None:
         self.readings: list[Reading] = []
@@ -97,7 +56,7 @@ class Seen:
         self.is_closed = True
 
 
-def played(source: Pictures, **at: Command) -> tuple[Live, Seen]:
+def run_live(source: DrawnSource, **at: Command) -> tuple[Live, Seen]:
     live = Live(prepare(source))
     seen = Seen(live, **at)
     run(live, [seen])
@@ -106,8 +65,8 @@ def played(source: Pictures, **at: Command) -> tuple[Live, Seen]:
 
 def test_live_readings_have_the_bits_of_offline_ones() -> None:
     offline = Seen()
-    run(prepare(Pictures()), [offline])
-    live, seen = played(Pictures())
+    run(prepare(DrawnSource()), [offline])
+    live, seen = run_live(DrawnSource())
     assert isinstance(live, Controls)
     assert len(seen.readings) == len(offline.readings) == 40
     for one, other in zip(seen.readings, offline.readings, strict=True):
@@ -120,7 +79,7 @@ def test_live_readings_have_the_bits_of_offline_ones() -> None:
 
 
 def test_health_counts_frames_and_latency() -> None:
-    live, _ = played(Pictures(frames=30, is_touched=False))
+    live, _ = run_live(DrawnSource(frames=30, is_touched=False))
     health = live.health()
     assert (health.frames, health.dropped, health.markers, health.source) == (30, 0, 54, "ok")
     assert health.markers_seen >= 53
@@ -129,46 +88,37 @@ def test_health_counts_frames_and_latency() -> None:
 
 
 def test_gaps_of_a_live_source_count_as_dropped() -> None:
-    live, seen = played(Pictures(frames=40, is_live=True, skips=(20, 21, 30)))
+    live, seen = run_live(DrawnSource(frames=40, is_live=True, skips=(20, 21, 30)))
     assert live.health().dropped == 3
     assert seen.readings[0].frame.index == 15, "the frames that the sensor was found in are past"
     assert len(seen.readings) == 22
 
 
 def test_another_method_begins_between_frames_and_identities_go_on() -> None:
-    live, seen = played(Pictures(frames=60), at_27=UseMethod(method="paper"))
+    live, seen = run_live(DrawnSource(frames=60), at_27=UseMethod(method="paper"))
     assert live.health().method == "paper"
     indices = [reading.frame.index for reading in seen.readings]
     assert indices == list(range(60))
-    told = [
+    found = [
         (reading.frame.index, contact) for reading in seen.readings for contact in reading.contacts.contacts
     ]
-    begun = {contact.id for index, contact in told if index <= 27}
+    begun = {contact.id for index, contact in found if index <= 27}
     end: dict[int, int] = {}
-    for index, contact in told:
+    for index, contact in found:
         if contact.phase is Phase.END:
             end.setdefault(contact.id, index)
     assert begun
     assert begun <= set(end)
-    assert all(index <= end[contact.id] for index, contact in told if contact.id in end)
-    assert {contact.id for index, contact in told if index > max(end[number] for number in begun)} - begun
+    assert all(index <= end[contact.id] for index, contact in found if contact.id in end)
+    assert {contact.id for index, contact in found if index > max(end[number] for number in begun)} - begun
 
 
 def test_tare_makes_the_present_sheet_the_untouched_one() -> None:
-    class Leaning(Pictures):
-        def __iter__(self) -> Iterator[Frame]:
-            for frame in super().__iter__():
-                lean = 3 if frame.index >= 20 else 0
-                assert frame.image is not None
-                yield Frame(
-                    index=frame.index,
-                    timestamp_ns=frame.timestamp_ns,
-                    camera=frame.camera,
-                    image=np.roll(frame.image, lean, axis=1),
-                )
+    def moved(index: int, image: np.ndarray) -> np.ndarray:
+        return np.roll(image, 3 if index >= 20 else 0, axis=1)
 
-    live, seen = played(Leaning(frames=70, is_touched=False), at_25=Tare())
-    rest_px = prepare(Leaning(frames=70, is_touched=False)).sensor.layout.rest_px
+    live, seen = run_live(DrawnSource(frames=70, is_touched=False, change=moved), at_25=Tare())
+    rest_px = prepare(DrawnSource(frames=70, is_touched=False)).sensor.layout.rest_px
     tared_px = live.sensor.layout.rest_px
     np.testing.assert_allclose(tared_px - rest_px, np.tile([3.0, 0.0], (54, 1)), atol=0.1)
     assert live.health().sensor_version == 1
@@ -177,8 +127,8 @@ def test_tare_makes_the_present_sheet_the_untouched_one() -> None:
 
 
 def test_a_parameter_changes_while_it_runs() -> None:
-    live, seen = played(
-        Pictures(frames=40, is_touched=False), at_5=Tune(parameter="detect.least_snr", value=2.5)
+    live, seen = run_live(
+        DrawnSource(frames=40, is_touched=False), at_5=Tune(parameter="detect.least_snr", value=2.5)
     )
     assert live.health().parameters["detect.least_snr"] == 2.5
     assert len(seen.readings) == 40
@@ -195,12 +145,12 @@ def test_a_parameter_changes_while_it_runs() -> None:
     ],
 )
 def test_what_cannot_be_done_becomes_a_note(command: Command, words: str) -> None:
-    live, seen = played(Pictures(frames=25, is_touched=False), at_2=command)
+    live, seen = run_live(DrawnSource(frames=25, is_touched=False), at_2=command)
     assert any(words in note for note in live.health().notes)
     assert len(seen.readings) == 25
 
 
-def test_what_cannot_be_read_with_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_setup_that_cannot_process_frames_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     class Fails:
         def start(self, sensor: Sensor) -> None:
             return None
@@ -210,8 +160,8 @@ def test_what_cannot_be_read_with_is_not_taken(monkeypatch: pytest.MonkeyPatch) 
 
     fails = replace(pipeline_for(), detect=Fails())
     monkeypatch.setattr("manytouch.session.live.tune", lambda *_: fails)
-    live, seen = played(
-        Pictures(frames=25, is_touched=False), at_2=Tune(parameter="detect.least_snr", value=0.0)
+    live, seen = run_live(
+        DrawnSource(frames=25, is_touched=False), at_2=Tune(parameter="detect.least_snr", value=0.0)
     )
     assert any("a window of no size" in note for note in live.health().notes)
     assert len(seen.readings) == 25
@@ -219,14 +169,14 @@ def test_what_cannot_be_read_with_is_not_taken(monkeypatch: pytest.MonkeyPatch) 
 
 def test_fingers_reach_a_source_that_can_be_pressed() -> None:
     finger = Press(finger=1, x_mm=2.0, y_mm=3.0, depth_mm=1.0)
-    source = Pictures(frames=25, is_touched=False)
-    live, _ = played(source, at_2=finger, at_4=Release(finger=1))
+    source = DrawnSource(frames=25, is_touched=False)
+    live, _ = run_live(source, at_2=finger, at_4=Release(finger=1))
     assert source.pressed == [finger, Release(finger=1)]
     assert live.health().can_press
 
 
 def test_a_file_waits_while_held_and_goes_on() -> None:
-    live = Live(prepare(Pictures(frames=40, is_touched=False)))
+    live = Live(prepare(DrawnSource(frames=40, is_touched=False)))
     seen = Seen(live, at_10=Stop())
     runner = threading.Thread(target=run, args=(live, [seen]))
     runner.start()
@@ -244,7 +194,7 @@ def test_a_file_waits_while_held_and_goes_on() -> None:
 
 
 def test_an_error_of_the_source_ends_the_run_with_sinks_closed() -> None:
-    source = Pictures(fails_at=25)
+    source = DrawnSource(fails_at=25)
     live = Live(prepare(source))
     seen = Seen()
     with pytest.raises(ValueError, match="fell off"):
@@ -274,23 +224,23 @@ def test_a_camera_that_goes_and_comes_back_goes_on_and_is_let_go_at_the_end() ->
         return drivers[-1]
 
     def again() -> object:
-        wishes = CameraRequest(size_px=(320, 240), is_mjpg=False)
-        return open_camera(0, wishes, open_with, "linux")  # type: ignore[arg-type]
+        request = CameraRequest(size_px=(320, 240), is_mjpg=False)
+        return open_camera(0, request, open_with, "linux")  # type: ignore[arg-type]
 
     live = Live(prepare(CameraSource("0", again)))  # type: ignore[arg-type]
     seen = Seen()
-    heard: list[str] = []
+    reported: list[str] = []
 
     def stop() -> bool:
-        heard.append(live.health().source)
-        if len(seen.readings) == 8 and not out.is_set() and heard[-1] == "ok":
+        reported.append(live.health().source)
+        if len(seen.readings) == 8 and not out.is_set() and reported[-1] == "ok":
             out.set()
-        if "no image" in heard[-1]:
+        if "no image" in reported[-1]:
             out.clear()
         return len(seen.readings) >= 16
 
     run(live, [seen], stop=stop)
-    assert any("no image from camera-0" in word for word in heard)
+    assert any("no image from camera-0" in word for word in reported)
     assert live.health().source == "ok"
     indices = np.array([reading.frame.index for reading in seen.readings])
     assert live.health().dropped == np.sum(np.diff(indices) - 1)
@@ -305,19 +255,19 @@ def test_stopping_works_while_no_frame_comes() -> None:
         yield 1
         never.wait(10)
 
-    asked: list[float] = []
+    calls: list[float] = []
 
     def stop() -> bool:
-        asked.append(time.monotonic())
+        calls.append(time.monotonic())
         never.set()
         return True
 
     with BackgroundIterator(silent(), ahead=1, stop=stop) as stream:
         assert list(stream) == [1]
-    assert asked
+    assert calls
 
 
-def test_the_hand_over_is_never_further_ahead_than_asked() -> None:
+def test_the_thread_is_never_further_ahead_than_requested() -> None:
     taken: list[int] = []
 
     def numbers() -> Iterator[int]:
@@ -332,16 +282,17 @@ def test_the_hand_over_is_never_further_ahead_than_asked() -> None:
     assert taken == list(range(20))
 
 
-class Slow:
-    """A sink that takes its time."""
+class Stuck:
+    """A sink that waits until it is released."""
 
     def __init__(self, *, fails: bool = False) -> None:
         self.indices: list[int] = []
         self.is_closed = False
+        self.release = threading.Event()
         self._fails = fails
 
     def write(self, reading: Reading) -> None:
-        time.sleep(0.1)
+        assert self.release.wait(20)
         if self._fails:
             raise OSError("the browser has gone")
         self.indices.append(reading.frame.index)
@@ -350,25 +301,26 @@ class Slow:
         self.is_closed = True
 
 
-def test_a_slow_sink_gets_the_latest_reading_and_holds_nobody_up() -> None:
-    _, seen = played(Pictures(frames=20, is_touched=False))
-    slow = Slow()
+def test_a_slow_sink_gets_the_latest_reading_and_delays_nothing() -> None:
+    _, seen = run_live(DrawnSource(frames=20, is_touched=False))
+    slow = Stuck()
     latest = LatestOnly(slow)
-    begun_s = time.monotonic()
     for reading in seen.readings:
         latest.write(reading)
-    assert time.monotonic() - begun_s < 0.1
+    assert slow.indices == [], "all were written while the sink waited"
+    slow.release.set()
     latest.close()
     assert slow.indices[-1] == 19
     assert slow.indices == sorted(slow.indices)
     assert len(slow.indices) + latest.skipped == 20
-    assert len(slow.indices) <= 3
+    assert len(slow.indices) <= 2
     assert slow.is_closed
 
 
-def test_a_slow_sink_that_fails_says_so_at_its_end() -> None:
-    _, seen = played(Pictures(frames=20, is_touched=False))
-    slow = Slow(fails=True)
+def test_the_error_of_a_slow_sink_is_raised_at_its_end() -> None:
+    _, seen = run_live(DrawnSource(frames=20, is_touched=False))
+    slow = Stuck(fails=True)
+    slow.release.set()
     latest = LatestOnly(slow)
     latest.write(seen.readings[0])
     with pytest.raises(OSError, match="browser has gone"):

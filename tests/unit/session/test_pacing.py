@@ -9,16 +9,16 @@ STEP_NS = 40_000_000
 
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
-    """The time, and the naps so far."""
-    told = [100.0]
-    monkeypatch.setattr("manytouch.session.pacing.time.monotonic", lambda: told[0])
+    """The time, then the naps so far."""
+    now = [100.0]
+    monkeypatch.setattr("manytouch.session.pacing.time.monotonic", lambda: now[0])
 
     def nap(seconds: float) -> None:
-        told[0] += seconds
-        told.append(seconds)
+        now[0] += seconds
+        now.append(seconds)
 
     monkeypatch.setattr("manytouch.session.pacing.time.sleep", nap)
-    return told
+    return now
 
 
 def times(pace: Pace, clock: list[float], frames: list[int], *, is_over: bool = False) -> list[float]:

@@ -1,13 +1,13 @@
 """From an input to its folder: what is refused early, what is complete whatever ends the run."""
 
-from collections.abc import Iterator
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from clips import COLUMNS, ROWS, picture, press_of
+from clips import COLUMNS, ROWS, picture
+from drawn_source import DrawnSource
 from manytouch.errors import ManytouchError, OutputError, SensorError, SourceError
 from manytouch.session import (
     METHODS,
@@ -20,40 +20,12 @@ from manytouch.session import (
     result_name,
     run,
 )
-from manytouch.sources import Capabilities
 from manytouch.sources.simulated import simulated_source
-from manytouch.values import Frame, Reading, Roi, Sensor
+from manytouch.values import Reading, Roi, Sensor
 from results import rows_of
 from straight import straight_camera
 
 TABLES = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json"}
-
-
-@dataclass
-class Pictures:
-    """A source that is drawn while it is read."""
-
-    frames: int = 30
-    fails_at: int | None = None
-    name: str = "drawn"
-    fps: float | None = 25.0
-    width_px: int = 320
-    height_px: int = 240
-    is_live: bool = False
-    capabilities: Capabilities = field(default_factory=Capabilities)
-    taken: list[int] = field(default_factory=list)
-
-    @property
-    def frame_count(self) -> int:
-        return self.frames
-
-    def __iter__(self) -> Iterator[Frame]:
-        for index in range(self.frames):
-            if index == self.fails_at:
-                raise KeyboardInterrupt
-            self.taken.append(index)
-            image = picture(press_of(index), seed=index)
-            yield Frame(index=index, timestamp_ns=index * 40_000_000, camera=self.name, image=image)
 
 
 class Seen:
@@ -84,7 +56,7 @@ class Full:
 @pytest.mark.parametrize("method", METHODS)
 def test_every_method_reads_every_frame_in_order(method: str) -> None:
     seen = Seen()
-    run(prepare(Pictures(), method=method), [seen])
+    run(prepare(DrawnSource(frames=30), method=method), [seen])
     assert [reading.frame.index for reading in seen.readings] == list(range(30))
     assert seen.is_closed
     assert seen.readings[-1].grid.is_seen.sum() >= 0.9 * ROWS * COLUMNS
@@ -96,14 +68,14 @@ def test_an_unknown_method_lists_those_there_are() -> None:
 
 
 def test_only_the_first_frames_are_taken_before_reading_begins() -> None:
-    source = Pictures(frames=60)
+    source = DrawnSource(frames=60)
     prepare(source)
     assert source.taken == list(range(15))
 
 
 def test_interrupted_runs_have_complete_files_of_what_was_read(tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
-        process_job(prepare(Pictures(fails_at=22)), tmp_path)
+        process_job(prepare(DrawnSource(fails_at=22, error=KeyboardInterrupt)), tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == TABLES
     assert [row["frame"] for row in rows_of(tmp_path / "frames.csv")] == [str(i) for i in range(22)]
 
@@ -111,7 +83,7 @@ def test_interrupted_runs_have_complete_files_of_what_was_read(tmp_path: Path) -
 def test_a_sink_that_fails_does_not_keep_the_others_from_closing(tmp_path: Path) -> None:
     seen = Seen()
     with pytest.raises(OutputError):
-        process_job(prepare(Pictures()), tmp_path, sinks=[Full(), seen])
+        process_job(prepare(DrawnSource(frames=30)), tmp_path, sinks=[Full(), seen])
     assert seen.is_closed
     assert {path.name for path in tmp_path.iterdir()} == TABLES
     assert len(rows_of(tmp_path / "frames.csv")) == 21
@@ -119,17 +91,19 @@ def test_a_sink_that_fails_does_not_keep_the_others_from_closing(tmp_path: Path)
 
 def test_stopping_ends_after_the_frame_at_hand(tmp_path: Path) -> None:
     seen = Seen()
-    summary = process_job(prepare(Pictures()), tmp_path, sinks=[seen], stop=lambda: len(seen.readings) == 5)
+    summary = process_job(
+        prepare(DrawnSource(frames=30)), tmp_path, sinks=[seen], stop=lambda: len(seen.readings) == 5
+    )
     assert summary.counts["frames"] == 5
     assert any("announced 30 frames; 5 were read" in sentence for sentence in summary.warnings())
 
 
-def test_files_of_an_earlier_run_do_not_stay_beside_those_of_this_one(tmp_path: Path) -> None:
+def test_files_of_an_earlier_run_do_not_stay_with_those_of_this_one(tmp_path: Path) -> None:
     for name in RESULTS:
         (tmp_path / name).write_text("earlier")
     (tmp_path / ".surface.partial.zarr").mkdir()
     (tmp_path / "notes.txt").write_text("mine")
-    process_job(prepare(Pictures(frames=16)), tmp_path)
+    process_job(prepare(DrawnSource(frames=16)), tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == TABLES | {"notes.txt"}
     assert "earlier" not in (tmp_path / "frames.csv").read_text()
 
@@ -148,21 +122,21 @@ def test_the_python_call_gives_the_folder(tmp_path: Path) -> None:
 @pytest.mark.parametrize("region", [Roi(300, 0, 21, 10), Roi(0, 200, 10, 41)])
 def test_a_region_outside_the_image_is_refused(region: Roi) -> None:
     with pytest.raises(SourceError, match="320 x 240"):
-        prepare(Pictures(), roi_px=region)
+        prepare(DrawnSource(), roi_px=region)
 
 
 def test_a_sensor_of_another_image_size_is_refused() -> None:
     camera = straight_camera(640, 480, focal_px=500.0, distance_mm=100.0)
     sensor = Sensor(name="other", camera=camera)
     with pytest.raises(SensorError, match="640 x 480 px, but drawn has 320 x 240"):
-        prepare(Pictures(), sensor=sensor)
+        prepare(DrawnSource(), sensor=sensor)
     with pytest.raises(SensorError, match="already states pitch"):
-        prepare(Pictures(), sensor=sensor, pitch_mm=4.0)
+        prepare(DrawnSource(), sensor=sensor, pitch_mm=4.0)
 
 
 def test_an_input_without_frames_is_refused() -> None:
     with pytest.raises(SourceError, match="no frame"):
-        prepare(Pictures(frames=0))
+        prepare(DrawnSource(frames=0))
 
 
 @pytest.mark.parametrize(
@@ -179,29 +153,31 @@ def test_kernels_are_known_by_name() -> None:
 
 
 def test_the_default_method_is_mechanics_where_the_sheet_is_known() -> None:
-    assert prepare(Pictures()).method == "perimeter"
-    assert prepare("sim:").method == "mechanics"
-    assert prepare("sim:", method="paper").method == "paper"
+    assert prepare(DrawnSource()).method == "perimeter"
+    source = simulated_source("rest", width_px=160)
+    assert prepare(source).method == "mechanics"
+    assert prepare(source, method="paper").method == "paper"
 
 
-def test_a_pretension_that_no_file_names_is_told_as_assumed() -> None:
-    source = simulated_source("rest", width_px=640)
+def test_a_pretension_that_no_file_states_is_an_assumption() -> None:
+    source = simulated_source("rest", width_px=160)
     slack = replace(source.sensor, sheet=replace(source.sensor.sheet, pretension_N_per_mm=None))
-    told = prepare(source, sensor=slack, method="mechanics").sensor.assumptions
-    assert sum("no pretension" in sentence for sentence in told) == 1
-    for sensor, method in ((source.sensor, "mechanics"), (slack, "perimeter")):
-        found = prepare(source, sensor=sensor, method=method).sensor
+    slack_source = replace(source, simulator=replace(source.simulator, sensor=slack))
+    stated = prepare(slack_source, method="mechanics").sensor.assumptions
+    assert sum("no pretension" in sentence for sentence in stated) == 1
+    for each, method in ((source, "mechanics"), (slack_source, "perimeter")):
+        found = prepare(each, method=method).sensor
         assert not any("pretension" in sentence for sentence in found.assumptions)
 
 
-def test_a_rate_that_nobody_names_is_told_as_assumed() -> None:
-    def says(**settings: Any) -> bool:
-        told = prepare(Pictures(**settings)).sensor.assumptions
-        return any("30 frames per second" in sentence for sentence in told)
+def test_a_rate_that_no_input_states_is_an_assumption() -> None:
+    def is_assumed(**settings: Any) -> bool:
+        stated = prepare(DrawnSource(**settings)).sensor.assumptions
+        return any("30 frames per second" in sentence for sentence in stated)
 
-    assert says(fps=None)
-    assert not says(fps=25.0)
-    assert not says(fps=None, frames=1)
+    assert is_assumed(fps=None)
+    assert not is_assumed(fps=25.0)
+    assert not is_assumed(fps=None, frames=1)
 
 
 def test_results_may_have_the_name_of_a_source_that_is_no_file(
@@ -209,5 +185,5 @@ def test_results_may_have_the_name_of_a_source_that_is_no_file(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for _ in range(2):
-        process_job(prepare(Pictures(frames=3)), Path("drawn"))
+        process_job(prepare(DrawnSource(frames=3)), Path("drawn"))
     assert {path.name for path in Path("drawn").iterdir()} == TABLES

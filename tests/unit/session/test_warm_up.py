@@ -1,4 +1,4 @@
-"""A touch is rehearsed where a method has never been compiled, and nowhere else."""
+"""A contact is processed to warm up where a method has never been compiled, and nowhere else."""
 
 import sys
 from dataclasses import replace
@@ -12,10 +12,10 @@ from manytouch.session.methods import kernels, pipeline_for
 from manytouch.values import Reading
 
 
-def test_a_touch_is_read_from_its_beginning_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_contact_is_processed_from_its_beginning_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     readings: list[Reading] = []
 
-    class Heard:
+    class Observed:
         def __init__(self, method: str) -> None:
             self._pipeline = pipeline_for(method)
 
@@ -25,7 +25,7 @@ def test_a_touch_is_read_from_its_beginning_to_its_end(monkeypatch: pytest.Monke
                 yield reading
 
     monkeypatch.setattr(warm_up, "kernels", dict)
-    monkeypatch.setattr(warm_up, "pipeline_for", Heard)
+    monkeypatch.setattr(warm_up, "pipeline_for", Observed)
     assert warm_up.warm_up_kernels("perimeter")
     touched = [bool(reading.contacts.touching) for reading in readings]
     assert not touched[0]
@@ -51,7 +51,7 @@ def test_a_touch_is_read_from_its_beginning_to_its_end(monkeypatch: pytest.Monke
         ("paper", {}, False),
     ],
 )
-def test_only_what_was_never_compiled_is_rehearsed(
+def test_only_what_was_never_compiled_is_warmed_up(
     monkeypatch: pytest.MonkeyPatch, method: str, known: dict[str, bool], is_needed: bool
 ) -> None:
     simulated = replace(pipeline_for("perimeter"))

@@ -1,4 +1,4 @@
-"""Cameras: asked in the right order, read back, copied, lost and found again."""
+"""Cameras: settings in the right order, read back, frames copied, disconnected and connected again."""
 
 import sys
 import time
@@ -27,35 +27,35 @@ ALL = CameraRequest(
 SYSTEMS = {"linux": cv2.CAP_V4L2, "win32": cv2.CAP_DSHOW, "darwin": cv2.CAP_AVFOUNDATION}
 
 
-def opened(platform: str, wishes: CameraRequest, **driver: object) -> tuple[Driver, object]:
+def opened(platform: str, request: CameraRequest, **driver: object) -> tuple[Driver, object]:
     made: list[Driver] = []
 
     def open_with(number: int | str, api: int) -> Driver:
         made.append(Driver(api, **driver))  # type: ignore[arg-type]
         return made[-1]
 
-    capture = open_camera(0, wishes, open_with, platform)  # type: ignore[arg-type]
+    capture = open_camera(0, request, open_with, platform)  # type: ignore[arg-type]
     assert capture is not None
     return made[-1], capture
 
 
-def said(capture: object) -> dict[str, tuple[str | None, str | None]]:
+def reported(capture: object) -> dict[str, tuple[str | None, str | None]]:
     return {setting.name: (setting.requested, setting.found) for setting in capture.settings}  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize("platform", SYSTEMS)
-def test_every_system_gives_size_and_rate_and_says_so(platform: str) -> None:
+def test_every_system_sets_and_reports_size_and_rate(platform: str) -> None:
     driver, capture = opened(platform, ALL)
     assert driver.api == SYSTEMS[platform]
-    assert said(capture)["size"] == ("1280 x 720 px", "1280 x 720 px")
-    assert said(capture)["rate"] == ("25 per second", "25 per second")
+    assert reported(capture)["size"] == ("1280 x 720 px", "1280 x 720 px")
+    assert reported(capture)["rate"] == ("25 per second", "25 per second")
 
 
 @pytest.mark.parametrize("platform", ["linux", "win32"])
 def test_motion_jpeg_survives_what_else_is_set(platform: str) -> None:
     driver, capture = opened(platform, ALL)
     assert driver.values[cv2.CAP_PROP_FOURCC] == MJPG
-    assert said(capture)["format"] == ("MJPG", "MJPG")
+    assert reported(capture)["format"] == ("MJPG", "MJPG")
 
 
 def test_amounts_reach_each_driver_in_its_unit() -> None:
@@ -64,14 +64,14 @@ def test_amounts_reach_each_driver_in_its_unit() -> None:
     assert linux.values[cv2.CAP_PROP_AUTO_EXPOSURE] == 1.0
     assert linux.values[cv2.CAP_PROP_AUTOFOCUS] == 0.0
     assert linux.values[cv2.CAP_PROP_WB_TEMPERATURE] == 4500.0
-    assert said(capture)["exposure"] == ("8 ms", "8 ms")
-    assert said(capture)["focus"] == ("40", "40")
+    assert reported(capture)["exposure"] == ("8 ms", "8 ms")
+    assert reported(capture)["focus"] == ("40", "40")
     windows, capture = opened("win32", ALL)
     assert windows.values[cv2.CAP_PROP_EXPOSURE] == -6.0  # log2(0.008) cut by the driver
-    assert said(capture)["exposure"] == ("8 ms", "15.62 ms"), "what the camera says is what is reported"
+    assert reported(capture)["exposure"] == ("8 ms", "15.62 ms"), "what the camera reports is shown"
 
 
-def test_automatic_is_switched_on_where_it_is_asked_for() -> None:
+def test_automatic_is_switched_on_where_it_is_requested() -> None:
     driver, _ = opened("linux", CameraRequest(exposure_ms="auto", focus="auto", white_balance_K="auto"))
     assert driver.values[cv2.CAP_PROP_AUTO_EXPOSURE] == 3.0
     assert driver.values[cv2.CAP_PROP_AUTOFOCUS] == 1.0
@@ -79,14 +79,14 @@ def test_automatic_is_switched_on_where_it_is_asked_for() -> None:
     assert cv2.CAP_PROP_EXPOSURE not in driver.values
 
 
-def test_nothing_is_set_that_nobody_asked_for() -> None:
+def test_nothing_is_set_that_was_not_requested() -> None:
     driver, _ = opened("linux", CameraRequest(is_mjpg=False))
     assert driver.calls == []
 
 
 def test_what_a_system_does_not_offer_is_not_known() -> None:
     driver, capture = opened("darwin", ALL)
-    assert said(capture)["exposure"] == ("8 ms", None)
+    assert reported(capture)["exposure"] == ("8 ms", None)
     assert {prop for prop, _ in driver.calls} == {
         cv2.CAP_PROP_FRAME_WIDTH,
         cv2.CAP_PROP_FRAME_HEIGHT,
@@ -99,7 +99,7 @@ def test_the_next_driver_is_tried_where_the_first_does_not_open() -> None:
         return Driver(api, gone=lambda: api == cv2.CAP_DSHOW)
 
     capture = open_camera(0, ALL, open_with, "win32")  # type: ignore[arg-type]
-    assert said(capture)["driver"] == (None, "Media Foundation")
+    assert reported(capture)["driver"] == (None, "Media Foundation")
     assert [backend.name for backend in backends("linux")] == ["V4L2"]
 
 
@@ -124,7 +124,7 @@ def test_a_camera_without_jpeg_gives_pictures_instead() -> None:
     shot = capture.read()  # type: ignore[attr-defined]
     assert shot.encoded is None
     assert shot.image.shape == (240, 320, 3)
-    assert said(capture)["format"] == ("MJPG", "YUYV")
+    assert reported(capture)["format"] == ("MJPG", "YUYV")
 
 
 class Plugged:
@@ -259,8 +259,8 @@ MS = 1_000_000
 def test_the_drivers_time_counts_while_it_makes_sense() -> None:
     clock = ArrivalClock()
     jitter = [0, 7, 2, 11, 3]
-    told = [clock.at(900_000 * MS + 40 * MS * i, 40 * MS * i + jitter[i] * MS) for i in range(5)]
-    assert told == [40 * MS * i for i in range(5)]
+    found = [clock.at(900_000 * MS + 40 * MS * i, 40 * MS * i + jitter[i] * MS) for i in range(5)]
+    assert found == [40 * MS * i for i in range(5)]
 
 
 def test_this_machines_time_counts_where_the_driver_has_none() -> None:
@@ -268,17 +268,17 @@ def test_this_machines_time_counts_where_the_driver_has_none() -> None:
     assert [clock.at(None, 1000 + 40 * i) for i in range(3)] == [0, 40, 80]
 
 
-def test_a_drivers_clock_that_jumps_is_tied_anew() -> None:
+def test_a_drivers_clock_that_jumps_is_synchronised_again() -> None:
     clock = ArrivalClock()
     driver_ns = [0, 40, 80, 500_000, 500_040]  # ms
-    told = [clock.at(each * MS, 40 * MS * i) for i, each in enumerate(driver_ns)]
-    assert told == [40 * MS * i for i in range(5)]
+    found = [clock.at(each * MS, 40 * MS * i) for i, each in enumerate(driver_ns)]
+    assert found == [40 * MS * i for i in range(5)]
 
 
-def test_timestamps_grow_whatever_the_driver_says() -> None:
+def test_timestamps_grow_whatever_the_driver_reports() -> None:
     clock = ArrivalClock()
-    told = [clock.at(each * MS, 40 * MS * i) for i, each in enumerate([100, 100, 60, 220])]
-    assert told == sorted(set(told))
+    found = [clock.at(each * MS, 40 * MS * i) for i, each in enumerate([100, 100, 60, 220])]
+    assert found == sorted(set(found))
 
 
 def test_passwords_are_not_shown() -> None:
@@ -310,12 +310,12 @@ class TestStream:
         span_s = (arrived[-1].timestamp_ns - arrived[0].timestamp_ns) * 1e-9
         assert (len(arrived) - 1) / span_s == pytest.approx(30.0, rel=0.1)
 
-    @pytest.mark.parametrize("sends_length", [True, False])
-    def test_with_and_without_lengths(self, sends_length: bool) -> None:
+    @pytest.mark.parametrize("with_length", [True, False])
+    def test_with_and_without_lengths(self, with_length: bool) -> None:
         from mjpeg_server import MjpegServer
 
         pictures = [jpeg(numbered(20 * i)) for i in range(6)]
-        with MjpegServer(pictures, fps=100.0, sends_length=sends_length) as server:
+        with MjpegServer(pictures, fps=100.0, sends_length=with_length) as server:
             source = open_source(server.url)
             arrived: list[Frame] = []
             source.listen(arrived.append)
@@ -326,7 +326,7 @@ class TestStream:
         for frame in frames:
             assert abs(number_of(frame.image) - 20 * ((frame.index + 1) % 6)) <= 1
 
-    def test_colour_when_it_is_asked_for(self) -> None:
+    def test_colour_when_it_is_requested(self) -> None:
         from mjpeg_server import MjpegServer
 
         with MjpegServer([jpeg(np.full((48, 64, 3), (200, 40, 90), np.uint8))], fps=100.0) as server:

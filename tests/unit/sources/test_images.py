@@ -92,8 +92,10 @@ def test_odd_ones_are_frames_without_a_picture(tmp_path: Path, capfd: pytest.Cap
     (tmp_path / "7.png").touch()
     assert levels(tmp_path) == [50, None, None, None, 70, 80, None]
     assert all(frame.image is None or frame.image.ndim == 2 for frame in open_source(tmp_path))
-    said = capfd.readouterr()
-    assert all(line.startswith("libpng") for line in (said.out + said.err).splitlines())  # old libpng itself
+    printed = capfd.readouterr()
+    assert all(
+        line.startswith("libpng") for line in (printed.out + printed.err).splitlines()
+    )  # old libpng itself
 
 
 def test_the_first_that_can_be_decoded_sets_the_size(tmp_path: Path) -> None:

@@ -92,16 +92,16 @@ def test_what_is_shipped_answers_the_scenes_question(name: str) -> None:
 def test_a_shipped_state_is_what_the_solver_finds() -> None:
     """A keyframe in the middle of the press, reached at once on coarser elements."""
     scene = load_scene(BUILT_IN / "one.toml")
-    asked = solid_problem(scene)
-    number = len(asked.keys) // 2
-    states = shipped_states("one", asked.keys)
+    wanted = solid_problem(scene)
+    number = len(wanted.keys) // 2
+    states = shipped_states("one", wanted.keys)
     assert states is not None
-    assert asked.loading is not None
-    touch = asked.loading.touches[0]
+    assert wanted.loading is not None
+    touch = wanted.loading.touches[0]
     place = slice(number, number + 1)
     once = replace(touch, position_mm=touch.position_mm[place], rotation_vector=touch.rotation_vector[place])
     loading = Loading(touches=(once,))
-    (state,) = solve_sheet(sheet_solver(replace(asked.model, element_mm=5.0)), loading)
+    (state,) = solve_sheet(sheet_solver(replace(wanted.model, element_mm=5.0)), loading)
     shipped, found = states[number], condense(state, loading)
     assert found.contacts[0].normal_force_N == pytest.approx(shipped.contacts[0].normal_force_N, rel=0.05)
     place_mm = np.array([[14.0, -8.0], [0.0, 0.0], [-30.0, 10.0], [40.0, -25.0]])
@@ -120,12 +120,12 @@ def test_a_scene_of_ones_own_is_solved_and_kept(tmp_path: Path, monkeypatch: pyt
     assert len(list((tmp_path / "states").iterdir())) == len(solid_problem(load_scene(path)).keys)
 
 
-def test_an_unknown_scene_is_told_which_there_are() -> None:
+def test_an_unknown_scene_lists_those_there_are() -> None:
     with pytest.raises(SourceError, match="fingers, one, rest"):
         simulated_source("two")
 
 
-def test_pictures_of_the_bent_sheet_show_the_dots_where_the_truth_says() -> None:
+def test_pictures_of_the_bent_sheet_show_the_dots_where_the_truth_has_them() -> None:
     """Centroids in even light without noise, dots around the deepest press among them."""
     source = simulated_source("one")
     plain = replace(source.simulator, look=Look(ground=0.0, dot=255.0))

@@ -77,7 +77,7 @@ def test_frames_stay_when_the_video_goes_on(videos: dict[str, Path]) -> None:
 
 @pytest.mark.parametrize("name", ["b.avi", "c.mkv"])
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.95])
-def test_the_lost_end_of_a_cut_video_is_told(
+def test_the_lost_end_of_a_cut_video_is_counted(
     videos: dict[str, Path], tmp_path: Path, name: str, share: float, capfd: pytest.CaptureFixture[str]
 ) -> None:
     whole = videos[name].read_bytes()
@@ -91,7 +91,7 @@ def test_the_lost_end_of_a_cut_video_is_told(
     assert capfd.readouterr() == ("", "")
 
 
-def test_a_video_without_its_index_says_so(videos: dict[str, Path], tmp_path: Path) -> None:
+def test_a_video_without_its_index_is_refused(videos: dict[str, Path], tmp_path: Path) -> None:
     whole = videos["a.mp4"].read_bytes()
     (tmp_path / "a.mp4").write_bytes(whole[: len(whole) // 2])
     with pytest.raises(SourceError, match="cut short"):

@@ -93,7 +93,7 @@ class Viewer:
                 return  # of the sensor before or after the one that is shown
             update = ViewerUpdate(
                 reading=reading,
-                comparison=self._controls.beside(reading.frame.index),
+                comparison=self._controls.comparison(reading.frame.index),
                 layers=self._clients.layers,
                 is_image_wanted=self._clients.is_image_wanted,
             )
