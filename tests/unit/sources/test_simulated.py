@@ -49,7 +49,7 @@ def test_the_default_scene_and_its_facts() -> None:
 
 
 def test_each_iteration_gives_the_same_bits() -> None:
-    source = simulated_source("one", fps=2.0)
+    source = simulated_source("one", fps=2.0, width_px=320)
     pictures = [[frame.image for frame in source] for _ in range(2)]
     assert len(pictures[0]) == source.frame_count == 12
     assert all(np.array_equal(a, b) for a, b in zip(*pictures, strict=True))
@@ -57,7 +57,7 @@ def test_each_iteration_gives_the_same_bits() -> None:
 
 
 def test_truth_goes_with_the_frames() -> None:
-    source = simulated_source("one", fps=2.0)
+    source = simulated_source("one", fps=2.0, width_px=320)
     counts = [len(source.truth(index).contacts.touching) for index in range(source.frame_count)]
     assert counts == [0, 0, 0, 1, 1, 1, 1, 1, 1, 1, 0, 0]
     assert source.truth(6).frame_index == 6
