@@ -118,14 +118,12 @@ def rest(
 
     Example: manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm 4 --out sensor.toml
     """
-    from itertools import islice
-
     import numpy as np
     from rich.console import Console
 
     from manytouch.calibration.rest.pose import calibrate_rest
     from manytouch.calibration.rest.report import describe, with_provenance
-    from manytouch.sources import open_source
+    from manytouch.sources import open_source, read_frames
     from manytouch.values import Sheet
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
@@ -135,7 +133,7 @@ def rest(
     sheet = None
     if sheet_mm is not None and thickness_mm is not None:
         sheet = Sheet(size_mm=np.array(sheet_mm), thickness_mm=float(thickness_mm))
-    frames = list(islice(iter(open_source(source)), REST_FRAMES))
+    frames = read_frames(open_source(source), REST_FRAMES)
     found = calibrate_rest(
         load_sensor(sensor), frames, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
     )
@@ -226,7 +224,7 @@ def _pictures(texts: list[str]) -> Iterator[tuple[str, "Frame"]]:
     A file that cannot be opened counts as one image without content if there are other inputs.
     """
     from manytouch.errors import SourceError
-    from manytouch.sources import open_source
+    from manytouch.sources import closing_source, open_source
     from manytouch.values import Frame
 
     for text in texts:
@@ -242,10 +240,11 @@ def _pictures(texts: list[str]) -> Iterator[tuple[str, "Frame"]]:
                 yield path.name, frame
             continue
         next_ns = None
-        for frame in source:
-            if next_ns is None or frame.timestamp_ns >= next_ns:
-                next_ns = frame.timestamp_ns + int(VIDEO_STEP_S * 1e9)
-                yield f"frame {frame.index}", frame
+        with closing_source(source):
+            for frame in source:
+                if next_ns is None or frame.timestamp_ns >= next_ns:
+                    next_ns = frame.timestamp_ns + int(VIDEO_STEP_S * 1e9)
+                    yield f"frame {frame.index}", frame
 
 
 class _ViewProgress:

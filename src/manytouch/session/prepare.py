@@ -62,7 +62,7 @@ class Job:
 
     @property
     def own_sinks(self) -> tuple[Sink, ...]:
-        """None."""
+        """A job has no sinks of its own."""
         return ()
 
     @property

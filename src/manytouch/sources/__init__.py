@@ -8,6 +8,6 @@
 """
 
 from manytouch.sources.opening import open_source
-from manytouch.sources.source import Capabilities, Source
+from manytouch.sources.source import Capabilities, Source, closing_source, read_frames
 
-__all__ = ["Capabilities", "Source", "open_source"]
+__all__ = ["Capabilities", "Source", "closing_source", "open_source", "read_frames"]

@@ -1,7 +1,9 @@
 """The interface of every source of frames, and what a source can do beyond giving frames."""
 
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Protocol, runtime_checkable
 
@@ -124,6 +126,21 @@ def close(source: Source) -> None:
     device = source.capabilities.device
     if device is not None:
         device.close()
+
+
+@contextmanager
+def closing_source(source: Source) -> Iterator[Source]:
+    """Release the device of a source at the end of a `with` block."""
+    try:
+        yield source
+    finally:
+        close(source)
+
+
+def read_frames(source: Source, count: int) -> list[Frame]:
+    """The first frames of a source, which is released then."""
+    with closing_source(source):
+        return list(islice(source, count))
 
 
 def evenly_timed_ns(index: int, fps: float | None) -> int:
