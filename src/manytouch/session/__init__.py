@@ -12,7 +12,7 @@ from manytouch.session.methods import METHODS, kernels, pipeline_for
 from manytouch.session.playback import Playback
 from manytouch.session.prepare import REST_FRAMES, Job, Pitch, prepare, require_region
 from manytouch.session.results import RESULTS, process, process_job, result_name, result_sinks
-from manytouch.session.run import Observer, Readings, Stop, run
+from manytouch.session.run import Observer, Readings, StopCondition, run
 
 __all__ = [
     "METHODS",
@@ -24,7 +24,7 @@ __all__ = [
     "Pitch",
     "Playback",
     "Readings",
-    "Stop",
+    "StopCondition",
     "kernels",
     "pipeline_for",
     "prepare",

@@ -17,8 +17,7 @@ from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.prepare import Job
 from manytouch.session.recording import SessionRecorder
-from manytouch.session.run import Observer
-from manytouch.session.run import Stop as StopRun
+from manytouch.session.run import Observer, StopCondition
 from manytouch.session.throughput import ThroughputMeter
 from manytouch.values import (
     Command,
@@ -136,7 +135,7 @@ class Live:
             sensor_version=setup.version,
         )
 
-    def start(self, observer: Observer, stop: StopRun) -> Generator[Reading, None, None]:
+    def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:
         """Readings until the source ends.
 
         Raises:

@@ -12,8 +12,7 @@ from manytouch.session.commands.tuning import parameters_of
 from manytouch.session.methods import METHODS, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.prepare import Job, prepare
-from manytouch.session.run import Observer
-from manytouch.session.run import Stop as StopRun
+from manytouch.session.run import Observer, StopCondition
 from manytouch.session.throughput import ThroughputMeter
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.sources import open_source
@@ -132,7 +131,7 @@ class Playback:
             frame_count=len(self._timeline),
         )
 
-    def start(self, observer: Observer, stop: StopRun) -> Generator[Reading, None, None]:
+    def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:
         """Readings until the end of the recording; with `stays` until `stop` returns True.
 
         Raises:
@@ -152,7 +151,7 @@ class Playback:
         """Release the recording."""
         self._job.close()
 
-    def _next_begin(self, stop: StopRun) -> int | None:
+    def _next_begin(self, stop: StopCondition) -> int | None:
         """The place to continue at; None at the end."""
         while not stop():
             self._commands.drain(self._carry_out)
@@ -164,7 +163,7 @@ class Playback:
             time.sleep(LONGEST_NAP_S)
         return None
 
-    def _readings(self, begin: int, stop: StopRun) -> Iterator[Reading]:
+    def _readings(self, begin: int, stop: StopCondition) -> Iterator[Reading]:
         """Readings from a place on, until the end or until another place is sought."""
         self._pace.reset()
         places = self._places(begin, stop)
@@ -178,7 +177,7 @@ class Playback:
             frame = replace(reading.frame, arrived_ns=time.monotonic_ns())
             yield replace(reading, frame=frame)
 
-    def _places(self, begin: int, stop: StopRun) -> Iterator[int]:
+    def _places(self, begin: int, stop: StopCondition) -> Iterator[int]:
         """Places when they are due. The first comes at once, also while the playback is held."""
         for place in range(begin, len(self._timeline)):
             self._commands.drain(self._carry_out)

@@ -11,7 +11,7 @@ from manytouch.calibration import register_rest, sensor_from_rest
 from manytouch.errors import ManytouchError, SensorError, SourceError
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import default_method, kernels, pipeline_for
-from manytouch.session.run import Observer, Stop
+from manytouch.session.run import Observer, StopCondition
 from manytouch.session.warm_up import warm_up_kernels
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.camera import without_password
@@ -95,7 +95,7 @@ class Job:
         """Every frame's reading, in order; can be iterated once."""
         return self.pipeline.run(self.frames, self.sensor)
 
-    def start(self, observer: Observer, stop: Stop) -> Generator[Reading, None, None]:
+    def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:
         """Every frame's reading, in order.
 
         Raises:

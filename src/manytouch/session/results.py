@@ -6,7 +6,7 @@ from pathlib import Path
 from manytouch.errors import OutputError, SourceError
 from manytouch.pipeline import Sink
 from manytouch.session.prepare import Job, Pitch, prepare
-from manytouch.session.run import Observer, Stop, run
+from manytouch.session.run import Observer, StopCondition, run
 from manytouch.sinks.files.atomic_output import output_errors, remove, temporary_path
 from manytouch.sinks.files.summary import Summary
 from manytouch.sinks.files.surface_store import SurfaceStore, require_zarr
@@ -37,7 +37,7 @@ def process(
     roi_px: Roi | None = None,
     fps: float | None = None,
     observer: Observer | None = None,
-    stop: Stop | None = None,
+    stop: StopCondition | None = None,
 ) -> Path:
     """Process every frame of an input and write its tables.
 
@@ -77,7 +77,7 @@ def process_job(
     annotate: bool = False,
     sinks: Sequence[Sink] = (),
     observer: Observer | None = None,
-    stop: Stop | None = None,
+    stop: StopCondition | None = None,
 ) -> Summary:
     """Process all frames of a job into the files of a folder.
 

@@ -11,7 +11,7 @@ from typing import Protocol, runtime_checkable
 from manytouch.pipeline import Sink
 from manytouch.values import Reading, Sensor
 
-Stop = Callable[[], bool]
+StopCondition = Callable[[], bool]
 """Returns True once a run shall end; called after each frame, and while none comes."""
 
 
@@ -63,7 +63,7 @@ class Readings(Protocol):
     def own_sinks(self) -> Sequence[Sink]:
         """Sinks that belong to it; they get each reading after all others."""
 
-    def start(self, observer: Observer, stop: Stop) -> Generator[Reading, None, None]:
+    def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:
         """Produce readings in order, at the pace of the source.
 
         Args:
@@ -79,7 +79,7 @@ def run(
     readings: Readings,
     sinks: Sequence[Sink] = (),
     observer: Observer | None = None,
-    stop: Stop | None = None,
+    stop: StopCondition | None = None,
 ) -> None:
     """Write each reading to every sink, until there are no more or `stop` returns True.
 
