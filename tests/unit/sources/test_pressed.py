@@ -6,12 +6,23 @@ import numpy as np
 import pytest
 
 from manytouch.simulation.scene.interactive_indenters import ALONE_S, FIRST_ID, MOST_FINGERS
+from manytouch.simulation.simulator import Simulator
 from manytouch.sources.pressed import PressedSource
 from manytouch.sources.simulated import simulated_source
-from manytouch.values import Contact, Press, Release, Truth
+from manytouch.values import Contact, Frame, Press, Release, Truth
 
 EASED = 15  # frames until a finger is where it is wanted
-SMALL_PX = 160  # these laws are about the sheet, not about its images
+SMALL_PX = 160
+
+
+@pytest.fixture(autouse=True)
+def unrendered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Frames without images, which take most of the time."""
+
+    def frame(simulator: Simulator, index: int) -> Frame:
+        return Frame(index=index, timestamp_ns=round(index * 1e9 / simulator.fps), camera="sim", image=None)
+
+    monkeypatch.setattr(Simulator, "frame", frame)
 
 
 @pytest.fixture
