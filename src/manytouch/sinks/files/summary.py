@@ -117,7 +117,7 @@ class Summary:
         for status, count in sorted(self._status.items()):
             if status is not Status.OK:
                 has = "frame has" if frames == 1 else "frames have"
-                sentences.append(f"{count} of {frames} {has} the status {status}")
+                sentences.append(f"{count} of {frames} {has} the status {status}. {status.remedy}")
         announced = self._recording.get("frame_count")
         if announced is not None and announced != frames:
             sentences.append(

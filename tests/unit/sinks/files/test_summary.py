@@ -76,7 +76,7 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
         "markers": 23,
     }
     assert summary["odd"] == [
-        "1 of 6 frames have the status decode_error",
+        f"1 of 6 frames have the status decode_error. {Status.DECODE_ERROR.remedy}",
         "the input announced 9 frames; 6 were read, up to number 5",
         "1 marker is seen in less than half of the frames: 3",
     ]
@@ -95,7 +95,7 @@ def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, 
     everything = tuple(range(24))
     for index in range(3, 8):
         summary.write(reading_of(index, unseen=everything, status=Status.DECODE_ERROR))
-    assert summary.warnings() == ["5 of 8 frames have the status decode_error"]
+    assert summary.warnings() == [f"5 of 8 frames have the status decode_error. {Status.DECODE_ERROR.remedy}"]
 
 
 def test_a_run_without_frames_has_a_summary_too(tmp_path, sensor):
