@@ -51,7 +51,8 @@ class SessionRecorder:
         if self._recorder is not None:
             raise ManytouchError(f"{self.name} is being recorded: stop it first")
         path = path or self._folder / time.strftime(NAME)
-        if path.exists() and any(path.samefile(file) for file in self._job.source.capabilities.files):
+        files = self._job.source.capabilities.files
+        if path.exists() and any(file.exists() and path.samefile(file) for file in files):
             raise OutputError(f"{str(path)!r} is the recording that is read: record under another name")
         renamed = _rename_existing(path)
         try:
