@@ -1,6 +1,5 @@
-"""Equations 1 to 4, the deflection of the sheet, and the chosen dimensions."""
+"""The chosen dimensions, their reasons, and conflicts of requirements."""
 
-import math
 import re
 
 import numpy as np
@@ -8,88 +7,9 @@ import pytest
 
 from manytouch.cli import main
 from manytouch.design.choose import design_sensor
-from manytouch.design.deflection import deflection_curve
 from manytouch.design.dimensions import MIN_GAP_PX, MIN_RIM_MM, rim_mm
-from manytouch.design.materials import MATERIALS, young_MPa
 from manytouch.design.requirements import DesignError, Optics, Printer, Requirements
-from manytouch.design.spacing import gap_mm, largest_height_mm, largest_radius_mm, smallest_pitch_mm
-from manytouch.design.stand_off import focal_px, stand_off, vfov_rad
 from manytouch.values.sensor_file import load_sensor
-
-
-def gap_by_rotation(d: float, r: float, h: float, slope: float, turn: float) -> float:
-    """Equation 1 by rotating two markers instead of by its formula."""
-
-    def rotate(x: float, angle: float, corner: tuple[float, float]) -> float:
-        return x + corner[0] * math.cos(angle) - corner[1] * math.sin(angle)
-
-    return rotate(d * math.cos(slope + turn), slope + turn, (-r, h)) - rotate(0.0, slope, (r, h))
-
-
-@pytest.mark.parametrize("slope", [-0.3, 0.0, 0.2])
-@pytest.mark.parametrize("turn", [-0.15, 0.0, 0.25])
-def test_equation_1_is_the_gap_between_two_rotated_markers(slope, turn):
-    found = gap_mm(pitch_mm=4.0, radius_mm=1.1, height_mm=1.7, slope_rad=slope, turn_rad=turn)
-    assert found == pytest.approx(gap_by_rotation(4.0, 1.1, 1.7, slope, turn))
-
-
-def test_equation_1_of_a_flat_sheet_is_the_pitch_without_two_radii():
-    assert gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=3.0, slope_rad=0.0, turn_rad=0.0) == pytest.approx(
-        2.0
-    )
-
-
-def test_equation_1_is_solved_for_pitch_radius_and_height():
-    shape = {"slope_rad": 0.1, "turn_rad": 0.2}
-    pitch = smallest_pitch_mm(gap_mm=0.5, radius_mm=1.0, height_mm=2.0, **shape)
-    assert gap_mm(pitch_mm=pitch, radius_mm=1.0, height_mm=2.0, **shape) == pytest.approx(0.5)
-    radius = largest_radius_mm(pitch_mm=4.0, gap_mm=0.5, height_mm=2.0, **shape)
-    assert gap_mm(pitch_mm=4.0, radius_mm=radius, height_mm=2.0, **shape) == pytest.approx(0.5)
-    height = largest_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, **shape)
-    assert gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=height, **shape) == pytest.approx(0.5)
-    assert (
-        largest_height_mm(pitch_mm=4.0, radius_mm=1.0, gap_mm=0.5, slope_rad=0.2, turn_rad=-0.2) == math.inf
-    )
-
-
-def test_the_stand_off_is_the_greatest_of_three():
-    angles = {"hfov_rad": math.radians(90.0), "vfov_rad": math.radians(60.0)}
-    wide = stand_off(view_mm=(200.0, 50.0), least_focus_mm=30.0, **angles)
-    assert (wide.distance_mm, wide.limit) == (pytest.approx(100.0), "width")
-    high = stand_off(view_mm=(20.0, 100.0), least_focus_mm=30.0, **angles)
-    assert (high.distance_mm, high.limit) == (pytest.approx(50.0 * math.sqrt(3.0)), "height")
-    near = stand_off(view_mm=(20.0, 10.0), least_focus_mm=30.0, **angles)
-    assert (near.distance_mm, near.limit) == (30.0, "focus")
-
-
-def test_fields_of_view_belong_to_square_pixels():
-    assert focal_px(2000, math.radians(90.0)) == pytest.approx(1000.0)
-    assert vfov_rad(2000, 1000, math.radians(90.0)) == pytest.approx(2 * math.atan(0.5))
-
-
-def test_stiffness_follows_from_hardness():
-    assert young_MPa(60.0) == pytest.approx(3.6, rel=0.02)
-    stiffness = [item.young_MPa for item in MATERIALS]
-    assert stiffness == sorted(stiffness)
-
-
-def test_ten_newtons_press_the_papers_sheet_one_centimetre_at_about_three_megapascals():
-    curve = deflection_curve(size_mm=(120.0, 80.0), thickness_mm=3.0, poisson=0.45, deepest_mm=10.1)
-    young = 10.0 / curve.force_over_E_at(10.1)
-    assert 2.8 < young < 3.5
-    assert curve.depth_at(10.0 / young) == pytest.approx(10.1)
-    assert np.all(np.diff(curve.depth_mm) > 0)
-    assert np.all(np.diff(curve.strain) > 0)
-    # extrapolated linearly in logarithms
-    u, v = np.log(curve.force_over_E_mm2), np.log(curve.depth_mm)
-    slope = (v[-1] - v[-2]) / (u[-1] - u[-2])
-    assert np.log(curve.depth_at(3.0 * curve.force_over_E_mm2[-1])) == pytest.approx(
-        v[-1] + slope * np.log(3.0)
-    )
-    # a deep press grows with the cube root of the force, as a membrane does
-    assert curve.depth_at(8.0 * curve.force_over_E_mm2[-1]) / curve.depth_mm[-1] == pytest.approx(
-        2.0, rel=0.35
-    )
 
 
 @pytest.fixture(scope="module")

@@ -1,0 +1,52 @@
+"""The files of a design."""
+
+import csv
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from manytouch.design.parts.casing import (
+    CasingChoices,
+    make_parts,
+    screw_places,
+)
+from manytouch.design.parts.meshing import make_mesh
+from manytouch.design.write import write_design
+from manytouch.values.sensor_file import load_sensor
+
+FEW_SCREWS = CasingChoices(screw_every_mm=80.0)
+
+
+def test_a_design_is_written_with_all_its_files(found, tmp_path: Path):
+    assert write_design(found, tmp_path, choices=FEW_SCREWS, step=True) == ()
+    names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
+    assert names >= {
+        *("sensor.toml", "design.md", "assembly.md", "bill_of_materials.csv", "parts.png"),
+        *(f"parts/{name}" for name in ("sheet.stl", "markers.stl", "clamp.stl", "casing.stl", "sheet.3mf")),
+        *(
+            "parts/casing.step",
+            "parts/clamp.step",
+            "patterns/markers.pdf",
+            "patterns/chessboard-9x6.svg",
+            "patterns/charuco-10x7.pdf",
+        ),
+    }
+    assert load_sensor(tmp_path / "sensor.toml").layout.shape == found.sensor.layout.shape
+    read = trimesh.load(tmp_path / "parts" / "sheet.3mf")
+    assert sorted(read.geometry) == ["markers", "sheet"]
+    assert read.units == "millimeter"
+    items = {
+        row["item"]: row
+        for row in csv.DictReader((tmp_path / "bill_of_materials.csv").read_text().splitlines())
+    }
+    assert items["ball"]["what"] == "16 mm, a marble"
+    guide = (tmp_path / "assembly.md").read_text()
+    in_order = ["Print `casing.stl`", "calibrate camera", "Lay the sheet on the rim", "calibrate rest"]
+    assert sorted(in_order, key=guide.index) == in_order
+    assert items["nut"]["count"] == str(len(screw_places(found.sensor, FEW_SCREWS)))
+    import build123d
+
+    casing = next(part for part in make_parts(found.sensor, "TPU", FEW_SCREWS) if part.name == "casing")
+    step = build123d.import_step(tmp_path / "parts" / "casing.step")
+    assert step.volume == pytest.approx(make_mesh(casing.solid).volume_mm3, rel=1e-4)
