@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.errors import SensorError
 from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.load.displacement_load import DisplacementLoad
@@ -72,10 +71,7 @@ class LoadContactFinder:
         """
         tracks = self.tracker.start(sensor)
         layout, camera = sensor.layout, sensor.camera
-        if layout is None:
-            raise SensorError(
-                f"sensor {sensor.name!r} has no [markers]: run `manytouch calibrate rest` first"
-            )
+        assert layout is not None  # the tracker has raised otherwise
         rest_px = project(camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
         plane_mm = onto_plane(camera, rest_px)[:, :2]
         load = self.load.start(sensor, plane_mm)
