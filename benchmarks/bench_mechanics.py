@@ -1,4 +1,4 @@
-"""How long the mechanics of one Gauss-Newton step takes, kernel by kernel, for the demo sensor's 600 dots.
+"""How long the mechanics of one Gauss-Newton step takes, kernel by kernel, for the demo sensor's 600 markers.
 
 Run with OMP_NUM_THREADS=1: `python benchmarks/bench_mechanics.py [--elements 30 20] [--repeats 60]`.
 Times are those of the thread, so that other programs count little: the least, and the median.
@@ -11,10 +11,9 @@ from collections.abc import Callable
 import numpy as np
 
 from manytouch.geometry.spline.patch import SplinePatch
-from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
-from manytouch.mechanics.solver import band_kernels
-from manytouch.mechanics.solver.band import factorised
+from manytouch.mechanics.solver.band import band_rows, factorise, new_band
 from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.simulation.demo_sensor import demo_sensor
 
@@ -35,7 +34,7 @@ def problem(elements: tuple[int, int]) -> tuple[NormalEquations, np.ndarray]:
     assert sensor.layout is not None
     patch = SplinePatch(size_mm=(120.0, 80.0), elements=elements)
     shell = Shell(patch=patch, thickness_mm=3.0, pretension_over_E_mm=0.129, bending_factor=THICK_BENDING)
-    dots = Dots(
+    dots = MarkerImages(
         shell=shell,
         camera=sensor.camera,
         rest_mm=sensor.layout.rest_mm,
@@ -49,53 +48,42 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--elements", type=int, nargs=2, default=(30, 20), metavar=("X", "Y"))
     parser.add_argument("--repeats", type=int, default=60)
-    asked = parser.parse_args()
-    normal, bent_mm = problem((asked.elements[0], asked.elements[1]))
-    shell, dots, patch = normal.shell, normal.dots, normal.shell.patch
-    assert normal.precision is not None
-    force, tangent = np.empty_like(bent_mm), shell.empty_tangent(normal.precision)
+    given = parser.parse_args()
+    normal, bent_mm = problem((given.elements[0], given.elements[1]))
+    shell, dots, patch, precision = normal.shell, normal.dots, normal.shell.patch, normal.precision
+    assert precision is not None
+    force, tangent = np.empty_like(bent_mm), shell.empty_tangent(precision)
     rng = np.random.default_rng(0)
     residual = rng.normal(scale=0.05, size=(len(dots.rest_mm), 2))
     information = np.tile(np.eye(2) / 0.045**2, (len(residual), 1, 1))
     weight = np.column_stack([np.full((patch.node_count, 2), 2.5e5), rng.uniform(1.0, 1e6, patch.node_count)])
-    normal.linearise(bent_mm)
-    normal.step(residual, information, weight)
-    flat, front, width = normal._flat, normal._front, normal._width
-    gradient = np.zeros(3 * patch.node_count)
-    normal._assemble(residual, information, weight, 0.0)
-    matrix = flat.copy()
+    here = normal.linearise(bent_mm)
+    posterior = normal.solve(here, residual, information, weight)
+    width = posterior.factor.lower.shape[1] - 1
 
     def cholesky() -> None:
-        flat[:] = matrix
-        assert factorised(flat, front=front, unknowns=gradient.size, width=width) is not None
-
-    def balance() -> None:
-        band_kernels.add_forces(
-            normal._tangent, normal._force, normal._slope, normal._first, normal._table_x, normal._table_y,
-            weight, patch.shape, patch.is_free, front, width, flat, gradient,
-        )  # fmt: skip
+        band = new_band(bent_mm.size, width, precision)
+        band_rows(band)[:, 0] = 1.0
+        assert factorise(band) is not None
 
     right = rng.normal(size=(1, *bent_mm.shape))
     many = right.repeat(30, axis=0)
     node, row = dots.face.basis.node, dots.face.derivative(bent_mm)[:, 2]
-    print(
-        f"{patch.elements} elements, {gradient.size} unknowns, half-band {width}, {normal.precision.__name__}"
-    )
+    print(f"{patch.elements} elements, {bent_mm.size} unknowns, half-band {width}, {precision.__name__}")
     for name, work in (
         ("forces", lambda: shell.forces(bent_mm)),
         ("forces and tangent", lambda: shell.forces_and_tangent(bent_mm, force, tangent)),
-        ("dots' centroids", lambda: dots.displacement_px(bent_mm)),
-        ("dots' derivative", lambda: dots.derivative_px(bent_mm)),
-        ("R^T D R", balance),
-        ("Cholesky (and a copy)", cholesky),
+        ("marker images", lambda: dots.displacement_px(bent_mm)),
+        ("their derivative", lambda: dots.derivative_px(bent_mm)),
+        ("Cholesky (and memory)", cholesky),
         ("linearise", lambda: normal.linearise(bent_mm)),
-        ("step", lambda: normal.step(residual, information, weight)),
-        ("change of the forces", lambda: normal.force_change(bent_mm)),
-        ("solve", lambda: normal.solve(right)),
-        ("covariance of 30", lambda: normal.covariance(many)),
-        ("variances at all dots", lambda: normal.variances(node, row)),
+        ("solve", lambda: normal.solve(here, residual, information, weight)),
+        ("change of the forces", lambda: here.force_change(bent_mm)),
+        ("one right-hand side", lambda: posterior.solve(right)),
+        ("covariance of 30", lambda: posterior.covariance(many)),
+        ("variances at all markers", lambda: posterior.variances(node, row)),
     ):
-        least, median = times_ms(work, asked.repeats if "variances" not in name else 3)
+        least, median = times_ms(work, given.repeats if "variances" not in name else 3)
         print(f"{name:<24}{least:8.2f}{median:8.2f} ms")
 
 

@@ -14,7 +14,7 @@ from manytouch.cli import main
 from manytouch.design.deflection import fingertip
 from manytouch.errors import SensorError, SourceError
 from manytouch.geometry.spline.patch import SplinePatch
-from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
 from manytouch.simulation.demo_sensor import demo_sensor
@@ -85,7 +85,7 @@ def pressed(
         bending_factor=THICK_BENDING,
     )
     layout = sensor.layout
-    dots = Dots(
+    dots = MarkerImages(
         shell=shell, camera=sensor.camera, rest_mm=layout.rest_mm, radius_mm=layout.radius_mm, height_mm=0.0
     )
     chance = np.random.default_rng(5)

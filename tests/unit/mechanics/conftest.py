@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from manytouch.geometry.spline.patch import SplinePatch
-from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera
 
@@ -51,10 +51,10 @@ def camera() -> Camera:
 
 
 @pytest.fixture
-def dots(shell: Shell, camera: Camera) -> Dots:
+def dots(shell: Shell, camera: Camera) -> MarkerImages:
     patch = shell.patch
     half = 0.5 * np.array(patch.size_mm) - 3.0
     x, y = (np.arange(-side, side + 1e-9, 4.0) for side in half)
     place = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2) + np.array(patch.centre_mm)
     rest_mm = np.column_stack([place, np.zeros(len(place))])
-    return Dots(shell=shell, camera=camera, rest_mm=rest_mm, radius_mm=np.full(len(place), 1.0))
+    return MarkerImages(shell=shell, camera=camera, rest_mm=rest_mm, radius_mm=np.full(len(place), 1.0))

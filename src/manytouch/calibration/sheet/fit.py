@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Bool, Float64
 
 from manytouch.geometry.spline.patch import SplinePatch
-from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.equilibrium import equilibrium, tangent_factor
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
 from manytouch.values import Sensor
@@ -181,7 +181,7 @@ class PressFit:
             shapes[number] = shape
         return replace(guess, single=single, shape_mm=shapes)
 
-    def model(self, common: Float64[np.ndarray, "4"]) -> tuple[Shell, Dots]:
+    def model(self, common: Float64[np.ndarray, "4"]) -> tuple[Shell, MarkerImages]:
         """Shell and dots at given common unknowns."""
         layout = self.sensor.layout
         assert layout is not None
@@ -192,7 +192,7 @@ class PressFit:
             pretension_over_E_mm=float(common[0]),
             bending_factor=THICK_BENDING * float(np.exp(common[1])),
         )
-        dots = Dots(
+        dots = MarkerImages(
             shell=shell,
             camera=self.sensor.camera,
             rest_mm=layout.rest_mm,

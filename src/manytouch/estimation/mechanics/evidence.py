@@ -16,7 +16,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.gauss_newton import Fit
-from manytouch.estimation.mechanics.patch_kernels import fit_patches
+from manytouch.estimation.mechanics.patch_kernels import NodeGrid, Whitened, fit_patches
 from manytouch.estimation.mechanics.sheet_model import SheetModel
 from manytouch.geometry.spline import basis
 from manytouch.values import Status
@@ -95,10 +95,9 @@ class Evidence:
 
     def _fit(self, theta: Scalars, step: list[float]) -> tuple[float, Float64[np.ndarray, "p p"]]:
         """Least misfit and its curvature; `theta` is changed in place."""
-        knots_mm = (self.knot_x_mm, self.knot_y_mm)
-        misfit, curved = fit_patches(
-            theta, np.array(step), self.white, self.aim, *knots_mm, self.local, _MAX_STEPS
-        )
+        grid = NodeGrid(self.knot_x_mm, self.knot_y_mm, self.local)
+        likelihood = Whitened(self.white, self.aim)
+        misfit, curved = fit_patches(theta, np.array(step), grid, likelihood, _MAX_STEPS)
         return float(misfit), curved
 
 

@@ -1,23 +1,53 @@
-"""Compiled loops that fit one or two patches of pressure to nodal forces."""
+"""Fits one or two patches of pressure to nodal forces, compiled."""
 
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
-
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from jaxtyping import Float64, Int64
+
+from manytouch.compilation import kernel, no_type_check
 
 ONE = 6
-"""Parameters of one patch: force, x, y, and the triangular root xx, yx, yy of its second moment. Two have 7:
-force, x, y of each, and the deviation of both along each axis."""
-_PLACE = 2.0 * np.cos(np.pi * np.arange(1, 6) / 6.0)  # in deviations
+"""Number of parameters of one patch: force, x, y, and the triangular root xx, yx, yy of its second moment.
+Two patches have 7: force, x, y of each, and the standard deviation of both along each axis."""
+
+Knots = Float64[np.ndarray, " knots"]
+Parameters = Float64[np.ndarray, " p"]
+
+
+class NodeGrid(NamedTuple):
+    """The splines whose nodal forces are known.
+
+    Attributes:
+        knot_x, knot_y: knots along x and y.
+        local: (nx, ny) number of each spline function's node among the n nodes, or -1.
+    """
+
+    knot_x: Knots
+    knot_y: Knots
+    local: Int64[np.ndarray, "nx ny"]
+
+
+class Whitened(NamedTuple):
+    """The likelihood of n nodal forces.
+
+    Attributes:
+        white: (q, n) combinations, each divided by its standard deviation.
+        aim: (q,) their most likely values.
+    """
+
+    white: Float64[np.ndarray, "q n"]
+    aim: Float64[np.ndarray, " q"]
+
+
+_PLACE = 2.0 * np.cos(np.pi * np.arange(1, 6) / 6.0)  # in standard deviations
 _WEIGHT = np.sin(np.pi * np.arange(1, 6) / 6.0) ** 2 / 3.0
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
-def _functions(knot, place, value):
-    """The four cubic B-splines at a place (Cox-de Boor); returns the first one's number."""
+def _basis(knot: Knots, place: float, value: Float64[np.ndarray, "4"]) -> int:
+    """The four cubic B-splines at a place (Cox-de Boor), into `value`; returns the number of the first."""
     place = min(max(place, knot[3]), knot[-4])
     span = 3
     while span < len(knot) - 5 and place >= knot[span + 1]:
@@ -34,41 +64,50 @@ def _functions(knot, place, value):
     return span - 3
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
-def _press(knot_x, knot_y, local, force, x, y, root, nodal):
-    """Adds the nodal forces of a patch to `nodal`: those of an even ellipse, by 25 points.
+def add_patch(grid: NodeGrid, patch: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
+    """Add the nodal forces of a uniform elliptical patch to `nodal`, by 25 quadrature points.
 
-    `root` (3,) is the lower triangle xx, yx, yy of a root of its second moment. The density of an ellipse
-    along an axis is a semicircle, for which these points and weights are Gauss's (of Chebyshev's second
-    kind).
+    The density of an ellipse along an axis is a semicircle, for which these points and weights are Gauss's
+    (of Chebyshev's second kind).
+
+    Args:
+        grid: of the nodes; forces on other nodes are left out.
+        patch: (6,) force, x, y and the lower triangle xx, yx, yy of a root of its second moment.
+        nodal: result.
     """
+    force, x, y, xx, yx, yy = patch[0], patch[1], patch[2], patch[3], patch[4], patch[5]
     along_x, along_y = np.empty(4), np.empty(4)
     for a in range(5):
         for b in range(5):
             share = force * _WEIGHT[a] * _WEIGHT[b]
-            first_x = _functions(knot_x, x + _PLACE[a] * root[0], along_x)
-            first_y = _functions(knot_y, y + _PLACE[a] * root[1] + _PLACE[b] * root[2], along_y)
+            first_x = _basis(grid.knot_x, x + _PLACE[a] * xx, along_x)
+            first_y = _basis(grid.knot_y, y + _PLACE[a] * yx + _PLACE[b] * yy, along_y)
             for i in range(4):
                 for j in range(4):
-                    k = local[first_x + i, first_y + j]
+                    k = grid.local[first_x + i, first_y + j]
                     if k >= 0:
                         nodal[k] += share * along_x[i] * along_y[j]
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
-def _left(theta, white, aim, knot_x, knot_y, local, result):
-    """Whitened residual of a hypothesis; returns its square."""
-    nodal, root = np.zeros(white.shape[1]), np.zeros(3)
+def _residual(
+    theta: Parameters, grid: NodeGrid, likelihood: Whitened, result: Float64[np.ndarray, " q"]
+) -> float:
+    """Whitened residual of one or two patches, into `result`; returns its square."""
+    white, aim = likelihood.white, likelihood.aim
+    nodal = np.zeros(white.shape[1])
     if len(theta) == ONE:
-        root[:] = theta[3:]
-        _press(knot_x, knot_y, local, theta[0], theta[1], theta[2], root, nodal)
+        add_patch(grid, theta, nodal)
     else:
-        root[0] = root[2] = theta[6]
+        patch = np.zeros(ONE)
+        patch[3] = patch[5] = theta[6]
         for k in (0, 3):
             if theta[k] != 0.0:
-                _press(knot_x, knot_y, local, theta[k], theta[k + 1], theta[k + 2], root, nodal)
+                patch[:3] = theta[k : k + 3]
+                add_patch(grid, patch, nodal)
     total = 0.0
     for q in range(len(aim)):
         left = aim[q]
@@ -79,31 +118,33 @@ def _left(theta, white, aim, knot_x, knot_y, local, result):
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
-def fit_patches(theta, step, white, aim, knot_x, knot_y, local, most):
-    """Levenberg-Marquardt from `theta`, which is changed in place; returns the misfit and its curvature
-    (p, p), that is the inverse covariance.
+def fit_patches(
+    theta: Parameters, step: Parameters, grid: NodeGrid, likelihood: Whitened, max_steps: int
+) -> tuple[float, Float64[np.ndarray, "p p"]]:
+    """Fits one or two patches by Levenberg-Marquardt.
 
     Args:
-        theta: (6,) or (7,) parameters of one or two patches.
-        step: (p,) for differences; what has 0 stays as it is.
-        white: (q, n) that whitens nodal forces.
-        aim: (q,) whitened nodal forces.
-        knot_x, knot_y: knots along both axes.
-        local: (nx, ny) number among the n nodes, or -1.
-        most: steps.
+        theta: (6,) or (7,) parameters of one or two patches; initial values, replaced by the result.
+        step: (p,) of finite differences; parameters with 0 are fixed.
+        grid: of the nodes.
+        likelihood: of the nodal forces.
+        max_steps: of the iteration.
+
+    Returns:
+        Least misfit, and its curvature (p, p), the inverse covariance of the parameters.
     """
-    count, rows = len(theta), len(aim)
+    count, rows = len(theta), len(likelihood.aim)
     now, tried, slope = np.empty(rows), np.empty(rows), np.zeros((rows, count))
-    misfit, damping = _left(theta, white, aim, knot_x, knot_y, local, now), 1e-3
+    misfit, damping = _residual(theta, grid, likelihood, now), 1e-3
     gram = np.zeros((count, count))
-    for _ in range(most):
+    for _ in range(max_steps):
         for p in range(count):
             if step[p] != 0.0:
                 moved = theta.copy()
                 moved[p] += step[p]
-                _left(moved, white, aim, knot_x, knot_y, local, tried)
+                _residual(moved, grid, likelihood, tried)
                 slope[:, p] = (now - tried) / step[p]
         gram, pull = slope.T @ slope, slope.T @ now
         before = misfit
@@ -112,7 +153,7 @@ def fit_patches(theta, step, white, aim, knot_x, knot_y, local, most):
             for p in range(count):
                 damped[p, p] += damping * gram[p, p] + 1e-9
             moved = theta + np.linalg.solve(damped, pull)
-            found = _left(moved, white, aim, knot_x, knot_y, local, tried)
+            found = _residual(moved, grid, likelihood, tried)
             if found < misfit:
                 theta[:], now[:], misfit = moved, tried, found
                 damping = max(0.1 * damping, 1e-9)

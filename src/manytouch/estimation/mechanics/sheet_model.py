@@ -7,7 +7,7 @@ import numpy as np
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.mechanics.force_clusters import ForceLattice
 from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
-from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
 from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
@@ -41,7 +41,7 @@ class SheetModel:
     layout: Layout
     patch: SplinePatch
     shell: Shell
-    dots: Dots
+    dots: MarkerImages
     normal_equations: NormalEquations
     lattice: ForceLattice
     nodes: PointBasis
@@ -114,7 +114,7 @@ class NominalSheet:
         thickness_mm = self.thickness_pitch * pitch_mm if sheet is None else sheet.thickness_mm
         patch = self._patch(layout, None if is_nominal else sheet, thickness_mm, pitch_mm)
         shell = self._shell(patch, sheet, thickness_mm)
-        dots = Dots(
+        dots = MarkerImages(
             shell=shell,
             camera=sensor.camera,
             rest_mm=layout.rest_mm,

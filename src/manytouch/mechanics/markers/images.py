@@ -1,4 +1,4 @@
-"""The dots on the sheet: where they are on it, and where they show in the image."""
+"""Markers on the sheet: their displacement, their images and the derivatives of both."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.geometry.spline.patch import Nodal, PointBasis
-from manytouch.mechanics.markers import kernels as dot_kernels
-from manytouch.mechanics.markers.projection import parameters
+from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
+from manytouch.mechanics.markers import kernels as marker_kernels
+from manytouch.mechanics.markers.projection import CameraModel, camera_model
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera
 
@@ -19,12 +19,12 @@ OUTLINE_RADIUS = float(np.sqrt(3.0 / (2.0 + np.cos(2.0 * np.pi / OUTLINE_POINTS)
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Face:
-    """Points of the camera-side face, or standing off it.
+    """Points of the camera-side face, or at a height above it.
 
     Attributes:
         shell: the sheet.
-        point_mm: (k, 2) undeformed places.
-        height_mm: how far the points stand off the face, towards the camera.
+        point_mm: (k, 2) places at rest, sheet frame.
+        height_mm: distance of the points from the face, towards the camera.
     """
 
     shell: Shell
@@ -39,33 +39,32 @@ class Face:
     def displacement(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "k 3"]:
         """Displacement (mm) in the sheet frame; the depth is minus its z."""
         out = np.empty((len(self.point_mm), 3))
-        dot_kernels.face_displacement(coefficient_mm, *self._arguments, out)
+        spline = _spline_field(self.shell.patch, coefficient_mm)
+        marker_kernels.face_displacement(spline, self._places, _layer(self.shell, self.height_mm), out)
         return out
 
     def derivative(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "k 3 16 3"]:
-        """Derivative of `displacement` with respect to the coefficients of `basis.node`."""
+        """Derivative of `displacement` by the coefficients of `basis.node`."""
         out = np.empty((len(self.point_mm), 3, 16, 3))
-        dot_kernels.face_derivatives(coefficient_mm, *self._arguments, out)
+        spline = _spline_field(self.shell.patch, coefficient_mm)
+        marker_kernels.face_derivatives(spline, self._places, _layer(self.shell, self.height_mm), out)
         return out
 
     @cached_property
-    def _arguments(self) -> tuple[object, ...]:
-        patch = self.shell.patch
-        first, table = patch.window(self.point_mm)
-        sheet = (self.shell.thickness_mm, self.shell.poisson, self.height_mm, self.shell.shear_mm2)
-        return (patch.shape[1], first, table, patch.is_x_slow, sheet)
+    def _places(self) -> marker_kernels.Places:
+        return marker_kernels.Places(*self.shell.patch.window(self.point_mm))
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Dots:
-    """Round dots on the camera-side face (or on tips that stand off it) before a camera.
+class MarkerImages:
+    """Images of round markers on the camera-side face, or on tips at a height above it.
 
     Attributes:
-        shell: the sheet they are on.
-        camera: what looks at them.
-        rest_mm: (m, 3) their centres at rest, in the sheet frame.
-        radius_mm: (m,) of each.
-        height_mm: how far they stand off the face.
+        shell: the sheet.
+        camera: in front of the sheet.
+        rest_mm: (m, 3) centres at rest, sheet frame.
+        radius_mm: (m,) of each marker.
+        height_mm: distance of the markers from the face, towards the camera.
     """
 
     shell: Shell
@@ -75,73 +74,83 @@ class Dots:
     height_mm: float = 0.0
 
     def displacement_px(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "m 2"]:
-        """How far the centroids of the dots' images lie from where they are at rest."""
+        """Displacement of the centroids of the marker images from rest."""
         moved: Float64[np.ndarray, "m 2"] = self._centroid_px(coefficient_mm) - self._rest_px
         return moved
 
     def displacement_mm(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "m 3"]:
-        """Displacement of the sheet's camera-side face at the dots."""
+        """Displacement of the camera-side face at the markers, sheet frame."""
         return self.face.displacement(coefficient_mm)
 
     def derivative_px(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "m 2 16 3"]:
-        """Derivative of the dots' centres in the image with respect to the coefficients at `tips.basis.node`.
+        """Derivative of the images of the markers' centres by the coefficients of `tips.basis.node`, px/mm.
 
-        It stands for the derivative of `displacement_px`: the centroid's distance from the centre's
-        image (at most about a pixel) is held fixed in it.
+        It approximates the derivative of `displacement_px`: the distance of the centroid from the image of
+        the centre, about one pixel at most, is taken as constant.
         """
         out = np.empty((len(self.rest_mm), 2, 16, 3))
         position = self.rest_mm + self.tips.displacement(coefficient_mm)
         derivative = self.tips.derivative(coefficient_mm)
-        dot_kernels.centre_derivatives(position, self._camera, derivative, out)
+        marker_kernels.centre_derivatives(position, self._camera, derivative, out)
         return out
 
     @cached_property
     def face(self) -> Face:
-        """The camera-side face at the dots."""
+        """The camera-side face at the markers."""
         return Face(shell=self.shell, point_mm=np.ascontiguousarray(self.rest_mm[:, :2]))
 
     @cached_property
     def tips(self) -> Face:
-        """The dots' centres."""
+        """The markers' centres."""
         return Face(shell=self.shell, point_mm=self.face.point_mm, height_mm=self.height_mm)
 
     @cached_property
     def first(self) -> Int64[np.ndarray, "m 2"]:
-        """(slow, fast) of the first of the 4 x 4 nodes of each dot."""
+        """(slow, fast) of the first of the 4 x 4 nodes of each marker."""
         first, _ = self.shell.patch.window(self.face.point_mm)
         return first
 
     def _centroid_px(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "m 2"]:
         out = np.empty((len(self.rest_mm), 2))
-        dot_kernels.centroids(coefficient_mm, *self._arguments, out)
+        centres, outlines, outline_mm = self._outlines
+        marker_kernels.centroids(
+            _spline_field(self.shell.patch, coefficient_mm),
+            centres,
+            outlines,
+            outline_mm,
+            _layer(self.shell, self.height_mm),
+            self._camera,
+            out,
+        )
         return out
 
     @cached_property
-    def _camera(self) -> np.ndarray:
-        return parameters(self.camera)
+    def _camera(self) -> CameraModel:
+        return camera_model(self.camera)
 
     @cached_property
-    def _arguments(self) -> tuple[object, ...]:
+    def _outlines(
+        self,
+    ) -> tuple[marker_kernels.Places, marker_kernels.Places, Float64[np.ndarray, "m k 3"]]:
+        """Centres and outlines of the markers, and the outlines in the sheet frame."""
         angle = 2.0 * np.pi / OUTLINE_POINTS * np.arange(OUTLINE_POINTS)
         circle = OUTLINE_RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(OUTLINE_POINTS)])
-        edge_mm = self.rest_mm[:, None] + self.radius_mm[:, None, None] * circle
-        patch = self.shell.patch
-        first, table = patch.window(self.face.point_mm)
-        edge_first, edge_table = patch.window(edge_mm[..., :2].reshape(-1, 2))
-        shape = edge_mm.shape[:2]
-        sheet = (self.shell.thickness_mm, self.shell.poisson, self.height_mm, self.shell.shear_mm2)
-        return (
-            patch.shape[1],
-            first,
-            table,
-            edge_first.reshape(*shape, 2),
-            edge_table.reshape(*shape, 2, 4, 4),
-            edge_mm,
-            patch.is_x_slow,
-            sheet,
-            self._camera,
-        )
+        outline_mm = self.rest_mm[:, None] + self.radius_mm[:, None, None] * circle
+        patch, shape = self.shell.patch, outline_mm.shape[:2]
+        first, table = patch.window(outline_mm[..., :2].reshape(-1, 2))
+        outlines = marker_kernels.Places(first.reshape(*shape, 2), table.reshape(*shape, 2, 4, 4))
+        return marker_kernels.Places(*patch.window(self.face.point_mm)), outlines, outline_mm
 
     @cached_property
     def _rest_px(self) -> Float64[np.ndarray, "m 2"]:
         return self._centroid_px(np.zeros((self.shell.patch.node_count, 3)))
+
+
+def _spline_field(patch: SplinePatch, coefficient_mm: Nodal) -> marker_kernels.SplineField:
+    return marker_kernels.SplineField(coefficient_mm, patch.shape[1], patch.is_x_slow)
+
+
+def _layer(shell: Shell, height_mm: float) -> marker_kernels.Layer:
+    return marker_kernels.Layer(
+        float(shell.thickness_mm), float(shell.poisson), float(height_mm), float(shell.shear_mm2)
+    )

@@ -1,35 +1,108 @@
-"""Where the dots of a bent sheet show in the image, and how that changes with its shape, compiled.
+"""Displacements of marker images by the shape of the sheet, and their derivatives, compiled.
 
-Derivation: docs/derivations/mechanics.md, "Dots". A place on the sheet comes as (slow, fast) of the first
-of its 4 x 4 nodes and the basis functions' value and three derivatives along both axes. `sheet`: thickness t,
-nu, height of the points off the face, and `shear_mm2` of the shell.
+Derivation: docs/derivations/mechanics.md, "Markers".
 """
 
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
-# no_type_check keeps checkers of annotations, which numba cannot compile, out of them
+# ruff: noqa: PLR0917 - compiled functions take positional arguments
 
 import math
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from jaxtyping import Float64, Int64
 
-from manytouch.mechanics.markers.projection import pixel, slope
+from manytouch.compilation import kernel, no_type_check
+from manytouch.mechanics.markers.projection import CameraModel, pixel, pixel_derivative
 
-THINNEST, THICKEST = 0.5, 1.3  # bounds of the thickness ratio, far beyond any press that is meant
+MIN_THICKNESS_RATIO, MAX_THICKNESS_RATIO = 0.5, 1.3
+"""Bounds of the thickness over that at rest, far beyond any press."""
+
+Vector3 = Float64[np.ndarray, "3"]
+Matrix3 = Float64[np.ndarray, "3 3"]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+class SplineField(NamedTuple):
+    """The displacement of the middle surface.
+
+    Attributes:
+        coefficient: (nodes, 3) mm.
+        columns: number of nodes along the fast axis.
+        is_x_slow: whether x is the slow axis.
+    """
+
+    coefficient: Float64[np.ndarray, "nodes 3"]
+    columns: int
+    is_x_slow: bool
+
+
+class Places(NamedTuple):
+    """Places on the sheet, as `SplinePatch.window` gives them.
+
+    Attributes:
+        first: (..., 2) slow and fast index of the first of 4 x 4 nodes.
+        table: (..., 2, 4, 4) value and three derivatives of 4 basis functions along both axes.
+    """
+
+    first: Int64[np.ndarray, "... 2"]
+    table: Float64[np.ndarray, "... 2 4 4"]
+
+
+class Layer(NamedTuple):
+    """A surface parallel to the middle surface, and what its points depend on.
+
+    Attributes:
+        thickness: of the sheet, mm.
+        poisson: Poisson's ratio.
+        height: distance of the points from the camera-side face, towards the camera, mm.
+        shear: `Shell.shear_mm2`.
+    """
+
+    thickness: float
+    poisson: float
+    height: float
+    shear: float
+
+
+class Frames(NamedTuple):
+    """Work space for one place.
+
+    Attributes:
+        surface: displacement, a1 and a2 of the middle surface as rows.
+        tilted: the same with the slopes of the fibres.
+        normal: unit vector along the fibres.
+    """
+
+    surface: Matrix3
+    tilted: Matrix3
+    normal: Vector3
+
+
+class Slopes(NamedTuple):
+    """Slopes of a node's basis function along x and y, and those of w on which fibres stand."""
+
+    x: float
+    y: float
+    fibre_x: float
+    fibre_y: float
+
+
+@kernel(fastmath=True)
 @no_type_check
-def surface_frame(coefficient, columns, first, table, x_is_slow, out):
-    """Displacement, a1 and a2 of the middle surface at a place, into `out` (3, 3)."""
+def surface_frame(
+    spline: SplineField, first: Int64[np.ndarray, "2"], table: Float64[np.ndarray, "2 4 4"], out: Matrix3
+) -> None:
+    """Displacement, a1 and a2 of the middle surface at a place, into `out`."""
     u0 = u1 = u2 = s0 = s1 = s2 = f0 = f1 = f2 = 0.0
     for a in range(4):
-        start = (first[0] + a) * columns + first[1]
+        start = (first[0] + a) * spline.columns + first[1]
         v0 = v1 = v2 = d0 = d1 = d2 = 0.0
         for b in range(4):
             n, d = table[1, 0, b], table[1, 1, b]
-            c0, c1, c2 = coefficient[start + b, 0], coefficient[start + b, 1], coefficient[start + b, 2]
+            c0, c1, c2 = (
+                spline.coefficient[start + b, 0],
+                spline.coefficient[start + b, 1],
+                spline.coefficient[start + b, 2],
+            )
             v0 += n * c0
             v1 += n * c1
             v2 += n * c2
@@ -47,7 +120,7 @@ def surface_frame(coefficient, columns, first, table, x_is_slow, out):
         f1 += n * d1
         f2 += n * d2
     out[0, 0], out[0, 1], out[0, 2] = u0, u1, u2
-    if x_is_slow:
+    if spline.is_x_slow:
         out[1, 0], out[1, 1], out[1, 2] = 1.0 + s0, s1, s2
         out[2, 0], out[2, 1], out[2, 2] = f0, 1.0 + f1, f2
     else:
@@ -55,38 +128,42 @@ def surface_frame(coefficient, columns, first, table, x_is_slow, out):
         out[2, 0], out[2, 1], out[2, 2] = s0, 1.0 + s1, s2
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _tilt(coefficient, columns, first, table, x_is_slow, shear):
-    """shear grad lap w along x and y: what the slopes that fibres stand on have more than those of w."""
+def _tilt(
+    spline: SplineField, first: Int64[np.ndarray, "2"], table: Float64[np.ndarray, "2 4 4"], shear: float
+) -> tuple[float, float]:
+    """Slopes along x and y on which fibres stand, minus those of w: shear grad lap w."""
     along_slow = along_fast = 0.0
     for a in range(4):
-        start = (first[0] + a) * columns + first[1]
+        start = (first[0] + a) * spline.columns + first[1]
         s0, s1, s2, s3 = table[0, 0, a], table[0, 1, a], table[0, 2, a], table[0, 3, a]
         for b in range(4):
-            w = coefficient[start + b, 2]
+            w = spline.coefficient[start + b, 2]
             along_slow += w * (s3 * table[1, 0, b] + s1 * table[1, 2, b])
             along_fast += w * (s2 * table[1, 1, b] + s0 * table[1, 3, b])
-    if x_is_slow:
+    if spline.is_x_slow:
         return shear * along_slow, shear * along_fast
     return shear * along_fast, shear * along_slow
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _lever(frame, thickness, nu, height):
-    """Distance from the middle surface, whether it varies with the shape; before the frame is tilted."""
+def _lever(frame: Matrix3, layer: Layer) -> tuple[float, bool]:
+    """Distance of the layer from the middle surface, and whether it varies with the shape."""
     trace = -1.0
     for j in range(3):
         trace += 0.5 * (frame[1, j] ** 2 + frame[2, j] ** 2)
-    ratio = 1.0 - nu / (1.0 - nu) * trace
-    return 0.5 * thickness * min(max(ratio, THINNEST), THICKEST) + height, THINNEST < ratio < THICKEST
+    ratio = 1.0 - layer.poisson / (1.0 - layer.poisson) * trace
+    varies = MIN_THICKNESS_RATIO < ratio < MAX_THICKNESS_RATIO
+    bounded = min(max(ratio, MIN_THICKNESS_RATIO), MAX_THICKNESS_RATIO)
+    return 0.5 * layer.thickness * bounded + layer.height, varies
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _normal(frame, out):
-    """Unit vector along a1 x a2 into `out`, and |a1 x a2|."""
+def _normal(frame: Matrix3, out: Vector3) -> float:
+    """Unit vector along a1 x a2 into `out`; returns |a1 x a2|."""
     out[0] = frame[1, 1] * frame[2, 2] - frame[1, 2] * frame[2, 1]
     out[1] = frame[1, 2] * frame[2, 0] - frame[1, 0] * frame[2, 2]
     out[2] = frame[1, 0] * frame[2, 1] - frame[1, 1] * frame[2, 0]
@@ -96,56 +173,78 @@ def _normal(frame, out):
     return length
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _displaced(coefficient, columns, first, table, tilt_x, tilt_y, x_is_slow, sheet, frame, normal, out):
-    """Displacement (3,) of one point that stands off the camera-side face."""
-    thickness, nu, height, _ = sheet
-    surface_frame(coefficient, columns, first, table, x_is_slow, frame)
-    lever, _ = _lever(frame, thickness, nu, height)
-    frame[1, 2] += tilt_x
-    frame[2, 2] += tilt_y
+def _displace(
+    spline: SplineField,
+    first: Int64[np.ndarray, "2"],
+    table: Float64[np.ndarray, "2 4 4"],
+    tilt: tuple[float, float],
+    layer: Layer,
+    frames: Frames,
+    out: Vector3,
+) -> None:
+    """Displacement (3,) of one point of the layer, into `out`."""
+    frame, normal = frames.surface, frames.normal
+    surface_frame(spline, first, table, frame)
+    lever, _ = _lever(frame, layer)
+    frame[1, 2] += tilt[0]
+    frame[2, 2] += tilt[1]
     _normal(frame, normal)
     for j in range(3):
         out[j] = frame[0, j] - lever * normal[j]
-    out[2] += 0.5 * thickness + height
+    out[2] += 0.5 * layer.thickness + layer.height
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def face_displacement(coefficient, columns, first, table, x_is_slow, sheet, out):
-    """Displacement (k, 3) of points that stand off the camera-side face."""
-    frame, normal = np.empty((3, 3)), np.empty(3)
-    for k in range(len(first)):
-        dx, dy = _tilt(coefficient, columns, first[k], table[k], x_is_slow, sheet[3])
-        _displaced(coefficient, columns, first[k], table[k], dx, dy, x_is_slow, sheet, frame, normal, out[k])
+def face_displacement(
+    spline: SplineField, places: Places, layer: Layer, out: Float64[np.ndarray, "k 3"]
+) -> None:
+    """Displacement (mm) of points of the layer, into `out`."""
+    frames = Frames(np.empty((3, 3)), np.empty((3, 3)), np.empty(3))
+    for k in range(len(out)):
+        first, table = places.first[k], places.table[k]
+        tilt = _tilt(spline, first, table, layer.shear)
+        _displace(spline, first, table, tilt, layer, frames, out[k])
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
 def centroids(
-    coefficient, columns, first, table, edge_first, edge_table, edge_mm, x_is_slow, sheet, camera, out
-):
-    """Pixels (m, 2) of the centroids of the images of the dots' deformed discs.
+    spline: SplineField,
+    centres: Places,
+    outlines: Places,
+    outline_mm: Float64[np.ndarray, "m k 3"],
+    layer: Layer,
+    camera: CameraModel,
+    out: Float64[np.ndarray, "m 2"],
+) -> None:
+    """Pixels of the centroids of the images of m deformed discs, into `out`.
 
-    first, table: at the centres; edge_first, edge_table, edge_mm: at (m, k) places on the outlines. The
-    fibres of a dot have the tilt of that at its centre: third derivatives jump between elements.
+    Args:
+        spline: displacement of the middle surface.
+        centres: of the discs. Fibres of a disc have the tilt of its centre, because third derivatives of the
+            spline are discontinuous between elements.
+        outlines: (m, k) points of the outlines.
+        outline_mm: the same at rest, sheet frame.
+        layer: the discs are on it.
+        camera: in front of the sheet.
+        out: result.
     """
-    frame, normal, moved = np.empty((3, 3)), np.empty(3), np.empty(3)
-    count = edge_first.shape[1]
+    frames = Frames(np.empty((3, 3)), np.empty((3, 3)), np.empty(3))
+    moved = np.empty(3)
+    count = outline_mm.shape[1]
     u, v = np.empty(count), np.empty(count)
-    for i in range(len(edge_first)):
-        dx, dy = _tilt(coefficient, columns, first[i], table[i], x_is_slow, sheet[3])
+    for i in range(len(out)):
+        tilt = _tilt(spline, centres.first[i], centres.table[i], layer.shear)
         for k in range(count):
-            _displaced(
-                coefficient, columns, edge_first[i, k], edge_table[i, k], dx, dy, x_is_slow, sheet,
-                frame, normal, moved,
-            )  # fmt: skip
+            _displace(spline, outlines.first[i, k], outlines.table[i, k], tilt, layer, frames, moved)
             u[k], v[k] = pixel(
                 camera,
-                edge_mm[i, k, 0] + moved[0],
-                edge_mm[i, k, 1] + moved[1],
-                edge_mm[i, k, 2] + moved[2],
+                outline_mm[i, k, 0] + moved[0],
+                outline_mm[i, k, 1] + moved[1],
+                outline_mm[i, k, 2] + moved[2],
             )
         area = up = right = 0.0
         for k in range(1, count - 1):  # triangles from the first point
@@ -158,22 +257,30 @@ def centroids(
         out[i, 1] = v[0] + up / (3.0 * area)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _turning(frame, tilted, normal, share, thinning, nx, ny, tx, ty, value, out):
-    """Derivative (3, 3) of a point off the face with respect to the coefficients of one node.
+def _point_derivative(
+    frames: Frames, share: float, thinning: float, slopes: Slopes, value: float, out: Matrix3
+) -> None:
+    """Derivative (3, 3) of a point of a layer by the coefficients of one node, into `out`.
 
-    frame: a1 and a2 of the middle surface; tilted: those that the normal belongs to. share: lever over
-    |a1 x a2|. nx, ny: slopes of the node's function; tx, ty: those of w on which fibres stand.
+    Args:
+        frames: at the place.
+        share: lever over |a1 x a2|.
+        thinning: derivative of the lever by the trace of the strain, with the opposite sign.
+        slopes: of the node's function.
+        value: of the node's function.
+        out: row i is the component of the point, column j that of the coefficient.
     """
+    frame, tilted, normal = frames.surface, frames.tilted, frames.normal
     for j in range(3):  # of a unit change of component j
         # d(a1 x a2) = e_j x a2 dx + a1 x e_j dy
         k, m = (j + 1) % 3, (j + 2) % 3
-        dx, dy = (tx, ty) if j == 2 else (nx, ny)
+        dx, dy = (slopes.fibre_x, slopes.fibre_y) if j == 2 else (slopes.x, slopes.y)
         d_k = -dx * tilted[2, m] + dy * tilted[1, m]
         d_m = dx * tilted[2, k] - dy * tilted[1, k]
         along = share * (normal[k] * d_k + normal[m] * d_m)
-        along += thinning * (nx * frame[1, j] + ny * frame[2, j])
+        along += thinning * (slopes.x * frame[1, j] + slopes.y * frame[2, j])
         for i in range(3):
             out[i, j] = along * normal[i]
         out[j, j] += value
@@ -181,46 +288,58 @@ def _turning(frame, tilted, normal, share, thinning, nx, ny, tx, ty, value, out)
         out[m, j] -= share * d_m
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def face_derivatives(coefficient, columns, first, table, x_is_slow, sheet, out):
-    """Derivative (k, 3, 16, 3) of `face_displacement` with respect to the 4 x 4 nodes of each place."""
-    thickness, nu, height, shear = sheet
-    frame, tilted, normal, block = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty((3, 3))
-    for k in range(len(first)):
-        slow, fast = table[k, 0], table[k, 1]
-        surface_frame(coefficient, columns, first[k], table[k], x_is_slow, frame)
-        lever, varies = _lever(frame, thickness, nu, height)
-        thinning = 0.5 * thickness * nu / (1.0 - nu) if varies else 0.0
-        tilted[:] = frame
-        dx, dy = _tilt(coefficient, columns, first[k], table[k], x_is_slow, shear)
-        tilted[1, 2] += dx
-        tilted[2, 2] += dy
-        share = lever / _normal(tilted, normal)
+def face_derivatives(
+    spline: SplineField, places: Places, layer: Layer, out: Float64[np.ndarray, "k 3 16 3"]
+) -> None:
+    """Derivative of `face_displacement` by the coefficients of the 4 x 4 nodes of each place, into `out`."""
+    frames, block = Frames(np.empty((3, 3)), np.empty((3, 3)), np.empty(3)), np.empty((3, 3))
+    shear, nu = layer.shear, layer.poisson
+    for k in range(len(out)):
+        slow, fast = places.table[k, 0], places.table[k, 1]
+        surface_frame(spline, places.first[k], places.table[k], frames.surface)
+        lever, varies = _lever(frames.surface, layer)
+        thinning = 0.5 * layer.thickness * nu / (1.0 - nu) if varies else 0.0
+        frames.tilted[:] = frames.surface
+        tilt_x, tilt_y = _tilt(spline, places.first[k], places.table[k], shear)
+        frames.tilted[1, 2] += tilt_x
+        frames.tilted[2, 2] += tilt_y
+        share = lever / _normal(frames.tilted, frames.normal)
         for a in range(4):
             for b in range(4):
                 value = slow[0, a] * fast[0, b]
                 ds, df = slow[1, a] * fast[0, b], slow[0, a] * fast[1, b]
                 ts = ds + shear * (slow[3, a] * fast[0, b] + slow[1, a] * fast[2, b])
                 tf = df + shear * (slow[2, a] * fast[1, b] + slow[0, a] * fast[3, b])
-                if x_is_slow:
-                    _turning(frame, tilted, normal, share, thinning, ds, df, ts, tf, value, block)
-                else:
-                    _turning(frame, tilted, normal, share, thinning, df, ds, tf, ts, value, block)
+                slopes = Slopes(ds, df, ts, tf) if spline.is_x_slow else Slopes(df, ds, tf, ts)
+                _point_derivative(frames, share, thinning, slopes, value, block)
                 for i in range(3):
                     for j in range(3):
                         out[k, i, 4 * a + b, j] = block[i, j]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def centre_derivatives(position, camera, face, out):
-    """Derivative (m, 2, 16, 3) of the centres' pixels from `position` (m, 3) and `face` (m, 3, 16, 3)."""
-    camera_slope = np.empty((2, 3))
+def centre_derivatives(
+    position: Float64[np.ndarray, "m 3"],
+    camera: CameraModel,
+    face: Float64[np.ndarray, "m 3 16 3"],
+    out: Float64[np.ndarray, "m 2 16 3"],
+) -> None:
+    """Derivative of the pixels of points by the coefficients, into `out`.
+
+    Args:
+        position: of the points in the sheet frame, mm.
+        camera: in front of the sheet.
+        face: derivatives of the positions, from `face_derivatives`.
+        out: result, px/mm.
+    """
+    gradient = np.empty((2, 3))
     for k in range(len(position)):
-        slope(camera, position[k, 0], position[k, 1], position[k, 2], camera_slope)
+        pixel_derivative(camera, position[k, 0], position[k, 1], position[k, 2], gradient)
         for axis in range(2):
-            g0, g1, g2 = camera_slope[axis, 0], camera_slope[axis, 1], camera_slope[axis, 2]
+            g0, g1, g2 = gradient[axis, 0], gradient[axis, 1], gradient[axis, 2]
             for n in range(16):
                 for j in range(3):
                     out[k, axis, n, j] = g0 * face[k, 0, n, j] + g1 * face[k, 1, n, j] + g2 * face[k, 2, n, j]

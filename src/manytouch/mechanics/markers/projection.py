@@ -3,75 +3,103 @@
 The same cameras as `manytouch.geometry.camera` (OpenCV's pinhole and fisheye), one point at a time.
 """
 
-# no_type_check keeps checkers of annotations, which numba cannot compile, out of them
-
 import math
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
-from numba import njit
 
+from manytouch.compilation import kernel, no_type_check
 from manytouch.geometry.camera import cam_from_sheet
 from manytouch.values import Camera
 
-PARAMETERS = 22
-"""fx fy cx cy, rotation (9), translation (3), distortion (5), 1 for a fisheye."""
-
-_ON_AXIS = 1e-9
-_CLOSEST_MM = 1e-3  # a point behind the camera is treated as if it were just before it
+_ON_AXIS = 1e-9  # tangent of the angle below which a ray counts as the optical axis
+_MIN_DISTANCE_MM = 1e-3  # a point behind the camera is projected as if it were this far in front of it
 
 
-def parameters(camera: Camera) -> Float64[np.ndarray, "22"]:
-    """A camera as a flat array for the kernels."""
+class CameraModel(NamedTuple):
+    """A camera as kernels need it.
+
+    Attributes:
+        fx, fy, cx, cy: focal lengths and principal point, px.
+        rotation: (3, 3) from the sheet frame to the camera frame.
+        translation: (3,) mm.
+        distortion: (5,) k1, k2, p1, p2, k3; of a fisheye k1 to k4.
+        is_fisheye: which of OpenCV's models.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    rotation: Float64[np.ndarray, "3 3"]
+    translation: Float64[np.ndarray, "3"]
+    distortion: Float64[np.ndarray, "5"]
+    is_fisheye: bool
+
+
+def camera_model(camera: Camera) -> CameraModel:
+    """A camera for the kernels."""
     rotation, translation = cam_from_sheet(camera)
     distortion = np.zeros(5)
     distortion[: len(camera.distortion)] = camera.distortion
-    intrinsics = [camera.fx_px, camera.fy_px, camera.cx_px, camera.cy_px]
-    is_fisheye = [1.0 if camera.model == "fisheye" else 0.0]
-    return np.concatenate([intrinsics, rotation.ravel(), translation, distortion, is_fisheye])
+    return CameraModel(
+        fx=float(camera.fx_px),
+        fy=float(camera.fy_px),
+        cx=float(camera.cx_px),
+        cy=float(camera.cy_px),
+        rotation=np.array(rotation, dtype=np.float64),
+        translation=np.array(translation, dtype=np.float64).ravel(),
+        distortion=distortion,
+        is_fisheye=camera.model == "fisheye",
+    )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@kernel(inline="always")
 @no_type_check
-def _in_camera(camera, x, y, z):
+def _in_camera(camera: CameraModel, x: float, y: float, z: float) -> tuple[float, float, float]:
     """Normalised coordinates and 1 / distance of a point of the sheet frame."""
-    px = camera[4] * x + camera[5] * y + camera[6] * z + camera[13]
-    py = camera[7] * x + camera[8] * y + camera[9] * z + camera[14]
-    pz = camera[10] * x + camera[11] * y + camera[12] * z + camera[15]
-    inverse = 1.0 / max(pz, _CLOSEST_MM)
+    r, t = camera.rotation, camera.translation
+    px = r[0, 0] * x + r[0, 1] * y + r[0, 2] * z + t[0]
+    py = r[1, 0] * x + r[1, 1] * y + r[1, 2] * z + t[1]
+    pz = r[2, 0] * x + r[2, 1] * y + r[2, 2] * z + t[2]
+    inverse = 1.0 / max(pz, _MIN_DISTANCE_MM)
     return px * inverse, py * inverse, inverse
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
-def pixel(camera, x, y, z):
-    """Pixel (u, v) of a point of the sheet frame."""
+def pixel(camera: CameraModel, x: float, y: float, z: float) -> tuple[float, float]:
+    """Pixel (u, v) of a point of the sheet frame (mm)."""
     a, b, _ = _in_camera(camera, x, y, z)
-    k1, k2, p1, p2, k3 = camera[16], camera[17], camera[18], camera[19], camera[20]
+    d = camera.distortion
+    k1, k2, p1, p2, k3 = d[0], d[1], d[2], d[3], d[4]
     r2 = a * a + b * b
-    if camera[21] != 0.0:
+    if camera.is_fisheye:
         r = math.sqrt(r2)
         factor = 1.0
         if r > _ON_AXIS:
             angle = math.atan(r)
             t = angle * angle
             factor = angle * (1.0 + t * (k1 + t * (k2 + t * (p1 + t * p2)))) / r
-        return camera[0] * factor * a + camera[2], camera[1] * factor * b + camera[3]
+        return camera.fx * factor * a + camera.cx, camera.fy * factor * b + camera.cy
     radial = 1.0 + r2 * (k1 + r2 * (k2 + r2 * k3))
     u = a * radial + 2.0 * p1 * a * b + p2 * (r2 + 2.0 * a * a)
     v = b * radial + p1 * (r2 + 2.0 * b * b) + 2.0 * p2 * a * b
-    return camera[0] * u + camera[2], camera[1] * v + camera[3]
+    return camera.fx * u + camera.cx, camera.fy * v + camera.cy
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
-def slope(camera, x, y, z, out):
-    """Derivative (2, 3) of the pixel with respect to the point, into `out`."""
+def pixel_derivative(
+    camera: CameraModel, x: float, y: float, z: float, out: Float64[np.ndarray, "2 3"]
+) -> None:
+    """Derivative of the pixel by the point (px/mm), into `out`."""
     a, b, inverse = _in_camera(camera, x, y, z)
-    k1, k2, p1, p2, k3 = camera[16], camera[17], camera[18], camera[19], camera[20]
+    d = camera.distortion
+    k1, k2, p1, p2, k3 = d[0], d[1], d[2], d[3], d[4]
     r2 = a * a + b * b
-    if camera[21] != 0.0:
+    if camera.is_fisheye:
         r = math.sqrt(r2)
         factor, growth = 1.0, 0.0  # growth = (d factor / d r) / r
         if r > _ON_AXIS:
@@ -91,7 +119,7 @@ def slope(camera, x, y, z, out):
         va = growth * a * b + 2.0 * p1 * a + 2.0 * p2 * b
         vb = radial + growth * b * b + 6.0 * p1 * b + 2.0 * p2 * a
     for j in range(3):
-        along_a = (camera[4 + j] - a * camera[10 + j]) * inverse
-        along_b = (camera[7 + j] - b * camera[10 + j]) * inverse
-        out[0, j] = camera[0] * (ua * along_a + ub * along_b)
-        out[1, j] = camera[1] * (va * along_a + vb * along_b)
+        along_a = (camera.rotation[0, j] - a * camera.rotation[2, j]) * inverse
+        along_b = (camera.rotation[1, j] - b * camera.rotation[2, j]) * inverse
+        out[0, j] = camera.fx * (ua * along_a + ub * along_b)
+        out[1, j] = camera.fy * (va * along_a + vb * along_b)

@@ -8,25 +8,25 @@ import numpy as np
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.mechanics.solver.band import BandFactor, empty_band, factorise
+from manytouch.mechanics.solver.band import BandFactor, band_rows, factorise, new_band
 
 Load = Nodal | Callable[[Nodal], Nodal]
-"""Nodal forces over E (mm^2), or how they follow from the coefficients."""
+"""Nodal forces over E (nodes, 3), mm^2, or a function of the coefficients that returns them."""
 
-LARGEST_CHANGE_MM = 4.0
-LEAST_SHARE = 1e-4
-STIFFENED_BY = 1e-6  # of the largest diagonal entry, where the tangent is not positive definite
-ACCEPTED = 0.95  # a step is shortened until the forces out of balance along it fell to this
-NOISE_MM2 = 1e-13  # of forces: what rounding leaves
+MAX_CHANGE_MM = 4.0  # of a coefficient in a step
+MIN_SHARE = 1e-4  # of a step
+MIN_STIFFENING = 1e-6  # added to the diagonal of an indefinite tangent, over its largest entry
+ACCEPTED = 0.95  # a step is shortened until it reduces the imbalance along it to this share
+NOISE_MM2 = 1e-13  # rounding error of forces
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Equilibrium:
-    """Where Newton's method ended.
+    """Result of Newton's method.
 
     Attributes:
-        coefficient_mm: the shape.
-        imbalance: largest force out of balance over the largest that acts.
+        coefficient_mm: (nodes, 3) of the shape.
+        imbalance: largest difference of external and internal nodal forces over the largest force.
         status: "ok" or "not_converged".
     """
 
@@ -36,28 +36,33 @@ class Equilibrium:
 
 
 def tangent_factor(shell: Shell, tangent: np.ndarray) -> BandFactor:
-    """The factor of a tangent; where it is not positive definite, of the least stiffened one that is."""
+    """The factor of a tangent (nodes, 3, 3, 7, 8); of the least stiffened one if it is indefinite."""
     patch = shell.patch
     width = 3 * shell_kernels.REACH * (patch.shape[1] + 1) + 2
-    stiffened = 0.0
+    stiffening = 0.0
     while True:
-        unknowns = 3 * patch.node_count
-        flat, front = empty_band(unknowns, width, np.float64)
-        band = flat[front:-front].reshape(unknowns, width + 1)
-        shell_kernels.band_of(tangent, patch.shape, patch.is_free, band)
-        band[:, 0] += stiffened * band[:, 0].max()
-        factor = factorise(flat, front=front, unknowns=unknowns, width=width)
+        band = new_band(3 * patch.node_count, width, np.float64)
+        rows = band_rows(band)
+        shell_kernels.copy_to_band(tangent, patch.shape, patch.is_free, rows)
+        rows[:, 0] += stiffening * rows[:, 0].max()
+        factor = factorise(band)
         if factor is not None:
             return factor
-        stiffened = max(STIFFENED_BY, 10.0 * stiffened)
+        stiffening = max(MIN_STIFFENING, 10.0 * stiffening)
 
 
 def equilibrium(
     shell: Shell, load: Load, *, start_mm: Nodal | None = None, tolerance: float = 1e-9, most: int = 60
 ) -> Equilibrium:
-    """Newton's method from a shape (rest when not given) to the one in balance with a load.
+    """The shape in equilibrium with a load, by Newton's method.
 
-    A load that depends on the coefficients is lagged in the tangent, so that it converges linearly.
+    Args:
+        shell: the sheet.
+        load: nodal forces over E. The tangent of a load that depends on the coefficients is left out, so that
+            it converges linearly.
+        start_mm: (nodes, 3) initial coefficients; rest if None.
+        tolerance: of the imbalance.
+        most: number of steps.
     """
     here = np.zeros((shell.patch.node_count, 3)) if start_mm is None else start_mm.copy()
     tangent, force = shell.empty_tangent(), np.empty_like(here)
@@ -70,16 +75,16 @@ def equilibrium(
         if out * size <= tolerance * size + NOISE_MM2:
             break
         change = tangent_factor(shell, tangent).solve((acting - force).reshape(1, -1))[0].reshape(-1, 3)
-        here += _shortened(shell, here, change, acting, force)
+        here += _shorten(shell, here, change, acting, force)
     status = "ok" if out * size <= tolerance * size + NOISE_MM2 else "not_converged"
     return Equilibrium(coefficient_mm=here, imbalance=out, status=status)
 
 
-def _shortened(shell: Shell, here: Nodal, change: Nodal, acting: Nodal, force: Nodal) -> Nodal:
-    """The part of a Newton step after which the forces along it are smaller."""
-    share = min(1.0, LARGEST_CHANGE_MM / max(float(np.abs(change).max()), 1e-300))
+def _shorten(shell: Shell, here: Nodal, change: Nodal, acting: Nodal, force: Nodal) -> Nodal:
+    """The part of a Newton step that reduces the imbalance along it."""
+    share = min(1.0, MAX_CHANGE_MM / max(float(np.abs(change).max()), 1e-300))
     before = abs(float(((acting - force) * change).sum()))
-    while share > LEAST_SHARE:
+    while share > MIN_SHARE:
         after = abs(float(((acting - shell.forces(here + share * change)) * change).sum()))
         if after <= ACCEPTED * before:
             break

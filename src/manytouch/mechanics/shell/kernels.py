@@ -1,43 +1,110 @@
 """Energy, forces and tangent of the shell, element by element, compiled.
 
-Derivation and symbols: docs/derivations/mechanics.md. Local nodes are numbered 4 a + b with a along the
-slow, b along the fast axis; nodes outside the grid were dropped, their coefficients are 0.
+Derivation and symbols: docs/derivations/mechanics.md. Local nodes are numbered 4 a + b with a along the slow
+and b along the fast axis. Nodes outside the grid were dropped; their coefficients are 0.
 """
 
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
-# no_type_check keeps checkers of annotations, which numba cannot compile, out of them
-
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from jaxtyping import Bool, Float, Float64
 
+from manytouch.compilation import kernel, no_type_check
 from manytouch.mechanics.shell.material import energy_density, stress, stress_and_tangent
-from manytouch.mechanics.solver.tile import ROWS, add_product_16
+from manytouch.mechanics.solver.tile import ROWS, At, add_product_16
 
-REACH = 3  # nodes that share an element are at most so far apart along each axis
+REACH = 3  # nodes that share an element are at most this far apart along each axis
 ROW = 2 * REACH + 1
-STRIP = 8  # numbers kept per row of 7 nodes; one more than needed fills whole lanes
+STRIP = 8  # numbers stored per row of 7 nodes; a power of 2 suits SIMD
 POINTS = 9  # of 3 x 3 Gauss
 LOCAL = 16
 
+Coefficients = Float64[np.ndarray, "nodes 3"]
+Tangent = Float[np.ndarray, "nodes 3 3 7 8"]
+Local = Float64[np.ndarray, "3 16"]
+Table = Float64[np.ndarray, "9 16"]
 
-@njit(cache=True, nogil=True, fastmath=True)
+
+class Elements(NamedTuple):
+    """The elements of a patch.
+
+    Attributes:
+        slow, fast: (elements along the axis, 3 points, 3, 4) value and two derivatives of 4 basis functions.
+        weight: (9,) of the Gauss points, mm^2.
+        shape: number of nodes along the slow and the fast axis.
+        dropped: number of coefficients along each side that are 0 and not nodes.
+        is_x_slow: whether x is the slow axis.
+    """
+
+    slow: Float64[np.ndarray, "slow 3 3 4"]
+    fast: Float64[np.ndarray, "fast 3 3 4"]
+    weight: Float64[np.ndarray, "9"]
+    shape: tuple[int, int]
+    dropped: int
+    is_x_slow: bool
+
+
+class Stiffness(NamedTuple):
+    """Properties of a sheet, all but the thickness divided by E.
+
+    Attributes:
+        thickness: mm.
+        mu, bulk: shear and bulk modulus.
+        tension: membrane force at rest, mm.
+        d11, d12, d33: bending stiffnesses, mm^3.
+    """
+
+    thickness: float
+    mu: float
+    bulk: float
+    tension: float
+    d11: float
+    d12: float
+    d33: float
+
+
+class Tables(NamedTuple):
+    """Derivatives (9, 16) of the basis functions of an element at its Gauss points."""
+
+    x: Table
+    y: Table
+    xx: Table
+    yy: Table
+    xy: Table
+
+
+@kernel(fastmath=True)
 @no_type_check
-def _gather(coefficient, es, ef, shape, dropped, local):
+def _new_tables() -> Tables:
+    return Tables(
+        np.empty((POINTS, LOCAL)),
+        np.empty((POINTS, LOCAL)),
+        np.empty((POINTS, LOCAL)),
+        np.empty((POINTS, LOCAL)),
+        np.empty((POINTS, LOCAL)),
+    )
+
+
+@kernel(fastmath=True)
+@no_type_check
+def _gather(coefficient: Coefficients, elements: Elements, es: int, ef: int, local: Local) -> None:
+    """Coefficients of the 16 nodes of element (es, ef), into `local`."""
+    shape = elements.shape
     for a in range(4):
-        s = es + a - dropped
+        s = es + a - elements.dropped
         for b in range(4):
-            f = ef + b - dropped
+            f = ef + b - elements.dropped
             inside = 0 <= s < shape[0] and 0 <= f < shape[1]
             for i in range(3):
                 local[i, 4 * a + b] = coefficient[s * shape[1] + f, i] if inside else 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _tabulate(slow, fast, x_is_slow, nx, ny, nxx, nyy, nxy):
-    """Derivatives of the 16 functions at the 9 points of an element."""
+def _tabulate(elements: Elements, es: int, ef: int, tables: Tables) -> None:
+    """Derivatives of the 16 functions at the 9 points of element (es, ef), into `tables`."""
+    slow, fast, is_x_slow = elements.slow[es], elements.fast[ef], elements.is_x_slow
+    nx, ny, nxx, nyy, nxy = tables.x, tables.y, tables.xx, tables.yy, tables.xy
     for p in range(3):
         for q in range(3):
             at = 3 * p + q
@@ -46,17 +113,20 @@ def _tabulate(slow, fast, x_is_slow, nx, ny, nxx, nyy, nxy):
                 for b in range(4):
                     f0, f1, f2 = fast[q, 0, b], fast[q, 1, b], fast[q, 2, b]
                     k = 4 * a + b
-                    if x_is_slow:
+                    if is_x_slow:
                         nx[at, k], ny[at, k], nxx[at, k], nyy[at, k] = s1 * f0, s0 * f1, s2 * f0, s0 * f2
                     else:
                         nx[at, k], ny[at, k], nxx[at, k], nyy[at, k] = s0 * f1, s1 * f0, s0 * f2, s2 * f0
                     nxy[at, k] = s1 * f1
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@kernel(fastmath=True, inline="always")
 @no_type_check
-def _strain(local, nx, ny, nxx, nyy, nxy):
-    """Components of a1 and a2, and the curvatures, at one point."""
+def _strain(
+    local: Local, tables: Tables, at: int
+) -> tuple[float, float, float, float, float, float, float, float, float]:
+    """Components of a1 and a2, and the curvatures xx, yy and twice xy, at Gauss point `at`."""
+    nx, ny, nxx, nyy, nxy = tables.x[at], tables.y[at], tables.xx[at], tables.yy[at], tables.xy[at]
     a10, a11, a12, a20, a21, a22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
     k1, k2, k3 = 0.0, 0.0, 0.0
     for k in range(LOCAL):
@@ -73,22 +143,19 @@ def _strain(local, nx, ny, nxx, nyy, nxy):
     return a10, a11, a12, a20, a21, a22, k1, k2, k3
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def energy(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet):
-    """Energy divided by E. `sheet`: t, mu, bulk, N0, D11, D12, D33 (all divided by E)."""
-    t, mu, bulk, tension, d11, d12, d33 = sheet
-    nx, ny, nxx = np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL))
-    nyy, nxy, local = np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL)), np.empty((3, LOCAL))
+def energy(coefficient: Coefficients, elements: Elements, stiffness: Stiffness) -> float:
+    """Energy over E, mm^3."""
+    t, mu, bulk, tension, d11, d12, d33 = stiffness
+    weight, tables, local = elements.weight, _new_tables(), np.empty((3, LOCAL))
     total = 0.0
-    for es in range(slow.shape[0]):
-        for ef in range(fast.shape[0]):
-            _gather(coefficient, es, ef, shape, dropped, local)
-            _tabulate(slow[es], fast[ef], x_is_slow, nx, ny, nxx, nyy, nxy)
+    for es in range(elements.slow.shape[0]):
+        for ef in range(elements.fast.shape[0]):
+            _gather(coefficient, elements, es, ef, local)
+            _tabulate(elements, es, ef, tables)
             for at in range(POINTS):
-                a10, a11, a12, a20, a21, a22, k1, k2, k3 = _strain(
-                    local, nx[at], ny[at], nxx[at], nyy[at], nxy[at]
-                )
+                a10, a11, a12, a20, a21, a22, k1, k2, k3 = _strain(local, tables, at)
                 e1 = 0.5 * (a10 * a10 + a11 * a11 + a12 * a12 - 1.0)
                 e2 = 0.5 * (a20 * a20 + a21 * a21 + a22 * a22 - 1.0)
                 e3 = a10 * a20 + a11 * a21 + a12 * a22
@@ -99,24 +166,22 @@ def energy(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet):
     return total
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def forces(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet, force):
-    """Derivative of `energy` with respect to the coefficients, into `force`."""
-    t, mu, bulk, tension, d11, d12, d33 = sheet
-    nx, ny, nxx = np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL))
-    nyy, nxy, local = np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL)), np.empty((3, LOCAL))
+def forces(coefficient: Coefficients, elements: Elements, stiffness: Stiffness, force: Coefficients) -> None:
+    """Derivative of `energy` by the coefficients (mm^2), into `force`."""
+    t, mu, bulk, tension, d11, d12, d33 = stiffness
+    weight, tables, local = elements.weight, _new_tables(), np.empty((3, LOCAL))
+    nx, ny, nxx, nyy, nxy = tables
     element = np.empty((3, LOCAL))
     force[:] = 0.0
-    for es in range(slow.shape[0]):
-        for ef in range(fast.shape[0]):
-            _gather(coefficient, es, ef, shape, dropped, local)
-            _tabulate(slow[es], fast[ef], x_is_slow, nx, ny, nxx, nyy, nxy)
+    for es in range(elements.slow.shape[0]):
+        for ef in range(elements.fast.shape[0]):
+            _gather(coefficient, elements, es, ef, local)
+            _tabulate(elements, es, ef, tables)
             element[:] = 0.0
             for at in range(POINTS):
-                a10, a11, a12, a20, a21, a22, k1, k2, k3 = _strain(
-                    local, nx[at], ny[at], nxx[at], nyy[at], nxy[at]
-                )
+                a10, a11, a12, a20, a21, a22, k1, k2, k3 = _strain(local, tables, at)
                 s1, s2, s3 = stress(
                     0.5 * (a10 * a10 + a11 * a11 + a12 * a12 - 1.0),
                     0.5 * (a20 * a20 + a21 * a21 + a22 * a22 - 1.0),
@@ -140,26 +205,37 @@ def forces(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet, fo
                     element[2, k] += (
                         rx * nx[at, k] + ry * ny[at, k] + m1 * nxx[at, k] + m2 * nyy[at, k] + m3 * nxy[at, k]
                     )
-            _scatter_force(element, es, ef, shape, dropped, force)
+            _scatter_force(element, elements, es, ef, force)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _scatter_force(element, es, ef, shape, dropped, force):
+def _scatter_force(element: Local, elements: Elements, es: int, ef: int, force: Coefficients) -> None:
+    """Add the nodal forces of element (es, ef) to `force`."""
+    shape = elements.shape
     for a in range(4):
-        s = es + a - dropped
+        s = es + a - elements.dropped
         if 0 <= s < shape[0]:
             for b in range(4):
-                f = ef + b - dropped
+                f = ef + b - elements.dropped
                 if 0 <= f < shape[1]:
                     for i in range(3):
                         force[s * shape[1] + f, i] += element[i, 4 * a + b]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _scatter_tangent(matrix, i, j, es, ef, shape, dropped, tangent):
-    """Add a part of an element's matrix to the flat tangent."""
+def _scatter_tangent(
+    matrix: Float[np.ndarray, "16 16"],
+    component: tuple[int, int],
+    elements: Elements,
+    element: tuple[int, int],
+    tangent: Float[np.ndarray, " k"],
+) -> None:
+    """Add the block of components (i, j) of an element's matrix to the flat tangent."""
+    i, j = component
+    es, ef = element
+    shape, dropped = elements.shape, elements.dropped
     for a in range(max(dropped - es, 0), min(4, shape[0] - es + dropped)):
         for b in range(max(dropped - ef, 0), min(4, shape[1] - ef + dropped)):
             node = (es + a - dropped) * shape[1] + ef + b - dropped
@@ -170,10 +246,10 @@ def _scatter_tangent(matrix, i, j, es, ef, shape, dropped, tangent):
                     tangent[np.uintp(begin + STRIP * c + d)] += matrix[4 * a + b, 4 * c + d]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _clear_outside(shape, tangent):
-    """Elements at the outline have nodes outside the grid; what these would get is removed."""
+def _clear_outside(shape: tuple[int, int], tangent: Tangent) -> None:
+    """Set entries of nodes outside the grid to 0, which elements at the outline have."""
     for node in range(len(tangent)):
         s0, f0 = node // shape[1], node % shape[1]
         for a in range(ROW):
@@ -184,10 +260,12 @@ def _clear_outside(shape, tangent):
                             tangent[node, i, j, a, b] = 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _membrane_factors(factor, right, left):
-    """What multiplies nx[l] (first 9 rows of `left`) and ny[l] (next 9) in an element's matrix."""
+def _membrane_factors(
+    factor: Float[np.ndarray, "9 4"], right: Float[np.ndarray, "45 16"], left: Float[np.ndarray, "45 16"]
+) -> None:
+    """Factors of nx[l] (first 9 rows of `left`) and ny[l] (next 9 rows) in an element's matrix."""
     for at in range(POINTS):
         xx, xy, yx, yy = factor[at, 0], factor[at, 1], factor[at, 2], factor[at, 3]
         nx, ny, first, second = right[at], right[POINTS + at], left[at], left[POINTS + at]
@@ -196,10 +274,17 @@ def _membrane_factors(factor, right, left):
             second[k] = xy * nx[k] + yy * ny[k]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def _bending_factors(weight, d11, d12, d33, nxx, nyy, nxy, left):
-    """What multiplies nxx[l], nyy[l] and nxy[l] there (the last 27 rows)."""
+def _bending_factors(
+    weight: Float64[np.ndarray, "9"],
+    stiffness: Stiffness,
+    tables: Tables,
+    left: Float[np.ndarray, "45 16"],
+) -> None:
+    """Factors of nxx[l], nyy[l] and nxy[l] there (last 27 rows of `left`)."""
+    d11, d12, d33 = stiffness.d11, stiffness.d12, stiffness.d33
+    nxx, nyy, nxy = tables.xx, tables.yy, tables.xy
     for at in range(POINTS):
         w = weight[at]
         for k in range(LOCAL):
@@ -208,18 +293,20 @@ def _bending_factors(weight, d11, d12, d33, nxx, nyy, nxy, left):
             left[4 * POINTS + at, k] = w * 4.0 * d33 * nxy[at, k]
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def forces_and_tangent(coefficient, slow, fast, weight, shape, dropped, x_is_slow, sheet, force, tangent):
-    """`forces`, and their derivative into `tangent` (nodes, 3, 3, 7, 8), in the precision of `tangent`.
+def forces_and_tangent(
+    coefficient: Coefficients, elements: Elements, stiffness: Stiffness, force: Coefficients, tangent: Tangent
+) -> None:
+    """`forces`, and their derivative into `tangent` in its precision, mm.
 
-    tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where q is a - 3 further along the slow
-    and b - 3 further along the fast axis.
+    tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q is a - 3 nodes further along
+    the slow and b - 3 nodes further along the fast axis than p.
     """
-    t, mu, bulk, tension, d11, d12, d33 = sheet
+    t, mu, bulk, tension, d11, d12, d33 = stiffness
     kind = tangent.dtype
-    nx, ny, nxx = np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL))
-    nyy, nxy, local = np.empty((POINTS, LOCAL)), np.empty((POINTS, LOCAL)), np.empty((3, LOCAL))
+    weight, tables, local = elements.weight, _new_tables(), np.empty((3, LOCAL))
+    nx, ny, nxx, nyy, nxy = tables
     element, matrix = np.empty((3, LOCAL)), np.empty((LOCAL, LOCAL), kind)
     left, right = np.empty((5 * POINTS, LOCAL), kind), np.empty((5 * POINTS, LOCAL), kind)
     flat, flat_left, flat_right = matrix.reshape(-1), left.reshape(-1), right.reshape(-1)
@@ -228,15 +315,13 @@ def forces_and_tangent(coefficient, slow, fast, weight, shape, dropped, x_is_slo
     a1, a2 = np.empty(3), np.empty(3)
     force[:] = 0.0
     tangent[:] = 0.0
-    for es in range(slow.shape[0]):
-        for ef in range(fast.shape[0]):
-            _gather(coefficient, es, ef, shape, dropped, local)
-            _tabulate(slow[es], fast[ef], x_is_slow, nx, ny, nxx, nyy, nxy)
+    for es in range(elements.slow.shape[0]):
+        for ef in range(elements.fast.shape[0]):
+            _gather(coefficient, elements, es, ef, local)
+            _tabulate(elements, es, ef, tables)
             element[:] = 0.0
             for at in range(POINTS):
-                a1[0], a1[1], a1[2], a2[0], a2[1], a2[2], k1, k2, k3 = _strain(
-                    local, nx[at], ny[at], nxx[at], nyy[at], nxy[at]
-                )
+                a1[0], a1[1], a1[2], a2[0], a2[1], a2[2], k1, k2, k3 = _strain(local, tables, at)
                 s1, s2, s3, c11, c22, c33, c12, c13, c23 = stress_and_tangent(
                     0.5 * (a1[0] * a1[0] + a1[1] * a1[1] + a1[2] * a1[2] - 1.0),
                     0.5 * (a2[0] * a2[0] + a2[1] * a2[1] + a2[2] * a2[2] - 1.0),
@@ -264,7 +349,7 @@ def forces_and_tangent(coefficient, slow, fast, weight, shape, dropped, x_is_slo
                         factor[i, j, at, 3] = w * (c22 * s + c23 * (q + r) + c33 * p) + same * s2
             for row, table in enumerate((nx, ny, nxx, nyy, nxy)):
                 right[row * POINTS : (row + 1) * POINTS] = table
-            _bending_factors(weight, d11, d12, d33, nxx, nyy, nxy, left)
+            _bending_factors(weight, stiffness, tables, left)
             for i in range(3):
                 for j in range(3):
                     _membrane_factors(factor[i, j], right, left)
@@ -272,17 +357,25 @@ def forces_and_tangent(coefficient, slow, fast, weight, shape, dropped, x_is_slo
                     matrix[:] = 0.0
                     for row in range(0, LOCAL, ROWS):
                         add_product_16(
-                            flat, row * LOCAL, LOCAL, flat_left, row, LOCAL, flat_right, 0, LOCAL, count
+                            flat,
+                            At(row * LOCAL, LOCAL),
+                            flat_left,
+                            At(row, LOCAL),
+                            flat_right,
+                            At(0, LOCAL),
+                            count,
                         )
-                    _scatter_tangent(matrix, i, j, es, ef, shape, dropped, flat_tangent)
-            _scatter_force(element, es, ef, shape, dropped, force)
-    _clear_outside(shape, tangent)
+                    _scatter_tangent(matrix, (i, j), elements, (es, ef), flat_tangent)
+            _scatter_force(element, elements, es, ef, force)
+    _clear_outside(elements.shape, tangent)
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def hold(is_free, shape, force, tangent):
-    """Remove what acts on and comes from unknowns that are held."""
+def fix(
+    is_free: Bool[np.ndarray, "nodes 3"], shape: tuple[int, int], force: Coefficients, tangent: Tangent
+) -> None:
+    """Set forces on fixed unknowns and their rows and columns of the tangent to 0."""
     for node in range(len(is_free)):
         s0, f0 = node // shape[1], node % shape[1]
         for i in range(3):
@@ -303,10 +396,10 @@ def hold(is_free, shape, force, tangent):
                             tangent[other, j, i, ROW - 1 - a, ROW - 1 - b] = 0.0
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def product(tangent, shape, vector, result):
-    """result = tangent times vector, both (nodes, 3)."""
+def product(tangent: Tangent, shape: tuple[int, int], vector: Coefficients, result: Coefficients) -> None:
+    """Tangent times a vector, into `result`."""
     for node in range(len(vector)):
         s0, f0 = node // shape[1], node % shape[1]
         low, high = max(f0 - REACH, 0), min(f0 + REACH + 1, shape[1])
@@ -320,11 +413,19 @@ def product(tangent, shape, vector, result):
             result[node, i] = total
 
 
-@njit(cache=True, nogil=True, fastmath=True)
+@kernel(fastmath=True)
 @no_type_check
-def row_sum(tangent, shape, share, component, result):
-    """Add the sum over nodes of share times the tangent's row of one component to `result` (nodes, 3)."""
-    for node in np.flatnonzero(share):
+def row_sum(
+    tangent: Tangent,
+    shape: tuple[int, int],
+    share: Float64[np.ndarray, " nodes"],
+    component: int,
+    result: Coefficients,
+) -> None:
+    """Add the sum over nodes of share times the tangent's row of one component to `result`."""
+    for node in range(len(share)):
+        if share[node] == 0.0:
+            continue
         s0, f0 = node // shape[1], node % shape[1]
         low, high = max(f0 - REACH, 0), min(f0 + REACH + 1, shape[1])
         for a in range(max(REACH - s0, 0), min(ROW, shape[0] - s0 + REACH)):
@@ -334,10 +435,15 @@ def row_sum(tangent, shape, share, component, result):
                     result[start + f, j] += share[node] * tangent[node, component, j, a, f - f0 + REACH]
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
-def band_of(tangent, shape, is_free, band):
-    """A tangent as a band: row p of `band` holds K[p, p], K[p, p + 1], ...; held unknowns get 1."""
+def copy_to_band(
+    tangent: Tangent,
+    shape: tuple[int, int],
+    is_free: Bool[np.ndarray, "nodes 3"],
+    band: Float[np.ndarray, "n band"],
+) -> None:
+    """A tangent as a band: row p gets K[p, p], K[p, p + 1], ...; the diagonal of fixed unknowns gets 1."""
     for node in range(len(is_free)):
         s0, f0 = node // shape[1], node % shape[1]
         for i in range(3):

@@ -1,19 +1,17 @@
 """A neo-Hookean sheet in plane stress, compiled (docs/derivations/mechanics.md, "Membrane")."""
 
-# no_type_check keeps checkers of annotations, which numba cannot compile, out of them
-
-from typing import no_type_check
-
-from numba import njit
+from manytouch.compilation import kernel, no_type_check
 
 NEWTON_STEPS = 5
-LEAST_AREA_RATIO_2 = 1e-3  # of det C: a surface that is folded further has lost its meaning
+MIN_AREA_RATIO_2 = 1e-3  # lower limit of det C; a surface that is compressed further is meaningless
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@kernel(fastmath=True, inline="always")
 @no_type_check
-def stretched(e1, e2, e3, mu, bulk):
-    """Cube root y of the volume ratio for which the stress through the thickness is 0.
+def thickness_stretch(
+    e1: float, e2: float, e3: float, mu: float, bulk: float
+) -> tuple[float, float, float, float]:
+    """Cube root y of the volume ratio at which the normal stress across the thickness is 0.
 
     2 mu y^6 / (3 d) - mu tr / 3 + bulk (y^8 - y^5) = 0, with d and tr of C = 1 + 2 E.
 
@@ -21,7 +19,7 @@ def stretched(e1, e2, e3, mu, bulk):
         y, dG/dy, and d, tr.
     """
     c1, c2 = 1.0 + 2.0 * e1, 1.0 + 2.0 * e2
-    d = max(c1 * c2 - e3 * e3, LEAST_AREA_RATIO_2)
+    d = max(c1 * c2 - e3 * e3, MIN_AREA_RATIO_2)
     tr = c1 + c2
     y = 1.0 + 0.1 * (d - 1.0) * mu / (bulk + mu)
     slope = 1.0
@@ -37,21 +35,21 @@ def stretched(e1, e2, e3, mu, bulk):
     return y, slope, d, tr
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@kernel(fastmath=True, inline="always")
 @no_type_check
-def energy_density(e1, e2, e3, mu, bulk):
+def energy_density(e1: float, e2: float, e3: float, mu: float, bulk: float) -> float:
     """Energy per volume for the strains E11, E22 and 2 E12."""
-    y, _, d, tr = stretched(e1, e2, e3, mu, bulk)
+    y, _, d, tr = thickness_stretch(e1, e2, e3, mu, bulk)
     y3 = y * y * y
     z = y3 * y3 / d
     return 0.5 * mu * ((tr + z) / (y * y) - 3.0) + 0.5 * bulk * (y3 - 1.0) ** 2
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@kernel(fastmath=True, inline="always")
 @no_type_check
-def stress(e1, e2, e3, mu, bulk):
+def stress(e1: float, e2: float, e3: float, mu: float, bulk: float) -> tuple[float, float, float]:
     """S11, S22, S12 (second Piola-Kirchhoff)."""
-    y, _, d, _ = stretched(e1, e2, e3, mu, bulk)
+    y, _, d, _ = thickness_stretch(e1, e2, e3, mu, bulk)
     m = mu / (y * y)
     z = y**6 / d
     return (
@@ -61,11 +59,13 @@ def stress(e1, e2, e3, mu, bulk):
     )
 
 
-@njit(cache=True, nogil=True, fastmath=True, inline="always")
+@kernel(fastmath=True, inline="always")
 @no_type_check
-def stress_and_tangent(e1, e2, e3, mu, bulk):
+def stress_and_tangent(
+    e1: float, e2: float, e3: float, mu: float, bulk: float
+) -> tuple[float, float, float, float, float, float, float, float, float]:
     """S11, S22, S12 and D11, D22, D33, D12, D13, D23 = dS / d(E11, E22, 2 E12)."""
-    y, slope, d, _ = stretched(e1, e2, e3, mu, bulk)
+    y, slope, d, _ = thickness_stretch(e1, e2, e3, mu, bulk)
     m = mu / (y * y)
     y3 = y * y * y
     z = y3 * y3 / d

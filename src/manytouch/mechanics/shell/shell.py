@@ -11,32 +11,33 @@ from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.shell import kernels as shell_kernels
 
 SUPPORT_PER_MM = 1e-3
-"""Stiffness of the springs along a soft boundary, per E and area: 1 mm off presses with 0.001 E."""
+"""Stiffness of the springs along a soft boundary, over E and area: a displacement of 1 mm gives 0.001 E."""
 
 THICK_BENDING = 0.7
-"""Bending factor of a sheet that is about as thick as its dents are wide, and gives way in shear as well."""
+"""Bending factor of a sheet that is about as thick as its dents are wide and is also sheared."""
 
 THICK_SHEAR = 0.1
-"""How far its fibres lag behind the normal there; both fitted to 3-D finite elements (ADR 0015)."""
+"""Shear factor of such a sheet; both were fitted to 3-D finite elements (ADR 0015)."""
 
 GAUSS_POINTS = 3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shell:
-    """A sheet that stretches without limit (neo-Hooke, plane stress) and bends linearly.
+    """A sheet with finite membrane strain (neo-Hooke, plane stress) and linear bending.
 
-    Frame: sheet frame, z from the camera out of the sensor; a press has w < 0 and forces f_z < 0. All
+    Vectors are in the sheet frame, whose z points away from the camera; a press has w < 0 and forces f_z < 0.
+    All
     energies and forces are divided by E: mm^3 and mm^2. Derivation: docs/derivations/mechanics.md.
 
     Attributes:
         patch: the rectangle that is modelled.
         thickness_mm: of the sheet, mounted.
         poisson: 0 to less than 0.5.
-        pretension_over_E_mm: membrane force per length when nothing touches.
+        pretension_over_E_mm: membrane force per length at rest, over E.
         bending_factor: on t^3 / (12 (1 - poisson^2)); 1 is a thin plate of this thickness.
-        shear_factor: straight fibres through the sheet stand on slopes w + shear_factor t^2 lap w instead of
-            w; 0 is a thin plate.
+        shear_factor: fibres across the sheet are normal to w + shear_factor t^2 lap w instead of w; 0 is a
+            thin plate.
         support_per_mm: of the springs that hold a soft boundary, per E and area; has no effect on a
             clamped patch.
     """
@@ -57,38 +58,38 @@ class Shell:
 
     @property
     def shear_mm2(self) -> float:
-        """What multiplies the Laplacian of w in the slope that fibres stand on."""
+        """Coefficient of the Laplacian of w in the surface that fibres are normal to."""
         return self.shear_factor * self.thickness_mm**2
 
     def energy(self, coefficient_mm: Nodal) -> float:
         """Energy over E (mm^3), 0 at rest."""
         springs = 0.5 * float((self._spring_mm[:, None] * coefficient_mm**2).sum())
-        elastic = float(shell_kernels.energy(coefficient_mm, *self._arguments))
-        return elastic + springs - float((self._at_rest * coefficient_mm).sum())
+        elastic = float(shell_kernels.energy(coefficient_mm, self._elements, self._stiffness))
+        return elastic + springs - float((self._rest_force * coefficient_mm).sum())
 
     def forces(self, coefficient_mm: Nodal) -> Nodal:
-        """Forces over E (mm^2) that hold the sheet in this shape: dW/dc, 0 where unknowns are held."""
+        """External forces over E (mm^2) in equilibrium with this shape: dW/dc, 0 for fixed unknowns."""
         force = np.empty_like(coefficient_mm)
-        shell_kernels.forces(coefficient_mm, *self._arguments, force)
-        force += self._spring_mm[:, None] * coefficient_mm - self._at_rest
+        shell_kernels.forces(coefficient_mm, self._elements, self._stiffness, force)
+        force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
         force[~self.patch.is_free] = 0.0
         return force
 
     def forces_and_tangent(self, coefficient_mm: Nodal, force: Nodal, tangent: np.ndarray) -> None:
-        """The same into `force`, and its derivative into `tangent` (nodes, 3, 3, 7, 8), per E (mm).
+        """The same into `force`, and its derivative over E (mm) into `tangent` (nodes, 3, 3, 7, 8).
 
         tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q lies a - 3 further
         along the slow and b - 3 further along the fast axis.
         """
-        shell_kernels.forces_and_tangent(coefficient_mm, *self._arguments, force, tangent)
-        force += self._spring_mm[:, None] * coefficient_mm - self._at_rest
+        shell_kernels.forces_and_tangent(coefficient_mm, self._elements, self._stiffness, force, tangent)
+        force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
         middle = shell_kernels.REACH
         for i in range(3):
             tangent[:, i, i, middle, middle] += self._spring_mm
-        shell_kernels.hold(self.patch.is_free, self.patch.shape, force, tangent)
+        shell_kernels.fix(self.patch.is_free, self.patch.shape, force, tangent)
 
     def empty_tangent(self, precision: type[np.floating] = np.float64) -> Float[np.ndarray, "nodes 3 3 7 8"]:
-        """Room for a tangent; its precision is that of the work on it."""
+        """Memory for a tangent, whose precision is that of all matrix operations on it."""
         return np.zeros((self.patch.node_count, 3, 3, shell_kernels.ROW, shell_kernels.STRIP), precision)
 
     def product(self, tangent: np.ndarray, nodal: Nodal) -> Nodal:
@@ -102,15 +103,14 @@ class Shell:
         return np.where(self.patch.is_rim, self.support_per_mm * self.patch.area_mm2, 0.0)
 
     @cached_property
-    def _at_rest(self) -> Nodal:
-        """What holds the pretension along a free outline; the sheet beyond goes on doing so."""
+    def _rest_force(self) -> Nodal:
+        """Forces of the sheet beyond a free outline, which balance the pretension at rest."""
         force = np.empty((self.patch.node_count, 3))
-        shell_kernels.forces(np.zeros_like(force), *self._arguments, force)
+        shell_kernels.forces(np.zeros_like(force), self._elements, self._stiffness, force)
         return force
 
     @cached_property
-    def _arguments(self) -> tuple[object, ...]:
-        """What the kernels want to know, between coefficients and results."""
+    def _elements(self) -> shell_kernels.Elements:
         node, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         patch = self.patch
         tables, lengths = [], []
@@ -121,16 +121,25 @@ class Shell:
             _, table = basis.values(length, elements, place.ravel())
             tables.append(np.ascontiguousarray(table.reshape(elements, GAUSS_POINTS, 4, 4)[:, :, :3]))
             lengths.append(0.5 * step * weight)
-        nu, t = self.poisson, self.thickness_mm
-        rigidity = self.bending_factor * t**3 / (12.0 * (1.0 - nu**2))
-        sheet = (
-            t,
-            0.5 / (1.0 + nu),
-            1.0 / (3.0 * (1.0 - 2.0 * nu)),
-            self.pretension_over_E_mm,
-            rigidity,
-            rigidity * nu,
-            rigidity * 0.5 * (1.0 - nu),
+        return shell_kernels.Elements(
+            slow=tables[0],
+            fast=tables[1],
+            weight=np.outer(lengths[0], lengths[1]).ravel(),
+            shape=patch.shape,
+            dropped=patch.dropped,
+            is_x_slow=patch.is_x_slow,
         )
-        weights = np.outer(lengths[0], lengths[1]).ravel()
-        return (*tables, weights, patch.shape, patch.dropped, patch.is_x_slow, sheet)
+
+    @cached_property
+    def _stiffness(self) -> shell_kernels.Stiffness:
+        nu, t = float(self.poisson), float(self.thickness_mm)
+        rigidity = self.bending_factor * t**3 / (12.0 * (1.0 - nu**2))
+        return shell_kernels.Stiffness(
+            thickness=t,
+            mu=0.5 / (1.0 + nu),
+            bulk=1.0 / (3.0 * (1.0 - 2.0 * nu)),
+            tension=float(self.pretension_over_E_mm),
+            d11=rigidity,
+            d12=rigidity * nu,
+            d33=rigidity * 0.5 * (1.0 - nu),
+        )

@@ -1,4 +1,4 @@
-"""Symmetric positive definite matrices with a narrow band: factor, solve, covariances."""
+"""Symmetric positive definite band matrices: factor, solve, covariances, by LAPACK."""
 
 from dataclasses import dataclass
 
@@ -6,9 +6,10 @@ import numpy as np
 from jaxtyping import Float, Float64
 from scipy.linalg import get_lapack_funcs
 
-from manytouch.mechanics.solver import band_kernels
+from manytouch.mechanics.solver.band_kernels import Band
 
 PADDING_ROWS = 16
+"""Rows before and after the matrix, because tiles extend over both ends."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -16,7 +17,7 @@ class BandFactor:
     """L of H = L L^T.
 
     Attributes:
-        lower: (n, width + 1): row p holds L[p, p], L[p + 1, p], ... of its column p.
+        lower: (n, width + 1) row p is column p of L from the diagonal down.
     """
 
     lower: Float[np.ndarray, "n band"]
@@ -28,33 +29,33 @@ class BandFactor:
         return np.ascontiguousarray(solution.T, dtype=np.float64)
 
     def whiten(self, right: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
-        """L^-1 times each row: the products of these rows are those of `right` with H^-1 between."""
+        """L^-1 times each row: scalar products of the results are right H^-1 right^T."""
         (solve,) = get_lapack_funcs(("tbtrs",), (self.lower,))
         solution, _ = solve(self.lower.T, np.asfortranarray(right.T, dtype=self.lower.dtype), uplo="L")
         return np.ascontiguousarray(solution.T, dtype=np.float64)
 
     def colour(self, normal: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k n"]:
-        """L^-T times each row: rows of independent normal numbers get the covariance H^-1."""
+        """L^-T times each row: independent normal numbers get the covariance H^-1."""
         (solve,) = get_lapack_funcs(("tbtrs",), (self.lower,))
         right = np.asfortranarray(normal.T, dtype=self.lower.dtype)
         solution, _ = solve(self.lower.T, right, uplo="L", trans="T")
         return np.ascontiguousarray(solution.T, dtype=np.float64)
 
 
-def factorise(flat: Float[np.ndarray, " k"], *, front: int, unknowns: int, width: int) -> BandFactor | None:
-    """The factor of a flat band (see `band_kernels`), which it overwrites.
-
-    None when the matrix is not positive definite.
-    """
-    if not band_kernels.factorise(flat, front, unknowns, width):
-        return None
-    stored = flat[front : front + unknowns * (width + 1)]
-    return BandFactor(lower=stored.reshape(unknowns, width + 1))
-
-
-def empty_band(
-    unknowns: int, width: int, precision: type[np.floating]
-) -> tuple[Float[np.ndarray, " k"], int]:
-    """Room for a flat band, and where in it the matrix begins: tiles reach over both ends."""
+def new_band(unknowns: int, width: int, precision: type[np.floating]) -> Band:
+    """A band of zeros with room for the tiles that extend over its ends."""
     front = PADDING_ROWS * (width + 1)
-    return np.zeros(2 * front + unknowns * (width + 1), precision), front
+    return Band(values=np.zeros(2 * front + unknowns * (width + 1), precision), front=front, width=width)
+
+
+def band_rows(band: Band) -> Float[np.ndarray, "n band"]:
+    """The matrix as a view: row p is H[p, p], H[p, p + 1], ..."""
+    return band.values[band.front : -band.front].reshape(-1, band.width + 1)
+
+
+def factorise(band: Band) -> BandFactor | None:
+    """The Cholesky factor of a band, which it overwrites; None if the matrix is not positive definite."""
+    rows = band_rows(band)
+    (cholesky,) = get_lapack_funcs(("pbtrf",), (rows,))
+    lower, info = cholesky(rows.T, lower=1, overwrite_ab=1)
+    return BandFactor(lower=lower.T) if info == 0 else None

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float, Float64, Int64
 
 from manytouch.geometry.spline.patch import Nodal, PointBasis
-from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell.shell import Shell
 
@@ -31,7 +31,7 @@ class Linearisation:
     """
 
     shell: Shell
-    dots: Dots
+    dots: MarkerImages
     nodes: PointBasis
     force: Nodal
     tangent: Float[np.ndarray, "nodes 3 3 7 8"]

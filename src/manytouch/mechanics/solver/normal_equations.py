@@ -4,14 +4,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float64, Int64
+from jaxtyping import Float64
 
 from manytouch.geometry.spline.patch import Nodal, PointBasis
-from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver import band_kernels
-from manytouch.mechanics.solver.band import BandFactor, empty_band, factorise
+from manytouch.mechanics.solver.band import BandFactor, band_rows, factorise, new_band
 from manytouch.mechanics.solver.linearisation import Linearisation
 from manytouch.mechanics.solver.posterior import Posterior
 
@@ -35,7 +35,7 @@ class NormalEquations:
     """
 
     shell: Shell
-    dots: Dots
+    dots: MarkerImages
     precision: type[np.floating] | None = None
 
     def __post_init__(self) -> None:
@@ -103,31 +103,25 @@ class NormalEquations:
         """Factor of H, None if it is not positive definite, and the gradient (n,)."""
         patch = self.shell.patch
         width = 3 * 2 * shell_kernels.REACH * (patch.shape[1] + 1) + 2
-        unknowns = 3 * patch.node_count
-        flat, front = empty_band(unknowns, width, self._precision)
-        gradient = np.zeros(unknowns)
-        first, table_x, table_y = self._slope_tables
-        band_kernels.add_forces(
-            at.tangent, at.force, at.slope, first, table_x, table_y, weight,
-            patch.shape, patch.is_free, front, width, flat, gradient,
-        )  # fmt: skip
-        band_kernels.add_dots(
+        gradient = np.zeros(3 * patch.node_count)
+        band = new_band(gradient.size, width, self._precision)
+        sheet = band_kernels.SheetDerivatives(at.force, at.tangent, at.slope)
+        band_kernels.add_forces(sheet, self._slope_tables, weight, patch.is_free, patch.shape, band, gradient)
+        band_kernels.add_markers(
             at.derivative.reshape(-1, 2, 4, 12).astype(self._precision),
             residual,
             information.astype(self._precision),
             self.dots.first,
-            patch.shape,
-            front,
-            width,
-            flat,
+            patch.shape[1],
+            band,
             gradient,
         )
         is_fixed = ~patch.is_free.ravel()
-        diagonal = flat[front:-front].reshape(unknowns, width + 1)[:, 0]
+        diagonal = band_rows(band)[:, 0]
         diagonal += damping * diagonal.max()
         diagonal[is_fixed] = 1.0
         gradient[is_fixed] = 0.0
-        return factorise(flat, front=front, unknowns=unknowns, width=width), gradient
+        return factorise(band), gradient
 
     @property
     def _precision(self) -> type[np.floating]:
@@ -139,12 +133,7 @@ class NormalEquations:
         return self.shell.patch.at(self.shell.patch.place_mm)
 
     @cached_property
-    def _slope_tables(
-        self,
-    ) -> tuple[
-        Int64[np.ndarray, "nodes 2"], Float64[np.ndarray, "nodes 4 4"], Float64[np.ndarray, "nodes 4 4"]
-    ]:
-        """First of the 4 x 4 nodes around each node, and derivatives of the slopes there by their w."""
+    def _slope_tables(self) -> band_kernels.SlopeTables:
         patch = self.shell.patch
         first, _ = patch.window(patch.place_mm)
         is_free = patch.is_free[self._nodes.node, 2].reshape(-1, 4, 4)
@@ -152,4 +141,4 @@ class NormalEquations:
             np.ascontiguousarray(table.reshape(-1, 4, 4)) * is_free
             for table in (self._nodes.dx, self._nodes.dy)
         )
-        return first, table_x, table_y
+        return band_kernels.SlopeTables(first, table_x, table_y)

@@ -1,37 +1,54 @@
-"""The one inner loop of all dense work here: a product that is added to a tile of a matrix.
+"""Product of two thin matrices added to a tile of a third one, as SIMD instructions, and its scalar twin.
 
-numba leaves a tile in memory while it sums it up; written as vector instructions it stays in registers, which
-is two to four times faster. LLVM fits the vectors to whatever the machine has.
+numba keeps a tile in memory while it adds to it. As LLVM vectors the tile stays in registers, which is two to
+four times faster (ADR 0025). LLVM fits the vectors to the processor.
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple, cast
 
+import numpy as np
+from jaxtyping import Float
 from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
+from manytouch.compilation import kernel, no_type_check
+
 ROWS = 8
 
+Flat = Float[np.ndarray, " n"]
 
-def _tile(columns: int) -> Callable[..., None]:
+
+class At(NamedTuple):
+    """Where a matrix begins in a flat array, and the distance between its rows."""
+
+    start: int
+    stride: int
+
+
+def _tile(columns: int) -> Callable[[Flat, At, Flat, At, Flat, At, int], None]:
     """A compiled function that adds a product to a tile of ROWS x columns."""
 
     def generate(context: Any, builder: Any, signature: Any, args: Any) -> Any:
-        c, c_at, c_stride, a, a_at, a_stride, b, b_at, b_stride, count = args
+        c, c_at, a, a_at, b, b_at, count = args
+        (c_start, c_stride), (a_start, a_stride), (b_start, b_stride) = (
+            (builder.extract_value(at, 0), builder.extract_value(at, 1)) for at in (c_at, a_at, b_at)
+        )
         number = context.get_value_type(signature.args[0].dtype)
         vector, index = ir.VectorType(number, columns), ir.IntType(64)
         to, left, right = (
             context.make_array(signature.args[k])(context, builder, array).data
-            for k, array in ((0, c), (3, a), (6, b))
+            for k, array in ((0, c), (2, a), (4, b))
         )
         size = context.get_abi_sizeof(number)
 
-        def at(data: Any, place: Any) -> Any:
+        def pointer(data: Any, place: Any) -> Any:
             return builder.bitcast(builder.gep(data, [place]), vector.as_pointer())
 
         rows = [
-            at(to, builder.add(c_at, builder.mul(c_stride, ir.Constant(index, row)))) for row in range(ROWS)
+            pointer(to, builder.add(c_start, builder.mul(c_stride, ir.Constant(index, row))))
+            for row in range(ROWS)
         ]
         begin = [builder.load(row, align=size) for row in rows]
         entry, loop, done = builder.block, *(builder.append_basic_block(name) for name in ("loop", "done"))
@@ -39,7 +56,7 @@ def _tile(columns: int) -> Callable[..., None]:
         builder.position_at_end(loop)
         k, place_a, place_b = (builder.phi(index) for _ in range(3))
         sums = [builder.phi(vector) for _ in range(ROWS)]
-        strip = builder.load(at(right, place_b), align=size)
+        strip = builder.load(pointer(right, place_b), align=size)
         nothing, first = ir.Constant(vector, ir.Undefined), ir.Constant(ir.IntType(32), 0)
         lanes = ir.Constant(ir.VectorType(ir.IntType(32), columns), None)
         added = []
@@ -51,8 +68,8 @@ def _tile(columns: int) -> Callable[..., None]:
         further = builder.add(k, ir.Constant(index, 1))
         for phi, start, following in (
             (k, ir.Constant(index, 0), further),
-            (place_a, a_at, builder.add(place_a, a_stride)),
-            (place_b, b_at, builder.add(place_b, b_stride)),
+            (place_a, a_start, builder.add(place_a, a_stride)),
+            (place_b, b_start, builder.add(place_b, b_stride)),
             *zip(sums, begin, added, strict=True),
         ):
             phi.add_incoming(start, entry)
@@ -63,22 +80,39 @@ def _tile(columns: int) -> Callable[..., None]:
             builder.store(total, row, align=size)
         return context.get_dummy_value()
 
-    # numba wants every argument by name
-    def typed(typing, c, c_at, c_stride, a, a_at, a_stride, b, b_at, b_stride, count):  # type: ignore[no-untyped-def]  # noqa: PLR0917
-        place = types.int64
-        signature = types.void(c, place, place, a, place, place, b, place, place, place)
-        return signature, generate
+    # numba reads the names of the arguments
+    def typed(typing: Any, c: Any, c_at: Any, a: Any, a_at: Any, b: Any, b_at: Any, count: Any) -> Any:  # noqa: PLR0917
+        return types.void(c, c_at, a, a_at, b, b_at, types.int64), generate
 
-    added: Callable[..., None] = intrinsic(typed)
-    return added
+    return cast(Callable[[Flat, At, Flat, At, Flat, At, int], None], intrinsic(typed))
 
 
 add_product = _tile(32)
-"""add_product(c, c_at, c_stride, a, a_at, a_stride, b, b_at, b_stride, count): c += a^T b, 8 x 32 of it.
-
-Flat C-contiguous arrays of one precision; to c[c_at + row c_stride + column] is added the sum over
-k < count of a[a_at + k a_stride + row] b[b_at + k b_stride + column]. count is 1 or more.
-"""
+"""add_product(c, c_at, a, a_at, b, b_at, count) adds a^T b to 8 x 32 entries of c; see its scalar twin."""
 
 add_product_16 = _tile(16)
-"""The same on 8 rows x 16 columns."""
+"""The same for a tile of 8 x 16."""
+
+
+@kernel()
+@no_type_check
+def add_product_scalar(  # noqa: PLR0917
+    c: Flat, c_at: At, a: Flat, a_at: At, b: Flat, b_at: At, count: int, columns: int
+) -> None:
+    """Scalar twin of `add_product` and `add_product_16`.
+
+    To c[c_at.start + row c_at.stride + column] is added the sum over k < count of
+    a[a_at.start + k a_at.stride + row] b[b_at.start + k b_at.stride + column], for 8 rows.
+
+    Args:
+        c, a, b: C-contiguous arrays of one precision.
+        c_at, a_at, b_at: where in them.
+        count: rows of a and b, at least 1.
+        columns: of the tile.
+    """
+    for row in range(ROWS):
+        for column in range(columns):
+            total = c[c_at.start + row * c_at.stride + column]
+            for k in range(count):
+                total += a[a_at.start + k * a_at.stride + row] * b[b_at.start + k * b_at.stride + column]
+            c[c_at.start + row * c_at.stride + column] = total

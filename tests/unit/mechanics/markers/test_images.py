@@ -7,41 +7,16 @@ import pytest
 
 from manytouch.geometry.camera import project
 from manytouch.geometry.spline.patch import SplinePatch
-from manytouch.mechanics.markers import projection as projection_kernels
-from manytouch.mechanics.markers.images import Dots, Face
+from manytouch.mechanics.markers.images import Face, MarkerImages
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera
 
 H = 1e-4
 
 
-def cameras(camera: Camera) -> list[Camera]:
-    fisheye = replace(camera, model="fisheye", distortion=np.array([0.05, -0.02, 0.01, 0.003]))
-    return [camera, fisheye]
-
-
-def test_the_kernels_project_as_the_cameras_do(camera: Camera) -> None:
-    point = np.random.default_rng(0).normal(size=(20, 3)) * [20.0, 15.0, 5.0]
-    for each in cameras(camera):
-        flat = projection_kernels.parameters(each)
-        found = np.array([projection_kernels.pixel(flat, *xyz) for xyz in point])
-        np.testing.assert_allclose(found, project(each, point), atol=1e-9)
-
-
-def test_the_slope_of_the_projection(camera: Camera) -> None:
-    out = np.empty((2, 3))
-    for each in cameras(camera):
-        flat = projection_kernels.parameters(each)
-        for xyz in np.random.default_rng(0).normal(size=(5, 3)) * [20.0, 15.0, 5.0]:
-            projection_kernels.slope(flat, *xyz, out)
-            expected = [
-                (project(each, (xyz + h)[None]) - project(each, (xyz - h)[None]))[0] / (2 * H)
-                for h in H * np.eye(3)
-            ]
-            np.testing.assert_allclose(out, np.transpose(expected), rtol=1e-6, atol=1e-6)
-
-
-def test_a_press_comes_nearer_to_the_camera_and_moves_dots_outwards(dots: Dots, patch: SplinePatch) -> None:
+def test_a_press_comes_nearer_to_the_camera_and_moves_dots_outwards(
+    dots: MarkerImages, patch: SplinePatch
+) -> None:
     straight = replace(dots.camera, rotation_vector=np.zeros(3), translation_mm=np.array([0.0, 0.0, 90.0]))
     seen = replace(dots, camera=replace(straight, distortion=np.zeros(5)))
     down = np.zeros((patch.node_count, 3))
@@ -110,7 +85,42 @@ def test_fibres_stand_on_a_slope_that_lags_behind_shear() -> None:
     assert lean[1] == pytest.approx(1.5 * 6.0 * k * 0.2 * 3.0**2, rel=1e-3)
 
 
-def test_derivatives_of_the_face(shell: Shell, bent_mm: np.ndarray, dots: Dots) -> None:
+def face_reference_mm(face: Face, coefficient_mm: np.ndarray) -> np.ndarray:
+    """`Face.displacement` by numpy: displacement of the middle surface minus lever times normal."""
+    shell, patch = face.shell, face.shell.patch
+    first, table = patch.window(face.point_mm)
+    field = coefficient_mm.reshape(*patch.shape, 3)
+    moved = []
+    for (slow, fast), tables in zip(first, table, strict=True):
+        nodal = field[slow : slow + 4, fast : fast + 4]
+        derivative = np.einsum(
+            "pa,qb,abi->pqi", tables[0], tables[1], nodal
+        )  # p times along slow, q along fast
+        if not patch.is_x_slow:
+            derivative = derivative.transpose(1, 0, 2)
+        a1, a2 = derivative[1, 0] + [1.0, 0.0, 0.0], derivative[0, 1] + [0.0, 1.0, 0.0]
+        trace = 0.5 * (a1 @ a1 + a2 @ a2) - 1.0
+        lever = (
+            0.5 * shell.thickness_mm * (1.0 - shell.poisson / (1.0 - shell.poisson) * trace) + face.height_mm
+        )
+        a1[2] += shell.shear_mm2 * (derivative[3, 0, 2] + derivative[1, 2, 2])
+        a2[2] += shell.shear_mm2 * (derivative[2, 1, 2] + derivative[0, 3, 2])
+        normal = np.cross(a1, a2)
+        at_rest = np.array([0.0, 0.0, 0.5 * shell.thickness_mm + face.height_mm])
+        moved.append(derivative[0, 0] - lever * normal / np.linalg.norm(normal) + at_rest)
+    return np.array(moved)
+
+
+def test_the_face_is_that_of_its_derivation(shell: Shell, bent_mm: np.ndarray, dots: MarkerImages) -> None:
+    point_mm = np.ascontiguousarray(dots.rest_mm[:, :2])
+    for height_mm in (0.0, 0.4):
+        face = Face(shell=shell, point_mm=point_mm, height_mm=height_mm)
+        np.testing.assert_allclose(
+            face.displacement(0.3 * bent_mm), face_reference_mm(face, 0.3 * bent_mm), atol=1e-12
+        )
+
+
+def test_derivatives_of_the_face(shell: Shell, bent_mm: np.ndarray, dots: MarkerImages) -> None:
     face = Face(shell=shell, point_mm=np.ascontiguousarray(dots.rest_mm[:, :2]), height_mm=0.4)
     way = np.random.default_rng(3).normal(size=bent_mm.shape) * shell.patch.is_free
     expected = (face.displacement(bent_mm + H * way) - face.displacement(bent_mm - H * way)) / (2 * H)
@@ -118,7 +128,7 @@ def test_derivatives_of_the_face(shell: Shell, bent_mm: np.ndarray, dots: Dots) 
     np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
-def fine_centroid_px(dots: Dots, coefficient_mm: np.ndarray, number: int) -> np.ndarray:
+def fine_centroid_px(dots: MarkerImages, coefficient_mm: np.ndarray, number: int) -> np.ndarray:
     """Image-area centroid of a dot from many small triangles of its disc."""
     angle = np.linspace(0.0, 2.0 * np.pi, 241)[:-1]
     ring = np.column_stack([np.cos(angle), np.sin(angle)]) * dots.radius_mm[number]
@@ -131,7 +141,9 @@ def fine_centroid_px(dots: Dots, coefficient_mm: np.ndarray, number: int) -> np.
     return np.asarray(pixel[-1] + (area[:, None] * (a + b)).sum(axis=0) / (3.0 * area.sum()))
 
 
-def test_the_prediction_is_the_centroid_of_the_disc_in_the_image(dots: Dots, bent_mm: np.ndarray) -> None:
+def test_the_prediction_is_the_centroid_of_the_disc_in_the_image(
+    dots: MarkerImages, bent_mm: np.ndarray
+) -> None:
     dots = replace(dots, shell=replace(dots.shell, shear_factor=0.0))  # fibres of a disc have one tilt
     rest = np.zeros_like(bent_mm)
     found, centre = dots.displacement_px(bent_mm), dots.displacement_mm(bent_mm)
@@ -145,11 +157,13 @@ def test_the_prediction_is_the_centroid_of_the_disc_in_the_image(dots: Dots, ben
     assert (wrong < 0.15 * wrong_without).all()
 
 
-def test_the_derivative_is_exact_for_points_and_close_for_discs(dots: Dots, bent_mm: np.ndarray) -> None:
+def test_the_derivative_is_exact_for_points_and_close_for_discs(
+    dots: MarkerImages, bent_mm: np.ndarray
+) -> None:
     way = np.random.default_rng(3).normal(size=bent_mm.shape) * dots.shell.patch.is_free
     found = np.einsum("manj,mnj->ma", dots.derivative_px(bent_mm), way[dots.tips.basis.node])
 
-    def numeric(seen: Dots) -> np.ndarray:
+    def numeric(seen: MarkerImages) -> np.ndarray:
         return (seen.displacement_px(bent_mm + H * way) - seen.displacement_px(bent_mm - H * way)) / (2 * H)
 
     points = replace(dots, radius_mm=dots.radius_mm * 1e-3)

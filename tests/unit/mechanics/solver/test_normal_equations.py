@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from manytouch.geometry.spline.patch import SplinePatch
-from manytouch.mechanics.markers.images import Dots
+from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.linearisation import Linearisation
@@ -16,7 +16,7 @@ from manytouch.values import Camera
 H = 1e-5
 
 
-def problem(dots: Dots) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def problem(dots: MarkerImages) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     rng = np.random.default_rng(4)
     count = len(dots.rest_mm)
     root = rng.normal(size=(count, 2, 2)) * 10.0
@@ -27,7 +27,7 @@ def problem(dots: Dots) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return residual, information, rng.uniform(0.1, 1e3, (dots.shell.patch.node_count, 3))
 
 
-def equations(dots: Dots, precision: type[np.floating] | None = np.float64) -> NormalEquations:
+def equations(dots: MarkerImages, precision: type[np.floating] | None = np.float64) -> NormalEquations:
     return NormalEquations(shell=dots.shell, dots=dots, precision=precision)
 
 
@@ -42,7 +42,7 @@ def dense_jacobians(here: Linearisation) -> tuple[np.ndarray, np.ndarray]:
     return image.reshape(len(image), 2, -1), forces
 
 
-def test_the_balance_and_its_change(dots: Dots, bent_mm: np.ndarray) -> None:
+def test_the_balance_and_its_change(dots: MarkerImages, bent_mm: np.ndarray) -> None:
     linearise = equations(dots).linearise
     way = np.random.default_rng(3).normal(size=bent_mm.shape) * dots.shell.patch.is_free
     change = (linearise(bent_mm + H * way).balance - linearise(bent_mm - H * way).balance) / (2 * H)
@@ -51,7 +51,7 @@ def test_the_balance_and_its_change(dots: Dots, bent_mm: np.ndarray) -> None:
     np.testing.assert_allclose(here.force, dots.shell.forces(bent_mm), atol=1e-12)
 
 
-def test_a_step_solves_the_normal_equations(dots: Dots, bent_mm: np.ndarray) -> None:
+def test_a_step_solves_the_normal_equations(dots: MarkerImages, bent_mm: np.ndarray) -> None:
     residual, information, weight = problem(dots)
     here = equations(dots).linearise(bent_mm)
     posterior = equations(dots).solve(here, residual, information, weight)
@@ -80,7 +80,7 @@ def test_a_step_solves_the_normal_equations(dots: Dots, bent_mm: np.ndarray) -> 
     )
 
 
-def test_samples_have_the_covariance_of_the_posterior(dots: Dots, bent_mm: np.ndarray) -> None:
+def test_samples_have_the_covariance_of_the_posterior(dots: MarkerImages, bent_mm: np.ndarray) -> None:
     residual, information, weight = problem(dots)
     posterior = equations(dots).solve(equations(dots).linearise(bent_mm), residual, information, weight)
     rows = np.random.default_rng(6).normal(size=(3, *bent_mm.shape))
@@ -89,7 +89,7 @@ def test_samples_have_the_covariance_of_the_posterior(dots: Dots, bent_mm: np.nd
     np.testing.assert_allclose(values @ values.T, posterior.covariance(rows), rtol=1e-7, atol=1e-12)
 
 
-def test_single_precision_is_enough_for_a_step(dots: Dots, bent_mm: np.ndarray) -> None:
+def test_single_precision_is_enough_for_a_step(dots: MarkerImages, bent_mm: np.ndarray) -> None:
     if dots.shell.patch.boundary == "soft":
         assert equations(dots, None).precision == np.float64
         return
@@ -103,7 +103,7 @@ def test_single_precision_is_enough_for_a_step(dots: Dots, bent_mm: np.ndarray) 
     np.testing.assert_allclose(single.variances(node, row), double.variances(node, row), rtol=1e-3)
 
 
-def test_force_rows_are_derivatives_of_forces(dots: Dots, bent_mm: np.ndarray) -> None:
+def test_force_rows_are_derivatives_of_forces(dots: MarkerImages, bent_mm: np.ndarray) -> None:
     here, free = equations(dots).linearise(bent_mm), dots.shell.patch.is_free
     way = np.random.default_rng(3).normal(size=bent_mm.shape) * free
     share = np.random.default_rng(8).uniform(size=len(bent_mm)) * free[:, 2]
@@ -116,7 +116,7 @@ def test_force_rows_are_derivatives_of_forces(dots: Dots, bent_mm: np.ndarray) -
 
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 def test_a_chord_step_at_its_own_linearisation_is_a_full_step(
-    dots: Dots, bent_mm: np.ndarray, precision: type[np.floating]
+    dots: MarkerImages, bent_mm: np.ndarray, precision: type[np.floating]
 ) -> None:
     residual, information, weight = problem(dots)
     here = equations(dots, precision).linearise(bent_mm)
@@ -126,7 +126,7 @@ def test_a_chord_step_at_its_own_linearisation_is_a_full_step(
     np.testing.assert_allclose(again, posterior.change_mm, atol=within)
 
 
-def test_standard_deviations_of_forces(dots: Dots, bent_mm: np.ndarray) -> None:
+def test_standard_deviations_of_forces(dots: MarkerImages, bent_mm: np.ndarray) -> None:
     here = equations(dots).linearise(bent_mm)
     posterior = equations(dots).solve(here, *problem(dots))
     share = np.random.default_rng(8).uniform(size=(2, len(bent_mm)))
@@ -139,7 +139,7 @@ def test_standard_deviations_of_forces(dots: Dots, bent_mm: np.ndarray) -> None:
 
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 def test_later_calls_change_no_linearisation_and_no_posterior(
-    dots: Dots, bent_mm: np.ndarray, precision: type[np.floating]
+    dots: MarkerImages, bent_mm: np.ndarray, precision: type[np.floating]
 ) -> None:
     residual, information, weight = problem(dots)
     normal = equations(dots, precision)
@@ -157,7 +157,7 @@ def test_later_calls_change_no_linearisation_and_no_posterior(
     np.testing.assert_array_equal(repeated.change_mm, posterior.change_mm)
 
 
-def test_a_singular_matrix_is_damped(dots: Dots, bent_mm: np.ndarray) -> None:
+def test_a_singular_matrix_is_damped(dots: MarkerImages, bent_mm: np.ndarray) -> None:
     residual, information, weight = problem(dots)
     only_few = np.where(np.arange(len(information))[:, None, None] < 5, information, 0.0)
     posterior = equations(dots).solve(
@@ -178,7 +178,7 @@ def test_pixels_give_a_press_back(camera: Camera) -> None:
     x, y = np.arange(-26.0, 27.0, 4.0), np.arange(-20.0, 21.0, 4.0)
     place = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     rest_mm = np.column_stack([place, np.zeros(len(place))])
-    dots = Dots(shell=shell, camera=camera, rest_mm=rest_mm, radius_mm=np.ones(len(place)))
+    dots = MarkerImages(shell=shell, camera=camera, rest_mm=rest_mm, radius_mm=np.ones(len(place)))
     noise = np.random.default_rng(0).normal(scale=0.02, size=(len(place), 2))
     measured = dots.displacement_px(truth.coefficient_mm) + noise
     normal = NormalEquations(shell=shell, dots=dots)
@@ -209,7 +209,7 @@ def test_a_soft_boundary_lets_the_sheet_lean(camera: Camera) -> None:
     x, y = np.arange(-24.0, 25.0, 4.0), np.arange(-18.0, 19.0, 4.0)
     place = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
     rest_mm = np.column_stack([place, np.zeros(len(place))])
-    dots = Dots(shell=shell, camera=camera, rest_mm=rest_mm, radius_mm=np.ones(len(place)))
+    dots = MarkerImages(shell=shell, camera=camera, rest_mm=rest_mm, radius_mm=np.ones(len(place)))
     tilt = np.zeros((patch.node_count, 3))
     tilt[:, 2] = -1.0 + 0.02 * patch.place_mm[:, 0]
     measured = dots.displacement_px(tilt)
