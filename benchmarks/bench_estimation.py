@@ -1,4 +1,4 @@
-"""How fast the method `perimeter` is: its start, one step, and a map of 200 x 120 points beside it.
+"""How fast the method `perimeter` is: its start, one step, and and a map of 200 x 120 points.
 
 Dots have areas, so that contacts are found by both witnesses; `--without-areas` leaves displacements alone.
 `first step` holds the loading (or, the first time, the compiling) of the compiled loops.

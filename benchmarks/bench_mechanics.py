@@ -11,9 +11,9 @@ from collections.abc import Callable
 import numpy as np
 
 from manytouch.geometry.spline.patch import SplinePatch
+from manytouch.mechanics.banded.band import band_rows, factorise, new_band
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
-from manytouch.mechanics.solver.band import band_rows, factorise, new_band
 from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.simulation.demo_sensor import demo_sensor
 

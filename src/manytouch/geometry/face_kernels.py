@@ -1,7 +1,7 @@
 """Displacement of the camera-side face of a bent sheet, compiled.
 
 The face lies half a deformed thickness from the middle surface, along the sheet's fibres. Derivation:
-docs/derivations/mechanics.md, "Dots".
+docs/derivations/mechanics.md, "Markers".
 """
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments

@@ -5,7 +5,7 @@ import numpy as np
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.values import Contact, Contacts, Phase
 
-WATCH = SlipDetector()
+DETECT = SlipDetector()
 
 
 def contact(x_mm: float, shear: float, *, id_: int = 3, phase: Phase = Phase.MOVE) -> Contact:
@@ -25,11 +25,11 @@ def contact(x_mm: float, shear: float, *, id_: int = 3, phase: Phase = Phase.MOV
 
 
 def flags(course: list[tuple[float, float]]) -> list[bool | None]:
-    state, told = SlipState(), []
+    state, slips = SlipState(), []
     for x_mm, shear in course:
-        state, contacts = WATCH(state, Contacts(contacts=(contact(x_mm, shear),)), 4.0)
-        told.append(contacts.contacts[0].slip)
-    return told
+        state, contacts = DETECT(state, Contacts(contacts=(contact(x_mm, shear),)), 4.0)
+        slips.append(contacts.contacts[0].slip)
+    return slips
 
 
 def test_a_drag_sticks_while_it_rests_and_slips_once_it_moves_at_full_shear() -> None:
@@ -45,6 +45,6 @@ def test_rolling_without_shear_and_easing_off_are_no_slip() -> None:
 
 def test_contacts_that_end_or_are_not_known_have_no_flag() -> None:
     ended = Contacts(contacts=(contact(0.0, 0.5, phase=Phase.END),))
-    state, told = WATCH(SlipState(), ended, 4.0)
-    assert told.contacts[0].slip is None
+    state, contacts = DETECT(SlipState(), ended, 4.0)
+    assert contacts.contacts[0].slip is None
     assert not state.ratio

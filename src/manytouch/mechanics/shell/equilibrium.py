@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.geometry.spline.patch import Nodal
+from manytouch.mechanics.banded.band import BandFactor, band_rows, factorise, new_band
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.mechanics.solver.band import BandFactor, band_rows, factorise, new_band
 
 Load = Nodal | Callable[[Nodal], Nodal]
 """Nodal forces over E (nodes, 3), mm^2, or a function of the coefficients that returns them."""

@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64
 
 from manytouch.compilation import kernel, no_type_check
+from manytouch.mechanics.banded.tile import ROWS, At, add_product_16
 from manytouch.mechanics.shell.material import energy_density, stress, stress_and_tangent
-from manytouch.mechanics.solver.tile import ROWS, At, add_product_16
 
 REACH = 3  # nodes that share an element are at most this far apart along each axis
 ROW = 2 * REACH + 1

@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Linearisation, normal equations and posterior of the sheet's coefficients, and the band matrices they need.
+
+It does not contain the weights of markers and forces, which are parameters of the inversion.
+"""

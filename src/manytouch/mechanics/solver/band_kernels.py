@@ -8,26 +8,12 @@ import numpy as np
 from jaxtyping import Bool, Float, Float64, Int64
 
 from manytouch.compilation import kernel, no_type_check
+from manytouch.mechanics.banded.band import Band
+from manytouch.mechanics.banded.tile import ROWS, At, add_product
 from manytouch.mechanics.shell.kernels import REACH, ROW, Coefficients, Tangent
-from manytouch.mechanics.solver.tile import ROWS, At, add_product
 
 GROUP = 3  # adjacent nodes whose rows are added at once: together they reach over 9 nodes
 LANES = 32  # numbers stored per row of these 9 nodes: 27, and padding
-
-
-class Band(NamedTuple):
-    """The upper half of a symmetric band matrix.
-
-    Attributes:
-        values: flat; H[p, q], q >= p, is at front + p (width + 1) + q - p, so that rows of tiles are `width`
-            apart. Tiles extend a little over both ends of the band; what they add there is 0.
-        front: number of values before the matrix.
-        width: half-band.
-    """
-
-    values: Float[np.ndarray, " k"]
-    front: int
-    width: int
 
 
 class SheetDerivatives(NamedTuple):

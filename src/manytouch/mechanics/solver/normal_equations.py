@@ -7,11 +7,11 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.geometry.spline.patch import Nodal, PointBasis
+from manytouch.mechanics.banded.band import BandFactor, band_rows, factorise, new_band
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver import band_kernels
-from manytouch.mechanics.solver.band import BandFactor, band_rows, factorise, new_band
 from manytouch.mechanics.solver.linearisation import Linearisation
 from manytouch.mechanics.solver.posterior import Posterior
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.mechanics.solver.band import BandFactor
+from manytouch.mechanics.banded.band import BandFactor
 from manytouch.mechanics.solver.linearisation import Linearisation
 
 

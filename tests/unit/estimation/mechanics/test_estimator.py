@@ -1,4 +1,4 @@
-"""The inversion on sheets bent by its own mechanics: this shows the algebra, not the accuracy."""
+"""The inversion on sheets that are deformed by its own mechanics: tests the algebra, not the accuracy."""
 
 from dataclasses import replace
 
@@ -110,9 +110,7 @@ def test_two_presses_are_read_with_place_force_and_depth(model: SheetModel, shap
         assert 0.0 < contact.std("normal_force") < 0.3 * press * YOUNG_MPA
 
 
-def test_what_is_not_known_of_the_stiffness_is_not_known_of_forces(
-    model: SheetModel, shape: np.ndarray
-) -> None:
+def test_the_uncertainty_of_the_stiffness_is_in_that_of_forces(model: SheetModel, shape: np.ndarray) -> None:
     grids = [grid_of(model, shape, seed=k) for k in range(4)]
     exact, doubted = (
         read(grids, sensor_of(young_std_MPa=std))[2].touching for std in (None, 0.2 * YOUNG_MPA)
@@ -146,12 +144,12 @@ def test_lost_and_wrong_dots_change_little(model: SheetModel, shape: np.ndarray)
 
 
 def steps(before: list[TrackedGrid], grid: TrackedGrid) -> int:
-    """Whole steps that the last frame takes."""
+    """Number of full steps of the last frame."""
     state, _, _ = read(before)
     return ESTIMATE.fit_frame(state, grid).steps
 
 
-def test_a_steady_sheet_needs_no_whole_step_and_a_new_press_two(model: SheetModel, shape: np.ndarray) -> None:
+def test_a_steady_sheet_needs_no_full_step_and_a_new_press_two(model: SheetModel, shape: np.ndarray) -> None:
     flat = np.zeros_like(shape)
     at_rest = [grid_of(model, flat, seed=k) for k in range(12)]
     assert steps(at_rest[:1], at_rest[1]) == 0
@@ -160,11 +158,11 @@ def test_a_steady_sheet_needs_no_whole_step_and_a_new_press_two(model: SheetMode
     pressed = [grid_of(model, shape, seed=k) for k in range(12)]
     taken = [steps(pressed[:k], pressed[k]) for k in range(5, 12)]
     assert sum(taken) <= 3
-    # A shape that is held is worked out anew now and then.
+    # A constant shape gets a full step now and then.
     assert sum(taken) >= 1
 
 
-def test_a_step_with_an_old_curvature_is_nearly_a_whole_one(model: SheetModel, shape: np.ndarray) -> None:
+def test_a_step_with_an_earlier_posterior_is_nearly_a_full_one(model: SheetModel, shape: np.ndarray) -> None:
     state, _, _ = read([grid_of(model, shape, seed=k) for k in range(6)])
     assert state.posterior is not None
     other = grid_of(model, 1.01 * shape, seed=9)
@@ -192,7 +190,7 @@ def test_interleaved_states_give_the_same_bits_as_separate_ones(model: SheetMode
     assert_same_bits(interleaved, separate)
 
 
-def test_nobody_touches(model: SheetModel) -> None:
+def test_noise_at_rest_makes_no_contacts(model: SheetModel) -> None:
     flat = np.zeros((model.patch.node_count, 3))
     state = ESTIMATE.start(sensor_of())
     for k in range(30):
@@ -200,7 +198,7 @@ def test_nobody_touches(model: SheetModel) -> None:
         assert not contacts.touching
 
 
-def test_creep_is_learnt_at_rest_and_a_steady_press_is_not(model: SheetModel) -> None:
+def test_the_reference_follows_creep_and_not_a_steady_press(model: SheetModel) -> None:
     flat, pressed = np.zeros((model.patch.node_count, 3)), bent(model, (3.0, -4.0, 0.12))
     state = ESTIMATE.start(sensor_of())
     for k in range(40):
@@ -246,7 +244,7 @@ def test_a_frame_without_markers_has_a_status_and_the_next_goes_on(
     assert len(contacts.touching) == 2
 
 
-def test_nonsense_is_told_and_forgotten(model: SheetModel, shape: np.ndarray) -> None:
+def test_an_impossible_frame_has_a_status_and_is_forgotten(model: SheetModel, shape: np.ndarray) -> None:
     grid = grid_of(model, shape)
     chance = np.random.default_rng(0)
     torn = replace(grid, position_px=grid.position_px + chance.normal(0, 40.0, grid.position_px.shape))
@@ -269,7 +267,7 @@ def test_without_stiffness_forces_are_relative(shape: np.ndarray) -> None:
     assert contact.normal_force_over_E_mm2 == pytest.approx(0.5, rel=0.1)
 
 
-def test_a_sensor_that_says_too_little_is_refused() -> None:
+def test_a_sensor_without_enough_markers_is_refused() -> None:
     sensor = sensor_of()
     assert sensor.layout is not None
     with pytest.raises(SensorError, match="calibrate rest"):
@@ -285,28 +283,28 @@ def test_a_sensor_that_says_too_little_is_refused() -> None:
         ESTIMATE.start(replace(sensor, layout=few))
 
 
-def test_contacts_of_a_sheet_that_was_assumed_are_those_of_the_other_method(
+def test_contacts_of_an_assumed_sheet_are_those_of_the_perimeter_method(
     model: SheetModel, shape: np.ndarray
 ) -> None:
     sensor = sensor_of(young_MPa=None)
     assert sensor.sheet is not None
     sensor = replace(sensor, sheet=replace(sensor.sheet, is_assumed=True))
     other = PerimeterEstimator()
-    state, beside = ESTIMATE.start(sensor), other.start(sensor)
+    state, other_state = ESTIMATE.start(sensor), other.start(sensor)
     forces = []
     for seed in range(4):
         grid = grid_of(model, shape, seed=seed)
         state, _, contacts = ESTIMATE.step(state, grid)
-        beside, _, expected = other.step(beside, grid)
+        other_state, _, expected = other.step(other_state, grid)
         assert len(contacts.touching) == len(expected.touching)
         for each, twin in zip(contacts.touching, expected.touching, strict=True):
             assert each.id == twin.id
             np.testing.assert_array_equal(each.centre_mm, twin.centre_mm)
             forces.append(each.normal_force_over_E_mm2)
     assert len(contacts.touching) == 2
-    # A force is one that presses, or is not told.
-    told = np.array(forces)[np.isfinite(forces)]
-    assert (told > 0.0).all()
+    # A force is compressive, or NaN.
+    known = np.array(forces)[np.isfinite(forces)]
+    assert (known > 0.0).all()
     blind = without(grid, np.ones(ROWS * COLUMNS, dtype=bool))
     state, surface, contacts = ESTIMATE.step(state, blind)
     assert surface.status == "few_markers"

@@ -114,7 +114,7 @@ def test_ten_times_noisier_dots_make_no_contacts_and_hide_none(solved, seed: int
     assert deepest_mm == pytest.approx(solved[-1][3], rel=0.06)
 
 
-def test_a_clamp_is_as_soft_as_a_solids(solved) -> None:
+def test_the_clamp_correction_fits_a_solid(solved) -> None:
     surface, _ = last(solved)
     half_mm = 0.5 * np.array(CASE.size_mm)
     assert SENSOR.layout is not None
@@ -125,7 +125,7 @@ def test_a_clamp_is_as_soft_as_a_solids(solved) -> None:
 
 
 @pytest.fixture(scope="module")
-def beside_the_clamp(tmp_path_factory: pytest.TempPathFactory) -> tuple[Sensor, ObservedPress]:
+def near_the_clamp(tmp_path_factory: pytest.TempPathFactory) -> tuple[Sensor, ObservedPress]:
     """A small sheet, and a fingertip in it that is four thicknesses from a clamp."""
     sheet = Sheet(size_mm=np.array([44.0, 36.0]), thickness_mm=2.0, young_MPa=3.0, poisson=0.45)
     sensor = Sensor(
@@ -141,10 +141,10 @@ def beside_the_clamp(tmp_path_factory: pytest.TempPathFactory) -> tuple[Sensor, 
     return sensor, touched
 
 
-def test_what_a_clamp_does_to_a_centre_is_in_its_deviation(
-    beside_the_clamp: tuple[Sensor, ObservedPress],
+def test_the_error_of_a_centre_near_a_clamp_is_in_its_deviation(
+    near_the_clamp: tuple[Sensor, ObservedPress],
 ) -> None:
-    sensor, touched = beside_the_clamp
+    sensor, touched = near_the_clamp
     estimate = MechanicsEstimator()
     state = estimate.start(sensor)
     none = np.zeros(len(touched.displacement_px), dtype=bool)

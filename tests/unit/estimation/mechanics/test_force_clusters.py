@@ -68,8 +68,8 @@ def test_both_orders_of_the_nodes_are_treated_alike() -> None:
     np.testing.assert_array_equal(other.label, found.label[turn])
 
 
-def test_a_weak_press_beside_a_strong_one_keeps_its_outskirts() -> None:
-    # what lies behind the weak one must not go to the strong one, whose hill reaches around it
+def test_a_weak_press_near_a_strong_one_keeps_its_outer_nodes() -> None:
+    # nodes behind the weak peak must not join the strong one, whose slope surrounds it
     force = pressed((-8.0, 0.0, 3.0, 1.0), (8.0, 0.0, 3.0, 0.3))
     force[:, 2] -= 0.004 * np.exp(-0.5 * ((LATTICE.place_mm / 12.0) ** 2).sum(axis=1))
     found = FIND(LATTICE, force)

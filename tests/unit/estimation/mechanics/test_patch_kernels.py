@@ -33,12 +33,12 @@ def test_the_nodal_forces_of_a_patch(seed: int) -> None:
     assert nodal.sum() == pytest.approx(patch[0])
 
 
-def test_a_patch_has_its_second_moment() -> None:
+def test_the_second_moment_of_a_patch() -> None:
     nodal = reference(ELLIPSE)
     arm = LATTICE.place_mm.T - ELLIPSE[1:3, None]
-    moment = (nodal * arm) @ arm.T / nodal.sum() - np.diag([4.0**2 / 3.0, 5.0**2 / 3.0])
+    second = (nodal * arm) @ arm.T / nodal.sum() - np.diag([4.0**2 / 3.0, 5.0**2 / 3.0])
     root = np.array([[ELLIPSE[3], 0.0], [ELLIPSE[4], ELLIPSE[5]]])
-    np.testing.assert_allclose(moment, root @ root.T, atol=1e-9)
+    np.testing.assert_allclose(second, root @ root.T, atol=1e-9)
 
 
 def test_a_fit_finds_the_patch_and_its_curvature() -> None:

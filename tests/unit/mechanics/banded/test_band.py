@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.mechanics.solver.band import BandFactor, band_rows, factorise, new_band
+from manytouch.mechanics.banded.band import BandFactor, band_rows, factorise, new_band
 from manytouch.mechanics.solver.band_kernels import Band
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numba import njit
 
-from manytouch.mechanics.solver.tile import At, add_product, add_product_16, add_product_scalar
+from manytouch.mechanics.banded.tile import At, add_product, add_product_16, add_product_scalar
 
 C_AT, A_AT, B_AT = At(3, 40), At(1, 9), At(2, 35)
 

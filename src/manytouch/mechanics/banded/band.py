@@ -1,15 +1,29 @@
 """Symmetric positive definite band matrices: factor, solve, covariances, by LAPACK."""
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Float64
 from scipy.linalg import get_lapack_funcs
 
-from manytouch.mechanics.solver.band_kernels import Band
-
 PADDING_ROWS = 16
 """Rows before and after the matrix, because tiles extend over both ends."""
+
+
+class Band(NamedTuple):
+    """The upper half of a symmetric band matrix.
+
+    Attributes:
+        values: flat; H[p, q], q >= p, is at front + p (width + 1) + q - p, so that rows of tiles are `width`
+            apart. Tiles extend a little over both ends of the band; what they add there is 0.
+        front: number of values before the matrix.
+        width: half-band.
+    """
+
+    values: Float[np.ndarray, " k"]
+    front: int
+    width: int
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
