@@ -68,7 +68,7 @@ def onto_plane(camera: Camera, pixel: Points2, z_mm: float = 0.0) -> Points3:
 
 
 def undistorted(camera: Camera, pixel: Points2) -> Points2:
-    """Pixels as a camera without distortion, but with the same matrix, would see them."""
+    """Pixels of a camera with the same matrix but without distortion."""
     focal_px = np.array([camera.fx_px, camera.fy_px])
     straight: Points2 = ray(camera, pixel) * focal_px + np.array([camera.cx_px, camera.cy_px])
     return straight

@@ -29,9 +29,9 @@ class Cells:
     def to_markers(self, value: Float64[np.ndarray, " c"], count: int) -> Float64[np.ndarray, " m"]:
         """Mean (count,) of the cells at each marker; NaN where there are none."""
         mean = np.bincount(self.marker, self.share * value[self.cell], minlength=count)
-        lonely = np.ones(count, dtype=np.bool_)
-        lonely[self.marker] = False
-        mean[lonely] = np.nan
+        is_isolated = np.ones(count, dtype=np.bool_)
+        is_isolated[self.marker] = False
+        mean[is_isolated] = np.nan
         return mean
 
 
@@ -49,7 +49,7 @@ class Neighbours:
 
 
 def lattice_cells(row_column: Int64[np.ndarray, "m 2"]) -> Cells:
-    """The quads of four neighbouring markers of a rectangle, corners in turn around each."""
+    """The quadrilaterals of four neighbouring markers of a rectangle, corners in order around each."""
     rows, columns = (int(n) for n in row_column.max(axis=0) + 1)
     number = np.empty((rows, columns), dtype=np.int64)
     number[row_column[:, 0], row_column[:, 1]] = np.arange(len(row_column))
@@ -58,7 +58,7 @@ def lattice_cells(row_column: Int64[np.ndarray, "m 2"]) -> Cells:
 
 
 def triangle_cells(point: Points2) -> Cells:
-    """Delaunay's triangles of any points, slivers left out; none when all lie on a line."""
+    """Delaunay triangles of any points without slivers; none when all are on a line."""
     none = np.zeros((0, 4), dtype=np.int64)
     if len(point) < 3:
         return _cells(none)

@@ -1,10 +1,10 @@
-"""Values that are known at the markers, at any other point of the sheet.
+"""Interpolation of values at the markers to any other point of the sheet.
 
 On a lattice the sampling is the product of cubic splines along x and along y, which go through the
 values; between markers that form no lattice it is a moving least-squares plane (P. Lancaster and
 K. Salkauskas 1981, doi:10.1090/S0025-5718-1981-0616367-1) with a weight that ends smoothly (H. Wendland
 1995, doi:10.1007/BF02123482), which smooths a little. Both are linear in the values, give back constants
-and planes exactly, and are worked out once per sensor, so that a frame costs one small product.
+and planes exactly, and are computed once per sensor, so that a frame takes one small product.
 """
 
 from dataclasses import dataclass
@@ -50,14 +50,14 @@ class PointSampling:
     def __call__(self, value: Values) -> Scalars:
         """(n,) values from the markers' (m,); NaN outside, and where the nearest marker has none."""
         is_known = np.isfinite(value)[self.nearest] & self.is_inside
-        return np.where(is_known, self.weight @ _filled(self.rest_mm, value), np.nan)
+        return np.where(is_known, self.weight @ _fill_missing(self.rest_mm, value), np.nan)
 
     def std(self, std: Values) -> Scalars:
         """(n,) standard deviations of the samples when the markers' (m,) are independent."""
         squared = self.weight.copy()
         squared.data = squared.data**2
         is_known = np.isfinite(std)[self.nearest] & self.is_inside
-        return np.where(is_known, np.sqrt(squared @ _filled(self.rest_mm, std**2)), np.nan)
+        return np.where(is_known, np.sqrt(squared @ _fill_missing(self.rest_mm, std**2)), np.nan)
 
 
 class Spline(NamedTuple):
@@ -112,7 +112,7 @@ class GridSampling:
                 whole[~self.is_inside] = np.nan
             return whole
         is_known = np.isfinite(value)[self.nearest] & self.is_inside
-        return np.where(is_known, self._evaluate(_filled(self.rest_mm, value)), np.nan)
+        return np.where(is_known, self._evaluate(_fill_missing(self.rest_mm, value)), np.nan)
 
     def at(self, value: Values, row: np.ndarray, column: np.ndarray) -> Float64[np.ndarray, " k"]:
         """(k,) values at some points of the grid, the same as there on the whole map."""
@@ -121,7 +121,7 @@ class GridSampling:
         assert self.along_x is not None
         assert self.along_y is not None
         is_known = np.isfinite(value)[self.nearest[row, column]] & self.is_inside[row, column]
-        lattice = self._lattice(_filled(self.rest_mm, value))
+        lattice = self._lattice(_fill_missing(self.rest_mm, value))
         found = ((self.along_y.whole[row] @ lattice) * self.along_x.whole[column]).sum(axis=1)
         return np.where(is_known, found, np.nan)
 
@@ -132,7 +132,7 @@ class GridSampling:
         assert self.along_x is not None
         assert self.along_y is not None
         is_known = np.isfinite(std)[self.nearest] & self.is_inside
-        squared = self._lattice(_filled(self.rest_mm, std**2))
+        squared = self._lattice(_fill_missing(self.rest_mm, std**2))
         variance = self.along_y.whole**2 @ squared @ (self.along_x.whole**2).T
         return np.where(is_known, np.sqrt(variance), np.nan)
 
@@ -162,18 +162,18 @@ def sampling_at(layout: Layout, point_mm: Points2) -> PointSampling:
         along_x, along_y = _spline(x_mm, point_mm[:, 0]).whole, _spline(y_mm, point_mm[:, 1]).whole
         weight = np.zeros((len(point_mm), len(rest_mm)))
         weight[:, order] = (along_y[:, :, None] * along_x[:, None, :]).reshape(len(point_mm), -1)
-        is_inside = _within(layout, x_mm, point_mm[:, 0], 0) & _within(layout, y_mm, point_mm[:, 1], 1)
+        is_inside = _is_within(layout, x_mm, point_mm[:, 0], 0) & _is_within(layout, y_mm, point_mm[:, 1], 1)
         return PointSampling(
             weight=csr_array(weight),
             is_inside=is_inside,
-            nearest=_nearest(rest_mm, point_mm),
+            nearest=_nearest_marker(rest_mm, point_mm),
             rest_mm=rest_mm,
         )
     pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
     return PointSampling(
-        weight=_moving_planes(rest_mm, point_mm, pitch_mm),
-        is_inside=_near_hull(rest_mm, point_mm, pitch_mm),
-        nearest=_nearest(rest_mm, point_mm),
+        weight=_moving_least_squares(rest_mm, point_mm, pitch_mm),
+        is_inside=_is_near_hull(rest_mm, point_mm, pitch_mm),
+        nearest=_nearest_marker(rest_mm, point_mm),
         rest_mm=rest_mm,
     )
 
@@ -183,7 +183,7 @@ def sampling_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"])
     rest_mm = layout.rest_mm[:, :2]
     lattice = _lattice(layout)
     point_mm = np.stack(np.meshgrid(x_mm, y_mm), axis=-1).reshape(-1, 2)
-    nearest = _nearest(rest_mm, point_mm).reshape(len(y_mm), len(x_mm))
+    nearest = _nearest_marker(rest_mm, point_mm).reshape(len(y_mm), len(x_mm))
     if lattice is None:
         points = sampling_at(layout, point_mm)
         is_inside = points.is_inside.reshape(len(y_mm), len(x_mm))
@@ -200,7 +200,7 @@ def sampling_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"])
             rest_mm=rest_mm,
         )
     column_mm, row_mm, order = lattice
-    is_inside = _within(layout, row_mm, y_mm, 1)[:, None] & _within(layout, column_mm, x_mm, 0)
+    is_inside = _is_within(layout, row_mm, y_mm, 1)[:, None] & _is_within(layout, column_mm, x_mm, 0)
     return GridSampling(
         x_mm=x_mm,
         y_mm=y_mm,
@@ -231,7 +231,7 @@ def _lattice(layout: Layout) -> tuple[Scalars, Float64[np.ndarray, " rows"], np.
 
 
 def _spline(knot: np.ndarray, at: np.ndarray) -> Spline:
-    """Cubic spline through values at the knots; beyond them its tangent goes on."""
+    """Cubic spline through values at the knots; beyond them it continues along its tangent."""
     through = make_interp_spline(knot, np.eye(len(knot)), k=min(3, len(knot) - 1))
     degree, solve = through.k, np.ascontiguousarray(through.c.T)
     held = np.clip(at, knot[0], knot[-1])
@@ -246,12 +246,12 @@ def _spline(knot: np.ndarray, at: np.ndarray) -> Spline:
     )
 
 
-def _within(layout: Layout, knot: np.ndarray, at: np.ndarray, axis: int) -> np.ndarray:
-    slack = (BEYOND_PITCH + 1e-9) * float(layout.pitch_mm[axis])
-    return np.asarray((at >= knot[0] - slack) & (at <= knot[-1] + slack))
+def _is_within(layout: Layout, knot: np.ndarray, at: np.ndarray, axis: int) -> np.ndarray:
+    margin = (BEYOND_PITCH + 1e-9) * float(layout.pitch_mm[axis])
+    return np.asarray((at >= knot[0] - margin) & (at <= knot[-1] + margin))
 
 
-def _moving_planes(rest_mm: Places, point_mm: Points2, pitch_mm: float) -> csr_array:
+def _moving_least_squares(rest_mm: Places, point_mm: Points2, pitch_mm: float) -> csr_array:
     """Rows of weights: the value at each point of the plane fitted to the markers around it."""
     count = min(_NEAREST, len(rest_mm))
     distance, index = cKDTree(rest_mm).query(point_mm, k=np.arange(1, count + 1))
@@ -270,20 +270,20 @@ def _moving_planes(rest_mm: Places, point_mm: Points2, pitch_mm: float) -> csr_a
     return csr_array((row.ravel(), index.ravel(), start), shape=(len(point_mm), len(rest_mm)))
 
 
-def _near_hull(rest_mm: Places, point_mm: Points2, pitch_mm: float) -> Mask:
+def _is_near_hull(rest_mm: Places, point_mm: Points2, pitch_mm: float) -> Mask:
     """Points within the hull of the markers or half a pitch outside, and not in a hole of the layout."""
-    slack = (BEYOND_PITCH + 1e-9) * pitch_mm
+    margin = (BEYOND_PITCH + 1e-9) * pitch_mm
     distance, _ = cKDTree(rest_mm).query(point_mm)
     spacing, _ = cKDTree(rest_mm).query(rest_mm, k=min(2, len(rest_mm)))
-    near = np.asarray(distance <= max(1.5 * pitch_mm, float(np.max(spacing)), slack))
+    near = np.asarray(distance <= max(1.5 * pitch_mm, float(np.max(spacing)), margin))
     try:
         facet = ConvexHull(rest_mm).equations
     except (QhullError, ValueError):
-        return np.asarray(distance <= max(slack, float(np.max(spacing)) / 2))
-    return np.asarray(near & (point_mm @ facet[:, :2].T + facet[:, 2] <= slack).all(axis=1))
+        return np.asarray(distance <= max(margin, float(np.max(spacing)) / 2))
+    return np.asarray(near & (point_mm @ facet[:, :2].T + facet[:, 2] <= margin).all(axis=1))
 
 
-def _filled(rest_mm: Places, value: Values) -> Values:
+def _fill_missing(rest_mm: Places, value: Values) -> Values:
     """Values, the missing ones taken from the nearest marker that has one; 0 where none has."""
     is_known = np.isfinite(value)
     if is_known.all():
@@ -294,5 +294,5 @@ def _filled(rest_mm: Places, value: Values) -> Values:
     return np.asarray(value[is_known][nearest])
 
 
-def _nearest(rest_mm: Places, point_mm: Points2) -> np.ndarray:
+def _nearest_marker(rest_mm: Places, point_mm: Points2) -> np.ndarray:
     return np.asarray(cKDTree(rest_mm).query(point_mm)[1])

@@ -95,7 +95,7 @@ def test_rings_are_a_table_in_a_stable_order():
     first = arrange(points, nothing_cut(points))
     assert first.row_column is None
     assert sorted(first.dot) == list(range(80))
-    for seed in range(5):
+    for seed in range(3):
         rng = np.random.default_rng(seed)
         order = rng.permutation(80)
         again = arrange(points[order] + rng.normal(0.0, 0.3, points.shape), nothing_cut(points))
