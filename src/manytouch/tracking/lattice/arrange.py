@@ -32,8 +32,8 @@ class Arrangement:
         dot: (m,) index of the dot of each marker, -1 where the dot is missing.
         row_column: (m, 2), or None when the layout is not a rectangle.
         centre_px: (m, 2) the dots' centres; where one is missing, interpolated from its neighbours.
-        pitch_px: (2,) median spacing along x (columns) and y (rows); twice the median neighbour distance
-            when there are no rows.
+        pitch_px: (2,) median spacing along x (columns) and y (rows); both are the median neighbour
+            distance when there are no rows.
     """
 
     dot: Int64[np.ndarray, " m"]
@@ -43,11 +43,12 @@ class Arrangement:
 
 
 def arrange(centre_px: Points2, is_cut: Mask) -> Arrangement:
-    """Numbers dots that lie in the image in any order.
+    """Number dots, which are in any order.
 
-    A border line of the lattice whose places hold whole dots in less than a third is not part of the
-    rectangle. A lattice that fills less than two thirds of its rectangle, or leaves a tenth of it empty
-    beyond its own outline (cut corners), and dots on no lattice become a table.
+    A border line of the lattice is not part of the rectangle if less than a third of its places have whole
+    dots. The result is a table, without rows and columns, if there is no lattice, if it fills less than two
+    thirds of its rectangle, or if more than a tenth of the rectangle is empty beyond the outline of the dots
+    (cut corners).
 
     Args:
         centre_px: (n, 2) at least one dot.
@@ -119,7 +120,7 @@ def _orient(place: np.ndarray, dots: np.ndarray, centre_px: Points2) -> np.ndarr
 
 
 def trim(grid: np.ndarray, is_cut: Mask) -> np.ndarray:
-    """The grid without border lines that hold few whole dots, unless that would cost many dots."""
+    """The grid without border lines that have few whole dots, unless that would remove many dots."""
     whole = (grid >= 0) & ~is_cut[np.maximum(grid, 0)]
     top, bottom, left, right = 0, grid.shape[0], 0, grid.shape[1]
     while bottom - top > 1 and right - left > 1:
@@ -162,7 +163,7 @@ def _median_step(position: np.ndarray, axis: int) -> float:
 
 
 def fill_gaps(grid: np.ndarray, centre_px: Points2) -> np.ndarray:
-    """(rows, columns, 2) px of a grid; a thin-plate spline through the others gives the empty places."""
+    """(rows, columns, 2) px of a grid; empty places are interpolated by a thin-plate spline."""
     position = _position(grid, centre_px)
     empty = grid < 0
     if empty.any():

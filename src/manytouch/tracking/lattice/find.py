@@ -29,7 +29,7 @@ class Lattice:
 
     Attributes:
         place: (n, 2) row and column of each dot, counted from an arbitrary dot; 0 where not a member.
-        is_member: (n,) dots that lie on the lattice.
+        is_member: (n,) dots that belong to the lattice.
         is_closed: the lattice meets itself or turns by more than about 70 degrees, as spokes and rings do, so
             its places are not rows and columns of a plane.
     """
