@@ -36,7 +36,7 @@ class CheckParameters(NamedTuple):
 
 
 CHECKS = CheckParameters()
-_FAST_OR_ODD, _VANISHED = 2, 1
+_FAST_OR_DISAGREEING, _VANISHED = 2, 1
 
 
 @kernel()
@@ -69,7 +69,7 @@ def mark_disagreeing(
         if dot[k] >= 0:
             difference_px[k, 0] = centre_px[dot[k], 0] - guess_px[k, 0]
             difference_px[k, 1] = centre_px[dot[k], 1] - guess_px[k, 1]
-    good = odd = 0
+    good = disagreeing = 0
     for k in range(markers):
         disagrees[k] = False
         if dot[k] < 0:
@@ -91,9 +91,9 @@ def mark_disagreeing(
                     y = difference_px[n, 1] - difference_px[k, 1]
                     same += x**2 + y**2 < most
         disagrees[k] = known == 0 or (worst >= most and 2 * same < known)
-        odd += disagrees[k]
+        disagreeing += disagrees[k]
         good += not disagrees[k]
-    return good, odd
+    return good, disagreeing
 
 
 @kernel()
@@ -118,7 +118,7 @@ def is_disturbed(
         if dot[k] >= 0:
             x, y = centre_px[dot[k], 0] - last[k, 0], centre_px[dot[k], 1] - last[k, 1]
             is_fast = x * x + y * y > (CHECKS.slow_motion * spacing[k]) ** 2
-            score[k] = _FAST_OR_ODD if disagrees[k] or is_fast else 0
+            score[k] = _FAST_OR_DISAGREEING if disagrees[k] or is_fast else 0
         elif graph.kind[k] == PRESENT and unseen[k] == 0:
             score[k] = _VANISHED
     for k in range(markers):

@@ -126,11 +126,11 @@ def _match_guess(
     difference_px, disagrees, score = assignment.displacement_px, workspace.flag, workspace.queue
     dot[markers:] = -1
     match_nearest(grid, guess_px, graph, IDENTIFICATION.gate, dot, workspace.marker_of_dot)
-    good, odd = mark_disagreeing(grid.centre_px, guess_px, graph, dot, difference_px, disagrees)
+    good, disagreeing = mark_disagreeing(grid.centre_px, guess_px, graph, dot, difference_px, disagrees)
     is_calm = (
         state.is_consecutive
         and good >= IDENTIFICATION.calm_share * state.seen_count
-        and odd <= IDENTIFICATION.calm_disagreeing * good + 2
+        and disagreeing <= IDENTIFICATION.calm_disagreeing * good + 2
         and not is_disturbed(grid.centre_px, graph, state, dot, disagrees, score)
     )
     if is_calm:
