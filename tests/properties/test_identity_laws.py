@@ -28,6 +28,10 @@ def sensor_of(rest_px, width_px=WIDTH, height_px=HEIGHT, *, row_column=LATTICE, 
     )
 
 
+def dots_of(centre_px):
+    return detections_of(centre_px, std_px=0.01)
+
+
 def rest_of():
     return rectangle_px(ROWS, COLUMNS, (PITCH, PITCH), (140.0, 120.0))
 
@@ -38,7 +42,7 @@ def tracked(sensor, frames_px):
     state = tracker.start(sensor)
     grids = []
     for dots in frames_px:
-        state, grid = tracker.step(state, detections_of(dots, std_px=0.01))
+        state, grid = tracker.step(state, dots_of(dots))
         grids.append(grid)
     return grids
 
@@ -68,7 +72,7 @@ def test_seen_is_at_its_own_place_and_no_dot_has_two_markers(seed, step, dropout
     tracker = MarkerTracker()
     state = tracker.start(sensor_of(rest_of()))
     for true, _, dots in frames(seed, step, dropout):
-        state, grid = tracker.step(state, detections_of(dots))
+        state, grid = tracker.step(state, dots_of(dots))
         seen = grid.position_px[grid.is_seen]
         assert len(np.unique(seen, axis=0)) == len(seen)
         assert np.isnan(grid.position_px[~grid.is_seen]).all()
@@ -82,8 +86,8 @@ def test_the_order_of_dots_changes_nothing(seed, step):
     state = tracker.start(sensor_of(rest_of()))
     order = np.random.default_rng(seed)
     for _, _, dots in frames(seed, step, 0.05):
-        _, other = tracker.step(state, detections_of(order.permutation(dots)))
-        state, grid = tracker.step(state, detections_of(dots))
+        _, other = tracker.step(state, dots_of(order.permutation(dots)))
+        state, grid = tracker.step(state, dots_of(dots))
         np.testing.assert_array_equal(grid.position_px, other.position_px)
 
 

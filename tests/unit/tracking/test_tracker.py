@@ -27,6 +27,10 @@ def sensor_of(rest_px, row_column=None, is_missing=None):
     )
 
 
+def dots_of(centre_px):
+    return detections_of(centre_px, std_px=0.1, area_px2=300.0)
+
+
 def rectangle(rows=10, columns=15, pitch=(PITCH, PITCH)):
     return rectangle_px(rows, columns, pitch, (80.0, 70.0))
 
@@ -58,7 +62,7 @@ class TrackedSequence:
         shown = shown & (true_px > 0).all(axis=1) & (true_px < [WIDTH, HEIGHT]).all(axis=1)
         dots = np.concatenate([true_px[shown], np.reshape(extra_px, (-1, 2))])
         dots = self.rng.permutation(dots + self.rng.normal(0.0, 0.05, dots.shape))
-        self.state, self.grid = self.tracker.step(self.state, detections_of(dots))
+        self.state, self.grid = self.tracker.step(self.state, dots_of(dots))
         error = np.linalg.norm(self.grid.position_px - true_px, axis=1)
         right = shown & (error < 0.5)
         self.wrong += int((self.grid.is_seen & ~right).sum())
@@ -240,10 +244,10 @@ def test_the_order_of_detections_changes_nothing():
     tracker = MarkerTracker()
     state = tracker.start(sensor_of(rest))
     dots = rest + press(rest, rest[40], 30.0, 110.0)
-    _, first = tracker.step(state, detections_of(dots))
+    _, first = tracker.step(state, dots_of(dots))
     for seed in range(5):
         order = np.random.default_rng(seed).permutation(len(dots))
-        _, again = tracker.step(state, detections_of(dots[order]))
+        _, again = tracker.step(state, dots_of(dots[order]))
         np.testing.assert_array_equal(again.position_px, first.position_px)
 
 
@@ -252,8 +256,8 @@ def test_a_state_is_a_value():
     tracker = MarkerTracker()
     state = tracker.start(sensor_of(rest))
     before = state.position_px.copy()
-    _, first = tracker.step(state, detections_of(rest + 3.0))
-    _, again = tracker.step(state, detections_of(rest + 3.0))
+    _, first = tracker.step(state, dots_of(rest + 3.0))
+    _, again = tracker.step(state, dots_of(rest + 3.0))
     assert_array_equal(state.position_px, before)
     assert_array_equal(first.position_px, again.position_px)
 
