@@ -91,6 +91,19 @@ def test_the_order_of_dots_changes_nothing(seed, step):
         np.testing.assert_array_equal(grid.position_px, other.position_px)
 
 
+@settings(max_examples=25, deadline=None)
+@given(seed=seeds, step=steps, x=st.integers(-60, 60), y=st.integers(-60, 60))
+def test_a_translation_of_the_view_translates_the_positions(seed, step, x, y):
+    move = np.array([x, y], dtype=np.float64)
+    size = (WIDTH + 400, HEIGHT + 400)
+    sequence = [dots + 200.0 for _, _, dots in frames(seed, step, 0.05)]
+    first = tracked(sensor_of(rest_of() + 200.0, *size), sequence)
+    second = tracked(sensor_of(rest_of() + 200.0 + move, *size), [dots + move for dots in sequence])
+    for one, other in zip(first, second, strict=True):
+        np.testing.assert_array_equal(one.is_seen, other.is_seen)
+        np.testing.assert_allclose(one.position_px + move, other.position_px, atol=1e-9)
+
+
 TURNS = {
     "quarter turn": np.array([[0.0, -1.0], [1.0, 0.0]]),
     "half turn": np.array([[-1.0, 0.0], [0.0, -1.0]]),
