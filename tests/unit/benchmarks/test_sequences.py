@@ -70,7 +70,7 @@ def test_view_jumps_away_and_back_with_its_rim(shift: float) -> None:
 
 
 def test_the_share_of_missing_dots_is_as_specified() -> None:
-    course = course_of(Sequence(dots=4000, frames=20, missing_share=0.05))
+    course = course_of(Sequence(dots=4000, frames=8, missing_share=0.05))
     absent = ~course.is_visible
     assert absent.mean() == pytest.approx(0.05, rel=0.15)
     assert absent.all(axis=0).mean() == pytest.approx(0.025, rel=0.3)

@@ -108,6 +108,8 @@ def test_a_rigid_jump_is_one_by_some_shift_only(scene, shift):
     centre = last + np.array([7.0, -3.0])  # dot i is marker i, moved rigidly
     unseen = np.zeros(markers, dtype=np.int64)
     assert is_rigid_jump(centre, dot, graph.shifted, last, unseen, 0.02) == (shift != 0)
+    scattered = centre + chance.normal(0.0, 8.0, centre.shape)
+    assert not is_rigid_jump(scattered, dot, graph.shifted, last, unseen, 0.02)
 
 
 @pytest.mark.parametrize("number", [1, 2, 7, 500])

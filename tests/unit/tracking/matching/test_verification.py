@@ -93,10 +93,12 @@ def test_of_a_folded_triangle_the_corner_with_the_largest_error_is_dropped(scene
     ratio = np.zeros(len(graph.rest_px))
     drop_folded(centre, graph, assignment, ratio)
     assert (assignment.dot[: len(centre)] >= 0).all()
-    moved = 40
-    ratio[moved] = 2.0
-    centre[moved] += 1.5 * (centre[41] - centre[40])
-    drop_folded(centre, graph, assignment, ratio)
-    assert np.flatnonzero(assignment.dot[: len(centre)] < 0).tolist() == [moved]
-    assert not assignment.is_used[moved]
+    for moved in (24, 29, 40, 45, 51, 62):
+        now = centre.copy()
+        now[moved] += 1.5 * (centre[41] - centre[40])
+        ratio[:], ratio[moved] = scene.chance.uniform(0.0, 1.0, len(ratio)), 2.0
+        drop_folded(now, graph, assignment, ratio)
+        assert np.flatnonzero(assignment.dot[: len(centre)] < 0).tolist() == [moved]
+        assert not assignment.is_used[moved]
+        assignment.dot[moved], assignment.is_used[moved] = moved, True
     assert VERIFICATION.fold_ratio < 1.0
