@@ -1,9 +1,10 @@
-"""Wrong input: one clear sentence, an exit status, and nothing half written."""
+"""Wrong input: one sentence on stderr, an exit status, and no incomplete files."""
 
 import json
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import cv2
@@ -11,6 +12,7 @@ import numpy as np
 import pytest
 
 from clips import HEIGHT_PX, WIDTH_PX, picture, press_of, pressed_video, write_video
+from command_line import Done, run_command
 from results import rows_of
 
 SENSOR = f"""\
@@ -35,12 +37,19 @@ pitch_mm = 5.0
 radius_mm = 1.0
 """
 
-Run = Callable[..., subprocess.CompletedProcess[str]]
+Finished = Done | subprocess.CompletedProcess[str]
+Run = Callable[..., Finished]
 
 
 @pytest.fixture
 def run(tmp_path: Path) -> Run:
-    """Runs the command line in a folder of its own."""
+    """Runs the command line in a folder of its own, in this process."""
+    return partial(run_command, folder=tmp_path)
+
+
+@pytest.fixture
+def run_program(tmp_path: Path) -> Run:
+    """Runs the program in a folder of its own, so that the output of the decoders is captured too."""
 
     def run_in(*words: object) -> subprocess.CompletedProcess[str]:
         return subprocess.run(
@@ -60,8 +69,8 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return pressed_video(tmp_path_factory.mktemp("video") / "press.mp4")
 
 
-def refused(done: subprocess.CompletedProcess[str], *words: str, status: int = 1) -> None:
-    """One line on stderr that says these words, and nothing of Python's insides."""
+def refused(done: Finished, *words: str, status: int = 1) -> None:
+    """One line on stderr with these words, and no traceback."""
     lines = done.stderr.splitlines()
     assert done.returncode == status, done.stderr
     assert len(lines) == 1, done.stderr
@@ -80,9 +89,9 @@ def test_missing_file(run: Run, tmp_path: Path) -> None:
     assert nothing_written(tmp_path / "out")
 
 
-def test_text_that_is_named_a_video(run: Run, tmp_path: Path) -> None:
-    (tmp_path / "notes.mp4").write_text("This is no video.\n" * 200)
-    refused(run("process", "notes.mp4", "--out", "out"), "notes.mp4")
+def test_text_that_is_named_a_video(run_program: Run, tmp_path: Path) -> None:
+    (tmp_path / "notes.mp4").write_text("This is not a video.\n" * 200)
+    refused(run_program("process", "notes.mp4", "--out", "out"), "notes.mp4")
     assert nothing_written(tmp_path / "out")
 
 
@@ -119,7 +128,7 @@ def test_truncated_video_is_read_as_far_as_it_goes(run: Run, tmp_path: Path) -> 
     assert all(row["status"] == "decode_error" for row in rows[len(read) :])
 
 
-def test_start_pressed_is_said(run: Run, tmp_path: Path) -> None:
+def test_a_pressed_start_gives_a_warning(run: Run, tmp_path: Path) -> None:
     write_video(tmp_path / "pressed.mp4", (picture(12.0, seed=index, shape=(10, 15)) for index in range(30)))
     done = run("process", "pressed.mp4", "--out", "out")
     assert done.returncode == 0, done.stderr
@@ -165,7 +174,7 @@ def test_region_outside_the_image(run: Run, tmp_path: Path, video: Path) -> None
 
 
 @pytest.mark.parametrize(
-    ("words", "said"),
+    ("words", "message"),
     [
         (("process",), "INPUT"),
         (("process", "a.mp4"), "--out"),
@@ -181,8 +190,8 @@ def test_region_outside_the_image(run: Run, tmp_path: Path, video: Path) -> None
         (("demo", "--seconds", "soon"), "--seconds"),
     ],
 )
-def test_wrong_command_line(run: Run, tmp_path: Path, words: tuple[str, ...], said: str) -> None:
-    refused(run(*words), said, status=2)
+def test_wrong_command_line(run: Run, tmp_path: Path, words: tuple[str, ...], message: str) -> None:
+    refused(run(*words), message, status=2)
     assert nothing_written(tmp_path / "out")
 
 

@@ -14,6 +14,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from clips import COLUMNS, PITCH_PX, ROWS, picture, press_of, pressed_video, write_video
+from command_line import run_command
 from results import rows_of
 
 CONTACT_COLUMNS = (
@@ -24,7 +25,7 @@ CONTACT_COLUMNS = (
 MARKER_COLUMNS = "frame,time_s,marker,row,column,x_px,y_px,seen,dx_{0},dy_{0},depth_{0},depth_std_{0}"
 FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds"
 FILES = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json"}
-LONG = 900
+LONG = 400
 
 
 def command(*words: object) -> list[str]:
@@ -32,7 +33,7 @@ def command(*words: object) -> list[str]:
 
 
 def run(*words: object) -> str:
-    done = subprocess.run(command(*words), capture_output=True, text=True, timeout=900, check=False)
+    done = run_command(*words)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -57,8 +58,8 @@ def long_video(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def results(tmp_path_factory: pytest.TempPathFactory, video: Path) -> tuple[Path, str]:
     out = tmp_path_factory.mktemp("out")
-    said = run("process", video, "--out", out, "--annotate", "--surface")
-    return out / "press", said
+    printed = run("process", video, "--out", out, "--annotate", "--surface")
+    return out / "press", printed
 
 
 def test_files_and_columns_are_those_of_the_contract(results: tuple[Path, str]) -> None:
@@ -89,7 +90,7 @@ def test_the_press_is_found_and_its_forces_are_not_known(results: tuple[Path, st
         assert {row[name] for row in rows} == {""}
 
 
-def test_summary_says_what_was_read_and_with_what(results: tuple[Path, str]) -> None:
+def test_summary_states_sensor_counts_and_versions(results: tuple[Path, str]) -> None:
     summary = json.loads((results[0] / "summary.json").read_text())
     sensor = summary["sensor"]
     assert (sensor["rows"], sensor["columns"], sensor["polarity"], sensor["missing"]) == (
@@ -108,11 +109,11 @@ def test_summary_says_what_was_read_and_with_what(results: tuple[Path, str]) -> 
     assert {"detect", "track", "estimate"} == summary["parameters"].keys()
 
 
-def test_output_tells_what_was_found_assumed_and_where_it_lies(results: tuple[Path, str]) -> None:
-    folder, said = results
+def test_output_states_sensor_assumptions_and_folder(results: tuple[Path, str]) -> None:
+    folder, printed = results
     for words in (f"{ROWS} x {COLUMNS} markers, dark", "assumed", "noise per marker", "contact", str(folder)):
-        assert words in said
-    assert "\x1b" not in said
+        assert words in printed
+    assert "\x1b" not in printed
 
 
 def test_annotated_video_has_every_frame(results: tuple[Path, str]) -> None:
@@ -156,13 +157,12 @@ def test_pictures_are_annotated_as_pictures(tmp_path: Path) -> None:
     assert drawn == ["000000.png", "000001.png", "000002.png"]
 
 
-def test_what_is_read_is_not_among_the_results_that_are_replaced(tmp_path: Path) -> None:
+def test_no_input_file_is_replaced_by_results(tmp_path: Path) -> None:
     folder = tmp_path / "pictures"
     folder.mkdir()
     for index in range(3):
         cv2.imwrite(str(folder / f"picture-{index:06d}.png"), picture(seed=index))
-    words = command("process", folder, "--out", tmp_path, "--picture", "1")
-    done = subprocess.run(words, capture_output=True, text=True, timeout=900, check=False)
+    done = run_command("process", folder, "--out", tmp_path, "--picture", "1")
     assert done.returncode == 1
     assert "replace picture-000000.png, which is the input: choose another folder" in done.stderr
     assert len(list(folder.iterdir())) == 3
@@ -172,7 +172,7 @@ def test_what_is_read_is_not_among_the_results_that_are_replaced(tmp_path: Path)
     assert {path.name for path in folder.iterdir()} == FILES | {f"{index:06d}.png" for index in range(3)}
 
 
-def test_a_run_replaces_all_of_an_earlier_one_and_says_which_picture_is_missing(tmp_path: Path) -> None:
+def test_a_run_replaces_all_earlier_results_and_reports_a_missing_picture(tmp_path: Path) -> None:
     folder, out = tmp_path / "pictures", tmp_path / "out"
     folder.mkdir()
     for index in range(2):
@@ -213,9 +213,9 @@ def test_ctrl_c_ends_with_complete_files(tmp_path: Path, long_video: Path, verb:
     folder = tmp_path / "out" / "long"
     running = started(folder, verb, long_video, "--out", tmp_path / "out", "--fps", 400)
     running.send_signal(signal.SIGINT)
-    said, complained = running.communicate(timeout=60)
+    printed, complained = running.communicate(timeout=60)
     assert running.returncode == 0, complained
-    assert "Traceback" not in said + complained
+    assert "Traceback" not in printed + complained
     assert {path.name for path in folder.iterdir()} == FILES
     frames = len(rows_of(folder / "frames.csv"))
     assert 10 <= frames < LONG
@@ -225,8 +225,8 @@ def test_ctrl_c_ends_with_complete_files(tmp_path: Path, long_video: Path, verb:
 
 def test_run_keeps_the_pace_and_prints_contacts(tmp_path: Path, video: Path) -> None:
     begun_s = time.monotonic()
-    said = run("run", video, "--fps", "20")
+    printed = run("run", video, "--fps", "20")
     assert time.monotonic() - begun_s > 59 / 20
-    assert "touches" in said
-    assert "gone" in said
+    assert "touches" in printed
+    assert "gone" in printed
     assert not any(tmp_path.iterdir())

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 import pyarrow.parquet as pq
 
+from command_line import Done, run_command
 from manytouch.sinks.files.tables import contact_columns, marker_columns
 from manytouch.values.sensor_file import load_sensor
 from results import rows_of
@@ -75,10 +76,8 @@ def written(folder: Path, scene: str = SCENE) -> list[str]:
     return [sys.executable, "-m", "manytouch", *words]
 
 
-def simulate(folder: Path, scene: str = SCENE) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        written(folder, scene), cwd=folder, capture_output=True, text=True, timeout=900, check=False
-    )
+def simulate(folder: Path, scene: str = SCENE) -> Done:
+    return run_command(*written(folder, scene)[3:], folder=folder)
 
 
 def test_it_leaves_pictures_sensor_and_truth_and_solves_nothing_twice(tmp_path: Path) -> None:
@@ -125,9 +124,9 @@ def test_ctrl_c_leaves_what_is_whole_and_the_same_command_goes_on(tmp_path: Path
         assert running.poll() is None
         time.sleep(0.05)
     running.send_signal(signal.SIGINT)
-    said, _ = running.communicate(timeout=240)
+    printed, _ = running.communicate(timeout=240)
     assert running.returncode == 0
-    assert "run the same command again to continue" in said
+    assert "run the same command again to continue" in printed
     assert not (tmp_path / "out").exists()
     kept = {path.name for path in states.iterdir()}
     assert all(name.endswith(".npz") and not name.startswith(".") for name in kept)
@@ -141,14 +140,12 @@ def test_what_is_wrong_is_one_line(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_said_before_anything_is_solved(tmp_path: Path) -> None:
+def test_an_unwritable_folder_is_reported_before_anything_is_solved(tmp_path: Path) -> None:
     (tmp_path / "sensor.toml").write_text(SENSOR)
     (tmp_path / "scene.toml").write_text(SCENE)
     (tmp_path / "file").write_text("no folder")
     words = ["simulate", "scene.toml", "--out", "file/out", "--states", "states"]
-    done = subprocess.run(
-        [sys.executable, "-m", "manytouch", *words], cwd=tmp_path, capture_output=True, text=True, check=False
-    )
+    done = run_command(*words, folder=tmp_path)
     assert done.returncode == 1
     assert done.stderr.startswith("manytouch: cannot write file/out: ")
     assert not (tmp_path / "states").exists()
