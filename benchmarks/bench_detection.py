@@ -14,8 +14,8 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from manytouch.detection import DotSearch, measure, noise_of, survey
-from manytouch.detection.candidates import candidates, workshop
+from manytouch.detection import DotSearch, estimate_noise, measure, survey
+from manytouch.detection.candidates import allocate_dog_buffers, find_candidates
 from manytouch.simulation.render.discs import Look, render_discs
 from manytouch.values import Camera, Frame, Layout, Sensor
 
@@ -75,11 +75,11 @@ def stages(name: str, image: np.ndarray, centre_px: np.ndarray, repeats: int) ->
     frame = Frame(index=0, timestamp_ns=0, camera="benchmark", image=image)
     state, found = search.step(search.start(sensor_of(centre_px)), frame, None)
     weights = state.appearance.weights(1 if image.ndim == 2 else 3)
-    kept = workshop(image, RADIUS_PX)
+    buffers = allocate_dog_buffers(image, RADIUS_PX)
     print(f"{name}: {len(found.centre_px)} dots{'median ms':>24}{'least':>9}")
     pieces: dict[str, Callable[[], object]] = {
-        "noise": lambda: noise_of(image, weights),
-        "candidates (with reduced image)": lambda: candidates(image, weights, RADIUS_PX, 5.0, kept),
+        "noise": lambda: estimate_noise(image, weights),
+        "candidates (with reduced image)": lambda: find_candidates(image, weights, RADIUS_PX, 5.0, buffers),
         "centres": lambda: measure(image, weights, centre_px, radius_px, noise=2.5),
         "whole frame": lambda: search.step(state, frame, None),
         "windows, 0.6 px away": lambda: search.step(state, frame, centre_px + 0.4),

@@ -19,8 +19,8 @@ from own import Tracked
 from rounds import Footage
 
 STAGES = {
-    "noise_of": "colour and noise",
-    "level_of": "colour and noise",
+    "estimate_noise": "colour and noise",
+    "level_scale": "colour and noise",
     "weights": "colour and noise",
     "reduced": "reduce",
     "resize": "reduce",
@@ -30,7 +30,7 @@ STAGES = {
     "candidates": "maxima",
     "measure_dots": "refine",
     "measure": "refine",
-    "without_doubles": "refine",
+    "find_single_dots": "refine",
     "condition": "condition",
     "build_grid": "assign",
     "identify": "assign and verify",

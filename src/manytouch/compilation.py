@@ -24,6 +24,8 @@ REORDER = {"reassoc", "contract", "nsz", "arcp"}
 # Conversions as compiled code has them. To mypy the results are plain numbers, whose arithmetic it knows.
 # Unsigned indices are not checked for being negative, which keeps loops over them in SIMD registers.
 f32 = cast(Callable[[float], float], np.float32)
+f64 = cast(Callable[[float], float], np.float64)
+i64 = cast(Callable[[int], int], np.int64)
 u64 = cast(Callable[[int], int], np.uint64)
 
 

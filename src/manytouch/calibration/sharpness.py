@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from manytouch.detection import measure, noise_of
-from manytouch.detection.search import cropped, level_of
+from manytouch.detection import estimate_noise, measure
+from manytouch.detection.images import crop, level_scale
 from manytouch.values import Roi
 from manytouch.values.arrays import Points2, Scalars
 
@@ -27,9 +27,9 @@ def edge_width_px(
         centre_px, radius_px: (n, 2), (n,) of the dots.
         roi_px: x, y, width, height of the region of interest.
     """
-    part, corner = cropped(image, roi_px)
-    scaled = weights * level_of(image)
-    dots = measure(part, scaled, centre_px - corner, radius_px, noise=noise_of(part, scaled))
+    part, corner = crop(image, roi_px)
+    scaled = weights * level_scale(image)
+    dots = measure(part, scaled, centre_px - corner, radius_px, noise=estimate_noise(part, scaled))
     edge_px = dots.edge_px[dots.is_found & np.isfinite(dots.edge_px)]
     return float(np.median(edge_px)) if len(edge_px) else np.nan
 

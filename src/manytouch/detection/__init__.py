@@ -1,15 +1,23 @@
-"""From a picture to its dots, for any dotted sheet and without a setting.
+"""Detection: from an image to its dots, with sub-pixel centres and covariances, for any dotted sheet.
 
-`survey` looks at the first frames of an unknown recording and says how its dots look (`Appearance`).
-A `Sensor` holds the same knowledge once it is known; `DotSearch` then finds the dots of each frame,
-everywhere or in windows around expected places. Both measure each dot in the same way (`measure`):
-flattened, with a covariance that agrees with the error.
+`survey` determines the appearance of the dots of an unknown recording, and `DotSearch` finds the dots of a
+known sensor frame by frame, in the whole image or in windows. Which marker a dot belongs to is determined by
+`tracking`.
 """
 
-from manytouch.detection.appearance.dot_appearance import Appearance, appearance_of
 from manytouch.detection.appearance.survey import Survey, survey
+from manytouch.detection.dot_appearance import Appearance, expected_appearance
 from manytouch.detection.measurement.centroid import Dots, measure
-from manytouch.detection.noise import noise_of
+from manytouch.detection.noise import estimate_noise
 from manytouch.detection.search import DotSearch
 
-__all__ = ["Appearance", "DotSearch", "Dots", "Survey", "appearance_of", "measure", "noise_of", "survey"]
+__all__ = [
+    "Appearance",
+    "DotSearch",
+    "Dots",
+    "Survey",
+    "estimate_noise",
+    "expected_appearance",
+    "measure",
+    "survey",
+]

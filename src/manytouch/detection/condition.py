@@ -1,4 +1,4 @@
-"""What is wrong with a whole picture, told from a few of its pixels and from its dots."""
+"""What is wrong with a whole image, from a few of its pixels and from its dots."""
 
 from dataclasses import dataclass
 
@@ -12,8 +12,8 @@ DARK, BRIGHT = 12.0, 250.0  # grey levels of 255
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class First:
-    """The first good picture, which later ones are compared with.
+class ReferenceImage:
+    """Properties of the first good image, which later ones are compared with.
 
     Attributes:
         shape: of the image.
@@ -28,24 +28,18 @@ class First:
     contrast: float
 
 
-def middle_of(ordered: Scalars) -> float:
-    """Median of sorted values; 0 of none."""
-    size = len(ordered)
-    return 0.5 * float(ordered[size // 2] + ordered[(size - 1) // 2]) if size else 0.0
-
-
-def first_of(image: np.ndarray, found: Detections, edge_px: Scalars) -> First:
-    """What to remember of a good picture; `edge_px` (n,) are the widths of the dots' edges."""
-    return First(
+def describe_reference(image: np.ndarray, found: Detections, edge_px: Scalars) -> ReferenceImage:
+    """Properties of a good image; `edge_px` (n,) are the widths of the edges of its dots."""
+    return ReferenceImage(
         shape=image.shape,
         dots=len(edge_px),
-        edge_px=middle_of(np.sort(edge_px)),
-        contrast=middle_of(np.sort(found.contrast)),
+        edge_px=_median(edge_px),
+        contrast=_median(found.contrast),
     )
 
 
-def condition(
-    first: First | None,
+def find_condition(
+    reference: ReferenceImage | None,
     image: np.ndarray,
     found: Detections,
     edge_px: Scalars,
@@ -53,21 +47,35 @@ def condition(
     level: float,
     markers: int,
 ) -> Status:
-    """`OK`, or dark, saturated, blurred.
+    """Status of an image: OK, DARK, SATURATED or BLURRED.
 
-    Dark and saturated are said only when the dots are gone with the light: a bright sheet may well
-    be overexposed, and a dark one black.
+    An image is dark or saturated only if the dots are missing too: a bright sheet may well be overexposed,
+    and a dark one black.
+
+    Args:
+        reference: the first good image; None before.
+        image: (h, w) or (h, w, c).
+        found: its dots.
+        edge_px: (n,) widths of their edges.
+        level: grey levels of 255 per level of the image.
+        markers: expected number of dots without a reference.
     """
     number = len(edge_px)
-    wanted = first.dots if first is not None else markers
-    if number < 0.5 * wanted:
+    expected = reference.dots if reference is not None else markers
+    if number < 0.5 * expected:
         few = image[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE].astype(np.float32) * level
         if few.size and np.quantile(few, 0.95) < DARK:
             return Status.DARK
         if few.size and np.mean(few > BRIGHT) > 0.5:
             return Status.SATURATED
-    if first is not None and number >= 0.2 * wanted and number > 0:
-        is_wide = 2 * np.count_nonzero(edge_px > 1.6 * first.edge_px + 0.7) > number
-        if is_wide and middle_of(np.sort(found.contrast)) < 0.9 * first.contrast:
+    if reference is not None and number >= 0.2 * expected and number > 0:
+        is_wide = 2 * np.count_nonzero(edge_px > 1.6 * reference.edge_px + 0.7) > number
+        if is_wide and _median(found.contrast) < 0.9 * reference.contrast:
             return Status.BLURRED
     return Status.OK
+
+
+def _median(values: Scalars) -> float:
+    """Median; 0 of no values. Faster than numpy's for a few hundred values."""
+    ordered, size = np.sort(values), len(values)
+    return 0.5 * float(ordered[size // 2] + ordered[(size - 1) // 2]) if size else 0.0

@@ -1,62 +1,134 @@
-"""Which measured dots are dots, each only once, compiled."""
-
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
+"""Selection of dots among the measured spots, each dot once, compiled."""
 
 import math
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from jaxtyping import Bool, Float64, Int32
 
-CELL = 4.0  # of the largest reach: most cells then hold one dot
-DOUBLE = 0.8  # of the radius: nearer ones are one dot
-LEVEL, LEVELS = 0.5, 1024  # grey levels to which contrasts are told apart, and how many of these steps
+from manytouch.compilation import kernel, no_type_check
+from manytouch.detection.measurement.records import AREA, CONTRAST, CUT, CXX, CXY, CYY, EDGE, X, Y
+from manytouch.values.arrays import Mask, Points2, Scalars
+
+CELL = 4.0  # of the largest reach: most cells then contain one dot
+LEVEL, LEVELS = 0.5, 1024  # resolution of contrasts in grey levels, and number of such steps
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+class SelectionLimits(NamedTuple):
+    """Limits within which a measured spot is a dot.
+
+    Attributes:
+        markers: expected number of dots.
+        least_share: lowest contrast over the typical one.
+        least_product: lowest contrast times square root of the area.
+        smallest, largest: area over that of the expected disc.
+        most_cut: largest share beyond the border of the image.
+        most_variance: largest variance of the centre (trace) over the squared radius.
+        double: dots nearer than this share of the radius are one dot.
+    """
+
+    markers: int
+    least_share: float
+    least_product: float
+    smallest: float = 0.06
+    largest: float = 3.0
+    most_cut: float = 0.6
+    most_variance: float = 0.5
+    double: float = 0.8
+
+
+class SelectedDots(NamedTuple):
+    """Selected dots in coordinates of the whole image, with room for all.
+
+    Attributes:
+        centre, covariance: (k, 2), (k, 2, 2).
+        area, contrast, edge: (k,).
+    """
+
+    centre: Float64[np.ndarray, "k 2"]
+    covariance: Float64[np.ndarray, "k 2 2"]
+    area: Float64[np.ndarray, " k"]
+    contrast: Float64[np.ndarray, " k"]
+    edge: Float64[np.ndarray, " k"]
+
+
+class CellGrid(NamedTuple):
+    """Square cells over all dots: side, first corner, and number."""
+
+    cell: float
+    left: float
+    top: float
+    columns: int
+    rows: int
+
+
+@kernel()
 @no_type_check
-def _sorted_into_cells(place, keep, cell, left, top, columns, head, following):
-    """Linked lists of the kept dots of each cell."""
+def _grid_over(place: Float64[np.ndarray, "n k"], keep: Bool[np.ndarray, " n"], reach: float) -> CellGrid:
+    """Cells for the kept dots, at least so large that neighbouring cells contain all dots within `reach`."""
+    left = top = 1e18
+    right = bottom = -1e18
+    count = 0
+    for i in range(place.shape[0]):
+        if keep[i]:
+            left, right = min(left, place[i, 0]), max(right, place[i, 0])
+            top, bottom = min(top, place[i, 1]), max(bottom, place[i, 1])
+            count += 1
+    cell = max(CELL * reach, math.sqrt((right - left + 1.0) * (bottom - top + 1.0) / (4.0 * count)))
+    return CellGrid(cell, left, top, int((right - left) / cell) + 1, int((bottom - top) / cell) + 1)
+
+
+@kernel()
+@no_type_check
+def _list_by_cell(
+    place: Float64[np.ndarray, "n k"], keep: Bool[np.ndarray, " n"], grid: CellGrid,
+    head: Int32[np.ndarray, " cells"], following: Int32[np.ndarray, " n"],
+) -> None:  # fmt: skip
+    """Linked lists of the kept dots of each cell; -1 ends a list."""
     head[:] = -1
     for i in range(place.shape[0]):
         if keep[i]:
-            at = int((place[i, 1] - top) / cell) * columns + int((place[i, 0] - left) / cell)
+            row, column = (
+                int((place[i, 1] - grid.top) / grid.cell),
+                int((place[i, 0] - grid.left) / grid.cell),
+            )
+            at = row * grid.columns + column
             following[i] = head[at]
             head[at] = i
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def drop_doubles(place, radius, weight, share, keep):
+def drop_doubles(
+    place: Float64[np.ndarray, "n k"], radius: Float64[np.ndarray, " n"], weight: Float64[np.ndarray, " n"],
+    share: float, keep: Bool[np.ndarray, " n"],
+) -> None:  # fmt: skip
     """Keeps no dot with a heavier one within `share` of the larger radius of the two."""
     number = place.shape[0]
-    left = top = 1e18
-    right = bottom = -1e18
     reach, count = 0.0, 0
     for i in range(number):
         if keep[i]:
-            left, right = min(left, place[i, 0]), max(right, place[i, 0])
-            top, bottom = min(top, place[i, 1]), max(bottom, place[i, 1])
             reach = max(reach, share * radius[i])
             count += 1
     if count < 2 or reach <= 0.0:
         return
-    cell = max(CELL * reach, math.sqrt((right - left + 1.0) * (bottom - top + 1.0) / (4.0 * count)))
-    columns, rows = int((right - left) / cell) + 1, int((bottom - top) / cell) + 1
-    head, following = np.empty(columns * rows, dtype=np.int32), np.empty(number, dtype=np.int32)
-    _sorted_into_cells(place, keep, cell, left, top, columns, head, following)
+    grid = _grid_over(place, keep, reach)
+    head, following = np.empty(grid.columns * grid.rows, dtype=np.int32), np.empty(number, dtype=np.int32)
+    _list_by_cell(place, keep, grid, head, following)
     is_double = np.zeros(number, dtype=np.bool_)
     for i in range(number):
         if not keep[i]:
             continue
         x, y = place[i, 0], place[i, 1]
-        for row in range(max(0, int((y - reach - top) / cell)), min(rows, int((y + reach - top) / cell) + 1)):
-            first, last = (
-                max(0, int((x - reach - left) / cell)),
-                min(columns, int((x + reach - left) / cell) + 1),
-            )
+        first_row = max(0, int((y - reach - grid.top) / grid.cell))
+        last_row = min(grid.rows, int((y + reach - grid.top) / grid.cell) + 1)
+        first, last = (
+            max(0, int((x - reach - grid.left) / grid.cell)),
+            min(grid.columns, int((x + reach - grid.left) / grid.cell) + 1),
+        )
+        for row in range(first_row, last_row):
             for column in range(first, last):
-                j = head[row * columns + column]
+                j = head[row * grid.columns + column]
                 while j >= 0:
                     near = share * max(radius[i], radius[j])
                     if j > i and (x - place[j, 0]) ** 2 + (y - place[j, 1]) ** 2 < near * near:
@@ -67,17 +139,20 @@ def drop_doubles(place, radius, weight, share, keep):
             keep[i] = False
 
 
-def without_doubles(place: np.ndarray, radius: np.ndarray, weight: np.ndarray, share: float) -> np.ndarray:
+def find_single_dots(place_px: Points2, radius_px: Scalars, weight: Scalars, share: float) -> Mask:
     """Mask (n,) of the dots (n, 2) that have no heavier one within `share` of the larger radius."""
-    keep = np.ones(len(place), dtype=np.bool_)
-    drop_doubles(place, radius, weight, share, keep)
+    keep = np.ones(len(place_px), dtype=np.bool_)
+    drop_doubles(place_px, radius_px, weight, share, keep)
     return keep
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def typical_contrast(contrast, markers):
-    """Median of the strongest ones, as many as there should be dots; NaN counts as no dot. 0 of none."""
+def typical_contrast(contrast: Float64[np.ndarray, " n"], markers: int) -> float:
+    """Median of the strongest contrasts, as many as there should be dots; NaN is ignored.
+
+    0 if there are none.
+    """
     count = np.zeros(LEVELS, dtype=np.int32)
     known = 0
     for i in range(contrast.shape[0]):
@@ -91,43 +166,48 @@ def typical_contrast(contrast, markers):
     return (level + 0.5) * LEVEL if known else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def select(
-    rows, radius, markers, least_share, least_product, left, top, centre, covariance, area, contrast, edge
-):
-    """Copies those rows of `kernels.measure_dots` that are dots: by contrast and size, and each only once.
+def select_dots(
+    rows: Float64[np.ndarray, "n 9"],
+    radius: Float64[np.ndarray, " n"],
+    limits: SelectionLimits,
+    corner: Float64[np.ndarray, "2"],
+    selected: SelectedDots,
+) -> int:
+    """Copies the measured spots that are dots, each once.
 
     Args:
-        rows, radius: (k, 9), (k,) what was measured, and the radius that was expected.
-        markers: number of dots that there should be.
-        least_share, least_product: least contrast against typical ones, and times the root of the area.
-        left, top: of the image in the whole one.
-        centre, covariance, area, contrast, edge: written, in whole-image coordinates.
+        rows: measured spots; columns as in `measurement.records`.
+        radius: expected radii, px.
+        limits: of contrast and size.
+        corner: position of the first pixel in the whole image, px.
+        selected: written.
 
     Returns:
-        how many.
+        their number.
     """
     number = rows.shape[0]
     keep, weight = np.empty(number, dtype=np.bool_), np.empty(number)
-    least_contrast = least_share * typical_contrast(rows[:, 6], markers)
+    least_contrast = limits.least_share * typical_contrast(rows[:, CONTRAST], limits.markers)
     for i in range(number):
-        size, height, full = rows[i, 5], rows[i, 6], radius[i] * radius[i]
-        weight[i] = size * height
+        area, contrast, full = rows[i, AREA], rows[i, CONTRAST], radius[i] * radius[i]
+        weight[i] = area * contrast
         keep[i] = (
-            height > least_contrast
-            and height * math.sqrt(size) > least_product
-            and 0.06 * math.pi * full < size < 3.0 * math.pi * full
-            and rows[i, 8] < 0.6
-            and rows[i, 2] + rows[i, 4] < 0.5 * full
+            contrast > least_contrast
+            and contrast * math.sqrt(area) > limits.least_product
+            and limits.smallest * math.pi * full < area < limits.largest * math.pi * full
+            and rows[i, CUT] < limits.most_cut
+            and rows[i, CXX] + rows[i, CYY] < limits.most_variance * full
         )
-    drop_doubles(rows, radius, weight, DOUBLE, keep)
+    drop_doubles(rows, radius, weight, limits.double, keep)
     k = 0
     for i in range(number):
         if keep[i]:
-            centre[k, 0], centre[k, 1] = rows[i, 0] + left, rows[i, 1] + top
-            covariance[k, 0, 0], covariance[k, 1, 1] = rows[i, 2], rows[i, 4]
-            covariance[k, 0, 1] = covariance[k, 1, 0] = rows[i, 3]
-            area[k], contrast[k], edge[k] = rows[i, 5], rows[i, 6], rows[i, 7]
+            selected.centre[k, 0], selected.centre[k, 1] = rows[i, X] + corner[0], rows[i, Y] + corner[1]
+            selected.covariance[k, 0, 0], selected.covariance[k, 1, 1] = rows[i, CXX], rows[i, CYY]
+            selected.covariance[k, 0, 1] = selected.covariance[k, 1, 0] = rows[i, CXY]
+            selected.area[k], selected.contrast[k] = rows[i, AREA], rows[i, CONTRAST]
+            selected.edge[k] = rows[i, EDGE]
             k += 1
     return k

@@ -1,9 +1,9 @@
-"""The search of every frame, for known sensors."""
+"""Search for the dots of known sensors in every frame."""
 
 import numpy as np
 import pytest
 
-from manytouch.detection import DotSearch, appearance_of
+from manytouch.detection import DotSearch, expected_appearance
 from manytouch.errors import SensorError
 from manytouch.pipeline import Detector
 from manytouch.simulation.render.discs import Look, Spot, render_discs
@@ -45,7 +45,7 @@ def lattice(pitch_px: float = 40.0) -> np.ndarray:
     return np.stack([x.ravel(), y.ravel()], axis=1) + 0.37
 
 
-def picture(
+def render(
     centre_px: np.ndarray, radius_px: np.ndarray | float, look: Look, seed: int = 1, **given
 ) -> np.ndarray:
     shape_px = np.broadcast_to(np.asarray(radius_px, dtype=float), (len(centre_px),))[:, None, None] * np.eye(
@@ -70,19 +70,19 @@ LOOKS = {
 }
 
 
-def test_follows_the_protocol() -> None:
+def test_implements_the_protocol() -> None:
     assert isinstance(DotSearch(), Detector)
 
 
 @pytest.mark.parametrize("polarity", ["light", "dark"])
 @pytest.mark.parametrize("radius_px", [2.0, 5.0, 9.0])
-def test_everywhere_and_in_windows(polarity: str, radius_px: float) -> None:
+def test_whole_image_and_windows(polarity: str, radius_px: float) -> None:
     centre_px = lattice(24.0 if radius_px < 6 else 40.0)
     search = DotSearch()
-    image = picture(centre_px, radius_px, LOOKS[polarity])
-    state, everywhere = search.step(search.start(sensor(centre_px, radius_px, polarity)), frame(image), None)
-    assert everywhere.status == "ok"
-    assert_all_once(everywhere.centre_px, centre_px, 0.2)
+    image = render(centre_px, radius_px, LOOKS[polarity])
+    state, whole = search.step(search.start(sensor(centre_px, radius_px, polarity)), frame(image), None)
+    assert whole.status == "ok"
+    assert_all_once(whole.centre_px, centre_px, 0.2)
     expected_px = centre_px + 0.5 * radius_px * np.array([1.0, -1.0]) / np.sqrt(2)
     expected_px[3] = np.nan
     _, windows = search.step(state, frame(image), expected_px)
@@ -96,7 +96,7 @@ def test_dots_of_different_sizes() -> None:
     search = DotSearch()
     state = search.start(sensor(centre_px, radius_px))
     assert state.appearance.is_irregular
-    _, found = search.step(state, frame(picture(centre_px, radius_px, LOOKS["light"])), None)
+    _, found = search.step(state, frame(render(centre_px, radius_px, LOOKS["light"])), None)
     assert_all_once(found.centre_px, centre_px)
 
 
@@ -104,10 +104,10 @@ def test_dots_of_different_sizes() -> None:
 def test_exposure_may_change(gain: float) -> None:
     centre_px, search = lattice(), DotSearch()
     state, _ = search.step(
-        search.start(sensor(centre_px, 8.0)), frame(picture(centre_px, 8.0, LOOKS["light"])), None
+        search.start(sensor(centre_px, 8.0)), frame(render(centre_px, 8.0, LOOKS["light"])), None
     )
     look = Look(ground=45.0 * gain, dot=205.0 * gain, read_noise=2.5)
-    _, found = search.step(state, frame(picture(centre_px, 8.0, look)), None)
+    _, found = search.step(state, frame(render(centre_px, 8.0, look)), None)
     assert found.status == "ok"
     assert_all_once(found.centre_px, centre_px)
 
@@ -124,14 +124,14 @@ def test_shadow_and_faded_dots(polarity: str) -> None:
         shadows=(Spot(centre_px=(420.0, 200.0), radius_px=70.0, amount=0.35),),
     )
     search = DotSearch()
-    image = picture(centre_px, 8.0, look, contrast=contrast)
+    image = render(centre_px, 8.0, look, contrast=contrast)
     _, found = search.step(search.start(sensor(centre_px, 8.0, polarity)), frame(image), None)
     assert_all_once(found.centre_px, centre_px)
 
 
 def test_colour_weights_are_used() -> None:
     centre_px = lattice()
-    image = picture(centre_px, 8.0, Look(ground=(60.0, 120.0, 60.0), dot=(60.0, 70.0, 158.0), read_noise=2.0))
+    image = render(centre_px, 8.0, Look(ground=(60.0, 120.0, 60.0), dot=(60.0, 70.0, 158.0), read_noise=2.0))
     weights = np.array([0.0, -0.5, 0.5])
     search = DotSearch()
     state, found = search.step(search.start(sensor(centre_px, 8.0, "light", weights)), frame(image), None)
@@ -143,7 +143,7 @@ def test_colour_weights_are_used() -> None:
 def test_region_limits_the_search() -> None:
     centre_px = lattice()
     search = DotSearch(roi_px=Roi(100, 100, 300, 220))
-    image = picture(centre_px, 8.0, LOOKS["light"])
+    image = render(centre_px, 8.0, LOOKS["light"])
     state, found = search.step(search.start(sensor(centre_px, 8.0)), frame(image), None)
     inside = (np.abs(centre_px - [249.5, 209.5]) < [140.0, 100.0]).all(axis=1)
     distance = np.linalg.norm(found.centre_px[:, None] - centre_px[None, inside], axis=2)
@@ -154,16 +154,16 @@ def test_region_limits_the_search() -> None:
 
 def test_16_bit_gives_the_same_dots() -> None:
     centre_px, search = lattice(), DotSearch()
-    image = picture(centre_px, 8.0, LOOKS["light"], bits=16)
+    image = render(centre_px, 8.0, LOOKS["light"], bits=16)
     _, found = search.step(search.start(sensor(centre_px, 8.0)), frame(image), None)
     assert_all_once(found.centre_px, centre_px)
     assert np.median(found.contrast) == pytest.approx(160.0, rel=0.15)
 
 
-def test_bad_pictures_are_a_status() -> None:
+def test_bad_images_have_a_status() -> None:
     centre_px, search = lattice(), DotSearch()
     state, _ = search.step(
-        search.start(sensor(centre_px, 8.0)), frame(picture(centre_px, 8.0, LOOKS["light"])), None
+        search.start(sensor(centre_px, 8.0)), frame(render(centre_px, 8.0, LOOKS["light"])), None
     )
     assert search.step(state, frame(None), None)[1].status == "decode_error"
     assert search.step(state, frame(np.zeros((20, 30), np.uint8)), None)[1].status == "decode_error"
@@ -171,7 +171,7 @@ def test_bad_pictures_are_a_status() -> None:
     assert (
         search.step(state, frame(np.full((HEIGHT, WIDTH), 255, np.uint8)), centre_px)[1].status == "saturated"
     )
-    blurred = picture(centre_px, 8.0, LOOKS["light"], blur_px=4.0)
+    blurred = render(centre_px, 8.0, LOOKS["light"], blur_px=4.0)
     for expected_px in (None, centre_px):
         after, found = search.step(state, frame(blurred), expected_px)
         assert found.status == "blurred"
@@ -180,7 +180,7 @@ def test_bad_pictures_are_a_status() -> None:
 
 def test_a_replay_gives_the_same_bits() -> None:
     centre_px, search = lattice(), DotSearch()
-    image = picture(centre_px, 8.0, LOOKS["light"])
+    image = render(centre_px, 8.0, LOOKS["light"])
     state = search.start(sensor(centre_px, 8.0))
     first, second = (search.step(state, frame(image), None)[1] for _ in range(2))
     np.testing.assert_array_equal(first.centre_px, second.centre_px)
@@ -188,7 +188,7 @@ def test_a_replay_gives_the_same_bits() -> None:
 
 
 def test_appearance_is_projected() -> None:
-    found = appearance_of(sensor(lattice(), 8.0, "dark"))
+    found = expected_appearance(sensor(lattice(), 8.0, "dark"))
     assert found.polarity == "dark"
     # off the axis a disc shows larger by (f^2 + r^2)^(1/2) (n . p)^(1/2): none for a parallel plane
     assert found.radius_min_px == pytest.approx(8.0, rel=1e-6)

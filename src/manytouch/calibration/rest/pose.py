@@ -12,8 +12,8 @@ from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.calibration.sheet.clamp_line import ClampLine, clamp_line, clamp_warnings
-from manytouch.detection import appearance_of
-from manytouch.detection.appearance.dot_appearance import radius_in_image
+from manytouch.detection import expected_appearance
+from manytouch.detection.dot_appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import camera_matrix, project
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
@@ -324,7 +324,7 @@ def _focus_warnings(found: Sensor, frames: Sequence[Frame], roi_px: Roi | None) 
     assert layout is not None and layout.rest_px is not None  # noqa: PT018 - just found
     there = ~layout.is_missing
     image = next(frame.image for frame in frames if frame.image is not None)
-    weights = appearance_of(found).weights(1 if image.ndim == 2 else image.shape[2])
+    weights = expected_appearance(found).weights(1 if image.ndim == 2 else image.shape[2])
     radius_px = radius_in_image(found.camera, layout.rest_mm[there], layout.radius_mm[there])
     edge_px = edge_width_px(image, weights, layout.rest_px[there], radius_px, roi_px=roi_px)
     if not is_soft(edge_px, radius_px):

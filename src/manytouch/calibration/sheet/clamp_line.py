@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.detection.search import level_of
+from manytouch.detection.images import level_scale
 from manytouch.geometry.camera import project
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Face
@@ -165,7 +165,7 @@ def _compliance_mm(sheet: Sheet, size_mm: np.ndarray, from_clamp_mm: float) -> f
 def _mean_grey(frames: Sequence[Frame]) -> np.ndarray:
     """(h, w) mean of the first images in grey levels of 255, as float32."""
     images = [frame.image for frame in frames if frame.image is not None][:MOST_FRAMES]
-    total = np.mean([np.asarray(image, dtype=np.float32) * level_of(image) for image in images], axis=0)
+    total = np.mean([np.asarray(image, dtype=np.float32) * level_scale(image) for image in images], axis=0)
     return np.asarray(total if total.ndim == 2 else total.mean(axis=2), dtype=np.float32)
 
 

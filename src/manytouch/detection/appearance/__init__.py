@@ -1,1 +1,5 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Appearance of dots: the search for dots of unknown size, contrast, colour and layout in an image
+(`survey`).
+
+The search for dots of a known sensor, frame by frame, is not here but in `detection.search`.
+"""

@@ -1,4 +1,4 @@
-"""Which combination of the colour channels parts dots from their ground."""
+"""Combination of the colour channels that separates dots from their background."""
 
 from collections.abc import Iterator
 
@@ -10,23 +10,23 @@ from manytouch.values.arrays import Points2, Scalars
 Weights = Float64[np.ndarray, "3"]
 
 
-def tried_weights() -> Iterator[Weights]:
-    """Weights of B, G, R worth trying when grey shows nothing: single channels and opponent colours."""
+def trial_weights() -> Iterator[Weights]:
+    """Weights of B, G, R to try when grey shows no dots: single channels and opponent colours."""
     for weights in ([1, 0, 0], [0, 1, 0], [0, 0, 1], [0, -1, 1], [1, -0.5, -0.5], [-0.5, 1, -0.5]):
         yield np.array(weights, dtype=np.float64) / np.abs(weights).sum()
 
 
-def fitted_weights(image: np.ndarray, place_px: Points2, radius_px: Scalars) -> Weights:
-    """Fisher's linear discriminant between dots and their grounds; dots come out lighter.
+def fit_weights(image: np.ndarray, place_px: Points2, radius_px: Scalars) -> Weights:
+    """Fisher's linear discriminant between dots and their backgrounds; dots become lighter.
 
-    Each dot is compared with its own ground, so that coloured light over the picture does not matter:
-    d_i = dot - ground. The scatter is that of d_i and of the ground around each dot.
+    Each dot is compared with its own background, so that coloured light does not matter: d_i = dot -
+    background. The scatter is that of d_i and of the background around each dot.
     """
     inner, outer = _mean_colours(image, place_px, radius_px)
     difference = inner - outer.mean(axis=1)
-    ground = (outer - outer.mean(axis=1, keepdims=True)).reshape(-1, 3)
+    background = (outer - outer.mean(axis=1, keepdims=True)).reshape(-1, 3)
     mean = difference.mean(axis=0)
-    scatter = np.cov(difference.T) + ground.T @ ground / max(len(ground) - 1, 1)
+    scatter = np.cov(difference.T) + background.T @ background / max(len(background) - 1, 1)
     scatter += (1e-3 * np.trace(scatter) / 3.0 + 0.3) * np.eye(3)
     weights = np.linalg.solve(scatter, mean)
     unit: Weights = weights / np.abs(weights).sum()
@@ -36,7 +36,7 @@ def fitted_weights(image: np.ndarray, place_px: Points2, radius_px: Scalars) -> 
 def _mean_colours(
     image: np.ndarray, place_px: Points2, radius_px: Scalars
 ) -> tuple[Float64[np.ndarray, "n 3"], Float64[np.ndarray, "n 12 3"]]:
-    """Colour of each dot's core (n, 3) and at 12 places around it (n, 12, 3)."""
+    """Colour of each dot's core (n, 3) and at 12 positions around it (n, 12, 3)."""
     height, width = image.shape[:2]
     angle = 2.0 * np.pi * np.arange(12) / 12
     ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -1,38 +1,79 @@
-"""The outline of a blob, along rays from its middle: is it a dot, or only a gap, an edge, a ridge?
+"""Outlines of blobs along rays from their centres, which distinguish dots from gaps, edges and ridges.
 
-A dot's brightness falls to the ground in every direction. Between dots, along ridges, at edges and in
-corners there are directions in which it does not.
+The brightness of a dot falls to the background in every direction. Between dots, along ridges, at edges and
+in corners there are directions in which it does not.
 """
 
-# ruff: noqa: PLR0912, PLR0915, PLR0917 - compiled functions are long and called with positional arguments
+# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
 from dataclasses import dataclass
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from jaxtyping import Float64, Int64, Shaped
 
+from manytouch.compilation import kernel, no_type_check
 from manytouch.values.arrays import Points2, Scalars
 
 RAYS = 24
-STEPS = 26
+STEPS = 26  # samples of a ray
 REACH = 2.6  # radii
 FITTING_RADIUS_PX = 4.0  # octave in which rays are sampled: radius at least this, where there is one
+COLUMNS = 9  # of a row: x, y, radius, contrast, openness, aspect, roughness, visible, fill
+
+
+class OutlineLimits(NamedTuple):
+    """Limits of the outline of a dot.
+
+    Attributes:
+        visible: share of a ray that must be inside the image.
+        least_rays: share of the rays that must be visible.
+        closed: fall of a ray over the typical one, from which on the ray has an end.
+        ridge: fall below which both of two opposite rays belong to a ridge.
+        most_contrast: fall over the typical one at which the level of the outline stops growing.
+    """
+
+    visible: float = 0.7
+    least_rays: float = 1.0 / 3.0
+    closed: float = 0.5
+    ridge: float = 0.65
+    most_contrast: float = 1.5
+
+
+class Rays(NamedTuple):
+    """Samples along the rays of one blob, and scratch.
+
+    Attributes:
+        values: (RAYS, STEPS) brightness.
+        known: (RAYS,) number of samples inside the image.
+        falls: (RAYS,) fall of the brightness; NaN if not known.
+        lengths: (RAYS,) length of the rays to the outline, px; NaN if not known.
+        column: (RAYS,) scratch.
+    """
+
+    values: Float64[np.ndarray, "r s"]
+    known: Int64[np.ndarray, " r"]
+    falls: Float64[np.ndarray, " r"]
+    lengths: Float64[np.ndarray, " r"]
+    column: Float64[np.ndarray, " r"]
+
+
+LIMITS = OutlineLimits()
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Outlines:
-    """What rays tell of blobs; NaN where nothing could be told.
+    """Outlines of blobs; NaN where there is none.
 
     Attributes:
         place_px: (n, 2) centroid of the outline.
         radius_px: (n,) of the disc of the same area.
-        contrast: (n,) level of the core against the ground, grey levels of 255, positive.
+        contrast: (n,) level of the core minus that of the background, grey levels of 255, positive.
         openness: (n,) share of the directions without a fall.
         aspect: (n,) long against short axis of the outline.
-        fill: (n,) share of the outline's area that is lighter than half the contrast; a glint lowers it
-            little, the gap between two dots much.
+        fill: (n,) share of the area inside the outline that is lighter than half the contrast; a glint lowers
+            it a little, the gap between two dots much.
         roughness: (n,) deviation of the outline from an ellipse, in radii.
         visible: (n,) share of the rays that stay within the image.
     """
@@ -47,22 +88,25 @@ class Outlines:
     fill: Scalars
 
     def at(self, chosen: np.ndarray) -> "Outlines":
-        """Some of them."""
+        """Some of them, by mask or index."""
         return Outlines(**{name: getattr(self, name)[chosen] for name in self.__slots__})
 
 
-def outlines(pyramid: list[np.ndarray], place_px: Points2, radius_px: Scalars, sign: float) -> Outlines:
-    """Outlines of blobs of one sign, by rays through the octaves of a pyramid."""
+def trace_outlines(pyramid: list[np.ndarray], place_px: Points2, radius_px: Scalars, sign: float) -> Outlines:
+    """Outlines of blobs, by rays through the octaves of a pyramid.
+
+    `sign` is 1 for light blobs, -1 for dark.
+    """
     octave = np.floor(np.log2(np.maximum(radius_px / FITTING_RADIUS_PX, 1.0))).astype(int)
     octave = np.minimum(octave, len(pyramid) - 1)
-    rows = np.full((len(place_px), 9), np.nan)
+    rows = np.full((len(place_px), COLUMNS), np.nan)
     for level, image in enumerate(pyramid):
         chosen = np.flatnonzero(octave == level)
         if len(chosen) == 0:
             continue
         scale = 2.0**level
-        part = np.full((len(chosen), 9), np.nan)
-        _trace_all(image, place_px[chosen] / scale, radius_px[chosen] / scale, sign, part)
+        part = np.full((len(chosen), COLUMNS), np.nan)
+        trace_rays(image, place_px[chosen] / scale, radius_px[chosen] / scale, sign, part)
         part[:, :3] *= scale
         rows[chosen] = part
     return Outlines(
@@ -77,128 +121,191 @@ def outlines(pyramid: list[np.ndarray], place_px: Points2, radius_px: Scalars, s
     )
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+Image = Shaped[np.ndarray, "h w"]
+
+
+@kernel()
 @no_type_check
-def _bilinear(image, x, y):
+def _interpolate(image: Image, x: float, y: float) -> float:
+    """Bilinear, clamped at the border."""
     height, width = image.shape
     x, y = min(max(x, 0.0), width - 1.001), min(max(y, 0.0), height - 1.001)
     u, v = int(x), int(y)
     a, b = x - u, y - v
-    return (1.0 - b) * ((1.0 - a) * image[v, u] + a * image[v, u + 1]) + b * (
-        (1.0 - a) * image[v + 1, u] + a * image[v + 1, u + 1]
-    )
+    upper: float = (1.0 - a) * image[v, u] + a * image[v, u + 1]
+    lower: float = (1.0 - a) * image[v + 1, u] + a * image[v + 1, u + 1]
+    return (1.0 - b) * upper + b * lower
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _sample(image, x, y, radius, sign, values, known):
-    """Values (RAYS, STEPS) along rays; `known` = number of steps of each ray within the image."""
+def _sample_rays(image: Image, x: float, y: float, radius: float, sign: float, rays: Rays) -> None:
+    """Samples the brightness along all rays."""
     height, width = image.shape
     for ray in range(RAYS):
         angle = 2.0 * math.pi * ray / RAYS
-        known[ray] = STEPS
+        rays.known[ray] = STEPS
         for step in range(STEPS):
             distance = REACH * radius * (step + 0.5) / STEPS
             u, v = x + distance * math.cos(angle), y + distance * math.sin(angle)
             if u < -0.5 or v < -0.5 or u > width - 0.5 or v > height - 0.5:
-                known[ray] = min(known[ray], step)
-            values[ray, step] = sign * _bilinear(image, u, v)
+                rays.known[ray] = min(rays.known[ray], step)
+            rays.values[ray, step] = sign * _interpolate(image, u, v)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _trace_one(image, x, y, radius, sign, values, known, lengths, row):
-    """One outline: row as in `Outlines`, fill last."""
-    _sample(image, x, y, radius, sign, values, known)
-    inside = int(STEPS * 1.0 / REACH)
+def _find_core(rays: Rays) -> tuple[float, int]:
+    """Largest median brightness of a ring within the radius, and the step of that ring."""
     core, best = -1e9, 0
-    column = np.empty(RAYS)
-    for step in range(inside):
+    for step in range(int(STEPS * 1.0 / REACH)):
         count = 0
         for ray in range(RAYS):
-            if known[ray] > step:
-                column[count] = values[ray, step]
+            if rays.known[ray] > step:
+                rays.column[count] = rays.values[ray, step]
                 count += 1
-        if count >= RAYS // 3:
-            middle = np.sort(column[:count])[count // 2]
+        if count >= int(RAYS * LIMITS.least_rays):
+            middle = np.sort(rays.column[:count])[count // 2]
             if middle > core:
                 core, best = middle, step
-    falls = np.full(RAYS, np.nan)
-    sorted_falls = np.empty(RAYS)
-    whole = 0
-    for ray in range(RAYS):
-        if known[ray] < int(0.7 * STEPS):
-            continue
-        low = 1e9
-        for step in range(best, known[ray]):
-            low = min(low, values[ray, step])
-        falls[ray] = core - low
-        sorted_falls[whole] = falls[ray]
-        whole += 1
-    row[7] = whole / RAYS
-    if whole < RAYS // 3:
-        return False
-    contrast = np.sort(sorted_falls[:whole])[whole // 2]
-    if contrast <= 0.0:
-        return False
-    open_rays = 0
-    for ray in range(RAYS):
-        lengths[ray] = np.nan
-        if not math.isfinite(falls[ray]):
-            continue
-        if falls[ray] < 0.5 * contrast:
-            open_rays += 1
-            continue
-        level = core - 0.5 * min(falls[ray], 1.5 * contrast)
-        for step in range(best, known[ray]):
-            if values[ray, step] < level:
-                part = 0.0
-                if step > 0 and values[ray, step - 1] > level:
-                    part = (values[ray, step - 1] - level) / (values[ray, step - 1] - values[ray, step]) - 1.0
-                lengths[ray] = REACH * radius * (max(step + part, 0.0) + 0.5) / STEPS
-                break
-    row[3], row[4] = contrast, open_rays / whole
-    for ray in range(RAYS):
-        # open on opposite sides: a ridge, a cable, a stripe; what leaves the image may be one as well
-        for turn in range(RAYS // 2 - 1, RAYS // 2 + 2):
-            opposite = falls[(ray + turn) % RAYS]
-            if falls[ray] < 0.65 * contrast and not opposite >= 0.65 * contrast:
-                row[4] = max(row[4], 0.5)
-    # a ray that left the image, or did not fall, is as long as its opposite, or as the middle one
+    return core, best
+
+
+@kernel()
+@no_type_check
+def _measure_falls(rays: Rays, core: float, best: int) -> tuple[int, float]:
+    """Fall of each visible ray from the core; returns the number of visible rays and the median fall."""
     count = 0
     for ray in range(RAYS):
-        if math.isfinite(lengths[ray]):
-            column[count] = lengths[ray]
+        rays.falls[ray] = np.nan
+        if rays.known[ray] < int(LIMITS.visible * STEPS):
+            continue
+        low = 1e9
+        for step in range(best, rays.known[ray]):
+            low = min(low, rays.values[ray, step])
+        rays.falls[ray] = core - low
+        rays.column[count] = rays.falls[ray]
+        count += 1
+    if count < int(RAYS * LIMITS.least_rays):
+        return count, 0.0
+    return count, np.sort(rays.column[:count])[count // 2]
+
+
+@kernel()
+@no_type_check
+def _length(rays: Rays, ray: int, best: int, level: float, radius: float) -> float:
+    """Length of a ray up to a level, px; NaN if it does not fall below."""
+    for step in range(best, rays.known[ray]):
+        here = rays.values[ray, step]
+        if here < level:
+            part = 0.0
+            if step > 0 and rays.values[ray, step - 1] > level:
+                before = rays.values[ray, step - 1]
+                part = (before - level) / (before - here) - 1.0
+            return REACH * radius * (max(step + part, 0.0) + 0.5) / STEPS
+    return np.nan
+
+
+@kernel()
+@no_type_check
+def _measure_lengths(rays: Rays, core: float, best: int, contrast: float, radius: float) -> int:
+    """Length of each ray up to half of its fall; returns the number of open rays."""
+    open_rays = 0
+    for ray in range(RAYS):
+        rays.lengths[ray] = np.nan
+        fall = rays.falls[ray]
+        if not math.isfinite(fall):
+            continue
+        if fall < LIMITS.closed * contrast:
+            open_rays += 1
+            continue
+        level = core - 0.5 * min(fall, LIMITS.most_contrast * contrast)
+        rays.lengths[ray] = _length(rays, ray, best, level, radius)
+    return open_rays
+
+
+@kernel()
+@no_type_check
+def _is_ridge(rays: Rays, contrast: float) -> bool:
+    """Whether opposite rays are open: a ridge, a cable, a stripe.
+
+    A ray that leaves the image may be one too.
+    """
+    low = LIMITS.ridge * contrast
+    for ray in range(RAYS):
+        for turn in range(RAYS // 2 - 1, RAYS // 2 + 2):
+            if rays.falls[ray] < low and not rays.falls[(ray + turn) % RAYS] >= low:
+                return True
+    return False
+
+
+@kernel()
+@no_type_check
+def _fill_lengths(rays: Rays) -> bool:
+    """Sets unknown lengths to the median; False if too few are known."""
+    count = 0
+    for ray in range(RAYS):
+        if math.isfinite(rays.lengths[ray]):
+            rays.column[count] = rays.lengths[ray]
             count += 1
     if count < RAYS // 4:
         return False
-    typical = np.sort(column[:count])[count // 2]
-    area = sum_x = sum_y = 0.0
+    typical = np.sort(rays.column[:count])[count // 2]
     for ray in range(RAYS):
-        if not math.isfinite(lengths[ray]):
-            lengths[ray] = typical
-        angle = 2.0 * math.pi * ray / RAYS
-        area += 0.5 * lengths[ray] ** 2
-        sum_x += lengths[ray] ** 3 / 3.0 * math.cos(angle)
-        sum_y += lengths[ray] ** 3 / 3.0 * math.sin(angle)
-    row[0], row[1] = x + sum_x / area, y + sum_y / area
-    row[2] = math.sqrt(2.0 * area / RAYS)
-    light = total = 0.0
-    for ray in range(RAYS):
-        for step in range(known[ray]):
-            distance = REACH * radius * (step + 0.5) / STEPS
-            if distance < lengths[ray]:
-                total += distance
-                if values[ray, step] > core - 0.5 * contrast:
-                    light += distance
-    row[8] = light / total if total > 0.0 else 0.0
+        if not math.isfinite(rays.lengths[ray]):
+            rays.lengths[ray] = typical
     return True
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _shape(lengths, row):
-    """Aspect and roughness from the lengths' harmonics: 1st is a shift, 2nd an ellipse."""
+def _fill_share(rays: Rays, radius: float, least: float) -> float:
+    """Share of the area inside the outline that is lighter than `least`."""
+    light = total = 0.0
+    for ray in range(RAYS):
+        for step in range(rays.known[ray]):
+            distance = REACH * radius * (step + 0.5) / STEPS
+            if distance < rays.lengths[ray]:
+                total += distance
+                if rays.values[ray, step] > least:
+                    light += distance
+    return light / total if total > 0.0 else 0.0
+
+
+@kernel()
+@no_type_check
+def _trace_one(
+    image: Image, x: float, y: float, radius: float, sign: float, rays: Rays, row: Float64[np.ndarray, "9"]
+) -> bool:
+    """One outline, all but its shape; False if there is none."""
+    _sample_rays(image, x, y, radius, sign, rays)
+    core, best = _find_core(rays)
+    visible, contrast = _measure_falls(rays, core, best)
+    row[7] = visible / RAYS
+    if contrast <= 0.0:
+        return False
+    open_rays = _measure_lengths(rays, core, best, contrast, radius)
+    row[3], row[4] = contrast, open_rays / visible
+    if _is_ridge(rays, contrast):
+        row[4] = max(row[4], 0.5)
+    if not _fill_lengths(rays):
+        return False
+    area = sum_x = sum_y = 0.0
+    for ray in range(RAYS):
+        angle, length = 2.0 * math.pi * ray / RAYS, rays.lengths[ray]
+        area += 0.5 * length**2
+        sum_x += length**3 / 3.0 * math.cos(angle)
+        sum_y += length**3 / 3.0 * math.sin(angle)
+    row[0], row[1] = x + sum_x / area, y + sum_y / area
+    row[2] = math.sqrt(2.0 * area / RAYS)
+    row[8] = _fill_share(rays, radius, core - 0.5 * contrast)
+    return True
+
+
+@kernel()
+@no_type_check
+def _measure_shape(lengths: Float64[np.ndarray, " r"], row: Float64[np.ndarray, "9"]) -> None:
+    """Aspect and roughness from the harmonics of the lengths: the first is a shift, the second an ellipse."""
     mean = c1 = s1 = c2 = s2 = 0.0
     for ray in range(RAYS):
         angle = 2.0 * math.pi * ray / RAYS
@@ -207,34 +314,49 @@ def _shape(lengths, row):
         s1 += 2.0 * lengths[ray] * math.sin(angle) / RAYS
         c2 += 2.0 * lengths[ray] * math.cos(2.0 * angle) / RAYS
         s2 += 2.0 * lengths[ray] * math.sin(2.0 * angle) / RAYS
-    rest = 0.0
+    squares = 0.0
     for ray in range(RAYS):
         angle = 2.0 * math.pi * ray / RAYS
-        smooth = (
-            mean
-            + c1 * math.cos(angle)
-            + s1 * math.sin(angle)
-            + c2 * math.cos(2 * angle)
-            + s2 * math.sin(2 * angle)
-        )
-        rest += (lengths[ray] - smooth) ** 2
+        shift = c1 * math.cos(angle) + s1 * math.sin(angle)
+        smooth = mean + shift + c2 * math.cos(2 * angle) + s2 * math.sin(2 * angle)
+        squares += (lengths[ray] - smooth) ** 2
     ellipse = min(math.hypot(c2, s2) / mean, 0.9)
     row[5] = (1.0 + ellipse) / (1.0 - ellipse)
-    row[6] = math.sqrt(rest / RAYS) / mean
+    row[6] = math.sqrt(squares / RAYS) / mean
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _trace_all(image, place, radius, sign, rows):
-    values, known, lengths = np.empty((RAYS, STEPS)), np.empty(RAYS, dtype=np.int64), np.empty(RAYS)
-    row = np.empty(9)
+def trace_rays(
+    image: Image,
+    place: Float64[np.ndarray, "n 2"],
+    radius: Float64[np.ndarray, " n"],
+    sign: float,
+    rows: Float64[np.ndarray, "n 9"],
+) -> None:
+    """Traces blobs, each again from its outline's centroid and size until these stay.
+
+    Args:
+        image: one octave.
+        place, radius: of the blobs, px of this octave.
+        sign: 1 for light blobs, -1 for dark ones.
+        rows: written; see COLUMNS, NaN where there is no outline.
+    """
+    rays = Rays(
+        np.empty((RAYS, STEPS)),
+        np.empty(RAYS, dtype=np.int64),
+        np.empty(RAYS),
+        np.empty(RAYS),
+        np.empty(RAYS),
+    )
+    row = np.empty(COLUMNS)
     for i in range(place.shape[0]):
         x, y, size = place[i, 0], place[i, 1], radius[i]
         for _ in range(3):
-            if not _trace_one(image, x, y, size, sign, values, known, lengths, row):
+            if not _trace_one(image, x, y, size, sign, rays, row):
                 rows[i] = np.nan
                 break
-            _shape(lengths, row)
+            _measure_shape(rays.lengths, row)
             rows[i] = row
             shift = math.hypot(row[0] - x, row[1] - y)
             if shift < 0.1 * size and 0.8 < row[2] / size < 1.25:

@@ -1,8 +1,7 @@
-"""Which blobs belong together: similar in size and contrast, and regularly spaced.
+"""Similar and regularly spaced blobs, without assuming a lattice.
 
-Nothing here knows a lattice. In any pattern that is locally regular - square, oblique, hexagonal, in
-perspective, on rings - most dots have pairs of neighbours that lie opposite each other: j, i, k with
-p_k = 2 p_i - p_j. In a random arrangement such triples are rare.
+In any pattern that is locally regular - square, oblique, hexagonal, in perspective, on rings - most dots have
+pairs of opposite neighbours: j, i, k with p_k = 2 p_i - p_j. In a random arrangement such triples are rare.
 """
 
 import numpy as np
@@ -13,13 +12,13 @@ from manytouch.detection.appearance.outline import Outlines
 from manytouch.values.arrays import Mask, Points2, Scalars
 
 NEIGHBOURS = 6
-REGULAR_TRIPLES = 4  # directed; the corner of a lattice takes part in four or more
+REGULAR_TRIPLES = 4  # directed; the corner of a lattice is part of four or more
 TOLERANCE = 0.16  # of the distance, at rest
 LOOSE = 0.3  # of the distance, pressed
 
 
-def triples(place_px: Points2, radius_px: Scalars, tolerance: float) -> Int64[np.ndarray, " n"]:
-    """(n,) in how many directed triples j - i - k of neighbours each dot takes part.
+def count_triples(place_px: Points2, radius_px: Scalars, tolerance: float) -> Int64[np.ndarray, " n"]:
+    """(n,) number of directed triples j - i - k of neighbours that each dot is part of.
 
     In strong perspective distances grow as the dots do, so p_k = p_i + s (p_i - p_j) with s = r_i / r_j
     counts as well as s = 1.
@@ -47,27 +46,27 @@ def triples(place_px: Points2, radius_px: Scalars, tolerance: float) -> Int64[np
 
 
 def regular_share(place_px: Points2, radius_px: Scalars) -> float:
-    """Share of the points that sit in a locally regular pattern."""
+    """Share of the points that are part of a locally regular pattern."""
     if len(place_px) == 0:
         return 0.0
-    return float((triples(place_px, radius_px, TOLERANCE) >= REGULAR_TRIPLES).mean())
+    return float((count_triples(place_px, radius_px, TOLERANCE) >= REGULAR_TRIPLES).mean())
 
 
-def spacing(place_px: Points2) -> Float64[np.ndarray, " n"]:
+def nearest_distance(place_px: Points2) -> Float64[np.ndarray, " n"]:
     """(n,) distance to the nearest other point."""
     if len(place_px) < 2:
         return np.full(len(place_px), np.inf)
     return np.asarray(cKDTree(place_px).query(place_px, k=2)[0][:, 1])
 
 
-def spread(values: Float64[np.ndarray, " n"]) -> float:
+def log_deviation(values: Float64[np.ndarray, " n"]) -> float:
     """Robust deviation of the logarithms: 0.1 means about 10 %."""
     logarithm = np.log(values)
     return float(1.4826 * np.median(np.abs(logarithm - np.median(logarithm))))
 
 
-def grown(blobs: Outlines, members: Mask, eligible: Mask) -> Mask:
-    """Members and all eligible blobs that resemble a member near them, again and again.
+def grow(blobs: Outlines, members: Mask, eligible: Mask) -> Mask:
+    """Adds all eligible blobs that resemble a member near them, repeatedly.
 
     Sizes and contrasts may drift over the picture as long as neighbours resemble each other.
     """
@@ -78,7 +77,7 @@ def grown(blobs: Outlines, members: Mask, eligible: Mask) -> Mask:
         if len(outside) == 0 or len(inside) < 2:
             break
         tree = cKDTree(blobs.place_px[inside])
-        step = spacing(blobs.place_px[inside])
+        step = nearest_distance(blobs.place_px[inside])
         distance, nearest = tree.query(blobs.place_px[outside], k=min(4, len(inside)))
         near = inside[nearest]
         size = blobs.radius_px[outside][:, None] / blobs.radius_px[near]
@@ -90,12 +89,12 @@ def grown(blobs: Outlines, members: Mask, eligible: Mask) -> Mask:
         if len(new) == 0:
             break
         members[new] = True
-        members &= single(blobs, members)
+        members &= keep_single(blobs, members)
     return members
 
 
-def single(blobs: Outlines, members: Mask) -> Mask:
-    """Members without those that overlap a heavier member."""
+def keep_single(blobs: Outlines, members: Mask) -> Mask:
+    """Members without those that overlap a heavier member, as a mask."""
     chosen = np.flatnonzero(members)
     keep = members.copy()
     whole = blobs.fill[chosen] * (1.0 - blobs.openness[chosen])
@@ -119,14 +118,14 @@ def single(blobs: Outlines, members: Mask) -> Mask:
     return keep
 
 
-def votes(
+def count_votes(
     place_px: Points2,
     radius_px: Scalars,
     dots_px: Float64[np.ndarray, "d 2"],
     dots_radius_px: Float64[np.ndarray, " d"],
     tolerance: float,
 ) -> Int64[np.ndarray, " n"]:
-    """(n,) how many dots predict each place: opposite to a neighbour, as far or stretched as sizes are."""
+    """(n,) number of dots that predict each position: opposite to a neighbour, as far or scaled by size."""
     k = min(NEIGHBOURS, len(dots_px) - 1)
     tree = cKDTree(dots_px)
     distance, neighbour = tree.query(dots_px, k=k + 1)
@@ -142,8 +141,8 @@ def votes(
     return np.asarray((plain | stretched).any(axis=2).sum(axis=1))
 
 
-def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
-    """Members and those blobs that sit where the pattern of the members goes on.
+def admit(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
+    """Adds blobs at positions where the pattern of the members continues.
 
     Args:
         blobs: all of them.
@@ -151,7 +150,7 @@ def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
         alike: (n,) well-shaped blobs: one prediction is enough when they resemble the members near them.
         odd: (n,) blobs of any shape, weak or small (not both): two close predictions are needed.
     """
-    members, core = members.copy(), members.copy()  # the pattern goes on from its core only
+    members, core = members.copy(), members.copy()  # the pattern continues from its core only
     for _ in range(20):
         core &= members
         inside = np.flatnonzero(core)
@@ -165,10 +164,10 @@ def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
         contrast = blobs.contrast[outside] / np.median(blobs.contrast[near], axis=1)
         fits = odd[outside] & (size > 0.28) & (size < 1.6) & (contrast > np.where(size > 0.6, 0.14, 0.3))
         good = alike[outside] & (size > 0.6) & (size < 1.6) & (contrast > 0.4) & (contrast < 2.5)
-        free = step[:, 0] > 0.45 * spacing(blobs.place_px[inside])[nearest[:, 0]]
+        free = step[:, 0] > 0.45 * nearest_distance(blobs.place_px[inside])[nearest[:, 0]]
         inner = blobs.place_px[inside], blobs.radius_px[inside]
-        close_votes = votes(place_px, radius_px, *inner, 0.2)
-        loose_votes = votes(place_px, radius_px, *inner, 0.3)
+        close_votes = count_votes(place_px, radius_px, *inner, 0.2)
+        loose_votes = count_votes(place_px, radius_px, *inner, 0.3)
         good |= (
             fits
             & (size > 0.75)
@@ -182,5 +181,5 @@ def admitted(blobs: Outlines, members: Mask, alike: Mask, odd: Mask) -> Mask:
             break
         members[new] = True
         core[outside[good]] = True
-        members &= single(blobs, members)
+        members &= keep_single(blobs, members)
     return members

@@ -1,44 +1,71 @@
-"""Light of the ground and of the dot, from a few pixels around and in each dot, compiled.
+"""Brightness of background and dot for any dot, also at the border of the image or with a damaged core;
+compiled.
 
-Loops that run in vector lanes stand in functions of their own. Images are (h, w * channels).
+Samples are every few pixels of a square grid, as far as they are inside the image. `background_fit_simd` is
+the fast path for plain dots, whose samples are a fixed pattern.
 """
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from jaxtyping import Float32, Int32, Int64
 
-from manytouch.detection.compilation import FAST
+from manytouch.compilation import REORDER, f32, f64, kernel, no_type_check, u64
+from manytouch.detection.measurement.plane_fit import centroid_above, fit_plane
+from manytouch.detection.measurement.records import (
+    NO_FIT,
+    PLANE_RADIUS,
+    BrightnessFit,
+    Pixels,
+    Plane,
+    Samples,
+)
 
-SAMPLES = 80  # of ring and of core
-VOTERS = 20  # of them, for medians
-PLANE_RADIUS = 6.2  # px: smaller cores are all edge, or too small for a plane of their own
+SAMPLES = 80  # wanted of ring and of core
+MOST_SAMPLES = 6 * SAMPLES
+VOTERS = 20  # samples that a quantile is taken of
+EVERYWHERE = 1e6  # px
+RING, CORE, WHOLE = 0, 1, 2
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+class GeneralScratch(NamedTuple):
+    """Memory for the measurement of dots that are not plain.
+
+    Attributes:
+        offsets: (3, 2, MOST_SAMPLES) x and y of ring, core and whole dot.
+        counts: (3,) how many there are.
+        first, second: samples.
+        sorted_values: (MOST_SAMPLES,).
+        coverage: (k,) for a window.
+        stack: (k,) for a flood fill.
+    """
+
+    offsets: Int32[np.ndarray, "3 2 n"]
+    counts: Int64[np.ndarray, "3"]
+    first: Samples
+    second: Samples
+    sorted_values: Float32[np.ndarray, " n"]
+    coverage: Float32[np.ndarray, " k"]
+    stack: Int64[np.ndarray, " k"]
+
+
+@kernel()
 @no_type_check
-def _grey(image, weights, y, x):
-    channels = weights.shape[0]
-    value = np.float32(image[y, x * channels]) * weights[0]
-    for channel in range(1, channels):
-        value += np.float32(image[y, x * channels + channel]) * weights[channel]
-    return value
+def choose_offsets(radius: float, scratch: GeneralScratch) -> None:
+    """Chooses the pixels that are sampled around dots of a radius (px)."""
+    counts, offsets = scratch.counts, scratch.offsets
+    counts[RING] = _choose_between(1.3 * radius + 1.0, 1.75 * radius + 1.5, offsets[RING])
+    counts[CORE] = _choose_between(-1.0, max(0.5 * radius, 0.9) + 0.75, offsets[CORE])
+    counts[WHOLE] = _choose_between(-1.0, 1.4 * radius + 0.7, offsets[WHOLE])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def core_reach(radius):
-    """How far from its centre a dot that has a plane of its own is core."""
-    return max(0.5 * radius, min(0.65 * radius, radius - 2.75))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-@no_type_check
-def choose_offsets(inner, outer, offset):
-    """Every few pixels between two radii: rows of `offset` are x, y. Returns how many."""
+def _choose_between(inner: float, outer: float, offset: Int32[np.ndarray, "2 n"]) -> int:
+    """Every few pixels between two radii. Returns how many."""
     stride = max(1, int(math.sqrt(math.pi * (outer * outer - max(inner, 0.0) ** 2) / SAMPLES) + 0.5))
     count = 0
     reach = int(outer / stride) * stride
@@ -51,168 +78,123 @@ def choose_offsets(inner, outer, offset):
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _sample(image, weights, x, y, offset, number, reach, samples):
-    """Pixels at offsets from the one nearest to (x, y), at most `reach` away: `samples` = dx, dy, value.
+def _grey_level(pixels: Pixels, y: int, x: int) -> float:
+    value: float = f32(pixels.rows[y, x * pixels.channels]) * pixels.weights[0]
+    for channel in range(1, pixels.channels):
+        value += f32(pixels.rows[y, x * pixels.channels + channel]) * pixels.weights[channel]
+    return value
 
-    Returns how many lie within the image.
+
+@kernel()
+@no_type_check
+def _sample(
+    pixels: Pixels, x: float, y: float, scratch: GeneralScratch, part: int, reach: float, samples: Samples
+) -> int:
+    """Reads pixels at the offsets of `part` from the one nearest to (x, y), at most `reach` away.
+
+    Returns how many are inside the image. Their offsets are from (x, y).
     """
-    height, width = image.shape[0], image.shape[1] // weights.shape[0]
-    middle_x, middle_y = math.floor(x + 0.5), math.floor(y + 0.5)
-    part_x, part_y = np.float32(middle_x - x), np.float32(middle_y - y)
+    offset = scratch.offsets[part]
+    near_x, near_y = math.floor(x + 0.5), math.floor(y + 0.5)
+    part_x, part_y = f32(near_x - x), f32(near_y - y)
     count = 0
-    for k in range(number):
-        u, v = middle_x + offset[0, k], middle_y + offset[1, k]
-        if 0 <= u < width and 0 <= v < height:
-            dx, dy = np.float32(offset[0, k]) + part_x, np.float32(offset[1, k]) + part_y
+    for k in range(scratch.counts[part]):
+        u, v = near_x + offset[0, k], near_y + offset[1, k]
+        if 0 <= u < pixels.width and 0 <= v < pixels.height:
+            dx, dy = f32(offset[0, k]) + part_x, f32(offset[1, k]) + part_y
             if dx * dx + dy * dy > reach * reach:
                 continue
-            samples[0, count], samples[1, count] = dx, dy
-            if weights.shape[0] == 1:
-                samples[2, count] = np.float32(image[np.uint64(v), np.uint64(u)]) * weights[0]
+            samples.dx[count], samples.dy[count], samples.used[count] = dx, dy, 1.0
+            if pixels.channels == 1:
+                samples.value[count] = f32(pixels.rows[u64(v), u64(u)]) * pixels.weights[0]
             else:
-                samples[2, count] = _grey(image, weights, v, u)
+                samples.value[count] = _grey_level(pixels, v, u)
             count += 1
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _quantile(samples, count, quantile):
-    """Quantile of about VOTERS of the sampled values, sorted by insertion; the last row is scratch."""
+def _quantile(
+    value: Float32[np.ndarray, " n"], count: int, quantile: float, ordered: Float32[np.ndarray, " n"]
+) -> float:
+    """Quantile of about VOTERS of the first `count` values, sorted by insertion."""
     stride = max(1, count // VOTERS)
-    chosen = samples[3]
     number = 0
     for i in range(0, count, stride):
-        value = samples[2, i]
+        here = value[i]
         place = number
-        while place > 0 and chosen[place - 1] > value:
-            chosen[place] = chosen[place - 1]
+        while place > 0 and ordered[place - 1] > here:
+            ordered[place] = ordered[place - 1]
             place -= 1
-        chosen[place] = value
+        ordered[place] = here
         number += 1
-    return chosen[min(number - 1, int(quantile * number))]
+    found: float = ordered[min(number - 1, int(quantile * number))]
+    return found
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=REORDER)
 @no_type_check
-def _pull(dx, dy, value):
-    """Centroid of what is lighter than the middle of the extremes: x, y; 0 where all is equal."""
-    f = np.float32
+def _middle(value: Float32[np.ndarray, " n"], count: int) -> float:
+    """Middle of the extremes of the first `count` values."""
     low = high = value[0]
-    for i in range(value.shape[0]):
+    for i in range(count):
         low = value[i] if value[i] < low else low
         high = value[i] if value[i] > high else high
-    middle = f(0.5) * (low + high)
-    total = sum_x = sum_y = f(0.0)
-    for i in range(value.shape[0]):
-        weight = value[i] - middle
-        weight = weight if weight > f(0.0) else f(0.0)
-        total += weight
-        sum_x += weight * dx[i]
-        sum_y += weight * dy[i]
-    if total <= f(0.0):
-        return 0.0, 0.0
-    return float(sum_x / total), float(sum_y / total)
+    middle: float = f32(0.5) * (low + high)
+    return middle
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def walk_to_dot(image, weights, x, y, radius, steps, offset, number, samples):
-    """A few mean-shift steps on some of the pixels; returns x, y."""
+def walk_to_dot(
+    pixels: Pixels, x: float, y: float, radius: float, steps: int, scratch: GeneralScratch
+) -> tuple[float, float]:
+    """Moves a position by a few mean-shift steps to the dot near it."""
     for _ in range(steps):
-        count = _sample(image, weights, x, y, offset, number, 1e6, samples)
+        count = _sample(pixels, x, y, scratch, WHOLE, EVERYWHERE, scratch.first)
         if count < 4:
             break
-        dx, dy = _pull(samples[0, :count], samples[1, :count], samples[2, :count])
+        dx, dy = centroid_above(scratch.first, count, _middle(scratch.first.value, count))
         x, y = x + dx, y + dy
         if dx * dx + dy * dy < 0.02 * radius * radius:
             break
     return x, y
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel()
 @no_type_check
-def _sums(dx, dy, value, a, b, c, margin):
-    """Sums over the samples within `margin` of the plane a + b dx + c dy."""
-    s1 = sx = sy = sxx = sxy = syy = sv = svx = svy = svv = np.float32(0.0)
-    for i in range(value.shape[0]):
-        rest = value[i] - (a + b * dx[i] + c * dy[i])
-        weight = np.float32(1.0) if abs(rest) <= margin else np.float32(0.0)
-        x, y, v = weight * dx[i], weight * dy[i], weight * rest
-        s1 += weight
-        sx += x
-        sy += y
-        sxx += x * dx[i]
-        sxy += x * dy[i]
-        syy += y * dy[i]
-        sv += v
-        svx += v * dx[i]
-        svy += v * dy[i]
-        svv += v * rest
-    return s1, sx, sy, sxx, sxy, syy, sv, svx, svy, svv
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-@no_type_check
-def _plane(samples, count, a, b, c, margin):
-    """Least-squares plane a + b dx + c dy of the samples within `margin` of a given plane.
-
-    Returns a, b, c, number of samples used, variance of the rest, sum of dx^2 + dy^2.
-    """
-    f = np.float32
-    s1, sx, sy, sxx, sxy, syy, sv, svx, svy, svv = _sums(
-        samples[0, :count], samples[1, :count], samples[2, :count], f(a), f(b), f(c), f(margin)
-    )
-    if s1 < 1.0:
-        return a, b, c, 0.0, 0.0, 0.0
-    mx, my, mv = sx / s1, sy / s1, sv / s1
-    cxx, cxy, cyy = sxx - s1 * mx * mx, sxy - s1 * mx * my, syy - s1 * my * my
-    cxv, cyv = svx - s1 * mx * mv, svy - s1 * my * mv
-    determinant = cxx * cyy - cxy * cxy
-    db = dc = 0.0
-    if s1 >= 6.0 and determinant > 0.05 * (cxx + cyy) ** 2 / 4.0:
-        db = (cyy * cxv - cxy * cyv) / determinant
-        dc = (cxx * cyv - cxy * cxv) / determinant
-    variance = 0.0
-    if s1 > 6.0:
-        variance = max(svv - s1 * mv * mv - db * cxv - dc * cyv, 0.0) / (s1 - 3.0)
-    return a + mv - db * mx - dc * my, b + db, c + dc, float(s1), variance, cxx + cyy
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-@no_type_check
-def fit_light(image, weights, x, y, radius, noise, offsets, numbers, samples, light):
-    """Planes of ground and core: `light` = ground a, b, c, contrast a, b, c, variance, spreads, variance.
-
-    The spreads (sum of dx^2 + dy^2 of the pixels used) are those of ground and core; a core without a
-    plane of its own (small, damaged, with a glint) has spread 0. The variances are those of ground and
-    core, -1 where not known. Returns False where there is no dot.
-    """
-    count = _sample(image, weights, x, y, offsets[0], numbers[0], 1e6, samples)
+def fit_brightness(
+    pixels: Pixels, x: float, y: float, radius: float, noise: float, scratch: GeneralScratch
+) -> tuple[bool, BrightnessFit]:
+    """Planes of background and core about (x, y), and whether there is a dot."""
+    ring, core, ordered = scratch.first, scratch.second, scratch.sorted_values
+    count = _sample(pixels, x, y, scratch, RING, EVERYWHERE, ring)
     if count < 4:
-        return False
-    ground = _quantile(samples, count, 0.4)
-    in_core = _sample(image, weights, x, y, offsets[1], numbers[1], max(0.5 * radius, 0.9), samples[4:])
+        return False, NO_FIT
+    background = f64(_quantile(ring.value, count, 0.4, ordered))
+    in_core = _sample(pixels, x, y, scratch, CORE, max(0.5 * radius, 0.9), core)
     if in_core < 1:
-        return False
-    level = _quantile(samples[4:], in_core, 0.55)
-    contrast = level - ground
+        return False, NO_FIT
+    level = f64(_quantile(core.value, in_core, 0.55, ordered))
+    contrast = level - background
     if not contrast > 0.0:
-        return False
+        return False, NO_FIT
     margin = max(0.3 * contrast, 2.5 * noise)
-    ga, gb, gc, _, variance, ground_spread = _plane(samples, count, ground, 0.0, 0.0, margin)
-    ga, gb, gc, _, variance, ground_spread = _plane(samples, count, ga, gb, gc, margin)
-    ka, kb, kc, core_spread, core_variance = level, gb, gc, 0.0, -1.0
+    ground = fit_plane(ring, count, Plane(background, 0.0, 0.0, 0.0, 0.0, 0.0), margin)
+    ground = fit_plane(ring, count, ground, margin)
+    a, b, c, spread, variance = level, ground.b, ground.c, 0.0, -1.0
     if radius >= PLANE_RADIUS:
-        margin = max(0.2 * contrast, 3.0 * noise)
-        pa, pb, pc, used, inner, spread = _plane(samples[4:], in_core, level, gb, gc, margin)
-        steepness = math.hypot(pb - gb, pc - gc) * radius
-        if used >= 9.0 and used > 0.75 * in_core and steepness < 0.4 * (pa - ga):
-            ka, kb, kc, core_spread, core_variance = pa, pb, pc, spread, inner
-    light[0], light[1], light[2] = ga, gb, gc
-    light[3], light[4], light[5] = ka - ga, kb - gb, kc - gc
-    light[6], light[7], light[8] = variance, ground_spread, core_spread
-    light[9] = core_variance
-    return ka > ga
+        start = Plane(level, ground.b, ground.c, 0.0, 0.0, 0.0)
+        inner = fit_plane(core, in_core, start, max(0.2 * contrast, 3.0 * noise))
+        steepness = math.hypot(inner.b - ground.b, inner.c - ground.c) * radius
+        is_plane = inner.number >= 9.0 and inner.number > 0.75 * in_core
+        if is_plane and steepness < 0.4 * (inner.a - ground.a):
+            a, b, c, spread, variance = inner.a, inner.b, inner.c, inner.spread, inner.variance
+    fit = BrightnessFit(
+        ground.a, ground.b, ground.c, a - ground.a, b - ground.b, c - ground.c,
+        ground.variance, ground.spread, spread, variance,
+    )  # fmt: skip
+    return a > ground.a, fit

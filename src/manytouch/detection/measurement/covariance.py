@@ -1,53 +1,144 @@
-"""What all dots of a picture together say of its noise and light, and each one's covariance, compiled.
+"""Noise and unevenness of light estimated from all dots of an image, and the covariance of each, compiled.
 
-Light's own noise grows with its level: the grounds around the dots and the dots' cores show how. How uneven
-light usually is shows in the slopes of all cores; that of one, which is noisy, is shrunk accordingly.
+Shot noise grows with the level: the backgrounds and the cores of the dots show how. How uneven the light
+usually is shows in the slopes of all cores; that of one core, which is noisy, is shrunk accordingly.
 See docs/derivations/detection.md.
 """
 
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
-
 import math
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from jaxtyping import Float64
 
-from manytouch.detection.compilation import FAST, LEAF
-from manytouch.detection.measurement.background_fit import core_reach
+from manytouch.compilation import REORDER, inlined_kernel, kernel, no_type_check, u64
+from manytouch.detection.measurement.records import (
+    AREA,
+    COLUMNS,
+    CONTRAST,
+    CUT,
+    CXX,
+    CXY,
+    CYY,
+    EDGE,
+    GAIN,
+    LOW,
+    DotStatistics,
+    MeasuredDot,
+    X,
+    Y,
+)
+from manytouch.detection.measurement.sampling_pattern import core_radius
 
-LOW, HIGH = 0.15, 0.85  # soft threshold on the share of dot in a pixel
-GAIN = 1.0 / (HIGH - LOW)
-# places in a note: second moments of edge and window, GAIN / (height area), area; then as in `light`
-NOTES = 14
-EXX, EXY, EYY, WINDOW, SCALE, AREA, GROUND = range(7)
-HEIGHT, RISE_X, RISE_Y, VARIANCE, SPREAD, CORE_SPREAD, CORE = range(7, NOTES)
-EVEN = 0.03  # of the contrast: change of light over a radius that is usual,
-EVEN_DOTS = 1.0  # known from so many dots
-STEEP = 9.0  # of the mean square of a slope; noise reaches it once in 8000 dots
-CLEAR = 1.9  # px between core and rim
-# of the mean variance: 64 plain pixels seldom reach the first, a single square the second
-OUTLIER, OUTLIER_OF_ONE = 1.6, 9.0
-TEXTURE = 2.0  # of the usual variance: from where on a ground is rough in itself
+
+class NoiseModel(NamedTuple):
+    """Assumptions on noise and light.
+
+    Attributes:
+        least_variance: smallest variance of a pixel.
+        even_slope: usual change of light over a radius, in parts of the contrast,
+        even_dots: as if it were known from so many dots.
+        steep: times the mean square of a slope; noise exceeds it once in 8000 dots.
+        clearance_px: least distance of core and rim of a dot with a steep slope.
+        outlier: times the mean variance; 64 plain pixels seldom exceed it.
+        outlier_of_one: the same of a single square.
+        texture: times the usual variance, from which on a background is rough in itself.
+        floor_px, floor_px3, most_floor_px: deviation that square pixels leave without noise, measured on
+            rendered discs of radius r = 1.5 to 20 px: min(most_floor, floor + floor_px3 / r^2).
+    """
+
+    least_variance: float = 0.09
+    even_slope: float = 0.03
+    even_dots: float = 1.0
+    steep: float = 9.0
+    clearance_px: float = 1.9
+    outlier: float = 1.6
+    outlier_of_one: float = 9.0
+    texture: float = 2.0
+    floor_px: float = 0.003
+    floor_px3: float = 0.04
+    most_floor_px: float = 0.013
 
 
-@njit(**LEAF)
+class PixelNoise(NamedTuple):
+    """Variance of a pixel as a linear function of its level.
+
+    Attributes:
+        background, core: variance at the mean levels of backgrounds and cores.
+        level: mean level of the backgrounds.
+        growth: variance per grey level.
+    """
+
+    background: float
+    core: float
+    level: float
+    growth: float
+
+
+MODEL = NoiseModel()
+
+
+@inlined_kernel()
 @no_type_check
-def take_note(sums, light, reach2, note):
-    """What `settle` has to know of a dot; see `kernels._moments` and `light.fit_light`."""
-    dx, dy, count = sums[1] / sums[0], sums[2] / sums[0], sums[3]
-    note[EXX] = sums[6] - 2.0 * dx * sums[4] + count * dx * dx
-    note[EYY] = sums[8] - 2.0 * dy * sums[5] + count * dy * dy
-    note[EXY] = sums[7] - dx * sums[5] - dy * sums[4] + count * dx * dy
-    note[WINDOW] = 0.25 * math.pi * reach2 * reach2
-    note[SCALE], note[AREA] = GAIN / (light[3] * sums[0]), sums[0]
-    note[GROUND], note[HEIGHT], note[RISE_X], note[RISE_Y] = light[0], light[3], light[4], light[5]
-    note[VARIANCE], note[SPREAD], note[CORE_SPREAD], note[CORE] = light[6], light[7], light[8], light[9]
+def store_dot(dot: MeasuredDot, row: int, statistics: DotStatistics) -> None:
+    """Stores what `add_noise` needs of a dot."""
+    fit, sums = dot.fit, dot.moments
+    dx, dy, count = sums.x / sums.total, sums.y / sums.total, sums.edges
+    statistics.edge_xx[row] = sums.edge_xx - 2.0 * dx * sums.edge_x + count * dx * dx
+    statistics.edge_yy[row] = sums.edge_yy - 2.0 * dy * sums.edge_y + count * dy * dy
+    statistics.edge_xy[row] = sums.edge_xy - dx * sums.edge_y - dy * sums.edge_x + count * dx * dy
+    statistics.window[row] = 0.25 * math.pi * dot.reach2 * dot.reach2
+    statistics.scale[row], statistics.area[row] = GAIN / (fit.contrast * sums.total), sums.total
+    statistics.background[row], statistics.contrast[row] = fit.background, fit.contrast
+    statistics.contrast_x[row], statistics.contrast_y[row] = fit.contrast_x, fit.contrast_y
+    statistics.background_variance[row] = fit.background_variance
+    statistics.background_spread[row] = fit.background_spread
+    statistics.core_spread[row], statistics.core_variance[row] = fit.core_spread, fit.core_variance
 
 
-@njit(**LEAF)
+@inlined_kernel()
 @no_type_check
-def _tail(z):
+def store_nothing(row: int, statistics: DotStatistics, out: Float64[np.ndarray, "n 9"]) -> None:
+    """As `store_dot` and `store_position`, where there is no dot."""
+    for column in range(COLUMNS):
+        out[row, column] = np.nan
+    statistics.contrast[row] = statistics.contrast_x[row] = statistics.contrast_y[row] = 0.0
+    statistics.background[row] = statistics.background_spread[row] = statistics.core_spread[row] = 0.0
+    statistics.background_variance[row] = statistics.core_variance[row] = -1.0
+
+
+@inlined_kernel()
+@no_type_check
+def store_position(
+    dot: MeasuredDot, radius: float, size: tuple[int, int], row: int, out: Float64[np.ndarray, "n 9"]
+) -> None:
+    """Stores the columns of a dot, without the part of the covariance that comes from noise.
+
+    `size` is the width and height of the image.
+    """
+    sums, total = dot.moments, dot.moments.total
+    least = min(MODEL.most_floor_px, MODEL.floor_px + MODEL.floor_px3 / (radius * radius))
+    out[row, CXX] = out[row, CYY] = least * least
+    out[row, CXY] = 0.0
+    x, y = dot.x + sums.x / total, dot.y + sums.y / total
+    out[row, X], out[row, Y] = x, y
+    out[row, AREA], out[row, CONTRAST] = total, dot.fit.contrast
+    out[row, EDGE] = sums.edges / (2.0 * math.sqrt(math.pi * total))
+    out[row, CUT] = 0.0
+    margin = min(x, size[0] - 1.0 - x, y, size[1] - 1.0 - y) + 0.5
+    if margin < 1.15 * radius:
+        # what is missing of a disc of the expected size; its centroid is that much too far inside
+        lacking = min(max(1.0 - total / (math.pi * radius * radius), 0.0), 1.0)
+        depth = min(max(1.15 - margin / radius, 0.0), 1.0)
+        out[row, CUT] = max(lacking, 0.3 * depth)
+        inflation = (0.85 * radius * out[row, CUT]) ** 2
+        out[row, CXX] += inflation
+        out[row, CYY] += inflation
+
+
+@inlined_kernel()
+@no_type_check
+def _tail(z: float) -> float:
     """E[max(n - z, 0)^2] of a standard normal n: noise that passes the soft threshold."""
     if z > 6.0:
         return 0.0
@@ -55,155 +146,185 @@ def _tail(z):
     return (1.0 + z * z) * 0.5 * math.erfc(z / math.sqrt(2.0)) - z * density
 
 
-@njit(**LEAF)
+@kernel(fastmath=REORDER)
 @no_type_check
-def take_nothing(note):
-    """For `settle`, where there is no dot."""
-    note[:] = 0.0
-    note[VARIANCE] = note[CORE] = -1.0
-
-
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
-@no_type_check
-def _sums_within(variance, ground, height, spread, level, limit, limit_of_one):
-    """Number of the variances (n,) within their limit, and sums of them and of their grey levels."""
+def _sum_within(
+    variance: Float64[np.ndarray, " n"],
+    statistics: DotStatistics,
+    level: float,
+    limit: float,
+    limit_of_one: float,
+) -> tuple[float, float, float]:
+    """Number of the variances within their limit, and sums of them and of their grey levels."""
+    background, contrast, spread = statistics.background, statistics.contrast, statistics.core_spread
     number = total = grey = 0.0
-    for i in range(np.uint64(len(variance))):
+    for i in range(u64(len(variance))):
         most = limit if spread[i] > 0.0 else limit_of_one
         is_usual = 0.0 <= variance[i] <= most
         number += 1.0 if is_usual else 0.0
         total += variance[i] if is_usual else 0.0
-        grey += ground[i] + level * height[i] if is_usual else 0.0
+        grey += background[i] + level * contrast[i] if is_usual else 0.0
     return number, total, grey
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _usual(note, column, level):
-    """Mean variance of ground or core without outliers, and its mean grey level; -1 where none is known."""
-    limit, variance, grey = np.inf, -1.0, 0.0
-    of_one = OUTLIER_OF_ONE if column == CORE else OUTLIER
+def _usual_variance(
+    variance: Float64[np.ndarray, " n"], statistics: DotStatistics, level: float, outlier_of_one: float
+) -> tuple[float, float]:
+    """Mean variance without outliers and its mean grey level; -1 if none is known.
+
+    `level` is 0 for variances of backgrounds and 1 for those of cores.
+    """
+    limit, mean, grey = np.inf, -1.0, 0.0
     for _ in range(3):
-        number, total, total_grey = _sums_within(
-            note[column],
-            note[GROUND],
-            note[HEIGHT],
-            note[CORE_SPREAD],
-            level,
-            OUTLIER * limit,
-            of_one * limit,
+        number, total, total_grey = _sum_within(
+            variance, statistics, level, MODEL.outlier * limit, outlier_of_one * limit
         )
         if number == 0.0:
             break
-        variance, grey = total / number, total_grey / number
-        limit = variance
-    return variance, grey
+        mean, grey = total / number, total_grey / number
+        limit = mean
+    return mean, grey
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel()
 @no_type_check
-def _slopes(height, rise_x, rise_y, spread, radius, core, square, noisy):
-    """Mean squares (n,), along an axis, of what the cores' slopes, and noise in them, make over a radius.
+def pixel_noise(statistics: DotStatistics, is_light: bool) -> PixelNoise:
+    """Noise of a pixel; `is_light` states whether a dot's core gets more light than its background."""
+    background, background_level = _usual_variance(
+        statistics.background_variance, statistics, 0.0, MODEL.outlier
+    )
+    core, core_level = _usual_variance(statistics.core_variance, statistics, 1.0, MODEL.outlier_of_one)
+    background = max(background, MODEL.least_variance)
+    core = background if core < 0.0 else max(core, MODEL.least_variance)
+    if (core < background) == is_light:
+        # noise does not fall with light: one of them is clipped, and means nothing
+        core = background = max(core, background)
+    growth = (core - background) / max(core_level - background_level, 1.0)
+    return PixelNoise(background, core, background_level, growth)
+
+
+@kernel(fastmath=REORDER)
+@no_type_check
+def _slopes(
+    statistics: DotStatistics, radius: Float64[np.ndarray, " n"], core: float,
+    square: Float64[np.ndarray, " n"], noise: Float64[np.ndarray, " n"],
+) -> None:  # fmt: skip
+    """Mean squares (n,), along an axis, of the cores' slopes, and of the noise in them, over a radius.
 
     In parts of the contrast; the first is -1 where no slope is known. `core` is the usual variance there.
     """
-    for i in range(np.uint64(len(height))):
-        share = radius[i] / height[i]
+    contrast, spread = statistics.contrast, statistics.core_spread
+    slope_x, slope_y = statistics.contrast_x, statistics.contrast_y
+    for i in range(u64(len(contrast))):
+        share = radius[i] / contrast[i]
         share *= share
         is_known = spread[i] > 0.0
-        square[i] = 0.5 * share * (rise_x[i] * rise_x[i] + rise_y[i] * rise_y[i]) if is_known else -1.0
-        noisy[i] = 2.0 * share * core / spread[i] if is_known else 0.0
+        square[i] = 0.5 * share * (slope_x[i] * slope_x[i] + slope_y[i] * slope_y[i]) if is_known else -1.0
+        noise[i] = 2.0 * share * core / spread[i] if is_known else 0.0
 
 
-@njit(cache=True, nogil=True, error_model="numpy", fastmath=FAST)
+@kernel(fastmath=REORDER)
 @no_type_check
-def _slopes_within(square, noisy, limit):
+def _sum_slopes(
+    square: Float64[np.ndarray, " n"], noise: Float64[np.ndarray, " n"], limit: float
+) -> tuple[float, float, float]:
     """Number of the slopes within the limit, and sums of their squares and of the noise in these."""
-    number = squares = noise = 0.0
-    for i in range(np.uint64(len(square))):
+    number = squares = total = 0.0
+    for i in range(u64(len(square))):
         is_usual = 0.0 <= square[i] <= limit
         number += 1.0 if is_usual else 0.0
         squares += square[i] if is_usual else 0.0
-        noise += noisy[i] if is_usual else 0.0
-    return number, squares, noise
+        total += noise[i] if is_usual else 0.0
+    return number, squares, total
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _evenness(square, noisy):
-    """The usual mean square of a slope without what noise makes of it, and that from which on one is not."""
-    limit, usual = np.inf, EVEN * EVEN
+def _usual_slope(square: Float64[np.ndarray, " n"], noise: Float64[np.ndarray, " n"]) -> tuple[float, float]:
+    """Usual mean square of a slope without its noise, and that from which on one is steep."""
+    prior = MODEL.even_dots * MODEL.even_slope * MODEL.even_slope
+    limit, usual = np.inf, MODEL.even_slope * MODEL.even_slope
     for _ in range(3):
-        number, squares, noise = _slopes_within(square, noisy, limit)
-        number, squares = number + EVEN_DOTS, squares + EVEN_DOTS * EVEN * EVEN
-        limit = STEEP * squares / number
-        usual = max(squares - noise, EVEN_DOTS * EVEN * EVEN) / number
+        number, squares, total = _sum_slopes(square, noise, limit)
+        number, squares = number + MODEL.even_dots, squares + prior
+        limit = MODEL.steep * squares / number
+        usual = max(squares - total, prior) / number
     return usual, limit
 
 
-@njit(**LEAF)
+@inlined_kernel()
 @no_type_check
-def _is_clear(exx, exy, eyy, area, radius):
-    """Is the core free of the dot's edge, however the dot was squeezed?"""
-    middle, half = 0.5 * (exx + eyy), 0.5 * (exx - eyy)
-    off = math.sqrt(half * half + exy * exy)
+def _is_clear(xx: float, xy: float, yy: float, area: float, radius: float) -> bool:
+    """Whether the core is free of the dot's edge, however the dot was squeezed."""
+    middle, half = 0.5 * (xx + yy), 0.5 * (xx - yy)
+    off = math.sqrt(half * half + xy * xy)
     # the half axes of an ellipse are as the roots of its moments
     least = math.sqrt(area / math.pi * math.sqrt(max(middle - off, 0.0) / (middle + off)))
-    return least > core_reach(radius) + CLEAR
+    return least > core_radius(radius) + MODEL.clearance_px
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inlined_kernel()
 @no_type_check
-def settle(note, radius, least, is_light, out):
-    """Adds to `out`, rows of `kernels.measure_dots`, what noise and the slopes of the light do to centres.
+def _passed_noise(statistics: DotStatistics, i: int, here: float, there: float) -> float:
+    """Noise of background (variance `here`) and core (`there`) that passes the soft threshold, px^4."""
+    threshold = LOW * statistics.contrast[i]
+    if threshold * threshold >= 36.0 * max(here, there):
+        return 0.0
+    trace = statistics.edge_xx[i] + statistics.edge_yy[i]
+    outside = max(statistics.window[i] - 0.5 * trace, 0.0)
+    inside = statistics.area[i] * statistics.area[i] / (4.0 * math.pi) - 0.25 * trace
+    inside = min(max(inside, 0.0), outside)
+    passed: float = (outside - inside) * here * _tail(threshold / math.sqrt(here))
+    return passed + inside * there * _tail(threshold / math.sqrt(there))
+
+
+@kernel()
+@no_type_check
+def add_noise(
+    statistics: DotStatistics,
+    radius: Float64[np.ndarray, " n"],
+    is_light: bool,
+    out: Float64[np.ndarray, "n 9"],
+) -> None:
+    """Adds to the measured dots what noise and the slopes of the light do to centres and covariances.
 
     Args:
-        note: (NOTES, n) of all dots, as `take_note` and `take_nothing` left them.
-        radius: expected ones.
-        least: smallest variance of a pixel.
-        is_light: does a dot's core get more light than its ground?
-        out: centres and covariances are changed.
+        statistics: of all dots.
+        radius: expected radii, px.
+        is_light: whether a dot's core gets more light than its background.
+        out: measured dots; centres and covariances are changed.
     """
-    ground, ground_grey = _usual(note, VARIANCE, 0.0)
-    core, core_grey = _usual(note, CORE, 1.0)
-    ground = max(ground, least)
-    core = ground if core < 0.0 else max(core, least)
-    if (core < ground) == is_light:
-        # noise does not fall with light: one of them is clipped, and tells nothing
-        core = ground = max(core, ground)
-    growth = (core - ground) / max(core_grey - ground_grey, 1.0)
-    square, noisy = np.empty(len(out)), np.empty(len(out))
-    _slopes(note[HEIGHT], note[RISE_X], note[RISE_Y], note[CORE_SPREAD], radius, core, square, noisy)
-    even, steep = _evenness(square, noisy)
+    noise = pixel_noise(statistics, is_light)
+    square, slope_noise = np.empty(len(out)), np.empty(len(out))
+    _slopes(statistics, radius, noise.core, square, slope_noise)
+    even, steep = _usual_slope(square, slope_noise)
     for i in range(len(out)):
-        if np.isnan(out[i, 0]):
+        if np.isnan(out[i, X]):
             continue
-        height, exx, exy, eyy = note[HEIGHT, i], note[EXX, i], note[EXY, i], note[EYY, i]
-        here = max(ground + growth * (note[GROUND, i] - ground_grey), least)
-        there = max(here + growth * height, least)
-        if note[VARIANCE, i] > TEXTURE * here:
-            there += note[VARIANCE, i] - here
-            here = note[VARIANCE, i]
-        scale = note[SCALE, i]
-        slopes = 2.0 * here / note[SPREAD, i] if note[SPREAD, i] > 0.0 else 0.0
-        if note[CORE_SPREAD, i] > 0.0:
-            expected, noise = even * (height / radius[i]) ** 2, 2.0 * there / note[CORE_SPREAD, i]
-            is_steep = square[i] > steep and _is_clear(exx, exy, eyy, note[AREA, i], radius[i])
-            share = 1.0 if is_steep else expected / (expected + noise)
-            slopes += share * noise
+        contrast, scale = statistics.contrast[i], statistics.scale[i]
+        xx, xy, yy = statistics.edge_xx[i], statistics.edge_xy[i], statistics.edge_yy[i]
+        here = noise.background + noise.growth * (statistics.background[i] - noise.level)
+        here = max(here, MODEL.least_variance)
+        there = max(here + noise.growth * contrast, MODEL.least_variance)
+        own = statistics.background_variance[i]
+        if own > MODEL.texture * here:
+            there += own - here
+            here = own
+        spread, core_spread = statistics.background_spread[i], statistics.core_spread[i]
+        slopes = 2.0 * here / spread if spread > 0.0 else 0.0
+        if core_spread > 0.0:
+            expected, variance = even * (contrast / radius[i]) ** 2, 2.0 * there / core_spread
+            is_steep = square[i] > steep and _is_clear(xx, xy, yy, statistics.area[i], radius[i])
+            share = 1.0 if is_steep else expected / (expected + variance)
+            slopes += share * variance
             back = 0.5 * scale * (1.0 - share)
-            out[i, 0] += back * (exx * note[RISE_X, i] + exy * note[RISE_Y, i])
-            out[i, 1] += back * (exy * note[RISE_X, i] + eyy * note[RISE_Y, i])
-        passed = 0.0
-        threshold = LOW * height
-        if threshold * threshold < 36.0 * max(here, there):
-            rest = max(note[WINDOW, i] - 0.5 * (exx + eyy), 0.0)
-            inside = note[AREA, i] * note[AREA, i] / (4.0 * math.pi) - 0.25 * (exx + eyy)
-            inside = min(max(inside, 0.0), rest)
-            passed = (rest - inside) * here * _tail(threshold / math.sqrt(here))
-            passed += inside * there * _tail(threshold / math.sqrt(there))
+            out[i, X] += back * (xx * statistics.contrast_x[i] + xy * statistics.contrast_y[i])
+            out[i, Y] += back * (xy * statistics.contrast_x[i] + yy * statistics.contrast_y[i])
+        passed = _passed_noise(statistics, i, here, there)
         edge, tilt = 0.5 * (here + there), 0.25 * slopes
         scale *= scale
-        out[i, 2] += scale * (edge * exx + passed + tilt * (exx * exx + exy * exy))
-        out[i, 3] += scale * (edge * exy + tilt * exy * (exx + eyy))
-        out[i, 4] += scale * (edge * eyy + passed + tilt * (eyy * eyy + exy * exy))
+        out[i, CXX] += scale * (edge * xx + passed + tilt * (xx * xx + xy * xy))
+        out[i, CXY] += scale * (edge * xy + tilt * xy * (xx + yy))
+        out[i, CYY] += scale * (edge * yy + passed + tilt * (yy * yy + xy * xy))

@@ -1,128 +1,194 @@
-"""Which pixels are looked at around a dot of a given radius, so that loops over them run in vector lanes.
+"""Pixels that are read around a plain dot of a given radius, chosen so that loops over them run in SIMD
+lanes.
 
-In whole pixels from the middle one: 64 of the ground around the dot, 64 of its core, 64 to walk by, and
-a window of strips, 16 columns wide, that covers dot and edge. Similar radii share a plan.
+In whole pixels from the one nearest to the dot: 64 of the background around it, 64 of its core, 64 of the
+whole dot, and a window of strips, 16 columns wide, that covers dot and edge. Similar radii share a pattern.
 """
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
 
 import math
-from dataclasses import dataclass, replace
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from jaxtyping import Float32, Int32, Int64, UInt16
 
-from manytouch.detection.measurement.background_fit import PLANE_RADIUS, core_reach
+from manytouch.compilation import i64, inlined_kernel, kernel, no_type_check
+from manytouch.detection.measurement.records import PLANE_RADIUS, Samples
 from manytouch.detection.measurement.simd_strip_sums import STRIP
 from manytouch.values.arrays import Scalars
 
-LANES = 64  # of each sample
-STEP = 1.03  # between the radii that have a plan of their own
-GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
-RING, CORE, WALK = 0, 1, 2
-FARTHEST, HALF, STRIPS = 3, 4, 5  # places in `count`
-# rows of `sample`, LANES long, of ring, core and walk: where a pixel lies, its value, and 1 if it counts
-DX, DY, VALUE, USED = np.uint64(0), np.uint64(LANES), np.uint64(2 * LANES), np.uint64(3 * LANES)
-ROWS = 4 * LANES
-ALL = np.uint64(LANES)  # unsigned numbers need no check for negative ones, so that loops run in lanes
+LANES = 64  # samples of each part
+STEP = 1.03  # between the radii that have a pattern of their own
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+RING, CORE, WHOLE = 0, 1, 2
+PARTS = 3
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Plans:
-    """Which pixels are looked at around dots of some radii.
+class SamplingPatterns(NamedTuple):
+    """Pixels that are read around dots of some radii.
 
     Attributes:
-        index: (n,) row of the plan of each radius.
-        place: (p, 2, 192) x and y: ring, core, walk.
-        mask: (p, k) bits of the window's pixels that count: strip after strip, row after row.
-        count: (p, 6) number in ring, core and walk, the farthest place, the window's first row and column
-            (less than the middle one), and the number of its strips.
+        row: (n,) pattern of each radius.
+        offset: (p, 2, 192) x and y of ring, core and whole dot.
+        mask: (p, k) bits of the pixels of the window that count: strip after strip, row after row.
+        number: (p, 3) samples of ring, core and whole dot.
+        reach: (p,) largest offset of all.
+        half: (p,) offset of the first row and column of the window, to the left and up.
+        strips: (p,) number of strips.
     """
 
-    index: np.ndarray
-    place: np.ndarray
-    mask: np.ndarray
-    count: np.ndarray
+    row: Int32[np.ndarray, " n"]
+    offset: Int32[np.ndarray, "p 2 k"]
+    mask: UInt16[np.ndarray, "p bits"]
+    number: Int32[np.ndarray, "p 3"]
+    reach: Int32[np.ndarray, " p"]
+    half: Int32[np.ndarray, " p"]
+    strips: Int32[np.ndarray, " p"]
 
-    def at(self, chosen: np.ndarray) -> "Plans":
-        """Those of some of the radii."""
-        return replace(self, index=self.index[chosen])
+    def at(self, chosen: np.ndarray) -> "SamplingPatterns":
+        """Patterns of some of the radii."""
+        return self._replace(row=self.row[chosen])
 
 
-def plans_of(radius_px: Scalars) -> Plans:
-    """Plans for some radii (n,); similar ones share a plan."""
+class SampleShape(NamedTuple):
+    """Where the samples of a part are.
+
+    Attributes:
+        number: of samples.
+        mean_x, mean_y: mean offset.
+        spread: sum of squares about the mean.
+        inverse_xx, inverse_xy, inverse_yy: inverse of the matrix of the second moments; 0 if too few
+            samples for a plane with a slope.
+    """
+
+    number: float
+    mean_x: float
+    mean_y: float
+    spread: float
+    inverse_xx: float
+    inverse_xy: float
+    inverse_yy: float
+
+
+class LoadedPattern(NamedTuple):
+    """One pattern, prepared for one image.
+
+    Attributes:
+        offset: (192,) of the samples in the flat image.
+        ring, core, whole: memory for the samples; their offsets are filled in.
+        ring_shape, core_shape: of these offsets.
+        core_count: samples of the core.
+        reach, half, strips, mask: as in `SamplingPatterns`.
+    """
+
+    offset: Int64[np.ndarray, " k"]
+    ring: Samples
+    core: Samples
+    whole: Samples
+    ring_shape: SampleShape
+    core_shape: SampleShape
+    core_count: int
+    reach: int
+    half: int
+    strips: int
+    mask: UInt16[np.ndarray, " bits"]
+
+
+def sampling_patterns(radius_px: Scalars) -> SamplingPatterns:
+    """Patterns for some radii (n,); similar ones share a pattern."""
     step = np.rint(np.log(np.maximum(radius_px, 0.3)) / np.log(STEP)).astype(np.int64)
     steps, index = np.unique(step, return_inverse=True)
     radii = STEP ** steps.astype(np.float64)
     largest = float(radii[-1]) if len(radii) else 1.0
-    place = np.zeros((len(radii), 2, 3 * LANES), dtype=np.int32)
-    mask = np.zeros((len(radii), _strips(largest) * (2 * _half(largest) + 1)), dtype=np.uint16)
-    count = np.zeros((len(radii), 6), dtype=np.int32)
+    most_bits = _strips(largest) * (2 * _half(largest) + 1)
+    patterns = SamplingPatterns(
+        row=index.astype(np.int32),
+        offset=np.zeros((len(radii), 2, PARTS * LANES), dtype=np.int32),
+        mask=np.zeros((len(radii), most_bits), dtype=np.uint16),
+        number=np.zeros((len(radii), PARTS), dtype=np.int32),
+        reach=np.zeros(len(radii), dtype=np.int32),
+        half=np.zeros(len(radii), dtype=np.int32),
+        strips=np.zeros(len(radii), dtype=np.int32),
+    )
     for row, radius in enumerate(radii):
-        _plan(radius, place[row], mask[row], count[row])
-    return Plans(index=index.astype(np.int32), place=place, mask=mask, count=count)
+        _fill_pattern(float(radius), row, patterns)
+    return patterns
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
-def _half(radius):
-    """Rows above the middle one, and columns before it."""
+def _half(radius: float) -> int:
+    """Rows above the middle one, and columns to the left of it."""
     return int(1.35 * radius + 1.5)
 
 
-@njit(cache=True, nogil=True)
+@kernel()
 @no_type_check
-def _strips(radius):
+def _strips(radius: float) -> int:
     return (2 * _half(radius) + STRIP) // STRIP
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _spread(inner, outer, place, first):
+def _spread_between(inner: float, outer: float, offset: Int32[np.ndarray, "2 k"], first: int) -> int:
     """Up to LANES different pixels, evenly spread between two radii, inner ones first. Returns how many."""
     count, tries = 0, 2 * LANES
     area = math.pi * (outer * outer - inner * inner)
     wanted = min(LANES, int(area) + 1)
-    # twice as many places as lanes are tried, since some fall into the same pixel
+    # twice as many positions as lanes are tried, since some are in the same pixel
     for trial in range(tries):
         if count >= wanted:
             break
         part = ((trial % LANES) + 0.5 * (1 + trial // LANES)) / LANES
         distance = math.sqrt(inner * inner + (outer * outer - inner * inner) * min(part, 1.0))
-        u = math.floor(distance * math.cos(trial * GOLDEN) + 0.5)
-        v = math.floor(distance * math.sin(trial * GOLDEN) + 0.5)
+        u = math.floor(distance * math.cos(trial * GOLDEN_ANGLE) + 0.5)
+        v = math.floor(distance * math.sin(trial * GOLDEN_ANGLE) + 0.5)
         is_new = True
         for k in range(count):
-            if place[0, first + k] == u and place[1, first + k] == v:
+            if offset[0, first + k] == u and offset[1, first + k] == v:
                 is_new = False
         if is_new:
-            place[0, first + count], place[1, first + count] = u, v
+            offset[0, first + count], offset[1, first + count] = u, v
             count += 1
     return count
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@kernel()
 @no_type_check
-def _plan(radius, place, mask, count):
-    """One row of `plans_of`."""
-    count[RING] = _spread(1.3 * radius + 1.0, 1.75 * radius + 1.5, place, RING * LANES)
+def core_radius(radius: float) -> float:
+    """Radius of the core of a dot that is large enough for a plane of its own."""
+    return max(0.5 * radius, min(0.65 * radius, radius - 2.75))
+
+
+@kernel()
+@no_type_check
+def _fill_small_core(radius: float, offset: Int32[np.ndarray, "2 k"]) -> int:
+    """All pixels of a small core, inner ones first. Returns how many."""
+    reach, number = max(0.5 * radius, 0.9) + 0.75, 0
+    for limit in range(int(reach * reach) + 1):
+        for v in range(-int(reach), int(reach) + 1):
+            for u in range(-int(reach), int(reach) + 1):
+                if u * u + v * v == limit and number < LANES:
+                    offset[0, CORE * LANES + number], offset[1, CORE * LANES + number] = u, v
+                    number += 1
+    return number
+
+
+@kernel()
+@no_type_check
+def _fill_pattern(radius: float, row: int, patterns: SamplingPatterns) -> None:
+    """One row of `sampling_patterns`."""
+    offset, count, mask = patterns.offset[row], patterns.number[row], patterns.mask[row]
+    count[RING] = _spread_between(1.3 * radius + 1.0, 1.75 * radius + 1.5, offset, RING * LANES)
     if radius >= PLANE_RADIUS:
-        count[CORE] = _spread(0.0, core_reach(radius), place, CORE * LANES)
+        count[CORE] = _spread_between(0.0, core_radius(radius), offset, CORE * LANES)
     else:
-        reach = max(0.5 * radius, 0.9) + 0.75
-        number = 0
-        for limit in range(int(reach * reach) + 1):
-            for v in range(-int(reach), int(reach) + 1):
-                for u in range(-int(reach), int(reach) + 1):
-                    if u * u + v * v == limit and number < LANES:
-                        place[0, CORE * LANES + number], place[1, CORE * LANES + number] = u, v
-                        number += 1
-        count[CORE] = number
-    count[WALK] = _spread(0.0, 1.4 * radius + 0.7, place, WALK * LANES)
+        count[CORE] = _fill_small_core(radius, offset)
+    count[WHOLE] = _spread_between(0.0, 1.4 * radius + 0.7, offset, WHOLE * LANES)
     reach, half = 1.35 * radius + 1.5, _half(radius)
-    count[HALF], count[STRIPS] = half, _strips(radius)
-    count[FARTHEST] = max(int(1.75 * radius + 2.5), half + 2)
+    patterns.half[row], patterns.strips[row] = half, _strips(radius)
+    patterns.reach[row] = max(int(1.75 * radius + 2.5), half + 2)
     for v in range(-half, half + 1):
         for u in range(-half, half + 1):
             if u * u + v * v <= reach * reach:
@@ -130,33 +196,57 @@ def _plan(radius, place, mask, count):
                 mask[strip * (2 * half + 1) + v + half] |= np.uint16(1 << lane)
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@inlined_kernel()
 @no_type_check
-def take_plan(place, count, width, channels, offset, sample, shape):
-    """Offsets of a plan's pixels in the flat image, and where they lie: rows of `sample`.
+def _shape_of(samples: Samples, count: int) -> SampleShape:
+    sum_x = sum_y = 0.0
+    for k in range(count):
+        sum_x += samples.dx[k]
+        sum_y += samples.dy[k]
+    mean_x, mean_y = sum_x / count, sum_y / count
+    xx = xy = yy = 0.0
+    for k in range(count):
+        x, y = samples.dx[k] - mean_x, samples.dy[k] - mean_y
+        xx += x * x
+        xy += x * y
+        yy += y * y
+    determinant = xx * yy - xy * xy
+    if count >= 6 and determinant > 0.0125 * (xx + yy) ** 2:
+        each = 1.0 / determinant
+        return SampleShape(float(count), mean_x, mean_y, xx + yy, yy * each, -xy * each, xx * each)
+    return SampleShape(float(count), mean_x, mean_y, xx + yy, 0.0, 0.0, 0.0)
 
-    `shape` of ring and of core = number, mean x, mean y, sum of squares about the mean, and the inverse of
-    the matrix of these sums, xx, xy, yy (0 where there are too few for a plane).
-    """
-    for part in range(3):
-        for k in range(LANES):
-            u, v = place[0, part * LANES + k], place[1, part * LANES + k]
-            sample[part * ROWS + DX + k], sample[part * ROWS + DY + k] = u, v
-            sample[part * ROWS + USED + k] = 1.0 if k < count[part] else 0.0
-            offset[part * LANES + k] = (np.int64(v) * width + u) * channels
-    for part in range(2):
-        x = place[0, part * LANES : part * LANES + count[part]].astype(np.float64)
-        y = place[1, part * LANES : part * LANES + count[part]].astype(np.float64)
-        shape[part, 0] = count[part]
-        shape[part, 1], shape[part, 2] = x.mean(), y.mean()
-        x -= x.mean()
-        y -= y.mean()
-        xx, xy, yy = (x * x).sum(), (x * y).sum(), (y * y).sum()
-        shape[part, 3], determinant = xx + yy, xx * yy - xy * xy
-        shape[part, 4:] = 0.0
-        if count[part] >= 6 and determinant > 0.0125 * (xx + yy) ** 2:
-            shape[part, 4], shape[part, 5], shape[part, 6] = (
-                yy / determinant,
-                -xy / determinant,
-                xx / determinant,
-            )
+
+@inlined_kernel()
+@no_type_check
+def _load_part(
+    patterns: SamplingPatterns, row: int, part: int, stride: tuple[int, int],
+    flat_offset: Int64[np.ndarray, " k"], samples: Samples,
+) -> None:  # fmt: skip
+    """Writes the offsets of a part; `stride` is that of a row and of a pixel of the flat image."""
+    for k in range(LANES):
+        u, v = patterns.offset[row, 0, part * LANES + k], patterns.offset[row, 1, part * LANES + k]
+        samples.dx[k], samples.dy[k] = u, v
+        samples.used[k] = 1.0 if k < patterns.number[row, part] else 0.0
+        flat_offset[part * LANES + k] = i64(v) * stride[0] + u * stride[1]
+
+
+@inlined_kernel()
+@no_type_check
+def load_pattern(
+    patterns: SamplingPatterns, row: int, stride: tuple[int, int],
+    flat_offset: Int64[np.ndarray, " k"], memory: Float32[np.ndarray, "3 4 lanes"],
+) -> LoadedPattern:  # fmt: skip
+    """Prepares a pattern in some memory; `stride` is that of a row and of a pixel of the flat image."""
+    ring = Samples(memory[RING, 0], memory[RING, 1], memory[RING, 2], memory[RING, 3])
+    core = Samples(memory[CORE, 0], memory[CORE, 1], memory[CORE, 2], memory[CORE, 3])
+    whole = Samples(memory[WHOLE, 0], memory[WHOLE, 1], memory[WHOLE, 2], memory[WHOLE, 3])
+    _load_part(patterns, row, RING, stride, flat_offset, ring)
+    _load_part(patterns, row, CORE, stride, flat_offset, core)
+    _load_part(patterns, row, WHOLE, stride, flat_offset, whole)
+    return LoadedPattern(
+        flat_offset, ring, core, whole,
+        _shape_of(ring, patterns.number[row, RING]), _shape_of(core, patterns.number[row, CORE]),
+        patterns.number[row, CORE], patterns.reach[row], i64(patterns.half[row]),
+        i64(patterns.strips[row]), patterns.mask[row],
+    )  # fmt: skip

@@ -1,18 +1,22 @@
-"""Pixels of plain dots in vector lanes, compiled: fetched as a plan says, and summed up.
+"""Pixels of plain dots in SIMD lanes, compiled: read as a sampling pattern states, and summed up."""
 
-A dot that is not plain (with a glint or a hole, chipped, at the border) is left to `kernels`.
-Images are flat (h * w * channels,).
-"""
-
-# ruff: noqa: PLR0917 - compiled functions are called with positional arguments
-
-from typing import no_type_check
+from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+from jaxtyping import Float32, Int64, Shaped, UInt16
 
-from manytouch.detection.compilation import FAST, LEAF
-from manytouch.detection.measurement.sampling_pattern import ALL, DX, DY, LANES, ROWS, USED, VALUE, WALK
+from manytouch.compilation import REORDER, f32, f64, inlined_kernel, no_type_check, u64
+from manytouch.detection.measurement.plane_fit import centroid_above
+from manytouch.detection.measurement.records import (
+    GAIN,
+    LOW,
+    NO_MOMENTS,
+    BrightnessFit,
+    Moments,
+    Pixels,
+    Samples,
+)
+from manytouch.detection.measurement.sampling_pattern import LANES
 from manytouch.detection.measurement.simd_strip_sums import (
     BRIGHT,
     EDGE,
@@ -28,119 +32,129 @@ from manytouch.detection.measurement.simd_strip_sums import (
     strip_sums,
 )
 
+ALL = u64(LANES)
 
-@njit(**LEAF, fastmath=FAST)
+
+class Window(NamedTuple):
+    """The window of a dot.
+
+    Attributes:
+        flat: pixels; `scale` times them are signed grey levels.
+        scale: see above.
+        first, width: first pixel of the window, and the distance of its rows.
+        half, strips, mask: as in `SamplingPatterns`.
+        planes, sums: (8,) memory for `strip_sums`.
+    """
+
+    flat: Shaped[np.ndarray, " k"]
+    scale: float
+    first: int
+    width: int
+    half: int
+    strips: int
+    mask: UInt16[np.ndarray, " bits"]
+    planes: Float32[np.ndarray, "8"]
+    sums: Float32[np.ndarray, "8"]
+
+
+@inlined_kernel(fastmath=REORDER)
 @no_type_check
-def gather(flat, weights, base, offset, part, sample):
-    """Signed grey levels of the pixels of ring, core or walk."""
-    channels = weights.shape[0]
-    first, to = np.uint64(part * LANES), np.uint64(part * ROWS + VALUE)
-    if channels == 1:
+def gather(pixels: Pixels, base: int, offset: Int64[np.ndarray, " k"], part: int, samples: Samples) -> None:
+    """Reads the signed grey levels of the samples of a part around the pixel at `base`."""
+    flat, weights, first = pixels.flat, pixels.weights, u64(part * LANES)
+    if pixels.channels == 1:
         weight = weights[0]
         for k in range(ALL):
-            sample[to + k] = np.float32(flat[np.uint64(base + offset[first + k])]) * weight
+            samples.value[k] = f32(flat[u64(base + offset[first + k])]) * weight
     else:
         blue, green, red = weights[0], weights[1], weights[2]
         for k in range(ALL):
-            at = np.uint64(base + offset[first + k])
-            grey = np.float32(flat[at]) * blue + np.float32(flat[at + np.uint64(1)]) * green
-            sample[to + k] = grey + np.float32(flat[at + np.uint64(2)]) * red
+            at = u64(base + offset[first + k])
+            grey = f32(flat[at]) * blue + f32(flat[at + u64(1)]) * green
+            samples.value[k] = grey + f32(flat[at + u64(2)]) * red
 
 
-@njit(**LEAF)
+@inlined_kernel()
 @no_type_check
-def saddle(flat, weights, base, width):
-    """Half of what four pixels around a dot's middle differ crosswise: noise, where the dot is round."""
-    channels = weights.shape[0]
+def saddle(pixels: Pixels, base: int) -> float:
+    """Half of the crosswise difference of four pixels around a centre: noise, if the dot is round."""
+    channels, width = pixels.channels, pixels.width
     total = 0.0
     for c in range(channels):
         above, below = base + c - width * channels, base + c + width * channels
-        rise = float(flat[above - channels]) - float(flat[above + channels])
-        total += float(weights[c]) * (rise - float(flat[below - channels]) + float(flat[below + channels]))
+        rise = float(pixels.flat[above - channels]) - float(pixels.flat[above + channels])
+        rise += float(pixels.flat[below + channels]) - float(pixels.flat[below - channels])
+        total += float(pixels.weights[c]) * rise
     return 0.5 * total
 
 
-@njit(**LEAF, fastmath=FAST)
+@inlined_kernel(fastmath=REORDER)
 @no_type_check
-def weigh_window(flat, weights, first, width, columns, rows, grey):
+def weigh_window(
+    pixels: Pixels, first: int, columns: int, rows: int, grey: Float32[np.ndarray, " k"]
+) -> None:
     """Signed grey levels of a window of coloured pixels, row by row."""
-    three, one, two = np.uint64(3), np.uint64(1), np.uint64(2)
+    flat, weights = pixels.flat, pixels.weights
+    three, one, two = u64(3), u64(1), u64(2)
     blue, green, red = weights[0], weights[1], weights[2]
     for row in range(rows):
-        at, to = np.uint64(first + 3 * width * row), np.uint64(columns * row)
-        for k in range(np.uint64(columns)):
+        at, to = u64(first + 3 * pixels.width * row), u64(columns * row)
+        for k in range(u64(columns)):
             i = at + three * k
-            value = np.float32(flat[i]) * blue + np.float32(flat[i + one]) * green
-            grey[to + k] = value + np.float32(flat[i + two]) * red
+            value = f32(flat[i]) * blue + f32(flat[i + one]) * green
+            grey[to + k] = value + f32(flat[i + two]) * red
 
 
-@njit(**LEAF, fastmath=FAST)
+@inlined_kernel(fastmath=REORDER)
 @no_type_check
-def pull(sample):
+def pull(samples: Samples) -> tuple[float, float]:
     """Centroid of what is lighter than the middle between the light and the dark half: x, y."""
-    f, at = np.float32, np.uint64(WALK * ROWS)
-    # least and largest values would not run in lanes
-    number = total = f(0.0)
+    # least and largest values would not run in SIMD lanes
+    number = total = f32(0.0)
     for i in range(ALL):
-        number += sample[at + USED + i]
-        total += sample[at + USED + i] * sample[at + VALUE + i]
+        number += samples.used[i]
+        total += samples.used[i] * samples.value[i]
     mean = total / number
-    light = total_light = f(0.0)
+    light = total_light = f32(0.0)
     for i in range(ALL):
-        is_light = sample[at + USED + i] if sample[at + VALUE + i] > mean else f(0.0)
+        is_light = samples.used[i] if samples.value[i] > mean else f32(0.0)
         light += is_light
-        total_light += is_light * sample[at + VALUE + i]
-    if light <= f(0.0) or light >= number:
+        total_light += is_light * samples.value[i]
+    if light <= f32(0.0) or light >= number:
         return 0.0, 0.0
-    middle = f(0.5) * (total_light / light + (total - total_light) / (number - light))
-    total = sum_x = sum_y = f(0.0)
-    for i in range(ALL):
-        weight = sample[at + VALUE + i] - middle
-        weight = weight if weight > f(0.0) else f(0.0)
-        weight *= sample[at + USED + i]
-        total += weight
-        sum_x += weight * sample[at + DX + i]
-        sum_y += weight * sample[at + DY + i]
-    if total <= f(0.0):
-        return 0.0, 0.0
-    return float(sum_x / total), float(sum_y / total)
+    middle = f32(0.5) * (total_light / light + (total - total_light) / (number - light))
+    return centroid_above(samples, LANES, middle)
 
 
-@njit(**LEAF, fastmath=FAST)
+@inlined_kernel(fastmath=REORDER)
 @no_type_check
-def moments(flat, scale, first, width, half, strips, mask, light, low, gain, planes, part, sums):
-    """As `kernels._moments`, about the middle pixel, with the share of dot computed on the way.
-
-    Args:
-        flat: pixels; `scale` times them are signed grey levels.
-        first, width: the window's first pixel, and how far its rows are apart.
-        half: the window's rows and columns begin so far from the middle one.
-        strips, mask: of the plan.
-        light: of `planes.fit_light`.
-        planes, part: scratch for `strip_sums`.
-    """
-    # w = gain (value - ground) / height - gain low; 1 / height to first order in the slopes of the dot, since
-    # what comes next is the same on both sides
-    inverse = gain / light[3]
-    fall_x, fall_y = light[4] / light[3] * inverse, light[5] / light[3] * inverse
-    planes[GROUND] = (light[0] - half * (light[1] + light[2])) / scale
-    planes[GROUND + 1], planes[GROUND + 2] = light[1] / scale, light[2] / scale
+def plain_moments(window: Window, fit: BrightnessFit) -> Moments:
+    """Moments about the middle pixel, with the coverage of the pixels computed on the way."""
+    # w = GAIN (value - background) / contrast - GAIN LOW; 1 / contrast to first order in the slopes of the
+    # dot, since the next order is the same on both sides
+    planes, sums, half, scale = window.planes, window.sums, window.half, window.scale
+    inverse = GAIN / fit.contrast
+    fall_x, fall_y = fit.contrast_x / fit.contrast * inverse, fit.contrast_y / fit.contrast * inverse
+    planes[GROUND] = (fit.background - half * (fit.background_x + fit.background_y)) / scale
+    planes[GROUND + 1], planes[GROUND + 2] = fit.background_x / scale, fit.background_y / scale
     planes[BRIGHT] = (inverse + half * (fall_x + fall_y)) * scale
     planes[BRIGHT + 1], planes[BRIGHT + 2] = -fall_x * scale, -fall_y * scale
-    planes[START], planes[LEFT] = gain * low, -half
-    strip_sums(flat, first, width, strips, 2 * half + 1, mask, planes, part)
-    s0, sx, sxx = float(part[S0]), float(part[SX]), float(part[SXX])
+    planes[START], planes[LEFT] = GAIN * LOW, -half
+    rows = 2 * half + 1
+    strip_sums(window.flat, window.first, window.width, window.strips, rows, window.mask, planes, sums)
+    s0, sx, sxx = f64(sums[S0]), f64(sums[SX]), f64(sums[SXX])
     if s0 <= 0.0:
-        return False
+        return NO_MOMENTS
     # rows were counted from below: y = under - u
-    under, u, uu = half + 1.0, float(part[R1]), 2.0 * part[R2] - part[R1]
-    sy, sxy, syy = under * s0 - u, under * sx - part[RX], under * (under * s0 - 2.0 * u) + uu
+    under, u, uu = half + 1.0, f64(sums[R1]), 2.0 * sums[R2] - sums[R1]
+    sy, sxy, syy = under * s0 - u, under * sx - sums[RX], under * (under * s0 - 2.0 * u) + uu
     # the edge of an ellipse has twice the second moments, per pixel, of its area
-    edges, each = float(part[EDGE]), 1.0 / s0
+    edges, each = f64(sums[EDGE]), 1.0 / s0
     cx, cy = sx * each, sy * each
     twice = 2.0 * edges
-    sums[0], sums[1], sums[2], sums[3], sums[4], sums[5] = s0, sx, sy, edges, edges * cx, edges * cy
-    sums[6] = twice * (sxx * each - cx * cx) + edges * cx * cx
-    sums[7] = twice * (sxy * each - cx * cy) + edges * cx * cy
-    sums[8] = twice * (syy * each - cy * cy) + edges * cy * cy
-    return True
+    return Moments(
+        s0, sx, sy, edges, edges * cx, edges * cy,
+        twice * (sxx * each - cx * cx) + edges * cx * cx,
+        twice * (sxy * each - cx * cy) + edges * cx * cy,
+        twice * (syy * each - cy * cy) + edges * cy * cy,
+    )  # fmt: skip

@@ -9,7 +9,7 @@ from manytouch import calibration
 from manytouch.calibration import LayoutReport
 from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.detection import Appearance, survey
-from manytouch.detection.search import level_of
+from manytouch.detection.images import level_scale
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session.diagnosis.camera import describe_frame_rate, describe_settings
 from manytouch.session.prepare import REST_FRAMES, require_region
@@ -78,7 +78,7 @@ def _describe_source(source: Source) -> str:
 
 def _describe_exposure(frames: Sequence[Frame]) -> str:
     levels = [
-        np.asarray(frame.image, dtype=np.float32) * level_of(np.asarray(frame.image)) for frame in frames
+        np.asarray(frame.image, dtype=np.float32) * level_scale(np.asarray(frame.image)) for frame in frames
     ]
     means = np.array([level.mean() for level in levels])
     saturated = float(np.mean(levels[-1] >= 254.5))

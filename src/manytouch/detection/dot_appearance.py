@@ -1,4 +1,4 @@
-"""How a sensor's dots look in its pictures: what the search has to know, and nothing more."""
+"""Appearance of the dots of a sensor: size, polarity, colour and contrast, as a search needs them."""
 
 from dataclasses import dataclass
 
@@ -16,13 +16,13 @@ IRREGULAR = 1.6  # largest against smallest radius from where on one scale does 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Appearance:
-    """How dots look.
+    """Appearance of dots.
 
     Attributes:
-        polarity: are dots lighter or darker than their ground?
+        polarity: whether dots are lighter or darker than their background.
         radius_min_px, radius_max_px: range of the radii of discs as large as the dots.
-        colour_weights: (3,) of B, G, R, sum of magnitudes 1, which make dots stand out (in the sense
-            of `polarity`); None for plain grey.
+        colour_weights: (3,) of B, G, R, sum of magnitudes 1, that make dots stand out (as `polarity`
+            states); None for plain grey.
         contrast: typical contrast, grey levels of 255; NaN when not known.
     """
 
@@ -41,7 +41,7 @@ class Appearance:
 
     @property
     def is_irregular(self) -> bool:
-        """Do the sizes differ so much that several scales must be searched?"""
+        """Whether the sizes differ so much that several scales must be searched."""
         return self.radius_max_px > IRREGULAR * self.radius_min_px
 
     def weights(self, channels: int) -> Float64[np.ndarray, " channels"]:
@@ -66,8 +66,8 @@ def radius_in_image(camera: Camera, point_mm: Float64[np.ndarray, "n 3"], radius
     return np.asarray(focal_px * radius_mm * np.sqrt(slant * distance / depth**3))
 
 
-def appearance_of(sensor: Sensor) -> Appearance:
-    """What a sensor's dots should look like.
+def expected_appearance(sensor: Sensor) -> Appearance:
+    """Appearance of the dots of a sensor at rest, from its camera and layout.
 
     Raises:
         SensorError: the sensor has no markers, or none has a size in the image.
@@ -79,7 +79,7 @@ def appearance_of(sensor: Sensor) -> Appearance:
         )
     if layout.polarity == "auto":
         raise SensorError(
-            f"the sensor '{sensor.name}' does not say whether its markers are light or dark: find it out "
+            f"the sensor '{sensor.name}' does not state whether its markers are light or dark: determine it "
             "from a first frame (survey), or set polarity to light or dark"
         )
     radius = radius_in_image(sensor.camera, layout.rest_mm, layout.radius_mm)[~layout.is_missing]

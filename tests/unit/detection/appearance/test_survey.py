@@ -1,4 +1,4 @@
-"""What a first look finds in pictures of all kinds, and what it refuses."""
+"""Dots found by the survey in images of all kinds, and images that are refused."""
 
 import numpy as np
 import pytest
@@ -26,7 +26,7 @@ def lattice(columns: int, rows: int, pitch_px: float, turn: float = 0.0) -> np.n
     )
 
 
-def picture(centre_px: np.ndarray, radius_px: float, look: Look, **given: object) -> np.ndarray:
+def render(centre_px: np.ndarray, radius_px: float, look: Look, **given: object) -> np.ndarray:
     shape_px = np.tile(radius_px * np.eye(2), (len(centre_px), 1, 1))
     return render_discs(centre_px, shape_px, width_px=WIDTH, height_px=HEIGHT, look=look, seed=3, **given)
 
@@ -47,7 +47,7 @@ def assert_exactly(image: np.ndarray, centre_px: np.ndarray, polarity: str, near
 )
 def test_dots_of_any_size(levels, polarity, grid, pitch_px, radius_px) -> None:
     centre_px = lattice(*grid, pitch_px, 0.04)
-    found = assert_exactly(picture(centre_px, radius_px, Look(**levels, read_noise=2.0)), centre_px, polarity)
+    found = assert_exactly(render(centre_px, radius_px, Look(**levels, read_noise=2.0)), centre_px, polarity)
     assert found.appearance.radius_min_px == pytest.approx(radius_px, rel=0.1)
     assert found.appearance.radius_max_px == pytest.approx(radius_px, rel=0.1)
     assert not found.appearance.is_irregular
@@ -55,11 +55,11 @@ def test_dots_of_any_size(levels, polarity, grid, pitch_px, radius_px) -> None:
 
 
 @BOTH
-def test_faded_dots_beside_full_ones(levels, polarity) -> None:
+def test_faded_dots_among_full_ones(levels, polarity) -> None:
     centre_px = lattice(12, 9, 38.0)
     contrast = np.random.default_rng(2).choice([0.2, 0.4, 1.0, 1.0], len(centre_px))
     assert_exactly(
-        picture(centre_px, 8.0, Look(**levels, read_noise=2.0), contrast=contrast), centre_px, polarity
+        render(centre_px, 8.0, Look(**levels, read_noise=2.0), contrast=contrast), centre_px, polarity
     )
 
 
@@ -70,15 +70,15 @@ def test_half_printed_dots(levels, polarity) -> None:
     cut = np.column_stack(
         [np.cos(angle), np.sin(angle), np.where(np.arange(len(angle)) % 4 == 0, 0.0, np.inf)]
     )
-    image = picture(centre_px, 9.0, Look(**levels, read_noise=2.0), cut=cut)
+    image = render(centre_px, 9.0, Look(**levels, read_noise=2.0), cut=cut)
     assert_exactly(image, centre_px, polarity, near_px=6.0)
 
 
 @BOTH
 def test_a_dark_dot_with_a_glint_is_one_dot(levels, polarity) -> None:
     centre_px = lattice(12, 9, 38.0)
-    image = picture(centre_px, 9.0, Look(**levels)).astype(int)
-    glint = picture(
+    image = render(centre_px, 9.0, Look(**levels)).astype(int)
+    glint = render(
         centre_px + np.array([1.5, -2.0]), 3.0, Look(ground=0.0, dot=45.0 if polarity == "light" else 130.0)
     )
     assert_exactly(np.clip(image + glint, 0, 255).astype(np.uint8), centre_px, polarity)
@@ -96,13 +96,13 @@ def test_uneven_light_glare_and_a_shadow(levels, polarity) -> None:
         shadows=(Spot(centre_px=(150.0, 150.0), radius_px=60.0, amount=0.6),),
         read_noise=2.0,
     )
-    assert_exactly(picture(centre_px, 8.0, look), centre_px, polarity)
+    assert_exactly(render(centre_px, 8.0, look), centre_px, polarity)
 
 
 @BOTH
-def test_cables_and_stripes_are_no_dots(levels, polarity) -> None:
+def test_cables_and_stripes_are_not_dots(levels, polarity) -> None:
     centre_px = lattice(10, 7, 38.0)
-    image = picture(centre_px, 8.0, Look(**levels, read_noise=2.0)).astype(int)
+    image = render(centre_px, 8.0, Look(**levels, read_noise=2.0)).astype(int)
     y, x = np.mgrid[:HEIGHT, :WIDTH]
     image += (12 * np.sin(y / 2.1)).astype(int)
     image[np.abs(y - 25 - 0.03 * x) < 5] = int(levels["dot"])
@@ -117,22 +117,22 @@ def test_rings_of_dots(levels, polarity) -> None:
         angle = 2 * np.pi * np.arange(6 * ring) / (6 * ring)
         rings.extend(34.0 * ring * np.stack([np.cos(angle), np.sin(angle)], axis=1))
     centre_px = np.array(rings) + np.array([WIDTH / 2, HEIGHT / 2])
-    assert_exactly(picture(centre_px, 8.0, Look(**levels, read_noise=2.0)), centre_px, polarity)
+    assert_exactly(render(centre_px, 8.0, Look(**levels, read_noise=2.0)), centre_px, polarity)
 
 
 def test_cut_dots_count_when_half_of_them_shows() -> None:
     centre_px = lattice(12, 9, 38.0)
     centre_px -= [centre_px[:, 0].min() + 0.0, 0.0]  # the first column's centres on the border
-    image = picture(centre_px, 9.0, Look(read_noise=1.0))
+    image = render(centre_px, 9.0, Look(read_noise=1.0))
     found = survey([frame(image)]).detections
     assert 108 - 9 <= len(found.centre_px) <= 108
     hidden = centre_px - [6.0, 0.0]  # less than a fifth of the first column shows
-    assert len(survey([frame(picture(hidden, 9.0, Look(read_noise=1.0)))]).detections.centre_px) == 108 - 9
+    assert len(survey([frame(render(hidden, 9.0, Look(read_noise=1.0)))]).detections.centre_px) == 108 - 9
 
 
-def test_colour_parts_dots_that_grey_does_not() -> None:
+def test_colour_separates_dots_that_grey_does_not() -> None:
     centre_px = lattice(12, 9, 38.0)
-    image = picture(centre_px, 8.0, Look(ground=(60.0, 120.0, 60.0), dot=(60.0, 70.0, 158.0), read_noise=2.0))
+    image = render(centre_px, 8.0, Look(ground=(60.0, 120.0, 60.0), dot=(60.0, 70.0, 158.0), read_noise=2.0))
     found = survey([frame(image)])
     weights = found.appearance.colour_weights
     assert weights is not None
@@ -141,8 +141,8 @@ def test_colour_parts_dots_that_grey_does_not() -> None:
     assert (found.detections.contrast > 0).all()
 
 
-def test_16_bit_is_seen_in_grey_levels_of_255() -> None:
-    image = picture(lattice(12, 9, 38.0), 8.0, Look(read_noise=2.0), bits=16)
+def test_16_bit_is_measured_in_grey_levels_of_255() -> None:
+    image = render(lattice(12, 9, 38.0), 8.0, Look(read_noise=2.0), bits=16)
     for given in (image, image >> 4):
         found = survey([frame(np.ascontiguousarray(given))])
         assert len(found.detections.centre_px) == 108
@@ -151,7 +151,7 @@ def test_16_bit_is_seen_in_grey_levels_of_255() -> None:
 
 def test_region_gives_whole_image_coordinates() -> None:
     centre_px = lattice(12, 9, 38.0)
-    image = picture(centre_px, 8.0, Look(read_noise=2.0))
+    image = render(centre_px, 8.0, Look(read_noise=2.0))
     found = survey([frame(image)], roi_px=Roi(150, 100, 300, 200)).detections.centre_px
     distance = np.linalg.norm(found[:, None] - centre_px[None], axis=2).min(axis=1)
     assert np.median(distance) < 0.05
@@ -159,8 +159,8 @@ def test_region_gives_whole_image_coordinates() -> None:
     assert found.min(axis=0)[1] >= 99.0
 
 
-def test_a_frame_that_cannot_be_decoded_or_shows_nothing_is_passed_over() -> None:
-    image = picture(lattice(12, 9, 38.0), 8.0, Look(read_noise=2.0))
+def test_frames_without_image_or_dots_are_skipped() -> None:
+    image = render(lattice(12, 9, 38.0), 8.0, Look(read_noise=2.0))
     found = survey([frame(None, 0), frame(np.zeros_like(image), 1), frame(image, 2)])
     assert found.frame_index == 2
 
@@ -182,16 +182,16 @@ def nothing() -> dict[str, np.ndarray]:
         u, v, radius = random.integers(WIDTH), random.integers(HEIGHT), random.integers(3, 30)
         circles[(x - u) ** 2 + (y - v) ** 2 < radius**2] = random.integers(80, 255)
     pictures["random circles"] = circles
-    pictures["five dots"] = picture(lattice(5, 1, 60.0), 9.0, Look(read_noise=1.0))
+    pictures["five dots"] = render(lattice(5, 1, 60.0), 9.0, Look(read_noise=1.0))
     return pictures
 
 
 @pytest.mark.parametrize("name", list(nothing()))
-def test_what_has_no_dots_is_refused(name: str) -> None:
+def test_images_without_dots_are_refused(name: str) -> None:
     with pytest.raises(LayoutError, match=r"^no dots were found in .*expected"):
         survey([frame(nothing()[name])])
 
 
-def test_no_picture_at_all_is_refused() -> None:
+def test_frames_without_images_are_refused() -> None:
     with pytest.raises(LayoutError, match="decoded"):
         survey([frame(None)])

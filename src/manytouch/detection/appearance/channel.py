@@ -1,0 +1,91 @@
+"""The channel, of grey, single colours and combinations of them, that shows the dots of an image best."""
+
+import cv2
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.detection.appearance.colour import fit_weights, trial_weights
+from manytouch.detection.appearance.outline import trace_outlines
+from manytouch.detection.appearance.pattern import Pattern, find_pattern
+from manytouch.detection.appearance.scale_space import find_blobs
+from manytouch.detection.dot_appearance import GREY_OF_BGR
+from manytouch.detection.noise import estimate_noise
+
+SMALL_PX = 640  # size at which channels are tried
+
+
+def best_pattern(image: np.ndarray, level: float) -> Pattern | None:
+    """The dots of an image in the channel that shows them best; None if there are none.
+
+    `level` is the number of grey levels of 255 per level of the image.
+    """
+    if image.ndim == 2:
+        return find_channel_pattern(image, np.array([level]))
+    grey = GREY_OF_BGR * level
+    best = find_channel_pattern(image, grey)
+    if not has_colour(image):
+        return best
+    if best is None or not best.is_clear:
+        best = _try_channels(image, level, best)
+    for _ in range(2):
+        if best is None:
+            break
+        sure = np.flatnonzero(best.alike)
+        weights = fit_weights(image, best.dots.place_px[sure], best.dots.radius_px[sure])
+        sign = 1.0 if best.polarity == "light" else -1.0
+        found = find_channel_pattern(image, sign * weights * level)
+        if found is None or not _is_clearly_better(found, best):
+            break
+        best = found
+    return best
+
+
+def _try_channels(image: np.ndarray, level: float, grey: Pattern | None) -> Pattern | None:
+    """The pattern of the channel that shows dots best, if that is much better than grey."""
+    factor = max(1, round(max(image.shape[:2]) / SMALL_PX))
+    height, width = image.shape[0] // factor, image.shape[1] // factor
+    small = cv2.resize(
+        image[: height * factor, : width * factor], (width, height), interpolation=cv2.INTER_AREA
+    )
+    tried = [(find_channel_pattern(small, weights * level), weights) for weights in trial_weights()]
+    usable = [(found.score, place) for place, (found, _) in enumerate(tried) if found is not None]
+    if not usable:
+        return grey
+    best = find_channel_pattern(image, tried[max(usable)[1]][1] * level)
+    if best is None or (grey is not None and best.score < 1.3 * grey.score):
+        return grey
+    return best
+
+
+def has_colour(image: np.ndarray) -> bool:
+    """Whether the channels of a colour image differ."""
+    few = image[::7, ::7].astype(np.float32)
+    return bool(np.mean(few.max(axis=2) - few.min(axis=2)) > 0.01 * max(float(few.max()), 1.0))
+
+
+def _is_clearly_better(new: Pattern, old: Pattern) -> bool:
+    """Whether a fitted combination shows more dots, or those of an unclear channel more clearly."""
+    more = len(new.dots.place_px) > 1.04 * len(old.dots.place_px) or not old.is_clear
+    return more and new.score > 1.1 * old.score
+
+
+def find_channel_pattern(image: np.ndarray, weights: Float64[np.ndarray, " c"]) -> Pattern | None:
+    """The best pattern of both polarities in one channel."""
+    channel = _channel(image, weights)
+    noise = estimate_noise(image, weights)
+    blobs, pyramid = find_blobs(channel, noise=noise)
+    best: Pattern | None = None
+    for polarity, sign in (("light", 1.0), ("dark", -1.0)):
+        of_sign = blobs.contrast * sign > 0
+        traced = trace_outlines(pyramid, blobs.place_px[of_sign], blobs.radius_px[of_sign], sign)
+        traced = traced.at(np.flatnonzero(np.isfinite(traced.radius_px) & (traced.contrast > 1.5)))
+        found = find_pattern(traced, "light" if polarity == "light" else "dark", weights)
+        if found is not None and (best is None or found.seed_score > best.seed_score):
+            best = found
+    return best
+
+
+def _channel(image: np.ndarray, weights: Float64[np.ndarray, " c"]) -> np.ndarray:
+    if image.ndim == 2:
+        return image.astype(np.float32) * np.float32(weights[0])
+    return np.asarray(cv2.transform(image.astype(np.float32), weights[None].astype(np.float32)))

@@ -1,0 +1,127 @@
+"""Noise, slopes and covariances of all dots of an image agree with a plain numpy reference."""
+
+import numpy as np
+import pytest
+from scipy.stats import norm
+
+from manytouch.detection.measurement.covariance import MODEL, add_noise, pixel_noise
+from manytouch.detection.measurement.records import COLUMNS, CXX, CXY, CYY, GAIN, LOW, DotStatistics, X, Y
+
+
+def random_statistics(seed: int, number: int = 60) -> tuple[DotStatistics, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    radius = rng.uniform(3.0, 9.0, number)
+    area, contrast = np.pi * radius**2, rng.uniform(60.0, 160.0, number)
+    edges = 2.0 * np.pi * radius
+    has_plane = radius > 6.2
+    statistics = DotStatistics(
+        edge_xx=0.5 * edges * radius**2 * rng.uniform(0.9, 1.1, number),
+        edge_xy=0.05 * edges * radius**2 * rng.normal(size=number),
+        edge_yy=0.5 * edges * radius**2 * rng.uniform(0.9, 1.1, number),
+        window=0.25 * np.pi * (1.35 * radius + 1.2) ** 4,
+        scale=GAIN / (contrast * area),
+        area=area,
+        background=rng.uniform(30.0, 60.0, number),
+        contrast=contrast,
+        contrast_x=0.02 * contrast / radius * rng.normal(size=number),
+        contrast_y=0.02 * contrast / radius * rng.normal(size=number),
+        background_variance=rng.gamma(30.0, 6.0 / 30.0, number),
+        background_spread=64.0 * (1.5 * radius) ** 2,
+        core_spread=np.where(has_plane, 16.0 * radius**2, 0.0),
+        core_variance=np.where(has_plane, rng.gamma(30.0, 12.0 / 30.0, number), 9.0 * rng.random(number)),
+    )
+    statistics.background_variance[4] = 60.0  # a rough background
+    statistics.contrast_x[np.argmax(radius)] = 0.6 * contrast[np.argmax(radius)] / radius.max()  # steep light
+    return statistics, radius
+
+
+def usual(values: np.ndarray, level: np.ndarray, limits: np.ndarray) -> tuple[float, float]:
+    limit = np.inf
+    for _ in range(3):
+        inside = (values >= 0.0) & (values <= limits * limit)
+        limit, grey = values[inside].mean(), level[inside].mean()
+    return limit, grey
+
+
+def numpy_noise(of: DotStatistics, is_light: bool) -> tuple[float, float, float, float]:
+    outlier = np.full(len(of.area), MODEL.outlier)
+    background, level = usual(of.background_variance, of.background, outlier)
+    of_core = np.where(of.core_spread > 0.0, MODEL.outlier, MODEL.outlier_of_one)
+    core, core_level = usual(of.core_variance, of.background + of.contrast, of_core)
+    if (core < background) == is_light:
+        background = core = max(background, core)
+    return background, core, level, (core - background) / (core_level - level)
+
+
+def tail(z: np.ndarray) -> np.ndarray:
+    return np.where(z > 6.0, 0.0, (1.0 + z * z) * norm.sf(z) - z * norm.pdf(z))
+
+
+def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool) -> np.ndarray:
+    """Columns X, Y, CXX, CXY, CYY that noise and slopes add."""
+    background, core, level, growth = numpy_noise(of, is_light)
+    has_plane = of.core_spread > 0.0
+    square = 0.5 * (radius / of.contrast) ** 2 * (of.contrast_x**2 + of.contrast_y**2)
+    with np.errstate(divide="ignore"):
+        noise = np.where(has_plane, 2.0 * (radius / of.contrast) ** 2 * core / of.core_spread, 0.0)
+    limit, prior = np.inf, MODEL.even_dots * MODEL.even_slope**2
+    for _ in range(3):
+        inside = has_plane & (square <= limit)
+        number, squares = inside.sum() + MODEL.even_dots, square[inside].sum() + prior
+        limit, even = MODEL.steep * squares / number, max(squares - noise[inside].sum(), prior) / number
+    here = np.maximum(background + growth * (of.background - level), MODEL.least_variance)
+    there = np.maximum(here + growth * of.contrast, MODEL.least_variance)
+    excess = np.where(of.background_variance > MODEL.texture * here, of.background_variance - here, 0.0)
+    here, there = here + excess, there + excess
+    xx, xy, yy = of.edge_xx, of.edge_xy, of.edge_yy
+    root = np.sqrt((0.5 * (xx - yy)) ** 2 + xy**2)
+    axis = np.sqrt(of.area / np.pi * np.sqrt((0.5 * (xx + yy) - root) / (0.5 * (xx + yy) + root)))
+    core_radius = np.maximum(0.5 * radius, np.minimum(0.65 * radius, radius - 2.75))
+    steep = (square > limit) & (axis > core_radius + MODEL.clearance_px)
+    with np.errstate(divide="ignore"):
+        own = np.where(has_plane, 2.0 * there / of.core_spread, 0.0)
+    expected = even * (of.contrast / radius) ** 2
+    share = np.where(steep, 1.0, expected / (expected + own))
+    slopes = 2.0 * here / of.background_spread + share * own
+    back = np.where(has_plane, 0.5 * of.scale * (1.0 - share), 0.0)
+    outside = np.maximum(of.window - 0.5 * (xx + yy), 0.0)
+    inside_px4 = np.clip(of.area**2 / (4.0 * np.pi) - 0.25 * (xx + yy), 0.0, outside)
+    threshold = LOW * of.contrast
+    passed = (outside - inside_px4) * here * tail(threshold / np.sqrt(here))
+    passed += inside_px4 * there * tail(threshold / np.sqrt(there))
+    edge, tilt, k2 = 0.5 * (here + there), 0.25 * slopes, of.scale**2
+    return np.stack(
+        [
+            back * (xx * of.contrast_x + xy * of.contrast_y),
+            back * (xy * of.contrast_x + yy * of.contrast_y),
+            k2 * (edge * xx + passed + tilt * (xx**2 + xy**2)),
+            k2 * (edge * xy + tilt * xy * (xx + yy)),
+            k2 * (edge * yy + passed + tilt * (yy**2 + xy**2)),
+        ],
+        axis=1,
+    )
+
+
+@pytest.mark.parametrize("is_light", [True, False])
+@pytest.mark.parametrize("seed", range(3))
+def test_added_noise_is_that_of_numpy(seed: int, is_light: bool) -> None:
+    statistics, radius = random_statistics(seed)
+    noise = pixel_noise(statistics, is_light)
+    np.testing.assert_allclose(noise, numpy_noise(statistics, is_light), rtol=1e-9)
+    out = np.zeros((len(radius), COLUMNS))
+    add_noise(statistics, radius, is_light, out)
+    expected = numpy_added(statistics, radius, is_light)
+    np.testing.assert_allclose(out[:, [X, Y, CXX, CXY, CYY]], expected, rtol=1e-9, atol=1e-15)
+
+
+def test_missing_dots_stay_missing_and_do_not_count() -> None:
+    statistics, radius = random_statistics(1)
+    whole = np.zeros((len(radius), COLUMNS))
+    add_noise(statistics, radius, True, whole)
+    padded = DotStatistics(*(np.append(values, 0.0) for values in statistics))
+    padded.background_variance[-1] = padded.core_variance[-1] = -1.0
+    out = np.zeros((len(radius) + 1, COLUMNS))
+    out[-1] = np.nan
+    add_noise(padded, np.append(radius, 5.0), True, out)
+    assert np.isnan(out[-1]).all()
+    np.testing.assert_allclose(out[:-1], whole, rtol=1e-12, atol=1e-18)
