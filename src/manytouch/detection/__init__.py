@@ -7,14 +7,14 @@ known sensor frame by frame, in the whole image or in windows. Which marker a do
 
 from manytouch.detection.appearance.survey import Survey, survey
 from manytouch.detection.dot_appearance import Appearance, expected_appearance
-from manytouch.detection.measurement.centroid import Dots, measure
+from manytouch.detection.measurement.centroid import MeasuredDots, measure
 from manytouch.detection.noise import estimate_noise
 from manytouch.detection.search import DotSearch
 
 __all__ = [
     "Appearance",
     "DotSearch",
-    "Dots",
+    "MeasuredDots",
     "Survey",
     "estimate_noise",
     "expected_appearance",

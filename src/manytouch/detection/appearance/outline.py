@@ -41,7 +41,7 @@ class OutlineLimits(NamedTuple):
     most_contrast: float = 1.5
 
 
-class Rays(NamedTuple):
+class RaySamples(NamedTuple):
     """Samples along the rays of one blob, and scratch.
 
     Attributes:
@@ -121,12 +121,12 @@ def trace_outlines(pyramid: list[np.ndarray], place_px: Points2, radius_px: Scal
     )
 
 
-Image = Shaped[np.ndarray, "h w"]
+Octave = Shaped[np.ndarray, "h w"]
 
 
 @kernel()
 @no_type_check
-def _interpolate(image: Image, x: float, y: float) -> float:
+def _interpolate(image: Octave, x: float, y: float) -> float:
     """Bilinear, clamped at the border."""
     height, width = image.shape
     x, y = min(max(x, 0.0), width - 1.001), min(max(y, 0.0), height - 1.001)
@@ -139,7 +139,7 @@ def _interpolate(image: Image, x: float, y: float) -> float:
 
 @kernel()
 @no_type_check
-def _sample_rays(image: Image, x: float, y: float, radius: float, sign: float, rays: Rays) -> None:
+def _sample_rays(image: Octave, x: float, y: float, radius: float, sign: float, rays: RaySamples) -> None:
     """Samples the brightness along all rays."""
     height, width = image.shape
     for ray in range(RAYS):
@@ -155,7 +155,7 @@ def _sample_rays(image: Image, x: float, y: float, radius: float, sign: float, r
 
 @kernel()
 @no_type_check
-def _find_core(rays: Rays) -> tuple[float, int]:
+def _find_core(rays: RaySamples) -> tuple[float, int]:
     """Largest median brightness of a ring within the radius, and the step of that ring."""
     core, best = -1e9, 0
     for step in range(int(STEPS * 1.0 / REACH)):
@@ -173,7 +173,7 @@ def _find_core(rays: Rays) -> tuple[float, int]:
 
 @kernel()
 @no_type_check
-def _measure_falls(rays: Rays, core: float, best: int) -> tuple[int, float]:
+def _measure_falls(rays: RaySamples, core: float, best: int) -> tuple[int, float]:
     """Fall of each visible ray from the core; returns the number of visible rays and the median fall."""
     count = 0
     for ray in range(RAYS):
@@ -193,7 +193,7 @@ def _measure_falls(rays: Rays, core: float, best: int) -> tuple[int, float]:
 
 @kernel()
 @no_type_check
-def _length(rays: Rays, ray: int, best: int, level: float, radius: float) -> float:
+def _length(rays: RaySamples, ray: int, best: int, level: float, radius: float) -> float:
     """Length of a ray up to a level, px; NaN if it does not fall below."""
     for step in range(best, rays.known[ray]):
         here = rays.values[ray, step]
@@ -208,7 +208,7 @@ def _length(rays: Rays, ray: int, best: int, level: float, radius: float) -> flo
 
 @kernel()
 @no_type_check
-def _measure_lengths(rays: Rays, core: float, best: int, contrast: float, radius: float) -> int:
+def _measure_lengths(rays: RaySamples, core: float, best: int, contrast: float, radius: float) -> int:
     """Length of each ray up to half of its fall; returns the number of open rays."""
     open_rays = 0
     for ray in range(RAYS):
@@ -226,7 +226,7 @@ def _measure_lengths(rays: Rays, core: float, best: int, contrast: float, radius
 
 @kernel()
 @no_type_check
-def _is_ridge(rays: Rays, contrast: float) -> bool:
+def _is_ridge(rays: RaySamples, contrast: float) -> bool:
     """Whether opposite rays are open: a ridge, a cable, a stripe.
 
     A ray that leaves the image may be one too.
@@ -241,7 +241,7 @@ def _is_ridge(rays: Rays, contrast: float) -> bool:
 
 @kernel()
 @no_type_check
-def _fill_lengths(rays: Rays) -> bool:
+def _fill_lengths(rays: RaySamples) -> bool:
     """Sets unknown lengths to the median; False if too few are known."""
     count = 0
     for ray in range(RAYS):
@@ -259,7 +259,7 @@ def _fill_lengths(rays: Rays) -> bool:
 
 @kernel()
 @no_type_check
-def _fill_share(rays: Rays, radius: float, least: float) -> float:
+def _fill_share(rays: RaySamples, radius: float, least: float) -> float:
     """Share of the area inside the outline that is lighter than `least`."""
     light = total = 0.0
     for ray in range(RAYS):
@@ -275,7 +275,13 @@ def _fill_share(rays: Rays, radius: float, least: float) -> float:
 @kernel()
 @no_type_check
 def _trace_one(
-    image: Image, x: float, y: float, radius: float, sign: float, rays: Rays, row: Float64[np.ndarray, "9"]
+    image: Octave,
+    x: float,
+    y: float,
+    radius: float,
+    sign: float,
+    rays: RaySamples,
+    row: Float64[np.ndarray, "9"],
 ) -> bool:
     """One outline, all but its shape; False if there is none."""
     _sample_rays(image, x, y, radius, sign, rays)
@@ -328,7 +334,7 @@ def _measure_shape(lengths: Float64[np.ndarray, " r"], row: Float64[np.ndarray, 
 @kernel()
 @no_type_check
 def trace_rays(
-    image: Image,
+    image: Octave,
     place: Float64[np.ndarray, "n 2"],
     radius: Float64[np.ndarray, " n"],
     sign: float,
@@ -342,7 +348,7 @@ def trace_rays(
         sign: 1 for light blobs, -1 for dark ones.
         rows: written; see COLUMNS, NaN where there is no outline.
     """
-    rays = Rays(
+    rays = RaySamples(
         np.empty((RAYS, STEPS)),
         np.empty(RAYS, dtype=np.int64),
         np.empty(RAYS),

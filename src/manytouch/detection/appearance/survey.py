@@ -17,7 +17,7 @@ from manytouch.detection.appearance.channel import best_pattern
 from manytouch.detection.appearance.pattern import FEWEST, Pattern
 from manytouch.detection.dot_appearance import GREY_OF_BGR, Appearance
 from manytouch.detection.images import crop, level_scale
-from manytouch.detection.measurement.centroid import Dots, measure
+from manytouch.detection.measurement.centroid import MeasuredDots, measure
 from manytouch.detection.noise import estimate_noise
 from manytouch.detection.selection import find_single_dots
 from manytouch.errors import LayoutError
@@ -111,7 +111,7 @@ def _measure_pattern(
     )
 
 
-def _is_half_visible(image: np.ndarray, dots: Dots, keep: Mask) -> Mask:
+def _is_half_visible(image: np.ndarray, dots: MeasuredDots, keep: Mask) -> Mask:
     """(n,) whether about half of the dot or more is inside the image, compared with the dots near it."""
     centre_px = np.where(keep[:, None], dots.centre_px, 0.0)
     radius_px = np.sqrt(np.where(keep, dots.area_px2, 0.0) / np.pi)

@@ -26,7 +26,7 @@ from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Dots:
+class MeasuredDots:
     """Measured dots, one row for each position.
 
     Attributes:
@@ -65,7 +65,7 @@ def measure(
     *,
     noise: float,
     walk: int = 0,
-) -> Dots:
+) -> MeasuredDots:
     """Measures the dots near given positions.
 
     Args:
@@ -83,7 +83,7 @@ def measure(
     covariance = np.empty((len(out), 2, 2))
     covariance[:, 0, 0], covariance[:, 1, 1] = out[:, CXX], out[:, CYY]
     covariance[:, 0, 1] = covariance[:, 1, 0] = out[:, CXY]
-    return Dots(
+    return MeasuredDots(
         centre_px=np.ascontiguousarray(out[:, [X, Y]]),
         covariance_px2=covariance,
         area_px2=out[:, AREA].copy(),
