@@ -276,8 +276,9 @@ def _passed_noise(statistics: DotStatistics, i: int, here: float, there: float) 
     outside = max(statistics.window[i] - 0.5 * trace, 0.0)
     inside = statistics.area[i] * statistics.area[i] / (4.0 * math.pi) - 0.25 * trace
     inside = min(max(inside, 0.0), outside)
-    passed: float = (outside - inside) * here * _tail(threshold / math.sqrt(here))
-    return passed + inside * there * _tail(threshold / math.sqrt(there))
+    passed = (outside - inside) * here * _tail(threshold / math.sqrt(here))
+    passed += inside * there * _tail(threshold / math.sqrt(there))
+    return float(passed)
 
 
 @kernel()
