@@ -1,13 +1,14 @@
-"""Dots that the survey finds in real recordings, counted by people."""
+"""Dots that the survey finds in real recordings, counted by hand."""
 
 import csv
+from functools import cache
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from manytouch.detection import DotSearch, survey
+from manytouch.detection import DotSearch, Survey, survey
 from manytouch.sources import open_source
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor
 
@@ -47,12 +48,18 @@ def sensor_of(found: object, shape: tuple[int, ...]) -> Sensor:
     return Sensor(name="straight", camera=camera, layout=layout)
 
 
-@pytest.mark.parametrize("name", SETS)
-def test_first_frame_of_a_recording(recordings: Path, name: str) -> None:
+@cache
+def survey_first_frame(recordings: Path, name: str) -> tuple[dict[str, str], Roi | None, Frame, Survey]:
+    """The expected row, the region of interest, the first frame and its survey."""
     row = rows_by(recordings / "expected.csv", "set")[name]
     roi_px = Roi(*map(int, row["roi"].split(","))) if row["roi"] else None
     first = next(iter(open_source(str(recordings / row["input"]))))
-    found = survey([first], roi_px=roi_px)
+    return row, roi_px, first, survey([first], roi_px=roi_px)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_first_frame_of_a_recording(recordings: Path, name: str) -> None:
+    row, _, _, found = survey_first_frame(recordings, name)
     assert found.appearance.polarity == row["polarity"]
     assert int(row["markers_min"]) <= len(found.detections.centre_px) <= int(row["markers_max"])
 
@@ -70,10 +77,7 @@ def test_single_picture(recordings: Path, name: str) -> None:
 
 @pytest.mark.parametrize("name", SETS)
 def test_search_finds_what_the_survey_found(recordings: Path, name: str) -> None:
-    row = rows_by(recordings / "expected.csv", "set")[name]
-    roi_px = Roi(*map(int, row["roi"].split(","))) if row["roi"] else None
-    first = next(iter(open_source(str(recordings / row["input"]))))
-    found = survey([first], roi_px=roi_px)
+    _, roi_px, first, found = survey_first_frame(recordings, name)
     search = DotSearch(roi_px=roi_px)
     state = search.start(sensor_of(found, first.image.shape))
     for expected_px in (None, found.detections.centre_px):
