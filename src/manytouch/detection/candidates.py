@@ -62,9 +62,9 @@ class DogBuffers:
     narrow: tuple[np.float32, ...]
     wide: tuple[np.float32, ...]
     enclosure: Enclosure
-    total: Shaped[np.ndarray, " k"]
-    grey: Float32[np.ndarray, " k"]
-    mark: UInt8[np.ndarray, " k"]
+    total: Shaped[np.ndarray, " t"]
+    grey: Float32[np.ndarray, " g"]
+    mark: UInt8[np.ndarray, " m"]
     images: DogImages
     found: Float32[np.ndarray, "n 3"]
 
