@@ -1,7 +1,31 @@
-"""What holds for all tests."""
+"""Settings that apply to all tests."""
 
+import pytest
 from hypothesis import settings
 
-# The first example may compile, and a busy machine is slow: time is measured by the benchmarks.
-settings.register_profile("unhurried", deadline=None)
-settings.load_profile("unhurried")
+# The first example may compile kernels, and a machine may be busy: benchmarks measure time, tests do not.
+settings.register_profile("without deadline", deadline=None)
+settings.load_profile("without deadline")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption(
+        "--part",
+        metavar="I/N",
+        help="run every N-th of the selected tests, starting with number I (0 to N-1), by name",
+    )
+
+
+@pytest.hookimpl(trylast=True)
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Select the tests of `--part`, after the selection by markers."""
+    part = config.getoption("--part")
+    if part is None:
+        return
+    first, _, count = part.partition("/")
+    if not (first.isdecimal() and count.isdecimal() and int(first) < int(count)):
+        raise pytest.UsageError(f"--part {part}: expected I/N with 0 <= I < N, such as 0/9")
+    names = sorted(item.nodeid for item in items)
+    chosen = set(names[int(first) :: int(count)])
+    config.hook.pytest_deselected(items=[item for item in items if item.nodeid not in chosen])
+    items[:] = [item for item in items if item.nodeid in chosen]
