@@ -9,7 +9,7 @@ import manytouch
 
 
 def main() -> float:
-    """Print estimate and truth of the deepest moment; return the error of the position in mm."""
+    """Print estimate and truth of the deepest frame; return the error of the position in mm."""
     source = manytouch.open_source("sim:one")
     pipeline = manytouch.pipeline_for("perimeter")
     deepest = None

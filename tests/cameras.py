@@ -10,14 +10,14 @@ YUYV = cv2.VideoWriter.fourcc(*"YUYV")
 
 
 def numbered(number: int, width: int = 320, height: int = 240) -> np.ndarray:
-    """A grey picture that tells its number, modulo 200, as the level of its left half."""
+    """A grey image that encodes its number, modulo 200, as the level of its left half."""
     image = np.full((height, width), 230, np.uint8)
     image[:, : width // 2] = 20 + number % 200
     return image
 
 
 def number_of(image: np.ndarray) -> int:
-    """The number that a picture tells."""
+    """The number that an image encodes."""
     return round(float(image[:, : image.shape[1] // 2 - 16].mean())) - 20
 
 
@@ -28,7 +28,7 @@ def jpeg(image: np.ndarray, quality: int = 95) -> bytes:
 class Driver:
     """A camera with its driver, as `cv2.VideoCapture` shows them.
 
-    It hands over the same buffer each time, as OpenCV may, and forgets what its system's driver forgets.
+    It returns the same buffer each time, as OpenCV may, and resets what the driver of its system resets.
     """
 
     def __init__(
@@ -116,7 +116,7 @@ class Driver:
         return True
 
     def _set_directshow(self, prop: int, value: float) -> bool:
-        """A rate builds the graph anew, in the driver's own format; a size takes the format that waits."""
+        """A rate rebuilds the graph in the driver's own format; a size applies the pending format."""
         if prop == cv2.CAP_PROP_FPS:
             self.values |= {prop: value, cv2.CAP_PROP_FOURCC: YUYV}
         elif prop in (cv2.CAP_PROP_FOURCC, cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT):

@@ -8,7 +8,7 @@ from manytouch.values.arrays import read_only
 
 
 def bumps(case: Case) -> tuple[Deformation, ...]:
-    """States without mechanics: a Gaussian hollow under the first touch, as deep as asked, 2 N per mm."""
+    """States without mechanics: a Gaussian dent under the first touch, 2 N per mm of its depth."""
     touch = case.touches[0]
     x_mm, y_mm = (np.linspace(-size / 2, size / 2, 41) for size in case.size_mm)
     away = np.hypot(x_mm[:, None] - touch.at_mm[0], y_mm[None] - touch.at_mm[1])

@@ -79,7 +79,7 @@ class Pictures:
 
 
 class Seen:
-    """A sink that keeps readings, and says something after so many."""
+    """A sink that stores readings, and sends commands after given numbers of them."""
 
     def __init__(self, controls: Live | Playback | None = None, **at: Command) -> None:
         self.readings: list[Reading] = []
@@ -143,11 +143,13 @@ def test_whatever_a_reading_may_hold_can_be_recorded() -> None:
     from manytouch import values
     from manytouch.recording import json_codec
 
-    asked = {kind.__name__ for kind in typing.get_args(values.Command)}
+    commands = {kind.__name__ for kind in typing.get_args(values.Command)}
     others = {"Frame", "Reading", "Truth", "Comparison", "Health", "Setting", "Roi"}
-    held = {name for name in values.__all__ if is_dataclass(getattr(values, name))} - asked - others
-    assert held
-    assert held <= set(json_codec.RECORDED_TYPES)
+    recorded_names = (
+        {name for name in values.__all__ if is_dataclass(getattr(values, name))} - commands - others
+    )
+    assert recorded_names
+    assert recorded_names <= set(json_codec.RECORDED_TYPES)
 
 
 def test_stored_readings_are_those_of_the_run(recorded: tuple[Path, Seen, Live]) -> None:
@@ -192,15 +194,15 @@ def test_another_method_reads_the_same_frames(recorded: tuple[Path, Seen, Live],
     assert folder.name == "press"
 
 
-def test_what_was_recorded_stands_beside_what_is_read_anew(recorded: tuple[Path, Seen, Live]) -> None:
+def test_recorded_readings_are_compared_with_new_ones(recorded: tuple[Path, Seen, Live]) -> None:
     path, seen, _ = recorded
     touched = next(reading for reading in seen.readings if reading.contacts.touching)
     assert Playback(path).comparison(touched.frame.index) is None
-    beside = Playback(path, method="paper").comparison(touched.frame.index)
-    assert beside is not None
-    assert beside.name == "recorded"
-    assert same(beside.contacts, touched.contacts)
-    assert same(beside.surface, touched.surface)
+    comparison = Playback(path, method="paper").comparison(touched.frame.index)
+    assert comparison is not None
+    assert comparison.name == "recorded"
+    assert same(comparison.contacts, touched.contacts)
+    assert same(comparison.surface, touched.surface)
     assert Playback(path, method="paper").comparison(4000) is None
 
 
@@ -339,22 +341,24 @@ def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path) -> None:
     code = KILLED.format(tests=tests, path=str(path))
     child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     assert child.stdout is not None
-    said: list[tuple[int, float]] = []
+    printed: list[tuple[int, float]] = []
     for line in child.stdout:
         index, at_s = line.split()
-        said.append((int(index), float(at_s)))
-        if len(said) == 45:
+        printed.append((int(index), float(at_s)))
+        if len(printed) == 45:
             break
     killed_s = time.monotonic()
     os.kill(child.pid, signal.SIGKILL)
     child.wait()
-    said += [(int(line.split()[0]), float(line.split()[1])) for line in child.stdout if line.endswith("\n")]
+    printed += [
+        (int(line.split()[0]), float(line.split()[1])) for line in child.stdout if line.endswith("\n")
+    ]
     child.stdout.close()
     recording = Recording(path)
     assert not recording.is_complete
     kept = recording.frames[-1].sequence
     assert [place.sequence for place in recording.frames] == list(range(kept + 1))
-    lost = [at_s for index, at_s in said if index > kept]
+    lost = [at_s for index, at_s in printed if index > kept]
     assert killed_s - min(lost, default=killed_s) < 0.2
     again = Seen()
     run(Playback(path), [again])
@@ -417,11 +421,11 @@ def test_what_cannot_be_packed_ends_the_recording_in_words(
 
 
 def test_room_is_kept_for_the_end_of_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    asked: list[Path] = []
+    queries: list[Path] = []
 
     def free(folder: Path) -> int:
-        asked.append(folder)
-        return 0 if len(asked) > 1 else 2**40
+        queries.append(folder)
+        return 0 if len(queries) > 1 else 2**40
 
     monkeypatch.setattr(recorder_module, "free_bytes", free)
     path = tmp_path / "nearly.mcap"

@@ -50,7 +50,7 @@ def written(tmp_path: Path) -> Path:
     return path
 
 
-def test_markers_lie_where_the_contract_says(written: Path) -> None:
+def test_rest_positions_follow_from_rows_columns_pitch_and_offset(written: Path) -> None:
     layout = load_sensor(written).layout
     assert layout is not None
     assert layout.shape == (20, 30)
@@ -61,7 +61,7 @@ def test_markers_lie_where_the_contract_says(written: Path) -> None:
     assert layout.is_missing[marker]
 
 
-def test_what_the_file_does_not_say_is_not_known(written: Path) -> None:
+def test_absent_keys_are_unknown(written: Path) -> None:
     sheet = load_sensor(written).sheet
     assert sheet is not None
     assert sheet.young_MPa is None
@@ -120,7 +120,7 @@ def test_measured_positions_keep_rows_and_columns(written: Path, tmp_path: Path)
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "said"),
+    ("old", "new", "message"),
     [
         ("columns = 30", "colums = 30", "unknown key markers.colums"),
         ("fx_px = 2061.0", 'fx_px = "a"', "camera.fx_px = 'a'"),
@@ -143,12 +143,12 @@ def test_measured_positions_keep_rows_and_columns(written: Path, tmp_path: Path)
         ("pitch_mm = [4.0, 3.0]", "pitch_mm = 9.0", "markers are outside the clamped outline"),
     ],
 )
-def test_a_mistake_is_named(written: Path, old: str, new: str, said: str) -> None:
+def test_a_mistake_is_named(written: Path, old: str, new: str, message: str) -> None:
     assert old in TEXT
     written.write_text(TEXT.replace(old, new))
     with pytest.raises(SensorError) as refusal:
         load_sensor(written)
-    assert said in str(refusal.value)
+    assert message in str(refusal.value)
     assert written.name in str(refusal.value)
     assert "\n" not in str(refusal.value)
 
@@ -169,12 +169,12 @@ def test_what_could_not_be_read_again_is_not_saved(written: Path, tmp_path: Path
     assert not (tmp_path / "small.toml").exists()
 
 
-def test_a_missing_file_is_said(tmp_path: Path) -> None:
+def test_a_missing_file_raises(tmp_path: Path) -> None:
     with pytest.raises(SensorError, match="does not exist"):
         load_sensor(tmp_path / "nowhere.toml")
 
 
-def test_a_known_sensor_loads_by_its_name_and_says_what_is_assumed() -> None:
+def test_a_known_sensor_loads_by_its_name_and_lists_its_assumptions() -> None:
     assert known_sensors() == ["a4-dots", "gelsight-fots", "gelsight-mini"]
     for name in known_sensors():
         sensor = load_sensor(name)
@@ -209,6 +209,6 @@ def test_a_file_goes_before_a_known_name(written: Path, tmp_path: Path, monkeypa
         load_sensor("gelsight-maxi")
 
 
-def test_an_unwritable_place_is_said(written: Path, tmp_path: Path) -> None:
+def test_an_unwritable_folder_raises(written: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot write the sensor file"):
         save_sensor(load_sensor(written), tmp_path / "no" / "such" / "folder.toml")
