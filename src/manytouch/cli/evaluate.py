@@ -128,20 +128,22 @@ def _paper(methods: list[options.Method] | None, *, cache: Path | None, processe
 
     pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}
     with Stop() as stop, _Progress() as progress:
-        progress.say("experiments of the paper: material, marker spacing, positions, speed")
-        found = experiments(pipelines, cache or user_cache(), watch=progress, stop=stop, processes=processes)
+        progress.report("experiments of the paper: material, marker spacing, positions, speed")
+        found = experiments(
+            pipelines, cache or user_cache(), observer=progress, stop=stop, processes=processes
+        )
         if found is None:
-            progress.say("stopped without a page; run the same command again to continue")
+            progress.report("stopped without a page; run the same command again to continue")
             return 0
         for name, presses in found.presses.items():
             first_mm, second_mm, depth_mm = row(presses)
-            progress.say(
+            progress.report(
                 f"  {name}: position error {first_mm:.2f} and {second_mm:.2f} mm, "
                 f"depth error {depth_mm:.2f} mm"
             )
         for words, fps in found.speed.frames_per_second.items():
-            progress.say(f"  method of the paper, {words}: {fps:.2f} frames per second")
-        progress.say(f"  page in {write_page(found, out)}")
+            progress.report(f"  method of the paper, {words}: {fps:.2f} frames per second")
+        progress.report(f"  page in {write_page(found, out)}")
     return 0
 
 
@@ -154,7 +156,7 @@ def _suite(
     kept: Path,
 ) -> "Evaluation":
     from manytouch.cli.terminal.interrupt import Stop
-    from manytouch.evaluation.suite.recordings import FemTwin
+    from manytouch.evaluation.suite.recordings import FemSimulation
     from manytouch.evaluation.suite.runner import run_suite
     from manytouch.evaluation.suite.solutions import Solutions, solve_missing, user_cache
     from manytouch.session import METHODS, pipeline_for
@@ -168,14 +170,14 @@ def _suite(
         "processes": processes,
     }
     with Stop() as stop, _Progress() as progress:
-        progress.say(f"accuracy suite: {len(chosen)} cases, methods {', '.join(pipelines)}")
-        solve_missing(chosen, solutions, watch=progress, stop=stop, processes=processes)
+        progress.report(f"accuracy suite: {len(chosen)} cases, methods {', '.join(pipelines)}")
+        solve_missing(chosen, solutions, observer=progress, stop=stop, processes=processes)
         return run_suite(
             chosen,
             pipelines,
-            FemTwin(solutions=solutions),
+            FemSimulation(solutions=solutions),
             settings=settings,
-            watch=progress,
+            observer=progress,
             stop=stop,
             processes=processes,
             kept=kept,
@@ -206,13 +208,13 @@ class _Progress:
         self._work, self._count, self._total = work, 0, count
         self._bar.reset(self._task, total=count, description=work)
 
-    def say(self, sentence: str) -> None:
+    def report(self, sentence: str) -> None:
         self._console.print(sentence, markup=False)
 
     def done(self, title: str, sentence: str) -> None:
         self._count += 1
         self._bar.advance(self._task)
-        self.say(f"  {self._work} {self._count} of {self._total}  {title}: {sentence}")
+        self.report(f"  {self._work} {self._count} of {self._total}  {title}: {sentence}")
 
 
 def _describe_results(evaluation: "Evaluation") -> list[str]:

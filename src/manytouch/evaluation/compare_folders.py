@@ -1,4 +1,4 @@
-"""Results and truth in two folders of somebody's own, compared."""
+"""Comparison of the user's own results and ground truth, each in a folder."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -26,7 +26,7 @@ def evaluate_folders(result: Path, truth: Path) -> Evaluation:
     comparison = compare(true, estimated)
     return Evaluation(
         title=f"{estimated.name} against {true.name}",
-        truth_in_words=f"The tables in {true.name}; who made them knows how true they are",
+        truth_description=f"The tables in {true.name}; who made them knows how true they are",
         methods=(estimated.method,),
         trials=(Trial(title=estimated.name, case=None, comparisons=(comparison,)),),
         settings=known,

@@ -1,1 +1,4 @@
-"""What truth is made of: the pressed sheet, the renderer, the simulated sensor."""
+"""Simulated sensors with ground truth: the pressed sheet, its scenes, and the images of its camera.
+
+It shares no mechanics, detection, tracking or estimation with the methods that are evaluated on it.
+"""

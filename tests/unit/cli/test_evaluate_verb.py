@@ -80,15 +80,17 @@ def written(monkeypatch: pytest.MonkeyPatch) -> list[Evaluation]:
 
 
 def recorded_run(chosen: list[tuple[Case, ...]]) -> Callable[..., Evaluation]:
-    def suite(cases: Any, methods: Any, twin: Any, *, settings: Any, watch: Any, **more: Any) -> Evaluation:
+    def suite(
+        cases: Any, methods: Any, simulation: Any, *, settings: Any, observer: Any, **more: Any
+    ) -> Evaluation:
         chosen.append(cases)
-        watch.begin("reading", len(cases))
+        observer.begin("reading", len(cases))
         for case in cases:
-            watch.done(case.title, "read")
+            observer.done(case.title, "read")
         more["kept"].mkdir(parents=True)
         return Evaluation(
             title="suite",
-            truth_in_words=twin.in_words,
+            truth_description=simulation.description,
             methods=tuple(methods),
             trials=tuple(Trial(title=case.title, case=case, comparisons=()) for case in cases),
             settings=settings,
@@ -140,7 +142,7 @@ def test_two_folders_are_compared(
 
     def compared(result: Path, truth: Path) -> Evaluation:
         given.extend((result, truth))
-        return Evaluation(title="own", truth_in_words="own", methods=("paper",), trials=())
+        return Evaluation(title="own", truth_description="own", methods=("paper",), trials=())
 
     monkeypatch.setattr(own, "evaluate_folders", compared)
     assert run("result", "truth", "--out", str(tmp_path)) == 0

@@ -156,7 +156,7 @@ def test_a_truth_needs_neither_frames_nor_summary(folders: tuple[Path, Path]) ->
     assert plain(figures(compare(load_truth(folders[1]), load_result(folders[0])))) == plain(before)
 
 
-def test_places_come_in_mm_where_the_summary_tells_the_pitch(folders: tuple[Path, Path]) -> None:
+def test_places_come_in_mm_where_the_summary_has_the_pitch(folders: tuple[Path, Path]) -> None:
     summary = {"method": "perimeter", "sensor": {"rows": ROWS, "columns": COLUMNS, "pitch_mm": [5.0, 5.0]}}
     (folders[0] / "summary.json").write_text(json.dumps(summary))
     worst = evaluate_folders(*folders).trials[0].comparisons[0].worst
@@ -254,7 +254,7 @@ def other_frames(folder: Path) -> None:
         (broken_parquet, "cannot be read as Parquet"),
         (lost_column, "lacks the columns seen; write it with"),
         (no_unit, "neither a column depth_mm nor depth_pitch"),
-        (no_number, "holds something that is no number"),
+        (no_number, "contains a value that is not a number"),
         (empty, "is empty, without even a header"),
         (mixed, "has contacts in pitch and markers in mm"),
         (bad_summary, "cannot be read as JSON"),
@@ -275,7 +275,7 @@ def test_a_folder_that_is_not_there(tmp_path: Path) -> None:
         load_result(tmp_path / "nowhere")
 
 
-def test_frames_that_are_missing_are_told(folders: tuple[Path, Path], sensor: Sensor) -> None:
+def test_frames_that_are_missing_are_reported(folders: tuple[Path, Path], sensor: Sensor) -> None:
     write(folders[0], sensor, [reading(sensor, index, wrong=0.1) for index in (0, 1)])
     found = evaluate_folders(*folders).trials[0].comparisons[0]
     assert (found.frames, found.true_frames) == (2, 4)

@@ -288,27 +288,27 @@ def two(contact_table: Table, distance: float, weaker_N: float = 1.0, frame: int
     return contact_table([(frame, 1, -distance / 2, 0, 2.0, 1.0), (frame, 2, distance / 2, 0, 2.0, weaker_N)])
 
 
-def test_two_estimates_tell_two_contacts_apart_and_one_does_not(contact_table: Table) -> None:
+def test_two_contacts_are_resolved_by_two_estimates_and_not_by_one(contact_table: Table) -> None:
     truth = two(contact_table, 10.0)
     apart = contact_table([(0, 1, -4.5, 0, 2.0), (0, 2, 5.5, 0, 2.0)])
     merged = contact_table([(0, 1, 0.0, 0, 2.0)])
-    assert pair_samples(truth, apart).is_told.tolist() == [True]
-    assert pair_samples(truth, merged).is_told.tolist() == [False]
+    assert pair_samples(truth, apart).is_resolved.tolist() == [True]
+    assert pair_samples(truth, merged).is_resolved.tolist() == [False]
     assert pair_samples(truth, apart).distance_mm == pytest.approx([10.0])
 
 
-def test_strewing_estimates_does_not_tell_apart(contact_table: Table) -> None:
+def test_scattered_estimates_do_not_resolve_contacts(contact_table: Table) -> None:
     truth = two(contact_table, 10.0)
     strewn = contact_table([(0, n, x, 0, 2.0) for n, x in enumerate((-5.0, 0.0, 5.0))])
     far_ghost = contact_table([(0, n, x, 0, 2.0) for n, x in enumerate((-5.0, 5.0, 40.0))])
-    assert pair_samples(truth, strewn).is_told.tolist() == [False]
-    assert pair_samples(truth, far_ghost).is_told.tolist() == [True]
+    assert pair_samples(truth, strewn).is_resolved.tolist() == [False]
+    assert pair_samples(truth, far_ghost).is_resolved.tolist() == [True]
 
 
 def test_near_contacts_need_estimates_nearer_than_half_their_distance(contact_table: Table) -> None:
     truth = two(contact_table, 4.0)
     both_right = contact_table([(0, 1, 2.0, 0, 2.0), (0, 2, 0.8, 0.0, 2.0)])
-    assert pair_samples(truth, both_right).is_told.tolist() == [False]
+    assert pair_samples(truth, both_right).is_resolved.tolist() == [False]
 
 
 def test_the_curve_counts_classes_and_holds_from_where_it_stays_high(contact_table: Table) -> None:
@@ -338,7 +338,7 @@ def test_pairs_are_sorted_by_force_ratio(contact_table: Table) -> None:
 
 def test_one_or_three_contacts_are_no_pair(contact_table: Table) -> None:
     three = contact_table([(0, n, 10.0 * n, 0, 2.0, 1.0) for n in range(3)])
-    assert len(pair_samples(three, three).is_told) == 0
+    assert len(pair_samples(three, three).is_resolved) == 0
 
 
 # latency

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, REST_FRAMES, Case, Touch, pressure_share
-from manytouch.evaluation.suite.pressing import DRAG_MM, Pressed, pressed, sheet_model
+from manytouch.evaluation.suite.pressing import DRAG_MM, Pressed, sheet_model
 
 pytest.importorskip("skfem")
 
@@ -31,7 +31,7 @@ PAIR = replace(
 
 @cache
 def steps(case: Case) -> list[Pressed]:
-    return list(pressed(case, element_mm=4.0))
+    return list(solve_presses(case, element_mm=4.0))
 
 
 def forces_N(step: Pressed) -> np.ndarray:
@@ -42,11 +42,11 @@ def depths_mm(step: Pressed) -> np.ndarray:
     return np.array([3.0 - touch.position_mm[0, 2] for touch in step.loading.touches])
 
 
-def test_every_frame_of_the_ramp_is_an_equilibrium_with_the_ball_as_deep_as_the_case_asks() -> None:
+def test_every_frame_of_the_ramp_is_an_equilibrium_with_the_ball_as_deep_as_the_case_requires() -> None:
     found = steps(ONE)
     assert [step.state.status for step in found] == ["ok"] * RAMP_FRAMES
-    asked = [1.5 * pressure_share(REST_FRAMES + step) for step in range(RAMP_FRAMES)]
-    assert np.concatenate([depths_mm(step) for step in found]) == pytest.approx(asked)
+    required = [1.5 * pressure_share(REST_FRAMES + step) for step in range(RAMP_FRAMES)]
+    assert np.concatenate([depths_mm(step) for step in found]) == pytest.approx(required)
     assert (np.diff([forces_N(step)[0] for step in found]) > 0).all()
     assert found[-1].state.contacts[0].centre_mm == pytest.approx([3.0, -2.0], abs=0.5)
 

@@ -13,7 +13,7 @@ from manytouch.evaluation.published import material, places, spacing
 from manytouch.evaluation.published.page import Experiments, contents, row, write_page
 from manytouch.evaluation.published.speed import Speed, plain_map
 from manytouch.evaluation.suite.cases import GROUPS, Case
-from manytouch.evaluation.suite.recordings import Recording, played
+from manytouch.evaluation.suite.recordings import Recording, simulate_case
 from manytouch.paper.surface import inverse_distance
 from manytouch.session import pipeline_for
 from manytouch.simulation.fem.cache import StateCache
@@ -28,7 +28,7 @@ FOUND = Experiments(
     sag_mm=10.9,
     gaps=(
         spacing.Gaps(
-            height_mm=1.0, steepest_deg=30.0, true_mm=1.5, mended_mm=1.4, printed_mm=0.6, off_mm=0.1
+            height_mm=1.0, steepest_deg=30.0, true_mm=1.5, corrected_mm=1.4, printed_mm=0.6, off_mm=0.1
         ),
     ),
     gap_MPa=3.3,
@@ -48,15 +48,15 @@ def test_the_modulus_is_the_one_at_which_10_N_press_as_deep_as_printed() -> None
     assert np.isnan(STIFFENING.depth_of_10_N_mm(0.01))
 
 
-def test_the_mended_gap_of_a_flat_sheet_is_the_pitch_less_two_radii_and_the_printed_one_is_not() -> None:
+def test_the_corrected_gap_of_a_flat_sheet_is_the_pitch_less_two_radii_and_the_printed_one_is_not() -> None:
     flat = np.zeros(1)
-    assert spacing.mended_gap_mm(np.array([4.0]), 0.7, flat, flat) == pytest.approx([2.0])
+    assert spacing.corrected_gap_mm(np.array([4.0]), 0.7, flat, flat) == pytest.approx([2.0])
     assert spacing.printed_gap_mm(np.array([4.0]), 0.7, flat, flat) == pytest.approx([1.3])
 
 
 def test_tips_on_a_sheet_that_turns_away_from_them_come_closer() -> None:
     level, steep = np.zeros(1), np.full(1, np.deg2rad(30.0))
-    assert spacing.mended_gap_mm(np.array([4.0]), 2.0, level, steep) == pytest.approx(
+    assert spacing.corrected_gap_mm(np.array([4.0]), 2.0, level, steep) == pytest.approx(
         [4 * np.sqrt(0.75) - 1.0 - 1.0 - np.sqrt(0.75)]
     )
 
@@ -71,7 +71,7 @@ def test_the_gaps_of_a_solved_sheet(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     found = [spacing.gaps(pressed, height_mm) for height_mm in (0.0, 2.0)]
     assert young_MPa in {10.0 / force for force in material.FORCE_OVER_E_MM2}
     for one in found:
-        assert one.mended_mm == pytest.approx(one.true_mm, abs=0.3)
+        assert one.corrected_mm == pytest.approx(one.true_mm, abs=0.3)
         assert one.off_mm < 0.3
     assert found[1].printed_mm < found[1].true_mm - 1.0
     deflection = material.deflection((40.0, 30.0), cache)
@@ -86,16 +86,16 @@ def test_the_presses_are_at_60_and_115_mm_and_in_no_group_of_the_suite() -> None
     assert first.group not in GROUPS
 
 
-def test_each_method_reads_the_press_where_it_is_and_the_truth_stands_beside_it() -> None:
+def test_each_method_reads_the_press_where_it_is_with_its_ground_truth() -> None:
     class Hollow:
-        in_words = "a hollow"
+        description = "a hollow"
 
         def refusal(self, case: Case) -> str | None:
             return None
 
-        def play(self, case: Case) -> Recording:
+        def simulate(self, case: Case) -> Recording:
             deep = replace(case, deepest_mm=4.0, width_px=1280)
-            return played(deep, bumps(deep))
+            return simulate_case(deep, bumps(deep))
 
     small = replace(places.presses()[0], width_px=1280)
     with pytest.MonkeyPatch.context() as patch:
@@ -116,7 +116,7 @@ def test_the_map_in_plain_loops_is_the_map() -> None:
     np.testing.assert_allclose(plain, fast, atol=1e-12)
 
 
-def test_the_page_says_what_fits_and_what_does_not(tmp_path: Path) -> None:
+def test_the_page_states_what_fits_and_what_does_not(tmp_path: Path) -> None:
     page = write_page(FOUND, tmp_path).read_text(encoding="utf-8")
     assert "0.01 N/mm² does not fit" in page
     assert "3.33" in page

@@ -1,4 +1,4 @@
-"""The page and its JSON: complete, self-contained, and frank."""
+"""The page and its JSON: complete and self-contained."""
 
 import json
 import re
@@ -13,12 +13,12 @@ import pytest
 
 from manytouch.errors import MissingExtraError, OutputError
 from manytouch.evaluation.metrics.comparison import compare
-from manytouch.evaluation.metrics.metric_specs import YARDSTICKS, MetricSpec, verdict, written
+from manytouch.evaluation.metrics.metric_specs import METRICS, MetricSpec, verdict, written
 from manytouch.evaluation.metrics.metric_specs import plain as number
 from manytouch.evaluation.records.record import ContactRows, Record
 from manytouch.evaluation.report import page as report
-from manytouch.evaluation.report import svg_theme as ink
-from manytouch.evaluation.report.ratings import cell, judgement, limits, table
+from manytouch.evaluation.report import svg_theme
+from manytouch.evaluation.report.ratings import cell, limits, rate_methods, table
 from manytouch.evaluation.report.report_data import contents, in_short, plain
 from manytouch.evaluation.suite.cases import Case, Touch
 from manytouch.evaluation.suite.runner import Evaluation, Trial
@@ -77,7 +77,7 @@ def evaluation(sheet: Sheet, contact_table: Table) -> Evaluation:
     )
     return Evaluation(
         title="Accuracy suite",
-        truth_in_words="A made-up dent",
+        truth_description="A made-up dent",
         methods=("careful", "rash & <odd>"),
         trials=trials,
         left_out={"stress/slippery": "nobody can play it"},
@@ -135,7 +135,7 @@ def test_the_page_has_every_section(page: str) -> None:
     for section in (*sections, "worst", "latency", "cases", "settings"):
         assert section in found.ids, section
     assert found.counts["svg"] >= 2 + 2 + 2 + 1 + 2 + 3 + 1 + 4
-    assert found.counts["img"] == 2  # of the worst moments that have a picture
+    assert found.counts["img"] == 2  # of the worst worst that have a picture
 
 
 def test_the_page_needs_nothing_from_outside(page: str) -> None:
@@ -166,7 +166,7 @@ def test_names_of_methods_are_text_not_markup(page: str) -> None:
     assert "rash &amp; &lt;odd&gt;" in page
 
 
-def test_the_page_says_what_the_truth_is_and_what_was_left_out(page: str) -> None:
+def test_the_page_states_what_the_truth_is_and_what_was_left_out(page: str) -> None:
     assert "A made-up dent." in page
     assert "stress/slippery: nobody can play it" in page
     assert "It took 1.1 minutes" in page
@@ -201,7 +201,7 @@ def test_a_single_recording_makes_a_page_too(evaluation: Evaluation) -> None:
 def test_nothing_that_touches_makes_a_page_too(sheet: Sheet) -> None:
     still = sheet(method="idle")
     trial = Trial(title="rest", case=None, comparisons=(compare(sheet(), still),))
-    quiet = Evaluation(title="rest", truth_in_words="Rest", methods=("idle",), trials=(trial,))
+    quiet = Evaluation(title="rest", truth_description="Rest", methods=("idle",), trials=(trial,))
     page = report.rendered(quiet, contents(quiet))
     outline(page)
     assert "In no frame does anything touch" in page
@@ -220,7 +220,7 @@ def test_a_missing_package_is_named_with_its_extra(package: str, monkeypatch: py
         return None if name == package else object()
 
     monkeypatch.setattr(report, "find_spec", found)
-    monkeypatch.setattr(ink, "find_spec", found)
+    monkeypatch.setattr(svg_theme, "find_spec", found)
     with pytest.raises(MissingExtraError, match=rf"{package}.*manytouch\[report\]"):
         report.require_packages()
 
@@ -268,7 +268,7 @@ def test_figures_are_written_with_unit_and_no_exponent() -> None:
 
 def test_every_line_of_the_tables_is_a_figure_that_exists(evaluation: Evaluation) -> None:
     figured = contents(evaluation)["figures"]["careful"]["all"]
-    for line in YARDSTICKS:
+    for line in METRICS:
         place: Any = figured[line.section]
         if line.section != "calibration":
             assert line.key in place, line
@@ -277,17 +277,17 @@ def test_every_line_of_the_tables_is_a_figure_that_exists(evaluation: Evaluation
 
 
 def test_the_careful_method_is_best_and_the_rash_one_poor(evaluation: Evaluation) -> None:
-    told = contents(evaluation)
-    rows = {row.label: row for row in table(told, "summary")}
+    data = contents(evaluation)
+    rows = {row.label: row for row in table(data, "summary")}
     assert [one.is_best for one in rows["depth RMSE over the sheet, median frame"].cells] == [True, False]
-    careful, rash = judgement(told)
+    careful, rash = rate_methods(data)
     assert ("peak depth error, median", "2.00 %") in careful.good
     assert ("peak depth error, median", "60.0 %") in rash.poor
     assert "normal force error, relative, median" in rash.missing
 
 
 def test_a_separation_never_reached_is_poor_and_without_pairs_is_not_given() -> None:
-    line = next(line for line in YARDSTICKS if line.section == "separation")
+    line = next(line for line in METRICS if line.section == "separation")
     never = cell(line, {"separation": {"pairs": 4, line.key: None}}, "mm")
     none = cell(line, {"separation": {"pairs": 0, line.key: None}}, "mm")
     assert (never.text, never.verdict) == ("never", "poor")
@@ -295,9 +295,9 @@ def test_a_separation_never_reached_is_poor_and_without_pairs_is_not_given() -> 
 
 
 def test_errors_are_not_ranked_when_different_shares_are_given(evaluation: Evaluation) -> None:
-    told = contents(evaluation)
-    told["figures"]["rash & <odd>"]["all"]["depth"]["given_percent"] = 50.0
-    rows = {row.label: row for row in table(told, "depth")}
+    data = contents(evaluation)
+    data["figures"]["rash & <odd>"]["all"]["depth"]["given_percent"] = 50.0
+    rows = {row.label: row for row in table(data, "depth")}
     assert not any(one.is_best for one in rows["depth RMSE over the sheet, median frame"].cells)
     assert rows["markers whose depth is given"].cells[0].is_best
 

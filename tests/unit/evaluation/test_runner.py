@@ -17,8 +17,8 @@ from manytouch.evaluation.metrics.comparison import figures, pooled
 from manytouch.evaluation.records.record import EvaluationError
 from manytouch.evaluation.suite import runner
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation, Touch
-from manytouch.evaluation.suite.recordings import Recording, played
-from manytouch.evaluation.suite.runner import Evaluation, run_suite, try_case
+from manytouch.evaluation.suite.recordings import Recording
+from manytouch.evaluation.suite.runner import Evaluation, run_case, run_suite
 from manytouch.evaluation.suite.trial_store import read_comparisons, write_comparisons
 from manytouch.pipeline import Pipeline
 from manytouch.values import Contacts, Detections, Frame, Sensor, Surface, TrackedGrid, Truth
@@ -38,7 +38,7 @@ CASE = Case(
 
 @cache
 def recording() -> Recording:
-    return played(CASE, bumps(CASE))
+    return simulate_case(CASE, bumps(CASE))
 
 
 @dataclass(frozen=True)
@@ -99,30 +99,30 @@ def pipeline(**wrong: Any) -> Pipeline:
 
 
 @dataclass
-class Twin:
-    in_words: str = "a hollow"
-    plays: int = field(default=0, repr=False)
+class CaseSimulation:
+    description: str = "a hollow"
+    simulations: int = field(default=0, repr=False)
 
     def refusal(self, case: Case) -> str | None:
         return "it has no friction" if case.friction > 0 else None
 
-    def play(self, case: Case) -> Recording:
-        self.plays += 1
+    def simulate(self, case: Case) -> Recording:
+        self.simulations += 1
         return recording()
 
 
 class Watched:
     def __init__(self) -> None:
-        self.said: list[str] = []
+        self.messages: list[str] = []
 
     def begin(self, work: str, count: int) -> None:
-        self.said.append(f"{work} {count}")
+        self.messages.append(f"{work} {count}")
 
-    def say(self, sentence: str) -> None:
-        self.said.append(sentence)
+    def report(self, sentence: str) -> None:
+        self.messages.append(sentence)
 
     def done(self, title: str, sentence: str) -> None:
-        self.said.append(f"{title}: {sentence}")
+        self.messages.append(f"{title}: {sentence}")
 
 
 @pytest.fixture(autouse=True)
@@ -135,7 +135,7 @@ def _referred(monkeypatch: pytest.MonkeyPatch) -> None:
 def evaluation() -> Evaluation:
     methods = {"right": pipeline(), "half": pipeline(depth_factor=0.5), "blind": pipeline(is_blind=True)}
     slippery = replace(CASE, name="slippery", friction=0.3)
-    return run_suite((CASE, slippery), methods, Twin(), settings={"versions": {"manytouch": "0"}})
+    return run_suite((CASE, slippery), methods, CaseSimulation(), settings={"versions": {"manytouch": "0"}})
 
 
 def found(method: int) -> dict[str, dict[str, Any]]:
@@ -173,36 +173,38 @@ def test_the_worst_moment_has_its_picture() -> None:
     assert worst.frame >= 22  # where the pressure has become whole
 
 
-def test_cases_that_cannot_be_played_are_left_out_and_said() -> None:
+def test_cases_that_cannot_be_simulated_are_left_out_and_reported() -> None:
     watched = Watched()
     slippery = replace(CASE, name="slippery", friction=0.3)
-    done = run_suite((CASE, slippery), {"right": pipeline()}, Twin(), settings={}, watch=watched)
+    done = run_suite((CASE, slippery), {"right": pipeline()}, CaseSimulation(), settings={}, observer=watched)
     assert done.left_out == {"stress/slippery": "it has no friction"}
-    assert watched.said[:2] == ["reading 1", "left out: 1 case, since it has no friction"]
-    assert watched.said[2] == "stress/small: right: depth RMSE 0.000 mm, 100 % of the contacts found"
+    assert watched.messages[:2] == ["reading 1", "left out: 1 case, since it has no friction"]
+    assert watched.messages[2] == "stress/small: right: depth RMSE 0.000 mm, 100 % of the contacts found"
 
 
 def test_a_run_can_be_stopped_between_cases() -> None:
-    asked = iter((False, True))
+    answers = iter((False, True))
     other = replace(CASE, name="other")
-    done = run_suite((CASE, other), {"right": pipeline()}, Twin(), settings={}, stop=lambda: next(asked))
+    done = run_suite(
+        (CASE, other), {"right": pipeline()}, CaseSimulation(), settings={}, stop=lambda: next(answers)
+    )
     assert [trial.title for trial in done.trials] == ["stress/small"]
     assert done.left_out == {"stress/other": "the run was stopped"}
 
 
 def test_a_run_that_was_killed_goes_on_with_the_trials_that_are_kept(tmp_path: Path) -> None:
-    other, twin = replace(CASE, name="other"), Twin()
-    first = run_suite((CASE,), {"right": pipeline()}, twin, settings={}, kept=tmp_path)
-    again = run_suite((CASE, other), {"right": pipeline()}, twin, settings={}, kept=tmp_path)
-    assert twin.plays == 2  # the second run has played the other case alone
+    other, simulation = replace(CASE, name="other"), CaseSimulation()
+    first = run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, kept=tmp_path)
+    again = run_suite((CASE, other), {"right": pipeline()}, simulation, settings={}, kept=tmp_path)
+    assert simulation.simulations == 2  # the second run has simulated the other case alone
     one, same = (done.trials[0].comparisons[0].milliseconds for done in (first, again))
     assert (one == same).all()
-    run_suite((CASE,), {"right": pipeline(depth_factor=0.9)}, twin, settings={}, kept=tmp_path)
-    assert twin.plays == 3  # another parameter, another trial
+    run_suite((CASE,), {"right": pipeline(depth_factor=0.9)}, simulation, settings={}, kept=tmp_path)
+    assert simulation.simulations == 3  # another parameter, another trial
     for path in tmp_path.iterdir():
         path.write_bytes(path.read_bytes()[:50])
-    run_suite((CASE,), {"right": pipeline()}, twin, settings={}, kept=tmp_path)
-    assert twin.plays == 4  # half a file is none
+    run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, kept=tmp_path)
+    assert simulation.simulations == 4  # half a file is none
 
 
 def same(one: Any, other: Any) -> bool:
@@ -235,8 +237,8 @@ class Planted:
 
 @pytest.mark.parametrize("kind", ["pickle", "array of objects", "unknown type"])
 def test_nothing_in_a_folder_of_results_is_executed(tmp_path: Path, kind: str) -> None:
-    proof, folder, twin = tmp_path / "executed", tmp_path / "trials", Twin()
-    run_suite((CASE,), {"right": pipeline()}, twin, settings={}, kept=folder)
+    proof, folder, simulation = tmp_path / "executed", tmp_path / "trials", CaseSimulation()
+    run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, kept=folder)
     (path,) = folder.iterdir()
     content = {
         "pickle": pickle.dumps(Planted(proof)),
@@ -244,9 +246,9 @@ def test_nothing_in_a_folder_of_results_is_executed(tmp_path: Path, kind: str) -
         "unknown type": npz(tree=np.array('[{"type": "Path", "fields": {}}]')),
     }[kind]
     path.write_bytes(content)
-    done = run_suite((CASE,), {"right": pipeline()}, twin, settings={}, kept=folder)
+    done = run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, kept=folder)
     assert not proof.exists()
-    assert (twin.plays, len(done.trials)) == (2, 1)
+    assert (simulation.simulations, len(done.trials)) == (2, 1)
 
 
 def npz(**arrays: np.ndarray) -> bytes:
@@ -255,7 +257,7 @@ def npz(**arrays: np.ndarray) -> bytes:
     return file.getvalue()
 
 
-def test_methods_begin_from_the_frames_at_rest_and_what_they_are_told(
+def test_methods_begin_from_the_frames_at_rest_and_the_nominal_sensor(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     given: list[tuple[Sensor, int]] = []
@@ -265,19 +267,19 @@ def test_methods_begin_from_the_frames_at_rest_and_what_they_are_told(
         return sensor
 
     monkeypatch.setattr(runner, "register_rest", register_rest)
-    told = replace(CASE, told=SensorPerturbation(thickness_factor=1.1))
-    try_case(told, {"right": pipeline()}, recording())
+    perturbed = replace(CASE, perturbation=SensorPerturbation(thickness_factor=1.1))
+    run_case(perturbed, {"right": pipeline()}, recording())
     ((sensor, frames),) = given
     assert sensor.sheet is not None
     assert (sensor.sheet.thickness_mm, frames) == (pytest.approx(3.3), 15)
 
 
-def test_a_method_that_cannot_begin_finds_nothing_and_says_why(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_method_that_cannot_begin_finds_nothing_and_reports_why(monkeypatch: pytest.MonkeyPatch) -> None:
     def register_rest(sensor: Sensor, frames: Sequence[Frame]) -> Sensor:
         raise LayoutError("no dots")
 
     monkeypatch.setattr(runner, "register_rest", register_rest)
-    comparison = try_case(CASE, {"right": pipeline()}, recording()).comparisons[0]
+    comparison = run_case(CASE, {"right": pipeline()}, recording()).comparisons[0]
     silent = figures(comparison)
     assert silent["contacts"]["recall_percent"] == 0
     assert silent["detection"]["found_percent"] == 0

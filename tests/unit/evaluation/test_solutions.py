@@ -1,4 +1,4 @@
-"""What is solved is kept, found again, and solved anew when anything that decides it has changed."""
+"""What is solved is kept, found again, and solved again when anything that decides it has changed."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -10,8 +10,8 @@ import pytest
 from manytouch.errors import MissingExtraError
 from manytouch.evaluation.suite import solutions as module
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case, Touch
-from manytouch.evaluation.suite.pressing import Pressed, pressed
-from manytouch.evaluation.suite.recordings import FemTwin, Twin
+from manytouch.evaluation.suite.pressing import Pressed
+from manytouch.evaluation.suite.recordings import CaseSimulation, FemSimulation
 from manytouch.evaluation.suite.solutions import Solutions, shipped_name, solve_missing, user_cache
 from manytouch.evaluation.suite.suite import cases
 
@@ -35,25 +35,25 @@ def solved(monkeypatch: pytest.MonkeyPatch) -> list[str]:
 
     def counted(case: Case) -> Iterator[Pressed]:
         titles.append(case.title)
-        return pressed(case, element_mm=4.0)
+        return solve_presses(case, element_mm=4.0)
 
     monkeypatch.setattr(module, "pressed", counted)
     return titles
 
 
-def test_a_case_is_solved_once_and_played_from_what_is_kept(tmp_path: Path, solved: list[str]) -> None:
+def test_a_case_is_solved_once_and_simulated_from_what_is_kept(tmp_path: Path, solved: list[str]) -> None:
     solutions = Solutions(folder=tmp_path / "kept")
-    twin = FemTwin(solutions=solutions)
-    assert isinstance(twin, Twin)
-    assert twin.refusal(CASE) == "it is not solved yet"
+    simulation = FemSimulation(solutions=solutions)
+    assert isinstance(simulation, CaseSimulation)
+    assert simulation.refusal(CASE) == "it is not solved yet"
     solve_missing((CASE,), solutions)
     solve_missing((CASE,), solutions)
     assert solved == [CASE.title]
-    assert twin.refusal(CASE) is None
+    assert simulation.refusal(CASE) is None
     known = Solutions(folder=tmp_path / "kept").known(CASE)
     assert known is not None
     assert len(known) == RAMP_FRAMES
-    recording = twin.play(CASE)
+    recording = simulation.simulate(CASE)
     assert solved == [CASE.title]
     rest, last = recording.truths[14], recording.truths[-1]
     assert np.abs(rest.surface.displacement_mm).max() == 0
@@ -93,7 +93,7 @@ def test_a_damaged_file_is_solved_again(tmp_path: Path, solved: list[str]) -> No
     assert solutions.known(CASE) is not None
 
 
-def test_without_the_finite_elements_one_sentence_says_what_to_install(
+def test_without_the_finite_elements_one_sentence_names_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def absent() -> np.ndarray:
@@ -109,13 +109,13 @@ def test_a_case_without_equilibrium_is_left_out_and_not_solved_again(
     tmp_path: Path, solved: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def failing(case: Case) -> Iterator[Pressed]:
-        for number, step in enumerate(pressed(case, element_mm=4.0)):
+        for number, step in enumerate(solve_presses(case, element_mm=4.0)):
             yield replace(step, state=replace(step.state, status="not_converged")) if number == 2 else step
 
     monkeypatch.setattr(module, "pressed", failing)
     solutions = Solutions(folder=tmp_path)
     assert len(solutions.solve(CASE)) == 2
-    assert FemTwin(solutions=solutions).refusal(CASE) == "no equilibrium was found"
+    assert FemSimulation(solutions=solutions).refusal(CASE) == "no equilibrium was found"
     assert len(list(tmp_path.iterdir())) == 1
 
 
@@ -137,13 +137,13 @@ def test_the_cache_of_the_user_follows_the_system(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.slow
-def test_what_ships_is_what_the_solver_says(tmp_path: Path) -> None:
+def test_what_ships_is_what_the_solver_computes(tmp_path: Path) -> None:
     pytest.importorskip("skfem")
     (case,) = (case for case in cases(quick=True) if case.name.startswith("70x70"))
     shipped = Solutions(folder=tmp_path).known(case)
     assert shipped is not None
-    anew = Solutions(folder=tmp_path).solve(case)
-    assert np.abs(anew[-1].face_mm - shipped[-1].face_mm).max() < 2e-3
-    for now, kept in zip(anew[-1].contacts, shipped[-1].contacts, strict=True):
+    again = Solutions(folder=tmp_path).solve(case)
+    assert np.abs(again[-1].face_mm - shipped[-1].face_mm).max() < 2e-3
+    for now, kept in zip(again[-1].contacts, shipped[-1].contacts, strict=True):
         assert now.force_N == pytest.approx(kept.force_N, rel=2e-3, abs=1e-3)
         assert now.centre_mm == pytest.approx(kept.centre_mm, abs=2e-3)

@@ -81,7 +81,7 @@ def test_stress_goes_to_the_limits() -> None:
     assert max(len(case.touches) for case in found) == 8
     assert any(case.friction > 0 for case in found)
     assert any(case.missing_share > 0 for case in found)
-    assert any(case.told != SensorPerturbation() for case in found)
+    assert any(case.perturbation != SensorPerturbation() for case in found)
 
 
 def test_quick_takes_some_of_each_group_from_both_halves() -> None:
@@ -121,11 +121,11 @@ def test_the_lattice_is_centred_and_missing_dots_depend_on_the_seed() -> None:
     assert (lattice(replace(SMALL, missing_share=0.2)).is_missing == layout.is_missing).all()
 
 
-def test_what_the_methods_are_told_is_wrong_as_the_case_says() -> None:
-    told = SensorPerturbation(
+def test_the_nominal_sensor_has_the_perturbation_of_the_case() -> None:
+    perturbation = SensorPerturbation(
         thickness_factor=1.1, young_factor=0.8, focal_factor=1.01, centre_off_px=5.0, is_lens_known=False
     )
-    case = replace(SMALL, told=told, missing_share=0.3)
+    case = replace(SMALL, perturbation=perturbation, missing_share=0.3)
     true, wrong = true_sensor(case), nominal_sensor(case)
     assert wrong.sheet is not None
     assert wrong.layout is not None

@@ -11,37 +11,37 @@ from pathlib import Path
 import pytest
 
 from manytouch.errors import ManytouchError
-from manytouch.evaluation.suite.workers import worked
+from manytouch.evaluation.suite.workers import run_tasks
 
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_every_task_has_its_result(processes: int) -> None:
-    assert dict(worked(math.sqrt, [1.0, 4.0, 9.0], processes=processes)) == {0: 1.0, 1: 2.0, 2: 3.0}
+    assert dict(run_tasks(math.sqrt, [1.0, 4.0, 9.0], processes=processes)) == {0: 1.0, 1: 2.0, 2: 3.0}
 
 
 @pytest.mark.parametrize("processes", [1, 2])
 def test_no_task_is_begun_after_the_stop(processes: int) -> None:
     answers = iter((False, False))
-    done = dict(worked(math.sqrt, [1.0, 4.0, 9.0], processes=processes, stop=lambda: next(answers, True)))
+    done = dict(run_tasks(math.sqrt, [1.0, 4.0, 9.0], processes=processes, stop=lambda: next(answers, True)))
     assert done == {0: 1.0, 1: 2.0}
 
 
-def test_a_killed_process_is_said_in_a_sentence() -> None:
+def test_a_killed_process_is_reported_in_a_sentence() -> None:
     with pytest.raises(ManytouchError, match="the same command goes on where it ended"):
-        list(worked(os._exit, [3, 3], processes=2))
+        list(run_tasks(os._exit, [3, 3], processes=2))
 
 
 BUSY = """
 import os, sys, time
 from pathlib import Path
-from manytouch.evaluation.suite.workers import worked
+from manytouch.evaluation.suite.workers import run_tasks
 
 def work(folder):
     Path(folder, str(os.getpid())).touch()
     time.sleep(60)
 
 if __name__ == "__main__":
-    list(worked(work, [sys.argv[1]] * 2, processes=2))
+    list(run_tasks(work, [sys.argv[1]] * 2, processes=2))
 """
 
 

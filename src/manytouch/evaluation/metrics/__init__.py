@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Metrics: from two records to samples of errors, and from samples to figures with limits.
+
+Reading files and drawing are elsewhere (`records`, `report`).
+"""

@@ -39,7 +39,7 @@ class Calibration:
 
 
 def calibration(error: Scalars, std: Scalars) -> Calibration | None:
-    """Judge predicted deviations by errors, component by component (both (n,)).
+    """Compare predicted deviations with errors, component by component (both (n,)).
 
     Returns:
         None when fewer than 20 components have both.

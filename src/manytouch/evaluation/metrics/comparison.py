@@ -19,7 +19,7 @@ from manytouch.evaluation.metrics.markers import DotSamples, dot_figures, dot_sa
 from manytouch.evaluation.metrics.matching import FAINT_MM, GATE_MM, PITCH_MM
 from manytouch.evaluation.metrics.separation import RATIOS, PairSamples, pair_samples, separation_curve
 from manytouch.evaluation.records.record import EvaluationError, Record, subset
-from manytouch.evaluation.report.worst_frame import Moment, worst_moment
+from manytouch.evaluation.report.worst_frame import WorstFrame, find_worst_frame
 from manytouch.values import LengthUnit
 from manytouch.values.arrays import Scalars, read_only
 
@@ -33,7 +33,7 @@ class MethodErrors:
 
     Attributes:
         name: of the recording.
-        method: who is judged.
+        method: that is evaluated.
         unit: of everything named _mm.
         true_frames: frames that the truth holds.
         frames: of them, those that the method gave; only these are compared.
@@ -55,7 +55,7 @@ class MethodErrors:
     contacts: ContactSamples
     pairs: PairSamples
     milliseconds: Scalars
-    worst: Moment | None
+    worst: WorstFrame | None
     notes: tuple[str, ...] = ()
 
 
@@ -66,7 +66,7 @@ def compare(
 
     Args:
         truth: what was true.
-        estimated: what the method said, in the same unit.
+        estimated: the estimates of the method, in the same unit.
         picture: gives the picture of a frame by its number, for the worst one.
 
     Raises:
@@ -98,7 +98,7 @@ def compare(
         contacts=contact_samples(true.contacts, given.contacts, gate_mm=gate_mm, faint_mm=faint_mm),
         pairs=pair_samples(true.contacts, given.contacts, gate_mm=gate_mm, faint_mm=faint_mm),
         milliseconds=given.milliseconds,
-        worst=worst_moment(true, given, gate_mm=gate_mm, picture=picture),
+        worst=find_worst_frame(true, given, gate_mm=gate_mm, picture=picture),
         notes=_notes(truth, estimated, len(shared)),
     )
 
@@ -133,7 +133,7 @@ def pooled(comparisons: Sequence[MethodErrors], name: str) -> MethodErrors:
         contacts=_together([one.contacts for one in comparisons]),
         pairs=_together([one.pairs for one in comparisons]),
         milliseconds=np.concatenate([one.milliseconds for one in comparisons]),
-        worst=max(ranked, key=lambda moment: moment.rmse_mm, default=None),
+        worst=max(ranked, key=lambda worst_frame: worst_frame.rmse_mm, default=None),
         notes=tuple(dict.fromkeys(note for one in comparisons for note in one.notes)),
     )
 
@@ -150,7 +150,7 @@ def figures(comparison: MethodErrors) -> Figures:
         "depth": depth_figures(comparison.depth, shallowest_mm=gates(comparison.unit)[1]),
         "contacts": contact_figures(comparison.contacts),
         "force": force_figures(comparison.contacts),
-        "separation": {"pairs": len(comparison.pairs.is_told)}
+        "separation": {"pairs": len(comparison.pairs.is_resolved)}
         | {
             f"from_mm_at_1_to_{ratio:g}": separation_curve(comparison.pairs, ratio).from_mm
             for ratio in RATIOS

@@ -10,7 +10,7 @@ from manytouch.evaluation.metrics.matching import GATE_MM, ContactPairs, match_c
 from manytouch.evaluation.records.record import ContactRows, subset
 from manytouch.values.arrays import Points2, Scalars
 
-SMALLEST_N = 0.05  # below it a relative error says nothing
+SMALLEST_N = 0.05  # below it relative errors are not computed
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -21,7 +21,7 @@ class ContactPairs:
 
     Attributes:
         true_row, estimated_row: (k,) of each pair.
-        is_required: true contacts that must be found; the others are too faint to be asked for.
+        is_required: true contacts that must be found; the others are too faint to be required.
         is_counted: estimated contacts that are right or wrong; the others sit on a faint true one.
     """
 

@@ -64,7 +64,7 @@ _QUANTITIES = {
     "force": "normal force",
 }
 
-YARDSTICKS: tuple[MetricSpec, ...] = (
+METRICS: tuple[MetricSpec, ...] = (
     *_lines(
         "detection",
         ("found_percent", "dots found", "%", 99.5, 95.0),
@@ -120,8 +120,8 @@ YARDSTICKS: tuple[MetricSpec, ...] = (
     ),
     *_lines(
         "separation",
-        ("from_mm_at_1_to_1", "two equal contacts told apart from", "mm", 8.0, 24.0),
-        ("from_mm_at_1_to_0.3", "two contacts of 1 : 0.3 told apart from", "mm", 12.0, 32.0),
+        ("from_mm_at_1_to_1", "two equal contacts resolved from", "mm", 8.0, 24.0),
+        ("from_mm_at_1_to_0.3", "two contacts of 1 : 0.3 resolved from", "mm", 12.0, 32.0),
         head=("from_mm_at_1_to_1", "from_mm_at_1_to_0.3"),
     ),
     *_lines(

@@ -1,4 +1,4 @@
-"""From which distance on are two contacts told apart?"""
+"""Two-point resolution: the smallest distance at which two contacts are found as two."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from manytouch.values.arrays import Mask, Scalars
 RATIOS = (1.0, 0.3)
 RATIO_TOLERANCE = 1.25  # a pair belongs to a ratio that it meets within this factor
 CLASS_MM = 2.0
-TOLD_APART = 0.9
+RESOLVED_SHARE = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -21,22 +21,22 @@ class PairSamples:
     Attributes:
         distance_mm: of their centres.
         force_ratio: weaker over stronger normal force; NaN where the forces are not known.
-        is_told: were they told apart?
+        is_resolved: whether they were found as two.
     """
 
     distance_mm: Scalars
     force_ratio: Scalars
-    is_told: Mask
+    is_resolved: Mask
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SeparationCurve:
-    """Share of frames in which two contacts are told apart, against their distance.
+    """Share of frames in which two contacts are resolved, against their distance.
 
     Attributes:
         force_ratio: which pairs: 1 or 0.3.
         distance_mm: (c,) middle of each class that holds frames.
-        share: (c,) told apart in it.
+        share: (c,) resolved in it.
         frames: (c,) in it.
         from_mm: least distance from which on the share is 90 % or more; NaN when it never is.
     """
@@ -53,10 +53,10 @@ def pair_samples(
 ) -> PairSamples:
     """Look at the frames in which two contacts touch, both at least `faint_mm` deep.
 
-    They are told apart when each has an estimate of its own, nearer to it than the gate and than half
+    They are resolved when each has an estimate of its own, nearer to it than the gate and than half
     their distance, and no third estimate lies within their distance of the point halfway between them.
     """
-    distances, ratios, told = [], [], []
+    distances, ratios, resolved = [], [], []
     for frame in np.unique(truth.frame):
         two = rows_of(truth, int(frame))
         if len(two) != 2 or (truth.depth_mm[two] < faint_mm).any():
@@ -70,11 +70,11 @@ def pair_samples(
         force = np.sort(truth.normal_force_N[two])
         distances.append(distance)
         ratios.append(float(force[0] / force[1]) if force[1] > 0 else np.nan)
-        told.append(len(pairs) == 2 and int(around.sum()) == 2)
+        resolved.append(len(pairs) == 2 and int(around.sum()) == 2)
     return PairSamples(
         distance_mm=np.array(distances, dtype=np.float64),
         force_ratio=np.array(ratios, dtype=np.float64),
-        is_told=np.array(told, dtype=bool),
+        is_resolved=np.array(resolved, dtype=bool),
     )
 
 
@@ -87,9 +87,11 @@ def separation_curve(
     number = np.round(samples.distance_mm[fits] / class_mm).astype(np.int64)
     classes, index = np.unique(number, return_inverse=True)
     frames = np.bincount(index, minlength=len(classes))
-    told = np.bincount(index, weights=samples.is_told[fits].astype(np.float64), minlength=len(classes))
-    share = told / np.maximum(frames, 1)
-    good = np.flatnonzero(np.logical_and.accumulate((share >= TOLD_APART)[::-1])[::-1])
+    resolved = np.bincount(
+        index, weights=samples.is_resolved[fits].astype(np.float64), minlength=len(classes)
+    )
+    share = resolved / np.maximum(frames, 1)
+    good = np.flatnonzero(np.logical_and.accumulate((share >= RESOLVED_SHARE)[::-1])[::-1])
     return SeparationCurve(
         force_ratio=force_ratio,
         distance_mm=tuple((classes * class_mm).tolist()),

@@ -49,10 +49,10 @@ class Deflection:
 
     def depth_of_10_N_mm(self, young_MPa: float) -> float:
         """Depth of 10 N with large deflection; NaN beyond what was solved."""
-        asked = FORCE_N / young_MPa
-        if asked > self.force_over_E_mm2[-1]:
+        ratio_mm2 = FORCE_N / young_MPa
+        if ratio_mm2 > self.force_over_E_mm2[-1]:
             return float("nan")
-        return float(np.interp(asked, self.force_over_E_mm2, self.depth_mm))
+        return float(np.interp(ratio_mm2, self.force_over_E_mm2, self.depth_mm))
 
     @property
     def linear_young_MPa(self) -> float:

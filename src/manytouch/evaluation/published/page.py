@@ -11,10 +11,10 @@ import numpy as np
 from manytouch.evaluation.published import material, places, spacing
 from manytouch.evaluation.published.speed import Speed, speed
 from manytouch.evaluation.report.report_data import plain
-from manytouch.evaluation.report.svg_theme import INK, METHODS, SOFT, figure, svg
-from manytouch.evaluation.suite.recordings import FemTwin
+from manytouch.evaluation.report.svg_theme import FOREGROUND, METHODS, SOFT, figure, svg
+from manytouch.evaluation.suite.recordings import FemSimulation
 from manytouch.evaluation.suite.solutions import Solutions, solve_missing
-from manytouch.evaluation.suite.workers import Watch
+from manytouch.evaluation.suite.workers import RunObserver
 from manytouch.pipeline import Pipeline
 from manytouch.simulation.fem.cache import StateCache
 from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
@@ -49,38 +49,38 @@ def experiments(
     methods: Mapping[str, Pipeline],
     folder: Path,
     *,
-    watch: Watch | None = None,
+    observer: RunObserver | None = None,
     stop: Callable[[], bool] | None = None,
     processes: int = 1,
 ) -> Experiments | None:
     """Do them all; solved states are kept in a folder. None when it was stopped."""
     solutions, cache = Solutions(folder=folder), StateCache(folder=folder)
-    solve_missing(places.presses(), solutions, watch=watch, stop=stop, processes=processes)
-    if watch is not None:
-        watch.begin("solving", len(material.SHEETS_MM))
+    solve_missing(places.presses(), solutions, observer=observer, stop=stop, processes=processes)
+    if observer is not None:
+        observer.begin("solving", len(material.SHEETS_MM))
     deflections = []
     for size_mm in material.SHEETS_MM:
         if stop is not None and stop():
             return None
         deflections.append(material.deflection(size_mm, cache))
-        if watch is not None:
+        if observer is not None:
             young_MPa = deflections[-1].young_MPa
-            watch.done(f"{size_mm[0]:g} x {size_mm[1]:g} mm", f"10.1 mm deep with {young_MPa:.2f} MPa")
+            observer.done(f"{size_mm[0]:g} x {size_mm[1]:g} mm", f"10.1 mm deep with {young_MPa:.2f} MPa")
     pressed, gap_MPa = material.printed_press(cache)
-    twin = FemTwin(solutions=solutions)
+    simulation = FemSimulation(solutions=solutions)
     return Experiments(
         deflections=tuple(deflections),
         sag_mm=material.sag_mm(cache),
         gaps=tuple(spacing.gaps(pressed, height_mm) for height_mm in HEIGHTS_MM),
         gap_MPa=gap_MPa,
-        presses=places.table(methods, twin),
-        speed=speed(twin.play(places.presses()[0])),
+        presses=places.table(methods, simulation),
+        speed=speed(simulation.simulate(places.presses()[0])),
     )
 
 
 def contents(found: Experiments) -> dict[str, Any]:
     """All figures; None where one is not known."""
-    told_all: dict[str, Any] = plain(
+    data: dict[str, Any] = plain(
         {
             "material": [
                 {
@@ -106,7 +106,7 @@ def contents(found: Experiments) -> dict[str, Any]:
             "speed": asdict(found.speed) | {"frames_per_second": found.speed.frames_per_second},
         }
     )
-    return told_all
+    return data
 
 
 def row(presses: tuple[places.Press, places.Press]) -> list[float]:
@@ -126,16 +126,16 @@ def write_page(found: Experiments, folder: Path) -> Path:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    told_all = contents(found)
+    data = contents(found)
     text = environment.get_template(PAGE).render(
-        told=told_all,
+        data=data,
         moduli=[f"{young:g}" for young in MODULI_MPA],
         chart=Markup(deflection_chart(found.deflections)),
-        truth=told_all["table_3"]["truth"],
+        truth=data["table_3"]["truth"],
     )
     page = folder / "paper.html"
     for path, content in (
-        (folder / "paper.json", json.dumps(told_all, indent=1, allow_nan=False) + "\n"),
+        (folder / "paper.json", json.dumps(data, indent=1, allow_nan=False) + "\n"),
         (page, text),
     ):
         output = AtomicOutput(path)
@@ -156,7 +156,7 @@ def deflection_chart(deflections: tuple[material.Deflection, ...]) -> str:
             dense_MPa = np.geomspace(1.6, 42.0, 80)
             linear = [one.linear_depth_mm(float(young)) for young in dense_MPa]
             axes.plot(dense_MPa, linear, color=METHODS[number], linestyle=":", linewidth=1.2)
-        axes.axhline(material.PRINTED_DEPTH_MM, color=INK, linewidth=0.8)
+        axes.axhline(material.PRINTED_DEPTH_MM, color=FOREGROUND, linewidth=0.8)
         axes.text(
             41, material.PRINTED_DEPTH_MM + 0.2, "printed: 10.1 mm", color=SOFT, ha="right", va="bottom"
         )
@@ -167,6 +167,6 @@ def deflection_chart(deflections: tuple[material.Deflection, ...]) -> str:
         axes.minorticks_off()
         axes.set_xlabel("Young's modulus (MPa)")
         axes.set_ylabel("depth under 10 N on 1 cm² (mm)")
-        axes.set_title("Large deflection (lines) and what a linear model says (dots)")
+        axes.set_title("Large deflection (lines) and that of a linear model (dots)")
         axes.legend(loc="lower left")
         return svg(drawn, "Depth of a pressed sheet against its Young's modulus")

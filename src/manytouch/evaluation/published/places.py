@@ -12,7 +12,7 @@ import numpy as np
 
 from manytouch.calibration.rest.assumed_sensor import register_rest
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case, Touch
-from manytouch.evaluation.suite.recordings import Recording, Twin
+from manytouch.evaluation.suite.recordings import CaseSimulation, Recording
 from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.pipeline import Pipeline
 
@@ -25,7 +25,7 @@ BALL_MM = {60.0: 10.674, 115.0: 10.68}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Press:
-    """One press as somebody reads it; NaN where no contact is given.
+    """One press as estimated, or in truth; NaN where no contact is given.
 
     Attributes:
         along_mm: place of the contact from the left edge.
@@ -55,9 +55,9 @@ def presses() -> tuple[Case, Case]:
     return first, second
 
 
-def table(methods: Mapping[str, Pipeline], twin: Twin) -> dict[str, tuple[Press, Press]]:
-    """The last frame of both presses, in truth and as each method says."""
-    recordings = [(case, twin.play(case)) for case in presses()]
+def table(methods: Mapping[str, Pipeline], simulation: CaseSimulation) -> dict[str, tuple[Press, Press]]:
+    """The last frame of both presses, in truth and as each method estimates it."""
+    recordings = [(case, simulation.simulate(case)) for case in presses()]
     rows = {"truth": tuple(_true(recording) for _, recording in recordings)}
     for method, pipeline in methods.items():
         rows[method] = tuple(_read(case, recording, pipeline) for case, recording in recordings)

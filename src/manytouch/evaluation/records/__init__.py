@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Records: one recording as a method estimated it, or its ground truth, from files or from memory.
+
+How they are compared is in `metrics`.
+"""

@@ -39,7 +39,7 @@ def load_truth(folder: Path) -> Record:
 
 
 def details(folder: Path) -> dict[str, Any]:
-    """Parameters, versions, assumptions and sensor that summary.json tells, where there is one."""
+    """Parameters, versions, assumptions and sensor of summary.json, where there is one."""
     summary = _summary(folder)
     names = ("method", "parameters", "versions", "assumptions", "sensor", "input")
     return {name: summary[name] for name in names if name in summary}
@@ -96,7 +96,7 @@ def _markers(path: Path, what: str) -> pa.Table:
         table = pq.read_table(path)
     except (pa.ArrowException, OSError) as error:
         raise EvaluationError(
-            f"{path} cannot be read as Parquet ({str(error).splitlines()[0]}); write it anew"
+            f"{path} cannot be read as Parquet ({str(error).splitlines()[0]}); regenerate it"
         ) from error
     _check_columns(
         table.column_names, ("frame", "marker", "row", "column", "x_px", "y_px", "seen"), path, table.num_rows
@@ -132,7 +132,9 @@ def _contacts(path: Path, what: str) -> tuple[ContactRows, LengthUnit]:
             }
         )
     except (ValueError, IndexError) as error:
-        raise EvaluationError(f"{path} holds something that is no number ({error}); write it anew") from error
+        raise EvaluationError(
+            f"{path} contains a value that is not a number ({error}); regenerate it"
+        ) from error
     return rows, unit
 
 
@@ -155,7 +157,9 @@ def _frames(path: Path) -> dict[str, np.ndarray]:
             "milliseconds": np.array([float(line[place["milliseconds"]] or "nan") for line in lines]),
         }
     except (ValueError, IndexError) as error:
-        raise EvaluationError(f"{path} holds something that is no number ({error}); write it anew") from error
+        raise EvaluationError(
+            f"{path} contains a value that is not a number ({error}); regenerate it"
+        ) from error
 
 
 def _csv(path: Path, what: str) -> tuple[list[str], list[list[str]]]:
@@ -164,9 +168,9 @@ def _csv(path: Path, what: str) -> tuple[list[str], list[list[str]]]:
         with path.open(newline="", encoding="utf-8") as file:
             lines = list(csv.reader(file))
     except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise EvaluationError(f"{path} cannot be read as a table ({error}); write it anew") from error
+        raise EvaluationError(f"{path} cannot be read as a table ({error}); regenerate it") from error
     if not lines:
-        raise EvaluationError(f"{path} is empty, without even a header; write it anew")
+        raise EvaluationError(f"{path} is empty, without even a header; regenerate it")
     return lines[0], lines[1:]
 
 

@@ -25,7 +25,7 @@ class OneFrame(Protocol):
 
 
 def record_of_readings(readings: Sequence[Reading], sensor: Sensor, *, name: str, method: str) -> Record:
-    """What a method said of some frames."""
+    """The record of a method's readings."""
     return _record(
         readings,
         sensor,

@@ -1,4 +1,4 @@
-"""What a method said of a recording, or what is true of it: the same value for both."""
+"""One recording as a method estimated it, or its ground truth: the same value for both."""
 
 from dataclasses import dataclass
 from pathlib import Path

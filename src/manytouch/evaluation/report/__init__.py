@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""The report of an evaluation: one HTML page with figures as inline SVG, and `report.json`.
+
+Figures of merit are computed in `metrics`; here they are rated, drawn and written.
+"""

@@ -7,11 +7,11 @@ import numpy as np
 from manytouch.evaluation.metrics.calibration import Calibration
 from manytouch.evaluation.metrics.comparison import MethodErrors, gates
 from manytouch.evaluation.metrics.depth import error_against_depth
-from manytouch.evaluation.metrics.separation import TOLD_APART, separation_curve
+from manytouch.evaluation.metrics.separation import RESOLVED_SHARE, separation_curve
 from manytouch.evaluation.report.svg_theme import (
     DASHES,
     FAINT,
-    INK,
+    FOREGROUND,
     METHODS,
     PAPER,
     SIGNS,
@@ -36,7 +36,7 @@ def depth_error_chart(compared: Compared) -> str:
     with figure() as drawn:
         axes = drawn.add_subplot()
         unit = next(iter(compared.values())).unit
-        axes.axhline(0.0, color=INK, linewidth=0.8)
+        axes.axhline(0.0, color=FOREGROUND, linewidth=0.8)
         for number, (method, one) in enumerate(compared.items()):
             curve = error_against_depth(one.depth.true_mm, one.depth.error_mm)
             if not curve["count"]:
@@ -173,7 +173,7 @@ def force_chart(compared: Compared) -> str:
                     markeredgewidth=0,
                 )
                 largest = max(largest, float(true[both].max()), float(estimated[both].max()))
-        axes.plot([0, largest], [0, largest], color=INK, linewidth=0.8)
+        axes.plot([0, largest], [0, largest], color=FOREGROUND, linewidth=0.8)
         axes.set(xlabel="true normal force (N)", ylabel="estimated (N)")
         axes.set_title("Normal force of the contacts that were found")
         legend(axes, loc="best")
@@ -181,11 +181,11 @@ def force_chart(compared: Compared) -> str:
 
 
 def separation_chart(compared: Compared, ratio: float) -> str:
-    """Share of frames in which two contacts are told apart against their distance."""
+    """Share of frames in which two contacts are resolved against their distance."""
     with figure() as drawn:
         axes = drawn.add_subplot()
         unit = next(iter(compared.values())).unit
-        axes.axhline(100 * TOLD_APART, color=SOFT, linewidth=0.9, linestyle=(0, (2, 2)))
+        axes.axhline(100 * RESOLVED_SHARE, color=SOFT, linewidth=0.9, linestyle=(0, (2, 2)))
         is_empty = True
         for number, (method, one) in enumerate(compared.items()):
             curve = separation_curve(one.pairs, ratio)
@@ -204,21 +204,19 @@ def separation_chart(compared: Compared, ratio: float) -> str:
         if is_empty:
             nothing(axes, "no frame with two such contacts")
         axes.set(
-            ylim=(-4, 104), xlabel=f"distance of the two contacts ({unit})", ylabel="told apart (% of frames)"
+            ylim=(-4, 104), xlabel=f"distance of the two contacts ({unit})", ylabel="resolved (% of frames)"
         )
         axes.set_xlim(left=0)
         axes.set_title(f"Two contacts, forces 1 : {ratio:g}")
         legend(axes, loc="best")
-        return svg(
-            drawn, f"Share of frames in which two contacts of force ratio 1 to {ratio:g} are told apart"
-        )
+        return svg(drawn, f"Share of frames in which two contacts of force ratio 1 to {ratio:g} are resolved")
 
 
 def reliability_chart(found: Mapping[str, Mapping[str, Calibration | None]], quantity: str) -> str:
     """Observed against promised coverage: below the diagonal is overconfident."""
     with figure(4.0, 3.4) as drawn:
         axes = drawn.add_subplot()
-        axes.plot([0, 100], [0, 100], color=INK, linewidth=0.8)
+        axes.plot([0, 100], [0, 100], color=FOREGROUND, linewidth=0.8)
         for number, (method, curves) in enumerate(found.items()):
             curve = curves[quantity]
             if curve is None:

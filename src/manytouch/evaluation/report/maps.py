@@ -1,4 +1,4 @@
-"""The report's maps of the sheet: errors of a method, and the worst moments."""
+"""The report's maps of the sheet: errors of a method, and the worst frames."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -7,8 +7,8 @@ import numpy as np
 
 from manytouch.evaluation.metrics.comparison import MethodErrors
 from manytouch.evaluation.metrics.depth import error_map
-from manytouch.evaluation.report.svg_theme import FAINT, INK, SOFT, figure, nothing, svg
-from manytouch.evaluation.report.worst_frame import Moment
+from manytouch.evaluation.report.svg_theme import FAINT, FOREGROUND, SOFT, figure, nothing, svg
+from manytouch.evaluation.report.worst_frame import WorstFrame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -51,50 +51,58 @@ def _error_map(method: str, values: np.ndarray, limits: tuple[float, float], uni
         return svg(drawn, f"RMS error of the depth over the sheet, method {method}")
 
 
-def worst_figure(moment: Moment, unit: str) -> str:
+def worst_figure(worst_frame: WorstFrame, unit: str) -> str:
     """Truth, estimate and their difference in one frame, with the contacts."""
-    wide, tall = np.maximum(np.ptp(moment.place, axis=0), 1e-9)
+    wide, tall = np.maximum(np.ptp(worst_frame.place, axis=0), 1e-9)
     with figure(7.4, float(np.clip(1.15 + 2.45 * tall / wide, 2.3, 4.2))) as drawn:
         panels: Any = drawn.subplots(1, 3, sharex=True, sharey=True)
-        both = np.concatenate([moment.true_mm, moment.estimated_mm])
+        both = np.concatenate([worst_frame.true_mm, worst_frame.estimated_mm])
         largest = float(np.nanmax(np.abs(both)))
-        error = moment.estimated_mm - moment.true_mm
+        error = worst_frame.estimated_mm - worst_frame.true_mm
         worst = float(np.nanmax(np.abs(error))) or 1.0
-        _panel(panels[0], moment, moment.true_mm, DEPTH_COLOURS, (0.0, largest))
-        first = _panel(panels[1], moment, moment.estimated_mm, DEPTH_COLOURS, (0.0, largest))
-        last = _panel(panels[2], moment, error, ERROR_COLOURS, (-worst, worst))
+        _panel(panels[0], worst_frame, worst_frame.true_mm, DEPTH_COLOURS, (0.0, largest))
+        first = _panel(panels[1], worst_frame, worst_frame.estimated_mm, DEPTH_COLOURS, (0.0, largest))
+        last = _panel(panels[2], worst_frame, error, ERROR_COLOURS, (-worst, worst))
         panels[0].set_title("truth")
         panels[1].set_title("estimate")
         panels[2].set_title("estimate − truth")
         for axes in panels:
-            axes.set_xlabel("column" if moment.place_unit == "column" else f"x ({moment.place_unit})")
-        panels[0].set_ylabel("row" if moment.place_unit == "column" else f"y ({moment.place_unit})")
-        if moment.place_unit == unit:
-            _contacts(panels[0], moment.true_contact_mm, moment.is_found, "+")
-            _contacts(panels[1], moment.contact_mm, moment.is_right, "x")
+            axes.set_xlabel(
+                "column" if worst_frame.place_unit == "column" else f"x ({worst_frame.place_unit})"
+            )
+        panels[0].set_ylabel("row" if worst_frame.place_unit == "column" else f"y ({worst_frame.place_unit})")
+        if worst_frame.place_unit == unit:
+            _contacts(panels[0], worst_frame.true_contact_mm, worst_frame.is_found, "+")
+            _contacts(panels[1], worst_frame.contact_mm, worst_frame.is_right, "x")
         _scale(drawn, first, panels[:2], f"depth ({unit})", below=True)
         _scale(drawn, last, panels[2], f"error ({unit})", below=True)
-        return svg(drawn, f"True and estimated depth in frame {moment.frame} of {moment.recording}")
+        return svg(drawn, f"True and estimated depth in frame {worst_frame.frame} of {worst_frame.recording}")
 
 
-def worst_moments(comparisons: Sequence[MethodErrors], count: int) -> list[Moment]:
-    """The worst moments of as many different recordings."""
-    moments = [one.worst for one in comparisons if one.worst is not None]
-    return sorted(moments, key=lambda moment: -moment.rmse_mm)[:count]
+def worst_frames(comparisons: Sequence[MethodErrors], count: int) -> list[WorstFrame]:
+    """The worst frames of as many different recordings."""
+    worst = [one.worst for one in comparisons if one.worst is not None]
+    return sorted(worst, key=lambda worst_frame: -worst_frame.rmse_mm)[:count]
 
 
 def _panel(
-    axes: "Axes", moment: Moment, values: np.ndarray, colours: str, limits: tuple[float, float]
+    axes: "Axes", worst_frame: WorstFrame, values: np.ndarray, colours: str, limits: tuple[float, float]
 ) -> Any:
     """Values at the markers, as cells of a lattice where there is one, else as dots."""
     axes.set_aspect("equal")
     axes.grid(visible=False)
-    x, column = np.unique(np.round(moment.place[:, 0], 6), return_inverse=True)
-    y, row = np.unique(np.round(moment.place[:, 1], 6), return_inverse=True)
+    x, column = np.unique(np.round(worst_frame.place[:, 0], 6), return_inverse=True)
+    y, row = np.unique(np.round(worst_frame.place[:, 1], 6), return_inverse=True)
     low, high = limits
-    if moment.place_unit == "px" or len(x) * len(y) > 4 * len(values) or min(len(x), len(y)) < 2:
+    if worst_frame.place_unit == "px" or len(x) * len(y) > 4 * len(values) or min(len(x), len(y)) < 2:
         shown: Any = axes.scatter(
-            moment.place[:, 0], moment.place[:, 1], c=values, s=12, cmap=colours, vmin=low, vmax=high
+            worst_frame.place[:, 0],
+            worst_frame.place[:, 1],
+            c=values,
+            s=12,
+            cmap=colours,
+            vmin=low,
+            vmax=high,
         )
         if axes.get_ylim()[0] < axes.get_ylim()[1]:
             axes.invert_yaxis()
@@ -124,5 +132,5 @@ def _scale(drawn: "Figure", shown: Any, axes: Any, words: str, *, below: bool = 
         bar = drawn.colorbar(shown, ax=axes, shrink=0.9, aspect=18)
     bar.set_label(words, color=SOFT)
     bar.ax.tick_params(color=FAINT, labelcolor=SOFT)
-    bar.outline.set_edgecolor(INK)
+    bar.outline.set_edgecolor(FOREGROUND)
     bar.outline.set_linewidth(0.4)

@@ -13,7 +13,7 @@ from manytouch.errors import MissingExtraError
 from manytouch.evaluation.metrics.comparison import MethodErrors, calibrations
 from manytouch.evaluation.metrics.separation import RATIOS
 from manytouch.evaluation.report import charts, maps
-from manytouch.evaluation.report.ratings import case_rows, halves_rows, judgement, table
+from manytouch.evaluation.report.ratings import case_rows, halves_rows, rate_methods, table
 from manytouch.evaluation.report.report_data import contents, part, unit_of
 from manytouch.evaluation.report.svg_theme import require_matplotlib
 from manytouch.evaluation.suite.runner import Evaluation
@@ -25,7 +25,7 @@ WORST_PER_METHOD = 2
 
 
 def require_packages() -> None:
-    """Raises MissingExtraError when the page cannot be made; to be asked before a long run."""
+    """Raises MissingExtraError when the page cannot be made; to be called before a long run."""
     if find_spec("jinja2") is None:
         raise MissingExtraError("the report", "jinja2", "report")
     require_matplotlib()
@@ -42,14 +42,14 @@ def write_report(evaluation: Evaluation, folder: Path) -> Path:
         OutputError: the folder cannot be written.
     """
     require_packages()
-    told_all = contents(evaluation)
-    _write(folder / "report.json", json.dumps(told_all, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
+    data = contents(evaluation)
+    _write(folder / "report.json", json.dumps(data, indent=1, ensure_ascii=False, allow_nan=False) + "\n")
     page = folder / "report.html"
-    _write(page, rendered(evaluation, told_all))
+    _write(page, rendered(evaluation, data))
     return page
 
 
-def rendered(evaluation: Evaluation, told_all: dict[str, Any]) -> str:
+def rendered(evaluation: Evaluation, data: dict[str, Any]) -> str:
     """The page as text."""
     from jinja2 import Environment, PackageLoader, StrictUndefined
     from markupsafe import Markup
@@ -66,16 +66,16 @@ def rendered(evaluation: Evaluation, told_all: dict[str, Any]) -> str:
     drawn = _drawings(evaluation, compared, unit)
     return environment.get_template(PAGE).render(
         evaluation=evaluation,
-        told=told_all,
+        data=data,
         unit=unit,
         compared=compared,
-        judgement=judgement(told_all),
-        table=lambda section: table(told_all, section),
-        halves=halves_rows(told_all),
-        cases=case_rows(told_all),
+        ratings=rate_methods(data),
+        table=lambda section: table(data, section),
+        halves=halves_rows(data),
+        cases=case_rows(data),
         drawn={name: [Markup(item) for item in items] for name, items in drawn.items()},
         worst=_worst(evaluation, unit, Markup),
-        settings=json.dumps(told_all["settings"], indent=1, ensure_ascii=False),
+        settings=json.dumps(data["settings"], indent=1, ensure_ascii=False),
         minutes=evaluation.seconds / 60,
     )
 
@@ -105,14 +105,14 @@ def _worst(evaluation: Evaluation, unit: str, markup: Any) -> list[dict[str, Any
     shown = []
     for method in evaluation.methods:
         everything = [one for trial in evaluation.trials for one in trial.comparisons if one.method == method]
-        for moment in maps.worst_moments(everything, WORST_PER_METHOD):
+        for worst_frame in maps.worst_frames(everything, WORST_PER_METHOD):
             shown.append(
                 {
-                    "moment": moment,
-                    "missed": int((~moment.is_found).sum()),
-                    "false": int((~moment.is_right).sum()),
-                    "maps": markup(maps.worst_figure(moment, unit)),
-                    "picture": None if moment.picture is None else data_address(moment.picture),
+                    "worst_frame": worst_frame,
+                    "missed": int((~worst_frame.is_found).sum()),
+                    "false": int((~worst_frame.is_right).sum()),
+                    "maps": markup(maps.worst_figure(worst_frame, unit)),
+                    "picture": None if worst_frame.picture is None else data_address(worst_frame.picture),
                 }
             )
     return shown

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from manytouch.evaluation.metrics.metric_specs import YARDSTICKS, MetricSpec, found, off_aim, verdict, written
+from manytouch.evaluation.metrics.metric_specs import METRICS, MetricSpec, found, off_aim, verdict, written
 from manytouch.values import LengthUnit
 
 SIGNS = {"good": "●", "fair": "◐", "poor": "○", "none": ""}
@@ -41,7 +41,7 @@ class Row:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judgement:
+class Rating:
     """What is good and what is poor of one method: labels and figures."""
 
     method: str
@@ -50,13 +50,11 @@ class Judgement:
     missing: tuple[str, ...]
 
 
-def table(told: dict[str, Any], section: str) -> list[Row]:
+def table(data: dict[str, Any], section: str) -> list[Row]:
     """The rows of a section, or of "summary", of all recordings; without figures that nobody gives."""
-    everything = [told["figures"][method]["all"] for method in told["methods"]]
-    unit: LengthUnit = told["unit"]
-    lines = [
-        line for line in YARDSTICKS if (line.is_head if section == "summary" else line.section == section)
-    ]
+    everything = [data["figures"][method]["all"] for method in data["methods"]]
+    unit: LengthUnit = data["unit"]
+    lines = [line for line in METRICS if (line.is_head if section == "summary" else line.section == section)]
     rows = []
     for line in lines:
         cells = [cell(line, figured, unit) for figured in everything]
@@ -96,27 +94,27 @@ def limits(line: MetricSpec, unit: LengthUnit) -> str:
     return f"{sides[0]} {good:g}, poor {sides[1]} {poor:g}"
 
 
-def judgement(told: dict[str, Any]) -> list[Judgement]:
+def rate_methods(data: dict[str, Any]) -> list[Rating]:
     """What of the summary is good of each method, what is poor, and what it does not give."""
-    lines = [line for line in YARDSTICKS if line.is_head]
-    judged = []
-    for method in told["methods"]:
-        shown = [(line.label, cell(line, told["figures"][method]["all"], told["unit"])) for line in lines]
+    lines = [line for line in METRICS if line.is_head]
+    rated = []
+    for method in data["methods"]:
+        shown = [(line.label, cell(line, data["figures"][method]["all"], data["unit"])) for line in lines]
         sides = {
             word: tuple((label, one.text) for label, one in shown if one.verdict == word) for word in SIGNS
         }
-        judged.append(
-            Judgement(
+        rated.append(
+            Rating(
                 method=method,
                 good=sides["good"],
                 poor=sides["poor"],
                 missing=tuple(label for label, _ in sides["none"]),
             )
         )
-    return judged
+    return rated
 
 
-def halves_rows(told: dict[str, Any]) -> list[dict[str, Any]]:
+def halves_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
     """Main figures by group and half, one row for each part and method."""
     names = {
         "nominal": "nominal",
@@ -130,31 +128,31 @@ def halves_rows(told: dict[str, Any]) -> list[dict[str, Any]]:
         *(("contacts", "precision_percent"), ("contacts", "recall_percent")),
         *(("contacts", "position_median_mm"), ("force", "normal_median_percent")),
     )
-    lines = [next(line for line in YARDSTICKS if (line.section, line.key) == key) for key in keys]
+    lines = [next(line for line in METRICS if (line.section, line.key) == key) for key in keys]
     rows = []
     for name, words in names.items():
-        for method in told["methods"]:
-            figured = told["figures"][method].get(name)
+        for method in data["methods"]:
+            figured = data["figures"][method].get(name)
             if figured is not None:
-                values = [written(line, found(line, figured), told["unit"]) for line in lines]
+                values = [written(line, found(line, figured), data["unit"]) for line in lines]
                 rows.append({"part": words, "method": method, "values": values})
     return rows
 
 
-def case_rows(told: dict[str, Any]) -> list[dict[str, Any]]:
+def case_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
     """The main figures of every recording."""
     keys = (("depth", "rmse_median_mm"), ("contacts", "recall_percent"), ("contacts", "precision_percent"))
-    lines = [next(line for line in YARDSTICKS if (line.section, line.key) == key) for key in keys]
+    lines = [next(line for line in METRICS if (line.section, line.key) == key) for key in keys]
     return [
         {
             "title": one["title"],
             "case": one["case"],
             "cells": [
-                [cell(line, one["figures"][method], told["unit"]) for line in lines]
-                for method in told["methods"]
+                [cell(line, one["figures"][method], data["unit"]) for line in lines]
+                for method in data["methods"]
             ],
         }
-        for one in told["cases"]
+        for one in data["cases"]
     ]
 
 

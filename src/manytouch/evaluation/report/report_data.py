@@ -1,4 +1,4 @@
-"""An evaluation as plain numbers: what report.json says and the page shows."""
+"""An evaluation as plain numbers: the content of report.json and of the page."""
 
 import math
 from collections.abc import Iterable
@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from manytouch.evaluation.metrics.comparison import MethodErrors, calibrations, curves, figures, pooled
-from manytouch.evaluation.metrics.metric_specs import YARDSTICKS, found, verdict, written
+from manytouch.evaluation.metrics.metric_specs import METRICS, found, verdict, written
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 
 SCHEMA = 1
@@ -16,11 +16,11 @@ PARTS = ("all", "nominal", "separation", "stress", "looked_at", "held_out")
 def contents(evaluation: Evaluation) -> dict[str, Any]:
     """Everything in numbers and words; None where a figure is not given."""
     whole = {method: part(evaluation, method) for method in evaluation.methods}
-    told: dict[str, Any] = plain(
+    data: dict[str, Any] = plain(
         {
             "schema": SCHEMA,
             "title": evaluation.title,
-            "truth": evaluation.truth_in_words,
+            "truth": evaluation.truth_description,
             "unit": unit_of(evaluation),
             "methods": list(evaluation.methods),
             "recordings": len(evaluation.trials),
@@ -35,7 +35,7 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
             "settings": dict(evaluation.settings),
         }
     )
-    return told
+    return data
 
 
 def part(evaluation: Evaluation, method: str, name: str = "all") -> MethodErrors | None:
@@ -60,7 +60,7 @@ def in_short(evaluation: Evaluation, method: str) -> str:
     if one is None:
         return "no recording"
     everything = figures(one)
-    lines = [line for line in YARDSTICKS if (line.section, line.key) in keys]
+    lines = [line for line in METRICS if (line.section, line.key) in keys]
     return ", ".join(f"{line.label} {written(line, found(line, everything), one.unit)}" for line in lines)
 
 
@@ -81,7 +81,7 @@ def belongs(trial: Trial, name: str) -> bool:
 
 
 def _promised(compared: Iterable[MethodErrors | None]) -> dict[str, bool]:
-    """Of which quantities any method gives deviations that can be judged."""
+    """Of which quantities any method gives deviations that can be rated."""
     given = [calibrations(one) for one in compared if one is not None]
     return {name: any(one[name] for one in given) for name in ("centre", "depth", "position", "force")}
 
@@ -95,7 +95,7 @@ def _verdicts(comparison: MethodErrors) -> dict[str, str]:
     everything = figures(comparison)
     return {
         f"{line.section}.{line.key}": word
-        for line in YARDSTICKS
+        for line in METRICS
         if (word := verdict(line, found(line, everything), comparison.unit)) != "none"
     }
 

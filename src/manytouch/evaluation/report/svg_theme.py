@@ -18,12 +18,12 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-INK, SOFT, FAINT, PAPER = "#010203", "#010204", "#010205", "#010206"
+FOREGROUND, SOFT, FAINT, PAPER = "#010203", "#010204", "#010205", "#010206"
 METHODS = ("#010211", "#010212", "#010213", "#010214", "#010215", "#010216")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.5, 1.4)), (0, (6, 1.5, 1.5, 1.5)), "-", "--")
 SIGNS = ("o", "s", "^", "D", "v", "P")
 ROLES = {
-    INK: "var(--ink)",
+    FOREGROUND: "var(--foreground)",
     SOFT: "var(--soft)",
     FAINT: "var(--faint)",
     PAPER: "var(--paper)",
@@ -43,10 +43,10 @@ STYLE: dict[Any, Any] = {
     "ytick.labelsize": LETTERS_PT - 1,
     "legend.fontsize": LETTERS_PT - 1,
     "legend.frameon": False,
-    "text.color": INK,
+    "text.color": FOREGROUND,
     "axes.labelcolor": SOFT,
     "axes.edgecolor": FAINT,
-    "axes.titlecolor": INK,
+    "axes.titlecolor": FOREGROUND,
     "xtick.color": FAINT,
     "ytick.color": FAINT,
     "xtick.labelcolor": SOFT,
@@ -123,7 +123,7 @@ def legend(axes: "Axes", **where: Any) -> None:
 
 
 def nothing(axes: "Axes", sentence: str) -> None:
-    """Say in an empty chart why it is empty."""
+    """Print in an empty chart why it is empty."""
     axes.text(0.5, 0.5, sentence, transform=axes.transAxes, ha="center", va="center", color=SOFT, wrap=True)
 
 

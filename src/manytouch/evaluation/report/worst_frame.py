@@ -16,7 +16,7 @@ WIDEST_PX = 900
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Moment:
+class WorstFrame:
     """A frame of a recording.
 
     Attributes:
@@ -48,13 +48,13 @@ class Moment:
     picture: np.ndarray | None
 
 
-def worst_moment(
+def find_worst_frame(
     truth: Record,
     estimated: Record,
     *,
     gate_mm: float,
     picture: Callable[[int], np.ndarray | None] | None = None,
-) -> Moment | None:
+) -> WorstFrame | None:
     """The frame of the largest RMSE of depth among those in which something touches.
 
     Both records must hold the same frames. None when nothing touches, or no depth is given.
@@ -71,7 +71,7 @@ def worst_moment(
     mine = truth.contacts.centre_mm[truth.contacts.frame == frame]
     theirs = estimated.contacts.centre_mm[estimated.contacts.frame == frame]
     pair = assigned(np.linalg.norm(mine[:, None] - theirs[None], axis=2), gate_mm)
-    return Moment(
+    return WorstFrame(
         recording=estimated.name,
         method=estimated.method,
         frame=frame,

@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""The accuracy suite: its cases, their solved states and recordings, and the run over all methods.
+
+The finite elements themselves are in `manytouch.simulation`, the figures in `metrics`.
+"""

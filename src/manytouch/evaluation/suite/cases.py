@@ -1,4 +1,4 @@
-"""What a case of the accuracy suite is, in plain numbers, whatever truth plays it."""
+"""What a case of the accuracy suite is, in plain numbers, independent of the simulation."""
 
 from dataclasses import dataclass
 from typing import Literal
@@ -14,7 +14,7 @@ class Touch:
     Attributes:
         at_mm: x, y of its middle.
         radius_mm: of the ball.
-        strength: at the end of the ramp; what it means says the case.
+        strength: at the end of the ramp; see `Case.strength_is`.
     """
 
     at_mm: tuple[float, float]
@@ -24,12 +24,12 @@ class Touch:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorPerturbation:
-    """What the methods are told that is not so, as factors and offsets on the true sensor.
+    """Difference of the sensor given to the methods from the true one, as factors and offsets.
 
     Attributes:
-        thickness_factor, young_factor, focal_factor: told over true.
+        thickness_factor, young_factor, focal_factor: given over true.
         centre_off_px: of the optical centre, along x and y, at 2560 px width.
-        is_lens_known: else they are told a lens without distortion.
+        is_lens_known: if not, a lens without distortion is given.
     """
 
     thickness_factor: float = 1.0
@@ -59,7 +59,7 @@ class Case:
         missing_share: of the dots that were not printed, which nobody knows.
         noise: standard deviation of a pixel in grey levels of 255.
         friction: Coulomb's coefficient; the balls are dragged along the sheet until they slip.
-        told: what the methods are told wrongly.
+        perturbation: of the sensor that is given to the methods.
         width_px: of the 16:9 picture.
     """
 
@@ -80,7 +80,7 @@ class Case:
     missing_share: float = 0.0
     noise: float = 2.5
     friction: float = 0.0
-    told: SensorPerturbation = SensorPerturbation()
+    perturbation: SensorPerturbation = SensorPerturbation()
     width_px: int = 2560
 
     @property

@@ -1,7 +1,7 @@
 """The touches of a case as rigid balls that press the solid sheet, step by step.
 
 A strength that is a depth is how deep the ball's lowest point goes. Strengths that are forces are met
-by the balls' depths: the strongest goes as deep as the case asks, the others are moved after every step
+by the balls' depths: the strongest goes as deep as the case requires, the others are moved after every step
 until their forces stand in the ratio that is wanted.
 """
 
@@ -53,7 +53,7 @@ def sheet_model(case: Case, element_mm: float = ELEMENT_MM) -> SheetModel:
     )
 
 
-def pressed(case: Case, element_mm: float = ELEMENT_MM) -> Iterator[Pressed]:
+def solve_presses(case: Case, element_mm: float = ELEMENT_MM) -> Iterator[Pressed]:
     """The equilibria of a case's ramp, `RAMP_FRAMES` of them, each reached from the one before."""
     solver = sheet_solver(sheet_model(case, element_mm))
     strength = np.array([touch.strength for touch in case.touches])

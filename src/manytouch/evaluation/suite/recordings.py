@@ -20,7 +20,7 @@ FPS = 30.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Recording:
-    """A case, played.
+    """A simulated case.
 
     Attributes:
         sensor: as it truly is.
@@ -34,22 +34,22 @@ class Recording:
 
 
 @runtime_checkable
-class Twin(Protocol):
-    """A digital twin of the sensor that can play cases."""
+class CaseSimulation(Protocol):
+    """A digital simulation of the sensor that can play cases."""
 
     @property
-    def in_words(self) -> str:
+    def description(self) -> str:
         """What kind of truth it is, and what is not in it."""
 
     def refusal(self, case: Case) -> str | None:
         """Why it cannot play a case; None when it can."""
 
-    def play(self, case: Case) -> Recording:
+    def simulate(self, case: Case) -> Recording:
         """Pictures and truth of a case."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FemTwin:
+class FemSimulation:
     """The sheet as a 3-D solid under rigid balls, one equilibrium per frame of the ramp.
 
     Attributes:
@@ -59,11 +59,11 @@ class FemTwin:
     solutions: Solutions
 
     @property
-    def in_words(self) -> str:
+    def description(self) -> str:
         return (
             "A clamped sheet of nearly incompressible rubber (neo-Hooke) under pretension as a 3-D solid: "
             "quadratic finite elements with large deformation, pressed by rigid balls, with friction where "
-            "a case says so; the camera sees the bent dots through its lens, in uneven light and with "
+            "a case has it; the camera shows the bent dots through its lens, in uneven light and with "
             "noise. Not in it: creep, sag, uneven thickness, shadows of the fingers"
         )
 
@@ -73,12 +73,12 @@ class FemTwin:
             return "it is not solved yet"
         return None if len(states) == RAMP_FRAMES else "no equilibrium was found"
 
-    def play(self, case: Case) -> Recording:
+    def simulate(self, case: Case) -> Recording:
         states = self.solutions.known(case) or self.solutions.solve(case)
-        return played(case, states)
+        return simulate_case(case, states)
 
 
-def played(case: Case, states: tuple[Deformation, ...]) -> Recording:
+def simulate_case(case: Case, states: tuple[Deformation, ...]) -> Recording:
     """The recording of a sheet that is at rest, goes through some states, and stays in the last.
 
     Every frame of the ramp is one of the states, so nothing is interpolated.

@@ -1,4 +1,4 @@
-"""Runs the suite: every case played once and read by every method."""
+"""Runs the suite: every case is simulated once and processed with every method."""
 
 import hashlib
 import time
@@ -19,10 +19,10 @@ from manytouch.evaluation.metrics.depth import depth_figures
 from manytouch.evaluation.records.in_memory import record_of_readings, record_of_truths
 from manytouch.evaluation.records.record import Record, contact_rows
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case
-from manytouch.evaluation.suite.recordings import Recording, Twin
+from manytouch.evaluation.suite.recordings import CaseSimulation, Recording
 from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.evaluation.suite.trial_store import SUFFIX, read_comparisons, write_comparisons
-from manytouch.evaluation.suite.workers import Watch, worked
+from manytouch.evaluation.suite.workers import RunObserver, run_tasks
 from manytouch.pipeline import Pipeline
 from manytouch.values.arrays import read_only
 
@@ -38,7 +38,7 @@ class Trial:
 
     Attributes:
         title: of the recording.
-        case: of the suite, or None for a recording of somebody's own.
+        case: of the suite, or None for the user's own recording.
         comparisons: one for each method.
     """
 
@@ -49,20 +49,20 @@ class Trial:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Evaluation:
-    """All that a report tells.
+    """The content of a report.
 
     Attributes:
         title: of the report.
-        truth_in_words: what the truth is, and what is not in it.
+        truth_description: what the truth is, and what is not in it.
         methods: in the order of the tables.
         trials: all recordings.
-        left_out: titles of cases that could not be played, and why.
+        left_out: titles of cases that could not be simulated, and why.
         settings: parameters, versions and whatever else should be known, by method.
         seconds: that the whole took; NaN when it was only compared.
     """
 
     title: str
-    truth_in_words: str
+    truth_description: str
     methods: tuple[str, ...]
     trials: tuple[Trial, ...]
     left_out: Mapping[str, str] = field(default_factory=dict)
@@ -73,10 +73,10 @@ class Evaluation:
 def run_suite(
     cases: Sequence[Case],
     methods: Mapping[str, Pipeline],
-    twin: Twin,
+    simulation: CaseSimulation,
     *,
     settings: Mapping[str, Any],
-    watch: Watch | None = None,
+    observer: RunObserver | None = None,
     stop: Callable[[], bool] | None = None,
     processes: int = 1,
     kept: Path | None = None,
@@ -86,33 +86,33 @@ def run_suite(
     Args:
         cases: from `suite.cases`.
         methods: pipelines by the names of their methods.
-        twin: who plays the cases.
+        simulation: of the cases.
         settings: for the record.
-        watch: told what happens.
-        stop: asked before each case; once it says True the rest is left out.
+        observer: of the progress.
+        stop: called before each case; once it returns True the rest is left out.
         processes: cases that are read at once.
         kept: folder in which each trial is kept, so that a run that was killed goes on; None: nowhere.
     """
     begun_s = time.monotonic()
-    left_out = {case.title: reason for case in cases if (reason := twin.refusal(case)) is not None}
+    left_out = {case.title: reason for case in cases if (reason := simulation.refusal(case)) is not None}
     playable = [case for case in cases if case.title not in left_out]
-    if watch is not None:
-        watch.begin("reading", len(playable))
+    if observer is not None:
+        observer.begin("reading", len(playable))
         for reason in dict.fromkeys(left_out.values()):
             count = list(left_out.values()).count(reason)
-            watch.say(f"left out: {count} {'case' if count == 1 else 'cases'}, since {reason}")
+            observer.report(f"left out: {count} {'case' if count == 1 else 'cases'}, since {reason}")
     trials: dict[int, Trial] = {}
-    read = partial(kept_trial, methods=methods, twin=twin, kept=kept)
-    for number, trial in worked(read, playable, processes=processes, stop=stop):
+    read = partial(load_or_run_case, methods=methods, simulation=simulation, kept=kept)
+    for number, trial in run_tasks(read, playable, processes=processes, stop=stop):
         trials[number] = trial
-        if watch is not None:
-            watch.done(playable[number].title, in_words(trial))
+        if observer is not None:
+            observer.done(playable[number].title, description(trial))
     left_out |= {
         case.title: "the run was stopped" for number, case in enumerate(playable) if number not in trials
     }
     return Evaluation(
         title="Accuracy suite",
-        truth_in_words=twin.in_words,
+        truth_description=simulation.description,
         methods=tuple(methods),
         trials=tuple(trials[number] for number in sorted(trials)),
         left_out=left_out,
@@ -121,30 +121,32 @@ def run_suite(
     )
 
 
-def kept_trial(case: Case, *, methods: Mapping[str, Pipeline], twin: Twin, kept: Path | None) -> Trial:
+def load_or_run_case(
+    case: Case, *, methods: Mapping[str, Pipeline], simulation: CaseSimulation, kept: Path | None
+) -> Trial:
     """A case's trial: the one that is kept where nothing has changed since, else a new one, which is kept."""
     if kept is None:
-        return try_case(case, methods, twin.play(case))
-    depends = (code_of_the_package(), repr(case), repr(dict(methods)), repr(twin))
+        return run_case(case, methods, simulation.simulate(case))
+    depends = (code_of_the_package(), repr(case), repr(dict(methods)), repr(simulation))
     path = kept / f"{hashlib.sha256(chr(10).join(depends).encode()).hexdigest()[:24]}{SUFFIX}"
     comparisons = read_comparisons(path)
     if comparisons is not None:
         return Trial(title=case.title, case=case, comparisons=comparisons)
-    trial = try_case(case, methods, twin.play(case))
+    trial = run_case(case, methods, simulation.simulate(case))
     write_comparisons(path, trial.comparisons)
     return trial
 
 
 @cache
 def code_of_the_package() -> str:
-    """A hash of every line of manytouch: any of them may change what a method says."""
+    """A hash of every line of manytouch: any of them may change what a method estimates."""
     package = Path(manytouch.__file__).parent
     sources = (path.read_bytes() for path in sorted(package.rglob("*.py")))
     return hashlib.sha256(b"\0".join(sources)).hexdigest()
 
 
-def try_case(case: Case, methods: Mapping[str, Pipeline], recording: Recording) -> Trial:
-    """Read a recording with every method, each from the sensor as it is told."""
+def run_case(case: Case, methods: Mapping[str, Pipeline], recording: Recording) -> Trial:
+    """Read a recording with every method, each from the nominal sensor of the case."""
     truth = record_of_truths(recording.truths, recording.sensor, name=case.title)
     pictures = {frame.index: frame.image for frame in recording.frames}
     comparisons = []
@@ -165,7 +167,7 @@ def try_case(case: Case, methods: Mapping[str, Pipeline], recording: Recording) 
 
 
 def silent(truth: Record, method: str) -> Record:
-    """What a method says that says nothing: it is measured like all others."""
+    """The record of a method that estimates nothing; it is evaluated like all others."""
     no_contacts = contact_rows({name: np.zeros(0) for name in CONTACT_COLUMNS})
     return replace(
         truth,
@@ -179,7 +181,7 @@ def silent(truth: Record, method: str) -> Record:
     )
 
 
-def in_words(trial: Trial) -> str:
+def description(trial: Trial) -> str:
     """One line: what each method made of a recording."""
     parts: list[str] = []
     for comparison in trial.comparisons:

@@ -1,4 +1,4 @@
-"""The sensor of a case, as it truly is and as the methods are told."""
+"""The sensor of a case, as it truly is and as the methods are given."""
 
 from dataclasses import replace
 
@@ -57,26 +57,26 @@ def lattice(case: Case) -> Layout:
 
 
 def nominal_sensor(case: Case) -> Sensor:
-    """The sensor as its file says: all dots printed, and what else the case tells wrongly."""
-    true, told = true_sensor(case), case.told
+    """The sensor as given to the methods: with all dots printed, and with the perturbation of the case."""
+    true, given = true_sensor(case), case.perturbation
     assert true.layout is not None
     assert true.sheet is not None
     assert true.sheet.young_MPa is not None
-    camera, off_px = true.camera, told.centre_off_px * case.width_px / DESIGNED_WIDTH_PX
+    camera, off_px = true.camera, given.centre_off_px * case.width_px / DESIGNED_WIDTH_PX
     return replace(
         true,
         camera=replace(
             camera,
-            fx_px=camera.fx_px * told.focal_factor,
-            fy_px=camera.fy_px * told.focal_factor,
+            fx_px=camera.fx_px * given.focal_factor,
+            fy_px=camera.fy_px * given.focal_factor,
             cx_px=camera.cx_px + off_px,
             cy_px=camera.cy_px + off_px,
-            distortion=camera.distortion if told.is_lens_known else read_only(np.zeros(5)),
+            distortion=camera.distortion if given.is_lens_known else read_only(np.zeros(5)),
         ),
         layout=replace(true.layout, is_missing=read_only(np.zeros(len(true.layout.rest_mm), dtype=bool))),
         sheet=replace(
             true.sheet,
-            thickness_mm=true.sheet.thickness_mm * told.thickness_factor,
-            young_MPa=true.sheet.young_MPa * told.young_factor,
+            thickness_mm=true.sheet.thickness_mm * given.thickness_factor,
+            young_MPa=true.sheet.young_MPa * given.young_factor,
         ),
     )

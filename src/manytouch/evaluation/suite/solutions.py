@@ -15,8 +15,8 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.evaluation.suite import pressing
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case
-from manytouch.evaluation.suite.pressing import pressed, sheet_model
-from manytouch.evaluation.suite.workers import Watch, worked
+from manytouch.evaluation.suite.pressing import sheet_model
+from manytouch.evaluation.suite.workers import RunObserver, run_tasks
 from manytouch.simulation.fem.cache import code_revision
 from manytouch.simulation.fem.elements.mesh import reference_nodes
 from manytouch.simulation.scene.condense import condense
@@ -52,7 +52,7 @@ class Solutions:
             MissingExtraError: scikit-fem is not installed.
         """
         states = []
-        for step in pressed(case):
+        for step in solve_presses(case):
             states.append(condense(step.state, step.loading))
             if states[-1].status != "ok":
                 break
@@ -68,7 +68,7 @@ def solve_missing(
     cases: Sequence[Case],
     solutions: Solutions,
     *,
-    watch: Watch | None = None,
+    observer: RunObserver | None = None,
     stop: Callable[[], bool] | None = None,
     processes: int = 1,
 ) -> None:
@@ -81,14 +81,16 @@ def solve_missing(
     missing = [case for case in cases if solutions.known(case) is None]
     if not missing:
         return
-    reference_nodes()  # says what is missing here, before others are asked to solve
-    if watch is not None:
-        watch.say(f"{len(missing)} of {len(cases)} cases are to be solved first; kept in {solutions.folder}")
-        watch.begin("solving", len(missing))
-    for number, states in worked(solutions.solve, missing, processes=processes, stop=stop):
-        if watch is not None:
+    reference_nodes()  # raises here what is missing, before other processes begin
+    if observer is not None:
+        observer.report(
+            f"{len(missing)} of {len(cases)} cases are to be solved first; kept in {solutions.folder}"
+        )
+        observer.begin("solving", len(missing))
+    for number, states in run_tasks(solutions.solve, missing, processes=processes, stop=stop):
+        if observer is not None:
             words = f"{len(states)} of {RAMP_FRAMES} states in balance"
-            watch.done(missing[number].title, words)
+            observer.done(missing[number].title, words)
 
 
 def keep(path: Path, states: list[Deformation]) -> None:

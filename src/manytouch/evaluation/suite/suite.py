@@ -93,24 +93,24 @@ def stress() -> Iterator[Case]:
         **{f"pitch-{pitch:g}mm": {"pitch_mm": pitch} for pitch in (3.0, 5.0, 6.0, 8.0)},
         **{f"noise-{noise:g}": {"noise": noise} for noise in (5.0, 10.0)},
         **{f"missing-{percent}": {"missing_share": percent / 100} for percent in (5, 15)},
-        "thick-told-10-more": {"told": SensorPerturbation(thickness_factor=1.1)},
-        "thick-told-10-less": {"told": SensorPerturbation(thickness_factor=0.9)},
-        "stiff-told-20-more": {"told": SensorPerturbation(young_factor=1.2)},
-        "focal-told-1-more": {"told": SensorPerturbation(focal_factor=1.01)},
-        "centre-told-5px-off": {"told": SensorPerturbation(centre_off_px=5.0)},
-        "lens-not-known": {"told": SensorPerturbation(is_lens_known=False)},
+        "thick-given-10-more": {"perturbation": SensorPerturbation(thickness_factor=1.1)},
+        "thick-given-10-less": {"perturbation": SensorPerturbation(thickness_factor=0.9)},
+        "stiff-given-20-more": {"perturbation": SensorPerturbation(young_factor=1.2)},
+        "focal-given-1-more": {"perturbation": SensorPerturbation(focal_factor=1.01)},
+        "centre-given-5px-off": {"perturbation": SensorPerturbation(centre_off_px=5.0)},
+        "lens-not-known": {"perturbation": SensorPerturbation(is_lens_known=False)},
         **{f"friction-{friction:g}": {"friction": friction} for friction in (0.3, 0.6)},
         **{f"contacts-{contacts}": {"contacts": contacts} for contacts in (7, 8)},
     }
-    for number, ((name, wrong), twin) in enumerate(product(wrongs.items(), "ab")):
+    for number, ((name, wrong), variant) in enumerate(product(wrongs.items(), "ab")):
         seed = 3000 + number
         contacts = wrong.get("contacts", 3)
         deepest_mm = float(np.round(np.random.default_rng(seed).uniform(1.5, 6.0), 1))
         yield Case(
             group="stress",
-            name=f"{name}-{twin}",
+            name=f"{name}-{variant}",
             seed=seed,
-            looked_at=twin == "a",
+            looked_at=variant == "a",
             is_quick=number in QUICK["stress"],
             touches=strewn((120.0, 80.0), int(str(contacts)), deepest_mm, seed),
             deepest_mm=deepest_mm,

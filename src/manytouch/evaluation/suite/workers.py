@@ -17,20 +17,20 @@ Result = TypeVar("Result")
 
 
 @runtime_checkable
-class Watch(Protocol):
-    """Somebody who follows a run."""
+class RunObserver(Protocol):
+    """An object that is notified of the progress of a run."""
 
     def begin(self, work: str, count: int) -> None:
         """So many cases will be solved, or read."""
 
-    def say(self, sentence: str) -> None:
+    def report(self, sentence: str) -> None:
         """Something that happened."""
 
     def done(self, title: str, sentence: str) -> None:
         """That is finished for a case."""
 
 
-def worked(
+def run_tasks(
     work: Callable[[Task], Result],
     tasks: Sequence[Task],
     *,
@@ -45,7 +45,7 @@ def worked(
         work: done for each task.
         tasks: in the order in which they are begun.
         processes: how many at once.
-        stop: asked before each task; once it says True no other is begun.
+        stop: called before each task; once it returns True no other is begun.
 
     Raises:
         ManytouchError: a process was killed.

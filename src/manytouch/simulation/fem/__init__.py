@@ -1,6 +1,6 @@
-"""The sheet as a 3-D solid: finite elements whose states are the truth that estimators are judged by.
+"""The sheet as a 3-D solid: finite elements whose states are the ground truth of the evaluation.
 
-A press of a ball, 5 mm deep in two steps, and where the dots are then::
+A press of a ball, 5 mm deep in two steps, and the displacements of the dots::
 
     rubber = NeoHooke(young_MPa=3.1, poisson=0.45)
     model = SheetModel(size_mm=(120.0, 80.0), thickness_mm=3.0, material=rubber)
@@ -10,7 +10,6 @@ A press of a ball, 5 mm deep in two steps, and where the dots are then::
         displacement_mm, deformation_gradient = state.camera_side(dots_mm)
         print(state.status, state.contacts[0].force_N, state.contacts[0].centre_mm)
 
-Modules: `mesh`, `material`, `assembly` (elements), `fronts` (linear solver), `distance` and `indenters`,
-`loading` (what presses), `contact`, `balance`, `solve` (Newton along a way), `sheet` (the clamped sheet),
-`state`, `readout`, `sampling`, `cache`. Formulae: docs/derivations/fem.md.
+Inside are elements, contact, the solver, the cache of solved states and their read-out; formulae are in
+docs/derivations/fem.md. Images and scenes are not: see `render` and `scene`.
 """

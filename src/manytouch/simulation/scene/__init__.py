@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Scenes: bodies on their trajectories, the states of the sheet under them, and the sheet in time.
+
+Scene files are read here; states are solved in `fem` or, while a user presses, in `shell`.
+"""

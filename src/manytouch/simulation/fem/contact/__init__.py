@@ -1,1 +1,4 @@
-"""TODO: two sentences: what is inside and what is not."""
+"""Rigid indenters as signed distances, and their contact with the touched face: penalty and friction.
+
+Equilibrium is found in `fem.solver`.
+"""
