@@ -79,7 +79,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--sphere", action="store_true", help="one sphere to 10 mm")
     parser.add_argument("--six", action="store_true", help="six shapes to 5-10 mm, and six spheres to 10 mm")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     solver = sheet_solver(MODEL)
     linear_system(solver)
 
@@ -95,9 +95,9 @@ def main() -> None:
             )
         )
 
-    if asked.sphere:
+    if options.sphere:
         presses(solver, "sphere of 5 mm to 10 mm", touches([Sphere(radius_mm=5.0)], [(3.0, 2.0)], [1.0]))
-    if asked.six:
+    if options.six:
         places = [(-38.0, -20.0), (0.0, -19.0), (37.0, -21.0), (-36.0, 20.0), (1.0, 21.0), (38.0, 19.0)]
         cube = np.array([[x, y, z] for x in (-4.0, 4.0) for y in (-4.0, 4.0) for z in (0.0, 8.0)])
         shapes = [

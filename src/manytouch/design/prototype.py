@@ -159,7 +159,7 @@ def observe_press(sensor: Sensor, found: Deformation, side: np.ndarray) -> Obser
     # Equal keyframes; the scene accounts for the height of the markers above the face.
     keyframe = replace(found, contacts=())
     scene = SolidScene(name="press", time_s=np.arange(3.0), states=(keyframe,) * 3, duration_s=2.0)
-    moved_mm = scene.watch(outline_mm[:, :2] * side, layout.height_mm)(1.0) * [*side, 1.0]
+    moved_mm = scene.motion_of(outline_mm[:, :2] * side, layout.height_mm)(1.0) * [*side, 1.0]
     here, rest = (dot_ellipses(sensor.camera, place)[0] for place in (outline_mm + moved_mm, outline_mm))
     return ObservedPress(
         displacement_px=here - rest, contact=replace(contact, centre_mm=contact.centre_mm * side)

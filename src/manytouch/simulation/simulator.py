@@ -1,4 +1,4 @@
-"""The simulated sensor: a scene, seen by its camera, and what really happened."""
+"""The simulated sensor: images of a scene by its camera, and the ground truth."""
 
 from dataclasses import dataclass, field, replace
 
@@ -33,7 +33,7 @@ MOST_SMEARS = 16
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Simulator:
-    """A sensor under a scene; any frame can be asked for.
+    """A sensor under a scene; frames can be made in any order.
 
     The centre of a marker, in the truth as for a perfect camera, is the centroid of the image of its
     whole printed disc, bent with the sheet and projected; not the image of the disc's middle, from
@@ -69,9 +69,9 @@ class Simulator:
         rest_mm = np.ascontiguousarray(layout.rest_mm[:, :2])
         corner_mm = np.ascontiguousarray(outline_mm[:, :2])
         object.__setattr__(self, "_faults", faults)
-        object.__setattr__(self, "_markers", self.scene.watch(rest_mm, layout.height_mm))
+        object.__setattr__(self, "_markers", self.scene.motion_of(rest_mm, layout.height_mm))
         object.__setattr__(self, "_outline_mm", outline_mm)
-        object.__setattr__(self, "_outline", self.scene.watch(corner_mm, layout.height_mm))
+        object.__setattr__(self, "_outline", self.scene.motion_of(corner_mm, layout.height_mm))
 
     @property
     def frame_count(self) -> int:
@@ -97,7 +97,7 @@ class Simulator:
         )
 
     def truth(self, index: int) -> Truth:
-        """What really happens in a frame; deviations are 0, because it is the truth."""
+        """The ground truth of a frame; its standard deviations are 0."""
         time_s, layout = self._time_s(index), self._layout
         displacement_mm = self._markers(time_s)
         count = len(displacement_mm)
@@ -176,9 +176,9 @@ class Simulator:
         time_s, before_s = self._time_s(index), self._time_s(index - 1)
         now = self.scene.contacts(time_s)
         before = self.scene.contacts(before_s) if index > 0 else {}
-        told = [(id_, Phase.MOVE if id_ in before else Phase.START, now[id_], time_s) for id_ in now]
-        told += [(id_, Phase.END, before[id_], before_s) for id_ in before if id_ not in now]
-        return Contacts(contacts=tuple(self._contact(*one) for one in sorted(told, key=lambda one: one[0])))
+        shown = [(id_, Phase.MOVE if id_ in before else Phase.START, now[id_], time_s) for id_ in now]
+        shown += [(id_, Phase.END, before[id_], before_s) for id_ in before if id_ not in now]
+        return Contacts(contacts=tuple(self._contact(*one) for one in sorted(shown, key=lambda one: one[0])))
 
     def _contact(self, id_: int, phase: Phase, contact: TrueContact, time_s: float) -> Contact:
         return Contact(
@@ -195,7 +195,7 @@ class Simulator:
 
     def _shown_px(self, place_mm: Float64[np.ndarray, "n 2"], time_s: float) -> Points2:
         """Where undeformed places show at a time."""
-        moved_mm = self.scene.watch(place_mm, self._layout.height_mm)(time_s)
+        moved_mm = self.scene.motion_of(place_mm, self._layout.height_mm)(time_s)
         return project(self.sensor.camera, np.column_stack([place_mm, np.zeros(len(place_mm))]) + moved_mm)
 
     def _shadows(self, time_s: float) -> tuple[Spot, ...]:

@@ -51,12 +51,12 @@ class PressedSource(Simulated):
 
     def press(self, command: Press | Release) -> None:
         """Put a finger on the sheet, move it, or lift it, from the next frame on."""
-        self._indenters.obey(command)
+        self._indenters.apply(command)
 
     def truth(self, index: int) -> Truth | None:
         """Ground truth of one of the latest frames; None for others."""
         latest = self._latest_truth
         if latest is None or latest.frame_index != index:
-            latest = self.simulator.truth(index) if self._indenters.is_remembered(index) else None
+            latest = self.simulator.truth(index) if self._indenters.is_available(index) else None
             self._latest_truth = latest
         return latest

@@ -46,7 +46,7 @@ def test_nothing_moves_at_rest() -> None:
     assert image.shape == (720, 1280)
 
 
-def test_truth_tells_forces_depths_and_places() -> None:
+def test_truth_has_forces_depths_and_places() -> None:
     truth = SIMULATOR.truth(BUSY)
     there = SIMULATOR.scene.contacts(BUSY / 30)
     assert [contact.id for contact in truth.contacts.touching] == sorted(there)

@@ -151,6 +151,6 @@ def test_an_outline_has_corners_enough_for_the_solved_sheet() -> None:
     circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(360)])
     for marker in np.argsort(truth.surface.displacement_mm[:, 2])[:30]:
         outline_mm = layout.rest_mm[marker] + layout.radius_mm[marker] * circle
-        outline_mm += scene.watch(outline_mm[:, :2])(3.0)
+        outline_mm += scene.motion_of(outline_mm[:, :2])(3.0)
         centre_px, _ = polygon_ellipses(project(camera, outline_mm)[None])
         assert centre_px[0] == pytest.approx(truth.grid.position_px[marker], abs=0.003)

@@ -1,4 +1,4 @@
-"""States kept on disk by what they depend on, so that a suite is computed once and can go on.
+"""Solved states on disk, each under a key of all that it depends on, so that nothing is solved twice.
 
 The key of a step is a hash of the sheet, of the loading up to and with that step, and of the code of
 this package (its syntax tree without docstrings: comments and layout change nothing). A longer
@@ -63,12 +63,12 @@ class StateCache:
 
 
 def step_keys(model: SheetModel, loading: Loading) -> list[str]:
-    """A name for each step that changes with everything its state depends on."""
+    """A name for each step of all that its state depends on: the problem, the solver's settings and code."""
     return [_hash(code_revision(), _text(_settings()), key) for key in problem_keys(model, loading)]
 
 
 def problem_keys(model: SheetModel, loading: Loading) -> list[str]:
-    """A name for each step that says what is asked: the sheet and the loading up to there.
+    """A name for each step of its problem: the sheet and the loading up to and with that step.
 
     Unlike `step_keys` it stays when the solver changes; files that are shipped are looked up by it.
     """

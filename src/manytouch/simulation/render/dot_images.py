@@ -12,7 +12,7 @@ from manytouch.values import Camera
 from manytouch.values.arrays import Covariances2, Points2, Points3, Scalars
 
 CORNERS = 24
-SAME_MOMENT = float(
+EQUAL_SECOND_MOMENT_SCALE = float(
     np.sqrt(3 / (2 + np.cos(2 * np.pi / CORNERS)))
 )  # the polygon's second moment is the disc's
 ANGLES = 2 * np.pi * np.arange(CORNERS) / CORNERS
@@ -20,7 +20,7 @@ ANGLES = 2 * np.pi * np.arange(CORNERS) / CORNERS
 
 def outlines(rest_mm: Points3, radius_mm: Scalars) -> Float64[np.ndarray, "corners 3"]:
     """Corners (n * CORNERS, 3) of the discs' outlines on the sheet at rest, disc after disc."""
-    circle = SAME_MOMENT * np.column_stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros(CORNERS)])
+    circle = EQUAL_SECOND_MOMENT_SCALE * np.column_stack([np.cos(ANGLES), np.sin(ANGLES), np.zeros(CORNERS)])
     return (rest_mm[:, None, :] + radius_mm[:, None, None] * circle).reshape(-1, 3)
 
 

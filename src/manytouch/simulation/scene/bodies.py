@@ -115,7 +115,7 @@ def mesh_corners(path: Path) -> np.ndarray:
     """Corners (n, 3) of an .obj file or an .stl file, text or binary, in its own unit.
 
     Raises:
-        SourceError: there is no such file, or too few corners are in it.
+        SourceError: the file is missing, or has too few corners.
     """
     try:
         content = path.read_bytes()
@@ -134,7 +134,7 @@ def mesh_corners(path: Path) -> np.ndarray:
             numbers = []
         corner = np.array([row for row in numbers if len(row) == 3]).reshape(-1, 3)
     if len(corner) < 4 or np.linalg.matrix_rank(corner - corner.mean(axis=0), tol=1e-6) < 3:
-        raise SourceError(f"{path} is no mesh of a solid: expected an .stl or .obj file with its corners")
+        raise SourceError(f"{path} is not a mesh of a solid: expected an .stl or .obj file with its corners")
     return corner
 
 

@@ -1,4 +1,4 @@
-"""From a solved state of the finite elements to what pictures and truth need of it."""
+"""The part of a solved state that images and ground truth need."""
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -14,9 +14,9 @@ from manytouch.values.arrays import Mask, read_only
 
 
 def condense(state: SheetState, loading: Loading) -> Deformation:
-    """What a solved state of a loading shows and bears: its camera-side face and its contacts.
+    """The camera-side face and the contacts of a solved state of a loading.
 
-    A state that did not converge may know of fewer contacts than the loading has.
+    A state that did not converge may have fewer contacts than the loading.
     """
     x_mm, y_mm = (with_middles(line) for line in state.mesh.lines_mm[:2])
     found = Deformation(

@@ -70,7 +70,7 @@ def read_deformations(path: Path | Traversable) -> dict[str, Deformation]:
     """The deformations of a file, in its order; also of one inside the package (`importlib.resources`).
 
     Raises:
-        SourceError: there is no such file, or it is damaged or from another version.
+        SourceError: the file is missing, damaged, or from another version.
     """
     try:
         with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as file:
@@ -83,7 +83,7 @@ def read_deformations(path: Path | Traversable) -> dict[str, Deformation]:
     except OSError as error:
         raise SourceError(f"cannot read deformations from {path}: {error.strerror}") from None
     except (zipfile.BadZipFile, lzma.LZMAError, EOFError, KeyError, ValueError):
-        raise SourceError(f"{path} is no file of deformations, or it is damaged") from None
+        raise SourceError(f"{path} is not a file of deformations, or it is damaged") from None
     fill_middles(whole)
     faces_mm = read_only((whole * float(table["step_mm"])).astype(np.float32))
     x_mm, y_mm = read_only(table["x_mm"]), read_only(table["y_mm"])

@@ -104,7 +104,7 @@ class MeshSettings:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SceneFile:
-    """What a scene file says.
+    """The content of a scene file.
 
     Attributes:
         name, duration_s, fps, seed: of the recording; the seed is of noise and faults.
@@ -155,15 +155,15 @@ def load_scene(path: str | Path | Traversable, *, width_px: int | None = None) -
         width_px: of the pictures of the demo sensor, instead of the file's.
 
     Raises:
-        SourceError: the file is missing, is no TOML, or has unknown keys, wrong types or impossible
+        SourceError: the file is missing, is not TOML, or has unknown keys, wrong types or impossible
             values; the message lists all of them. Or its meshes cannot be read.
-        SensorError: its sensor file is wrong, or does not say enough.
+        SensorError: its sensor file is wrong or incomplete.
     """
     path = Path(path) if isinstance(path, str) else path
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise SourceError(f"there is no scene file {path}: give the path of an existing .toml") from None
+        raise SourceError(f"no scene file was found at {path}: give the path of an existing .toml") from None
     except (UnicodeDecodeError, OSError) as error:
         raise SourceError(f"{path} cannot be read as a scene file: {error}") from None
     except tomllib.TOMLDecodeError as error:

@@ -1,4 +1,4 @@
-"""Fingers of people on the simulated sheet, and the solved scene that plays while nobody presses."""
+"""Indenters that users move on the simulated sheet, and the solved scene that is shown without them."""
 
 import math
 import threading
@@ -24,15 +24,15 @@ EASE_S = 0.05  # time in which a finger comes 63 % nearer to what is wanted of i
 DEEPER_MM, FARTHER_MM = 2.5, 6.0  # most in one frame, so that the sheet can follow
 LIFTED_MM = -3.0  # depth that is wanted of a lifted finger
 ALONE_S = 3.0  # the scene goes on when nobody has pressed for so long
-LOOKS = 18  # at the live sheet's energy in a frame
+MAX_EVALUATIONS = 18  # at the live sheet's energy in a frame
 TAKING_OVER = 60  # and when it takes over
-REMEMBERED = 300  # frames that can still be asked for
+FRAMES_KEPT = 300  # of the latest frames
 FIRST_ID = 100_000  # of people's fingers, above all touches of a scene
 
 
 @dataclass(slots=True, eq=False)
 class _Finger:
-    """A body that somebody presses, or that is being lifted: where it is, and where it should be."""
+    """A body that a user presses, or that is being lifted: where it is, and where it should be."""
 
     id: int
     indenter: Indenter
@@ -54,7 +54,7 @@ class _Finger:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Moment:
+class _SheetFrame:
     """The sheet in one frame, and what touches it, by id."""
 
     face: Deformation
@@ -62,18 +62,18 @@ class _Moment:
 
 
 class InteractiveIndenters:
-    """A solved scene, played again and again, that people's fingers interrupt; a `Mechanics`.
+    """A solved scene in a loop, which is interrupted by indenters that users move; a `Mechanics`.
 
-    It is told frame by frame: `step` makes the next one, and only frames that were made can be asked for.
+    `step` makes the next frame; only the latest frames are available.
     The first finger takes over: the scene's bodies are lifted, and the sheet is solved live until nobody has
-    pressed for some seconds. Then the scene begins anew.
+    pressed for some seconds. Then the scene begins again.
     """
 
     def __init__(self, scene: SolidScene, bodies: tuple[Body, ...], sheet: Sheet, fps: float) -> None:
         """Nobody presses yet.
 
         Args:
-            scene: that plays; it begins untouched.
+            scene: that is shown; it begins untouched.
             bodies: that press in it.
             sheet: the same.
             fps: frames per second.
@@ -88,7 +88,7 @@ class InteractiveIndenters:
         self._alone_s = 0.0
         self._scene_frame = 0
         self._period_s = float(scene.time_s[-1])
-        self._moments: dict[int, _Moment] = {}
+        self._frames: dict[int, _SheetFrame] = {}
 
     @property
     def name(self) -> str:
@@ -103,16 +103,16 @@ class InteractiveIndenters:
         return self.scene.seed
 
     def with_duration(self, duration_s: float) -> "InteractiveIndenters":
-        """The same hands, not yet on the sheet, over a scene of another duration."""
+        """The same without any indenter, on a scene of another duration."""
         return InteractiveIndenters(self.scene.with_duration(duration_s), self.bodies, self.sheet, self.fps)
 
-    def watch(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
+    def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """See `Mechanics`; of the latest frames."""
         place_mm = np.ascontiguousarray(place_mm)
 
         def displacement_mm(time_s: float) -> Points3:
             with self._lock:
-                face = self._moments[round(time_s * self.fps)].face
+                face = self._frames[round(time_s * self.fps)].face
             return face.moved_mm(place_mm, height_mm)
 
         return displacement_mm
@@ -120,15 +120,15 @@ class InteractiveIndenters:
     def contacts(self, time_s: float) -> dict[int, TrueContact]:
         """What touches in one of the latest frames; nothing in others."""
         with self._lock:
-            moment = self._moments.get(round(time_s * self.fps))
-        return {} if moment is None else dict(moment.contacts)
+            frame = self._frames.get(round(time_s * self.fps))
+        return {} if frame is None else dict(frame.contacts)
 
-    def is_remembered(self, index: int) -> bool:
-        """Can this frame still be asked for?"""
+    def is_available(self, index: int) -> bool:
+        """Whether this frame is one of the latest."""
         with self._lock:
-            return index in self._moments
+            return index in self._frames
 
-    def obey(self, command: Press | Release) -> None:
+    def apply(self, command: Press | Release) -> None:
         """Put a finger on the sheet, move it, or lift it; from the next frame on."""
         with self._lock:
             match command:
@@ -156,23 +156,23 @@ class InteractiveIndenters:
                 self._is_live = False
                 period = self._period_s * self.fps
                 self._scene_frame = math.ceil((self._scene_frame // period + 1) * period)
-            moment = self._pressed() if self._is_live else self._played()
-            self._moments[index] = moment
-            self._moments.pop(index - REMEMBERED, None)
+            frame = self._live_frame_now() if self._is_live else self._scene_frame_now()
+            self._frames[index] = frame
+            self._frames.pop(index - FRAMES_KEPT, None)
 
-    def _played(self) -> _Moment:
+    def _scene_frame_now(self) -> _SheetFrame:
         """The scene's next frame."""
         time_s = self._scene_frame / self.fps
         self._scene_frame += 1
-        return _Moment(face=self.scene.face(time_s), contacts=self.scene.contacts(time_s))
+        return _SheetFrame(face=self.scene.face(time_s), contacts=self.scene.contacts(time_s))
 
-    def _pressed(self) -> _Moment:
+    def _live_frame_now(self) -> _SheetFrame:
         """The live sheet's next frame."""
         share = 1.0 - float(np.exp(-1.0 / (self.fps * EASE_S)))
         fingers = [*self._held.values(), *self._lifted]
         for finger in fingers:
             finger.ease(share)
-        self._live.settle([finger.pressed for finger in fingers], max_evaluations=LOOKS)
+        self._live.settle([finger.pressed for finger in fingers], max_evaluations=MAX_EVALUATIONS)
         face = self._live.deformation()
         pairs = zip(fingers, face.contacts, strict=True)
         contacts = {finger.id: contact for finger, contact in pairs if contact.is_touching}
@@ -180,7 +180,7 @@ class InteractiveIndenters:
         self._lifted = [
             finger for finger in self._lifted if finger.id in contacts or finger.position_mm[2] < above_mm
         ]
-        return _Moment(face=face, contacts=contacts)
+        return _SheetFrame(face=face, contacts=contacts)
 
     def _take_over(self) -> None:
         """Go on live from where the scene is, its bodies being lifted."""

@@ -1,4 +1,4 @@
-"""What the simulated sensor asks of a mechanics: where the sheet is at a time, and what touches it."""
+"""The protocol of a sheet in time: its deformation and its contacts at any time."""
 
 from collections.abc import Callable
 from typing import Protocol, runtime_checkable
@@ -27,10 +27,10 @@ class Mechanics(Protocol):
         """Of the image noise."""
 
     def with_duration(self, duration_s: float) -> "Mechanics":
-        """The same cut, or played again and again, to another duration."""
+        """The same, cut or repeated to another duration."""
 
-    def watch(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
+    def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """How points move that stand height_mm off the camera-side face above undeformed places (m, 2)."""
 
     def contacts(self, time_s: float) -> dict[int, TrueContact]:
-        """What touches at a time, by an id that is never used again."""
+        """Contacts at a time, by an id that is never used again."""

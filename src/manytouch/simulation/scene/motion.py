@@ -146,8 +146,8 @@ def poses(
     """Each body, where its frame's origin is at a time (3,) and how it is turned (3,)."""
     if not bodies:
         return
-    asked = loading(bodies, np.array([time_s]), thickness_mm=thickness_mm)
-    for body, touch in zip(bodies, asked.touches, strict=True):
+    single = loading(bodies, np.array([time_s]), thickness_mm=thickness_mm)
+    for body, touch in zip(bodies, single.touches, strict=True):
         yield body, touch.position_mm[0], touch.rotation_vector[0]
 
 

@@ -1,4 +1,4 @@
-"""Solved states of the sheet as a scene: what lies between two equilibria follows smoothly from them.
+"""Solved states of the sheet as a scene, interpolated between the equilibria.
 
 Displacements and the forces of a contact run through the keyframes as monotone cubics in time (Fritsch
 and Butland 1984, doi:10.1137/0905021), each number by itself: nothing overshoots, and a keyframe is met
@@ -60,7 +60,7 @@ class SolidScene:
         object.__setattr__(self, "_episodes", _episodes(self.states))
 
     def with_duration(self, duration_s: float) -> "SolidScene":
-        """This scene cut, or played again and again, to another duration."""
+        """This scene, cut or repeated to another duration."""
         return replace(self, duration_s=duration_s)
 
     def face(self, time_s: float) -> Deformation:
@@ -69,7 +69,7 @@ class SolidScene:
         face_mm = monotone(self.time_s, self._faces_mm, local_s)
         return replace(self.states[0], face_mm=read_only(face_mm), contacts=(), status="ok")
 
-    def watch(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
+    def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """See `Mechanics`: points off the face stay on its normal."""
         place_mm = np.ascontiguousarray(place_mm)
 
@@ -79,7 +79,7 @@ class SolidScene:
         return displacement_mm
 
     def contacts(self, time_s: float) -> dict[int, TrueContact]:
-        """What touches at a time, by an id that is never used again."""
+        """Contacts at a time, by an id that is never used again."""
         number, local_s = self._local(time_s)
         found = {}
         for id_, episode in enumerate(self._episodes):

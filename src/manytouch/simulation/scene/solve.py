@@ -1,4 +1,4 @@
-"""A scene file, solved: from bodies on their ways to the simulated sensor."""
+"""A scene file, solved: from bodies on their trajectories to the simulated sensor."""
 
 import os
 from collections.abc import Iterator
@@ -36,7 +36,7 @@ def states_folder() -> Path:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SolidProblem:
-    """What the finite elements are asked for a scene.
+    """The problem of a scene that the finite elements solve.
 
     Attributes:
         model: the sheet and its mesh.
@@ -51,7 +51,7 @@ class SolidProblem:
     keys: tuple[str, ...]
 
     def states(self, folder: Path) -> Iterator[Deformation]:
-        """Every keyframe in turn, solved where the folder does not hold it yet."""
+        """Every keyframe in turn, solved where it is not yet in the folder."""
         if self.loading is None:
             return
         for state in StateCache(folder=folder).states(self.model, self.loading):
@@ -59,7 +59,7 @@ class SolidProblem:
 
 
 def solid_problem(scene: SceneFile) -> SolidProblem:
-    """The finite elements' task of a scene."""
+    """The problem of a scene that the finite elements solve."""
     sheet, mesh = scene.sheet, scene.mesh
     assert sheet.young_MPa is not None
     assert sheet.poisson is not None
@@ -77,8 +77,8 @@ def solid_problem(scene: SceneFile) -> SolidProblem:
     time_s = keyframe_times(scene.bodies, scene.duration_s, step_mm=mesh.step_mm)
     if not scene.bodies:
         return SolidProblem(model=model, time_s=time_s, loading=None, keys=())
-    asked = loading(scene.bodies, time_s, thickness_mm=sheet.thickness_mm)
-    return SolidProblem(model=model, time_s=time_s, loading=asked, keys=tuple(problem_keys(model, asked)))
+    load = loading(scene.bodies, time_s, thickness_mm=sheet.thickness_mm)
+    return SolidProblem(model=model, time_s=time_s, loading=load, keys=tuple(problem_keys(model, load)))
 
 
 def shipped_states(name: str, keys: tuple[str, ...]) -> tuple[Deformation, ...] | None:
@@ -100,12 +100,12 @@ def solve_scene(scene: SceneFile, folder: Path) -> Iterator[Deformation]:
     if scene.mechanics == "shell":
         yield from _solved_live(scene)
         return
-    asked = solid_problem(scene)
-    shipped = shipped_states(scene.name, asked.keys) if asked.keys else None
+    problem = solid_problem(scene)
+    shipped = shipped_states(scene.name, problem.keys) if problem.keys else None
     if shipped is not None:
         yield from shipped
         return
-    for time_s, state in zip(asked.time_s.tolist(), asked.states(folder), strict=False):
+    for time_s, state in zip(problem.time_s.tolist(), problem.states(folder), strict=False):
         if state.status != "ok":
             raise SourceError(
                 f"the scene {scene.name!r} could not be solved beyond {time_s:.2f} s: press less deep there, "

@@ -77,7 +77,9 @@ def test_contacts_keep_their_forces_and_know_their_depth(states: list[SheetState
         pressed = states[-1].pressure_MPa[number] > 0.0
         depth_mm = -states[-1].camera_side(rest_mm[pressed])[0][:, 2].min()
         assert contact.depth_mm == pytest.approx(depth_mm, abs=0.02)
-    assert punch.depth_mm < -states[-1].camera_side(np.array([[4.5, -2.0]]))[0][0, 2]  # it bears on one edge
+    assert (
+        punch.depth_mm < -states[-1].camera_side(np.array([[4.5, -2.0]]))[0][0, 2]
+    )  # it presses on one edge
     spot_mm = np.random.default_rng(2).uniform(-3.0, 3.0, (4000, 2))
     spot_mm = spot_mm[np.linalg.norm(spot_mm / [3.0, 2.0], axis=1) < 1.0] + [0.0, 6.0]
     assert patch.depth_mm == pytest.approx(-states[-1].camera_side(spot_mm)[0][:, 2].min(), abs=0.02)
@@ -147,7 +149,7 @@ def test_different_sheets_do_not_share_a_file(states: list[SheetState], tmp_path
         write_deformations(tmp_path / "a.npz", {"a": one, "b": other})
 
 
-def test_a_damaged_or_missing_file_is_said_so(states: list[SheetState], tmp_path: Path) -> None:
+def test_a_damaged_or_missing_file_is_an_error(states: list[SheetState], tmp_path: Path) -> None:
     file = tmp_path / "a.npz"
     with pytest.raises(SourceError, match="cannot read deformations"):
         read_deformations(file)

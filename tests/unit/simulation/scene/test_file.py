@@ -1,4 +1,4 @@
-"""Scene files: what they say, and what is wrong with them."""
+"""Scene files: their content and their mistakes."""
 
 # ruff: noqa: E501 - inline tables of TOML stand on one line
 
@@ -93,7 +93,7 @@ def written(folder: Path, text: str) -> Path:
     return path
 
 
-def test_a_file_says_everything(tmp_path: Path) -> None:
+def test_a_file_describes_everything(tmp_path: Path) -> None:
     (tmp_path / "body.obj").write_text(TETRAHEDRON)
     scene = load_scene(written(tmp_path, EVERYTHING))
     assert (scene.name, scene.duration_s, scene.fps, scene.seed) == ("everything", 6.0, 12.5, 7)
@@ -111,7 +111,7 @@ def test_a_file_says_everything(tmp_path: Path) -> None:
     assert model.size_mm == (120.0, 80.0)
 
 
-def test_motions_go_where_they_say(tmp_path: Path) -> None:
+def test_motions_follow_their_description(tmp_path: Path) -> None:
     (tmp_path / "body.obj").write_text(TETRAHEDRON)
     finger, roller, left, right, punch, _ = load_scene(written(tmp_path, EVERYTHING)).bodies
 
@@ -138,9 +138,9 @@ def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
     )
     with pytest.raises(SourceError) as caught:
         load_scene(written(tmp_path, text))
-    said = str(caught.value)
+    message = str(caught.value)
     for words in ("seconds = -6.0", "unknown key lens.blurr_px", "cone", "depth_mm = 0"):
-        assert words in said
+        assert words in message
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_all_mistakes_are_named_at_once(tmp_path: Path) -> None:
         ("schema = 1", "schema = [", "not valid TOML"),
     ],
 )
-def test_a_mistake_is_said_so(tmp_path: Path, old: str, new: str, words: str) -> None:
+def test_a_mistake_is_reported(tmp_path: Path, old: str, new: str, words: str) -> None:
     (tmp_path / "body.obj").write_text(TETRAHEDRON)
     assert old in EVERYTHING
     with pytest.raises((SourceError, SensorError), match=words):
@@ -167,7 +167,7 @@ def test_no_file_no_scene(tmp_path: Path) -> None:
         load_scene(tmp_path / "none.toml")
 
 
-def test_a_sensor_file_beside_the_scene_is_taken(tmp_path: Path) -> None:
+def test_a_sensor_file_next_to_the_scene_is_taken(tmp_path: Path) -> None:
     (tmp_path / "body.obj").write_text(TETRAHEDRON)
     path = written(tmp_path, EVERYTHING)
     save_sensor(load_scene(path).sensor, tmp_path / "my.toml")

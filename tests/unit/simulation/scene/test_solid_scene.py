@@ -33,10 +33,10 @@ SCENE = SolidScene(name="x", time_s=TIME_S, states=tuple(bent(number) for number
 
 def test_keyframes_are_met_and_nothing_overshoots() -> None:
     place_mm = np.array([[0.0, 0.0], [3.0, -2.0]])
-    watch = SCENE.watch(place_mm)
+    motion = SCENE.motion_of(place_mm)
     for time_s, state in zip(TIME_S[:-1], SCENE.states, strict=False):
-        np.testing.assert_allclose(watch(float(time_s)), state.displacement_mm(place_mm), atol=1e-6)
-    depth_mm = np.array([-watch(time_s)[0, 2] for time_s in np.linspace(0.0, 3.0, 301)[:-1]])
+        np.testing.assert_allclose(motion(float(time_s)), state.displacement_mm(place_mm), atol=1e-6)
+    depth_mm = np.array([-motion(time_s)[0, 2] for time_s in np.linspace(0.0, 3.0, 301)[:-1]])
     assert (np.diff(depth_mm[:201]) >= -1e-6).all()
     assert (np.diff(depth_mm[200:]) <= 1e-6).all()
     assert depth_mm.max() == pytest.approx(4.0, abs=1e-5)
@@ -64,18 +64,18 @@ def test_each_touch_has_an_id_of_its_own_and_no_force_at_its_ends() -> None:
     assert 0.0 < seen[0.5][0].normal_force_N < 1.0
 
 
-def test_it_can_be_played_again_and_again() -> None:
+def test_it_can_be_repeated() -> None:
     longer = SCENE.with_duration(7.0)
     assert longer.duration_s == 7.0
     assert sorted(longer.contacts(4.0)) == [SCENE.touch_count]
     place_mm = np.array([[1.0, 1.0]])
-    np.testing.assert_allclose(longer.watch(place_mm)(4.2), SCENE.watch(place_mm)(1.2), atol=1e-6)
+    np.testing.assert_allclose(longer.motion_of(place_mm)(4.2), SCENE.motion_of(place_mm)(1.2), atol=1e-6)
 
 
 def test_tips_off_the_face_stay_on_its_normal() -> None:
     """The face tilts by atan(0.4) about y; a tip 2 mm in front of it swings to +x and back up."""
     place_mm = np.array([[1.0, -1.0]])
-    tip_mm = SCENE.watch(place_mm, 2.0)(2.0) - SCENE.watch(place_mm)(2.0)
+    tip_mm = SCENE.motion_of(place_mm, 2.0)(2.0) - SCENE.motion_of(place_mm)(2.0)
     angle = np.arctan(0.4)
     expected = [-2.0 * np.sin(angle), 0.0, 2.0 * (1.0 - np.cos(angle))]
     np.testing.assert_allclose(tip_mm[0], expected, atol=1e-6)

@@ -111,7 +111,7 @@ def test_forces_are_the_slope_of_the_energy_and_the_tangent_theirs(pretension: f
     np.testing.assert_allclose(product, numeric, atol=1e-7 * np.abs(numeric).max())
 
 
-def test_a_folded_element_is_told_by_its_volume() -> None:
+def test_a_folded_element_is_recognised_by_its_volume() -> None:
     body = block()
     energy, _, smallest = body.forces(-1.5 * body.mesh.node_mm)
     assert smallest < 0.0

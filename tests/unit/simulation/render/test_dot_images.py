@@ -7,7 +7,7 @@ from manytouch.geometry.camera import project
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.dot_images import (
     CORNERS,
-    SAME_MOMENT,
+    EQUAL_SECOND_MOMENT_SCALE,
     dot_ellipses,
     outlines,
     polygon_ellipses,
@@ -27,7 +27,8 @@ def test_the_polygon_has_the_discs_moments() -> None:
     angle = 2 * np.pi * np.arange(CORNERS) / CORNERS
     shape = np.array([[6.0, 1.5], [-0.5, 3.0]])
     corners = (
-        np.array([100.0, 50.0]) + SAME_MOMENT * np.column_stack([np.cos(angle), np.sin(angle)]) @ shape.T
+        np.array([100.0, 50.0])
+        + EQUAL_SECOND_MOMENT_SCALE * np.column_stack([np.cos(angle), np.sin(angle)]) @ shape.T
     )
     centre_px, shape_px = polygon_ellipses(corners[None])
     assert centre_px[0] == pytest.approx([100, 50])

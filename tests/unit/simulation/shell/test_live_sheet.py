@@ -150,7 +150,7 @@ def test_symmetry() -> None:
     assert one.contacts[0].normal_force_N == pytest.approx(other.contacts[0].normal_force_N, rel=2e-3)
 
 
-def test_a_finer_grid_says_the_same() -> None:
+def test_a_finer_grid_gives_the_same() -> None:
     coarse, fine = (pressed(ball(10.0, -5.0, 5.0), spacing_mm=spacing_mm) for spacing_mm in (2.0, 1.0))
     there = (10.0, -5.0), (4.0, -5.0), (-20.0, 10.0)
     assert depth_mm(coarse, *there) == pytest.approx(depth_mm(fine, *there), rel=0.03)
@@ -191,7 +191,7 @@ def test_it_can_begin_where_another_sheet_is() -> None:
     assert np.abs(live.deformation().face_mm).max() == 0.0
 
 
-def test_a_flat_punch_on_a_tilted_sheet_bears_on_an_edge() -> None:
+def test_a_flat_punch_on_a_tilted_sheet_presses_on_an_edge() -> None:
     punch = replace(ball(0.0, 25.0, 3.0), indenter=RoundPunch(radius_mm=4.0))
     (contact,) = pressed(punch).contacts
     assert contact.centre_mm[0] == pytest.approx(0.0, abs=0.02)
@@ -201,21 +201,24 @@ def test_a_flat_punch_on_a_tilted_sheet_bears_on_an_edge() -> None:
 
 def solid(name: str) -> tuple[SceneFile, np.ndarray, tuple[Deformation, ...]]:
     scene = load_scene(BUILT_IN / f"{name}.toml", width_px=1280)
-    asked = solid_problem(scene)
-    states = shipped_states(name, asked.keys)
+    problem = solid_problem(scene)
+    states = shipped_states(name, problem.keys)
     assert states is not None
-    return scene, asked.time_s, states
+    return scene, problem.time_s, states
 
 
-@pytest.mark.parametrize("name", ["one", "fingers"])
-def test_it_agrees_with_the_shipped_3d_states(name: str) -> None:
+@pytest.mark.parametrize(
+    ("name", "every", "least"),
+    [("one", 1, 12), ("fingers", 8, 6), pytest.param("fingers", 4, 12, marks=pytest.mark.slow)],
+)
+def test_it_agrees_with_the_shipped_3d_states(name: str, every: int, least: int) -> None:
     """The same bodies at the same places: shape within 4 % of the peak, forces from 1 N on within 6 %."""
     scene, time_s, states = solid(name)
     layout = demo_sensor().layout
     assert layout is not None
     place_mm = np.ascontiguousarray(layout.rest_mm[:, :2])
     live, compared, forces = LiveSheet(SHEET), 0, []
-    for number, state in list(enumerate(states))[:: 1 if name == "one" else 4]:
+    for number, state in list(enumerate(states))[::every]:
         bodies = [
             PosedIndenter(indenter=body.indenter, position_mm=position_mm, rotation_vector=turn)
             for body, position_mm, turn in poses(scene.bodies, float(time_s[number]), thickness_mm=3.0)
@@ -236,7 +239,7 @@ def test_it_agrees_with_the_shipped_3d_states(name: str) -> None:
                 assert here.depth_mm == pytest.approx(there.depth_mm, rel=0.05)
                 assert np.linalg.norm(here.centre_mm - there.centre_mm) < 0.6
                 forces.append(here.normal_force_N / there.normal_force_N)
-    assert compared >= 12
+    assert compared >= least
     assert abs(np.median(forces) - 1.0) < 0.015
 
 

@@ -1,4 +1,4 @@
-"""Contact: its linearisation, its balance, and what the read-out says of it."""
+"""Contact: its linearisation, its balance, and its read-out."""
 
 from dataclasses import replace
 from functools import cache
@@ -78,8 +78,8 @@ def test_the_contact_lies_under_the_indenter_and_pushes_down() -> None:
     contact = pressed().contacts[0]
     np.testing.assert_allclose(contact.centre_mm, [1.3, -0.7], atol=0.15)
     assert contact.normal_force_N > 0.0
-    bearing = (pressed().pressure_MPa[0] > 0.0) * touched_face(solver().body.mesh).area_mm2
-    assert contact.area_mm2 == pytest.approx(bearing.sum(), rel=0.3)
+    touching_mm2 = (pressed().pressure_MPa[0] > 0.0) * touched_face(solver().body.mesh).area_mm2
+    assert contact.area_mm2 == pytest.approx(touching_mm2.sum(), rel=0.3)
     assert contact.penetration_mm < 0.05
     assert abs(contact.torque_Nmm) < 1e-3 * contact.normal_force_N
 
@@ -119,7 +119,7 @@ def test_an_indenter_that_leaves_leaves_nothing_behind() -> None:
 
 
 def test_without_friction_the_way_does_not_matter() -> None:
-    path = ((-2.0, 2.0, 1.0), (3.0, 0.0, 2.5), (1.3, -0.7, 2.0))
+    path = ((3.0, 0.0, 2.5), (1.3, -0.7, 2.0))
     last = list(solve_sheet(solver(), Loading(touches=(touch(Sphere(radius_mm=5.0), *path),))))[-1]
     np.testing.assert_allclose(last.displacement_mm, pressed().displacement_mm, atol=1e-4)
 
