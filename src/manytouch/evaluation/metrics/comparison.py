@@ -18,8 +18,8 @@ from manytouch.evaluation.metrics.latency import latency_figures
 from manytouch.evaluation.metrics.markers import DotSamples, dot_figures, dot_samples
 from manytouch.evaluation.metrics.matching import FAINT_MM, GATE_MM, PITCH_MM
 from manytouch.evaluation.metrics.separation import RATIOS, PairSamples, pair_samples, separation_curve
+from manytouch.evaluation.metrics.worst_frame import WorstFrame, find_worst_frame
 from manytouch.evaluation.records.record import EvaluationError, Record, subset
-from manytouch.evaluation.report.worst_frame import WorstFrame, find_worst_frame
 from manytouch.values import LengthUnit
 from manytouch.values.arrays import Scalars, read_only
 

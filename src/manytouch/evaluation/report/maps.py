@@ -7,8 +7,8 @@ import numpy as np
 
 from manytouch.evaluation.metrics.comparison import MethodErrors
 from manytouch.evaluation.metrics.depth import error_map
+from manytouch.evaluation.metrics.worst_frame import WorstFrame
 from manytouch.evaluation.report.svg_theme import FAINT, FOREGROUND, SOFT, figure, nothing, svg
-from manytouch.evaluation.report.worst_frame import WorstFrame
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -20,7 +20,7 @@ from manytouch.evaluation.metrics.contacts import ContactSamples
 from manytouch.evaluation.metrics.depth import DepthSamples
 from manytouch.evaluation.metrics.markers import DotSamples
 from manytouch.evaluation.metrics.separation import PairSamples
-from manytouch.evaluation.report.worst_frame import WorstFrame
+from manytouch.evaluation.metrics.worst_frame import WorstFrame
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.values.arrays import read_only
 
