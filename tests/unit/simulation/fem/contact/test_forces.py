@@ -5,14 +5,29 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from manytouch.simulation.fem.contact.forces import touched_face
-from manytouch.simulation.fem.contact.indenters import Indenter, RoundPunch, Sphere, SquarePunch
+from manytouch.simulation.fem.contact.forces import (
+    ContactField,
+    ContactLaw,
+    PosedShape,
+    add_contact,
+    touched_face,
+)
+from manytouch.simulation.fem.contact.indenters import (
+    Indenter,
+    RoundPunch,
+    Sphere,
+    SquarePunch,
+    pack,
+    signed_distance,
+)
 from manytouch.simulation.fem.elements.material import NeoHooke
+from manytouch.simulation.fem.elements.mesh import sheet_mesh
 from manytouch.simulation.fem.loading import IndenterPath, Loading, PressurePatch, press
 from manytouch.simulation.fem.sheet import SheetModel, sheet_solver, solve_sheet
-from manytouch.simulation.fem.solver.balance import ForceBalance, Substep
+from manytouch.simulation.fem.solver.balance import NO_FRICTION, NO_TANGENT, ForceBalance, Substep
 from manytouch.simulation.fem.solver.multifrontal import Factorisation, MultifrontalSolver
 from manytouch.simulation.fem.solver.newton import NewtonSolver
 from manytouch.simulation.fem.state import SheetState
@@ -207,3 +222,35 @@ def test_the_tangent_agrees_with_differences(indenter: Indenter, friction: float
         np.where(solver_.is_free, product, 0.0), numeric, atol=2e-6 * np.abs(numeric).max()
     )
     assert np.abs(numeric).max() > 1.0
+
+
+@pytest.mark.parametrize("rounding_mm", [0.02, 0.5])
+def test_the_kernel_agrees_with_the_penalty_law_in_numpy(rounding_mm: float) -> None:
+    rng = np.random.default_rng(5)
+    mesh, ball, stiffness = sheet_mesh((8.0, 6.0), THICKNESS_MM), Sphere(radius_mm=4.0), 30.0
+    face, bent = touched_face(mesh), 0.05 * rng.standard_normal(mesh.node_mm.shape)
+    position, rotation = np.array([0.3, -0.2, 2.5]), Rotation.from_rotvec([0.1, -0.2, 0.3]).as_matrix()
+    shape = face.area_mm2.shape
+    field = ContactField(np.zeros(shape), np.zeros((*shape, 3)), np.zeros((*shape, 3)))
+    kind, numbers = pack((ball,))
+    force = np.zeros_like(bent)
+    deepest = add_contact(
+        bent,
+        face.arrays(mesh),
+        PosedShape(kind[0], numbers[0], position, rotation),
+        ContactLaw(0.0, stiffness, rounding_mm, 1.0),
+        NO_FRICTION,
+        field,
+        force,
+        NO_TANGENT,
+    )
+    local = (face.displaced(mesh, bent) - position) @ rotation
+    distance, gradient, _ = signed_distance(ball, local.reshape(-1, 3))
+    depth = np.maximum(-distance, 0.0).reshape(shape)
+    assert deepest == pytest.approx(depth.max(), rel=1e-12)
+    soft, hard = 0.5 * depth**2 / rounding_mm, depth - 0.5 * rounding_mm
+    pressure = stiffness * np.where(depth < rounding_mm, soft, hard)
+    np.testing.assert_allclose(field.pressure_MPa, pressure, atol=1e-12)
+    assert (pressure > 0.0).sum() > 10
+    traction = pressure[..., None] * (gradient @ rotation.T).reshape(*shape, 3)
+    np.testing.assert_allclose(force, face.nodal_force_N(mesh, traction), atol=1e-12)
