@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, REST_FRAMES, Case, Touch, pressure_share
-from manytouch.evaluation.suite.pressing import DRAG_MM, Pressed, sheet_model
+from manytouch.evaluation.suite.pressing import DRAG_MM, Pressed, sheet_model, solve_presses
 
 pytest.importorskip("skfem")
 

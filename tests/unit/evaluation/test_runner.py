@@ -17,7 +17,7 @@ from manytouch.evaluation.metrics.comparison import figures, pooled
 from manytouch.evaluation.records.record import EvaluationError
 from manytouch.evaluation.suite import runner
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation, Touch
-from manytouch.evaluation.suite.recordings import Recording
+from manytouch.evaluation.suite.recordings import Recording, simulate_case
 from manytouch.evaluation.suite.runner import Evaluation, run_case, run_suite
 from manytouch.evaluation.suite.trial_store import read_comparisons, write_comparisons
 from manytouch.pipeline import Pipeline

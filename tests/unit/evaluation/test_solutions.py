@@ -10,7 +10,7 @@ import pytest
 from manytouch.errors import MissingExtraError
 from manytouch.evaluation.suite import solutions as module
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case, Touch
-from manytouch.evaluation.suite.pressing import Pressed
+from manytouch.evaluation.suite.pressing import Pressed, solve_presses
 from manytouch.evaluation.suite.recordings import CaseSimulation, FemSimulation
 from manytouch.evaluation.suite.solutions import Solutions, shipped_name, solve_missing, user_cache
 from manytouch.evaluation.suite.suite import cases
@@ -37,7 +37,7 @@ def solved(monkeypatch: pytest.MonkeyPatch) -> list[str]:
         titles.append(case.title)
         return solve_presses(case, element_mm=4.0)
 
-    monkeypatch.setattr(module, "pressed", counted)
+    monkeypatch.setattr(module, "solve_presses", counted)
     return titles
 
 
@@ -112,7 +112,7 @@ def test_a_case_without_equilibrium_is_left_out_and_not_solved_again(
         for number, step in enumerate(solve_presses(case, element_mm=4.0)):
             yield replace(step, state=replace(step.state, status="not_converged")) if number == 2 else step
 
-    monkeypatch.setattr(module, "pressed", failing)
+    monkeypatch.setattr(module, "solve_presses", failing)
     solutions = Solutions(folder=tmp_path)
     assert len(solutions.solve(CASE)) == 2
     assert FemSimulation(solutions=solutions).refusal(CASE) == "no equilibrium was found"

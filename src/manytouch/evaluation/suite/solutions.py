@@ -15,7 +15,7 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.evaluation.suite import pressing
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case
-from manytouch.evaluation.suite.pressing import sheet_model
+from manytouch.evaluation.suite.pressing import sheet_model, solve_presses
 from manytouch.evaluation.suite.workers import RunObserver, run_tasks
 from manytouch.simulation.fem.cache import code_revision
 from manytouch.simulation.fem.elements.mesh import reference_nodes
