@@ -1,6 +1,6 @@
 """From force clusters to contacts with their covariances."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -9,9 +9,10 @@ from manytouch.estimation.mechanics.force_clusters import Clusters
 from manytouch.estimation.mechanics.gauss_newton import Fit
 from manytouch.estimation.mechanics.sheet_model import SheetModel
 from manytouch.geometry.camera import project
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
-from manytouch.values import ESTIMATES, Contact, Phase
-from manytouch.values.arrays import read_only
+from manytouch.values import ESTIMATES, Contact, Contacts, Phase
+from manytouch.values.arrays import Points2, read_only
 
 _AREA = ESTIMATES.index("area")
 _CLAMP_THICKNESSES = 4.0  # at which `ModelError.position_clamp` applies
@@ -211,3 +212,40 @@ def _estimate_rows(
             np.zeros_like(force_mm2),
         ]
     )
+
+
+def with_forces(
+    contacts: Contacts,
+    node_mm: Points2,
+    force_mm2: Nodal,
+    *,
+    reach_mm: float,
+    least_mm2: float,
+) -> Contacts:
+    """Contacts that were found without forces, with forces over E.
+
+    The force of a contact is the sum of the nodal forces within a reach that are nearest to it.
+
+    Args:
+        contacts: without forces.
+        node_mm: (n, 2) places of the nodes.
+        force_mm2: (n, 3) nodal forces over E.
+        reach_mm: largest distance of a node from its contact.
+        least_mm2: a contact with a smaller normal force gets NaN.
+    """
+    centre_mm = np.array([contact.centre_mm for contact in contacts.contacts]).reshape(-1, 2)
+    away_mm = np.linalg.norm(node_mm[:, None] - centre_mm, axis=2)
+    result = []
+    for number, contact in enumerate(contacts.contacts):
+        is_nearest = away_mm[:, number] <= away_mm.min(axis=1)
+        total_mm2 = force_mm2[is_nearest & (away_mm[:, number] < reach_mm)].sum(axis=0)
+        if -total_mm2[2] < least_mm2:
+            total_mm2 = np.full(3, np.nan)
+        result.append(
+            replace(
+                contact,
+                normal_force_over_E_mm2=-float(total_mm2[2]),
+                shear_over_E_mm2=(float(total_mm2[0]), float(total_mm2[1])),
+            )
+        )
+    return replace(contacts, contacts=tuple(result))

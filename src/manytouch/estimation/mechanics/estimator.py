@@ -15,7 +15,7 @@ from jaxtyping import Float64
 from manytouch.estimation.contact_finder import ContactFinder
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.mechanics.contact_rules import ContactRules, has_force_near, is_far_from
-from manytouch.estimation.mechanics.contacts import ContactEstimator
+from manytouch.estimation.mechanics.contacts import ContactEstimator, with_forces
 from manytouch.estimation.mechanics.evidence import evidence_at
 from manytouch.estimation.mechanics.force_clusters import Clusters, ForceClusters
 from manytouch.estimation.mechanics.gauss_newton import Fit, GaussNewton, SheetShape
@@ -282,33 +282,19 @@ class MechanicsEstimator:
         fit: Fit,
         surface: Surface,
     ) -> tuple[MechanicsState, Surface, Contacts]:
-        """Contacts by the swelling of dots; forces over E from the shape, NaN where it has none."""
+        """Contacts by the swelling of dots, with forces over E from the shape."""
         model = state.model
         uncalibrated, contacts = self._find_uncalibrated(uncalibrated, grid)
-        centre_mm = np.array([contact.centre_mm for contact in contacts.contacts]).reshape(-1, 2)
-        away_mm = np.linalg.norm(model.patch.place_mm[:, None] - centre_mm, axis=2)
-        with_forces = []
-        for number, contact in enumerate(contacts.contacts):
-            is_nearest = away_mm[:, number] <= away_mm.min(axis=1)
-            is_own = is_nearest & (away_mm[:, number] < self.own_force_pitch * model.pitch_mm)
-            force_mm2 = fit.shape.force_mm2[is_own].sum(axis=0)
-            least_mm2 = self.force_clusters.min_force * model.lattice.force_unit_mm2
-            if fit.status is not Status.OK or -force_mm2[2] < least_mm2:
-                force_mm2 = np.full(3, np.nan)
-            with_forces.append(
-                replace(
-                    contact,
-                    normal_force_over_E_mm2=-float(force_mm2[2]),
-                    shear_over_E_mm2=(float(force_mm2[0]), float(force_mm2[1])),
-                )
-            )
-        if surface.status is Status.OK and not self.uncalibrated_contact_finder.is_touched(uncalibrated[1]):
-            state = self._update_reference(state, grid)
-        return (
-            replace(state, uncalibrated=uncalibrated),
-            surface,
-            replace(contacts, contacts=tuple(with_forces)),
+        contacts = with_forces(
+            contacts,
+            model.patch.place_mm,
+            fit.shape.force_mm2 if fit.status == "ok" else np.zeros_like(fit.shape.force_mm2),
+            reach_mm=self.own_force_pitch * model.pitch_mm,
+            least_mm2=self.force_clusters.min_force * model.lattice.force_unit_mm2,
         )
+        if surface.status == "ok" and not self.uncalibrated_contact_finder.is_touched(uncalibrated[1]):
+            state = self._update_reference(state, grid)
+        return replace(state, uncalibrated=uncalibrated), surface, contacts
 
     def _update_reference(self, state: MechanicsState, grid: TrackedGrid) -> MechanicsState:
         reference_px = self.reference_drift(

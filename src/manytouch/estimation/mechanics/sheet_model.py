@@ -97,18 +97,7 @@ class NominalSheet:
             SensorError: the sensor has no layout.
             LayoutError: it has too few markers.
         """
-        layout = sensor.layout
-        if layout is None:
-            raise SensorError(
-                f"sensor {sensor.name!r} has no [markers], but the method mechanics needs their layout: "
-                "run `manytouch calibrate rest` first"
-            )
-        if len(layout.rest_mm) < MIN_MARKERS:
-            raise LayoutError(
-                f"the layout of sensor {sensor.name!r} has {len(layout.rest_mm)} markers, but the method "
-                f"mechanics needs at least {MIN_MARKERS}: choose a region with more of them, "
-                "or --method perimeter"
-            )
+        layout = _checked_layout(sensor)
         sheet, pitch_mm = sensor.sheet, float(np.sqrt(np.prod(layout.pitch_mm)))
         is_nominal = sheet is None or sheet.is_assumed
         thickness_mm = self.thickness_pitch * pitch_mm if sheet is None else sheet.thickness_mm
@@ -195,3 +184,19 @@ def _young_relative_std(sheet: Sheet | None) -> float:
     if sheet is None or sheet.young_MPa is None or sheet.young_std_MPa is None:
         return 0.0
     return sheet.young_std_MPa / sheet.young_MPa
+
+
+def _checked_layout(sensor: Sensor) -> Layout:
+    layout = sensor.layout
+    if layout is None:
+        raise SensorError(
+            f"sensor {sensor.name!r} has no [markers], but the method mechanics needs their layout: "
+            "run `manytouch calibrate rest` first"
+        )
+    if len(layout.rest_mm) < MIN_MARKERS:
+        raise LayoutError(
+            f"the layout of sensor {sensor.name!r} has {len(layout.rest_mm)} markers, but the method "
+            f"mechanics needs at least {MIN_MARKERS}: choose a region with more of them, "
+            "or --method perimeter"
+        )
+    return layout

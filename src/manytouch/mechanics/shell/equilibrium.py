@@ -7,7 +7,7 @@ import numpy as np
 
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.banded.band import BandFactor, band_rows, factorise, new_band
-from manytouch.mechanics.shell import kernels as shell_kernels
+from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.shell.shell import Shell
 
 Load = Nodal | Callable[[Nodal], Nodal]
@@ -38,12 +38,12 @@ class Equilibrium:
 def tangent_factor(shell: Shell, tangent: np.ndarray) -> BandFactor:
     """The factor of a tangent (nodes, 3, 3, 7, 8); of the least stiffened one if it is indefinite."""
     patch = shell.patch
-    width = 3 * shell_kernels.REACH * (patch.shape[1] + 1) + 2
+    width = 3 * tangent_kernels.REACH * (patch.shape[1] + 1) + 2
     stiffening = 0.0
     while True:
         band = new_band(3 * patch.node_count, width, np.float64)
         rows = band_rows(band)
-        shell_kernels.copy_to_band(tangent, patch.shape, patch.is_free, rows)
+        tangent_kernels.copy_to_band(tangent, patch.shape, patch.is_free, rows)
         rows[:, 0] += stiffening * rows[:, 0].max()
         factor = factorise(band)
         if factor is not None:

@@ -9,6 +9,7 @@ from jaxtyping import Float, Float64
 from manytouch.geometry.spline import basis
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.shell import kernels as shell_kernels
+from manytouch.mechanics.shell import tangent_kernels
 
 SUPPORT_PER_MM = 1e-3
 """Stiffness of the springs along a soft boundary, over E and area: a displacement of 1 mm gives 0.001 E."""
@@ -83,19 +84,19 @@ class Shell:
         """
         shell_kernels.forces_and_tangent(coefficient_mm, self._elements, self._stiffness, force, tangent)
         force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
-        middle = shell_kernels.REACH
+        middle = tangent_kernels.REACH
         for i in range(3):
             tangent[:, i, i, middle, middle] += self._spring_mm
-        shell_kernels.fix(self.patch.is_free, self.patch.shape, force, tangent)
+        tangent_kernels.fix(self.patch.is_free, self.patch.shape, force, tangent)
 
     def empty_tangent(self, precision: type[np.floating] = np.float64) -> Float[np.ndarray, "nodes 3 3 7 8"]:
         """Memory for a tangent, whose precision is that of all matrix operations on it."""
-        return np.zeros((self.patch.node_count, 3, 3, shell_kernels.ROW, shell_kernels.STRIP), precision)
+        return np.zeros((self.patch.node_count, 3, 3, tangent_kernels.ROW, tangent_kernels.STRIP), precision)
 
     def product(self, tangent: np.ndarray, nodal: Nodal) -> Nodal:
         """Tangent times a vector."""
         result = np.empty_like(nodal)
-        shell_kernels.product(tangent, self.patch.shape, np.ascontiguousarray(nodal), result)
+        tangent_kernels.product(tangent, self.patch.shape, np.ascontiguousarray(nodal), result)
         return result
 
     @cached_property

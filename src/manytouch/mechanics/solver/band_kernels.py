@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Float64, Int64
 from manytouch.compilation import kernel, no_type_check
 from manytouch.mechanics.banded.band import Band
 from manytouch.mechanics.banded.tile import ROWS, At, add_product
-from manytouch.mechanics.shell.kernels import REACH, ROW, Coefficients, Tangent
+from manytouch.mechanics.shell.tangent_kernels import REACH, ROW, Coefficients, Tangent
 
 GROUP = 3  # adjacent nodes whose rows are added at once: together they reach over 9 nodes
 LANES = 32  # numbers stored per row of these 9 nodes: 27, and padding

@@ -7,7 +7,7 @@ from jaxtyping import Float, Float64, Int64
 
 from manytouch.geometry.spline.patch import Nodal, PointBasis
 from manytouch.mechanics.markers.images import MarkerImages
-from manytouch.mechanics.shell import kernels as shell_kernels
+from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.shell.shell import Shell
 
 
@@ -64,7 +64,7 @@ class Linearisation:
         """Derivative of sum_j share_j f_j,component by the coefficients."""
         patch, row = self.shell.patch, np.zeros((len(share), 3))
         free_share = np.where(patch.is_free[:, component], share, 0.0)
-        shell_kernels.row_sum(self.tangent, patch.shape, free_share, component, row)
+        tangent_kernels.row_sum(self.tangent, patch.shape, free_share, component, row)
         return row
 
     def force_rows(self, node: Int64[np.ndarray, " k"], component: int) -> Float64[np.ndarray, "k nodes 3"]:
@@ -73,7 +73,7 @@ class Linearisation:
         rows, share = np.zeros((len(node), patch.node_count, 3)), np.zeros(patch.node_count)
         for row, number in zip(rows, node, strict=True):
             share[number] = 1.0
-            shell_kernels.row_sum(self.tangent, patch.shape, share, component, row)
+            tangent_kernels.row_sum(self.tangent, patch.shape, share, component, row)
             share[number] = 0.0
         return rows
 

@@ -9,7 +9,7 @@ from jaxtyping import Float64
 from manytouch.geometry.spline.patch import Nodal, PointBasis
 from manytouch.mechanics.banded.band import BandFactor, band_rows, factorise, new_band
 from manytouch.mechanics.markers.images import MarkerImages
-from manytouch.mechanics.shell import kernels as shell_kernels
+from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver import band_kernels
 from manytouch.mechanics.solver.linearisation import Linearisation
@@ -102,7 +102,7 @@ class NormalEquations:
     ) -> tuple[BandFactor | None, Float64[np.ndarray, " n"]]:
         """Factor of H, None if it is not positive definite, and the gradient (n,)."""
         patch = self.shell.patch
-        width = 3 * 2 * shell_kernels.REACH * (patch.shape[1] + 1) + 2
+        width = 3 * 2 * tangent_kernels.REACH * (patch.shape[1] + 1) + 2
         gradient = np.zeros(3 * patch.node_count)
         band = new_band(gradient.size, width, self._precision)
         sheet = band_kernels.SheetDerivatives(at.force, at.tangent, at.slope)

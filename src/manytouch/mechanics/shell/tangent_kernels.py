@@ -1,0 +1,122 @@
+"""Products with the tangent of the shell, and copies of its parts, compiled.
+
+A tangent is (nodes, 3, 3, 7, 8): tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q
+is a - 3 nodes further along the slow and b - 3 nodes further along the fast axis than p. The last of 8
+numbers is padding.
+"""
+
+import numpy as np
+from jaxtyping import Bool, Float, Float64
+
+from manytouch.compilation import kernel, no_type_check
+
+REACH = 3  # nodes that share an element are at most this far apart along each axis
+ROW = 2 * REACH + 1
+STRIP = 8  # numbers stored per row of 7 nodes; a power of 2 suits SIMD
+
+Coefficients = Float64[np.ndarray, "nodes 3"]
+Tangent = Float[np.ndarray, "nodes 3 3 7 8"]
+
+
+@kernel(fastmath=True)
+@no_type_check
+def clear_outside(shape: tuple[int, int], tangent: Tangent) -> None:
+    """Set entries of nodes outside the grid to 0, which elements at the outline have."""
+    for node in range(len(tangent)):
+        s0, f0 = node // shape[1], node % shape[1]
+        for a in range(ROW):
+            for b in range(ROW):
+                if not (0 <= s0 + a - REACH < shape[0] and 0 <= f0 + b - REACH < shape[1]):
+                    for i in range(3):
+                        for j in range(3):
+                            tangent[node, i, j, a, b] = 0.0
+
+
+@kernel(fastmath=True)
+@no_type_check
+def fix(
+    is_free: Bool[np.ndarray, "nodes 3"], shape: tuple[int, int], force: Coefficients, tangent: Tangent
+) -> None:
+    """Set forces on fixed unknowns and their rows and columns of the tangent to 0."""
+    for node in range(len(is_free)):
+        s0, f0 = node // shape[1], node % shape[1]
+        for i in range(3):
+            if is_free[node, i]:
+                continue
+            force[node, i] = 0.0
+            for j in range(3):
+                tangent[node, i, j] = 0.0
+            for a in range(ROW):
+                s = s0 + a - REACH
+                if not 0 <= s < shape[0]:
+                    continue
+                for b in range(ROW):
+                    f = f0 + b - REACH
+                    if 0 <= f < shape[1]:
+                        other = s * shape[1] + f
+                        for j in range(3):
+                            tangent[other, j, i, ROW - 1 - a, ROW - 1 - b] = 0.0
+
+
+@kernel(fastmath=True)
+@no_type_check
+def product(tangent: Tangent, shape: tuple[int, int], vector: Coefficients, result: Coefficients) -> None:
+    """Tangent times a vector, into `result`."""
+    for node in range(len(vector)):
+        s0, f0 = node // shape[1], node % shape[1]
+        low, high = max(f0 - REACH, 0), min(f0 + REACH + 1, shape[1])
+        for i in range(3):
+            total = 0.0
+            for a in range(max(REACH - s0, 0), min(ROW, shape[0] - s0 + REACH)):
+                start = (s0 + a - REACH) * shape[1]
+                for f in range(low, high):
+                    for j in range(3):
+                        total += tangent[node, i, j, a, f - f0 + REACH] * vector[start + f, j]
+            result[node, i] = total
+
+
+@kernel(fastmath=True)
+@no_type_check
+def row_sum(
+    tangent: Tangent,
+    shape: tuple[int, int],
+    share: Float64[np.ndarray, " nodes"],
+    component: int,
+    result: Coefficients,
+) -> None:
+    """Add the sum over nodes of share times the tangent's row of one component to `result`."""
+    for node in range(len(share)):
+        if share[node] == 0.0:
+            continue
+        s0, f0 = node // shape[1], node % shape[1]
+        low, high = max(f0 - REACH, 0), min(f0 + REACH + 1, shape[1])
+        for a in range(max(REACH - s0, 0), min(ROW, shape[0] - s0 + REACH)):
+            start = (s0 + a - REACH) * shape[1]
+            for f in range(low, high):
+                for j in range(3):
+                    result[start + f, j] += share[node] * tangent[node, component, j, a, f - f0 + REACH]
+
+
+@kernel()
+@no_type_check
+def copy_to_band(
+    tangent: Tangent,
+    shape: tuple[int, int],
+    is_free: Bool[np.ndarray, "nodes 3"],
+    band: Float[np.ndarray, "n band"],
+) -> None:
+    """A tangent as a band: row p gets K[p, p], K[p, p + 1], ...; the diagonal of fixed unknowns gets 1."""
+    for node in range(len(is_free)):
+        s0, f0 = node // shape[1], node % shape[1]
+        for i in range(3):
+            p = 3 * node + i
+            if not is_free[node, i]:
+                band[p, 0] = 1.0
+                continue
+            for a in range(REACH, min(ROW, shape[0] - s0 + REACH)):
+                start = 3 * ((s0 + a - REACH) * shape[1] + f0 - REACH)
+                for b in range(max(REACH - f0, 0), min(ROW, shape[1] - f0 + REACH)):
+                    for j in range(3):
+                        q = start + 3 * b + j
+                        if q >= p:
+                            band[p, q - p] = tangent[node, i, j, a, b]
