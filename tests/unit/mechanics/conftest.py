@@ -1,4 +1,4 @@
-"""Sheets that the tests of this room bend."""
+"""Sheets that the tests of the mechanics deform."""
 
 import numpy as np
 import pytest
@@ -7,13 +7,7 @@ from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera
-
-PATCHES = {
-    "clamped": SplinePatch(size_mm=(48.0, 36.0), elements=(11, 8)),
-    "clamped, upright": SplinePatch(size_mm=(30.0, 48.0), elements=(7, 12), centre_mm=(2.0, -1.0)),
-    "soft": SplinePatch(size_mm=(40.0, 36.0), elements=(9, 8), boundary="soft", centre_mm=(-3.0, 1.0)),
-    "soft, upright": SplinePatch(size_mm=(24.0, 36.0), elements=(6, 9), boundary="soft"),
-}
+from patches import PATCHES, bent
 
 
 @pytest.fixture(params=list(PATCHES))
@@ -28,11 +22,7 @@ def shell(patch: SplinePatch) -> Shell:
 
 @pytest.fixture
 def bent_mm(patch: SplinePatch) -> np.ndarray:
-    """Coefficients of a press of about 5 mm, dragged a little and rough."""
-    away = patch.place_mm - np.array(patch.centre_mm) - np.array([3.0, -2.0])
-    bump = np.exp(-(away**2).sum(axis=1) / 60.0)
-    rough = np.random.default_rng(5).normal(size=(patch.node_count, 3))
-    return (np.outer(bump, [0.6, -0.4, -5.0]) + 0.05 * rough) * patch.is_free
+    return bent(patch)
 
 
 @pytest.fixture

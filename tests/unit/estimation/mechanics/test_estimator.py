@@ -94,7 +94,7 @@ def read(grids: list[TrackedGrid], sensor: Sensor | None = None):
     return state, surface, contacts
 
 
-def test_two_presses_are_read_with_place_force_and_depth(model: SheetModel, shape: np.ndarray) -> None:
+def test_centre_force_and_depth_of_two_presses(model: SheetModel, shape: np.ndarray) -> None:
     _, surface, contacts = read([grid_of(model, shape, seed=k) for k in range(4)])
     assert surface.status == contacts.status == "ok"
     true_mm = model.dots.displacement_mm(shape)
@@ -128,7 +128,7 @@ def test_the_uncertainty_of_the_stiffness_is_in_that_of_forces(model: SheetModel
             assert unsure.std(estimate) == sure.std(estimate)
 
 
-def test_lost_and_wrong_dots_change_little(model: SheetModel, shape: np.ndarray) -> None:
+def test_missing_and_wrong_markers_have_little_effect(model: SheetModel, shape: np.ndarray) -> None:
     chance = np.random.default_rng(1)
     lost, wrong = chance.random(ROWS * COLUMNS) < 0.2, chance.random(ROWS * COLUMNS) < 0.03
     grids = []
@@ -230,9 +230,7 @@ def test_markers_have_deviations_and_the_surface_a_shape(model: SheetModel, shap
     assert -spline.force_over_E_mm2[:, 2].sum() == pytest.approx(1.5, rel=0.1)
 
 
-def test_a_frame_without_markers_has_a_status_and_the_next_goes_on(
-    model: SheetModel, shape: np.ndarray
-) -> None:
+def test_contacts_last_over_a_frame_without_markers(model: SheetModel, shape: np.ndarray) -> None:
     grid = grid_of(model, shape)
     state, _, _ = read([grid, grid])
     state, surface, contacts = ESTIMATE.step(state, without(grid, np.ones(len(grid.is_seen), dtype=bool)))

@@ -28,7 +28,7 @@ AROUND_MM = np.stack(np.meshgrid(*[np.linspace(-2.0, 2.0, 17)] * 2), axis=-1).re
 def solved(
     tmp_path_factory: pytest.TempPathFactory,
 ) -> list[tuple[np.ndarray, np.ndarray, list[np.ndarray], list[float]]]:
-    """Of each state: centroids of the dots' images, true depths, true centres and depths of what touches."""
+    """Of each state: marker images, true depths, and true centres and depths of the contacts."""
     states = Solutions(folder=Path(tmp_path_factory.mktemp("none"))).known(CASE)
     assert states is not None
     layout = SENSOR.layout
@@ -93,7 +93,7 @@ def test_depth_and_contacts_of_a_solid(solved, trouble: dict[str, float]) -> Non
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
-def test_ten_times_noisier_dots_make_no_contacts_and_hide_none(solved, seed: int) -> None:
+def test_markers_with_ten_times_the_noise(solved, seed: int) -> None:
     estimate, none = MechanicsEstimator(), np.zeros(len(solved[0][0]), dtype=bool)
     state = estimate.start(SENSOR)
     depth_error_mm = []

@@ -44,14 +44,14 @@ def test_a_shallow_saddle_joins(gap_mm: float, count: int) -> None:
     assert -found.force_mm2[:, 2].sum() == pytest.approx(2.0)
 
 
-def test_what_is_weak_or_at_the_rim_is_no_contact() -> None:
+def test_weak_clusters_and_those_near_the_clamp_are_left_out() -> None:
     strong, weak, ghost = (0.0, 0.0, 3.0, 2.0), (20.0, 20.0, 3.0, 0.05), (41.0, 0.0, 2.0, 0.5)
     found = FIND(LATTICE, pressed(strong, weak, ghost))
     assert len(found) == 1
     assert set(np.unique(found.label)) == {-1, 0}
 
 
-def test_nothing_presses() -> None:
+def test_no_forces_make_no_clusters() -> None:
     found = FIND(LATTICE, np.zeros((SHAPE[0] * SHAPE[1], 3)))
     assert isinstance(found, Clusters)
     assert len(found) == 0

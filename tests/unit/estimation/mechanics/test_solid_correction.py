@@ -1,4 +1,4 @@
-"""What the face of a solid is deeper than a shell's: the laws it must keep."""
+"""Laws of the depth of a solid's face minus that of a shell."""
 
 from dataclasses import replace
 
@@ -87,7 +87,7 @@ def test_everything_scales_with_the_sheet(scale: float) -> None:
     )
 
 
-def test_a_clamp_gives_way_where_the_sheet_leaves_it_and_not_further_in() -> None:
+def test_the_clamp_correction_is_near_the_clamp() -> None:
     model = model_of()
     bowl = np.zeros((model.patch.node_count, 3))
     half_mm = 0.5 * np.array(model.patch.size_mm)

@@ -65,7 +65,7 @@ def test_a_stretched_sheet_is_thinner() -> None:
     assert moved[2] == pytest.approx(1.5 * 0.45 / 0.55 * 0.01, rel=0.01)
 
 
-def test_fibres_stand_on_a_slope_that_lags_behind_shear() -> None:
+def test_fibres_are_tilted_by_shear() -> None:
     """w = k x^3 has grad lap w = 6 k along x: at the origin the normal is straight, and fibres lean."""
     patch = SplinePatch(size_mm=(40.0, 30.0), elements=(9, 7), boundary="soft")
     x, k = patch.place_mm[:, 0], 1e-4

@@ -80,7 +80,7 @@ def test_nothing_acts_at_rest(shell: Shell) -> None:
 
 
 @pytest.mark.parametrize("elements", [(9, 7), (7, 9)])
-def test_a_rigid_motion_costs_nothing(elements: tuple[int, int]) -> None:
+def test_a_rigid_motion_has_no_energy(elements: tuple[int, int]) -> None:
     patch = SplinePatch(size_mm=(40.0, 30.0), elements=elements, boundary="soft")
     shell = Shell(patch=patch, thickness_mm=3.0, support_per_mm=0.0)
     cos, sin = np.cos(0.7), np.sin(0.7)
@@ -92,7 +92,7 @@ def test_a_rigid_motion_costs_nothing(elements: tuple[int, int]) -> None:
     assert np.abs(shell.forces(moved)).max() < 1e-12
 
 
-def test_springs_hold_a_soft_boundary_only() -> None:
+def test_springs_act_on_a_soft_boundary_only() -> None:
     shells = [
         Shell(patch=SplinePatch(size_mm=(40.0, 30.0), elements=(9, 7), boundary=kind), thickness_mm=3.0)
         for kind in ("clamped", "soft")
@@ -172,7 +172,7 @@ def test_pretension_stiffens_a_strip() -> None:
     assert deflection_mm(shell, pressure * patch.area_mm2) == pytest.approx(expected, rel=0.01)
 
 
-def test_impossible_sheets_are_refused() -> None:
+def test_invalid_sheets_raise() -> None:
     patch = SplinePatch(size_mm=(40.0, 30.0), elements=(9, 7))
     with pytest.raises(ValueError, match="Poisson's ratio"):
         Shell(patch=patch, thickness_mm=3.0, poisson=0.5)

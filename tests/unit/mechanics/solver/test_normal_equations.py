@@ -167,7 +167,7 @@ def test_a_singular_matrix_is_damped(dots: MarkerImages, bent_mm: np.ndarray) ->
     assert posterior.damping > 0.0
 
 
-def test_pixels_give_a_press_back(camera: Camera) -> None:
+def test_steps_recover_a_press_from_marker_images(camera: Camera) -> None:
     """Algebra only (the same shell made the pixels): depth, and the force in the sign of the contract."""
     patch = SplinePatch(size_mm=(60.0, 48.0), elements=(15, 12))
     shell = Shell(patch=patch, thickness_mm=3.0, pretension_over_E_mm=0.02)
@@ -202,7 +202,7 @@ def test_pixels_give_a_press_back(camera: Camera) -> None:
     np.testing.assert_allclose(push @ patch.place_mm / push.sum(), [8.0, -5.0], atol=0.3)
 
 
-def test_a_soft_boundary_lets_the_sheet_lean(camera: Camera) -> None:
+def test_a_tilt_needs_no_forces_within_a_soft_boundary(camera: Camera) -> None:
     """A tilt of everything in view is a motion of the sheet beyond, not a force within."""
     patch = SplinePatch(size_mm=(64.0, 52.0), elements=(16, 13), boundary="soft")
     shell = Shell(patch=patch, thickness_mm=3.0)

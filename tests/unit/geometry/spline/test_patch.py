@@ -4,6 +4,17 @@ import numpy as np
 import pytest
 
 from manytouch.geometry.spline.patch import SplinePatch
+from patches import PATCHES, bent
+
+
+@pytest.fixture(params=list(PATCHES))
+def patch(request: pytest.FixtureRequest) -> SplinePatch:
+    return PATCHES[request.param]
+
+
+@pytest.fixture
+def bent_mm(patch: SplinePatch) -> np.ndarray:
+    return bent(patch)
 
 
 def points_of(patch: SplinePatch, count: int = 40) -> np.ndarray:
@@ -87,7 +98,7 @@ def test_areas_sum_up_to_the_patch(patch: SplinePatch) -> None:
         assert patch.area_mm2.sum() < np.prod(patch.size_mm)
 
 
-def test_impossible_patches_are_refused() -> None:
+def test_invalid_patches_raise() -> None:
     with pytest.raises(ValueError, match="4 elements or more"):
         SplinePatch(size_mm=(10.0, 10.0), elements=(3, 8))
     with pytest.raises(ValueError, match="must be positive"):
