@@ -122,20 +122,20 @@ def _strain(
     local: Local, tables: Tables, at: int
 ) -> tuple[float, float, float, float, float, float, float, float, float]:
     """Components of a1 and a2, and the curvatures xx, yy and twice xy, at Gauss point `at`."""
-    nx, ny, nxx, nyy, nxy = tables.x[at], tables.y[at], tables.xx[at], tables.yy[at], tables.xy[at]
+    nx, ny, nxx, nyy, nxy = tables
     a10, a11, a12, a20, a21, a22 = 1.0, 0.0, 0.0, 0.0, 1.0, 0.0
     k1, k2, k3 = 0.0, 0.0, 0.0
     for k in range(LOCAL):
         u, v, w = local[0, k], local[1, k], local[2, k]
-        a10 += nx[k] * u
-        a11 += nx[k] * v
-        a12 += nx[k] * w
-        a20 += ny[k] * u
-        a21 += ny[k] * v
-        a22 += ny[k] * w
-        k1 += nxx[k] * w
-        k2 += nyy[k] * w
-        k3 += 2.0 * nxy[k] * w
+        a10 += nx[at, k] * u
+        a11 += nx[at, k] * v
+        a12 += nx[at, k] * w
+        a20 += ny[at, k] * u
+        a21 += ny[at, k] * v
+        a22 += ny[at, k] * w
+        k1 += nxx[at, k] * w
+        k2 += nyy[at, k] * w
+        k3 += 2.0 * nxy[at, k] * w
     return a10, a11, a12, a20, a21, a22, k1, k2, k3
 
 
@@ -224,17 +224,16 @@ def _scatter_force(element: Local, elements: Elements, es: int, ef: int, force: 
 def _scatter_tangent(
     matrix: Float[np.ndarray, "16 16"],
     component: tuple[int, int],
-    elements: Elements,
-    element: tuple[int, int],
+    first: tuple[int, int],
+    shape: tuple[int, int],
     tangent: Float[np.ndarray, " k"],
 ) -> None:
-    """Add the block of components (i, j) of an element's matrix to the flat tangent."""
+    """Add the block of components (i, j) of an element's matrix, whose first node is `first`, to the tangent."""
     i, j = component
-    es, ef = element
-    shape, dropped = elements.shape, elements.dropped
-    for a in range(max(dropped - es, 0), min(4, shape[0] - es + dropped)):
-        for b in range(max(dropped - ef, 0), min(4, shape[1] - ef + dropped)):
-            node = (es + a - dropped) * shape[1] + ef + b - dropped
+    s0, f0 = first
+    for a in range(max(-s0, 0), min(4, shape[0] - s0)):
+        for b in range(max(-f0, 0), min(4, shape[1] - f0)):
+            node = (s0 + a) * shape[1] + f0 + b
             begin = (9 * node + 3 * i + j) * ROW * STRIP + (REACH - a) * STRIP + REACH - b
             for c in range(4):
                 for d in range(4):
@@ -286,7 +285,7 @@ def forces_and_tangent(
     the slow and b - 3 nodes further along the fast axis than p.
     """
     t, mu, bulk, tension, d11, d12, d33 = stiffness
-    kind = tangent.dtype
+    kind, shape = tangent.dtype, elements.shape
     weight, tables, local = elements.weight, _new_tables(), np.empty((3, LOCAL))
     nx, ny, nxx, nyy, nxy = tables
     element, matrix = np.empty((3, LOCAL)), np.empty((LOCAL, LOCAL), kind)
@@ -332,6 +331,7 @@ def forces_and_tangent(
             for row, table in enumerate((nx, ny, nxx, nyy, nxy)):
                 right[row * POINTS : (row + 1) * POINTS] = table
             _bending_factors(weight, stiffness, tables, left)
+            first = (es - elements.dropped, ef - elements.dropped)
             for i in range(3):
                 for j in range(3):
                     _membrane_factors(factor[i, j], right, left)
@@ -347,6 +347,6 @@ def forces_and_tangent(
                             At(0, LOCAL),
                             count,
                         )
-                    _scatter_tangent(matrix, (i, j), elements, (es, ef), flat_tangent)
+                    _scatter_tangent(matrix, (i, j), first, shape, flat_tangent)
             _scatter_force(element, elements, es, ef, force)
     clear_outside(elements.shape, tangent)
