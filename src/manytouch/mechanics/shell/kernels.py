@@ -228,7 +228,7 @@ def _scatter_tangent(
     shape: tuple[int, int],
     tangent: Float[np.ndarray, " k"],
 ) -> None:
-    """Add the block of components (i, j) of an element's matrix, whose first node is `first`, to the tangent."""
+    """Add the block of components (i, j) of the matrix of the element at node `first` to the tangent."""
     i, j = component
     s0, f0 = first
     for a in range(max(-s0, 0), min(4, shape[0] - s0)):
