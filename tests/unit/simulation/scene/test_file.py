@@ -190,7 +190,7 @@ def test_meshes_of_both_kinds_of_stl(tmp_path: Path, is_binary: bool) -> None:
         path.write_text("solid x\n" + "\n".join(lines))
     assert {tuple(row) for row in mesh_corners(path).tolist()} == {tuple(row) for row in corner.tolist()}
     path.write_text("nothing")
-    with pytest.raises(SourceError, match="no mesh of a solid"):
+    with pytest.raises(SourceError, match="not a mesh of a solid"):
         mesh_corners(path)
 
 
