@@ -1,4 +1,4 @@
-"""Real recordings, where they are present beside the repository."""
+"""Real recordings, where they are present next to the repository."""
 
 from pathlib import Path
 

@@ -30,13 +30,13 @@ def run(*words: object, folder: Path | None = None) -> str:
     return done.stdout
 
 
-def test_demo_prints_contacts_beside_the_truth_and_leaves_tables_and_a_picture(tmp_path: Path) -> None:
+def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    said = run("demo", "--seconds", "3.5", "--no-view", folder=tmp_path)
+    output = run("demo", "--seconds", "3.5", "--no-view", folder=tmp_path)
     folder = tmp_path / "out" / "demo"
-    assert "touches" in said
-    assert "truth" in said
-    assert str(Path("out") / "demo") in said
+    assert "touches" in output
+    assert "truth" in output
+    assert str(Path("out") / "demo") in output
     frames = rows_of(folder / "frames.csv")
     assert float(frames[-1]["time_s"]) == pytest.approx(3.5, abs=0.1)
     assert max(int(row["contacts"]) for row in frames) >= 1
@@ -46,8 +46,8 @@ def test_demo_prints_contacts_beside_the_truth_and_leaves_tables_and_a_picture(t
     assert min(picture.shape[:2]) > 400
 
 
-def test_doctor_without_a_source_tells_about_the_machine() -> None:
-    said = run("doctor")
+def test_doctor_without_a_source_describes_the_machine() -> None:
+    output = run("doctor")
     for words in (
         "manytouch",
         "Python",
@@ -58,13 +58,13 @@ def test_doctor_without_a_source_tells_about_the_machine() -> None:
         "kernels",
         "videos",
     ):
-        assert words in said
+        assert words in output
 
 
-def test_doctor_tells_about_a_recording(tmp_path: Path) -> None:
-    said = run("doctor", pressed_video(tmp_path / "press.avi", frames=20))
+def test_doctor_describes_a_recording(tmp_path: Path) -> None:
+    output = run("doctor", pressed_video(tmp_path / "press.avi", frames=20))
     for words in ("dots: 54, darker", "contrast", "focus", "exposure", "6 rows x 9 columns", "noise"):
-        assert words in said
+        assert words in output
 
 
 def test_help_is_quick_and_has_an_example() -> None:

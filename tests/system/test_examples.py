@@ -1,4 +1,4 @@
-"""Each example runs, and says one number that must be right."""
+"""Each example runs, and prints one number that must be right."""
 
 import runpy
 from pathlib import Path

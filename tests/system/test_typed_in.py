@@ -64,7 +64,7 @@ def forces_N(folder: Path) -> Iterator[float]:
 
 
 def typed(lines: list[str], *words: str, cwd: Path) -> tuple[int, str]:
-    """Run manytouch on a terminal and type lines, each when it is asked for."""
+    """Run manytouch on a terminal and type lines, each at its prompt."""
     ours, theirs = pty.openpty()
     with subprocess.Popen(
         [sys.executable, "-m", "manytouch", *words], cwd=cwd, stdin=theirs, stdout=theirs, stderr=theirs
@@ -103,12 +103,12 @@ def test_presses_of_one_recording_are_typed_in_and_give_what_their_table_gives(
     assert [float(row["normal_force_N"]) for row in rows] == pytest.approx(forces, rel=2e-3)
     words = ["--sensor", str(folder / "sensor.toml"), "--out", str(folder / "again.toml")]
     assert main(["calibrate", "sheet", str(folder / "calibrated-presses.csv"), *words]) == 0
-    asked, read = (load_sensor(folder / name).sheet for name in ("calibrated.toml", "again.toml"))
-    told = (asked.thickness_mm, asked.young_MPa)
-    assert told == pytest.approx((read.thickness_mm, read.young_MPa), rel=1e-6)
-    assert asked.thickness_mm == pytest.approx(sensor.sheet.thickness_mm, rel=0.1)
-    assert np.isfinite(asked.young_MPa)
-    assert asked.young_MPa != sensor.sheet.young_MPa
+    requested, read = (load_sensor(folder / name).sheet for name in ("calibrated.toml", "again.toml"))
+    given = (requested.thickness_mm, requested.young_MPa)
+    assert given == pytest.approx((read.thickness_mm, read.young_MPa), rel=1e-6)
+    assert requested.thickness_mm == pytest.approx(sensor.sheet.thickness_mm, rel=0.1)
+    assert np.isfinite(requested.young_MPa)
+    assert requested.young_MPa != sensor.sheet.young_MPa
 
 
 def test_too_few_presses_end_in_a_sentence_and_stay(pressed: tuple[Path, Sensor]) -> None:

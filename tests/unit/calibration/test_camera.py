@@ -40,7 +40,7 @@ def pictures() -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("model", ["pinhole", "fisheye"])
-def test_deviations_tell_how_wrong_the_parameters_are(model):
+def test_predicted_deviations_match_the_errors_of_the_parameters(model):
     camera = true_camera(model)
     errors = []
     for seed in range(24):
@@ -59,7 +59,7 @@ def test_deviations_tell_how_wrong_the_parameters_are(model):
     assert 0.8 < ratio < 1.25
 
 
-def test_the_third_coefficient_is_held_where_it_cannot_be_told():
+def test_an_insignificant_third_coefficient_is_fixed_at_zero():
     without = fit_intrinsics(
         BOARD, board_detections(true_camera(), 12, 0.3), width_px=WIDTH_PX, height_px=HEIGHT_PX
     )
@@ -137,7 +137,7 @@ def test_a_sharper_view_takes_the_place_of_a_blurrier_one(pictures):
     assert collection.refused == [("view 0", "shows the same pose as view 1, which is sharper")]
 
 
-def test_what_is_missing_is_said_until_it_has_been_seen(pictures):
+def test_missing_views_are_listed_until_they_are_taken(pictures):
     collection = ViewCollection(board=BOARD)
     collection.add(frames(pictures)[0][1], "first")
     missing = " | ".join(collection.missing())
@@ -150,7 +150,7 @@ def test_what_is_missing_is_said_until_it_has_been_seen(pictures):
 
 
 @pytest.mark.parametrize("turn_deg", [(0.0, 30.0), (25.0, 0.0), (-20.0, 15.0)])
-def test_the_outlook_tells_place_size_and_tilt(turn_deg):
+def test_pose_features_are_place_size_and_tilt(turn_deg):
     board, size = parse_board("chessboard:8x5", 20.0), (600, 400)
     turn = np.deg2rad([*turn_deg, 0.0])
     matrix = np.array([[600.0, 0.0, 300.0], [0.0, 600.0, 200.0], [0.0, 0.0, 1.0]])
@@ -227,14 +227,14 @@ def test_a_wrong_board_size_is_named(pictures):
         calibrate_camera(frames(pictures[:4]), parse_board("chessboard:9x6", 20.0))
 
 
-def test_one_view_only_says_what_else_is_needed(pictures):
+def test_a_single_view_is_refused_with_what_is_missing(pictures):
     with pytest.raises(
         ManytouchError, match=r"only 1 good view of the chessboard:8x5, at least 4 are needed"
     ):
         calibrate_camera(frames(pictures[:1]), BOARD)
 
 
-def test_blurred_pictures_say_how_to_get_sharp_ones(pictures):
+def test_blurred_images_are_refused_with_a_remedy(pictures):
     blurred = [cv2.GaussianBlur(image, (0, 0), 5.0) for image in pictures[:5]]
     with pytest.raises(ManytouchError, match=r"4 of 5 images are blurred: focus the lens.*only 0 good views"):
         calibrate_camera(frames(blurred), BOARD)

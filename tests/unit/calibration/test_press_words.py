@@ -1,4 +1,4 @@
-"""A press in a person's words: what is meant comes out, and what is wrong is said."""
+"""Presses typed by a user: they are parsed, and errors are reported."""
 
 import numpy as np
 import pytest
@@ -64,6 +64,6 @@ def test_before_a_camera_no_time_is_needed():
         ),
     ],
 )
-def test_a_wrong_line_is_told_why(text, sentence):
+def test_a_wrong_line_is_refused_with_the_reason(text, sentence):
     with pytest.raises(SensorError, match=sentence):
         parse_press(text, 1, FILM)

@@ -83,8 +83,8 @@ def test_pitch_mm_scales_lengths(pitch_mm):
     assert sensor.layout is not None
     assert sensor.length_unit == "mm"
     np.testing.assert_allclose(np.sqrt(np.prod(sensor.layout.pitch_mm)), 3.0, rtol=1e-9)
-    told = any("geometric mean" in sentence for sentence in sensor.assumptions)
-    assert told == isinstance(pitch_mm, tuple)
+    given = any("geometric mean" in sentence for sentence in sensor.assumptions)
+    assert given == isinstance(pitch_mm, tuple)
 
 
 def test_field_of_view_sets_the_focal_length_not_the_scale():
@@ -95,7 +95,7 @@ def test_field_of_view_sets_the_focal_length_not_the_scale():
     assert any("field of view is 60 degrees" in sentence for sentence in sensor_of(grid_px()).assumptions)
 
 
-def test_missing_dots_are_known_and_said():
+def test_missing_dots_are_listed_as_assumptions():
     kept = np.delete(grid_px(), [11, 45], axis=0)
     sensor = sensor_of(kept)
     assert sensor.layout is not None
@@ -129,7 +129,7 @@ def test_frames_with_a_bad_status_are_left_out():
     assert still.frames == (1, 2, 3)
 
 
-def test_a_press_at_the_start_is_said_and_perspective_is_not():
+def test_a_press_at_the_start_is_an_assumption_and_perspective_is_not():
     points = grid_px(10, 12, pitch=(45.0, 35.0), corner=(60.0, 40.0))
     flat = arrange(points, np.zeros(len(points), dtype=bool))
     assert bulge_in_pitches(flat) < 1e-6
@@ -172,18 +172,18 @@ def test_a_known_sensor_is_referred_though_its_pose_is_off(degrees, shift):
     np.testing.assert_allclose(found.layout.rest_px[20], moved[20], atol=2.0)
 
 
-def test_tracking_is_told_the_region_in_which_a_sensor_is_referred(monkeypatch):
-    asked = []
+def test_registration_passes_the_region_of_interest_to_tracking(monkeypatch):
+    requested = []
 
     def spied(**options):
-        asked.append(options["roi_px"])
+        requested.append(options["roi_px"])
         return MarkerTracker(**options)
 
     monkeypatch.setattr(reference, "MarkerTracker", spied)
     sensor = sensor_of(grid_px())
     assert sensor.layout is not None
     register_dots(sensor, sensor.layout.rest_px, roi_px=Roi(10, 20, 600, 380))
-    assert asked == [Roi(10, 20, 600, 380)]
+    assert requested == [Roi(10, 20, 600, 380)]
 
 
 def test_a_recording_of_another_sheet_is_refused():
@@ -224,7 +224,7 @@ def test_from_pictures_to_a_sensor_and_back():
     assert report.residual_px < 0.3
 
 
-def test_a_wrong_polarity_of_the_file_is_put_right_and_told():
+def test_a_wrong_polarity_of_the_file_is_corrected_and_reported():
     frames = frames_of(picture(grid_px()))
     sensor = sensor_from_rest(frames, name="drawn")
     wrong = replace(sensor, layout=replace(sensor.layout, polarity="light"), assumptions=())
@@ -273,12 +273,12 @@ def overflowing():
     return grid_px(rows=11, columns=13, pitch=(50.0, 40.0), corner=(20.0, 10.0))
 
 
-def test_an_even_pattern_of_like_dots_that_fills_the_view_says_what_cannot_be_noticed():
+def test_a_regular_pattern_that_fills_the_view_gives_an_assumption():
     assert UNDETECTABLE_SHIFT in sensor_of(overflowing()).assumptions
 
 
 @pytest.mark.parametrize("warnings", ["rim", "gap", "print", "area", "contrast"])
-def test_whatever_tells_a_jump_by_a_pitch_spares_the_remark(warnings):
+def test_a_detectable_shift_gives_no_assumption(warnings):
     points = grid_px() if warnings == "rim" else overflowing()
     chance = np.random.default_rng(5)
     if warnings == "gap":

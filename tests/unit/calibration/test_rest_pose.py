@@ -74,7 +74,7 @@ def test_a_layout_that_is_known_keeps_its_numbers_and_gets_the_pose(tilted_frame
     assert "5 markers were not seen and are treated as missing" in found.warnings
 
 
-def test_the_pose_deviations_tell_how_wrong_the_pose_is():
+def test_predicted_deviations_match_the_errors_of_the_pose():
     sensor = tilted_sensor()
     place = project(sensor.camera, sensor.layout.rest_mm)
     chance = np.random.default_rng(2)
@@ -110,10 +110,10 @@ def test_a_wrong_scale_is_odd(tilted_frames):
     assert found.sensor.camera.translation_mm[2] == pytest.approx(1.1 * SHIFT[2], rel=2e-3)
 
 
-def test_unequal_pitches_told_as_equal_do_not_look_flat(tilted_frames):
-    told = tilted_sensor()
-    rest_mm = told.layout.rest_mm * [1.0, 1.06, 1.0]
-    found = calibrate_rest(replace(told, layout=replace(told.layout, rest_mm=rest_mm)), tilted_frames)
+def test_unequal_pitches_given_as_equal_leave_a_residual(tilted_frames):
+    given = tilted_sensor()
+    rest_mm = given.layout.rest_mm * [1.0, 1.06, 1.0]
+    found = calibrate_rest(replace(given, layout=replace(given.layout, rest_mm=rest_mm)), tilted_frames)
     assert any("off a flat lattice" in sentence for sentence in found.warnings)
 
 
@@ -191,17 +191,17 @@ def test_the_clamp_line_is_found_where_the_sheet_is_seen_to_end(far_frames, outs
     assert np.nanmax(np.abs(residual_rms_px)) < 0.2
 
 
-def test_a_clamp_line_elsewhere_than_said_is_odd(far_frames):
+def test_a_clamp_line_that_differs_from_the_file_gives_a_warning(far_frames):
     sensor = far_sensor()
     frames = mounted(far_frames, sensor.camera, (120.0, 83.0))
-    said = Sheet(size_mm=np.array([120.4, 80.0]), thickness_mm=3.0)
-    found = calibrate_rest(sensor, frames, sheet=said)
+    output = Sheet(size_mm=np.array([120.4, 80.0]), thickness_mm=3.0)
+    found = calibrate_rest(sensor, frames, sheet=output)
     (sentence,) = [sentence for sentence in found.warnings if "illuminated sheet differs" in sentence]
     assert "top at -41.5 mm, bottom at 41.5 mm" in sentence
     assert "left" not in sentence
-    assert found.sensor.sheet is said
+    assert found.sensor.sheet is output
     assert "ends at 120.0 x 83.0 mm in the image and at 120.4 x 80 mm in [sheet]" in describe(
-        found.clamp, said
+        found.clamp, output
     )
 
 
@@ -231,7 +231,7 @@ def test_light_that_falls_off_is_no_clamp_line(far_frames):
 
 
 def test_a_clamp_line_that_lies_elsewhere_changes_forces_near_it():
-    # Beside a straight clamp a plate's stiffness falls with the square of the distance: 1 mm of 10 is 21 %.
+    # Near a straight clamp a plate's stiffness falls with the square of the distance: 1 mm of 10 is 21 %.
     sheet = Sheet(size_mm=np.array([120.0, 80.0]), thickness_mm=6.0, poisson=0.45)
     assert force_change(sheet) == pytest.approx(0.2, abs=0.04)
     assert force_change(replace(sheet, thickness_mm=2.0)) > 0.1
@@ -257,9 +257,9 @@ def test_the_verb_writes_a_sensor_that_process_can_use(tmp_path, capsys):
     assert sensor.camera.translation_mm == pytest.approx([0.0, 0.0, 116.3], abs=0.05)
     assert sensor.sheet.size_mm.tolist() == [120.0, 80.0]
     assert sensor.centre_noise_px == pytest.approx(0.008, abs=0.006)
-    said = capsys.readouterr().out
-    assert "residual from a flat lattice" in said
-    assert "clamp line: visible on no side, so [sheet] is used, 120 x 80 mm; an error of" in said
+    output = capsys.readouterr().out
+    assert "residual from a flat lattice" in output
+    assert "clamp line: visible on no side, so [sheet] is used, 120 x 80 mm; an error of" in output
     assert main([*words, "--sheet-mm", "120,80"]) == 2
     assert "--sheet-mm needs --thickness-mm too" in capsys.readouterr().err
     assert len(list(islice(tmp_path.iterdir(), 5))) == 2

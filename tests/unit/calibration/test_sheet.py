@@ -1,4 +1,5 @@
-"""A sheet from presses: what was put in comes out, deviations hold, and what cannot be told is said."""
+"""A sheet from presses: what was put in comes out, deviations hold, and what the presses do not determine
+is reported."""
 
 import re
 from dataclasses import dataclass, replace
@@ -33,7 +34,8 @@ SIZE_MM = (60.0, 40.0)
 
 
 def small_sensor():
-    """The demo's camera before a quarter of its sheet; told 3 mm thick, without stiffness or pretension."""
+    """The demo's camera before a quarter of its sheet; given as 3 mm thick, without stiffness or
+    pretension."""
     sensor = demo_sensor(1280)
     near = (np.abs(sensor.layout.rest_mm[:, :2]) < np.array(SIZE_MM) / 2).all(axis=1)
     layout = replace(
@@ -114,7 +116,7 @@ def fitted():
     return calibrate_sheet(sensor, pressed(sensor))
 
 
-def test_presses_tell_thickness_pretension_and_forces(fitted):
+def test_presses_determine_thickness_pretension_and_forces(fitted):
     assert fitted.sheet.thickness_mm == pytest.approx(THICKNESS_MM, rel=0.01)
     young = fitted.sheet.young_MPa
     assert fitted.sheet.pretension_N_per_mm == pytest.approx(PRETENSION_N_PER_MM, abs=0.02)
@@ -137,7 +139,7 @@ def test_the_truth_lies_within_three_deviations(fitted):
         assert fitted.std[name] > 0
 
 
-def test_a_press_that_bears_elsewhere_or_fits_badly_is_named(fitted):
+def test_a_displaced_or_badly_fitting_press_gives_a_warning(fitted):
     assert fitted.warnings == ()
     sensor = small_sensor()
     held = pressed(sensor)
@@ -164,7 +166,7 @@ def test_deviations_count_what_shell_and_solid_differ_by_and_how_well_scales_rea
     assert 0.03 / np.sqrt(len(PLACES)) * young < fitted.std["young_MPa"] < 0.06 * young
 
 
-def test_what_shallow_presses_do_not_tell_is_said(fitted):
+def test_parameters_that_shallow_presses_do_not_determine_are_listed(fitted):
     assert not any("thickness_mm" in sentence for sentence in fitted.undetermined)
     sensor = small_sensor()
     shallow = calibrate_sheet(sensor, pressed(sensor, newtons=0.03))
@@ -196,7 +198,7 @@ def test_without_a_force_stiffness_stays_unknown():
     assert np.isnan(found.left_out).all()
 
 
-def test_presses_that_tell_nothing_are_refused():
+def test_presses_that_hardly_move_a_marker_are_refused():
     sensor = small_sensor()
     held = pressed(sensor)
     with pytest.raises(SensorError, match="3 presses are too few"):

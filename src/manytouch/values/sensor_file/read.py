@@ -28,7 +28,7 @@ def load_sensor(path: str | Path) -> Sensor:
     """Read a sensor file.
 
     Args:
-        path: of the file; or, if there is no such file, the name of a known sensor (`known_sensors`).
+        path: of the file; or, if that file does not exist, the name of a known sensor (`known_sensors`).
 
     Raises:
         SensorError: the file is missing or not TOML, or has unknown keys, wrong types or impossible values;
