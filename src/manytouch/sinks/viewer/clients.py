@@ -36,6 +36,7 @@ class Client:
     def __init__(self, socket: WebSocket) -> None:
         self.socket = socket
         self.layer, self.is_image_wanted = "depth", True
+        self.is_rejected = False
         self._points: MeasureRequest | None = None
         self._measurement: tuple[Layout, Measurement] | None = None
         self._queue: deque[str] = deque(maxlen=MAX_QUEUED)
@@ -158,6 +159,8 @@ class Clients:
             for task in (sending, receiving):
                 task.cancel()
             await asyncio.gather(sending, receiving, return_exceptions=True)
+            if client.is_rejected:  # after sending has stopped, which fails on a closed connection
+                await socket.close(UNSUPPORTED_DATA, "text messages only")
 
     async def _receive(self, client: Client) -> None:
         """Carry out the messages of a client, until it disconnects or sends binary data."""
@@ -168,7 +171,7 @@ class Clients:
             text = received.get("text")
             if text is None:
                 log.warning("closed a viewer connection: it sent binary data")
-                await client.socket.close(UNSUPPORTED_DATA, "text messages only")
+                client.is_rejected = True
                 return
             self._handle(client, text)
 
