@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from manytouch.calibration.sheet.calibrate import calibrate_sheet
-from manytouch.calibration.sheet.fit import Press
+from manytouch.calibration.sheet.fit import KnownPress
 from manytouch.calibration.sheet.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
 from manytouch.design.deflection import FINGERTIP_MM2, clamped_shell, fingertip
 from manytouch.mechanics.markers.images import Face
@@ -138,9 +138,9 @@ class Prototype:
         return condense(state, Loading(touches=(last,)))
 
 
-def _press(found: ObservedPress, place_mm: np.ndarray, random: np.random.Generator) -> Press:
+def _press(found: ObservedPress, place_mm: np.ndarray, random: np.random.Generator) -> KnownPress:
     displacement_px = found.displacement_px
-    return Press(
+    return KnownPress(
         name=f"{place_mm[0]:g}, {place_mm[1]:g} mm",
         place_mm=place_mm,
         radius_mm=TOUCHED_RADIUS_MM,

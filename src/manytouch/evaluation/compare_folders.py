@@ -8,7 +8,7 @@ import numpy as np
 
 from manytouch.evaluation.metrics.comparison import compare
 from manytouch.evaluation.records.folders import details, load_result, load_truth
-from manytouch.evaluation.records.record import Record
+from manytouch.evaluation.records.record import EvaluationRecord
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 from manytouch.values.arrays import read_only
 
@@ -33,7 +33,7 @@ def evaluate_folders(result: Path, truth: Path) -> Evaluation:
     )
 
 
-def placed(record: Record, sensor: dict[str, Any]) -> Record:
+def placed(record: EvaluationRecord, sensor: dict[str, Any]) -> EvaluationRecord:
     """The record with its markers in lengths instead of columns and rows, where the pitch is known."""
     rows, columns = sensor.get("rows"), sensor.get("columns")
     pitch = sensor.get(f"pitch_{record.unit}")

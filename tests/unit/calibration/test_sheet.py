@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from manytouch.calibration.sheet.calibrate import calibrate_sheet
-from manytouch.calibration.sheet.fit import Press, disc
+from manytouch.calibration.sheet.fit import KnownPress, disc
 from manytouch.calibration.sheet.press_table import measure_presses, read_press_table
 from manytouch.calibration.sheet.protocol import places_mm, probing_gcode, weight_table
 from manytouch.cli import main
@@ -76,7 +76,7 @@ class NormalPush:
 
 def pressed(
     sensor, *, noise_px: float = 0.02, forces: bool = True, newtons: float | None = None
-) -> list[Press]:
+) -> list[KnownPress]:
     """Presses on a finer shell than the one that is fitted."""
     patch = SplinePatch(size_mm=SIZE_MM, elements=(20, 14), boundary="clamped")
     shell = Shell(
@@ -97,7 +97,7 @@ def pressed(
         load = NormalPush(patch=patch, place_mm=np.array([x, y]), force_over_E_mm2=force / YOUNG_MPA)
         moved = dots.displacement_px(equilibrium(shell, load).coefficient_mm)
         found.append(
-            Press(
+            KnownPress(
                 name=f"press {number}",
                 place_mm=np.array([x, y]),
                 radius_mm=4.0,

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from manytouch.evaluation.records.record import ContactRows, Record, contact_rows
+from manytouch.evaluation.records.record import ContactRows, EvaluationRecord, contact_rows
 
 ROWS, COLUMNS, PITCH_PX, PITCH_MM = 3, 5, 40.0, 4.0
 
@@ -25,12 +25,12 @@ def rows(contacts: Sequence[tuple[float, ...]], **more: Any) -> ContactRows:
     return contact_rows(columns)
 
 
-def record(frames: int = 4, contacts: Sequence[tuple[float, ...]] = (), **changed: Any) -> Record:
+def record(frames: int = 4, contacts: Sequence[tuple[float, ...]] = (), **changed: Any) -> EvaluationRecord:
     """A sheet of 3 x 5 markers, flat and still; `changed` replaces attributes."""
     row, column = (index.ravel() for index in np.indices((ROWS, COLUMNS)))
     place = np.column_stack([column - (COLUMNS - 1) / 2, row - (ROWS - 1) / 2]).astype(np.float64)
     centre_px = np.tile(100.0 + PITCH_PX * np.column_stack([column, row]), (frames, 1, 1))
-    flat = Record(
+    flat = EvaluationRecord(
         name="press",
         method="",
         unit="mm",
@@ -55,5 +55,5 @@ def contact_table() -> Callable[..., ContactRows]:
 
 
 @pytest.fixture(scope="session")
-def sheet() -> Callable[..., Record]:
+def sheet() -> Callable[..., EvaluationRecord]:
     return record

@@ -18,9 +18,9 @@ from manytouch.evaluation.metrics.depth import (
 from manytouch.evaluation.metrics.latency import latency_figures
 from manytouch.evaluation.metrics.markers import dot_figures, dot_samples
 from manytouch.evaluation.metrics.separation import pair_samples, separation_curve
-from manytouch.evaluation.records.record import ContactRows, Record
+from manytouch.evaluation.records.record import ContactRows, EvaluationRecord
 
-Sheet = Callable[..., Record]
+Sheet = Callable[..., EvaluationRecord]
 Table = Callable[..., ContactRows]
 
 
@@ -119,7 +119,7 @@ def dent(*peaks: float) -> np.ndarray:
     return depth
 
 
-def pressed_sheet(sheet: Sheet, depth: np.ndarray, contacts: ContactRows) -> Record:
+def pressed_sheet(sheet: Sheet, depth: np.ndarray, contacts: ContactRows) -> EvaluationRecord:
     return replace(sheet(frames=len(depth)), depth_mm=depth, contacts=contacts)
 
 

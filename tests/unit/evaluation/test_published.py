@@ -13,7 +13,7 @@ from manytouch.evaluation.published import material, places, spacing
 from manytouch.evaluation.published.page import Experiments, contents, row, write_page
 from manytouch.evaluation.published.speed import Speed, plain_map
 from manytouch.evaluation.suite.cases import GROUPS, Case
-from manytouch.evaluation.suite.recordings import Recording, simulate_case
+from manytouch.evaluation.suite.recordings import SimulatedRecording, simulate_case
 from manytouch.paper.surface import inverse_distance
 from manytouch.session import pipeline_for
 from manytouch.simulation.fem.cache import StateCache
@@ -33,8 +33,14 @@ FOUND = Experiments(
     ),
     gap_MPa=3.3,
     presses={
-        "truth": (places.Press(along_mm=60.0, depth_mm=10.0), places.Press(along_mm=115.0, depth_mm=10.2)),
-        "paper": (places.Press(along_mm=61.0, depth_mm=14.0), places.Press(along_mm=113.0, depth_mm=np.nan)),
+        "truth": (
+            places.PublishedPress(along_mm=60.0, depth_mm=10.0),
+            places.PublishedPress(along_mm=115.0, depth_mm=10.2),
+        ),
+        "paper": (
+            places.PublishedPress(along_mm=61.0, depth_mm=14.0),
+            places.PublishedPress(along_mm=113.0, depth_mm=np.nan),
+        ),
     },
     speed=Speed(markers=960, points=10_000, chain_ms=50.0, table_ms=2.0, plain_ms=1950.0),
 )
@@ -93,7 +99,7 @@ def test_each_method_reads_the_press_where_it_is_with_its_ground_truth() -> None
         def refusal(self, case: Case) -> str | None:
             return None
 
-        def simulate(self, case: Case) -> Recording:
+        def simulate(self, case: Case) -> SimulatedRecording:
             deep = replace(case, deepest_mm=4.0, width_px=1280)
             return simulate_case(deep, bumps(deep))
 

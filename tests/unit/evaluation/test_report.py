@@ -15,7 +15,7 @@ from manytouch.errors import MissingExtraError, OutputError
 from manytouch.evaluation.metrics.comparison import compare
 from manytouch.evaluation.metrics.metric_specs import METRICS, MetricSpec, verdict, written
 from manytouch.evaluation.metrics.metric_specs import plain as number
-from manytouch.evaluation.records.record import ContactRows, Record
+from manytouch.evaluation.records.record import ContactRows, EvaluationRecord
 from manytouch.evaluation.report import page as report
 from manytouch.evaluation.report import svg_theme
 from manytouch.evaluation.report.ratings import cell, limits, rate_methods, table
@@ -23,13 +23,15 @@ from manytouch.evaluation.report.report_data import contents, in_short, plain
 from manytouch.evaluation.suite.cases import Case, Touch
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 
-Sheet = Callable[..., Record]
+Sheet = Callable[..., EvaluationRecord]
 Table = Callable[..., ContactRows]
 FRAMES = 40
 VOID = {"meta", "img", "br", "hr", "link", "input", "path", "use", "image", "rect", "stop"}
 
 
-def rising(sheet: Sheet, contact_table: Table, method: str, wrong: float, *, gives: bool = True) -> Record:
+def rising(
+    sheet: Sheet, contact_table: Table, method: str, wrong: float, *, gives: bool = True
+) -> EvaluationRecord:
     """A dent that deepens under two contacts; `wrong` is the relative error of everything."""
     depth = np.outer(np.linspace(0.5, 4.0, FRAMES), np.hypot(*np.indices((3, 5)).reshape(2, -1)) / 4)
     contacts = [

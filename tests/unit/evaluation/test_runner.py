@@ -17,7 +17,7 @@ from manytouch.evaluation.metrics.comparison import figures, pooled
 from manytouch.evaluation.records.record import EvaluationError
 from manytouch.evaluation.suite import runner
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation, Touch
-from manytouch.evaluation.suite.recordings import Recording, simulate_case
+from manytouch.evaluation.suite.recordings import SimulatedRecording, simulate_case
 from manytouch.evaluation.suite.runner import Evaluation, run_case, run_suite
 from manytouch.evaluation.suite.trial_store import read_comparisons, write_comparisons
 from manytouch.pipeline import Pipeline
@@ -37,7 +37,7 @@ CASE = Case(
 
 
 @cache
-def recording() -> Recording:
+def recording() -> SimulatedRecording:
     return simulate_case(CASE, bumps(CASE))
 
 
@@ -106,7 +106,7 @@ class CaseSimulation:
     def refusal(self, case: Case) -> str | None:
         return "it has no friction" if case.friction > 0 else None
 
-    def simulate(self, case: Case) -> Recording:
+    def simulate(self, case: Case) -> SimulatedRecording:
         self.simulations += 1
         return recording()
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.calibration.sheet.fit import FitParameters, Press, PressFit, PressLinearisation
+from manytouch.calibration.sheet.fit import FitParameters, KnownPress, PressFit, PressLinearisation
 from manytouch.errors import SensorError
 from manytouch.values import Sensor, Sheet
 
@@ -58,7 +58,7 @@ class SheetCalibration:
     left_out: Float64[np.ndarray, " k"]
 
 
-def calibrate_sheet(sensor: Sensor, presses: Sequence[Press]) -> SheetCalibration:
+def calibrate_sheet(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibration:
     """Fit a sheet to presses.
 
     Args:
@@ -92,7 +92,7 @@ def calibrate_sheet(sensor: Sensor, presses: Sequence[Press]) -> SheetCalibratio
 
 def _result(
     sensor: Sensor,
-    presses: Sequence[Press],
+    presses: Sequence[KnownPress],
     fit: PressFit,
     best: FitParameters,
     linear: tuple[PressLinearisation, ...],
@@ -158,7 +158,7 @@ def _undetermined(fit: PressFit, std: np.ndarray, *, any_force: bool) -> list[st
     return found
 
 
-def _warnings(presses: Sequence[Press], offset_mm: np.ndarray, residual_px: np.ndarray) -> Iterator[str]:
+def _warnings(presses: Sequence[KnownPress], offset_mm: np.ndarray, residual_px: np.ndarray) -> Iterator[str]:
     distance_mm = np.linalg.norm(offset_mm, axis=1)
     displaced = np.flatnonzero(distance_mm > MAX_OFFSET_MM)
     if len(displaced):
@@ -179,7 +179,7 @@ def _warnings(presses: Sequence[Press], offset_mm: np.ndarray, residual_px: np.n
             )
 
 
-def _largest_displacement(press: Press) -> float:
+def _largest_displacement(press: KnownPress) -> float:
     """Largest displacement of a marker in deviations."""
     moved = np.linalg.norm(np.where(press.is_seen[:, None], press.displacement_px, 0.0), axis=1)
     return float(moved.max()) / press.noise_px

@@ -37,7 +37,7 @@ _LEAST_FORCE_MM2 = 1e-4
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Press:
+class KnownPress:
     """A press that is held, as measured by the markers.
 
     Attributes:
@@ -100,7 +100,7 @@ class PressFit:
     """
 
     sensor: Sensor
-    presses: tuple[Press, ...]
+    presses: tuple[KnownPress, ...]
     patch: SplinePatch
     poisson: float
     prior: Float64[np.ndarray, "4"]
@@ -108,7 +108,7 @@ class PressFit:
     first: FitParameters
 
     @staticmethod
-    def start(sensor: Sensor, presses: Sequence[Press]) -> "PressFit":
+    def start(sensor: Sensor, presses: Sequence[KnownPress]) -> "PressFit":
         sheet, layout = sensor.sheet, sensor.layout
         assert sheet is not None and layout is not None  # noqa: PT018 - checked before
         size = (float(sheet.size_mm[0]), float(sheet.size_mm[1]))
@@ -201,7 +201,9 @@ class PressFit:
         )
         return shell, dots
 
-    def _unit_load(self, press: Press, single: Float64[np.ndarray, "3"], shape_mm: np.ndarray) -> np.ndarray:
+    def _unit_load(
+        self, press: KnownPress, single: Float64[np.ndarray, "3"], shape_mm: np.ndarray
+    ) -> np.ndarray:
         """(n, 3) nodal load of unit z force along the normal of the deformed sheet."""
         place, weight = disc(press.place_mm + single[1:], press.radius_mm)
         basis = self.patch.at(place)
@@ -287,7 +289,7 @@ class PressFit:
         slope = np.column_stack([(weight[:, None] * part).ravel() for part in seen])
         return PressLinearisation(residual=residual, derivative=slope)
 
-    def _weight(self, press: Press) -> np.ndarray:
+    def _weight(self, press: KnownPress) -> np.ndarray:
         """(m,) one over the standard deviation of a dot; 0 under the contact, where a uniform patch is not
         valid."""
         layout = self.sensor.layout
@@ -346,6 +348,6 @@ def disc(place_mm: np.ndarray, radius_mm: float) -> tuple[np.ndarray, np.ndarray
     return place_mm + radius_mm * around, np.full(48, 1 / 48)
 
 
-def _norm_px(press: Press, displacement_px: Points2) -> float:
+def _norm_px(press: KnownPress, displacement_px: Points2) -> float:
     """Root of the sum of squared displacements of the markers, px."""
     return float(np.sqrt((displacement_px[press.is_seen] ** 2).sum()))

@@ -10,7 +10,7 @@ import numpy as np
 
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
 from manytouch.calibration.rest.register_rest import register_rest
-from manytouch.calibration.sheet.fit import Press
+from manytouch.calibration.sheet.fit import KnownPress
 from manytouch.calibration.sheet.protocol import TOUCHED_RADIUS_MM
 from manytouch.errors import OutputError, SensorError, SourceError
 from manytouch.sources import open_source
@@ -89,7 +89,7 @@ def write_press_table(rows: Sequence[PressRow], path: Path) -> None:
         raise OutputError(f"cannot write the table of presses {path}: {error.strerror}") from None
 
 
-def measure_presses(sensor: Sensor, rows: Sequence[PressRow], folder: Path) -> tuple[Press, ...]:
+def measure_presses(sensor: Sensor, rows: Sequence[PressRow], folder: Path) -> tuple[KnownPress, ...]:
     """Measure the marker displacements of each press.
 
     Args:
@@ -107,7 +107,7 @@ def measure_presses(sensor: Sensor, rows: Sequence[PressRow], folder: Path) -> t
 
 def _press(
     sensor: Sensor, row: PressRow, folder: Path, found: dict[str, tuple[MarkerTracks, np.ndarray, float]]
-) -> Press:
+) -> KnownPress:
     if row.input not in found:
         found[row.input] = _track_recording(sensor, row.input, folder)
     seen, rest_px, noise_px = found[row.input]
@@ -123,7 +123,7 @@ def _press(
     near[np.argmin(np.abs(time_s - at_s))] = True
     moved = seen.median_px(near) - rest_px
     is_seen = np.isfinite(moved[:, 0])
-    return Press(
+    return KnownPress(
         name=f"press {row.line} ({row.input})",
         place_mm=np.array([row.x_mm, row.y_mm]),
         radius_mm=row.radius_mm,

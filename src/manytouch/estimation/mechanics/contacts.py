@@ -7,7 +7,7 @@ from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.force_clusters import Clusters
 from manytouch.estimation.mechanics.gauss_newton import Fit
-from manytouch.estimation.mechanics.sheet_model import SheetModel
+from manytouch.estimation.mechanics.sheet_model import InversionModel
 from manytouch.geometry.camera import project
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
@@ -60,7 +60,7 @@ class ModelError:
 
     def variances(
         self,
-        model: SheetModel,
+        model: InversionModel,
         centre_mm: np.ndarray,
         press_mm2: float,
         depth_mm: float,
@@ -106,7 +106,7 @@ class ContactEstimator:
 
     error: ModelError = ModelError()
 
-    def __call__(self, model: SheetModel, clusters: Clusters, fit: Fit) -> list[Contact]:
+    def __call__(self, model: InversionModel, clusters: Clusters, fit: Fit) -> list[Contact]:
         """Contacts of the fit's clusters, without identity (id -1).
 
         Their depth is the shell's. Under a narrow load a solid's face lies deeper (`solid_correction`), but
@@ -138,7 +138,7 @@ class ContactEstimator:
 
     def _contact(
         self,
-        model: SheetModel,
+        model: InversionModel,
         clusters: Clusters,
         number: int,
         *,
@@ -191,7 +191,7 @@ class ContactEstimator:
 
 
 def _estimate_rows(
-    model: SheetModel, clusters: Clusters, number: int, fit: Fit
+    model: InversionModel, clusters: Clusters, number: int, fit: Fit
 ) -> Float64[np.ndarray, "8 nodes 3"]:
     """Derivatives of the estimates by the coefficients; those of depth and area are 0."""
     force_mm2 = fit.shape.force_mm2

@@ -21,7 +21,7 @@ from manytouch.estimation.mechanics.force_clusters import Clusters, ForceCluster
 from manytouch.estimation.mechanics.gauss_newton import Fit, GaussNewton, SheetShape
 from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2
 from manytouch.estimation.mechanics.model_order import ModelOrder
-from manytouch.estimation.mechanics.sheet_model import NominalSheet, SheetModel
+from manytouch.estimation.mechanics.sheet_model import InversionModel, NominalSheet
 from manytouch.estimation.mechanics.solid_correction import SolidCorrection
 from manytouch.estimation.mechanics.surface_covariance import MarkerDeviation, SurfaceError
 from manytouch.estimation.outlier_gate import OutlierGate
@@ -60,7 +60,7 @@ class MechanicsState:
             else None.
     """
 
-    model: SheetModel
+    model: InversionModel
     neighbours: Neighbours
     deviation: MarkerDeviation
     initial_reference_px: Points2

@@ -17,7 +17,7 @@ from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.gauss_newton import Fit
 from manytouch.estimation.mechanics.patch_kernels import NodeGrid, Whitened, fit_patches
-from manytouch.estimation.mechanics.sheet_model import SheetModel
+from manytouch.estimation.mechanics.sheet_model import InversionModel
 from manytouch.geometry.spline import basis
 from manytouch.values import Status
 from manytouch.values.arrays import Points2, Scalars
@@ -101,7 +101,7 @@ class Evidence:
         return float(misfit), curved
 
 
-def evidence_at(model: SheetModel, fit: Fit, node: Int64[np.ndarray, " n"]) -> Evidence | None:
+def evidence_at(model: InversionModel, fit: Fit, node: Int64[np.ndarray, " n"]) -> Evidence | None:
     """The likelihood of the normal forces of some nodes; None if there are too few or the fit has failed.
 
     Args:
@@ -128,12 +128,12 @@ def evidence_at(model: SheetModel, fit: Fit, node: Int64[np.ndarray, " n"]) -> E
     )
 
 
-def _knots_mm(model: SheetModel, axis: int) -> Scalars:
+def _knots_mm(model: InversionModel, axis: int) -> Scalars:
     patch = model.patch
     return np.asarray(basis.knots(patch.size_mm[axis], patch.elements[axis]) + patch.corner_mm[axis])
 
 
-def _local(model: SheetModel, node: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, "nx ny"]:
+def _local(model: InversionModel, node: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, "nx ny"]:
     patch = model.patch
     of_node = np.full(patch.node_count, -1, dtype=np.int64)
     of_node[node] = np.arange(len(node))

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.estimation.mechanics.force_clusters import smooth
-from manytouch.estimation.mechanics.sheet_model import SheetModel
+from manytouch.estimation.mechanics.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.solver.posterior import Posterior
 from manytouch.values import Status
@@ -42,7 +42,7 @@ class SheetShape:
     displacement_px: Points2
 
     @staticmethod
-    def at(model: SheetModel, coefficient_mm: Nodal) -> "SheetShape":
+    def at(model: InversionModel, coefficient_mm: Nodal) -> "SheetShape":
         """The shape with coefficients (n, 3), which become read-only."""
         return SheetShape(
             coefficient_mm=read_only(coefficient_mm),
@@ -117,7 +117,7 @@ class GaussNewton:
 
     def __call__(
         self,
-        model: SheetModel,
+        model: InversionModel,
         start: SheetShape,
         measured_px: Points2,
         information: Covariances2,
@@ -154,7 +154,7 @@ class GaussNewton:
                     )
         return self._iterate(model, start, here, noise)
 
-    def _iterate(self, model: SheetModel, start: SheetShape, here: "_Iterate", noise: float) -> Fit:
+    def _iterate(self, model: InversionModel, start: SheetShape, here: "_Iterate", noise: float) -> Fit:
         """Full steps until the forces converge."""
         steps, status = 0, Status.OK
         while True:
@@ -184,7 +184,7 @@ class GaussNewton:
         return Fit(shape=shape, posterior=posterior, chi2=here.chi2, steps=steps, status=status)
 
     def _search_line(
-        self, model: SheetModel, here: "_Iterate", change_mm: Nodal, weight: Nodal
+        self, model: InversionModel, here: "_Iterate", change_mm: Nodal, weight: Nodal
     ) -> "_Iterate | None":
         """The first of the step and its halves that does not increase the cost; None if none does."""
         largest = self.max_change_pitch * model.pitch_mm
@@ -197,7 +197,9 @@ class GaussNewton:
             change_mm = change_mm * 0.5
         return None
 
-    def _try_chord_step(self, model: SheetModel, posterior: Posterior, here: "_Iterate") -> "_Iterate | None":
+    def _try_chord_step(
+        self, model: InversionModel, posterior: Posterior, here: "_Iterate"
+    ) -> "_Iterate | None":
         """The iterate after a step with an earlier posterior; None if too large or if the cost increases."""
         changed = float(np.abs(here.information - posterior.information).sum())
         if changed > self.max_information_change * float(np.abs(posterior.information).sum()):
@@ -208,7 +210,7 @@ class GaussNewton:
         there = here.move(model, change_mm)
         return there if there.cost(posterior.weight) <= here.cost(posterior.weight) * COST_TOLERANCE else None
 
-    def weights(self, model: SheetModel, force_mm2: Nodal, noise: float = 1.0) -> Nodal:
+    def weights(self, model: InversionModel, force_mm2: Nodal, noise: float = 1.0) -> Nodal:
         """(n, 3) weights of the tangential and normal forces, per mm^4."""
         unit = model.lattice.force_unit_mm2
         press = np.maximum(-force_mm2[:, 2], 0.0)
@@ -223,7 +225,7 @@ class GaussNewton:
         weight[model.is_outside] *= self.outside_weight
         return weight
 
-    def _is_converged(self, model: SheetModel, before_mm2: Nodal, now_mm2: Nodal, share: float) -> bool:
+    def _is_converged(self, model: InversionModel, before_mm2: Nodal, now_mm2: Nodal, share: float) -> bool:
         is_known = ~model.is_outside
         negligible_mm2 = self.negligible_force * model.lattice.force_unit_mm2
         change_mm2 = np.abs(now_mm2 - before_mm2)[is_known, 2] - negligible_mm2
@@ -242,7 +244,7 @@ class _Iterate:
 
     @staticmethod
     def at(
-        model: SheetModel, shape: SheetShape, measured_px: Points2, information: Covariances2
+        model: InversionModel, shape: SheetShape, measured_px: Points2, information: Covariances2
     ) -> "_Iterate":
         return _Iterate(
             shape=shape,
@@ -251,7 +253,7 @@ class _Iterate:
             balance_mm2=balance(model, shape.coefficient_mm, shape.force_mm2),
         )
 
-    def move(self, model: SheetModel, change_mm: Nodal) -> "_Iterate":
+    def move(self, model: InversionModel, change_mm: Nodal) -> "_Iterate":
         there = SheetShape.at(model, self.shape.coefficient_mm + change_mm)
         return _Iterate.at(model, there, self.measured_px, self.information)
 
@@ -271,7 +273,7 @@ class _Iterate:
         return self.misfit + float((weight * self.balance_mm2**2).sum())
 
 
-def balance(model: SheetModel, coefficient_mm: Nodal, force_mm2: Nodal) -> Nodal:
+def balance(model: InversionModel, coefficient_mm: Nodal, force_mm2: Nodal) -> Nodal:
     """(n, 3) nodal forces over E tangential to the deformed sheet along x and y, and the normal ones."""
     w_mm = coefficient_mm[model.nodes.node, 2]
     along = force_mm2.copy()

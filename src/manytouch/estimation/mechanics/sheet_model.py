@@ -17,7 +17,7 @@ MIN_MARKERS = 12
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SheetModel:
+class InversionModel:
     """Everything about the sheet that stays the same between frames.
 
     Attributes:
@@ -90,7 +90,7 @@ class NominalSheet:
     max_elements: int = 1200
     clamp_thickness: float = 2.0
 
-    def __call__(self, sensor: Sensor) -> SheetModel:
+    def __call__(self, sensor: Sensor) -> InversionModel:
         """The model of a sensor's sheet.
 
         Raises:
@@ -119,7 +119,7 @@ class NominalSheet:
         inner_mm = np.maximum(-low, high) + slack_mm
         if not is_nominal and sheet is not None:
             inner_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
-        return SheetModel(
+        return InversionModel(
             camera=sensor.camera,
             layout=layout,
             patch=patch,

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.estimation.mechanics.force_clusters import Clusters
-from manytouch.estimation.mechanics.sheet_model import SheetModel
+from manytouch.estimation.mechanics.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points2, Scalars
 
@@ -36,7 +36,7 @@ class SolidCorrection:
     clamp: float = 0.45
     clamp_reach: float = 1.0
 
-    def depth_under_contacts(self, model: SheetModel, clusters: Clusters, place_mm: Points2) -> Scalars:
+    def depth_under_contacts(self, model: InversionModel, clusters: Clusters, place_mm: Points2) -> Scalars:
         """(k,) additional depth (mm) at places (k, 2) under clusters; 0 where the sheet was assumed."""
         if model.is_nominal or len(clusters) == 0:
             return np.zeros(len(place_mm))
@@ -49,7 +49,7 @@ class SolidCorrection:
             bells += height * own / (own + broad) * np.exp(-0.5 * away2 / (own + broad))
         return np.asarray(bells @ clusters.normal_mm2 / t)
 
-    def depth_along_clamp(self, model: SheetModel, coefficient_mm: Nodal) -> Scalars:
+    def depth_along_clamp(self, model: InversionModel, coefficient_mm: Nodal) -> Scalars:
         """(m,) additional depth in mm at the markers, by the clamp; 0 where the sheet was assumed."""
         patch, points = model.patch, model.dots.face.basis
         if model.is_nominal or patch.boundary != "clamped":

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.mechanics.sheet_model import SheetModel
+from manytouch.estimation.mechanics.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Covariances3, Mask, Points3, read_only
 
@@ -51,7 +51,7 @@ class SurfaceError:
     unseen_factor: float = 2.0
     assumed_sheet_depth_share: float = 0.35
 
-    def start(self, model: SheetModel, weight_mm4: Nodal, std_px: float) -> MarkerDeviation:
+    def start(self, model: InversionModel, weight_mm4: Nodal, std_px: float) -> MarkerDeviation:
         """What depends on the sensor only.
 
         Args:
@@ -77,7 +77,7 @@ class SurfaceError:
 
     def __call__(
         self,
-        model: SheetModel,
+        model: InversionModel,
         deviation: MarkerDeviation,
         displacement_mm: Points3,
         force_mm2: Nodal,

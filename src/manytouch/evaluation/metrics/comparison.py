@@ -19,7 +19,7 @@ from manytouch.evaluation.metrics.markers import DotSamples, dot_figures, dot_sa
 from manytouch.evaluation.metrics.matching import FAINT_MM, GATE_MM, PITCH_MM
 from manytouch.evaluation.metrics.separation import RATIOS, PairSamples, pair_samples, separation_curve
 from manytouch.evaluation.metrics.worst_frame import WorstFrame, find_worst_frame
-from manytouch.evaluation.records.record import EvaluationError, Record, subset
+from manytouch.evaluation.records.record import EvaluationError, EvaluationRecord, subset
 from manytouch.values import LengthUnit
 from manytouch.values.arrays import Scalars, read_only
 
@@ -60,7 +60,10 @@ class MethodErrors:
 
 
 def compare(
-    truth: Record, estimated: Record, *, picture: Callable[[int], np.ndarray | None] | None = None
+    truth: EvaluationRecord,
+    estimated: EvaluationRecord,
+    *,
+    picture: Callable[[int], np.ndarray | None] | None = None,
 ) -> MethodErrors:
     """Compare the frames that both have.
 
@@ -194,7 +197,7 @@ def _together(samples: Sequence[Samples]) -> Samples:
     return type(first)(**joined)
 
 
-def _only(record: Record, frame: np.ndarray) -> Record:
+def _only(record: EvaluationRecord, frame: np.ndarray) -> EvaluationRecord:
     """The record without other frames."""
     kept = np.flatnonzero(np.isin(record.frame, frame))
     arrays = ("frame", "milliseconds", "centre_px", "centre_std_px", "depth_mm", "depth_std_mm")
@@ -206,7 +209,7 @@ def _only(record: Record, frame: np.ndarray) -> Record:
     )
 
 
-def _notes(truth: Record, estimated: Record, shared: int) -> tuple[str, ...]:
+def _notes(truth: EvaluationRecord, estimated: EvaluationRecord, shared: int) -> tuple[str, ...]:
     notes = []
     if shared < len(truth.frame):
         notes.append(f"{len(truth.frame) - shared} of {len(truth.frame)} true frames are not in the result")
@@ -224,5 +227,5 @@ def _plural(unit: LengthUnit) -> str:
     return "millimetres" if unit == "mm" else "pitches"
 
 
-def _span(record: Record) -> str:
+def _span(record: EvaluationRecord) -> str:
     return f"{record.frame[0]} to {record.frame[-1]}" if len(record.frame) else "none"

@@ -10,7 +10,7 @@ from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
 from manytouch.evaluation.metrics.matching import nearest_dots
-from manytouch.evaluation.records.record import Record
+from manytouch.evaluation.records.record import EvaluationRecord
 from manytouch.values.arrays import Counts, Points2
 
 PerFrame = Int64[np.ndarray, " f"]
@@ -42,7 +42,7 @@ class DotSamples:
     std_px: Points2
 
 
-def dot_samples(truth: Record, estimated: Record) -> DotSamples:
+def dot_samples(truth: EvaluationRecord, estimated: EvaluationRecord) -> DotSamples:
     """Compare the dots of the same frames; both records must hold the same frame numbers."""
     own = own_numbers(truth, estimated)
     dot = np.full(estimated.centre_px.shape[:2], -1)
@@ -81,7 +81,7 @@ def neighbour_distance_px(dots_px: Points2) -> float:
     return float(np.median(distance[:, 1]))
 
 
-def own_numbers(truth: Record, estimated: Record) -> Counts:
+def own_numbers(truth: EvaluationRecord, estimated: EvaluationRecord) -> Counts:
     """Which column of the truth each marker (m,) of the estimate is, -1 for none.
 
     Equal numbers are the same marker. Where the two do not number the same markers, because the
@@ -98,7 +98,7 @@ def own_numbers(truth: Record, estimated: Record) -> Counts:
     return same if 2 * agree.sum() > (found >= 0).sum() else found
 
 
-def _numbers_by_place(truth: Record, estimated: Record) -> Counts:
+def _numbers_by_place(truth: EvaluationRecord, estimated: EvaluationRecord) -> Counts:
     own = np.full(len(estimated.marker), -1)
     for true_px, estimated_px in zip(truth.centre_px, estimated.centre_px, strict=True):
         shown = np.flatnonzero(np.isfinite(true_px).all(axis=1))

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64
 from manytouch.evaluation.metrics.depth import depth_samples
 from manytouch.evaluation.metrics.markers import own_numbers
 from manytouch.evaluation.metrics.matching import assigned
-from manytouch.evaluation.records.record import Record
+from manytouch.evaluation.records.record import EvaluationRecord
 
 WIDEST_PX = 900
 
@@ -49,8 +49,8 @@ class WorstFrame:
 
 
 def find_worst_frame(
-    truth: Record,
-    estimated: Record,
+    truth: EvaluationRecord,
+    estimated: EvaluationRecord,
     *,
     gate_mm: float,
     picture: Callable[[int], np.ndarray | None] | None = None,

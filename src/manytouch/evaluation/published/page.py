@@ -41,7 +41,7 @@ class Experiments:
     sag_mm: float
     gaps: tuple[spacing.Gaps, ...]
     gap_MPa: float
-    presses: dict[str, tuple[places.Press, places.Press]]
+    presses: dict[str, tuple[places.PublishedPress, places.PublishedPress]]
     speed: Speed
 
 
@@ -109,7 +109,7 @@ def contents(found: Experiments) -> dict[str, Any]:
     return data
 
 
-def row(presses: tuple[places.Press, places.Press]) -> list[float]:
+def row(presses: tuple[places.PublishedPress, places.PublishedPress]) -> list[float]:
     """The three columns of Table 3: both places, and the mean of both depths."""
     return [*(one.along_mm for one in presses), float(np.mean([one.depth_mm for one in presses]))]
 

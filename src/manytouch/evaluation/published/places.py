@@ -12,7 +12,7 @@ import numpy as np
 
 from manytouch.calibration.rest.assumed_sensor import register_rest
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case, Touch
-from manytouch.evaluation.suite.recordings import CaseSimulation, Recording
+from manytouch.evaluation.suite.recordings import CaseSimulation, SimulatedRecording
 from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.pipeline import Pipeline
 
@@ -24,7 +24,7 @@ BALL_MM = {60.0: 10.674, 115.0: 10.68}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Press:
+class PublishedPress:
     """One press as estimated, or in truth; NaN where no contact is given.
 
     Attributes:
@@ -55,7 +55,9 @@ def presses() -> tuple[Case, Case]:
     return first, second
 
 
-def table(methods: Mapping[str, Pipeline], simulation: CaseSimulation) -> dict[str, tuple[Press, Press]]:
+def table(
+    methods: Mapping[str, Pipeline], simulation: CaseSimulation
+) -> dict[str, tuple[PublishedPress, PublishedPress]]:
     """The last frame of both presses, in truth and as each method estimates it."""
     recordings = [(case, simulation.simulate(case)) for case in presses()]
     rows = {"truth": tuple(_true(recording) for _, recording in recordings)}
@@ -64,17 +66,17 @@ def table(methods: Mapping[str, Pipeline], simulation: CaseSimulation) -> dict[s
     return {name: (row[0], row[1]) for name, row in rows.items()}
 
 
-def _true(recording: Recording) -> Press:
+def _true(recording: SimulatedRecording) -> PublishedPress:
     (contact,) = recording.truths[-1].contacts.touching
-    return Press(along_mm=float(contact.centre_mm[0]) + 0.5 * SIZE_MM[0], depth_mm=contact.depth_mm)
+    return PublishedPress(along_mm=float(contact.centre_mm[0]) + 0.5 * SIZE_MM[0], depth_mm=contact.depth_mm)
 
 
-def _read(case: Case, recording: Recording, pipeline: Pipeline) -> Press:
+def _read(case: Case, recording: SimulatedRecording, pipeline: Pipeline) -> PublishedPress:
     """The deepest contact of the last frame."""
     sensor = register_rest(nominal_sensor(case), recording.frames[:REST_FRAMES])
     *_, last = pipeline.run(recording.frames, sensor)
     found = [contact for contact in last.contacts.touching if np.isfinite(contact.depth_mm)]
     if not found:
-        return Press(along_mm=float("nan"), depth_mm=float("nan"))
+        return PublishedPress(along_mm=float("nan"), depth_mm=float("nan"))
     deepest = max(found, key=lambda contact: contact.depth_mm)
-    return Press(along_mm=float(deepest.centre_mm[0]) + 0.5 * SIZE_MM[0], depth_mm=deepest.depth_mm)
+    return PublishedPress(along_mm=float(deepest.centre_mm[0]) + 0.5 * SIZE_MM[0], depth_mm=deepest.depth_mm)

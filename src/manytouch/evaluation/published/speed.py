@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from manytouch.evaluation.suite.recordings import Recording
+from manytouch.evaluation.suite.recordings import SimulatedRecording
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
@@ -40,7 +40,7 @@ class Speed:
         }
 
 
-def speed(recording: Recording) -> Speed:
+def speed(recording: SimulatedRecording) -> Speed:
     """Time the stages of `--method paper` on a recording."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(1)
@@ -50,7 +50,7 @@ def speed(recording: Recording) -> Speed:
         cv2.setNumThreads(threads)
 
 
-def _timed(recording: Recording) -> Speed:
+def _timed(recording: SimulatedRecording) -> Speed:
     detect, track, estimate = PaperDetection(), PaperTracking(), PaperEstimation()
     detecting, tracking = detect.start(recording.sensor), track.start(recording.sensor)
     estimating = estimate.start(recording.sensor)

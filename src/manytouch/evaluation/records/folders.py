@@ -10,7 +10,13 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from manytouch.evaluation.records.record import ContactRows, EvaluationError, Record, contact_rows, rest_of
+from manytouch.evaluation.records.record import (
+    ContactRows,
+    EvaluationError,
+    EvaluationRecord,
+    contact_rows,
+    rest_of,
+)
 from manytouch.values import LengthUnit
 from manytouch.values.arrays import read_only
 
@@ -19,7 +25,7 @@ FORCES = ("normal_force_N", "shear_x_N", "shear_y_N", "force_std_N", "shear_x_st
 LATER = ("depth_std", "shear_x_std_N", "shear_y_std_N")  # may be absent from tables written by others
 
 
-def load_result(folder: Path) -> Record:
+def load_result(folder: Path) -> EvaluationRecord:
     """What `manytouch process` wrote: contacts.csv, markers.parquet, frames.csv, summary.json.
 
     Raises:
@@ -29,7 +35,7 @@ def load_result(folder: Path) -> Record:
     return _load(folder, f"the result {folder}", method=str(summary.get("method") or "result"))
 
 
-def load_truth(folder: Path) -> Record:
+def load_truth(folder: Path) -> EvaluationRecord:
     """What `manytouch simulate` wrote into truth/: contacts.csv and markers.parquet.
 
     Raises:
@@ -45,7 +51,7 @@ def details(folder: Path) -> dict[str, Any]:
     return {name: summary[name] for name in names if name in summary}
 
 
-def _load(folder: Path, what: str, *, method: str) -> Record:
+def _load(folder: Path, what: str, *, method: str) -> EvaluationRecord:
     if not folder.is_dir():
         raise EvaluationError(f"{what} is not a folder; give one that holds contacts.csv and markers.parquet")
     table = _markers(folder / "markers.parquet", what)
@@ -72,7 +78,7 @@ def _load(folder: Path, what: str, *, method: str) -> Record:
     status = dict(zip(frames["frame"].tolist(), frames["status"].tolist(), strict=True))
     milliseconds = np.full(len(number), np.nan)
     milliseconds[np.searchsorted(number, frames["frame"])] = frames["milliseconds"]
-    return Record(
+    return EvaluationRecord(
         name=rest_of(folder),
         method=method,
         unit=unit,

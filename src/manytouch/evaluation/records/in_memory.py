@@ -5,7 +5,7 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from manytouch.evaluation.records.record import ContactRows, EvaluationError, Record, contact_rows
+from manytouch.evaluation.records.record import ContactRows, EvaluationError, EvaluationRecord, contact_rows
 from manytouch.values import Contacts, Reading, Sensor, Surface, TrackedGrid, Truth
 from manytouch.values.arrays import read_only
 
@@ -24,7 +24,9 @@ class OneFrame(Protocol):
     def contacts(self) -> Contacts: ...
 
 
-def record_of_readings(readings: Sequence[Reading], sensor: Sensor, *, name: str, method: str) -> Record:
+def record_of_readings(
+    readings: Sequence[Reading], sensor: Sensor, *, name: str, method: str
+) -> EvaluationRecord:
     """The record of a method's readings."""
     return _record(
         readings,
@@ -37,7 +39,7 @@ def record_of_readings(readings: Sequence[Reading], sensor: Sensor, *, name: str
     )
 
 
-def record_of_truths(truths: Sequence[Truth], sensor: Sensor, *, name: str) -> Record:
+def record_of_truths(truths: Sequence[Truth], sensor: Sensor, *, name: str) -> EvaluationRecord:
     """What is true of some frames; the sensor is the true one."""
     return _record(
         truths,
@@ -59,7 +61,7 @@ def _record(
     frame: np.ndarray,
     status: tuple[str, ...],
     milliseconds: np.ndarray,
-) -> Record:
+) -> EvaluationRecord:
     if sensor.layout is None:
         raise EvaluationError(f"the sensor {sensor.name!r} has no markers; evaluate with one that has")
     if not frames:
@@ -67,7 +69,7 @@ def _record(
     deviation_px = [np.sqrt(np.einsum("mii->mi", one.grid.covariance_px2)) for one in frames]
     seen = np.stack([one.grid.is_seen for one in frames])
     centre_px = np.stack([one.grid.position_px for one in frames])
-    return Record(
+    return EvaluationRecord(
         name=name,
         method=method,
         unit=sensor.length_unit,

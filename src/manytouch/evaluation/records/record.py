@@ -41,7 +41,7 @@ class ContactRows:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Record:
+class EvaluationRecord:
     """One recording, as a method read it or as it truly was: f frames, m markers. NaN is not given.
 
     Attributes:

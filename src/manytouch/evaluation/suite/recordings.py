@@ -19,7 +19,7 @@ FPS = 30.0
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Recording:
+class SimulatedRecording:
     """A simulated case.
 
     Attributes:
@@ -44,7 +44,7 @@ class CaseSimulation(Protocol):
     def refusal(self, case: Case) -> str | None:
         """Why it cannot play a case; None when it can."""
 
-    def simulate(self, case: Case) -> Recording:
+    def simulate(self, case: Case) -> SimulatedRecording:
         """Pictures and truth of a case."""
 
 
@@ -73,12 +73,12 @@ class FemSimulation:
             return "it is not solved yet"
         return None if len(states) == RAMP_FRAMES else "no equilibrium was found"
 
-    def simulate(self, case: Case) -> Recording:
+    def simulate(self, case: Case) -> SimulatedRecording:
         states = self.solutions.known(case) or self.solutions.solve(case)
         return simulate_case(case, states)
 
 
-def simulate_case(case: Case, states: tuple[Deformation, ...]) -> Recording:
+def simulate_case(case: Case, states: tuple[Deformation, ...]) -> SimulatedRecording:
     """The recording of a sheet that is at rest, goes through some states, and stays in the last.
 
     Every frame of the ramp is one of the states, so nothing is interpolated.
@@ -101,7 +101,7 @@ def simulate_case(case: Case, states: tuple[Deformation, ...]) -> Recording:
         optics=ImagingSettings(blur_px=0.8 * case.width_px / 1280),
     )
     numbers = range(case.frame_count)
-    return Recording(
+    return SimulatedRecording(
         sensor=sensor,
         frames=tuple(simulator.frame(number) for number in numbers),
         truths=tuple(simulator.truth(number) for number in numbers),

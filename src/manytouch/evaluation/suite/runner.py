@@ -17,9 +17,9 @@ from manytouch.evaluation.metrics.comparison import MethodErrors, compare
 from manytouch.evaluation.metrics.contacts import contact_figures
 from manytouch.evaluation.metrics.depth import depth_figures
 from manytouch.evaluation.records.in_memory import record_of_readings, record_of_truths
-from manytouch.evaluation.records.record import Record, contact_rows
+from manytouch.evaluation.records.record import EvaluationRecord, contact_rows
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case
-from manytouch.evaluation.suite.recordings import CaseSimulation, Recording
+from manytouch.evaluation.suite.recordings import CaseSimulation, SimulatedRecording
 from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.evaluation.suite.trial_store import SUFFIX, read_comparisons, write_comparisons
 from manytouch.evaluation.suite.workers import RunObserver, run_tasks
@@ -145,7 +145,7 @@ def code_of_the_package() -> str:
     return hashlib.sha256(b"\0".join(sources)).hexdigest()
 
 
-def run_case(case: Case, methods: Mapping[str, Pipeline], recording: Recording) -> Trial:
+def run_case(case: Case, methods: Mapping[str, Pipeline], recording: SimulatedRecording) -> Trial:
     """Read a recording with every method, each from the nominal sensor of the case."""
     truth = record_of_truths(recording.truths, recording.sensor, name=case.title)
     pictures = {frame.index: frame.image for frame in recording.frames}
@@ -166,7 +166,7 @@ def run_case(case: Case, methods: Mapping[str, Pipeline], recording: Recording) 
     return Trial(title=case.title, case=case, comparisons=tuple(comparisons))
 
 
-def silent(truth: Record, method: str) -> Record:
+def silent(truth: EvaluationRecord, method: str) -> EvaluationRecord:
     """The record of a method that estimates nothing; it is evaluated like all others."""
     no_contacts = contact_rows({name: np.zeros(0) for name in CONTACT_COLUMNS})
     return replace(

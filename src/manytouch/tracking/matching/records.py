@@ -9,7 +9,7 @@ import numpy as np
 
 from manytouch.tracking.lattice_graph import GraphArrays
 
-__all__ = ["Assignment", "Cells", "DotArrays", "DotGrid", "GraphArrays", "MatchingState", "Workspace"]
+__all__ = ["Assignment", "DotArrays", "DotGrid", "GraphArrays", "MarkerCells", "MatchingState", "Workspace"]
 
 
 class DotArrays(NamedTuple):
@@ -50,7 +50,7 @@ class DotGrid(NamedTuple):
     dot: np.ndarray
 
 
-class Cells(NamedTuple):
+class MarkerCells(NamedTuple):
     """A rectangle of cells: first and last column, first and last row."""
 
     left: int

@@ -6,7 +6,7 @@ import numpy as np
 
 from manytouch.compilation import inlined_kernel, kernel, no_type_check
 from manytouch.tracking.lattice_graph import PRESENT
-from manytouch.tracking.matching.records import Cells, DotGrid, GraphArrays
+from manytouch.tracking.matching.records import DotGrid, GraphArrays, MarkerCells
 
 SECOND_REACH = 1.7
 """The second nearest dot is searched within this many gates."""
@@ -43,14 +43,14 @@ def build_grid(centre_px: np.ndarray, cell_px: float) -> DotGrid:
 
 @inlined_kernel()
 @no_type_check
-def cells_within(grid: DotGrid, x: float, y: float, reach_px: float) -> Cells:
+def cells_within(grid: DotGrid, x: float, y: float, reach_px: float) -> MarkerCells:
     """Cells within reach of a position; where the last column is before the first, there are none."""
     per_px = 1.0 / grid.cell_px
     x -= grid.left_px
     y -= grid.top_px
     left, right = int(np.floor((x - reach_px) * per_px)), int(np.floor((x + reach_px) * per_px))
     top, bottom = int(np.floor((y - reach_px) * per_px)), int(np.floor((y + reach_px) * per_px))
-    return Cells(max(0, left), min(grid.columns - 1, right), max(0, top), min(grid.rows - 1, bottom))
+    return MarkerCells(max(0, left), min(grid.columns - 1, right), max(0, top), min(grid.rows - 1, bottom))
 
 
 @inlined_kernel()

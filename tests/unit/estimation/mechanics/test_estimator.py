@@ -7,7 +7,7 @@ import pytest
 
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
-from manytouch.estimation.mechanics.sheet_model import SheetModel
+from manytouch.estimation.mechanics.sheet_model import InversionModel
 from manytouch.estimation.mechanics.solid_correction import SolidCorrection
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
@@ -43,7 +43,7 @@ def sensor_of(**sheet: float | None) -> Sensor:
     )
 
 
-def bent(model: SheetModel, *presses: tuple[float, float, float]) -> np.ndarray:
+def bent(model: InversionModel, *presses: tuple[float, float, float]) -> np.ndarray:
     """Coefficients of the sheet under presses x, y, force over E on discs of 3 mm."""
     angle = 2 * np.pi * np.arange(24) / 24
     ring = np.sqrt((np.arange(8) + 0.5) / 8) * 3.0
@@ -54,7 +54,7 @@ def bent(model: SheetModel, *presses: tuple[float, float, float]) -> np.ndarray:
     return equilibrium(model.shell, load).coefficient_mm
 
 
-def grid_of(model: SheetModel, shape: np.ndarray, noise_px: float = 0.02, seed: int = 0) -> TrackedGrid:
+def grid_of(model: InversionModel, shape: np.ndarray, noise_px: float = 0.02, seed: int = 0) -> TrackedGrid:
     from manytouch.geometry.camera import project
 
     centre = project(model.camera, model.layout.rest_mm) + model.dots.displacement_px(shape)
@@ -78,12 +78,12 @@ def without(grid: TrackedGrid, lost: np.ndarray) -> TrackedGrid:
 
 
 @pytest.fixture(scope="module")
-def model() -> SheetModel:
+def model() -> InversionModel:
     return ESTIMATE.start(sensor_of()).model
 
 
 @pytest.fixture(scope="module")
-def shape(model: SheetModel) -> np.ndarray:
+def shape(model: InversionModel) -> np.ndarray:
     return bent(model, (-12.0, -6.0, 0.6), (10.0, 5.0, 0.9))
 
 
@@ -94,7 +94,7 @@ def read(grids: list[TrackedGrid], sensor: Sensor | None = None):
     return state, surface, contacts
 
 
-def test_centre_force_and_depth_of_two_presses(model: SheetModel, shape: np.ndarray) -> None:
+def test_centre_force_and_depth_of_two_presses(model: InversionModel, shape: np.ndarray) -> None:
     _, surface, contacts = read([grid_of(model, shape, seed=k) for k in range(4)])
     assert surface.status == contacts.status == "ok"
     true_mm = model.dots.displacement_mm(shape)
@@ -110,7 +110,9 @@ def test_centre_force_and_depth_of_two_presses(model: SheetModel, shape: np.ndar
         assert 0.0 < contact.std("normal_force") < 0.3 * press * YOUNG_MPA
 
 
-def test_the_uncertainty_of_the_stiffness_is_in_that_of_forces(model: SheetModel, shape: np.ndarray) -> None:
+def test_the_uncertainty_of_the_stiffness_is_in_that_of_forces(
+    model: InversionModel, shape: np.ndarray
+) -> None:
     grids = [grid_of(model, shape, seed=k) for k in range(4)]
     exact, doubted = (
         read(grids, sensor_of(young_std_MPa=std))[2].touching for std in (None, 0.2 * YOUNG_MPA)
@@ -128,7 +130,7 @@ def test_the_uncertainty_of_the_stiffness_is_in_that_of_forces(model: SheetModel
             assert unsure.std(estimate) == sure.std(estimate)
 
 
-def test_missing_and_wrong_markers_have_little_effect(model: SheetModel, shape: np.ndarray) -> None:
+def test_missing_and_wrong_markers_have_little_effect(model: InversionModel, shape: np.ndarray) -> None:
     chance = np.random.default_rng(1)
     lost, wrong = chance.random(ROWS * COLUMNS) < 0.2, chance.random(ROWS * COLUMNS) < 0.03
     grids = []
@@ -149,7 +151,9 @@ def steps(before: list[TrackedGrid], grid: TrackedGrid) -> int:
     return ESTIMATE.fit_frame(state, grid).steps
 
 
-def test_a_steady_sheet_needs_no_full_step_and_a_new_press_two(model: SheetModel, shape: np.ndarray) -> None:
+def test_a_steady_sheet_needs_no_full_step_and_a_new_press_two(
+    model: InversionModel, shape: np.ndarray
+) -> None:
     flat = np.zeros_like(shape)
     at_rest = [grid_of(model, flat, seed=k) for k in range(12)]
     assert steps(at_rest[:1], at_rest[1]) == 0
@@ -162,7 +166,9 @@ def test_a_steady_sheet_needs_no_full_step_and_a_new_press_two(model: SheetModel
     assert sum(taken) >= 1
 
 
-def test_a_step_with_an_earlier_posterior_is_nearly_a_full_one(model: SheetModel, shape: np.ndarray) -> None:
+def test_a_step_with_an_earlier_posterior_is_nearly_a_full_one(
+    model: InversionModel, shape: np.ndarray
+) -> None:
     state, _, _ = read([grid_of(model, shape, seed=k) for k in range(6)])
     assert state.posterior is not None
     other = grid_of(model, 1.01 * shape, seed=9)
@@ -173,7 +179,9 @@ def test_a_step_with_an_earlier_posterior_is_nearly_a_full_one(model: SheetModel
     np.testing.assert_allclose(surface.displacement_mm, whole.displacement_mm, atol=0.15 * moved_mm)
 
 
-def test_interleaved_states_give_the_same_bits_as_separate_ones(model: SheetModel, shape: np.ndarray) -> None:
+def test_interleaved_states_give_the_same_bits_as_separate_ones(
+    model: InversionModel, shape: np.ndarray
+) -> None:
     courses = [[grid_of(model, bent_mm, seed=k) for k in range(7)] for bent_mm in (shape, 0.4 * shape)]
     separate = []
     for grids in courses:
@@ -190,7 +198,7 @@ def test_interleaved_states_give_the_same_bits_as_separate_ones(model: SheetMode
     assert_same_bits(interleaved, separate)
 
 
-def test_noise_at_rest_makes_no_contacts(model: SheetModel) -> None:
+def test_noise_at_rest_makes_no_contacts(model: InversionModel) -> None:
     flat = np.zeros((model.patch.node_count, 3))
     state = ESTIMATE.start(sensor_of())
     for k in range(30):
@@ -198,7 +206,7 @@ def test_noise_at_rest_makes_no_contacts(model: SheetModel) -> None:
         assert not contacts.touching
 
 
-def test_the_reference_follows_creep_and_not_a_steady_press(model: SheetModel) -> None:
+def test_the_reference_follows_creep_and_not_a_steady_press(model: InversionModel) -> None:
     flat, pressed = np.zeros((model.patch.node_count, 3)), bent(model, (3.0, -4.0, 0.12))
     state = ESTIMATE.start(sensor_of())
     for k in range(40):
@@ -215,7 +223,7 @@ def test_the_reference_follows_creep_and_not_a_steady_press(model: SheetModel) -
     assert contacts.touching[0].normal_force_over_E_mm2 == pytest.approx(0.12, rel=0.3)
 
 
-def test_markers_have_deviations_and_the_surface_a_shape(model: SheetModel, shape: np.ndarray) -> None:
+def test_markers_have_deviations_and_the_surface_a_shape(model: InversionModel, shape: np.ndarray) -> None:
     grid = grid_of(model, shape)
     lost = np.arange(len(grid.is_seen)) == 40
     _, surface, _ = read([grid, grid, without(grid, lost)])
@@ -230,7 +238,7 @@ def test_markers_have_deviations_and_the_surface_a_shape(model: SheetModel, shap
     assert -spline.force_over_E_mm2[:, 2].sum() == pytest.approx(1.5, rel=0.1)
 
 
-def test_contacts_last_over_a_frame_without_markers(model: SheetModel, shape: np.ndarray) -> None:
+def test_contacts_last_over_a_frame_without_markers(model: InversionModel, shape: np.ndarray) -> None:
     grid = grid_of(model, shape)
     state, _, _ = read([grid, grid])
     state, surface, contacts = ESTIMATE.step(state, without(grid, np.ones(len(grid.is_seen), dtype=bool)))
@@ -242,7 +250,7 @@ def test_contacts_last_over_a_frame_without_markers(model: SheetModel, shape: np
     assert len(contacts.touching) == 2
 
 
-def test_an_impossible_frame_has_a_status_and_is_forgotten(model: SheetModel, shape: np.ndarray) -> None:
+def test_an_impossible_frame_has_a_status_and_is_forgotten(model: InversionModel, shape: np.ndarray) -> None:
     grid = grid_of(model, shape)
     chance = np.random.default_rng(0)
     torn = replace(grid, position_px=grid.position_px + chance.normal(0, 40.0, grid.position_px.shape))
@@ -282,7 +290,7 @@ def test_a_sensor_without_enough_markers_is_refused() -> None:
 
 
 def test_contacts_of_an_assumed_sheet_are_those_of_the_perimeter_method(
-    model: SheetModel, shape: np.ndarray
+    model: InversionModel, shape: np.ndarray
 ) -> None:
     sensor = sensor_of(young_MPa=None)
     assert sensor.sheet is not None

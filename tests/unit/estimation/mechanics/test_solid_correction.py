@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from manytouch.estimation.mechanics.force_clusters import Clusters
-from manytouch.estimation.mechanics.sheet_model import NominalSheet, SheetModel
+from manytouch.estimation.mechanics.sheet_model import InversionModel, NominalSheet
 from manytouch.estimation.mechanics.solid_correction import SolidCorrection
 from manytouch.values import Camera, Layout, Sensor, Sheet
 
@@ -14,7 +14,7 @@ FACE = SolidCorrection()
 ROW, COLUMN = (index.ravel() for index in np.indices((8, 10)))
 
 
-def model_of(scale: float = 1.0, *, is_known: bool = True) -> SheetModel:
+def model_of(scale: float = 1.0, *, is_known: bool = True) -> InversionModel:
     rest_mm = np.zeros((80, 3))
     rest_mm[:, :2] = np.column_stack([COLUMN - 4.5, ROW - 3.5]) * 4.0 * scale
     sheet = Sheet(
