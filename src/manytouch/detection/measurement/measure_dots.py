@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, Float64, Int8, Int64, Shaped
 
-from manytouch.compilation import f32, inlined_kernel, kernel, no_type_check, u64
+from manytouch.compilation import inlined_kernel, kernel, no_type_check
 from manytouch.detection.measurement.background_fit import (
     MOST_SAMPLES,
     GeneralScratch,
@@ -17,6 +17,7 @@ from manytouch.detection.measurement.background_fit import (
 from manytouch.detection.measurement.covariance import add_noise, store_dot, store_nothing, store_position
 from manytouch.detection.measurement.general_dots import measure_general
 from manytouch.detection.measurement.plain_dots import measure_plain, walk_to_plain_dot
+from manytouch.detection.measurement.prefetch import prefetch_window
 from manytouch.detection.measurement.records import (
     AT_BORDER,
     FOUND,
@@ -30,8 +31,7 @@ from manytouch.detection.measurement.records import (
 from manytouch.detection.measurement.sampling_pattern import LANES, PARTS, SamplingPatterns, load_pattern
 from manytouch.detection.measurement.simd_strip_sums import STRIP
 
-AHEAD = 3  # dots whose memory is read early
-LINE = 64  # bytes that are read from memory at once
+AHEAD = 3  # dots whose memory is requested early
 
 
 class Expected(NamedTuple):
@@ -50,32 +50,12 @@ class PlainScratch(NamedTuple):
         samples: (3, 4, 64).
         grey: (k,) window of a coloured image.
         work: (2, 8).
-        touched: (1,) sum of what was read early.
     """
 
     offset: Int64[np.ndarray, " k"]
     samples: Float32[np.ndarray, "3 4 lanes"]
     grey: Float32[np.ndarray, " k"]
     work: Float32[np.ndarray, "2 8"]
-    touched: Float32[np.ndarray, "1"]
-
-
-@inlined_kernel()
-@no_type_check
-def _touch_window(pixels: Pixels, x: float, y: float, reach: int) -> float:
-    """Reads one value of each cache line of a window that is measured soon.
-
-    A new image is in memory, not in the cache, and no processor foresees where dots are.
-    """
-    touched = f32(0.0)
-    if not (abs(x) < 1e6 and abs(y) < 1e6):
-        return touched
-    flat, channels, width = pixels.flat, pixels.channels, pixels.width
-    line, first, last = LINE // flat.itemsize, (int(y) - reach) * width + int(x) - reach, len(flat) - 1
-    for row in range(first, first + (2 * reach + 1) * width, width):
-        for at in range(row * channels, (row + 2 * reach) * channels + line, line):
-            touched += f32(flat[u64(min(max(at, 0), last))])
-    return touched
 
 
 @inlined_kernel()
@@ -90,12 +70,11 @@ def _measure_plain_dots(
     width, height = pixels.width, pixels.height
     stride, loaded = (width * pixels.channels, pixels.channels), patterns.row[0]
     pattern = load_pattern(patterns, loaded, stride, scratch.offset, scratch.samples)
-    touched = f32(0.0)
     for i in range(len(expected.x)):
         soon = i + AHEAD
         if soon < len(expected.x):
             reach = patterns.reach[patterns.row[soon]]
-            touched += _touch_window(pixels, expected.x[soon], expected.y[soon], reach)
+            prefetch_window(pixels, expected.x[soon], expected.y[soon], reach)
         x, y, radius = expected.x[i], expected.y[i], expected.radius[i]
         status[i] = MISSING
         if x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5:
@@ -113,7 +92,6 @@ def _measure_plain_dots(
         if status[i] != FOUND:
             store_nothing(i, statistics, out)
             out[i, X], out[i, Y] = x, y
-    scratch.touched[0] = touched
 
 
 @kernel()
@@ -189,7 +167,6 @@ def measure_dots(
         np.empty((PARTS, 4, LANES), dtype=np.float32),
         np.empty(STRIP * patterns.mask.shape[1] if channels > 1 else 0, dtype=np.float32),
         np.empty((2, 8), dtype=np.float32),
-        np.empty(1, dtype=np.float32),
     )
     memory = np.empty((14, number))
     statistics = DotStatistics(
