@@ -261,5 +261,5 @@ def test_the_verb_writes_a_sensor_that_process_can_use(tmp_path, capsys):
     assert "residual from a flat lattice" in output
     assert "clamp line: visible on no side, so [sheet] is used, 120 x 80 mm; an error of" in output
     assert main([*words, "--sheet-mm", "120,80"]) == 2
-    assert "--sheet-mm needs --thickness-mm too" in capsys.readouterr().err
+    assert "--sheet-mm requires --thickness-mm" in capsys.readouterr().err
     assert len(list(islice(tmp_path.iterdir(), 5))) == 2

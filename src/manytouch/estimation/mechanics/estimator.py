@@ -19,11 +19,15 @@ from manytouch.estimation.mechanics.contacts import ContactEstimator, with_force
 from manytouch.estimation.mechanics.evidence import evidence_at
 from manytouch.estimation.mechanics.force_clusters import Clusters, ForceClusters
 from manytouch.estimation.mechanics.gauss_newton import Fit, GaussNewton, SheetShape
-from manytouch.estimation.mechanics.marker_noise import MarkerNoise, marker_variances_px2
 from manytouch.estimation.mechanics.model_order import ModelOrder
 from manytouch.estimation.mechanics.sheet_model import InversionModel, NominalSheet
 from manytouch.estimation.mechanics.solid_correction import SolidCorrection
-from manytouch.estimation.mechanics.surface_covariance import MarkerDeviation, SurfaceError
+from manytouch.estimation.mechanics.surface_covariance import (
+    MarkerDeviation,
+    MarkerNoise,
+    SurfaceError,
+    marker_variances_px2,
+)
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.perimeter.marker_surface import MarkerGeometry, MarkerSurface
 from manytouch.estimation.reference_drift import ReferenceDrift

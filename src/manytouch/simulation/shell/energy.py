@@ -18,7 +18,7 @@ from manytouch.simulation.fem.contact.indenters import (
     SquarePunch,
     pack,
 )
-from manytouch.simulation.shell import kernels
+from manytouch.simulation.shell import body_kernels, kernels
 from manytouch.simulation.shell.preconditioner import Preconditioner
 from manytouch.values import Sheet
 from manytouch.values.arrays import read_only
@@ -50,7 +50,7 @@ class ContactBodies:
         kind, numbers = pack(tuple(body.indenter for body in bodies))
         places = np.array([body.position_mm for body in bodies]).reshape(-1, 3)
         turns = [Rotation.from_rotvec(body.rotation_vector.copy()).as_matrix() for body in bodies]
-        self.arrays = kernels.BodyArrays(
+        self.arrays = body_kernels.BodyArrays(
             kind=kind,
             numbers=numbers,
             position_mm=places - [0.0, 0.0, shell.half_mm],
@@ -58,7 +58,7 @@ class ContactBodies:
             reach_mm=np.array([_reach_mm(body.indenter) for body in bodies], dtype=np.float64),
         )
         points = tuple(2 * (count - 1) for count in shell.shape)
-        self.loads = kernels.BodyLoads(
+        self.loads = body_kernels.BodyLoads(
             resultant=np.zeros((len(places), 7)), body_at=np.full(points, -1, dtype=np.int64)
         )
 
@@ -85,7 +85,7 @@ class ShellEnergy:
         self.prestretch = prestretch(sheet)
         assert sheet.young_MPa is not None
         stiffness = BED * sheet.young_MPa / sheet.thickness_mm
-        self._bed = kernels.Bed(half_mm=self.half_mm, stiffness_MPa_per_mm=stiffness)
+        self._bed = body_kernels.Bed(half_mm=self.half_mm, stiffness_MPa_per_mm=stiffness)
         self._law = shell_law(sheet, self.prestretch, float(np.prod(self.spacing_mm)))
         corners = np.full(self.shape, 8.0)
         corners[[0, -1]] *= 0.5
@@ -132,7 +132,7 @@ class ShellEnergy:
         """
         energy, out = self.elastic(value, stretch)
         arguments = (self._bed, bodies.arrays, self._buffers, out, bodies.loads)
-        energy += kernels.touch(value, self.spacing_mm, *arguments)
+        energy += body_kernels.touch(value, self.spacing_mm, *arguments)
         kernels.finish_slope(value, stretch, out, self._buffers.by_fibre)
         return energy, out
 

@@ -12,7 +12,6 @@ from typing import NamedTuple
 import numpy as np
 
 from manytouch.compilation import REORDER, kernel, no_type_check
-from manytouch.simulation.fem.contact import distance
 
 
 class ShellLaw(NamedTuple):
@@ -51,43 +50,6 @@ class ElasticBuffers(NamedTuple):
     tangent: np.ndarray
     force: np.ndarray
     determinant: np.ndarray
-
-
-class BodyArrays(NamedTuple):
-    """Rigid bodies that press.
-
-    Attributes:
-        kind, numbers: (n,), (n, k) shapes, see `distance.signed_distance`.
-        position_mm: (n, 3) of their lowest points, z from the middle surface at rest.
-        rotation: (n, 3, 3) sheet_from_body.
-        reach_mm: (n,) from there to the furthest point that can touch.
-    """
-
-    kind: np.ndarray
-    numbers: np.ndarray
-    position_mm: np.ndarray
-    rotation: np.ndarray
-    reach_mm: np.ndarray
-
-
-class Bed(NamedTuple):
-    """The touched face as a bed of springs: half of the sheet's thickness, stiffness per area."""
-
-    half_mm: float
-    stiffness_MPa_per_mm: float
-
-
-class BodyLoads(NamedTuple):
-    """What the bodies do to the sheet.
-
-    Attributes:
-        resultant: (n, 7) force on the sheet (3), its torque about the sheet's z axis, its z part times
-            undeformed x and y, area in contact.
-        body_at: (a', b') number of the body at each contact point, -1 for none.
-    """
-
-    resultant: np.ndarray
-    body_at: np.ndarray
 
 
 class _Edges(NamedTuple):
@@ -269,120 +231,6 @@ def elastic(
     for axis in range(2):
         edges = _Edges(axis, spacing[axis], law.lever_mm, law.shear_N_per_mm * law.cell_mm2)
         total += _gather(edges, tangent[axis], force[axis], buffers.fibre, out, buffers.by_fibre)
-    return total
-
-
-@kernel()
-@no_type_check
-def _cells(position: float, reach: float, spacing: float, count: int) -> tuple[int, int]:
-    """First and one beyond the last of the cells along an axis that a body can touch."""
-    start = -0.5 * spacing * count
-    first = max(int((position - reach - start) / spacing), 0)
-    return first, min(int((position + reach - start) / spacing) + 1, count)
-
-
-@kernel()
-@no_type_check
-def _to_body_frame(place: np.ndarray, position: np.ndarray, rotation: np.ndarray, local: np.ndarray) -> float:
-    """Fill local (3,) with a place in a body's frame; its square, or infinity below that body."""
-    for k in range(3):
-        local[k] = 0.0
-        for m in range(3):
-            local[k] += rotation[m, k] * (place[m] - position[m])
-    if local[2] <= 0.0:
-        return np.inf
-    return float(local[0] ** 2 + local[1] ** 2 + local[2] ** 2)
-
-
-class _Point(NamedTuple):
-    """A contact point in a cell of the grid: first node (i, j), shape functions (4,), quarter 0 to 3."""
-
-    i: int
-    j: int
-    quarter: int
-    shape: np.ndarray
-
-
-@kernel()
-@no_type_check
-def _face_point(
-    point: _Point, value: np.ndarray, fibre: np.ndarray, spacing: np.ndarray, half: float, here: np.ndarray
-) -> tuple[float, float]:
-    """Fill the present place (3,) of a contact point of the touched face; its undeformed x and y, mm."""
-    i, j, shape = point.i, point.j, point.shape
-    s, r = 0.25 + 0.5 * (point.quarter // 2), 0.25 + 0.5 * (point.quarter % 2)
-    shape[0], shape[1], shape[2], shape[3] = (1 - s) * (1 - r), (1 - s) * r, s * (1 - r), s * r
-    here[0] = (i + s - 0.5 * (value.shape[1] - 1)) * spacing[0]
-    here[1] = (j + r - 0.5 * (value.shape[2] - 1)) * spacing[1]
-    here[2] = 0.0
-    rest_x, rest_y = here[0], here[1]
-    for node in range(4):
-        at_i, at_j = i + node // 2, j + node % 2
-        for k in range(3):
-            here[k] += shape[node] * (value[k, at_i, at_j] + half * fibre[k, at_i, at_j])
-    return rest_x, rest_y
-
-
-@kernel()
-@no_type_check
-def touch(
-    value: np.ndarray,
-    spacing: np.ndarray,
-    bed: Bed,
-    bodies: BodyArrays,
-    buffers: ElasticBuffers,
-    out: np.ndarray,
-    loads: BodyLoads,
-) -> float:
-    """Energy of the contact in N mm, evaluated at four points of each cell of the touched face.
-
-    Args:
-        value: (5, a, b) displacements in mm and tilts.
-        spacing: (2,) of the grid, mm.
-        bed: of the touched face.
-        bodies: that press.
-        buffers: of `elastic`, whose derivatives by the fibres are added to.
-        out: (5, a, b), whose derivatives by displacement are added to.
-        loads: filled.
-    """
-    fibre, by_fibre, half, stiffness = buffers.fibre, buffers.by_fibre, bed.half_mm, bed.stiffness_MPa_per_mm
-    weight = 0.25 * spacing[0] * spacing[1]
-    normal, curvature = np.empty(3), np.empty((3, 3))
-    here, local, push, shape = np.empty(3), np.empty(3), np.empty(3), np.empty(4)
-    loads.resultant[:] = 0.0
-    loads.body_at[:] = -1
-    total = 0.0
-    for body in range(bodies.kind.shape[0]):
-        position, rotation, reach = bodies.position_mm[body], bodies.rotation[body], bodies.reach_mm[body]
-        resultant = loads.resultant[body]
-        first_i, last_i = _cells(position[0], reach, spacing[0], value.shape[1] - 1)
-        first_j, last_j = _cells(position[1], reach, spacing[1], value.shape[2] - 1)
-        for place in range(4 * max(last_i - first_i, 0) * max(last_j - first_j, 0)):
-            cell, quarter = place // 4, place % 4
-            i, j = first_i + cell // (last_j - first_j), first_j + cell % (last_j - first_j)
-            rest_x, rest_y = _face_point(_Point(i, j, quarter, shape), value, fibre, spacing, half, here)
-            if _to_body_frame(here, position, rotation, local) > reach**2:
-                continue
-            depth = distance.signed_distance(
-                bodies.kind[body], bodies.numbers[body], local, normal, curvature
-            )
-            if depth >= 0.0:
-                continue
-            loads.body_at[2 * i + quarter // 2, 2 * j + quarter % 2] = body
-            total += 0.5 * stiffness * weight * depth * depth
-            for k in range(3):
-                push[k] = 0.0
-                for m in range(3):
-                    push[k] -= rotation[k, m] * normal[m] * stiffness * weight * depth
-                resultant[k] += push[k]
-                for node in range(4):
-                    at_i, at_j = i + node // 2, j + node % 2
-                    out[k, at_i, at_j] -= shape[node] * push[k]
-                    by_fibre[k, at_i, at_j] -= shape[node] * half * push[k]
-            resultant[3] += here[0] * push[1] - here[1] * push[0]
-            resultant[4] += rest_x * push[2]
-            resultant[5] += rest_y * push[2]
-            resultant[6] += weight
     return total
 
 
