@@ -13,8 +13,10 @@ from collections.abc import Callable
 from typing import Any, TypeVar, cast
 
 import numpy as np
-from numba import njit
+from llvmlite import ir
+from numba import njit, types
 from numba.core.options import DefaultOptions
+from numba.extending import intrinsic
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -52,3 +54,24 @@ def inlined_kernel(**options: Any) -> Callable[[Function], Function]:
     """
     uncounted = {"_nrt": False} if hasattr(DefaultOptions, "_nrt") else {}
     return kernel(forceinline=True, **uncounted, **options)
+
+
+@intrinsic
+@no_type_check
+def prefetch(typing: Any, array: Any, index: Any) -> Any:
+    """Requests the memory at a position of an array before it is needed; any position is allowed.
+
+    numba has no function for this instruction of the processor. It changes no result.
+    """
+
+    def code(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
+        values = context.make_array(signature.args[0])(context, builder, arguments[0])
+        byte, number = ir.IntType(8).as_pointer(), ir.IntType(32)
+        shape = ir.FunctionType(ir.VoidType(), [byte, number, number, number])
+        request = builder.module.declare_intrinsic("llvm.prefetch", [byte], shape)
+        place = builder.bitcast(builder.gep(values.data, [arguments[1]]), byte)
+        # to read, to be kept in all caches, as data
+        builder.call(request, [place, number(0), number(3), number(1)])
+        return context.get_dummy_value()
+
+    return types.void(array, types.intp), code

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float32, Float64, Int8, Int64, Shaped
 
-from manytouch.compilation import inlined_kernel, kernel, no_type_check
+from manytouch.compilation import inlined_kernel, kernel, no_type_check, prefetch
 from manytouch.detection.measurement.background_fit import (
     MOST_SAMPLES,
     GeneralScratch,
@@ -17,7 +17,6 @@ from manytouch.detection.measurement.background_fit import (
 from manytouch.detection.measurement.covariance import add_noise, store_dot, store_nothing, store_position
 from manytouch.detection.measurement.general_dots import measure_general
 from manytouch.detection.measurement.plain_dots import measure_plain, walk_to_plain_dot
-from manytouch.detection.measurement.prefetch import prefetch_window
 from manytouch.detection.measurement.records import (
     AT_BORDER,
     FOUND,
@@ -32,6 +31,7 @@ from manytouch.detection.measurement.sampling_pattern import LANES, PARTS, Sampl
 from manytouch.detection.measurement.simd_strip_sums import STRIP
 
 AHEAD = 3  # dots whose memory is requested early
+LINE = 64  # bytes that are read from memory at once
 
 
 class Expected(NamedTuple):
@@ -60,6 +60,22 @@ class PlainScratch(NamedTuple):
 
 @inlined_kernel()
 @no_type_check
+def _prefetch_window(pixels: Pixels, x: float, y: float, reach: int) -> None:
+    """Requests each cache line of a window that is measured soon.
+
+    A new image is in memory, not in the cache, and no processor foresees where dots are.
+    """
+    if not (abs(x) < 1e6 and abs(y) < 1e6):
+        return
+    flat, channels, width = pixels.flat, pixels.channels, pixels.width
+    line, first = LINE // flat.itemsize, (int(y) - reach) * width + int(x) - reach
+    for row in range(first, first + (2 * reach + 1) * width, width):
+        for at in range(row * channels, (row + 2 * reach) * channels + line, line):
+            prefetch(flat, at)  # type: ignore[call-arg]  # numba adds the first argument
+
+
+@inlined_kernel()
+@no_type_check
 def _measure_plain_dots(
     pixels: Pixels, expected: Expected, patterns: SamplingPatterns, options: tuple[float, int],
     scratch: PlainScratch, statistics: DotStatistics, status: Int8[np.ndarray, " n"],
@@ -74,7 +90,7 @@ def _measure_plain_dots(
         soon = i + AHEAD
         if soon < len(expected.x):
             reach = patterns.reach[patterns.row[soon]]
-            prefetch_window(pixels, expected.x[soon], expected.y[soon], reach)
+            _prefetch_window(pixels, expected.x[soon], expected.y[soon], reach)
         x, y, radius = expected.x[i], expected.y[i], expected.radius[i]
         status[i] = MISSING
         if x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5:

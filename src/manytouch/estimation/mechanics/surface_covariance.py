@@ -1,4 +1,4 @@
-"""Deviations of marker images, and covariances of marker displacements from them and from the model's error."""
+"""Deviations of marker images, and covariances of marker displacements with the model's error."""
 
 from dataclasses import dataclass
 
