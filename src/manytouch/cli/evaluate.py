@@ -123,8 +123,8 @@ def evaluate(
 def _paper(methods: list[options.Method] | None, *, cache: Path | None, processes: int, out: Path) -> int:
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.evaluation.published.page import experiments, row, write_page
-    from manytouch.evaluation.suite.solutions import user_cache
     from manytouch.session import METHODS, pipeline_for
+    from manytouch.simulation.fem.cache import user_cache
 
     pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}
     with Stop() as stop, _Progress() as progress:
@@ -158,8 +158,9 @@ def _suite(
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.evaluation.suite.recordings import FemSimulation
     from manytouch.evaluation.suite.runner import run_suite
-    from manytouch.evaluation.suite.solutions import Solutions, solve_missing, user_cache
+    from manytouch.evaluation.suite.solutions import Solutions, solve_missing
     from manytouch.session import METHODS, pipeline_for
+    from manytouch.simulation.fem.cache import user_cache
     from manytouch.sinks.files.summary import parameters, versions
 
     pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}

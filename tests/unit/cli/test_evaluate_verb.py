@@ -13,8 +13,8 @@ from manytouch.evaluation import compare_folders as own
 from manytouch.evaluation.suite import runner, solutions
 from manytouch.evaluation.suite.cases import Case
 from manytouch.evaluation.suite.runner import Evaluation, Trial
-from manytouch.evaluation.suite.solutions import user_cache
 from manytouch.session import METHODS
+from manytouch.simulation.fem.cache import user_cache
 
 app = App(name="manytouch")
 app.command(evaluate)

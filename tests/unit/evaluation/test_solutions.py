@@ -12,7 +12,7 @@ from manytouch.evaluation.suite import solutions as module
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case, Touch
 from manytouch.evaluation.suite.pressing import Pressed, solve_presses
 from manytouch.evaluation.suite.recordings import CaseSimulation, FemSimulation
-from manytouch.evaluation.suite.solutions import Solutions, shipped_name, solve_missing, user_cache
+from manytouch.evaluation.suite.solutions import Solutions, shipped_name, solve_missing
 from manytouch.evaluation.suite.suite import cases
 
 CASE = Case(
@@ -126,14 +126,6 @@ def test_the_quick_cases_ship_with_the_package(tmp_path: Path) -> None:
         assert known is not None, case.title
         assert len(known) == RAMP_FRAMES
         assert np.nanmax([contact.depth_mm for contact in known[-1].contacts]) < case.deepest_mm
-
-
-def test_the_cache_of_the_user_follows_the_system(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    assert user_cache() == tmp_path / "manytouch"
-    monkeypatch.delenv("XDG_CACHE_HOME")
-    monkeypatch.setenv("HOME", str(tmp_path))
-    assert user_cache() == tmp_path / ".cache" / "manytouch"
 
 
 @pytest.mark.slow

@@ -5,7 +5,6 @@ case alone; one that was solved here also after the code that solved it.
 """
 
 import hashlib
-import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
@@ -102,12 +101,6 @@ def keep(path: Path, states: list[Deformation]) -> None:
 def shipped_name(case: Case) -> str:
     """The file of a case in the package."""
     return _name(case)
-
-
-def user_cache() -> Path:
-    """The folder for what can be computed again: XDG_CACHE_HOME, else ~/.cache."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "manytouch"
 
 
 def _name(case: Case, *more: str) -> str:

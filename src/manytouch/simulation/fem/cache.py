@@ -16,6 +16,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import platformdirs
 
 from manytouch.errors import OutputError
 from manytouch.simulation.fem.elements.mesh import HexMesh
@@ -26,6 +27,11 @@ from manytouch.simulation.fem.state import ContactForce, SheetState
 from manytouch.values.arrays import read_only
 
 NOT_CODE_OF_STATES = ("__init__.py", "cache.py", "sampling.py")
+
+
+def user_cache() -> Path:
+    """The user's folder for what can be computed again, by the convention of the system."""
+    return platformdirs.user_cache_path("manytouch", appauthor=False)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

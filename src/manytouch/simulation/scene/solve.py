@@ -7,7 +7,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from manytouch.errors import SourceError
-from manytouch.simulation.fem.cache import StateCache, problem_keys
+from manytouch.simulation.fem.cache import StateCache, problem_keys, user_cache
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.sheet import SheetModel
@@ -28,10 +28,9 @@ LIBRARY = files("manytouch.simulation") / "library"
 
 
 def states_folder() -> Path:
-    """Where solved states are kept for a user: $MANYTOUCH_STATES, or the usual place for such files."""
+    """The user's folder of solved states: $MANYTOUCH_STATES, or a part of the user's cache."""
     chosen = os.environ.get(STATES_VARIABLE)
-    usual = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA") or "~/.cache"
-    return Path(chosen or Path(usual) / "manytouch" / "states").expanduser()
+    return Path(chosen).expanduser() if chosen else user_cache() / "states"
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

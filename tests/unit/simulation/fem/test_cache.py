@@ -10,7 +10,7 @@ import pytest
 
 import manytouch.simulation.fem.cache as cache_module
 from manytouch.errors import OutputError
-from manytouch.simulation.fem.cache import StateCache, problem_keys, step_keys
+from manytouch.simulation.fem.cache import StateCache, problem_keys, step_keys, user_cache
 from manytouch.simulation.fem.contact.indenters import Sphere
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, PressurePatch, press
@@ -113,3 +113,11 @@ def test_a_problem_keeps_its_key_when_the_solver_changes(monkeypatch: pytest.Mon
     assert problem_keys(MODEL, pressing(0.3, 0.6)) == problem
     assert set(step_keys(MODEL, pressing(0.3, 0.6))).isdisjoint(solved)
     assert problem_keys(MODEL, pressing(0.3, 0.7))[1] != problem[1]
+
+
+def test_the_cache_of_the_user_follows_the_system(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    assert user_cache() == tmp_path / "manytouch"
+    monkeypatch.delenv("XDG_CACHE_HOME")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert user_cache() == tmp_path / ".cache" / "manytouch"
