@@ -234,7 +234,7 @@ class Live:
             case Press() | Release():
                 self._press(command)
             case _:
-                self._commands.note(f"{type(command).__name__} is not possible with a live source")
+                self._commands.note(f"{type(command).__name__} is possible only in playback of a recording")
 
     def _begin_recording(self, path: Path | None) -> None:
         setup = self._wanted

@@ -141,7 +141,7 @@ def test_a_parameter_changes_while_it_runs() -> None:
         (Tune(parameter=WHOLE, value=1.5), "whole number"),
         (UseMethod(method="magic"), "no method 'magic'"),
         (Tune(parameter="detect.least_share", value=float("nan")), "not nan"),
-        (Seek(frame=3), "Seek is not possible"),
+        (Seek(frame=3), "Seek is possible only in playback"),
     ],
 )
 def test_what_cannot_be_done_becomes_a_note(command: Command, words: str) -> None:

@@ -21,10 +21,14 @@ from manytouch.values.arrays import Points2, read_only
 
 SEEN_SHARE = 0.5
 """A marker that is seen in a smaller share of the frames is treated as missing."""
-STILL_SHARE = 0.02
-BENT_SHARE = 0.02
-NEAR_SHARE = 0.03
-CONTRAST_GREY = 25.0
+MAX_DRIFT_PITCHES = 0.02
+"""A marker that moves farther during the recording gives a warning."""
+MAX_RESIDUAL_PITCHES = 0.02
+"""A larger RMS residual from a flat lattice gives a warning."""
+MAX_DISTANCE_ERROR = 0.03
+"""A larger relative difference from the distance in the sensor file gives a warning."""
+MIN_CONTRAST_GREY = 25.0
+"""A lower contrast of the markers, in grey levels of 255, gives a warning."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -175,10 +179,12 @@ def fit_pose(
     else:
         straight, lens = place_px.reshape(-1, 1, 2), camera.distortion
     # A plane has two candidate poses; the one with the smaller residual is taken.
-    count, turns, shifts, _ = cv2.solvePnPGeneric(
+    count, rotations, translations, _ = cv2.solvePnPGeneric(
         rest_mm, straight, camera_matrix(camera), lens, flags=cv2.SOLVEPNP_IPPE
     )
-    candidates = [_refine_pose(camera, rest_mm, place_px, turns[k], shifts[k]) for k in range(count)]
+    candidates = [
+        _refine_pose(camera, rest_mm, place_px, rotations[k], translations[k]) for k in range(count)
+    ]
     best = min(candidates, key=lambda posed: float(np.square(project(posed, rest_mm) - place_px).sum()))
     return best, _pose_std(best, rest_mm, place_px)
 
@@ -289,7 +295,7 @@ def _warnings(
     pitch_px = float(np.sqrt(np.prod(layout.pitch_mm))) * px_per_mm
     sentences = []
     left = np.sqrt(np.nanmean(np.square(residual).sum(axis=1)))
-    if left > BENT_SHARE * pitch_px:
+    if left > MAX_RESIDUAL_PITCHES * pitch_px:
         sentences.append(
             f"markers lie {left:.2f} px (RMS) off a flat lattice: the sheet is not flat, the lens is not "
             "calibrated, or pitch_mm along x or y is wrong"
@@ -298,17 +304,17 @@ def _warnings(
     if lost > 0:
         sentences.append(f"{lost} markers were not seen and are treated as missing")
     drift = np.nanmax(np.linalg.norm(seen.position_px[-1] - seen.position_px[0], axis=1))
-    if drift > STILL_SHARE * pitch_px:
+    if drift > MAX_DRIFT_PITCHES * pitch_px:
         sentences.append(f"a marker moved by {drift:.2f} px during the recording: was the sheet touched?")
     contrast = float(np.nanmedian(seen.contrast))
-    if contrast < CONTRAST_GREY:
+    if contrast < MIN_CONTRAST_GREY:
         sentences.append(
             f"the contrast of the markers is only {contrast:.0f} of 255 grey levels: increase light or "
             f"contrast"
         )
     if given.layout is not None:
         nearer = float(given.camera.translation_mm[2]) / float(camera.translation_mm[2]) - 1.0
-        if abs(nearer) > NEAR_SHARE:
+        if abs(nearer) > MAX_DISTANCE_ERROR:
             sentences.append(
                 f"the sheet is at a distance of {camera.translation_mm[2]:.1f} mm, {100 * abs(nearer):.0f} % "
                 f"{'nearer' if nearer > 0 else 'farther'} than in the sensor file: check pitch_mm "

@@ -41,6 +41,6 @@ def with_provenance(calibration: RestCalibration, source_name: str) -> Sensor:
         **sensor.provenance,
         "rest": f"calibrated from {calibration.frames} frames of {source_name}",
         "rest_rms_px": round(calibration.rms_px, 4),
-        "rest_odd": list(calibration.warnings),
+        "rest_warnings": list(calibration.warnings),
     }
     return replace(sensor, provenance=provenance)

@@ -1,7 +1,9 @@
 """Noise and unevenness of light estimated from all dots of an image, and the covariance of each, compiled.
 
-Shot noise grows with the level: the backgrounds and the cores of the dots show how. How uneven the light
-usually is shows in the slopes of all cores; that of one core, which is noisy, is shrunk accordingly.
+Shot noise grows with the level; its slope is fitted to the variances of backgrounds and cores of the dots.
+The usual
+unevenness of light follows from the slopes of all cores; the slope of one core is shrunk towards zero by
+its noise.
 See docs/derivations/detection.md.
 """
 
@@ -37,12 +39,12 @@ class NoiseModel(NamedTuple):
     Attributes:
         least_variance: smallest variance of a pixel.
         even_slope: usual change of light over a radius, in parts of the contrast,
-        even_dots: as if it were known from so many dots.
+        even_dots: weight of this prior, in dots.
         steep: times the mean square of a slope; noise exceeds it once in 8000 dots.
         clearance_px: least distance of core and rim of a dot with a steep slope.
         outlier: times the mean variance; 64 plain pixels seldom exceed it.
-        outlier_of_one: the same of a single square.
-        texture: times the usual variance, from which on a background is rough in itself.
+        outlier_of_one: the same limit for a single squared residual.
+        texture: ratio to the usual variance above which a background is textured.
         floor_px, floor_px3, most_floor_px: deviation that square pixels leave without noise, measured on
             rendered discs of radius r = 1.5 to 20 px: min(most_floor, floor + floor_px3 / r^2).
     """

@@ -28,7 +28,7 @@ class LoadContactState:
         sampling: from markers to the points of the load map.
         centre_std_mm: standard deviation of centres, along each axis, that is added for the assumptions.
         load: state of the load source.
-        rest_mm: (m, 2) displacement of the untouched sheet, which creeps, from its rest.
+        rest_mm: (m, 2) mean displacement of the untouched sheet from the layout (creep).
         rest_frames: frames at rest so far.
         recent_load: strongest load of the frames before, fading.
         tracks: of the contacts.
@@ -51,10 +51,10 @@ class LoadContactFinder:
     Attributes:
         load: source of the load.
         peaks: which peaks of the load are contacts.
-        tracker: which contact is which of the frame before.
-        drift: share of the remaining displacement that a frame without contacts adds to the rest position.
-        assumed_centre_std_pitch: standard deviation of a centre along each axis that follows from the
-            assumptions about view and sheet, in pitches.
+        tracker: assigns contacts to those of the previous frame.
+        drift: share of the remaining displacement that a frame without contacts adds to `rest_mm`.
+        assumed_centre_std_pitch: standard deviation of a centre along each axis added because view
+            or sheet are assumed, in pitches.
     """
 
     load: LoadSource = field(default_factory=DisplacementLoad)

@@ -5,11 +5,18 @@ Minimised over the spline coefficients c is
     sum_i w_i |p_i(c) - y_i|^2 / s_i^2  +  sum_j g_j(c)^2 / (su^2 + (mu_f f_j)^2)  +  sum_j b_j f_j(c)^2
 
 with p the displacements of the marker images, y the measured ones, g the nodal forces tangential to the
-deformed sheet and f the normal ones. b_j = 1 / (q_j + eps^2) is updated after each step, which makes the
+deformed sheet and f the normal ones (f_j > 0 presses, that is force z < 0); `information` is w_i / s_i^2.
+b_j = prior_weight / (q_j + eps^2) with
+both terms scaled by the noise of the frame is updated after each step, which makes the
 forces sparse and compressive (M. E. Tipping 2001, "Sparse Bayesian learning"). q_j is max(f_j, 0)^2 or a
-share of its mean over the neighbours of node j, whichever is larger: neighbouring nodes together cost as much
+share of its mean over node j and its neighbours, whichever is larger: neighbouring nodes together cost as
+    much
 as one, so that a contact is not attracted by the nearest node (Z. Zhang and B. D. Rao 2013,
 doi:10.1109/TSP.2013.2241055).
+
+Priors enter through `weights`; a prior with another mean also needs a term in the cost, in the normal
+equations and in steps
+with an earlier posterior.
 """
 
 from dataclasses import dataclass
@@ -56,7 +63,7 @@ class Fit:
     """Result of the steps of one frame.
 
     Attributes:
-        shape: the last shape that reduced the cost.
+        shape: the last accepted shape; the previous one if the fit failed.
         posterior: of the last full step, for covariances of this frame and for the first step of the next.
         chi2: mean square of the residuals over their deviation, of the markers with weight.
         steps: number of full steps; 0 if a step with the posterior of an earlier frame was sufficient.
@@ -77,18 +84,18 @@ class GaussNewton:
     Attributes:
         tangential_std: su, standard deviation of tangential forces without a normal force.
         friction: mu_f, share of a normal force that may be tangential.
-        negligible_force: eps, normal force of a node that counts as none.
+        negligible_force: eps, below which the normal force of a node is treated as zero.
         neighbour_share: a node's squared force counts as at least this share of the mean over its neighbours.
         prior_weight: weight of the normal forces against the markers.
         convergence_share: the iteration ends when the normal forces change by at most this share in a step;
             changes below `negligible_force` do not count.
         max_posterior_frames: a step with the posterior of an earlier frame is sufficient for this many
             frames, while the normal forces stay within `convergence_share` of those at its linearisation;
-            without limit while nothing presses.
+            without limit while no normal force changes by more than `negligible_force`.
         max_information_change: such a step is tried if the information of the markers changed by at most this
             share.
         poor_chi2: above it the iteration goes on up to `max_steps_if_poor` steps, as long as each step
-            reduces chi2 by the share `min_gain`.
+            reduces it by more than `min_gain` of the remaining chi2.
         failed_chi2: above it the fit has failed, and the shape of the previous frame is kept.
         min_gain: see `poor_chi2`.
         max_steps: full steps of a frame whose chi2 is not poor.
@@ -274,7 +281,7 @@ class _Iterate:
 
 
 def balance(model: InversionModel, coefficient_mm: Nodal, force_mm2: Nodal) -> Nodal:
-    """(n, 3) nodal forces over E tangential to the deformed sheet along x and y, and the normal ones."""
+    """(n, 3) nodal forces over E tangential to the deformed sheet along x and y, and their z components."""
     w_mm = coefficient_mm[model.nodes.node, 2]
     along = force_mm2.copy()
     along[:, 0] += (model.nodes.dx * w_mm).sum(axis=1) * force_mm2[:, 2]

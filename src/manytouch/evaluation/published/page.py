@@ -11,7 +11,7 @@ import numpy as np
 from manytouch.evaluation.published import material, places, spacing
 from manytouch.evaluation.published.speed import Speed, speed
 from manytouch.evaluation.report.report_data import plain
-from manytouch.evaluation.report.svg_theme import FOREGROUND, METHODS, SOFT, figure, svg
+from manytouch.evaluation.report.svg_theme import FOREGROUND, METHOD_COLOURS, SOFT, figure, svg
 from manytouch.evaluation.suite.recordings import FemSimulation
 from manytouch.evaluation.suite.solutions import Solutions, solve_missing
 from manytouch.evaluation.suite.workers import RunObserver
@@ -152,10 +152,10 @@ def deflection_chart(deflections: tuple[material.Deflection, ...]) -> str:
         for number, one in enumerate(deflections):
             young_MPa = material.FORCE_N / one.force_over_E_mm2[1:]
             label = f"{one.size_mm[0]:g} × {one.size_mm[1]:g} mm"
-            axes.plot(young_MPa, one.depth_mm[1:], color=METHODS[number], label=label)
+            axes.plot(young_MPa, one.depth_mm[1:], color=METHOD_COLOURS[number], label=label)
             dense_MPa = np.geomspace(1.6, 42.0, 80)
             linear = [one.linear_depth_mm(float(young)) for young in dense_MPa]
-            axes.plot(dense_MPa, linear, color=METHODS[number], linestyle=":", linewidth=1.2)
+            axes.plot(dense_MPa, linear, color=METHOD_COLOURS[number], linestyle=":", linewidth=1.2)
         axes.axhline(material.PRINTED_DEPTH_MM, color=FOREGROUND, linewidth=0.8)
         axes.text(
             41, material.PRINTED_DEPTH_MM + 0.2, "printed: 10.1 mm", color=SOFT, ha="right", va="bottom"

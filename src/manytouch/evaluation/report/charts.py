@@ -12,7 +12,7 @@ from manytouch.evaluation.report.svg_theme import (
     DASHES,
     FAINT,
     FOREGROUND,
-    METHODS,
+    METHOD_COLOURS,
     PAPER,
     SIGNS,
     SOFT,
@@ -28,7 +28,7 @@ Compared = Mapping[str, MethodErrors]
 
 def colour(number: int) -> str:
     """Of the n-th method."""
-    return METHODS[number % len(METHODS)]
+    return METHOD_COLOURS[number % len(METHOD_COLOURS)]
 
 
 def depth_error_chart(compared: Compared) -> str:

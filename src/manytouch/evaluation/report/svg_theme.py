@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FOREGROUND, SOFT, FAINT, PAPER = "#010203", "#010204", "#010205", "#010206"
-METHODS = ("#010211", "#010212", "#010213", "#010214", "#010215", "#010216")
+METHOD_COLOURS = ("#010211", "#010212", "#010213", "#010214", "#010215", "#010216")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.5, 1.4)), (0, (6, 1.5, 1.5, 1.5)), "-", "--")
 SIGNS = ("o", "s", "^", "D", "v", "P")
 ROLES = {
@@ -27,7 +27,7 @@ ROLES = {
     SOFT: "var(--soft)",
     FAINT: "var(--faint)",
     PAPER: "var(--paper)",
-    **{colour: f"var(--method-{number})" for number, colour in enumerate(METHODS)},
+    **{colour: f"var(--method-{number})" for number, colour in enumerate(METHOD_COLOURS)},
 }
 LETTERS_PT = 9.0
 STYLE: dict[Any, Any] = {

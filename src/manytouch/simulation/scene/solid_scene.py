@@ -1,8 +1,11 @@
 """Solved states of the sheet as a scene, interpolated between the equilibria.
 
 Displacements and the forces of a contact run through the keyframes as monotone cubics in time (Fritsch
-and Butland 1984, doi:10.1137/0905021), each number by itself: nothing overshoots, and a keyframe is met
-exactly. A contact begins and ends at the keyframes without it next to those with it, with no force.
+and Butland 1984, doi:10.1137/0905021), component by component: nothing overshoots, and a keyframe is
+reproduced
+exactly. A contact starts and ends with zero force at the adjacent keyframes without it, unless it reaches
+the first or last
+keyframe of the scene.
 """
 
 from dataclasses import dataclass, field, replace
@@ -25,7 +28,8 @@ class ContactEpisode:
     """One touch from the keyframe before it to the keyframe after it.
 
     Attributes:
-        first: its first keyframe; there, and in its last one, the force is nothing.
+        first: its first keyframe; zero force there and in its last one, unless it reaches the first or last
+            keyframe of the scene.
         table: (n, 8) force, torque, area, centre and depth at its keyframes.
     """
 
@@ -38,11 +42,11 @@ class SolidScene:
     """A sheet that was solved at keyframes.
 
     Attributes:
-        name: for people, and after `sim:`.
-        time_s: (k,) of the keyframes, increasing from 0; the last one is the end of one round.
+        name: display name; also the source name `sim:NAME`.
+        time_s: (k,) of the keyframes, increasing from 0; the last one is the end of a cycle.
         states: one for each.
         seed: of the image noise.
-        duration_s: of the whole; beyond the last keyframe it begins again.
+        duration_s: total; the keyframes repeat.
     """
 
     name: str

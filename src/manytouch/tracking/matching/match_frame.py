@@ -1,4 +1,5 @@
-"""Matches one frame: guesses of where the markers are, tried in order until one explains most of the dots."""
+"""Matches one frame: guesses of where the markers are, tried in order until one explains most dots or
+finds most markers."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -17,9 +18,10 @@ APPEARANCE_QUANTITIES = 2
 
 _EXPLAINED_SHARE = 0.75  # of the dots: then no other guess is tried,
 _FOUND_SHARE = 0.97  # or of the markers
-_TRANSLATIONS = 3  # tried, of each kind
+_TRANSLATIONS = 3  # tried for each guess
 _LEAST_MARKERS, _LEAST_SHARE = 4, 0.1
-_CHANCE_SHARE = 0.5  # fewer of the dots, and of the markers seen before, are matched by chance
+# a match below this share of the dots and of the markers seen before is treated as accidental
+_CHANCE_SHARE = 0.5
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
