@@ -38,7 +38,8 @@ class SurfacePicture:
         """Draw a reading into a file: PNG, PDF or SVG, by its suffix."""
         figure = self.figure(reading)
         output = AtomicOutput(path)
-        with output_errors(path):
+        # matplotlib projects masked points too, whose values are not initialised.
+        with output_errors(path), np.errstate(over="ignore", invalid="ignore"):
             figure.savefig(output.temporary_path, dpi=DOTS_PER_INCH)
         output.commit()
         return path
