@@ -402,7 +402,7 @@ def main() -> None:
     score(warm, track_points(warm, MarkerTracker()))
     write("from points: tracking alone (wrong, ok and near per 100 000)")
     wanted = {name: each for name, each in conditions().items() if chosen.only in name}
-    results = {"points": table(wanted, from_points, write)}
+    results = {"points": score_conditions(wanted, from_points, write)}
     if not chosen.no_pictures:
         write("\nfrom pictures: detection and tracking")
         wanted = {name: each for name, each in picture_conditions().items() if chosen.only in name}
