@@ -58,9 +58,9 @@ class SurfacePicture:
         left.imshow(seen, interpolation="lanczos")
         left.set_axis_off()
         left.set_title("camera image", fontsize=11)
-        width = (SURFACE_INCHES - 1.7) * inch
+        width = (SURFACE_INCHES - 1.9) * inch
         right = figure.add_axes((share + 0.3 * inch, 0.03, width, 0.86), projection="3d")
-        scale = figure.add_axes((1.0 - 0.85 * inch, 0.2, 0.16 * inch, 0.5))
+        scale = figure.add_axes((1.0 - 1.05 * inch, 0.2, 0.16 * inch, 0.5))
         self._draw_surface(figure, (right, scale), reading)
         frame = f"frame {reading.frame.index}, {reading.frame.timestamp_ns * 1e-9:.2f} s"
         figure.suptitle(f"{self._sensor.name}, {frame}", x=0.1 * inch, ha="left", fontsize=13, y=0.975)
