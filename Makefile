@@ -2,18 +2,19 @@
 PYTHON ?= $(shell for p in python3.14 python3.13 python3.12 python3.11 python3; do \
 	$$p -c 'import sys, venv; sys.exit(sys.version_info < (3, 11))' >/dev/null 2>&1 && { echo $$p; break; }; done)
 BIN := .venv/bin
-KERNELS := $(shell grep -rl --include='*.py' njit src)
-CHECKED := --jaxtyping-packages=manytouch,beartype.beartype
+KERNELS := $(shell grep -rlE --include='*.py' '^@(inlined_)?kernel|^@intrinsic|njit' src)
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test slow check lock clean
+.PHONY: help setup demo test slow faults soak check lock clean
 
 help:
 	@echo "make setup    make .venv with everything the tests use"
 	@echo "make demo     watch the simulated sensor being pressed    ARGS=\"--seconds 5 --no-view\""
 	@echo "make test     run the tests                               ARGS=\"-k lattice\""
 	@echo "make slow     run the long accuracy suites too"
+	@echo "make faults   try 10 000 damaged and hostile inputs, floods of messages, kills"
+	@echo "make soak     a live session of a million frames: memory, threads, latency"
 	@echo "make check    ruff, mypy and the import rules"
 	@echo "make lock     renew requirements.lock (needs uv)"
 
@@ -35,11 +36,23 @@ setup: .venv/ready
 demo: .venv/compiled
 	@$(BIN)/manytouch demo $(ARGS)
 
+# Each worker and each program that a test starts imports the package: bytecode is kept, whatever the environment says.
+test slow: export PYTHONDONTWRITEBYTECODE =
+test slow: export CHECK_TYPES = 1
+
 test: .venv/compiled
-	@$(BIN)/python -m pytest -m "not slow" -n $(WORKERS) --dist loadfile $(CHECKED) $(ARGS)
+	@$(BIN)/python -m pytest -m "not slow" -n $(WORKERS) --dist loadfile $(ARGS)
 
 slow: .venv/compiled
-	@$(BIN)/python -m pytest $(CHECKED) $(ARGS)
+	@$(BIN)/python -m pytest $(ARGS)
+
+faults: .venv/compiled
+	@$(BIN)/python tests/faults/run.py $(ARGS)
+	@$(BIN)/python tests/faults/floods.py
+	@$(BIN)/python tests/faults/kills.py
+
+soak: .venv/compiled
+	@$(BIN)/python tests/faults/soak.py $(ARGS)
 
 check: setup
 	$(BIN)/ruff check

@@ -13,7 +13,7 @@ import numpy as np
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.banded.band import band_rows, factorise, new_band
 from manytouch.mechanics.markers.images import MarkerImages
-from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
+from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.simulation.demo_sensor import demo_sensor
 
@@ -33,7 +33,7 @@ def problem(elements: tuple[int, int]) -> tuple[NormalEquations, np.ndarray]:
     sensor = demo_sensor()
     assert sensor.layout is not None
     patch = SplinePatch(size_mm=(120.0, 80.0), elements=elements)
-    shell = Shell(patch=patch, thickness_mm=3.0, pretension_over_E_mm=0.129, bending_factor=THICK_BENDING)
+    shell = Shell(patch=patch, thickness_mm=3.0, pretension_over_E_mm=0.129)
     dots = MarkerImages(
         shell=shell,
         camera=sensor.camera,

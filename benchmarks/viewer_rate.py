@@ -30,13 +30,14 @@ from manytouch.sinks.viewer.messages import unpack
 SKIP_S = 3.0
 
 
-def listen(url: str, seconds: float) -> None:
+def listen(url: str, token: str, seconds: float) -> None:
     """Receive updates as a browser does, and print their rate and latency."""
     at_s: list[float] = []
     latency_ms: list[float] = []
     frames: list[int] = []
     sizes: list[int] = []
-    with connect(url.replace("http", "ws", 1) + "stream", max_size=2**24, compression=None) as stream:
+    headers = {"Authorization": f"Bearer {token}"}
+    with connect(url, additional_headers=headers, max_size=2**24, compression=None) as stream:
         end_s = time.monotonic() + seconds
         while time.monotonic() < end_s:
             message = stream.recv(timeout=60)
@@ -70,9 +71,10 @@ def main() -> None:
     parser.add_argument("--fps", type=float, default=30.0)
     parser.add_argument("--method", default="perimeter")
     parser.add_argument("--listen", default=None, help=argparse.SUPPRESS)
+    parser.add_argument("--token-file", default=None, help=argparse.SUPPRESS)
     options = parser.parse_args()
     if options.listen is not None:
-        listen(options.listen, options.seconds)
+        listen(options.listen, Path(options.token_file).read_text(), options.seconds)
         return
     with tempfile.TemporaryDirectory() as folder:
         write_pictures(Path(folder), 90, options.fps)
@@ -93,7 +95,8 @@ def measure(address: str, options: argparse.Namespace) -> None:
     while live.health().frames < 30:
         time.sleep(0.1)
     dropped = live.health().dropped
-    command = [sys.executable, __file__, "--listen", viewer.url, "--seconds", str(options.seconds)]
+    command = [sys.executable, __file__, "--listen", viewer.access.stream_url]
+    command += ["--token-file", str(viewer.token_file), "--seconds", str(options.seconds)]
     print(f"load of the machine {os.getloadavg()[0]:.1f}", flush=True)
     subprocess.run(command, check=True)
     print(f"{live.health().dropped - dropped} frames dropped by the pipeline meanwhile")

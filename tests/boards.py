@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+from scipy.interpolate import RectBivariateSpline
 
 from manytouch.calibration.camera.board import MARKER_SHARE, Board, BoardDetection, parse_board
 from manytouch.geometry.camera import onto_plane, project
@@ -12,6 +13,7 @@ from manytouch.values import Camera
 
 WIDTH_PX, HEIGHT_PX = 480, 360
 FINE = 2  # samples per pixel along x and y
+NODE_PX = 8.0  # distance of the nodes of splines
 BOARD = parse_board("chessboard:8x5", 20.0)
 
 
@@ -64,14 +66,22 @@ def picture(
 ) -> np.ndarray:
     """(h, w) grey picture of a board."""
     posed = replace(camera, rotation_vector=pose[0], translation_mm=pose[1])
-    y, x = np.indices((FINE * camera.height_px, FINE * camera.width_px), dtype=np.float64)
-    pixel = (np.column_stack([x.ravel(), y.ravel()]) + 0.5) / FINE - 0.5
-    place = onto_plane(posed, pixel)[:, :2].reshape(*x.shape, 2)
+    place = places_mm(posed)
     fine = printed(board, place)
     image = cv2.resize(fine, (camera.width_px, camera.height_px), interpolation=cv2.INTER_AREA)
     image = cv2.GaussianBlur(image, (0, 0), blur_px)
     noise = np.random.default_rng(seed).normal(0.0, 2.0, image.shape)
     return np.clip(40.0 + 170.0 * image + noise, 0, 255).astype(np.uint8)
+
+
+def places_mm(posed: Camera) -> np.ndarray:
+    """(FINE h, FINE w, 2) what the samples of a picture show, by splines between nodes: rays are slow."""
+    sides = (posed.height_px, posed.width_px)
+    node_y, node_x = (np.arange(-NODE_PX, side + 2 * NODE_PX, NODE_PX, dtype=np.float64) for side in sides)
+    y, x = ((np.arange(FINE * side) + 0.5) / FINE - 0.5 for side in sides)
+    pixel = np.stack(np.meshgrid(node_x, node_y), axis=-1)
+    place = onto_plane(posed, pixel.reshape(-1, 2))[:, :2].reshape(pixel.shape)
+    return np.stack([RectBivariateSpline(node_y, node_x, place[..., axis])(y, x) for axis in (0, 1)], axis=-1)
 
 
 def printed(board: Board, place_mm: np.ndarray) -> np.ndarray:

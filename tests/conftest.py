@@ -1,7 +1,20 @@
 """Settings that apply to all tests."""
 
+import os
+
 import pytest
 from hypothesis import settings
+from threadpoolctl import threadpool_limits
+
+import type_checks
+
+# Other conftest modules import the package before options are known, so this is no option.
+if os.environ.get("CHECK_TYPES"):
+    type_checks.install()
+
+# One thread of BLAS, as in the program: those of several workers would wait for each other.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
+threadpool_limits(limits=1, user_api="blas")
 
 # The first example may compile kernels, and a machine may be busy: benchmarks measure time, tests do not.
 settings.register_profile("without deadline", deadline=None)
@@ -14,6 +27,11 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="I/N",
         help="run every N-th of the selected tests, starting with number I (0 to N-1), by name",
     )
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_setup() -> None:
+    type_checks.begin_test()
 
 
 @pytest.hookimpl(trylast=True)

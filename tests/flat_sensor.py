@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from manytouch.values import Detections, Layout, Sensor
+from layouts import marker_layout, rows_and_columns
+from manytouch.values import Detections, Sensor
 from straight import straight_camera
 
 
@@ -18,24 +19,18 @@ def flat_sensor(
     polarity="light",
 ):
     """The sensor whose markers (m, 2) lie at given positions in the image; markers at rest are at z = 0."""
-    markers = len(rest_px)
     return Sensor(
         name="flat",
         camera=straight_camera(width_px, height_px, focal_px=1e3, distance_mm=1e3, principal_px=(0.0, 0.0)),
-        layout=Layout(
-            rest_mm=np.column_stack([rest_px, np.zeros(markers)]),
+        layout=marker_layout(
+            rest_px,
+            pitch_mm=pitch_px,
+            radius_mm=radius_px,
             row_column=row_column,
-            pitch_mm=np.array([pitch_px, pitch_px]),
-            radius_mm=np.full(markers, radius_px),
             polarity=polarity,
-            is_missing=np.zeros(markers, dtype=bool) if is_missing is None else is_missing,
+            missing=() if is_missing is None else np.flatnonzero(is_missing),
         ),
     )
-
-
-def rows_and_columns(rows, columns):
-    """(m, 2) row and column of each marker of a rectangle."""
-    return np.column_stack([index.ravel() for index in np.indices((rows, columns))]).astype(np.int64)
 
 
 def rectangle_px(rows, columns, pitch_px=(40.0, 40.0), first_px=(0.0, 0.0)):

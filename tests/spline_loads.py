@@ -1,18 +1,28 @@
 """Nodal forces of loads that are known exactly."""
 
-import numpy as np
-from scipy.interpolate import BSpline
+from dataclasses import replace
 
-from manytouch.estimation.mechanics.force_clusters import ForceLattice
+import numpy as np
+
+import spline_reference
+from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
+from manytouch.geometry.spline.patch import SplinePatch
 
 ELEMENT_MM = (4.0, 5.0)
 COUNT = (22, 15)
+SHEAR_MM2 = 1.8
+PATCH = SplinePatch(
+    size_mm=(COUNT[0] * ELEMENT_MM[0], COUNT[1] * ELEMENT_MM[1]),
+    elements=COUNT,
+    boundary="soft",
+    shear_mm2=SHEAR_MM2,
+)
+CORNER_MM = -0.5 * np.array(PATCH.size_mm)
+SHAPE = (COUNT[0] + 3, COUNT[1] + 3)
 
 
 def knots(axis: int) -> np.ndarray:
-    half = 0.5 * COUNT[axis] * ELEMENT_MM[axis]
-    inner = np.linspace(-half, half, COUNT[axis] + 1)
-    return np.concatenate([np.full(3, -half), inner, np.full(3, half)])
+    return np.asarray(spline_reference.spline(PATCH.size_mm[axis], COUNT[axis]).t + CORNER_MM[axis])
 
 
 def greville(axis: int) -> np.ndarray:
@@ -20,26 +30,50 @@ def greville(axis: int) -> np.ndarray:
     return (knot[1:-3] + knot[2:-2] + knot[3:-1]) / 3.0
 
 
-SHAPE = (COUNT[0] + 3, COUNT[1] + 3)
 LATTICE = ForceLattice(
     shape=SHAPE,
     place_mm=np.stack(np.meshgrid(greville(0), greville(1), indexing="ij"), axis=-1).reshape(-1, 2),
     element_mm=np.array(ELEMENT_MM),
     inner_mm=0.5 * np.array(COUNT) * ELEMENT_MM - 6.0,
     force_unit_mm2=12.0,
+    least_force_mm2=0.05,
+    own_spread_mm2=np.array(ELEMENT_MM) ** 2 / 3.0,
 )
+"""Of a thin plate."""
+SHEARED = replace(LATTICE, own_spread_mm2=LATTICE.own_spread_mm2 - 2.0 * SHEAR_MM2)
+"""Of a sheet with a = SHEAR_MM2."""
 
 
-def pressed(*discs: tuple[float, float, float, float], shear: tuple[float, float] = (0.0, 0.0)) -> np.ndarray:
-    """Nodal forces of discs x, y, radius, force over E under even pressure."""
+def nodal_press(place_mm: np.ndarray, force: np.ndarray, shear_mm2: float) -> np.ndarray:
+    """(nx, ny) nodal forces of normal forces at places: those of B - a lap B."""
+    tables = [
+        [
+            spline_reference.spline(PATCH.size_mm[axis], COUNT[axis])(
+                place_mm[:, axis] - CORNER_MM[axis], order
+            )
+            for order in (0, 2)
+        ]
+        for axis in range(2)
+    ]
+    (x, x2), (y, y2) = tables
+    weighted = force[:, None]
+    return np.asarray(x.T @ (weighted * (y - shear_mm2 * y2)) - shear_mm2 * x2.T @ (weighted * y))
+
+
+def pressed(
+    *discs: tuple[float, float, float, float],
+    shear: tuple[float, float] = (0.0, 0.0),
+    shear_mm2: float = 0.0,
+) -> np.ndarray:
+    """Nodal forces of discs x, y, radius, force over E under even pressure, with a = shear_mm2."""
     force = np.zeros((*SHAPE, 3))
     for x, y, radius, press in discs:
         ring = radius * np.sqrt((np.arange(40) + 0.5) / 40)
         angle = 2 * np.pi * np.arange(60) / 60
-        at_x = (x + ring[:, None] * np.cos(angle)).ravel()
-        at_y = (y + ring[:, None] * np.sin(angle)).ravel()
-        along_x = BSpline.design_matrix(at_x, knots(0), 3).toarray()
-        along_y = BSpline.design_matrix(at_y, knots(1), 3).toarray()
-        nodal = along_x.T @ along_y * press / len(at_x)
-        force += nodal[..., None] * [*shear, -1.0]
+        place_mm = np.column_stack(
+            [(x + ring[:, None] * np.cos(angle)).ravel(), (y + ring[:, None] * np.sin(angle)).ravel()]
+        )
+        each = np.full(len(place_mm), press / len(place_mm))
+        force[..., 2] -= nodal_press(place_mm, each, shear_mm2)
+        force[..., :2] += nodal_press(place_mm, each, 0.0)[..., None] * np.array(shear)
     return force.reshape(-1, 3)

@@ -11,15 +11,18 @@ from manytouch.values import (
     Comparison,
     Contact,
     Contacts,
+    ContactShape,
     Detections,
     Frame,
     Health,
+    OutlineRing,
     Phase,
     Reading,
     Sensor,
     Surface,
     TrackedGrid,
 )
+from manytouch.values.arrays import Points2
 
 HEALTH = Health(
     is_running=True,
@@ -60,6 +63,11 @@ class FakeSession:
         self.now = replace(self.now, sensor_version=self.now.sensor_version + 1)
 
 
+def _circle(count: int) -> Points2:
+    angle = 2.0 * np.pi * np.arange(count) / count
+    return np.column_stack([np.cos(angle), np.sin(angle)])
+
+
 def reading_of(index: int, depth_mm: float = 2.0, *, at_mm: tuple[float, float] = (-20.0, 8.0)) -> Reading:
     """A reading with one round dent and one contact."""
     layout = demo_sensor(320).layout
@@ -76,6 +84,15 @@ def reading_of(index: int, depth_mm: float = 2.0, *, at_mm: tuple[float, float] 
         force_N=np.array([np.nan, np.nan, -1.5]),
         torque_Nmm=float("nan"),
         area_mm2=50.0,
+        half_major_mm=5.0,
+        half_minor_mm=3.0,
+        orientation_rad=0.4,
+        shape=ContactShape.PATCH,
+        shape_probability=0.9,
+        outline=(
+            OutlineRing(point_mm=at_mm + 6.0 * _circle(24)),
+            OutlineRing(point_mm=at_mm + 2.0 * _circle(12)[::-1], is_hole=True),
+        ),
         covariance=np.diag(np.array([0.04, 0.09, 0.01, np.nan, np.nan, 0.0025, np.nan, np.nan])),
     )
     return Reading(

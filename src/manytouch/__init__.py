@@ -50,10 +50,12 @@ _NAMES = {
     "manytouch.values": (
         "Camera",
         "Contact",
+        "ContactShape",
         "Contacts",
         "Detections",
         "Frame",
         "Layout",
+        "OutlineRing",
         "Phase",
         "Reading",
         "Roi",

@@ -14,11 +14,16 @@ from typing import Any, TypeVar, cast
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from llvmlite.binding import Linkage
+from numba import config, njit, types
+from numba.core.codegen import CPUCodeLibrary
 from numba.core.options import DefaultOptions
 from numba.extending import intrinsic
 
+from manytouch.kernel_cache import provide_folder
+
 Function = TypeVar("Function", bound=Callable[..., Any])
+Named = TypeVar("Named", bound=tuple[Any, ...])
 
 # Floating-point options: sums may be reordered, which SIMD needs; NaN and infinity keep their meaning.
 REORDER = {"reassoc", "contract", "nsz", "arcp"}
@@ -29,6 +34,63 @@ f32 = cast(Callable[[float], float], np.float32)
 f64 = cast(Callable[[float], float], np.float64)
 i64 = cast(Callable[[int], int], np.int64)
 u64 = cast(Callable[[int], int], np.uint64)
+
+
+OWN_NAMES = "9manytouch"
+"""Part of the mangled names of the functions of this package."""
+
+
+def bind_calls_within_modules() -> bool:
+    """Let a compiled function call the copies of others that were optimised with it, fresh or cached.
+
+    The machine code of a function contains the functions that it calls. numba marks them as replaceable by a
+    function of the same name that is loaded already, whose code may be optimised otherwise: its sums are then
+    rounded otherwise. What is loaded already depends on what was compiled, what came from the cache, and in
+    which order, so the run that compiled had other bits than later ones.
+
+    Returns:
+        Whether it was possible; it uses an internal method of numba, without which all else works.
+    """
+    finalize = getattr(CPUCodeLibrary, "_finalize_final_module", None)
+    if finalize is None or not hasattr(CPUCodeLibrary, "_get_module_for_linking"):
+        return False
+    if not getattr(finalize, "binds_calls", False):
+
+        def finalize_bound(library: Any) -> None:
+            _bind_calls(library)
+            finalize(library)
+
+        finalize_bound.binds_calls = True  # type: ignore[attr-defined]
+        CPUCodeLibrary._finalize_final_module = finalize_bound  # type: ignore[method-assign]
+    return True
+
+
+def _bind_calls(library: Any) -> None:
+    """Make replaceable functions of a module of this package local, except in the copy for its callers."""
+    module = library._final_module
+    replaceable = [
+        function
+        for function in module.functions
+        if not function.is_declaration
+        and function.linkage == Linkage.linkonce_odr
+        and not function.name.startswith("NRT_")
+    ]
+    if not replaceable or not any(OWN_NAMES in function.name for function in module.functions):
+        return
+    library._finalized = True
+    try:
+        is_shared = library._get_module_for_linking() is module
+    finally:
+        library._finalized = False
+    if is_shared:
+        library._shared_module = module.clone()
+    for function in replaceable:
+        function.linkage = Linkage.internal
+
+
+def kernels_folder() -> str:
+    """Folder of the machine code; empty if it is kept next to the sources."""
+    return str(_config.CACHE_DIR)
 
 
 def no_type_check(function: Function) -> Function:
@@ -56,6 +118,15 @@ def inlined_kernel(**options: Any) -> Callable[[Function], Function]:
     return kernel(forceinline=True, **uncounted, **options)
 
 
+def plain(named: Named) -> Named:
+    """The values of a NamedTuple as a plain tuple, for an argument of a kernel that is called in each frame.
+
+    numba takes half of the time to recognise its type. The kernel makes the NamedTuple again, which costs
+    nothing: `dots = DotArrays(*dots)`.
+    """
+    return cast(Named, tuple(named))
+
+
 @intrinsic
 @no_type_check
 def prefetch(typing: Any, array: Any, index: Any) -> Any:
@@ -75,3 +146,8 @@ def prefetch(typing: Any, array: Any, index: Any) -> Any:
         return context.get_dummy_value()
 
     return types.void(array, types.intp), code
+
+
+_config: Any = config  # numba sets its attributes while it runs
+_config.CACHE_DIR = provide_folder(_config.CACHE_DIR)
+bind_calls_within_modules()

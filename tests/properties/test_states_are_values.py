@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 import clips
+from layouts import lattice_layout
 from manytouch.pipeline import Pipeline
 from manytouch.session.methods import METHODS, pipeline_for
-from manytouch.values import Frame, Layout, Sensor, Sheet
+from manytouch.values import Frame, Sensor, Sheet
 from same_bits import assert_same_bits
 from straight import straight_camera
 
@@ -22,20 +23,17 @@ SEED = {"pressed": 0, "released": 1000}
 
 
 def sensor_of(*, is_known: bool) -> Sensor:
-    row, column = np.divmod(np.arange(clips.ROWS * clips.COLUMNS), clips.COLUMNS)
-    off_px = np.column_stack([column - (clips.COLUMNS - 1) / 2, row - (clips.ROWS - 1) / 2]) * clips.PITCH_PX
     return Sensor(
         name="clip",
         camera=straight_camera(
             clips.WIDTH_PX, clips.HEIGHT_PX, focal_px=100.0 * PX_PER_MM, distance_mm=100.0
         ),
-        layout=Layout(
-            rest_mm=np.column_stack([off_px / PX_PER_MM, np.zeros(len(row))]),
-            row_column=np.column_stack([row, column]).astype(np.int64),
-            pitch_mm=np.array(clips.PITCH_PX) / PX_PER_MM,
-            radius_mm=np.full(len(row), 7.0 / PX_PER_MM),
+        layout=lattice_layout(
+            clips.ROWS,
+            clips.COLUMNS,
+            np.array(clips.PITCH_PX) / PX_PER_MM,
+            radius_mm=7.0 / PX_PER_MM,
             polarity="dark",
-            is_missing=np.zeros(len(row), dtype=np.bool_),
         ),
         sheet=Sheet(size_mm=np.array([44.0, 34.0]), thickness_mm=3.0, young_MPa=2.0, poisson=0.45)
         if is_known

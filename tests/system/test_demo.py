@@ -16,6 +16,8 @@ import pytest
 from clips import pressed_video
 from results import rows_of
 
+TABLES = {"contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"}
+
 
 def run(*words: object, folder: Path | None = None) -> str:
     done = subprocess.run(
@@ -32,15 +34,23 @@ def run(*words: object, folder: Path | None = None) -> str:
 
 def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    output = run("demo", "--seconds", "3.5", "--no-view", folder=tmp_path)
+    output = run("demo", "--seconds", "2.2", "--no-view", folder=tmp_path)
     folder = tmp_path / "out" / "demo"
     assert "touches" in output
     assert "truth" in output
     assert str(Path("out") / "demo") in output
     frames = rows_of(folder / "frames.csv")
-    assert float(frames[-1]["time_s"]) == pytest.approx(3.5, abs=0.1)
+    assert float(frames[-1]["time_s"]) == pytest.approx(2.2, abs=0.1)
     assert max(int(row["contacts"]) for row in frames) >= 1
-    wanted = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json", "annotated.mp4", "picture.png"}
+    wanted = {
+        "contacts.csv",
+        "regions.parquet",
+        "markers.parquet",
+        "frames.csv",
+        "summary.json",
+        "annotated.mp4",
+        "picture.png",
+    }
     assert {path.name for path in folder.iterdir()} == wanted
     picture = cv2.imread(str(folder / "picture.png"))
     assert min(picture.shape[:2]) > 400
@@ -108,7 +118,14 @@ def test_demo_serves_the_viewer_until_ctrl_c_and_leaves_tables_and_a_picture(tmp
     assert demo.returncode == 0, complaints
     assert "Traceback" not in complaints
     folder = tmp_path / "out" / "demo"
-    wanted = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json", "picture.png"}
+    wanted = {
+        "contacts.csv",
+        "regions.parquet",
+        "markers.parquet",
+        "frames.csv",
+        "summary.json",
+        "picture.png",
+    }
     assert {path.name for path in folder.iterdir()} == wanted
     frames = json.loads((folder / "summary.json").read_text())["counts"]["frames"]
     assert frames == len(rows_of(folder / "frames.csv")) > 0

@@ -3,10 +3,13 @@
 import csv
 import json
 import os
+import re
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import cv2
@@ -20,11 +23,12 @@ from results import rows_of
 CONTACT_COLUMNS = (
     "frame,time_s,contact,phase,x_{0},y_{0},depth_{0},normal_force_N,shear_x_N,shear_y_N,area_{0}2,"
     "x_std_{0},y_std_{0},force_std_N,x_px,y_px,depth_std_{0},normal_force_over_E_{0}2,shear_x_std_N,"
-    "shear_y_std_N,torque_Nmm,torque_std_Nmm,area_std_{0}2,slip"
+    "shear_y_std_N,torque_Nmm,torque_std_Nmm,area_std_{0}2,slip,"
+    "half_major_{0},half_minor_{0},orientation_rad,shape,shape_probability"
 )
 MARKER_COLUMNS = "frame,time_s,marker,row,column,x_px,y_px,seen,dx_{0},dy_{0},depth_{0},depth_std_{0}"
 FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds"
-FILES = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json"}
+FILES = {"contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"}
 LONG = 400
 
 
@@ -187,8 +191,7 @@ def started(folder: Path, *words: object) -> subprocess.Popen[str]:
     """A run that is some frames on its way."""
     running = subprocess.Popen(command(*words), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 120
-    written = folder / ".frames.partial.csv"
-    while not (written.is_file() and written.stat().st_size > 1000):
+    while not any(path.stat().st_size > 1000 for path in folder.parent.glob(".long.*.partial/frames.csv")):
         assert running.poll() is None, running.communicate()
         assert time.monotonic() < until
         time.sleep(0.02)
@@ -196,31 +199,88 @@ def started(folder: Path, *words: object) -> subprocess.Popen[str]:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
-def test_killed_run_leaves_nothing_half_and_the_next_one_succeeds(tmp_path: Path, long_video: Path) -> None:
+def test_killed_run_leaves_the_earlier_result_and_the_next_one_succeeds(
+    tmp_path: Path, long_video: Path
+) -> None:
     folder = tmp_path / "out" / "long"
-    running = started(folder, "process", long_video, "--out", tmp_path / "out")
-    running.send_signal(signal.SIGKILL)
-    running.communicate()
-    assert not FILES & {path.name for path in folder.iterdir()}
-    run("process", long_video, "--out", tmp_path / "out")
-    assert {path.name for path in folder.iterdir()} == FILES
-    assert len(rows_of(folder / "frames.csv")) == LONG
+    for earlier in (set(), FILES):
+        running = started(folder, "process", long_video, "--out", tmp_path / "out")
+        running.send_signal(signal.SIGKILL)
+        running.communicate()
+        assert {path.name for path in folder.glob("*")} == earlier
+        run("process", long_video, "--out", tmp_path / "out")
+        assert {path.name for path in folder.iterdir()} == FILES
+        assert [path.name for path in folder.parent.iterdir()] == ["long"]
+        assert len(rows_of(folder / "frames.csv")) == LONG
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
-@pytest.mark.parametrize("verb", ["process", "run"])
-def test_ctrl_c_ends_with_complete_files(tmp_path: Path, long_video: Path, verb: str) -> None:
+@pytest.mark.parametrize(
+    ("verb", "number", "status"),
+    [("process", signal.SIGINT, 0), ("run", signal.SIGINT, 0), ("process", signal.SIGTERM, 143)],
+)
+def test_signals_end_with_complete_files(
+    tmp_path: Path, long_video: Path, verb: str, number: signal.Signals, status: int
+) -> None:
     folder = tmp_path / "out" / "long"
     running = started(folder, verb, long_video, "--out", tmp_path / "out", "--fps", 400)
-    running.send_signal(signal.SIGINT)
+    running.send_signal(number)
     printed, complained = running.communicate(timeout=60)
-    assert running.returncode == 0, complained
+    assert running.returncode == status, complained
     assert "Traceback" not in printed + complained
+    assert "ended early" in printed
     assert {path.name for path in folder.iterdir()} == FILES
     frames = len(rows_of(folder / "frames.csv"))
     assert 10 <= frames < LONG
     assert pq.read_metadata(folder / "markers.parquet").num_rows == frames * ROWS * COLUMNS
-    assert json.loads((folder / "summary.json").read_text())["counts"]["frames"] == frames
+    summary = json.loads((folder / "summary.json").read_text())
+    assert summary["counts"]["frames"] == frames
+    assert summary["complete"] is False
+    assert [path.name for path in folder.parent.iterdir()] == ["long"]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
+def test_two_runs_with_one_out_do_not_mix(tmp_path: Path, long_video: Path) -> None:
+    folder = tmp_path / "out" / "long"
+    running = started(folder, "run", long_video, "--out", tmp_path / "out", "--no-view", "--fps", 20)
+    done = run_command("process", long_video, "--out", tmp_path / "out")
+    running.send_signal(signal.SIGINT)
+    _, complained = running.communicate(timeout=60)
+    assert done.returncode == 1
+    assert f"is being written by process {running.pid} on " in done.stderr
+    assert running.returncode == 0, complained
+    assert 10 <= len(rows_of(folder / "frames.csv")) < LONG
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 2 MB."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    words = ["mount", "-t", "tmpfs", "-o", "size=2m", "tmpfs", str(folder)]
+    try:
+        mounted = subprocess.run(words, capture_output=True, check=False).returncode == 0
+    except FileNotFoundError:
+        mounted = False
+    if not mounted:
+        pytest.skip("mounting a file system needs the rights of root")
+    yield folder
+    subprocess.run(["umount", str(folder)], check=True)
+
+
+@pytest.mark.parametrize("option", ["--fps=25", "--annotate", "--surface"])
+def test_a_full_disk_gets_no_files_and_states_the_space(small_disk: Path, video: Path, option: str) -> None:
+    run("process", video, "--out", small_disk, "--method", "paper")
+    filling = small_disk / "filling"
+    filling.write_bytes(bytes(shutil.disk_usage(small_disk).free - 40_000))
+    before = {path: path.read_bytes() for path in (small_disk / "press").iterdir()}
+    done = run_command("process", video, "--out", small_disk, option)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    words = r"the disk is full; (about|more than) [\d.]+ MB are needed.*, and 0\.0[34]\d* MB were free"
+    assert re.search(words, line), line
+    assert {path.name for path in small_disk.iterdir()} == {"press", "filling"}
+    assert {path: path.read_bytes() for path in (small_disk / "press").iterdir()} == before
 
 
 def test_run_keeps_the_pace_and_prints_contacts(tmp_path: Path, video: Path) -> None:

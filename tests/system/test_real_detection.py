@@ -8,9 +8,11 @@ import cv2
 import numpy as np
 import pytest
 
+from layouts import marker_layout
 from manytouch.detection import DotSearch, Survey, survey
 from manytouch.sources import open_source
-from manytouch.values import Camera, Frame, Layout, Roi, Sensor
+from manytouch.values import Frame, Roi, Sensor
+from straight import straight_camera
 
 SETS = ("worachit", "worachit_unmoved", "gsrobotics", "vts4_left", "vts4_right")
 PICTURES = ("fots_0.png", "fots_1.png", "gs_tracking_debug.png", "simtacls_up.jpg", "simtacls_bot.jpg")
@@ -25,25 +27,14 @@ def sensor_of(found: object, shape: tuple[int, ...]) -> Sensor:
     """A camera that looks straight at a sheet on which one pixel is one millimetre."""
     height, width = shape[:2]
     centre_px = found.detections.centre_px
-    camera = Camera(
-        width_px=width,
-        height_px=height,
-        fx_px=float(width),
-        fy_px=float(width),
-        cx_px=0.0,
-        cy_px=0.0,
-        distortion=np.zeros(5),
-        rotation_vector=np.zeros(3),
-        translation_mm=np.array([0.0, 0.0, float(width)]),
+    camera = straight_camera(
+        width, height, focal_px=float(width), distance_mm=float(width), principal_px=(0.0, 0.0)
     )
-    layout = Layout(
-        rest_mm=np.column_stack([centre_px, np.zeros(len(centre_px))]),
-        row_column=None,
-        pitch_mm=np.ones(2),
+    layout = marker_layout(
+        centre_px,
         radius_mm=np.sqrt(found.detections.area_px2 / np.pi),
         polarity=found.appearance.polarity,
         colour_weights=found.appearance.colour_weights,
-        is_missing=np.zeros(len(centre_px), dtype=bool),
     )
     return Sensor(name="straight", camera=camera, layout=layout)
 

@@ -19,10 +19,12 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 import manytouch
 from manytouch.session import Live, Playback, prepare, run
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
 from manytouch.sources.pressed import PressedSource
 from manytouch.values import Comparison, Reading
+from manytouch.values.sensor_file import save_sensor
 from viewer_session import FakeSession, reading_of
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -34,6 +36,13 @@ FLAGS = [
 ]
 TIMEOUT_MS = 60_000
 AT_MM = (-20.0, 10.0)
+SCENE = """schema = 1
+name = "rest"
+seconds = 5.0
+fps = 15.0
+sensor = "sensor.toml"
+mechanics = "shell"
+"""
 
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None, reason="chromium is not installed (Debian: apt install chromium)"
@@ -82,9 +91,11 @@ def browser() -> Iterator[Browser]:
 
 @pytest.fixture(scope="module")
 def session(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ServedSession]:
-    """The simulated sensor, at rest until it is pressed."""
-    job = prepare(PressedSource("rest"), method="perimeter")
+    """The simulated sensor, at rest until it is pressed; small and slow, as the browser draws in software."""
     folder = tmp_path_factory.mktemp("recordings")
+    save_sensor(demo_sensor(640), folder / "sensor.toml")
+    (folder / "rest.toml").write_text(SCENE, encoding="utf-8")
+    job = prepare(PressedSource(str(folder / "rest.toml")), method="perimeter")
     running = ServedSession(Live(job, recordings=folder), folder)
     yield running
     running.end()
@@ -97,7 +108,7 @@ def opened(browser: Browser) -> Iterator[Callable[..., Page]]:
     pages: list[Page] = []
 
     def open_page(url: str, *, minimum_updates: int = 2, **more: Any) -> Page:
-        page = browser.new_page(**{"viewport": {"width": 1440, "height": 900}, **more})
+        page = browser.new_page(**{"viewport": {"width": 1120, "height": 720}, **more})
         page.set_default_timeout(TIMEOUT_MS)
         page.on("console", lambda line: problems.append(line.text) if line.type == "error" else None)
         page.on("pageerror", lambda error: problems.append(str(error)))

@@ -2,7 +2,7 @@
 
 No computation is in here; all of it is available in Python too.
 
-Exit status: 0 done, 1 the work failed, 2 the command line is wrong.
+Exit status: 0 done, also after Ctrl-C; 1 the work failed; 2 the command line is wrong; 143 ended by SIGTERM.
 """
 
 import os
@@ -13,8 +13,9 @@ from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensErr
 
 import manytouch
 from manytouch.blas_threads import request_one_blas_thread
-from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, run, simulate, view
+from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, recording, run, simulate, view
 from manytouch.cli.terminal.failures import DEBUG_FLAG, one_line, report
+from manytouch.cli.terminal.interrupt import TERMINATED, Stop
 
 request_one_blas_thread()  # before anything imports numpy
 
@@ -39,6 +40,7 @@ app.command(demo.demo)
 app.command(process.process)
 app.command(run.run)
 app.command(view.view)
+app.command(recording.app)
 app.command(doctor.doctor)
 app.command(evaluate.evaluate)
 app.command(simulate.simulate)
@@ -69,7 +71,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def _status(result: object) -> int:
-    return result if isinstance(result, int) else DONE
+    status = result if isinstance(result, int) else DONE
+    return TERMINATED if status == DONE and Stop.is_terminated else status
 
 
 def _report_usage(error: CycloptsError) -> int:

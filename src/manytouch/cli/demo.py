@@ -11,6 +11,7 @@ from manytouch.cli.terminal import options
 if TYPE_CHECKING:
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.viewing import ViewerAddress
+    from manytouch.session import ResultFiles
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
 
 DEFAULT_SECONDS = 10.0
@@ -33,6 +34,7 @@ def demo(
     host: options.Host = "127.0.0.1",
     port: options.Port = 0,
     token: options.ViewToken = None,
+    max_clients: options.MaxClients = 16,
 ) -> int:
     """Press a simulated sensor with several fingers, and estimate the contacts from its images.
 
@@ -55,7 +57,9 @@ def demo(
     else:
         from manytouch.cli.terminal.viewing import ViewerAddress
 
-        _serve(seconds, out, ViewerAddress(host=host, port=port, token=token), reporter)
+        _serve(
+            seconds, out, ViewerAddress(host=host, port=port, token=token, max_clients=max_clients), reporter
+        )
     return 0
 
 
@@ -63,7 +67,7 @@ def _process(seconds: float, out: Path, reporter: "Reporter") -> None:
     """Process some seconds as fast as possible."""
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
-    from manytouch.session import prepare, process_job
+    from manytouch.session import ResultFiles, prepare, run
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.sources.simulated import simulated_source
 
@@ -72,9 +76,10 @@ def _process(seconds: float, out: Path, reporter: "Reporter") -> None:
         job = prepare(source, observer=reporter)
         log = ContactLog(job.sensor, reporter.print, source.truth)
         busiest = BusiestFrame(job.sensor)
-        summary = process_job(job, out, annotate=True, sinks=[log, busiest], observer=reporter, stop=stop)
-    reporter.finish(summary, out)
-    _draw(busiest, out, reporter)
+        with ResultFiles(out, job, annotate=True) as files:
+            files.is_complete = run(job, [*files.sinks, log, busiest], reporter, stop)
+            is_drawn = _draw(busiest, files, reporter)
+    _finish(files, out, is_drawn, reporter)
 
 
 def _serve(seconds: float | None, out: Path, address: "ViewerAddress", reporter: "Reporter") -> None:
@@ -82,7 +87,7 @@ def _serve(seconds: float | None, out: Path, address: "ViewerAddress", reporter:
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.cli.terminal.viewing import viewers
-    from manytouch.session import Live, prepare, result_sinks, run
+    from manytouch.session import Live, ResultFiles, prepare, run
     from manytouch.sinks.first_seconds import FirstSeconds
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.sources.pressed import PressedSource
@@ -93,25 +98,30 @@ def _serve(seconds: float | None, out: Path, address: "ViewerAddress", reporter:
         live = Live(job, recordings=out)
         log = ContactLog(job.sensor, reporter.print, source.truth)
         busiest = BusiestFrame(job.sensor)
-        files, summary = result_sinks(out, job)
-        limited = [FirstSeconds(sink, seconds or MAX_TABLE_SECONDS) for sink in (*files, busiest, summary)]
-        run(live, [log, *limited, *viewers(live, address, reporter.print)], reporter, stop)
-    reporter.finish(summary, out)
-    if live.health().frames > summary.counts["frames"]:
+        with ResultFiles(out, job, is_repeatable=False) as files:
+            limited = [FirstSeconds(sink, seconds or MAX_TABLE_SECONDS) for sink in (*files.sinks, busiest)]
+            shown = viewers(live, address, reporter.print)
+            files.is_complete = run(live, [log, *limited, *shown], reporter, stop)
+            is_drawn = _draw(busiest, files, reporter)
+    _finish(files, out, is_drawn, reporter)
+    if live.health().frames > files.summary.frames:
         reporter.print(
             f"the tables contain the first {MAX_TABLE_SECONDS:g} s; manytouch run --record saves all frames"
         )
-    _draw(busiest, out, reporter)
 
 
-def _draw(busiest: "BusiestFrame", out: Path, reporter: "Reporter") -> None:
+def _draw(busiest: "BusiestFrame", files: "ResultFiles", reporter: "Reporter") -> bool:
     """Draw the frame with the most contacts, if the packages for it are installed."""
     from manytouch.errors import MissingExtraError
 
     try:
-        picture = busiest.draw(out / "picture.png")
+        return busiest.draw(files.folder.partial_path / "picture.png") is not None
     except MissingExtraError as error:
         reporter.print(f"no image of the surface: {error}")
-    else:
-        if picture is not None:
-            reporter.print(f"image of the frame with the most contacts in {picture}")
+        return False
+
+
+def _finish(files: "ResultFiles", out: Path, is_drawn: bool, reporter: "Reporter") -> None:
+    reporter.finish(files.summary, out, is_complete=files.is_complete)
+    if is_drawn:
+        reporter.print(f"image of the frame with the most contacts in {out / 'picture.png'}")

@@ -51,7 +51,6 @@ def process(
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.session import prepare, process_job
     from manytouch.session.results import require_finite, result_names
-    from manytouch.sinks.pictures.surface_picture import SelectedFrames
 
     failed = 0
     with Stop() as stop:
@@ -75,19 +74,17 @@ def process(
                     )
                     if stop():
                         break
-                    folder = out / name
-                    pictures = SelectedFrames(folder, job.sensor, picture) if picture else None
-                    summary = process_job(
+                    files = process_job(
                         job,
-                        folder,
+                        out / name,
                         surface=surface,
                         annotate=annotate,
-                        sinks=[] if pictures is None else [pictures],
+                        pictures=picture or (),
                         observer=reporter,
                         stop=stop,
                     )
-                reporter.finish(summary, out / name)
-                for frame in [] if pictures is None else pictures.missing:
+                reporter.finish(files.summary, out / name, is_complete=files.is_complete)
+                for frame in [] if files.pictures is None else files.pictures.missing:
                     reporter.print(
                         f"no image of frame {frame}: the input has no decoded frame with this number"
                     )

@@ -36,6 +36,7 @@ def run(
     host: options.Host = "127.0.0.1",
     port: options.Port = 0,
     token: options.ViewToken = None,
+    max_clients: options.MaxClients = 16,
 ) -> int:
     """Process a source live and print the contacts as they start and end.
 
@@ -53,13 +54,13 @@ def run(
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
     from manytouch.cli.terminal.viewing import ViewerAddress, viewers
-    from manytouch.session import Live, Playback, prepare, result_name, result_sinks
+    from manytouch.session import Live, Playback, ResultFiles, prepare, result_name
     from manytouch.session import run as run_loop
     from manytouch.session.diagnosis.camera import describe_latency, describe_settings
     from manytouch.sources.cameras.capture import CameraRequest
 
     reporter = Reporter(bar=False)
-    address = None if no_view else ViewerAddress(host=host, port=port, token=token)
+    address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
     with Stop() as stop:
         if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps):
             playback = Playback(Path(source))
@@ -93,11 +94,11 @@ def run(
             reporter.print(describe_latency(live.health()))
             return 0
         folder = out / result_name(source)
-        files, summary = result_sinks(folder, job)
-        shown = viewers(live, address, reporter.print)
-        run_loop(live, [*files, log, *shown, summary], reporter, stop)
+        with ResultFiles(folder, job, is_repeatable=False) as files:
+            shown = viewers(live, address, reporter.print)
+            files.is_complete = run_loop(live, [*files.sinks, log, *shown], reporter, stop)
     reporter.print(describe_latency(live.health()))
-    reporter.finish(summary, folder)
+    reporter.finish(files.summary, folder, is_complete=files.is_complete)
     return 0
 
 

@@ -54,13 +54,13 @@ def simulate(
                 )
                 return 0
         sensor = simulator(loaded, tuple(found))
-        sink, written = SimulatedFolder(out, sensor.sensor), 0
-        for index in steps.count("frames", range(sensor.frame_count), sensor.frame_count):
-            sink.write(sensor.frame(index), sensor.truth(index))
-            written += 1
-            if stop():
-                break
-        sink.close()
+        written = 0
+        with SimulatedFolder(out, sensor.sensor) as sink:
+            for index in steps.count("frames", range(sensor.frame_count), sensor.frame_count):
+                sink.write(sensor.frame(index), sensor.truth(index))
+                written += 1
+                if stop():
+                    break
         of_all = "" if written == sensor.frame_count else f" of {sensor.frame_count}"
         steps.print(f"{written}{of_all} frames and their ground truth in {out}")
     return 0

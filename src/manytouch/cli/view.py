@@ -17,6 +17,7 @@ def view(
     host: options.Host = "127.0.0.1",
     port: options.Port = 0,
     token: options.ViewToken = None,
+    max_clients: options.MaxClients = 16,
 ) -> int:
     """Play back a recording in the viewer, with a timeline, until Ctrl-C.
 
@@ -34,7 +35,11 @@ def view(
     reporter = Reporter(bar=False)
     with Stop() as stop:
         playback = Playback(recording, method=method, sensor=sensor, stays=True)
-        shown = viewers(playback, ViewerAddress(host=host, port=port, token=token), reporter.print)
+        shown = viewers(
+            playback,
+            ViewerAddress(host=host, port=port, token=token, max_clients=max_clients),
+            reporter.print,
+        )
         if not shown:
             raise MissingExtraError("the viewer", "nicegui", "view")
         run(playback, shown, reporter, stop)

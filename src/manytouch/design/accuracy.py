@@ -14,7 +14,8 @@ from manytouch.design.choose import lattice
 from manytouch.design.dimensions import Design
 from manytouch.design.prototype import CENTRE_NOISE_PX, FINGERTIP, ObservedPress, OnMessage, Prototype
 from manytouch.estimation.mechanics.contacts import ContactEstimator, ModelError
-from manytouch.estimation.mechanics.estimator import MechanicsEstimator, MechanicsState
+from manytouch.estimation.mechanics.estimator import MechanicsEstimator
+from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.values import Contact, Sensor, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
 
@@ -25,11 +26,11 @@ NO_MODEL_ERROR = ModelError(
     depth_share=0.0,
     depth_pitch=0.0,
     force_share=0.0,
-    force_unit=0.0,
+    force_least=0.0,
     shear_share=0.0,
     torque_share=0.0,
     area_share=0.0,
-    area_thickness2=0.0,
+    area_force=0.0,
 )
 """The error of the model is measured on the prototype instead."""
 SETTLING_STEPS = 6

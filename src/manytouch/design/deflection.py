@@ -12,7 +12,7 @@ from manytouch.design.spacing import gap_mm
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
-from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
+from manytouch.mechanics.shell.shell import Shell
 
 FINGERTIP_MM2 = 100.0  # 1 cm², as in Table 1 of the paper
 ELEMENT_MM = 5.0
@@ -74,7 +74,7 @@ class DeflectionCurve:
         half = 0.5 * self.size_mm[0]
         x = np.arange(-half, half + 1e-9, pitch_mm / POSITIONS_PER_PITCH)
         basis = self.shell.patch.at(np.column_stack([x, np.zeros(len(x))]))
-        rise = -np.einsum("kj,kj->k", basis.dx, self.coefficient_mm[level, :, 2][basis.node])
+        rise = -np.einsum("kj,kj->k", basis.slope_x, self.coefficient_mm[level, :, 2][basis.node])
         slope = np.arctan(rise)
         turn = slope[POSITIONS_PER_PITCH:] - slope[:-POSITIONS_PER_PITCH]
         return list(zip(slope.tolist(), turn.tolist(), strict=False))
@@ -92,8 +92,7 @@ def deflection_curve(
     """
     shell = clamped_shell(size_mm=size_mm, thickness_mm=thickness_mm, poisson=poisson)
     place, weight = fingertip(np.sqrt(FINGERTIP_MM2 / np.pi))
-    unit_load = np.zeros((shell.patch.node_count, 3))
-    unit_load[:, 2] = -shell.patch.load(place, weight)
+    unit_load = shell.patch.load(place, np.outer(weight, [0.0, 0.0, -1.0]))
     middle = Face(shell=shell, point_mm=np.zeros((1, 2)), height_mm=0.0)
     force = FIRST_FORCE_OVER_E_MM2
     forces: list[float] = []
@@ -124,7 +123,7 @@ def clamped_shell(*, size_mm: tuple[float, float], thickness_mm: float, poisson:
     """The shell of a designed sheet: thick, without pretension."""
     elements = tuple(max(8, round(size / ELEMENT_MM)) for size in size_mm)
     patch = SplinePatch(size_mm=size_mm, elements=(elements[0], elements[1]), boundary="clamped")
-    return Shell(patch=patch, thickness_mm=thickness_mm, poisson=poisson, bending_factor=THICK_BENDING)
+    return Shell(patch=patch, thickness_mm=thickness_mm, poisson=poisson)
 
 
 def fingertip(radius_mm: float) -> tuple[np.ndarray, np.ndarray]:

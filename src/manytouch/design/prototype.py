@@ -101,8 +101,8 @@ class Prototype:
         points, weight = fingertip(float(np.sqrt(FINGERTIP_MM2 / np.pi)))
         depths = []
         for place_mm in places_mm:
-            load = np.zeros((shell.patch.node_count, 3))
-            load[:, 2] = -force_N / model.material.young_MPa * shell.patch.load(place_mm + points, weight)
+            over_E_mm2 = force_N / model.material.young_MPa
+            load = shell.patch.load(place_mm + points, np.outer(weight, [0.0, 0.0, -over_E_mm2]))
             face = Face(shell=shell, point_mm=place_mm + points)
             deepest_mm = -face.displacement(equilibrium(shell, load).coefficient_mm)[:, 2].min()
             depths.append(round(1.05 * float(deepest_mm) + SQUEEZE_MM, 2))
@@ -124,7 +124,7 @@ class Prototype:
                     presses.append(_press(observe_press(self.sensor, found, side), place, random))
         sheet = calibrate_sheet(self.sensor, presses).sheet
         # The force error is measured, so that no prior is added to it.
-        return replace(self.sensor, sheet=replace(sheet, young_std_MPa=None))
+        return replace(self.sensor, sheet=replace(sheet, young_std_MPa=0.0))
 
     def solve(self, body: Indenter, place_mm: np.ndarray, depth_mm: float) -> Deformation | None:
         steps = int(np.ceil(depth_mm / STEP_MM))

@@ -41,7 +41,7 @@ class FlatOffsets(NamedTuple):
 @kernel(fastmath=REORDER)
 @no_type_check
 def _mark_peaks(
-    above: Float32[np.ndarray, " k"], here: Float32[np.ndarray, " k"], below: Float32[np.ndarray, " k"],
+    above: Float32[np.ndarray, " k"], row: Float32[np.ndarray, " k"], below: Float32[np.ndarray, " k"],
     least: float, mark: UInt8[np.ndarray, " w"],
 ) -> None:  # fmt: skip
     """1 where no neighbour along or across is higher.
@@ -50,8 +50,8 @@ def _mark_peaks(
     """
     one, two = u64(1), u64(2)
     for x in range(u64(mark.shape[0])):
-        value = here[x + one]
-        is_peak = (value >= least) & (value > here[x]) & (value >= here[x + two])
+        value = row[x + one]
+        is_peak = (value >= least) & (value > row[x]) & (value >= row[x + two])
         is_peak &= (value > above[x + one]) & (value >= below[x + one])
         mark[x] = np.uint8(1) if is_peak else np.uint8(0)
 
@@ -72,13 +72,13 @@ def _falls_inside(
     flat: Float32[np.ndarray, " k"], at: int, along: Int64[np.ndarray, "d s"], fall: Float32[np.ndarray, " d"]
 ) -> int:
     """Fall of the brightness in all directions from a pixel whose surroundings are in the image."""
-    here = flat[u64(at)]
+    centre = flat[u64(at)]
     for direction in range(u64(along.shape[0])):
         low = f32(HIGHEST)
         for step in range(STEPS):
-            there = flat[u64(at + along[direction, u64(step)])]
-            low = there if there < low else low
-        fall[direction] = here - low
+            value = flat[u64(at + along[direction, u64(step)])]
+            low = value if value < low else low
+        fall[direction] = centre - low
     known: int = along.shape[0]
     return known
 
@@ -97,8 +97,8 @@ def _falls_at_border(
         for step in range(STEPS):
             v, u = y + offset[direction, step, 0], x + offset[direction, step, 1]
             if 0 <= v < height and 0 <= u < width:
-                there = image[u64(v), u64(u)]
-                low = there if there < low else low
+                value = image[u64(v), u64(u)]
+                low = value if value < low else low
         if low < f32(HIGHEST):
             fall[known] = image[y, x] - low
             known += 1

@@ -80,10 +80,10 @@ def _add_columns(total: Row, factor: int, scale: float, out: Float32[np.ndarray,
             out[x] = (pair + f32(total[at + two]) + f32(total[at + three])) * scale
     else:
         for x in range(u64(out.shape[0])):
-            here = f32(0.0)
+            sum_of_block = f32(0.0)
             for k in range(u64(factor)):
-                here += f32(total[u64(factor) * x + k])
-            out[x] = here * scale
+                sum_of_block += f32(total[u64(factor) * x + k])
+            out[x] = sum_of_block * scale
 
 
 @kernel()

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.compilation import plain
 from manytouch.detection.candidates import DogBuffers, allocate_dog_buffers, find_candidates
 from manytouch.detection.condition import ReferenceImage, describe_reference, find_condition
 from manytouch.detection.dot_appearance import (
@@ -145,7 +146,7 @@ class DotSearch:
             edge=np.empty(most),
         )
         limits = SelectionLimits(markers, self.least_share, self.least_snr * 3.0 * noise)
-        number = select_dots(rows, radius_px, limits, corner, selected)
+        number = select_dots(rows, radius_px, plain(limits), corner, plain(selected))
         found = Detections(
             centre_px=selected.centre[:number],
             covariance_px2=selected.covariance[:number],

@@ -187,6 +187,7 @@ def select_dots(
     Returns:
         their number.
     """
+    limits, selected = SelectionLimits(*limits), SelectedDots(*selected)
     number = rows.shape[0]
     keep, weight = np.empty(number, dtype=np.bool_), np.empty(number)
     least_contrast = limits.least_share * typical_contrast(rows[:, CONTRAST], limits.markers)

@@ -28,33 +28,28 @@ def displace_face(
     """Displacement (k, 3) of k points of the camera-side face.
 
     Args:
-        coefficient_mm: (nodes, 3) of the middle surface.
+        coefficient_mm: (nodes, 3) of a `SheetSpline`.
         node: (k, 16) nodes whose basis functions are not 0 at each point.
-        weight: (k, 5, 16) of these: value, d/dx, d/dy, and what fibres tilt more than the surface, along
-            x and y.
+        weight: (k, 6, 16) of these: value, d/dx and d/dy of the displacements along x and y; deflection, and
+            slopes along x and y of the surface that fibres are normal to.
         thickness_mm, poisson: of the sheet.
         out: (k, 3) the result, in the sheet frame.
     """
     field = np.empty((3, 3))
     for k in range(len(node)):
         field[:] = 0.0
-        tilt_x = tilt_y = 0.0
         for n in range(16):
             source = node[k, n]
             for j in range(3):
-                value = coefficient_mm[source, j]
+                value, table = coefficient_mm[source, j], 3 if j == 2 else 0
                 for part in range(3):
-                    field[part, j] += weight[k, part, n] * value
-            tilt_x += weight[k, 3, n] * coefficient_mm[source, 2]
-            tilt_y += weight[k, 4, n] * coefficient_mm[source, 2]
+                    field[part, j] += weight[k, table + part, n] * value
         field[1, 0] += 1.0
         field[2, 1] += 1.0
         stretch = -1.0
         for j in range(3):
             stretch += 0.5 * (field[1, j] ** 2 + field[2, j] ** 2)
         ratio = min(max(1.0 - poisson / (1.0 - poisson) * stretch, THINNEST), THICKEST)
-        field[1, 2] += tilt_x
-        field[2, 2] += tilt_y
         normal_x = field[1, 1] * field[2, 2] - field[1, 2] * field[2, 1]
         normal_y = field[1, 2] * field[2, 0] - field[1, 0] * field[2, 2]
         normal_z = field[1, 0] * field[2, 1] - field[1, 1] * field[2, 0]

@@ -18,12 +18,12 @@ class SheetFace:
 
     Attributes:
         node: (k, 16) nodes of the basis functions that are not 0 at each point.
-        weight: (k, 5, 16) see `face_kernels.displace_face`.
+        weight: (k, 6, 16) see `face_kernels.displace_face`.
         area_mm2: (nodes,) integral of each basis function.
     """
 
     node: Int64[np.ndarray, "k 16"]
-    weight: Float64[np.ndarray, "k 5 16"]
+    weight: Float64[np.ndarray, "k 6 16"]
     area_mm2: Float64[np.ndarray, " nodes"]
 
     def displacement_mm(self, spline: SheetSpline) -> Points3:
@@ -54,29 +54,33 @@ def sheet_face(spline: SheetSpline, point_mm: Points2) -> SheetFace:
         elements=spline.elements,
         boundary="clamped" if spline.is_clamped else "soft",
         centre_mm=spline.centre_mm,
+        shear_mm2=spline.shear_mm2,
     )
-    first, table = patch.window(point_mm)
-    slow, fast = table[:, 0], table[:, 1]
+    window, points = patch.window(point_mm), patch.at(point_mm)
+    slow, fast = window.bending[:, 0], window.bending[:, 1]
 
     def product(a: int, b: int) -> np.ndarray:
         """(k, 16) derivative a along the slow axis and b along the fast one."""
         return np.asarray((slow[:, a, :, None] * fast[:, b, None, :]).reshape(-1, 16))
 
-    slopes = [product(1, 0), product(0, 1)]
-    tilts = [
-        spline.shear_mm2 * (product(3, 0) + product(1, 2)),
-        spline.shear_mm2 * (product(2, 1) + product(0, 3)),
-    ]
-    order = 1 if patch.is_x_slow else -1
-    local = np.arange(4)
-    node = (first[:, :1] + local)[:, :, None] * patch.shape[1] + (first[:, 1:] + local)[:, None, :]
+    turns = [product(3, 0) + product(1, 2), product(2, 1) + product(0, 3)][:: 1 if patch.is_x_slow else -1]
+    fibres = [points.slope_x - spline.tilt_mm2 * turns[0], points.slope_y - spline.tilt_mm2 * turns[1]]
     return SheetFace(
-        node=node.reshape(-1, 16),
-        weight=np.ascontiguousarray(np.stack([product(0, 0), *slopes[::order], *tilts[::order]], axis=1)),
+        node=points.node,
+        weight=np.ascontiguousarray(
+            np.stack([points.value, points.dx, points.dy, points.deflection, *fibres], axis=1)
+        ),
         area_mm2=patch.area_mm2,
     )
 
 
 def spline_shape(spline: SheetSpline) -> SplineShape:
     """What `sheet_face` depends on; splines of equal shape can share its result."""
-    return (spline.size_mm, spline.centre_mm, spline.elements, spline.is_clamped, spline.shear_mm2)
+    return (
+        spline.size_mm,
+        spline.centre_mm,
+        spline.elements,
+        spline.is_clamped,
+        spline.shear_mm2,
+        spline.tilt_mm2,
+    )

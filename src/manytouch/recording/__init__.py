@@ -4,7 +4,8 @@ When to record, in which thread, and how to show a recording is decided in `sink
 
     /camera     foxglove.CompressedImage (protobuf): JPEG as the camera delivered it, else PNG; no data if the
                 frame could not be decoded. All frames that arrived, also those that were not processed.
-    /reading    JSON: one per processed frame, with the main numbers readable and all values bit for bit
+    /reading    JSON: one per processed frame, with the main numbers readable and all values packed: numbers
+                in single precision, covariances to 9 bits
     /surface    foxglove.PointCloud (protobuf): the markers in the sheet frame, with depth
     /session    JSON: sensor, method, parameters, versions; at the start and after every change
     /calibration, /transform
@@ -13,11 +14,13 @@ When to record, in which thread, and how to show a recording is decided in `sink
     /log        foxglove.Log (protobuf): messages of the session
 
 The sequence of a message is the index of its frame; its log time is the start of the recording plus the
-timestamp of the frame. Nothing is compressed and chunks are small, so that a truncated file is readable.
+timestamp of the frame. Each message is a chunk of its own, compressed with zstd and with a checksum, which is
+passed to the operating system at once: a killed process or a damaged byte costs one message. The session is
+repeated at the end. Recordings of schema 1, with arrays bit for bit in base64, are read too.
 """
 
 CAMERA, READING, SURFACE, SESSION, LOG = "/camera", "/reading", "/surface", "/session", "/log"
 CALIBRATION, TRANSFORM = "/calibration", "/transform"
 SUFFIX = ".mcap"
 PROFILE = "manytouch"
-SCHEMA = 1
+SCHEMA = 2

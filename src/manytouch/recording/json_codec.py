@@ -1,25 +1,30 @@
-"""Encode values as JSON and decode them again, bit for bit.
+"""Encode values as JSON and decode them again.
 
-A value is encoded as an object with its `type` and its fields; an array as its data type, its shape and its
-bytes in base64 (little-endian, row by row); a number that JSON does not have as an object with its name.
+A value is encoded as an object with its `type` and its fields; a number that JSON does not have as an object
+with its name. An array is encoded as its data type, its shape and its bytes in base64 (little-endian, row by
+row), bit for bit; or, rounded, as its place in a block of packed arrays.
 """
 
 import base64
 import dataclasses
 import math
 from collections.abc import Mapping
+from datetime import date, time
 from enum import Enum
 from typing import Any
 
 import numpy as np
 
 from manytouch.errors import SourceError
+from manytouch.recording.packed import PackedBlock, unpack
 from manytouch.values import (
     Camera,
     Contact,
     Contacts,
+    ContactShape,
     Detections,
     Layout,
+    OutlineRing,
     Phase,
     Sensor,
     Sheet,
@@ -38,6 +43,7 @@ RECORDED_TYPES: dict[str, Any] = {
         Contacts,
         Detections,
         Layout,
+        OutlineRing,
         Sensor,
         Sheet,
         SheetSpline,
@@ -45,12 +51,16 @@ RECORDED_TYPES: dict[str, Any] = {
         TrackedGrid,
     )
 }
-_ENUMS: dict[str, Any] = {Phase.__name__: Phase}
+_ENUMS: dict[str, Any] = {each.__name__: each for each in (ContactShape, Phase)}
 _ARRAYS = ("float64", "float32", "int64", "int32", "uint8", "bool")
 
 
-def to_json(value: Any) -> Any:
+def to_json(value: Any, block: PackedBlock | None = None) -> Any:
     """Encode a value as objects, lists, strings and numbers of JSON.
+
+    Args:
+        value: to be encoded.
+        block: takes the arrays, rounded; None: they are encoded bit for bit.
 
     Raises:
         TypeError: it contains something that recordings do not store.
@@ -60,51 +70,68 @@ def to_json(value: Any) -> Any:
     if isinstance(value, Status):
         return value.value
     if isinstance(value, np.generic):
-        return to_json(value.item())
+        return to_json(value.item(), block)
     if isinstance(value, float):
         return value if math.isfinite(value) else {"number": str(value)}
     if isinstance(value, tuple | list):
-        return [to_json(each) for each in value]
-    return _object_to_json(value)
+        return [to_json(each, block) for each in value]
+    return _object_to_json(value, block)
 
 
-def _object_to_json(value: Any) -> dict[str, Any]:
+def _object_to_json(value: Any, block: PackedBlock | None) -> dict[str, Any] | str:
     if isinstance(value, np.ndarray):
+        if block is not None:
+            return block.pack(value)
         whole = np.ascontiguousarray(value)
         little = whole.astype(whole.dtype.newbyteorder("<"), copy=False)
         content = base64.b64encode(little.tobytes()).decode("ascii")
         return {"array": str(value.dtype), "shape": list(value.shape), "base64": content}
     if isinstance(value, Mapping):
-        return {"mapping": {str(key): to_json(each) for key, each in value.items()}}
+        return {"mapping": {str(key): to_json(each, block) for key, each in value.items()}}
     name = type(value).__name__
     if isinstance(value, Enum):
         return {"type": name, "value": value.value}
     if dataclasses.is_dataclass(value) and name in RECORDED_TYPES:
-        encoded = {field.name: to_json(getattr(value, field.name)) for field in dataclasses.fields(value)}
-        return {"type": name, **encoded}
+        encoded: dict[str, Any] = {"type": name}
+        for field in dataclasses.fields(value):
+            member = getattr(value, field.name)
+            is_covariance = field.name.startswith("covariance") and name != "Contact"
+            if block is not None and isinstance(member, np.ndarray) and is_covariance:
+                encoded[field.name] = block.pack(member, is_covariance=True)
+            else:
+                encoded[field.name] = to_json(member, block)
+        return encoded
+    if isinstance(value, date | time):  # TOML has them, and the provenance of a sensor file is free
+        return value.isoformat()
     raise TypeError(f"a recording cannot store a {name}")
 
 
-def from_json(encoded: Any) -> Any:
+def from_json(encoded: Any, block: bytes = b"") -> Any:
     """Decode a value; sequences become tuples, arrays are read-only.
+
+    Args:
+        encoded: from `to_json`.
+        block: the packed arrays.
 
     Raises:
         SourceError: it was not encoded by `to_json`, or by a later version.
     """
     if isinstance(encoded, list):
-        return tuple(from_json(each) for each in encoded)
+        return tuple(from_json(each, block) for each in encoded)
     if not isinstance(encoded, dict):
         return encoded
     try:
-        return _object_from_json(encoded)
-    except (KeyError, TypeError, ValueError) as error:
+        return _object_from_json(encoded, block)
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise SourceError(
             f"a recorded value cannot be read ({error}): the recording is damaged, or was written by a "
             "later version of manytouch"
         ) from error
 
 
-def _object_from_json(encoded: dict[str, Any]) -> Any:
+def _object_from_json(encoded: dict[str, Any], block: bytes) -> Any:
+    if "packed" in encoded:
+        return unpack(encoded, block)
     if "array" in encoded:
         if encoded["array"] not in _ARRAYS:
             raise ValueError(f"array of {encoded['array']}")
@@ -114,10 +141,10 @@ def _object_from_json(encoded: dict[str, Any]) -> Any:
     if "number" in encoded:
         return float(encoded["number"])
     if "mapping" in encoded:
-        return {key: from_json(each) for key, each in encoded["mapping"].items()}
+        return {key: from_json(each, block) for key, each in encoded["mapping"].items()}
     if encoded["type"] in _ENUMS:
         return _ENUMS[encoded["type"]](encoded["value"])
-    fields = {name: from_json(each) for name, each in encoded.items() if name != "type"}
+    fields = {name: from_json(each, block) for name, each in encoded.items() if name != "type"}
     if "length_unit" in fields:  # recordings of version 0.1
         fields["scale_is_known"] = fields.pop("length_unit") == "mm"
     if "status" in fields:

@@ -1,5 +1,6 @@
 """Messages of a recording, in the schemas that the docstring of the package lists."""
 
+import base64
 import json
 from collections.abc import Mapping
 from dataclasses import replace
@@ -8,12 +9,30 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from manytouch.errors import SourceError
 from manytouch.geometry.camera import camera_matrix
+from manytouch.recording import SCHEMA
+from manytouch.recording.compression import compressed, decompressed
 from manytouch.recording.json_codec import from_json, to_json
-from manytouch.values import Camera, Contact, Frame, Layout, Reading, Sensor
+from manytouch.recording.packed import PackedBlock
+from manytouch.recording.validation import require_reading, require_sensor
+from manytouch.values import Camera, Contact, Frame, Layout, Reading, Sensor, Surface
+from manytouch.values.arrays import read_only
 
+CLOUD_STEP_MM = 2.0**-10  # of /surface, which other programs draw; it compresses to a third
 _NUMBER = {"type": ["number", "null"]}
-_VALUE = {"type": "object", "description": "a value of manytouch, bit for bit"}
+_VALUE = {"type": "object", "description": "a value of manytouch; arrays are described, and are in the block"}
+_OUTLINE = {
+    "type": ["array", "null"],
+    "description": "rings of the contact's region",
+    "items": {
+        "type": "object",
+        "properties": {
+            "is_hole": {"type": "boolean"},
+            "points_mm": {"type": "array", "items": {"type": "array", "items": {"type": "number"}}},
+        },
+    },
+}
 READING_SCHEMA: dict[str, Any] = {
     "type": "object",
     "title": "manytouch.Reading",
@@ -35,12 +54,22 @@ READING_SCHEMA: dict[str, Any] = {
                         ("x_mm", "y_mm", "depth_mm", "normal_force_N", "shear_x_N", "shear_y_N"), _NUMBER
                     ),
                     **dict.fromkeys(("area_mm2", "torque_Nmm", "depth_std_mm"), _NUMBER),
+                    **dict.fromkeys(
+                        ("half_major_mm", "half_minor_mm", "orientation_rad", "shape_probability"), _NUMBER
+                    ),
+                    "shape": {"type": ["string", "null"]},
+                    "outline": _OUTLINE,
                 },
             },
         },
         "values": {
             "type": "object",
             "properties": dict.fromkeys(("detections", "grid", "surface", "contacts"), _VALUE),
+        },
+        "block": {
+            "type": "object",
+            "description": "arrays of the values: all first bytes of an array, then all second ones, ...",
+            "properties": {"bytes": {"type": "integer"}, "zstd_base64": {"type": "string"}},
         },
     },
 }
@@ -61,35 +90,115 @@ SESSION_SCHEMA: dict[str, Any] = {
 
 
 def encode_reading(reading: Reading) -> bytes:
-    """Encode a reading without its frame, and without the layout, which is part of the recorded sensor."""
+    """Encode a reading without its frame, and without the layout, which is part of the recorded sensor.
+
+    Arrays are packed (`manytouch.recording.packed`).
+    """
+    block = PackedBlock()
+    detections, grid, surface = reading.detections, reading.grid, reading.surface
+    values = {
+        "detections": to_json(detections, block),
+        "grid": to_json(grid, block),
+        "surface": to_json(_without_layout(surface), block),
+        "contacts": to_json(reading.contacts, block),
+    }
     return _bytes(
         {
             "frame": reading.frame.index,
             "time_s": reading.frame.timestamp_ns * 1e-9,
             "status": reading.status,
             "milliseconds": reading.milliseconds,
-            "markers_seen": int(reading.grid.is_seen.sum()),
+            "markers_seen": int(grid.is_seen.sum()),
             "contacts": [_contact(contact) for contact in reading.contacts.contacts],
-            "values": {
-                "detections": to_json(reading.detections),
-                "grid": to_json(reading.grid),
-                "surface": to_json(replace(reading.surface, layout=None)),
-                "contacts": to_json(reading.contacts),
+            "values": values,
+            "position_from_rest": _is_rest_plus_displacement(surface),
+            "block": {
+                "bytes": len(block.content),
+                "zstd_base64": base64.b64encode(compressed(bytes(block.content))).decode("ascii"),
             },
         }
     )
 
 
 def decode_reading(message: bytes, frame: Frame, layout: Layout | None) -> Reading:
-    """Decode the reading of a frame of a sensor with this layout.
+    """Decode the reading of a frame of a sensor with this layout; also one of earlier versions.
 
     Raises:
         SourceError: the message is damaged, or was written by a later version.
     """
-    encoded = json.loads(message)
-    values = {name: from_json(each) for name, each in encoded["values"].items()}
-    values["surface"] = replace(values["surface"], layout=layout)
-    return Reading(frame=frame, milliseconds=float(encoded["milliseconds"]), **values)
+    encoded = json_object(message)
+    try:
+        block = _unpacked_block(encoded["block"]) if "block" in encoded else b""
+        values = {name: from_json(each, block) for name, each in encoded["values"].items()}
+        surface = replace(values["surface"], layout=layout)
+        if encoded.get("position_from_rest") is True and layout is not None:
+            surface = replace(surface, position_mm=read_only(layout.rest_mm + surface.displacement_mm))
+        values["surface"] = surface
+        reading = Reading(frame=frame, milliseconds=float(encoded["milliseconds"]), **values)
+        return require_reading(reading, layout)
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
+        raise SourceError(f"a recorded reading cannot be read ({error}): it is damaged") from error
+
+
+def decode_session(message: bytes) -> tuple[Sensor, dict[str, Any]]:
+    """The sensor of a session, and the other fields of its schema.
+
+    Raises:
+        SourceError: the message is damaged, or was written by a later version.
+    """
+    about = json_object(message)
+    try:
+        schema, started_ns = about["schema"], about["started_unix_ns"]
+        is_known = type(schema) is int and schema <= SCHEMA and type(started_ns) is int
+        if not (is_known and 0 <= started_ns < 2**63 and isinstance(about["method"], str)):
+            raise SourceError(
+                f"the session has schema {str(schema)[:20]}, and {SCHEMA} is known: it is damaged, or was "
+                "written by a later version of manytouch"
+            )
+        return require_sensor(from_json(about.pop("sensor"))), about
+    except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
+        raise SourceError(f"the recorded session cannot be read ({error}): it is damaged") from error
+
+
+def json_object(message: bytes) -> dict[str, Any]:
+    """The object of a JSON message.
+
+    Raises:
+        SourceError: the message is not one.
+    """
+    try:
+        found = json.loads(message, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
+        raise SourceError(f"a message is not JSON ({error}): the recording is damaged") from error
+    if not isinstance(found, dict):
+        raise SourceError("a message is not an object of JSON: the recording is damaged")
+    return found
+
+
+def _refuse_constant(name: str) -> float:
+    raise ValueError(f"{name} is not JSON")
+
+
+def _is_rest_plus_displacement(surface: Surface) -> bool:
+    layout = surface.layout
+    if layout is None or layout.rest_mm.shape != surface.displacement_mm.shape:
+        return False
+    return np.array_equal(surface.position_mm, layout.rest_mm + surface.displacement_mm, equal_nan=True)
+
+
+def _without_layout(surface: Surface) -> Surface:
+    """The surface to store; positions that follow from displacements repeat these, which costs no space."""
+    if _is_rest_plus_displacement(surface):
+        return replace(surface, layout=None, position_mm=surface.displacement_mm)
+    return replace(surface, layout=None)
+
+
+def _unpacked_block(encoded: Mapping[str, Any]) -> bytes:
+    """The packed arrays; their size is checked before it is allocated."""
+    if type(encoded["bytes"]) is not int:
+        raise SourceError("the size of a reading is not a number: the recording is damaged")
+    data = base64.b64decode(encoded["zstd_base64"], validate=True)
+    return decompressed("zstd", data, encoded["bytes"])
 
 
 def encode_session(sensor: Sensor, about: Mapping[str, Any]) -> bytes:
@@ -103,7 +212,8 @@ def surface_message(reading: Reading, log_ns: int) -> Any:
     from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 
     surface = reading.surface
-    points = np.column_stack([surface.position_mm, -surface.displacement_mm[:, 2]]).astype("<f4")
+    points = np.column_stack([surface.position_mm, -surface.displacement_mm[:, 2]])
+    points = (np.round(points / CLOUD_STEP_MM) * CLOUD_STEP_MM).astype("<f4")
     cloud = PointCloud(frame_id="sheet", point_stride=16, data=points.tobytes())
     cloud.timestamp.FromNanoseconds(log_ns)
     cloud.pose.orientation.w = 1.0
@@ -159,9 +269,24 @@ def _contact(contact: Contact) -> dict[str, Any]:
         "area_mm2": contact.area_mm2,
         "torque_Nmm": contact.torque_Nmm,
         "depth_std_mm": contact.std("depth"),
+        "half_major_mm": contact.half_major_mm,
+        "half_minor_mm": contact.half_minor_mm,
+        "orientation_rad": contact.orientation_rad,
+        "shape_probability": contact.shape_probability,
     }
     known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
-    return {"contact": contact.id, "phase": contact.phase.value, **known}
+    return {
+        "contact": contact.id,
+        "phase": contact.phase.value,
+        **known,
+        "shape": None if contact.shape is None else contact.shape.value,
+        "outline": None
+        if contact.outline is None
+        else [
+            {"is_hole": ring.is_hole, "points_mm": np.round(ring.point_mm, 3).tolist()}
+            for ring in contact.outline
+        ],
+    }
 
 
 def _bytes(encoded: Any) -> bytes:

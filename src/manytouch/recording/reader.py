@@ -1,169 +1,251 @@
-"""Reads a recording: an index of its messages, and each message on demand.
+"""Reads a recording: an index of its messages, and each message on demand."""
 
-The file is scanned record by record from its start, so a truncated file is read up to its last whole record.
-Only uncompressed files are read, as the writer makes them. Format of the records: https://mcap.dev/spec
-"""
-
-import json
-import struct
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
+
+import numpy as np
 
 from manytouch.errors import MissingExtraError, SourceError
 from manytouch.recording import CAMERA, READING, SESSION
-from manytouch.recording.json_codec import from_json
-from manytouch.recording.messages import decode_reading
-from manytouch.values import Frame, Reading, Sensor
+from manytouch.recording.messages import decode_reading, decode_session
+from manytouch.recording.records import ChunkLocation, MessageLocation, read_chunk, scan
+from manytouch.values import (
+    Contacts,
+    Detections,
+    Frame,
+    Layout,
+    Reading,
+    Sensor,
+    Status,
+    Surface,
+    TrackedGrid,
+)
 
-MAGIC = b"\x89MCAP0\r\n"
-_CHANNEL, _MESSAGE, _CHUNK, _DATA_END = 0x04, 0x05, 0x06, 0x0F
-_HEAD = struct.Struct("<BQ")
-_MESSAGE_HEAD = struct.Struct("<HIQQ")
-_CHUNK_HEAD = struct.Struct("<QQQII")
+LONGEST_NS = 10 * 365 * 86_400 * 10**9
+MOST_LOST_FRAMES = 100_000
 
 
 @dataclass(frozen=True, slots=True)
-class MessageLocation:
-    """Position of the data of a message in the file.
+class FramePlace:
+    """A recorded frame.
 
     Attributes:
-        offset, length: in bytes.
-        sequence: number of the frame.
-        log_ns: time of the message.
+        sequence: its number.
+        timestamp_ns: its time, from the start of the recording.
+        location: of its message; None where that is damaged.
     """
 
-    offset: int
-    length: int
     sequence: int
-    log_ns: int
-
-
-@dataclass(slots=True)
-class _Index:
-    topics: dict[int, str] = field(default_factory=dict)
-    locations: dict[str, list[MessageLocation]] = field(default_factory=dict)
-    is_complete: bool = False
+    timestamp_ns: int
+    location: MessageLocation | None
 
 
 class Recording:
     """A recording on disk.
 
+    A damaged part of the file costs what is in it: frames in it have no image, and their readings have the
+    status `decode_error`.
+
     Attributes:
         path: the file.
-        is_complete: whether the file was closed; a truncated file is read up to its last complete message.
+        is_complete: whether the file was closed; a truncated file is read up to its last whole message.
         about: of the first session: source, method, parameters, versions.
         sensor: of the first session.
-        frames: locations of the frames, in order.
+        frames: in order, also those that are damaged.
+        damaged_bytes: size of what is not whole.
+        damaged_frames: number of frames that are lost with it.
     """
 
     def __init__(self, path: Path) -> None:
-        """Index a file.
+        """Check and index a file.
 
         Raises:
-            SourceError: it is not an MCAP file, is compressed, or contains no frame.
+            SourceError: it is not an MCAP file, or no session or no frame in it is whole.
             MissingExtraError: the packages for recordings are not installed.
         """
         try:
+            import zstandard  # noqa: F401
             from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
         except ImportError as error:
             raise MissingExtraError("playback", "mcap", "record") from error
         self._image = CompressedImage
         self.path = path
-        with path.open("rb") as file:
-            index = _index(file, path)
-        self.is_complete = index.is_complete
-        self.frames = index.locations.get(CAMERA, [])
-        self.about: dict[str, Any] = json.loads(self._data(_session(index, path)))
-        self.sensor: Sensor = from_json(self.about.pop("sensor"))
-        self._started_ns = int(self.about["started_unix_ns"])
-        self._readings = {location.sequence: location for location in index.locations.get(READING, [])}
+        found = scan(path)
+        self.is_complete = found.is_complete
+        self.damaged_bytes = sum(end - begin for begin, end in found.damaged)
+        self._cached: tuple[ChunkLocation | None, bytes] = (None, b"")
+        self.sensor, self.about = self._first_session(found.topic(SESSION))
+        self._started_ns: int = self.about["started_unix_ns"]
+        camera, readings = self._by_sequence(found.topic(CAMERA)), self._by_sequence(found.topic(READING))
+        if not camera:
+            raise self._is_empty()
+        self._readings = {place.sequence: place for place in readings}
+        lost = _lost_frames(camera, found.damaged)
+        self.frames: Sequence[FramePlace] = sorted([*camera, *lost], key=lambda place: place.sequence)
+        self._lost = {place.sequence for place in lost}
+        self.damaged_frames = len(lost)
 
     def __len__(self) -> int:
         return len(self.frames)
 
     def timestamp_ns(self, position: int) -> int:
         """Time of the frame at a position, from the start of the recording."""
-        return self.frames[position].log_ns - self._started_ns
+        return self.frames[position].timestamp_ns
 
     def has_reading(self, position: int) -> bool:
-        """Whether the frame at a position was processed."""
-        return self.frames[position].sequence in self._readings
+        """Whether the frame at a position was processed, or is damaged."""
+        place = self.frames[position]
+        return place.location is None or place.sequence in self._readings
 
     def frame(self, position: int) -> Frame:
-        """The frame at a position, not yet decoded; without bytes if it had no image."""
-        location = self.frames[position]
-        message = self._image.FromString(self._data(location))
+        """The frame at a position, not yet decoded; without bytes if it had no image, or is damaged."""
+        place, camera, encoded = self.frames[position], "", None
+        if place.location is not None:
+            try:
+                message = self._image.FromString(self._data(place.location))
+                camera, encoded = str(message.frame_id), bytes(message.data) or None
+            except Exception:  # noqa: BLE001 - of protobuf, whose types depend on its implementation
+                encoded = None
         return Frame(
-            index=location.sequence,
-            timestamp_ns=location.log_ns - self._started_ns,
-            camera=message.frame_id,
+            index=place.sequence,
+            timestamp_ns=place.timestamp_ns,
+            camera=camera,
             image=None,
-            encoded=bytes(message.data) or None,
+            encoded=encoded,
         )
 
     def reading(self, frame: Frame) -> Reading | None:
-        """The recorded reading of a frame; None if the frame was not processed."""
-        location = self._readings.get(frame.index)
-        return None if location is None else decode_reading(self._data(location), frame, self.sensor.layout)
+        """The recorded reading of a frame; None if the frame was not processed.
+
+        A damaged one has the status `decode_error`.
+        """
+        layout = self.sensor.layout
+        place = self._readings.get(frame.index)
+        if place is None:
+            is_lost = frame.index in self._lost
+            return _damaged_reading(frame, layout) if is_lost and layout is not None else None
+        try:
+            return decode_reading(self._message(place), frame, layout)
+        except (SourceError, ValueError):
+            return None if layout is None else _damaged_reading(frame, layout)
+
+    def bad_readings(self) -> Iterator[int]:
+        """Numbers of the frames whose readings have the right checksum and cannot be read."""
+        for number, place in self._readings.items():
+            frame = Frame(index=number, timestamp_ns=place.timestamp_ns, camera="", image=None)
+            try:
+                decode_reading(self._message(place), frame, self.sensor.layout)
+            except (SourceError, ValueError):
+                yield number
+
+    @property
+    def damage(self) -> str | None:
+        """A sentence about what is not whole, or None."""
+        if self.damaged_bytes == 0:
+            return (
+                None
+                if self.is_complete
+                else f"{self.path.name} was cut off; its {len(self)} whole frames are replayed"
+            )
+        lost = f", and {self.damaged_frames} of {len(self)} frames are lost" if self.damaged_frames else ""
+        cut = "" if self.is_complete else ", and it was cut off"
+        return f"{self.damaged_bytes} bytes of {self.path.name} are damaged{lost}{cut}; the rest is replayed"
+
+    def _first_session(self, locations: Sequence[MessageLocation]) -> tuple[Sensor, dict[str, Any]]:
+        """Sensor and properties of the first session that is whole."""
+        errors: list[SourceError] = []
+        for location in locations:
+            try:
+                sensor, about = decode_session(self._data(location))
+            except SourceError as error:
+                errors.append(error)
+            else:
+                return sensor, about
+        if errors:
+            raise SourceError(f"{str(self.path)!r} cannot be replayed: {errors[0]}") from errors[0]
+        raise self._is_empty()
+
+    def _is_empty(self) -> SourceError:
+        why = "" if self.is_complete else ", because it is truncated"
+        why = ", because it is damaged" if self.damaged_bytes else why
+        return SourceError(
+            f"{str(self.path)!r} contains no frame with its session{why}; give a recording of manytouch run "
+            "--record"
+        )
+
+    def _by_sequence(self, locations: Sequence[MessageLocation]) -> list[FramePlace]:
+        """One place per number; the first of several."""
+        found: dict[int, FramePlace] = {}
+        for location in locations:
+            timestamp_ns = location.log_ns - self._started_ns
+            if abs(timestamp_ns) < LONGEST_NS:
+                found.setdefault(location.sequence, FramePlace(location.sequence, timestamp_ns, location))
+        return sorted(found.values(), key=lambda place: place.sequence)
+
+    def _message(self, place: FramePlace) -> bytes:
+        return b"" if place.location is None else self._data(place.location)
 
     def _data(self, location: MessageLocation) -> bytes:
-        with self.path.open("rb") as file:
-            file.seek(location.offset)
-            return file.read(location.length)
+        """The data of a message; ValueError where the file has changed."""
+        chunk, data = self._cached
+        if chunk != location.chunk:
+            begin = location.chunk.begin
+            with self.path.open("rb") as file:
+                file.seek(begin)
+                content = file.read(location.chunk.end - begin)
+            data = read_chunk(content, ChunkLocation(0, len(content)))
+            self._cached = location.chunk, data
+        return data[location.offset : location.offset + location.length]
 
 
-def _session(index: _Index, path: Path) -> MessageLocation:
-    """Location of the first session."""
-    sessions = index.locations.get(SESSION)
-    if not sessions or not index.locations.get(CAMERA):
-        raise SourceError(
-            f"{str(path)!r} contains no frame{'' if index.is_complete else ', because it is truncated'}; "
-            "give a recording of manytouch run --record"
-        )
-    return sessions[0]
+def _lost_frames(camera: Sequence[FramePlace], damaged: Sequence[tuple[int, int]]) -> list[FramePlace]:
+    """Frames whose numbers are absent where the file is damaged, evenly timed between their neighbours."""
+    found: list[FramePlace] = []
+    for before, after in pairwise(camera):
+        missing = after.sequence - before.sequence - 1
+        if before.location is None or after.location is None:
+            continue
+        begin, end = sorted((before.location.chunk.end, after.location.chunk.begin))
+        is_damaged = any(begin <= at < end for at, _ in damaged)
+        if is_damaged and missing > 0 and len(found) + missing <= MOST_LOST_FRAMES:
+            step_ns = (after.timestamp_ns - before.timestamp_ns) / (missing + 1)
+            found += [
+                FramePlace(before.sequence + k, before.timestamp_ns + round(k * step_ns), None)
+                for k in range(1, missing + 1)
+            ]
+    return found
 
 
-def _index(file: IO[bytes], path: Path) -> _Index:
-    size = file.seek(0, 2)
-    file.seek(0)
-    if file.read(len(MAGIC)) != MAGIC:
-        raise SourceError(f"{str(path)!r} is not an MCAP file: give a recording of manytouch run --record")
-    index, at = _Index(), len(MAGIC)
-    while at + _HEAD.size <= size:
-        file.seek(at)
-        opcode, length = _HEAD.unpack(file.read(_HEAD.size))
-        begin, at = at + _HEAD.size, at + _HEAD.size + length
-        if at > size:
-            break
-        if opcode == _DATA_END:
-            index.is_complete = True
-            break
-        if opcode == _CHUNK:
-            head = file.read(_CHUNK_HEAD.size)
-            (name_length,) = struct.unpack_from("<I", head, _CHUNK_HEAD.size - 4)
-            if name_length:
-                raise SourceError(
-                    f"{str(path)!r} is compressed: give the file that manytouch run --record wrote"
-                )
-            _add_records(file, begin + _CHUNK_HEAD.size + 8, at, index)
-        elif opcode in (_CHANNEL, _MESSAGE):
-            _add_records(file, begin - _HEAD.size, at, index)
-    return index
-
-
-def _add_records(file: IO[bytes], at: int, end: int, index: _Index) -> None:
-    """Add the channels and messages between two offsets to an index."""
-    while at + _HEAD.size <= end:
-        file.seek(at)
-        opcode, length = _HEAD.unpack(file.read(_HEAD.size))
-        begin, at = at + _HEAD.size, at + _HEAD.size + length
-        if opcode == _MESSAGE:
-            channel, sequence, log_ns, _ = _MESSAGE_HEAD.unpack(file.read(_MESSAGE_HEAD.size))
-            location = MessageLocation(
-                begin + _MESSAGE_HEAD.size, length - _MESSAGE_HEAD.size, sequence, log_ns
-            )
-            index.locations.setdefault(index.topics.get(channel, ""), []).append(location)
-        elif opcode == _CHANNEL:
-            number, _, topic_length = struct.unpack("<HHI", file.read(8))
-            index.topics[number] = file.read(topic_length).decode("utf-8")
+def _damaged_reading(frame: Frame, layout: Layout) -> Reading:
+    """A reading of a frame that cannot be read."""
+    markers = len(layout.rest_mm)
+    nothing = np.full((markers, 3), np.nan)
+    return Reading(
+        frame=frame,
+        detections=Detections(
+            centre_px=np.empty((0, 2)),
+            covariance_px2=np.empty((0, 2, 2)),
+            area_px2=np.empty(0),
+            contrast=np.empty(0),
+            status=Status.DECODE_ERROR,
+        ),
+        grid=TrackedGrid(
+            position_px=np.full((markers, 2), np.nan),
+            covariance_px2=np.full((markers, 2, 2), np.nan),
+            is_seen=np.zeros(markers, dtype=np.bool_),
+            frames_unseen=np.ones(markers, dtype=np.int64),
+            status=Status.DECODE_ERROR,
+        ),
+        surface=Surface(
+            position_mm=nothing,
+            displacement_mm=nothing,
+            covariance_mm2=np.full((markers, 3, 3), np.nan),
+            layout=layout,
+            status=Status.DECODE_ERROR,
+        ),
+        contacts=Contacts(status=Status.DECODE_ERROR),
+        milliseconds=0.0,
+    )

@@ -26,8 +26,7 @@ from manytouch.recording.messages import (
 )
 from manytouch.values import Camera, Frame, Reading, Sensor
 
-CHUNK = 2**14  # bytes; smaller than a frame with its reading, so that hardly any data remains in memory
-FAST_FPS = 10.0
+EACH_MESSAGE = 1  # byte of a chunk, so that every message closes one
 
 
 def require_mcap() -> None:
@@ -64,13 +63,12 @@ class RecordingWriter:
     Errors of the file (OSError) are raised; the file is then valid up to `valid_bytes`.
     """
 
-    def __init__(self, file: OutputFile, *, started_unix_ns: int, fps: float | None) -> None:
+    def __init__(self, file: OutputFile, *, started_unix_ns: int) -> None:
         """Write the start of the recording.
 
         Args:
             file: open for writing, at its start.
             started_unix_ns: Unix time at timestamp 0.
-            fps: expected frame rate; below `FAST_FPS` every message is a chunk of its own.
 
         Raises:
             MissingExtraError: the packages for recording are not installed.
@@ -87,11 +85,10 @@ class RecordingWriter:
         self._file = file
         self._started_ns = started_unix_ns
         self._image, self._log = CompressedImage, Log
-        is_fast = fps is not None and fps >= FAST_FPS
         self._writer = Writer(
             file,  # type: ignore[arg-type]
-            chunk_size=CHUNK if is_fast else 1,
-            compression=CompressionType.NONE,
+            chunk_size=EACH_MESSAGE,
+            compression=CompressionType.ZSTD,
         )
         self._writer.start(profile=PROFILE, library="manytouch")
         schemas = {
@@ -116,13 +113,16 @@ class RecordingWriter:
                 topic=topic, message_encoding="json", schema_id=number
             )
         self._unwritten_camera: Camera | None = None
+        self._first_session: bytes | None = None
         self._last_ns = 0
         self.valid_bytes = 0
 
     def session(self, sensor: Sensor, about: Mapping[str, Any]) -> None:
         """Write what produces the readings that follow."""
         session = {**about, "started_unix_ns": self._started_ns}
-        self._add(SESSION, encode_session(sensor, session), self._started_ns + self._last_ns, 0)
+        encoded = encode_session(sensor, session)
+        self._first_session = self._first_session or encoded
+        self._add(SESSION, encoded, self._started_ns + self._last_ns, 0)
         self._unwritten_camera = sensor.camera
 
     def frame(self, frame: Frame, encoded: bytes, suffix: str) -> None:
@@ -159,7 +159,9 @@ class RecordingWriter:
         self._add(LOG, message.SerializeToString(), log_ns, 0)
 
     def finish(self) -> None:
-        """Write the index at the end of the file."""
+        """Write the first session again, for the case that its copy is damaged, and the index of the file."""
+        if self._first_session is not None:
+            self._add(SESSION, self._first_session, self._started_ns + self._last_ns, 0)
         self._writer.finish()  # type: ignore[no-untyped-call]
         self._file.flush()
         self.valid_bytes = self._file.tell()

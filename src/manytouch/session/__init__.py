@@ -10,8 +10,9 @@ commands, or a `Playback` of a recording. Formats of files and the viewer are in
 from manytouch.session.live import Live
 from manytouch.session.methods import METHODS, kernels, pipeline_for
 from manytouch.session.playback import Playback
-from manytouch.session.prepare import REST_FRAMES, Job, Pitch, prepare, require_region
-from manytouch.session.results import RESULTS, process, process_job, result_name, result_sinks
+from manytouch.session.prepare import REST_FRAMES, Job, prepare, require_region
+from manytouch.session.result_hashes import Pitch, Request, request_hashes
+from manytouch.session.results import RESULTS, ResultFiles, process, process_job, result_name
 from manytouch.session.run import Observer, Readings, StopCondition, run
 
 __all__ = [
@@ -24,14 +25,16 @@ __all__ = [
     "Pitch",
     "Playback",
     "Readings",
+    "Request",
+    "ResultFiles",
     "StopCondition",
     "kernels",
     "pipeline_for",
     "prepare",
     "process",
     "process_job",
+    "request_hashes",
     "require_region",
     "result_name",
-    "result_sinks",
     "run",
 ]

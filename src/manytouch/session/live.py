@@ -9,6 +9,7 @@ from pathlib import Path
 from manytouch.errors import ManytouchError
 from manytouch.pipeline import Pipeline, Sink, TrackedFrame
 from manytouch.session.background_iterator import BackgroundIterator
+from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.commands.contact_id_offset import ContactIdOffset
 from manytouch.session.commands.tare import TARE_FRAMES, tare_sensor
@@ -43,12 +44,13 @@ AHEAD = 1  # frames that are tracked and wait for estimation
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Setup:
-    """What processes the frames until a command replaces it."""
+    """What processes the frames until a command replaces it; `note` is shown once it does."""
 
     pipeline: Pipeline
     sensor: Sensor
     method: str
     version: int
+    note: str = ""
 
 
 class Live:
@@ -56,7 +58,8 @@ class Live:
 
     It is both `manytouch.session.Readings`, for `run`, and `manytouch.pipeline.Controls`, for the viewer.
     Decoding, detection and tracking run in a thread, estimation and sinks in the one that calls `run`. Frames
-    of a device that come while both are busy are dropped and counted.
+    of a device that come while both are busy are dropped and counted. A changed method, parameter or
+    reference is prepared in a third thread, while the frames are processed as before.
     """
 
     def __init__(self, job: Job, *, recordings: Path = Path(), record: Path | None = None) -> None:
@@ -71,6 +74,7 @@ class Live:
         self._wanted = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
         self._present = self._wanted
         self._commands = CommandQueue()
+        self._setups: BackgroundPreparation[Setup] = BackgroundPreparation(self._warm_up, self._refuse)
         self._meter = ThroughputMeter()
         self._recorder = SessionRecorder(job, recordings, self._commands.note)
         self._record_path = record
@@ -133,6 +137,7 @@ class Live:
             notes=self._commands.notes,
             can_press=can.press is not None,
             sensor_version=setup.version,
+            is_preparing=self._setups.is_busy,
         )
 
     def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:
@@ -155,6 +160,7 @@ class Live:
     def close(self) -> None:
         """End the session and release the source."""
         self._is_over.set()
+        self._setups.close()
         self._job.close()
 
     def _estimate(self, stream: Iterator[Setup | TrackedFrame]) -> Iterator[Reading]:
@@ -184,6 +190,7 @@ class Live:
         is_live = self._job.source.is_live
         while not self._is_over.is_set():
             self._commands.drain(self._carry_out)
+            self._use_prepared_setup()
             if self._wanted is not setup:
                 return
             if self._is_held and not is_live:
@@ -220,13 +227,15 @@ class Live:
             case Stop():
                 self._is_held = True
             case Tare():
-                self._tare_grids = []
+                self._tare_grids = [] if self._tare_grids is None else self._tare_grids
             case UseMethod(method=method):
-                self._change(pipeline=pipeline_for(method, self._job.roi_px), method=method)
-                self._commands.note(f"method {method}")
+                pipeline = pipeline_for(method, self._job.roi_px)
+                if method != self._newest_setup.method:
+                    self._change(f"method {method}", pipeline=pipeline, method=method)
             case Tune(parameter=parameter, value=value):
-                self._change(pipeline=tune(self._wanted.pipeline, parameter, value))
-                self._commands.note(f"{parameter} = {value:g}")
+                pipeline = tune(self._newest_setup.pipeline, parameter, value)
+                if pipeline != self._newest_setup.pipeline:
+                    self._change(f"{parameter} = {value:g}", pipeline=pipeline)
             case Record(path=path):
                 self._begin_recording(path)
             case StopRecording():
@@ -253,28 +262,41 @@ class Live:
         self._tare_grids.append(grid)
         if len(self._tare_grids) < TARE_FRAMES:
             return
-        sensor = tare_sensor(self._wanted.sensor, self._tare_grids)
+        sensor = tare_sensor(self._newest_setup.sensor, self._tare_grids)
         self._tare_grids = None
         if sensor is None:
             self._commands.note("not tared: fewer than half of the markers are seen")
             return
-        try:
-            self._change(sensor=sensor, version=self._wanted.version + 1)
-        except ManytouchError as error:
-            self._commands.note(f"not tared: {error}")
-        else:
-            self._commands.note("tared: the present marker positions are the reference")
+        note = "tared: the present marker positions are the reference"
+        self._change(note, sensor=sensor, version=self._newest_setup.version + 1)
 
-    def _change(self, **fields: object) -> None:
-        """Continue with another setup from the next frame on, once it has processed two frames.
+    @property
+    def _newest_setup(self) -> Setup:
+        """The setup that was requested last, whether it is ready or not."""
+        return self._setups.requested() or self._wanted
+
+    def _change(self, note: str, **fields: object) -> None:
+        """Continue with another setup once it is ready; until then the present one goes on."""
+        self._setups.request(replace(self._newest_setup, note=note, **fields))  # type: ignore[arg-type]
+
+    def _warm_up(self, setup: Setup) -> None:
+        """Process two frames with a setup, in the thread that prepares it.
 
         Raises:
             ManytouchError: it cannot.
         """
-        setup = replace(self._wanted, **fields)  # type: ignore[arg-type]
         replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor, method=setup.method).warm_up()
-        self._wanted = setup
-        self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
+
+    def _refuse(self, reason: str) -> None:
+        self._commands.note(f"not changed: {reason}")
+
+    def _use_prepared_setup(self) -> None:
+        """Continue with the setup that is ready, if there is one."""
+        setup = self._setups.take()
+        if setup is not None:
+            self._wanted = setup
+            self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
+            self._commands.note(setup.note)
 
 
 def _until_setup(stream: Iterator[Setup | TrackedFrame], following: list[Setup]) -> Iterator[TrackedFrame]:

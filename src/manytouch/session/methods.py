@@ -33,8 +33,8 @@ def kernels() -> dict[str, bool]:
 
 
 def default_method(sensor: Sensor) -> str:
-    """The best method for a sensor: mechanics where its sheet is known."""
-    if sensor.sheet is None or sensor.sheet.is_assumed:
+    """The best method for a sensor: mechanics where its sheet is known and clamped."""
+    if sensor.sheet is None or sensor.sheet.is_assumed or sensor.sheet.boundary != "clamped":
         return DEFAULT
     return "mechanics"
 

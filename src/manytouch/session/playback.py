@@ -7,6 +7,7 @@ from pathlib import Path
 
 from manytouch.errors import SourceError
 from manytouch.pipeline import Sink
+from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.commands.tuning import parameters_of
 from manytouch.session.methods import METHODS, pipeline_for
@@ -70,6 +71,7 @@ class Playback:
         self._method = known or timeline.method
         self._stays = stays
         self._commands = CommandQueue()
+        self._jobs: BackgroundPreparation[Job] = BackgroundPreparation(Job.warm_up, self._refuse)
         self._meter = ThroughputMeter()
         self._pace = Pace()
         self._is_held = False
@@ -129,6 +131,7 @@ class Playback:
             notes=self._commands.notes,
             frame=self._place,
             frame_count=len(self._timeline),
+            is_preparing=self._jobs.is_busy,
         )
 
     def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:
@@ -149,12 +152,13 @@ class Playback:
 
     def close(self) -> None:
         """Release the recording."""
+        self._jobs.close()
         self._job.close()
 
     def _next_begin(self, stop: StopCondition) -> int | None:
         """The place to continue at; None at the end."""
         while not stop():
-            self._commands.drain(self._carry_out)
+            self._serve_commands()
             if self._sought is not None:
                 begin, self._sought = self._sought, None
                 return begin
@@ -180,16 +184,28 @@ class Playback:
     def _places(self, begin: int, stop: StopCondition) -> Iterator[int]:
         """Places when they are due. The first comes at once, also while the playback is held."""
         for place in range(begin, len(self._timeline)):
-            self._commands.drain(self._carry_out)
+            self._serve_commands()
             while self._is_held and place > begin and self._sought is None and not stop():
                 self._pace.reset()
                 time.sleep(LONGEST_NAP_S)
-                self._commands.drain(self._carry_out)
+                self._serve_commands()
             if self._sought is not None or stop():
                 return
             self._pace.wait_for(self._timeline.timestamp_ns(place), stop)
             self._place = place
             yield place
+
+    def _serve_commands(self) -> None:
+        """Carry out the commands that wait, and continue with the method that is ready, if there is one."""
+        self._commands.drain(self._carry_out)
+        job = self._jobs.take()
+        if job is not None:
+            self._job, self._method, self._is_processed = job, job.method, True
+            self._sought = self._place if self._sought is None else self._sought
+            self._commands.note(f"frames are processed again with method {job.method}")
+
+    def _refuse(self, reason: str) -> None:
+        self._commands.note(f"not changed: {reason}")
 
     def _carry_out(self, command: Command) -> None:
         match command:
@@ -209,10 +225,8 @@ class Playback:
                 self._pace.speed = speed
                 self._pace.reset()
             case UseMethod(method=method):
-                job = replace(self._job, pipeline=pipeline_for(method), method=method)
-                job.warm_up()
-                self._job, self._method, self._is_processed = job, method, True
-                self._sought = self._place
-                self._commands.note(f"frames are processed again with method {method}")
+                pipeline, requested = pipeline_for(method), self._jobs.requested()
+                if requested is not None or not self._is_processed or method != self._method:
+                    self._jobs.request(replace(self._job, pipeline=pipeline, method=method))
             case _:
                 self._commands.note(f"{type(command).__name__} is not possible with a recording")

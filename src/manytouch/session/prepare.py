@@ -10,7 +10,8 @@ from manytouch.blas_threads import limit_blas_threads
 from manytouch.calibration import register_rest, sensor_from_rest
 from manytouch.errors import ManytouchError, SensorError, SourceError
 from manytouch.pipeline import Pipeline, Sink
-from manytouch.session.methods import default_method, kernels, pipeline_for
+from manytouch.session.methods import DEFAULT, default_method, kernels, pipeline_for
+from manytouch.session.result_hashes import Pitch, Request
 from manytouch.session.run import Observer, StopCondition
 from manytouch.session.warm_up import warm_up_kernels
 from manytouch.sources import Source, open_source
@@ -27,8 +28,6 @@ NO_PRETENSION = (
 )
 NO_RATE = f"The frame rate is {ASSUMED_FPS:g} frames per second, since the input states none (--fps sets it)."
 
-Pitch = float | tuple[float, float]
-
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Job:
@@ -44,6 +43,7 @@ class Job:
         sensor: determined from the first frames, registered to them, or the source's own.
         pipeline, method: what processes the frames.
         roi_px: the part of the image that is processed; None for all of it.
+        request: the arguments of `prepare`.
     """
 
     text: str
@@ -54,6 +54,7 @@ class Job:
     pipeline: Pipeline
     method: str
     roi_px: Roi | None = None
+    request: Request
 
     @property
     def frame_count(self) -> int | None:
@@ -69,6 +70,7 @@ class Job:
     def input_info(self) -> dict[str, Any]:
         """Properties of the input, for summary and recording."""
         source = self.source
+        timeline = source.capabilities.seek
         return {
             "source": self.text,
             "name": source.name,
@@ -76,6 +78,7 @@ class Job:
             "height_px": source.height_px,
             "fps": source.fps,
             "frame_count": source.frame_count,
+            "warning": None if timeline is None else timeline.warning,
         }
 
     def warm_up(self) -> None:
@@ -156,6 +159,8 @@ def prepare(
     if observer is not None:
         _report_delays(source, observer)
     try:
+        known = source.capabilities.sensor if given is None else given
+        warm_up_kernels(method or (DEFAULT if known is None else default_method(known)))
         found, first, frames = _determine_sensor(
             source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px
         )
@@ -177,6 +182,9 @@ def prepare(
         pipeline=pipeline_for(chosen, roi_px),
         method=chosen,
         roi_px=roi_px,
+        request=Request(
+            sensor=given, method=method, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, fps=fps
+        ),
     )
 
 

@@ -56,7 +56,7 @@ class SessionRecorder:
             raise OutputError(f"{str(path)!r} is the recording that is read: record under another name")
         renamed = _rename_existing(path)
         try:
-            recorder = Recorder(path, source=self._job.input_info, fps=self._job.source.fps)
+            recorder = Recorder(path, source=self._job.input_info)
         except ManytouchError:
             if renamed is not None:
                 renamed.replace(path)

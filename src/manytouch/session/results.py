@@ -1,27 +1,33 @@
 """Every frame of an input into the files of a result folder."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from contextlib import suppress
 from pathlib import Path
+from types import TracebackType
 
 from manytouch.errors import OutputError, SourceError
 from manytouch.pipeline import Sink
-from manytouch.session.prepare import Job, Pitch, prepare
+from manytouch.session.prepare import Job, prepare
+from manytouch.session.result_hashes import Pitch, request_hashes
 from manytouch.session.run import Observer, StopCondition, run
-from manytouch.sinks.files.atomic_output import output_errors, remove, temporary_path
+from manytouch.sinks.files.regions import RegionTable
+from manytouch.sinks.files.result_folder import ResultFolder, folder_bytes, is_disk_full
 from manytouch.sinks.files.summary import Summary
 from manytouch.sinks.files.surface_store import SurfaceStore, require_zarr
 from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.sinks.pictures.annotate import AnnotatedPictures
+from manytouch.sinks.pictures.surface_picture import SelectedFrames
 from manytouch.sources import Source
 from manytouch.sources.cameras.camera import without_password
 from manytouch.sources.opening import is_camera
 from manytouch.values import Roi, Sensor
 
 RESULTS = (
-    *("contacts.csv", "markers.parquet", "frames.csv", "summary.json"),
-    *("surface.zarr", "annotated.mp4", "annotated"),
+    *("contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"),
+    *("surface.zarr", "annotated.mp4", "annotated", "picture.png"),
+    "picture-[0-9][0-9][0-9][0-9][0-9][0-9]*.png",
 )
-PICTURES = "picture-[0-9][0-9][0-9][0-9][0-9][0-9]*.png"
+"""Names of all results, as patterns; what else is in a result folder belongs to the user and is kept."""
 
 
 def process(
@@ -75,61 +81,146 @@ def process_job(
     *,
     surface: bool = False,
     annotate: bool = False,
+    pictures: Collection[int] = (),
     sinks: Sequence[Sink] = (),
     observer: Observer | None = None,
     stop: StopCondition | None = None,
-) -> Summary:
-    """Process all frames of a job into the files of a folder.
-
-    Whatever ends the run, the files are complete for the frames processed so far. Results of an earlier run
-    in the same folder are removed first, so that all files there belong to one run.
+) -> "ResultFiles":
+    """Process all frames of a job into a folder, which replaces that of an earlier run at the end.
 
     Args:
         job: from `prepare`.
         folder: where the results go.
-        surface: write surface.zarr too (needs the extra `surface`).
-        annotate: draw an annotated video, or annotated images when the input is images.
+        surface, annotate, pictures: see `ResultFiles`.
         sinks: others that get every reading; they are closed too.
         observer, stop: see `run`.
 
     Raises:
-        OutputError: a result cannot be written.
-        MissingExtraError: `surface` needs a package that is not installed.
+        OutputError: a result cannot be written; nothing is changed then.
+        MissingExtraError: a result needs a package that is not installed.
     """
-    files, summary = result_sinks(folder, job, surface=surface, annotate=annotate)
-    run(job, [*files, *sinks, summary], observer, stop)
-    return summary
+    with ResultFiles(folder, job, surface=surface, annotate=annotate, pictures=pictures) as files:
+        files.is_complete = run(job, [*files.sinks, *sinks], observer, stop)
+    return files
 
 
-def result_sinks(
-    folder: Path, job: Job, *, surface: bool = False, annotate: bool = False
-) -> tuple[list[Sink], Summary]:
-    """Create the sinks for the files of a folder, and the summary, which is to be the last sink.
+class ResultFiles:
+    """The files of a result folder; they replace those of an earlier run at the end of its block.
 
-    Results of an earlier run in the folder are removed.
+    An error of writing leaves the earlier folder as it was. Any other error, also `KeyboardInterrupt`, keeps
+    what was computed, and summary.json then contains `"complete": false`.
 
-    Raises:
-        OutputError: the folder cannot be written, or the input is in it.
-        MissingExtraError: `surface` needs a package that is not installed.
+    Attributes:
+        folder: the final folder; the files are in its `partial_path` until the end of the block.
+        sinks: they get every reading.
+        summary: counts and warnings; one of the sinks.
+        pictures: draws single frames, if any were requested; one of the sinks.
+        is_complete: to be set when all frames of the input have been processed.
     """
-    if surface:
-        require_zarr()
-    _require_apart(folder, job.source)
-    _clear(folder)
-    summary = Summary(
-        folder, sensor=job.sensor, pipeline=job.pipeline, method=job.method, recording=job.input_info
-    )
-    files: list[Sink] = [
-        ContactTable(folder, job.sensor),
-        MarkerTable(folder, job.sensor),
-        FrameTable(folder),
-    ]
-    if surface:
-        files.append(SurfaceStore(folder, job.sensor))
-    if annotate:
-        is_video = not job.source.capabilities.is_images
-        files.append(AnnotatedPictures(folder, job.sensor, as_video=is_video, fps=job.source.fps))
-    return files, summary
+
+    def __init__(
+        self,
+        folder: Path,
+        job: Job,
+        *,
+        surface: bool = False,
+        annotate: bool = False,
+        pictures: Collection[int] = (),
+        is_repeatable: bool = True,
+    ) -> None:
+        """Lock the folder and create the sinks for its files.
+
+        Args:
+            folder: where the results go.
+            job: what is processed.
+            surface: write surface.zarr too (extra `surface`).
+            annotate: draw an annotated video, or annotated images when the input is images.
+            pictures: numbers of the frames whose surface is drawn (extra `plot`).
+            is_repeatable: whether the results depend on input and job alone; summary.json has no hash where
+                commands may have changed them.
+
+        Raises:
+            OutputError: the folder cannot be written, is being written, or a file of the input would be
+                replaced.
+            MissingExtraError: a result needs a package that is not installed.
+        """
+        if surface:
+            require_zarr()
+        _require_apart(folder, job.source)
+        self.is_complete = False
+        self._job = job
+        self.hashes = dict(request_hashes(job.source, job.text, job.request))
+        if not is_repeatable:
+            self.hashes["input"] = None
+        self.summary = Summary(
+            sensor=job.sensor, pipeline=job.pipeline, method=job.method, recording=job.input_info
+        )
+        self.folder = ResultFolder(folder, RESULTS)
+        partial, sensor = self.folder.partial_path, job.sensor
+        self.sinks: list[Sink] = []
+        try:
+            self.pictures = SelectedFrames(partial, sensor, pictures) if pictures else None
+            self.sinks.append(ContactTable(partial, sensor))
+            self.sinks.append(RegionTable(partial, sensor))
+            self.sinks.append(MarkerTable(partial, sensor))
+            self.sinks.append(FrameTable(partial))
+            if surface:
+                self.sinks.append(SurfaceStore(partial, sensor))
+            if annotate:
+                is_video = not job.source.capabilities.is_images
+                self.sinks.append(AnnotatedPictures(partial, sensor, as_video=is_video, fps=job.source.fps))
+            if self.pictures is not None:
+                self.sinks.append(self.pictures)
+        except BaseException as error:
+            self._close_sinks()
+            self.folder.close()
+            raise (self._with_space(error) if isinstance(error, OutputError) else error) from error
+        self.sinks.append(self.summary)
+
+    def __enter__(self) -> "ResultFiles":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self.folder:
+            if error is not None and (isinstance(error, OutputError) or is_disk_full(error)):
+                self._close_sinks()
+                raise self._with_space(error) from error
+            try:
+                for sink in self.sinks:
+                    sink.close()  # again, or for the first time if the run has not begun
+                self.summary.save(
+                    self.folder.partial_path,
+                    is_complete=self.is_complete and error is None,
+                    hashes=self.hashes,
+                )
+                self.folder.commit()
+            except OutputError as failed:
+                self._close_sinks()
+                raise self._with_space(failed) from failed
+
+    def _close_sinks(self) -> None:
+        """Release the files, which are removed."""
+        for sink in self.sinks:
+            with suppress(Exception):
+                sink.close()
+
+    def _with_space(self, error: BaseException) -> BaseException:
+        """The error; if the disk is full, with an estimate of the space that all results need."""
+        if not is_disk_full(error):
+            return error
+        written, frames = folder_bytes(self.folder.partial_path), self.summary.frames
+        total = self._job.frame_count
+        needed = f"more than {_size_text(self.folder.free_bytes)} are needed"
+        if frames and total:
+            estimate = written * max(total, frames) // frames
+            needed = f"about {_size_text(estimate)} are needed (by the first {frames} of {total} frames)"
+        return OutputError(
+            f"cannot write {self.folder.path}: the disk is full; {needed}, and "
+            f"{_size_text(self.folder.free_bytes)} were free: free some space, or choose another disk; "
+            "nothing was written"
+        )
 
 
 def result_name(text: str) -> str:
@@ -174,18 +265,14 @@ def _require_apart(folder: Path, source: Source) -> None:
     """Results replace those of an earlier run, so that no file of the input may be one of them."""
     for path in source.capabilities.files:
         place = folder / path.name
-        if (path.match(PICTURES) or path.name in RESULTS) and place.exists() and path.samefile(place):
+        is_result = any(Path(path.name).match(pattern) for pattern in RESULTS)
+        if is_result and place.exists() and path.samefile(place):
             raise OutputError(
                 f"the results would go into {folder} and replace {path.name}, which is the input: choose "
                 "another folder for them"
             )
 
 
-def _clear(folder: Path) -> None:
-    with output_errors(folder):
-        folder.mkdir(parents=True, exist_ok=True)
-        for left in folder.glob(PICTURES):
-            left.unlink()
-        for name in RESULTS:
-            remove(folder / name)
-            remove(temporary_path(folder / name))
+def _size_text(count: int) -> str:
+    """A number of bytes as text, such as "1.2 MB"."""
+    return f"{count / 1e6:.3g} MB" if count < 1e9 else f"{count / 1e9:.3g} GB"

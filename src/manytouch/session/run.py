@@ -80,7 +80,7 @@ def run(
     sinks: Sequence[Sink] = (),
     observer: Observer | None = None,
     stop: StopCondition | None = None,
-) -> None:
+) -> bool:
     """Write each reading to every sink, until there are no more or `stop` returns True.
 
     Whatever ends the run, the source is released and all sinks are closed, in this order, and an error is
@@ -91,6 +91,9 @@ def run(
         sinks: get every reading, in this order.
         observer: notified of begin, readings and messages.
         stop: called after each frame.
+
+    Returns:
+        Whether the readings ended by themselves, not by `stop`.
 
     Raises:
         Exception: what source, pipeline or a sink raised.
@@ -111,6 +114,7 @@ def run(
             watch.on_reading(reading)
             if is_over():
                 break
+    return not is_over()
 
 
 def _never() -> bool:

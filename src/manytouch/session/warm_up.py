@@ -1,12 +1,23 @@
 """Compiles the kernels of a method before a live contact would have to wait for it."""
 
-from collections.abc import Iterator
+import hashlib
+import sys
+from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
+import numba
+from llvmlite.binding import get_host_cpu_name
+from platformdirs import user_cache_path
+
+from manytouch.calibration import sensor_from_rest
+from manytouch.compilation import kernels_folder
+from manytouch.errors import ManytouchError
+from manytouch.kernel_cache import compiling, is_writable
 from manytouch.session.methods import kernels, pipeline_for
 from manytouch.sources.simulated import simulated_source
-from manytouch.values import Frame
 
+REST_FRAMES = 2
 SCENE, WIDTH_PX = "one", 640
 FRAMES = (0, 1, *range(38, 44), *range(50, 75, 5), *range(130, 150, 5), 170)  # at rest, in contact, released
 OWN_KERNELS = {
@@ -17,10 +28,10 @@ OWN_KERNELS = {
 
 
 def warm_up_kernels(method: str) -> bool:
-    """Process a simulated contact, unless machine code of the method's own kernels is cached.
+    """Find a simulated layout and process a contact, unless this has been done with the present sources.
 
     Frames at rest do not need all kernels; without this the first contact of a live session would be delayed
-    until they are compiled.
+    until they are compiled. Of several processes that begin at once, one compiles and the others wait for it.
 
     Args:
         method: that will be used.
@@ -29,12 +40,38 @@ def warm_up_kernels(method: str) -> bool:
         Whether it was necessary.
     """
     own = OWN_KERNELS.get(method)
-    if own is None or any(is_cached for name, is_cached in kernels().items() if name.startswith(own)):
+    if own is None or _is_compiled(method, own):
         return False
-    simulator = simulated_source(SCENE, width_px=WIDTH_PX).simulator
-    frames: Iterator[Frame] = (
-        replace(simulator.frame(shown), index=index) for index, shown in enumerate(FRAMES)
-    )
-    for _ in pipeline_for(method).run(frames, simulator.sensor):
-        pass
+    with compiling():
+        if _is_compiled(method, own):
+            return False
+        simulator = simulated_source(SCENE, width_px=WIDTH_PX).simulator
+        frames = [replace(simulator.frame(shown), index=index) for index, shown in enumerate(FRAMES)]
+        with suppress(ManytouchError):
+            sensor_from_rest(frames[:REST_FRAMES], name=SCENE)
+        for _ in pipeline_for(method).run(frames, simulator.sensor):
+            pass
+        with suppress(OSError):
+            mark = compiled_mark(method)
+            mark.parent.mkdir(parents=True, exist_ok=True)
+            mark.touch()
     return True
+
+
+def compiled_mark(method: str) -> Path:
+    """A file that exists once the kernels of a method are compiled, for these sources and this processor."""
+    modules = {name.rpartition(".")[0] for name in kernels()}
+    files = sorted(
+        {module.__file__ or "" for name in modules if (module := sys.modules.get(name)) is not None}
+    )
+    stamps = [(file, found.st_mtime_ns, found.st_size) for file in files if (found := Path(file).stat())]
+    content = repr((method, stamps, kernels_folder(), numba.__version__, sys.version, get_host_cpu_name()))
+    digest = hashlib.sha256(content.encode()).hexdigest()[:20]
+    return user_cache_path("manytouch") / "compiled" / digest
+
+
+def _is_compiled(method: str, own: str) -> bool:
+    if not any(is_cached for name, is_cached in kernels().items() if name.startswith(own)):
+        return False
+    mark = compiled_mark(method)
+    return mark.exists() or not is_writable(mark.parent)

@@ -35,15 +35,12 @@ class Recorder:
         lost: number of frames that were not recorded, because the disk was too slow.
     """
 
-    def __init__(
-        self, path: Path, *, source: Mapping[str, Any], fps: float | None, file: OutputFile | None = None
-    ) -> None:
+    def __init__(self, path: Path, *, source: Mapping[str, Any], file: OutputFile | None = None) -> None:
         """Start a recording.
 
         Args:
             path: the file to create or replace.
             source: a description of the input.
-            fps: its frame rate.
             file: receives the data instead of a file at `path`.
 
         Raises:
@@ -62,7 +59,6 @@ class Recorder:
         self._messages = 0
         self._started_unix_ns: int | None = None
         self._early: list[Any] = []
-        self._fps = fps
         try:
             if file is None:
                 path.parent.mkdir(parents=True, exist_ok=True)
@@ -156,7 +152,7 @@ class Recorder:
 
     def _put_now(self, item: Any) -> None:
         if self._messages % SPACE_CHECK_INTERVAL == 0 and self._is_disk_full():
-            self._finish(f"the disk is full: {self.path.name} ended")
+            self._finish(f"the disk is full: {self.path.name} ended, {self._space()}")
             return
         self._messages += 1
         if isinstance(item, Reading):
@@ -173,8 +169,18 @@ class Recorder:
     def _started_writer(self) -> RecordingWriter:
         if self._writer is None:
             begin_ns = time.time_ns() if self._started_unix_ns is None else self._started_unix_ns
-            self._writer = RecordingWriter(self._file, started_unix_ns=begin_ns, fps=self._fps)
+            self._writer = RecordingWriter(self._file, started_unix_ns=begin_ns)
         return self._writer
+
+    def _space(self) -> str:
+        """How much was written, and how much is free."""
+        written = 0 if self._writer is None else self._writer.valid_bytes
+        reserve = f"{RESERVE_BYTES / 1e6:.0f} MB of the disk stay free"
+        try:
+            free = f"{free_bytes(self.path.parent) / 1e6:.3g} MB were free"
+        except OSError:
+            free = "the free space is unknown"
+        return f"when {written / 1e6:.3g} MB were written and {free} ({reserve})"
 
     def _is_disk_full(self) -> bool:
         try:
@@ -208,7 +214,7 @@ class Recorder:
             if error.errno in (errno.ENOSPC, errno.EDQUOT)
             else f"{error.strerror or error}"
         )
-        self._set_ended(f"{what}: {self.path.name} ended")
+        self._set_ended(f"{what}: {self.path.name} ended, {self._space()}")
 
     def _set_ended(self, why: str) -> None:
         kept = f"{self.frames} frames were recorded"

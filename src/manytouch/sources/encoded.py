@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from manytouch.sources.image_header import image_mistake
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.values import Frame
 from manytouch.values.arrays import Image, read_only
@@ -28,6 +29,8 @@ def decode(encoded: bytes, *, is_colour: bool) -> Image | None:
     mode = cv2.IMREAD_COLOR if is_colour else cv2.IMREAD_GRAYSCALE
     if encoded.startswith(PNG_BEGIN):
         mode = cv2.IMREAD_ANYCOLOR
+    if image_mistake(encoded) is not None:
+        return None
     try:
         image = cv2.imdecode(np.frombuffer(encoded, np.uint8), mode | cv2.IMREAD_ANYDEPTH)
     except cv2.error:

@@ -56,6 +56,16 @@ def open_source(
         raise SourceError(f"{text!r} cannot be read: {error.strerror or error}.") from error
 
 
+def require_file(path: Path) -> None:
+    """Check that a file exists.
+
+    Raises:
+        SourceError: it does not; the message proposes similar names.
+    """
+    if not path.is_file():
+        raise SourceError(_why_not(str(path), path))
+
+
 def is_camera(text: str) -> bool:
     """Whether a text names a camera or a stream."""
     if text.isdigit():

@@ -17,14 +17,16 @@ class Device(Protocol):
     """The camera or connection behind a live source.
 
     Attributes:
-        status: "ok", or a sentence about what is wrong.
         settings: what was requested, and what the camera reports.
         is_colour: decode frames in colour.
     """
 
-    status: str
     settings: tuple[Setting, ...]
     is_colour: bool
+
+    @property
+    def status(self) -> str:
+        """ "ok", or a sentence about what is wrong."""
 
     def listen(self, tap: Callable[[Frame], None] | None) -> None:
         """Pass every frame to `tap` as it arrives, before any may be dropped; None ends that."""

@@ -172,6 +172,9 @@ def update_state(
     Returns:
         The motion that 95 % of the seen markers stayed below, in spacings, and how many are seen.
     """
+    dots, graph, state = DotArrays(*dots), GraphArrays(*graph), MatchingState(*state)
+    assignment, workspace = Assignment(*assignment), Workspace(*workspace)
+    after, out = NextState(*after), Measurements(*out)
     rest = graph.rest_px
     dot, displacement, _ = assignment
     for k in range(len(rest)):

@@ -6,10 +6,12 @@ not identities, and after a blackout the pattern is found again.
 """
 
 from dataclasses import dataclass, replace
+from math import sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from manytouch.compilation import plain
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import project
 from manytouch.tracking.lattice_graph import (
@@ -226,7 +228,14 @@ class MarkerTracker:
         )
         assignment = Assignment(match.dot, workspace.position_px, workspace.is_used)
         motion, seen = update_state(
-            dots, assignment, before, graph.arrays, self.damping, workspace, arrays, measured
+            plain(dots),
+            plain(assignment),
+            plain(before),
+            plain(graph.arrays),
+            self.damping,
+            plain(workspace),
+            plain(arrays),
+            plain(measured),
         )
         appearance, difference = _learn_appearance(state, dots, match, is_good=is_good)
         few = seen < state.seen_count - _count_tolerance(graph)
@@ -261,7 +270,7 @@ def _unknown_difference() -> np.ndarray:
 
 def _count_tolerance(graph: LatticeGraph) -> float:
     """Number of markers by which frames may differ by chance; much less than a line of the pattern."""
-    return float(1.0 + _COUNT_TOLERANCE * np.sqrt(graph.present_count))
+    return 1.0 + _COUNT_TOLERANCE * sqrt(graph.present_count)
 
 
 def _without_missing(graph: LatticeGraph, position_px: Points2) -> Points2:
@@ -293,7 +302,7 @@ def _learn_appearance(
         return state.appearance, state.appearance_difference
     rate = max(_LEARNING_RATE, 1.0 / (state.learned_frames + 1))
     appearance = np.empty_like(state.appearance)
-    update_appearance(match.dot, dots, state.graph.arrays, state.appearance, rate, appearance)
+    update_appearance(match.dot, plain(dots), plain(state.graph.arrays), state.appearance, rate, appearance)
     usual, now = state.appearance_difference.tolist(), match.appearance_difference.tolist()
     difference = [running_mean(a, b, rate) for a, b in zip(usual, now, strict=True)]
     return read_only(appearance), read_only(np.array(difference))

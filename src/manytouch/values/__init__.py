@@ -17,7 +17,7 @@ from manytouch.values.commands import (
     Tune,
     UseMethod,
 )
-from manytouch.values.contacts import ESTIMATES, Contact, Contacts, Phase
+from manytouch.values.contacts import ESTIMATES, Contact, Contacts, ContactShape, OutlineRing, Phase
 from manytouch.values.detections import Detections
 from manytouch.values.frame import Frame
 from manytouch.values.grid import TrackedGrid
@@ -34,12 +34,14 @@ __all__ = [
     "Command",
     "Comparison",
     "Contact",
+    "ContactShape",
     "Contacts",
     "Detections",
     "Frame",
     "Health",
     "Layout",
     "LengthUnit",
+    "OutlineRing",
     "Phase",
     "Play",
     "Polarity",

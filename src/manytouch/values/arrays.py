@@ -27,7 +27,7 @@ Array = TypeVar("Array", bound=np.ndarray)
 
 def read_only(array: Array) -> Array:
     """The same array, no longer writable through this reference (no copy)."""
-    array.flags.writeable = False
+    array.setflags(write=False)
     return array
 
 

@@ -93,3 +93,17 @@ class Play:
 
 
 Command = Start | Stop | Tare | UseMethod | Tune | Record | StopRecording | Press | Release | Seek | Play
+
+
+def command_kind(command: Command) -> tuple[str, int | str]:
+    """Of commands that wait, only the newest of each kind is carried out: the others are replaced by it."""
+    match command:
+        case Start() | Stop():
+            return "run", ""
+        case Record() | StopRecording():
+            return "record", ""
+        case Press(finger=finger) | Release(finger=finger):
+            return "finger", finger
+        case Tune(parameter=parameter):
+            return "tune", parameter
+    return type(command).__name__, ""

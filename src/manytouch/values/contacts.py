@@ -6,7 +6,7 @@ from enum import StrEnum
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.values.arrays import count_of
+from manytouch.values.arrays import Points2, count_of
 from manytouch.values.status import Status
 
 ESTIMATES = ("x", "y", "depth", "shear_x", "shear_y", "normal_force", "torque", "area")
@@ -21,6 +21,32 @@ class Phase(StrEnum):
     END = "end"
 
 
+class ContactShape(StrEnum):
+    """Shape of the pressure of a contact, as far as the markers distinguish it."""
+
+    POINT = "point"
+    LINE = "line"
+    PATCH = "patch"
+    RING = "ring"
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class OutlineRing:
+    """A closed polygon of the outline of a contact's region.
+
+    Attributes:
+        point_mm: (k, 2) corners x, y in undeformed sheet coordinates; the last one is joined to the first.
+            Counter-clockwise from x to y around a region, clockwise around a hole.
+        is_hole: whether the polygon is the border of a hole in the region.
+    """
+
+    point_mm: Points2
+    is_hole: bool = False
+
+    def __repr__(self) -> str:
+        return f"OutlineRing({count_of(len(self.point_mm), 'corner')}{', hole' if self.is_hole else ''})"
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Contact:
     """One contact in one frame. NaN means unknown; no estimate is 0 by default.
@@ -33,11 +59,18 @@ class Contact:
         depth_mm: largest depth of the camera-side face within the contact.
         force_N: (3,) of the object on the sheet, x, y, z; a press has z < 0 and normal force = -z.
         torque_Nmm: about the sheet's normal.
-        area_mm2: area of the contact.
+        area_mm2: area of the contact's region, the smallest set that carries 95 % of its normal force after
+            smoothing at half a pitch; of a flat rigid face its footprint.
         covariance: (8, 8) of the estimates in the order of `ESTIMATES`, NaN where unknown.
         normal_force_over_E_mm2: normal force divided by Young's modulus; does not depend on the stiffness.
         shear_over_E_mm2: shear force x, y divided by Young's modulus.
         slip: whether it slides over the sheet; None if unknown.
+        half_major_mm, half_minor_mm: half axes of the ellipse under uniform pressure that has the second
+            moments of the contact's pressure.
+        orientation_rad: angle of the major axis from x towards y, in (-pi/2, pi/2].
+        shape: the most probable shape of the pressure; None if unknown.
+        shape_probability: of that shape.
+        outline: of the contact's region; None if unknown.
     """
 
     id: int
@@ -52,6 +85,12 @@ class Contact:
     normal_force_over_E_mm2: float = float("nan")
     shear_over_E_mm2: tuple[float, float] = (float("nan"), float("nan"))
     slip: bool | None = None
+    half_major_mm: float = float("nan")
+    half_minor_mm: float = float("nan")
+    orientation_rad: float = float("nan")
+    shape: ContactShape | None = None
+    shape_probability: float = float("nan")
+    outline: tuple[OutlineRing, ...] | None = None
 
     def std(self, estimate: str) -> float:
         """Standard deviation of one of `ESTIMATES`, in its own unit; NaN if unknown."""

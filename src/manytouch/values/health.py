@@ -40,6 +40,7 @@ class Health:
         frame, frame_count: position in a recording and its length; None if the source is not a recording.
         can_press: whether the source accepts `Press`.
         sensor_version: increases with every change of the sensor.
+        is_preparing: whether a changed method, parameter or reference is being prepared.
     """
 
     is_running: bool
@@ -61,3 +62,4 @@ class Health:
     frame_count: int | None = None
     can_press: bool = False
     sensor_version: int = 0
+    is_preparing: bool = False

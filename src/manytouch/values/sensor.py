@@ -9,6 +9,7 @@ from jaxtyping import Bool, Float64, Int64
 
 LengthUnit = Literal["mm", "pitch"]
 Polarity = Literal["light", "dark"]
+Boundary = Literal["clamped", "bonded"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -22,6 +23,9 @@ class Camera:
         distortion: (5,) or (4,) coefficients of the model.
         rotation_vector: (3,) Rodrigues vector of cam_from_sheet, rad.
         translation_mm: (3,) of cam_from_sheet.
+        fx_std_px, fy_std_px, cx_std_px, cy_std_px, distortion_std, rotation_vector_std, translation_std_mm:
+            standard deviations, in the shape of what they belong to. None: not stated; see
+            `values.sensor_file.default_std`.
     """
 
     model: Literal["pinhole", "fisheye"] = "pinhole"
@@ -34,6 +38,13 @@ class Camera:
     distortion: Float64[np.ndarray, " d"]
     rotation_vector: Float64[np.ndarray, "3"]
     translation_mm: Float64[np.ndarray, "3"]
+    fx_std_px: float | None = None
+    fy_std_px: float | None = None
+    cx_std_px: float | None = None
+    cy_std_px: float | None = None
+    distortion_std: Float64[np.ndarray, " d"] | None = None
+    rotation_vector_std: Float64[np.ndarray, "3"] | None = None
+    translation_std_mm: Float64[np.ndarray, "3"] | None = None
 
     def __repr__(self) -> str:
         x_mm, y_mm, z_mm = self.translation_mm
@@ -91,25 +102,43 @@ class Sheet:
     """The soft sheet. None means unknown; forces are relative if the stiffness is unknown.
 
     Attributes:
-        size_mm: (2,) clamped outline along x and y, centred on the origin.
+        size_mm: (2,) clamped outline along x and y, or outline of a bonded pad, centred on the origin.
         thickness_mm: of the sheet without its markers.
         young_MPa, poisson, density_kg_m3: of its material.
-        young_std_MPa: standard deviation of young_MPa, from calibration; None counts as 0.
-        boundary: how its outline is fixed.
+        boundary: "clamped": held at its outline; "bonded": a pad on a rigid window, seen through it.
         pretension_N_per_mm: from calibration; never assumed.
         bending_factor: bending stiffness over that of a homogeneous plate, from calibration.
+        marker_depth_mm: of a bonded pad, from its contact face to its markers.
+        window_mm: thickness of the window; None: the window does not refract.
+        window_index, pad_index: refractive indices.
+        ..._std_...: standard deviation of the value named like it without `std`; `outline_std_mm` is that of
+            each side of the outline. None: not stated; see `values.sensor_file.default_std`.
         is_assumed: whether size and thickness are assumptions; never true in a sensor file.
     """
 
     size_mm: Float64[np.ndarray, "2"]
     thickness_mm: float
     young_MPa: float | None = None
-    young_std_MPa: float | None = None
     poisson: float | None = None
-    boundary: Literal["clamped"] = "clamped"
+    boundary: Boundary = "clamped"
     pretension_N_per_mm: float | None = None
     bending_factor: float | None = None
     density_kg_m3: float | None = None
+    marker_depth_mm: float | None = None
+    window_mm: float | None = None
+    window_index: float | None = None
+    pad_index: float | None = None
+    outline_std_mm: float | None = None
+    thickness_std_mm: float | None = None
+    young_std_MPa: float | None = None
+    poisson_std: float | None = None
+    pretension_std_N_per_mm: float | None = None
+    bending_factor_std: float | None = None
+    density_std_kg_m3: float | None = None
+    marker_depth_std_mm: float | None = None
+    window_std_mm: float | None = None
+    window_index_std: float | None = None
+    pad_index_std: float | None = None
     is_assumed: bool = False
 
     def __repr__(self) -> str:

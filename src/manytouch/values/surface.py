@@ -12,15 +12,19 @@ from manytouch.values.status import Status
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SheetSpline:
-    """Displacement of the sheet's middle surface and the forces on it, as coefficients of cubic B-splines.
+    """Displacement of the sheet and the forces on it, as coefficients of cubic B-splines.
 
     Attributes:
         size_mm, centre_mm: of the rectangle that the spline covers, along x and y.
         elements: number of elements along x and y.
         is_clamped: whether the outline is clamped; otherwise the sheet continues beyond it.
         thickness_mm, poisson: of the sheet; they determine the positions of its faces.
-        shear_mm2: straight fibres through the sheet follow the slopes of w + shear_mm2 lap w.
-        coefficient_mm: (nodes, 3) of the displacement, in the order of `geometry.spline.SplinePatch`.
+        shear_mm2: the deflection of the camera-side face is b - shear_mm2 lap b.
+        tilt_mm2: straight fibres through the sheet are normal to b - tilt_mm2 lap b.
+        pretension_over_E_mm, pretension_std_over_E_mm: membrane force per length at rest divided by Young's
+            modulus, and its standard deviation; NaN where it is not known.
+        coefficient_mm: (nodes, 3) of the displacement along x and y and of the bending deflection b, in the
+            order of `geometry.spline.SplinePatch`.
         force_over_E_mm2: (nodes, 3) nodal forces on the sheet divided by Young's modulus.
         young_MPa: None if unknown.
     """
@@ -35,6 +39,9 @@ class SheetSpline:
     force_over_E_mm2: Float64[np.ndarray, "nodes 3"]
     young_MPa: float | None
     shear_mm2: float = 0.0
+    tilt_mm2: float = 0.0
+    pretension_over_E_mm: float = float("nan")
+    pretension_std_over_E_mm: float = float("nan")
 
     def __repr__(self) -> str:
         (x_mm, y_mm), (columns, rows) = self.size_mm, self.elements

@@ -16,6 +16,7 @@ sys.path.append(str(BENCHMARKS))
 from identity import GivenDots, NoEstimate, combine_scores, runs_of, score, score_frame, track_points  # noqa: E402
 from sequences import Course, Sequence, course_of, dots_in  # noqa: E402
 
+from layouts import grid_at  # noqa: E402
 from manytouch.pipeline import Pipeline  # noqa: E402
 from manytouch.tracking.tracker import MarkerTracker  # noqa: E402
 from manytouch.values import Detections, Frame, Reading, Sensor, Status, TrackedGrid  # noqa: E402
@@ -25,17 +26,12 @@ STD_PX = 0.02
 
 def grid_of(course: Course, index: int, *, status: Status = Status.OK) -> TrackedGrid:
     """The grid of a perfect tracker, with noise."""
-    chance = np.random.default_rng(index)
-    seen = course.is_visible[index].copy()
-    position = course.centre_px[index] + STD_PX * chance.standard_normal(course.centre_px[index].shape)
-    position[~seen] = np.nan
-    covariance = np.tile(STD_PX**2 * np.eye(2), (len(seen), 1, 1))
-    covariance[~seen] = np.nan
-    return TrackedGrid(
-        position_px=position,
-        covariance_px2=covariance,
-        is_seen=seen,
-        frames_unseen=np.where(seen, 0, 1).astype(np.int64),
+    return grid_at(
+        course.centre_px[index],
+        std_px=STD_PX,
+        noise_px=STD_PX,
+        seed=index,
+        unseen=~course.is_visible[index],
         status=status,
     )
 

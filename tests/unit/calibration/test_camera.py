@@ -144,7 +144,7 @@ def test_missing_views_are_listed_until_they_are_taken(pictures):
     assert "11 more views" in missing
     assert "bottom right" in missing
     assert "nearer, or farther" in missing
-    for name, frame in frames([picture(true_camera(), BOARD, pose) for pose in poses(40, seed=5)]):
+    for name, frame in frames([picture(true_camera(), BOARD, pose) for pose in poses(18, seed=5)]):
         collection.add(frame, name)
     assert collection.missing() == ()
 

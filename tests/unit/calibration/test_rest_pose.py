@@ -35,7 +35,7 @@ def tilted_sensor(missing: int = 0):
     )
 
 
-def frames_of(sensor, count: int = 8):
+def frames_of(sensor, count: int = 5):
     scene = SolidScene(
         name="rest", time_s=np.array([0.0, 5.0]), states=(flat((120.0, 80.0)),) * 2, duration_s=5.0
     )
@@ -144,7 +144,7 @@ def test_a_marker_that_moves_meanwhile_is_odd(tilted_frames):
     ]
     found = calibrate_rest(camera_only(tilted_sensor()), moved, pitch_mm=4.0)
     (sentence,) = [sentence for sentence in found.warnings if "was the sheet touched" in sentence]
-    assert float(re.search(r"moved by ([\d.]+) px", sentence).group(1)) == pytest.approx(7.0, abs=0.2)
+    assert float(re.search(r"moved by ([\d.]+) px", sentence).group(1)) == pytest.approx(4.0, abs=0.2)
 
 
 def far_sensor():
@@ -154,7 +154,7 @@ def far_sensor():
 
 @pytest.fixture(scope="module")
 def far_frames():
-    return frames_of(far_sensor(), count=6)
+    return frames_of(far_sensor(), count=4)
 
 
 def mounted(frames, camera, size_mm, *, outside=0.3, middle_mm=(0.0, 0.0), sides=(1, 1, 1, 1), blur_px=0.8):
@@ -231,10 +231,12 @@ def test_light_that_falls_off_is_no_clamp_line(far_frames):
 
 
 def test_a_clamp_line_that_lies_elsewhere_changes_forces_near_it():
-    # Near a straight clamp a plate's stiffness falls with the square of the distance: 1 mm of 10 is 21 %.
-    sheet = Sheet(size_mm=np.array([120.0, 80.0]), thickness_mm=6.0, poisson=0.45)
-    assert force_change(sheet) == pytest.approx(0.2, abs=0.04)
-    assert force_change(replace(sheet, thickness_mm=2.0)) > 0.1
+    # Near a straight clamp the stiffness of a thin plate falls with the square of the distance: 1 mm of 10 is
+    # 21 %. A thick one also shears, and this stiffness falls more slowly.
+    sheet = Sheet(size_mm=np.array([120.0, 80.0]), thickness_mm=2.0, poisson=0.45)
+    thin, thick = force_change(sheet), force_change(replace(sheet, thickness_mm=6.0))
+    assert thin == pytest.approx(0.2, abs=0.04)
+    assert 0.1 < thick < thin
 
 
 def test_what_cannot_be_known_is_refused(tilted_frames):

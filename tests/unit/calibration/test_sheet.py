@@ -1,12 +1,15 @@
 """A sheet from presses: what was put in comes out, deviations hold, and what the presses do not determine
 is reported."""
 
+import functools
 import re
 from dataclasses import dataclass, replace
 
+import cv2
 import numpy as np
 import pytest
 
+from clips import write_video
 from manytouch.calibration.sheet.calibrate import calibrate_sheet
 from manytouch.calibration.sheet.fit import KnownPress, disc
 from manytouch.calibration.sheet.press_table import measure_presses, read_press_table
@@ -17,8 +20,9 @@ from manytouch.errors import SensorError, SourceError
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.equilibrium import equilibrium
-from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
+from manytouch.mechanics.shell.shell import Shell
 from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.sources import open_source
 from manytouch.values.sensor_file import save_sensor
 
 YOUNG_MPA, THICKNESS_MM, PRETENSION_N_PER_MM = 2.4, 3.3, 0.15
@@ -68,52 +72,55 @@ class NormalPush:
         place, weight = disc(self.place_mm, 4.0)
         basis = self.patch.at(place)
         w_mm = coefficient_mm[basis.node, 2]
-        normal = [(basis.dx * w_mm).sum(axis=1), (basis.dy * w_mm).sum(axis=1), -np.ones(len(place))]
-        return self.force_over_E_mm2 * np.column_stack(
-            [self.patch.load(place, weight * part) for part in normal]
-        )
+        slopes = [(table * w_mm).sum(axis=1) for table in (basis.slope_x, basis.slope_y)]
+        normal = np.column_stack([*slopes, -np.ones(len(place))])
+        return self.force_over_E_mm2 * self.patch.load(place, weight[:, None] * normal)
 
 
-def pressed(
-    sensor, *, noise_px: float = 0.02, forces: bool = True, newtons: float | None = None
-) -> list[KnownPress]:
-    """Presses on a finer shell than the one that is fitted."""
+@functools.cache
+def displacements_px(newtons: float | None) -> tuple[np.ndarray, ...]:
+    """Displacements (m, 2) by presses on a finer shell than the one that is fitted, each solved once."""
+    sensor = small_sensor()
     patch = SplinePatch(size_mm=SIZE_MM, elements=(20, 14), boundary="clamped")
     shell = Shell(
         patch=patch,
         thickness_mm=THICKNESS_MM,
         poisson=0.45,
         pretension_over_E_mm=PRETENSION_N_PER_MM / YOUNG_MPA,
-        bending_factor=THICK_BENDING,
     )
     layout = sensor.layout
     dots = MarkerImages(
         shell=shell, camera=sensor.camera, rest_mm=layout.rest_mm, radius_mm=layout.radius_mm, height_mm=0.0
     )
-    chance = np.random.default_rng(5)
     found = []
-    for number, (x, y, usual) in enumerate(PLACES):
-        force = usual if newtons is None else newtons
-        load = NormalPush(patch=patch, place_mm=np.array([x, y]), force_over_E_mm2=force / YOUNG_MPA)
-        moved = dots.displacement_px(equilibrium(shell, load).coefficient_mm)
-        found.append(
-            KnownPress(
-                name=f"press {number}",
-                place_mm=np.array([x, y]),
-                radius_mm=4.0,
-                displacement_px=moved + chance.normal(0.0, noise_px, moved.shape),
-                is_seen=np.ones(len(moved), dtype=bool),
-                noise_px=noise_px,
-                force_N=force if forces else None,
-            )
+    for x, y, usual in PLACES:
+        force_over_E_mm2 = (usual if newtons is None else newtons) / YOUNG_MPA
+        load = NormalPush(patch=shell.patch, place_mm=np.array([x, y]), force_over_E_mm2=force_over_E_mm2)
+        found.append(dots.displacement_px(equilibrium(shell, load).coefficient_mm))
+    return tuple(found)
+
+
+def pressed(*, noise_px: float = 0.02, forces: bool = True, newtons: float | None = None) -> list[KnownPress]:
+    """Measured presses with known places, and forces of `PLACES` or one for all."""
+    chance = np.random.default_rng(5)
+    return [
+        KnownPress(
+            name=f"press {number}",
+            place_mm=np.array([x, y]),
+            radius_mm=4.0,
+            displacement_px=moved + chance.normal(0.0, noise_px, moved.shape),
+            is_seen=np.ones(len(moved), dtype=bool),
+            noise_px=noise_px,
+            force_N=(usual if newtons is None else newtons) if forces else None,
         )
-    return found
+        for number, ((x, y, usual), moved) in enumerate(zip(PLACES, displacements_px(newtons), strict=True))
+    ]
 
 
 @pytest.fixture(scope="module")
 def fitted():
     sensor = small_sensor()
-    return calibrate_sheet(sensor, pressed(sensor))
+    return calibrate_sheet(sensor, pressed())
 
 
 def test_presses_determine_thickness_pretension_and_forces(fitted):
@@ -142,7 +149,7 @@ def test_the_truth_lies_within_three_deviations(fitted):
 def test_a_displaced_or_badly_fitting_press_gives_a_warning(fitted):
     assert fitted.warnings == ()
     sensor = small_sensor()
-    held = pressed(sensor)
+    held = pressed()
     aside = replace(held[1], place_mm=held[1].place_mm + np.array([-2.0, 2.4]))
     far = np.linalg.norm(sensor.layout.rest_mm[:, :2] - held[4].place_mm, axis=1) > 8.0
     chance = np.random.default_rng(3)
@@ -169,7 +176,7 @@ def test_deviations_count_what_shell_and_solid_differ_by_and_how_well_scales_rea
 def test_parameters_that_shallow_presses_do_not_determine_are_listed(fitted):
     assert not any("thickness_mm" in sentence for sentence in fitted.undetermined)
     sensor = small_sensor()
-    shallow = calibrate_sheet(sensor, pressed(sensor, newtons=0.03))
+    shallow = calibrate_sheet(sensor, pressed(newtons=0.03)[:4])
     for name in ("bending_factor", "thickness_mm"):
         assert any(f"do not determine {name} better than" in sentence for sentence in shallow.undetermined)
 
@@ -182,7 +189,7 @@ def test_dots_under_what_touches_do_not_count(fitted):
         assert near.sum() >= 4
         return replace(press, displacement_px=press.displacement_px + np.where(near[:, None], 3.0, 0.0))
 
-    found = calibrate_sheet(sensor, [torn(press) for press in pressed(sensor)])
+    found = calibrate_sheet(sensor, [torn(press) for press in pressed()])
     # only where the fit starts from looks at all dots
     assert found.force_over_E_mm2 == pytest.approx(fitted.force_over_E_mm2, rel=1e-3)
     assert found.sheet.thickness_mm == pytest.approx(fitted.sheet.thickness_mm, rel=1e-3)
@@ -190,7 +197,7 @@ def test_dots_under_what_touches_do_not_count(fitted):
 
 def test_without_a_force_stiffness_stays_unknown():
     sensor = small_sensor()
-    found = calibrate_sheet(sensor, pressed(sensor, forces=False)[:4])
+    found = calibrate_sheet(sensor, pressed(forces=False)[:4])
     assert found.sheet.young_MPa is None
     assert found.sheet.young_std_MPa is None
     assert "young_MPa" not in found.std
@@ -200,7 +207,7 @@ def test_without_a_force_stiffness_stays_unknown():
 
 def test_presses_that_hardly_move_a_marker_are_refused():
     sensor = small_sensor()
-    held = pressed(sensor)
+    held = pressed()
     with pytest.raises(SensorError, match="3 presses are too few"):
         calibrate_sheet(sensor, held[:3])
     still = replace(held[2], displacement_px=np.zeros_like(held[2].displacement_px))
@@ -249,7 +256,10 @@ def test_presses_are_read_from_a_recording(tmp_path):
     near = np.linalg.norm(sensor.layout.rest_mm[reach > 0.7 * reach.max(), :2] - press.place_mm, axis=1)
     assert near.max() < 25.0
     assert 0.01 <= press.noise_px < 0.05
-    table.write_text("input,time_s,x_mm,y_mm\nsim:one,60,14,-8\n")
+    shown = open_source("sim:one").simulator
+    images = [cv2.cvtColor(shown.frame(index).image, cv2.COLOR_GRAY2BGR) for index in range(16)]
+    write_video(tmp_path / "short.avi", images)
+    table.write_text("input,time_s,x_mm,y_mm\nshort.avi,60,14,-8\n")
     with pytest.raises(SourceError, match="correct time_s"):
         measure_presses(sensor, read_press_table(table), tmp_path)
 

@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+from layouts import marker_layout
 from manytouch.detection import DotSearch, expected_appearance
 from manytouch.errors import SensorError
 from manytouch.pipeline import Detector
 from manytouch.simulation.render.discs import Look, Spot, render_discs
-from manytouch.values import Camera, Frame, Layout, Roi, Sensor
+from manytouch.values import Frame, Roi, Sensor
+from straight import straight_camera
 
 WIDTH, HEIGHT = 640, 420
 
@@ -16,26 +18,10 @@ def sensor(
     centre_px: np.ndarray, radius_px: np.ndarray | float, polarity: str = "light", weights=None
 ) -> Sensor:
     """One pixel is one millimetre on the sheet."""
-    camera = Camera(
-        width_px=WIDTH,
-        height_px=HEIGHT,
-        fx_px=500.0,
-        fy_px=500.0,
-        cx_px=WIDTH / 2,
-        cy_px=HEIGHT / 2,
-        distortion=np.zeros(5),
-        rotation_vector=np.zeros(3),
-        translation_mm=np.array([0.0, 0.0, 500.0]),
-    )
-    count = len(centre_px)
-    layout = Layout(
-        rest_mm=np.column_stack([centre_px - [WIDTH / 2, HEIGHT / 2], np.zeros(count)]),
-        row_column=None,
-        pitch_mm=np.array([40.0, 40.0]),
-        radius_mm=np.broadcast_to(np.asarray(radius_px, dtype=float), (count,)).copy(),
-        polarity=polarity,
-        colour_weights=weights,
-        is_missing=np.zeros(count, dtype=bool),
+    middle_px = (WIDTH / 2, HEIGHT / 2)
+    camera = straight_camera(WIDTH, HEIGHT, focal_px=500.0, distance_mm=500.0, principal_px=middle_px)
+    layout = marker_layout(
+        centre_px - middle_px, pitch_mm=40.0, radius_mm=radius_px, polarity=polarity, colour_weights=weights
     )
     return Sensor(name="test", camera=camera, layout=layout)
 

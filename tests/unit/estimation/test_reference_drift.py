@@ -2,18 +2,8 @@
 
 import numpy as np
 
+from layouts import grid_at
 from manytouch.estimation.reference_drift import ReferenceDrift
-from manytouch.values import TrackedGrid
-
-
-def grid(position_px: np.ndarray, is_seen: np.ndarray) -> TrackedGrid:
-    count = len(position_px)
-    return TrackedGrid(
-        position_px=np.where(is_seen[:, None], position_px, np.nan),
-        covariance_px2=np.zeros((count, 2, 2)),
-        is_seen=is_seen,
-        frames_unseen=np.zeros(count, dtype=np.int64),
-    )
 
 
 def test_it_follows_slowly_and_no_further_than_its_bound() -> None:
@@ -22,7 +12,7 @@ def test_it_follows_slowly_and_no_further_than_its_bound() -> None:
     seen = np.array([True, True, False])
     settle, reference = ReferenceDrift(share=0.01, max_drift_pitch=0.01), began
     for frame in range(1000):
-        reference = settle(reference, began, grid(crept, seen), pitch_px=70.0)
+        reference = settle(reference, began, grid_at(crept, unseen=~seen), pitch_px=70.0)
         if frame == 9:
             assert 0.01 < reference[0, 0] < 0.03
     np.testing.assert_allclose(reference[0], [0.2, 0.0], atol=1e-3)

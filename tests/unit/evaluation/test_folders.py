@@ -10,6 +10,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
+from layouts import lattice_layout
 from manytouch.evaluation.compare_folders import evaluate_folders
 from manytouch.evaluation.metrics.comparison import compare, figures
 from manytouch.evaluation.records.folders import load_result, load_truth
@@ -22,7 +23,6 @@ from manytouch.values import (
     Contacts,
     Detections,
     Frame,
-    Layout,
     Phase,
     Reading,
     Sensor,
@@ -38,18 +38,8 @@ MARKERS = ROWS * COLUMNS
 
 @pytest.fixture
 def sensor() -> Sensor:
-    row, column = (index.ravel() for index in np.indices((ROWS, COLUMNS)))
-    place = np.column_stack([column - (COLUMNS - 1) / 2, row - (ROWS - 1) / 2])
     camera = straight_camera(320, 200, focal_px=300.0, distance_mm=60.0)
-    layout = Layout(
-        rest_mm=np.column_stack([5.0 * place, np.zeros(MARKERS)]),
-        row_column=np.column_stack([row, column]).astype(np.int64),
-        pitch_mm=np.array([5.0, 5.0]),
-        radius_mm=np.full(MARKERS, 1.0),
-        polarity="light",
-        is_missing=np.zeros(MARKERS, dtype=bool),
-    )
-    return Sensor(name="small", camera=camera, layout=layout)
+    return Sensor(name="small", camera=camera, layout=lattice_layout(ROWS, COLUMNS, 5.0))
 
 
 def reading(sensor: Sensor, index: int, *, wrong: float) -> Reading:

@@ -93,6 +93,10 @@ def test_the_presses_are_at_60_and_115_mm_and_in_no_group_of_the_suite() -> None
 
 
 def test_each_method_reads_the_press_where_it_is_with_its_ground_truth() -> None:
+    small = replace(places.presses()[0], width_px=800)
+    deep = replace(small, deepest_mm=4.0)
+    recording = simulate_case(deep, bumps(deep))
+
     class Hollow:
         description = "a hollow"
 
@@ -100,10 +104,8 @@ def test_each_method_reads_the_press_where_it_is_with_its_ground_truth() -> None
             return None
 
         def simulate(self, case: Case) -> SimulatedRecording:
-            deep = replace(case, deepest_mm=4.0, width_px=1280)
-            return simulate_case(deep, bumps(deep))
+            return recording
 
-    small = replace(places.presses()[0], width_px=1280)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(places, "presses", lambda: (small, small))
         found = places.table({"perimeter": pipeline_for("perimeter")}, Hollow())

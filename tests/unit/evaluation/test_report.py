@@ -89,8 +89,13 @@ def evaluation(sheet: Sheet, contact_table: Table) -> Evaluation:
 
 
 @pytest.fixture(scope="module")
-def page(evaluation: Evaluation) -> str:
-    return report.rendered(evaluation, contents(evaluation))
+def written_page(evaluation: Evaluation, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return report.write_report(evaluation, tmp_path_factory.mktemp("report") / "out")
+
+
+@pytest.fixture(scope="module")
+def page(written_page: Path) -> str:
+    return written_page.read_text(encoding="utf-8")
 
 
 class Outline(HTMLParser):
@@ -175,10 +180,9 @@ def test_the_page_states_what_the_truth_is_and_what_was_left_out(page: str) -> N
 
 
 def test_json_survives_its_round_trip_and_agrees_with_the_page(
-    evaluation: Evaluation, tmp_path: Path
+    evaluation: Evaluation, written_page: Path
 ) -> None:
-    written_page = report.write_report(evaluation, tmp_path / "out")
-    read = json.loads((tmp_path / "out" / "report.json").read_text())
+    read = json.loads((written_page.parent / "report.json").read_text())
     assert read == contents(evaluation)
     assert written_page.name == "report.html"
     assert read["figures"]["careful"]["all"]["depth"]["peak_percent"] == pytest.approx(2)
@@ -187,7 +191,7 @@ def test_json_survives_its_round_trip_and_agrees_with_the_page(
         *("all", "nominal", "separation", "stress", "looked_at", "held_out")
     }
     assert read["cases"][1]["case"]["looked_at"] is False
-    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["report.html", "report.json"]
+    assert sorted(path.name for path in written_page.parent.iterdir()) == ["report.html", "report.json"]
 
 
 def test_a_single_recording_makes_a_page_too(evaluation: Evaluation) -> None:

@@ -3,27 +3,19 @@
 import numpy as np
 import pytest
 
+from layouts import lattice_layout, marker_layout
 from manytouch.geometry.sampling import sampling_at, sampling_on
 from manytouch.values import Layout
 
 CHANCE = np.random.default_rng(7)
 
 
-def layout(rest_mm: np.ndarray, row_column: np.ndarray | None, pitch_mm: tuple[float, float]) -> Layout:
-    return Layout(
-        rest_mm=np.column_stack([rest_mm, np.zeros(len(rest_mm))]),
-        row_column=row_column,
-        pitch_mm=np.array(pitch_mm),
-        radius_mm=np.ones(len(rest_mm)),
-        polarity="dark",
-        is_missing=np.zeros(len(rest_mm), dtype=np.bool_),
-    )
+def layout(place_mm: np.ndarray, row_column: np.ndarray | None, pitch_mm: tuple[float, float]) -> Layout:
+    return marker_layout(place_mm, row_column=row_column, pitch_mm=pitch_mm)
 
 
 def lattice(rows: int = 6, columns: int = 9) -> Layout:
-    row, column = np.divmod(np.arange(rows * columns), columns)
-    place = np.column_stack([column * 4.0 - 16.0, row * 5.0 - 12.5])
-    return layout(place, np.column_stack([row, column]).astype(np.int64), (4.0, 5.0))
+    return lattice_layout(rows, columns, (4.0, 5.0))
 
 
 def uneven() -> Layout:

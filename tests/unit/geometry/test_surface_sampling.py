@@ -53,6 +53,7 @@ def spline_of(
         thickness_mm=THICKNESS_MM,
         poisson=0.45,
         shear_mm2=SHELL.shear_mm2,
+        tilt_mm2=SHELL.tilt_mm2,
         coefficient_mm=np.zeros((patch.node_count, 3)) if coefficient_mm is None else coefficient_mm,
         force_over_E_mm2=over_E,
         young_MPa=YOUNG_MPA,
@@ -78,7 +79,7 @@ def test_the_face_moves_as_in_the_mechanics(size_mm: tuple[float, float], bounda
     elements = (round(size_mm[0] / 4), round(size_mm[1] / 4))
     patch = SplinePatch(size_mm=size_mm, elements=elements, boundary=boundary, centre_mm=(2.0, -1.0))
     random = np.random.default_rng(5)
-    coefficient_mm = random.normal(scale=0.3, size=(patch.node_count, 3))
+    coefficient_mm = random.normal(scale=0.1, size=(patch.node_count, 3))
     point_mm = np.array(patch.centre_mm) + (random.random((200, 2)) - 0.5) * size_mm
     expected = Face(shell=replace(SHELL, patch=patch), point_mm=point_mm).displacement(coefficient_mm)
     spline = spline_of(coefficient_mm=coefficient_mm, patch=patch)
@@ -128,7 +129,7 @@ def test_outside_and_next_to_unknown_markers_nothing_is_known() -> None:
 
 
 def test_pressure_adds_up_to_the_force_and_peaks_where_it_presses(grid: SurfaceSampler) -> None:
-    force_N = PATCH.load(np.array([[-20.0, 10.0]]), np.array([-3.0]))
+    force_N = SHELL.patch.load(np.array([[-20.0, 10.0]]), np.array([[0.0, 0.0, -3.0]]))[:, 2]
     found = grid.pressure_kPa(surface_of(np.zeros_like(LAYOUT.rest_mm), spline_of(force_N=force_N)))
     total_N = np.trapezoid(np.trapezoid(found, X_MM, axis=1), Y_MM) * 1e-3
     assert total_N == pytest.approx(3.0, rel=0.01)

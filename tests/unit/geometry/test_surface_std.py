@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from layouts import grid_at
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.posterior_samples import PosteriorSamples
 from manytouch.evaluation.suite.sensors import nominal_sensor
@@ -25,14 +26,7 @@ FRAMES = 16
 
 def noisy_grid(model, shape_mm: np.ndarray, seed: int) -> TrackedGrid:
     centre_px = project(model.camera, model.layout.rest_mm) + model.dots.displacement_px(shape_mm)
-    centre_px += np.random.default_rng(seed).normal(0.0, NOISE_PX, centre_px.shape)
-    count = len(centre_px)
-    return TrackedGrid(
-        position_px=read_only(centre_px),
-        covariance_px2=read_only(np.tile(NOISE_PX**2 * np.eye(2), (count, 1, 1))),
-        is_seen=read_only(np.ones(count, dtype=bool)),
-        frames_unseen=read_only(np.zeros(count, dtype=np.int64)),
-    )
+    return grid_at(centre_px, std_px=NOISE_PX, noise_px=NOISE_PX, seed=seed)
 
 
 def test_strain_and_pressure_scatter_by_their_deviations() -> None:

@@ -4,11 +4,12 @@ import cv2
 import numpy as np
 import pytest
 
+from layouts import lattice_layout
 from manytouch.errors import ManytouchError, SensorError
 from manytouch.geometry.camera import project
 from manytouch.paper.detection import PaperDetection, contour_midpoints, open_binary
 from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, render_discs
-from manytouch.values import Camera, Frame, Layout, Roi, Sensor
+from manytouch.values import Camera, Frame, Roi, Sensor
 
 ROWS, COLUMNS, PITCH_MM, RADIUS_MM = 5, 8, 4.0, 0.9
 
@@ -29,18 +30,7 @@ def camera(*, width_px=420, height_px=300, distortion=None, rotation=(0.0, 0.0, 
 
 
 def sensor(polarity="light", **named):
-    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
-    rest_mm = np.column_stack(
-        [(column - (COLUMNS - 1) / 2) * PITCH_MM, (row - (ROWS - 1) / 2) * PITCH_MM, 0.0 * row]
-    )
-    layout = Layout(
-        rest_mm=rest_mm,
-        row_column=np.column_stack([row, column]),
-        pitch_mm=np.array([PITCH_MM, PITCH_MM]),
-        radius_mm=np.full(len(row), RADIUS_MM),
-        polarity=polarity,
-        is_missing=np.zeros(len(row), dtype=bool),
-    )
+    layout = lattice_layout(ROWS, COLUMNS, PITCH_MM, radius_mm=RADIUS_MM, polarity=polarity)
     return Sensor(name="test sheet", camera=camera(**named), layout=layout)
 
 

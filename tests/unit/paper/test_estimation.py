@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from layouts import grid_at, lattice_layout
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import onto_plane, project
 from manytouch.paper.detection import PaperDetection
@@ -14,16 +15,12 @@ from manytouch.paper.surface import inverse_distance, peaks
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sources.simulated import simulated_source
-from manytouch.values import Camera, Layout, Phase, Sensor, TrackedGrid
+from manytouch.values import Camera, Layout, Phase, Sensor
 
 ROWS, COLUMNS, PITCH_MM, DISTANCE_MM = 6, 9, np.array([4.0, 5.0]), 110.0
 
 
 def sensor(rotation=(0.0, 0.0, 0.0), distortion=(0.0, 0.0, 0.0, 0.0, 0.0), rows=ROWS, columns=COLUMNS):
-    row, column = np.divmod(np.arange(rows * columns), columns)
-    rest_mm = np.column_stack(
-        [(column - (columns - 1) / 2) * PITCH_MM[0], (row - (rows - 1) / 2) * PITCH_MM[1], 0.0 * row]
-    )
     return Sensor(
         name="test sheet",
         camera=Camera(
@@ -37,26 +34,12 @@ def sensor(rotation=(0.0, 0.0, 0.0), distortion=(0.0, 0.0, 0.0, 0.0, 0.0), rows=
             rotation_vector=np.array(rotation),
             translation_mm=np.array([0.0, 0.0, DISTANCE_MM]),
         ),
-        layout=Layout(
-            rest_mm=rest_mm,
-            row_column=np.column_stack([row, column]),
-            pitch_mm=PITCH_MM,
-            radius_mm=np.full(len(row), 1.0),
-            polarity="light",
-            is_missing=np.zeros(len(row), dtype=bool),
-        ),
+        layout=lattice_layout(rows, columns, PITCH_MM),
     )
 
 
 def grid(position_px, noise_px=0.05):
-    is_seen = np.isfinite(position_px).all(axis=1)
-    covariance_px2 = np.where(is_seen[:, None, None], noise_px**2 * np.eye(2), np.nan)
-    return TrackedGrid(
-        position_px=position_px,
-        covariance_px2=covariance_px2,
-        is_seen=is_seen,
-        frames_unseen=np.where(is_seen, 0, 1),
-    )
+    return grid_at(position_px, std_px=noise_px)
 
 
 def seen(of, displacement_mm):

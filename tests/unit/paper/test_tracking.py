@@ -5,19 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from layouts import lattice_layout
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import project
 from manytouch.paper.tracking import PaperTracking, sorted_by_rows
-from manytouch.values import Camera, Detections, Layout, Sensor, Status
+from manytouch.values import Camera, Detections, Sensor, Status
 
 ROWS, COLUMNS, PITCH_MM = 5, 7, np.array([4.0, 5.0])
 
 
 def sensor(rotation=(0.0, 0.0, 0.0), missing=()):
-    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
-    rest_mm = np.column_stack(
-        [(column - (COLUMNS - 1) / 2) * PITCH_MM[0], (row - (ROWS - 1) / 2) * PITCH_MM[1], 0.0 * row]
-    )
     return Sensor(
         name="test sheet",
         camera=Camera(
@@ -31,14 +28,7 @@ def sensor(rotation=(0.0, 0.0, 0.0), missing=()):
             rotation_vector=np.array(rotation),
             translation_mm=np.array([0.0, 0.0, 100.0]),
         ),
-        layout=Layout(
-            rest_mm=rest_mm,
-            row_column=np.column_stack([row, column]),
-            pitch_mm=PITCH_MM,
-            radius_mm=np.full(len(row), 1.0),
-            polarity="light",
-            is_missing=np.isin(np.arange(len(row)), missing),
-        ),
+        layout=lattice_layout(ROWS, COLUMNS, PITCH_MM, missing=missing),
     )
 
 

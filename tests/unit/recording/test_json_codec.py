@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 from manytouch.recording.json_codec import from_json, to_json
+from manytouch.values import Contact, ContactShape, OutlineRing, Phase
 
 ARRAYS = st.sampled_from(["float64", "float32", "int64", "int32", "uint8", "bool"]).flatmap(
     lambda dtype: npst.arrays(dtype, npst.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4))
@@ -38,3 +39,52 @@ def test_arrays_round_trip(array: np.ndarray) -> None:
 @given(NESTED)
 def test_nested_values_round_trip(value: object) -> None:
     assert repr(again(value)) == repr(value)
+
+
+def test_contacts_with_regions_round_trip() -> None:
+    rings = (
+        OutlineRing(point_mm=np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])),
+        OutlineRing(point_mm=np.array([[0.1, 0.1], [0.1, 0.2], [0.2, 0.1]]), is_hole=True),
+    )
+    contact = Contact(
+        id=3,
+        phase=Phase.MOVE,
+        centre_mm=np.zeros(2),
+        centre_px=np.zeros(2),
+        depth_mm=1.0,
+        force_N=np.zeros(3),
+        torque_Nmm=np.nan,
+        area_mm2=0.5,
+        covariance=np.zeros((8, 8)),
+        half_major_mm=0.4,
+        shape=ContactShape.RING,
+        outline=rings,
+    )
+    decoded = again(contact)
+    assert isinstance(decoded, Contact)
+    assert (decoded.half_major_mm, decoded.shape) == (0.4, ContactShape.RING)
+    assert np.isnan(decoded.half_minor_mm)
+    assert decoded.outline is not None
+    assert [ring.is_hole for ring in decoded.outline] == [False, True]
+    np.testing.assert_array_equal(decoded.outline[1].point_mm, rings[1].point_mm)
+
+
+def test_contacts_of_earlier_recordings_have_no_region() -> None:
+    encoded = to_json(
+        Contact(
+            id=3,
+            phase=Phase.MOVE,
+            centre_mm=np.zeros(2),
+            centre_px=np.zeros(2),
+            depth_mm=1.0,
+            force_N=np.zeros(3),
+            torque_Nmm=np.nan,
+            area_mm2=0.5,
+            covariance=np.zeros((8, 8)),
+        )
+    )
+    later = ("half_major_mm", "half_minor_mm", "orientation_rad", "shape", "shape_probability", "outline")
+    decoded = from_json({name: value for name, value in encoded.items() if name not in later})
+    assert decoded.shape is None
+    assert decoded.outline is None
+    assert np.isnan(decoded.half_major_mm)

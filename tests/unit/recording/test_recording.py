@@ -1,11 +1,7 @@
-"""Recordings: to the last bit, in well-known schemas, good up to where they were cut off, replayed."""
+"""Recordings: values in single precision, in well-known schemas, whole up to where they were cut off."""
 
 import errno
 import json
-import os
-import signal
-import subprocess
-import sys
 import threading
 import time
 import typing
@@ -20,10 +16,12 @@ from scipy.spatial.transform import Rotation
 
 from cameras import jpeg
 from clips import picture, press_of
+from faults.recording_kills import kill_recording
 from manytouch.errors import OutputError, SourceError
 from manytouch.geometry.camera import project
 from manytouch.recording.json_codec import from_json, to_json
 from manytouch.recording.reader import Recording
+from manytouch.recording.repair import repair
 from manytouch.session import Live, Playback, prepare, process, run
 from manytouch.sinks import recorder as recorder_module
 from manytouch.sinks.recorder import Recorder, UnbufferedFile
@@ -79,17 +77,24 @@ class Pictures:
 
 
 class Seen:
-    """A sink that stores readings, and sends commands after given numbers of them."""
+    """A sink that stores readings, sends commands after given numbers of them, and waits for preparation."""
 
-    def __init__(self, controls: Live | Playback | None = None, **at: Command) -> None:
+    def __init__(
+        self, controls: Live | Playback | None = None, *, waits_at: int | None = None, **at: Command
+    ) -> None:
         self.readings: list[Reading] = []
-        self._controls = controls
+        self._controls, self._waits_at = controls, waits_at
         self._at = {int(name.removeprefix("at_")): command for name, command in at.items()}
 
     def write(self, reading: Reading) -> None:
         self.readings.append(reading)
         if self._controls is not None and len(self.readings) in self._at:
             self._controls.send(self._at[len(self.readings)])
+        if self._controls is not None and len(self.readings) == self._waits_at:
+            deadline = time.monotonic() + 30.0
+            while self._controls.health().is_preparing:
+                assert time.monotonic() < deadline
+                time.sleep(0.01)
 
     def close(self) -> None:
         pass
@@ -108,6 +113,22 @@ def same(one: Any, other: Any) -> bool:
     if isinstance(one, tuple | list):
         return len(one) == len(other) and all(map(same, one, other))
     return one == other or (one != one and other != other)  # noqa: PLR0124 - NaN
+
+
+def alike(one: Any, other: Any, name: str = "") -> bool:
+    """Are two values the same but for the rounding of recordings?"""
+    if is_dataclass(one):
+        return type(one) is type(other) and all(
+            alike(getattr(one, field.name), getattr(other, field.name), field.name) for field in fields(one)
+        )
+    if isinstance(one, np.ndarray) and one.dtype == np.float64:
+        rounding = 2.0**-9 if name.startswith("covariance") else 2.0**-24
+        return one.shape == other.shape and np.allclose(
+            one, other, rtol=2.0 * rounding, atol=1e-6, equal_nan=True
+        )
+    if isinstance(one, tuple | list):
+        return len(one) == len(other) and all(map(alike, one, other))
+    return same(one, other)
 
 
 def without_time(reading: Reading) -> tuple[Any, ...]:
@@ -159,7 +180,7 @@ def test_stored_readings_are_those_of_the_run(recorded: tuple[Path, Seen, Live])
     run(playback, [again])
     assert len(again.readings) == len(seen.readings) == 40
     for one, other in zip(again.readings, seen.readings, strict=True):
-        assert same(without_time(one), without_time(other))
+        assert alike(without_time(one), without_time(other))
         assert one.milliseconds == other.milliseconds
         assert one.frame.timestamp_ns == other.frame.timestamp_ns
         assert one.frame.encoded == other.frame.encoded or other.frame.encoded is None
@@ -201,21 +222,21 @@ def test_recorded_readings_are_compared_with_new_ones(recorded: tuple[Path, Seen
     comparison = Playback(path, method="paper").comparison(touched.frame.index)
     assert comparison is not None
     assert comparison.name == "recorded"
-    assert same(comparison.contacts, touched.contacts)
-    assert same(comparison.surface, touched.surface)
+    assert alike(comparison.contacts, touched.contacts)
+    assert alike(comparison.surface, touched.surface)
     assert Playback(path, method="paper").comparison(4000) is None
 
 
 def test_another_method_can_be_chosen_while_it_is_shown(recorded: tuple[Path, Seen, Live]) -> None:
     path, seen, _ = recorded
     playback = Playback(path)
-    again = Seen(playback, at_20=UseMethod(method="paper"))
+    again = Seen(playback, at_20=UseMethod(method="paper"), waits_at=22)
     run(playback, [again])
     indices = [reading.frame.index for reading in again.readings]
-    assert indices == [*range(20), *range(19, 40)], "the frame that is shown is processed again at once"
+    assert indices == [*range(22), *range(21, 40)], "the frame that is shown is processed again at once"
     assert playback.health().method == "paper"
     assert playback.comparison(30) is not None
-    assert same(without_time(again.readings[10]), without_time(seen.readings[10]))
+    assert alike(without_time(again.readings[10]), without_time(seen.readings[10]))
     assert not same(again.readings[-1].surface, seen.readings[-1].surface)
 
 
@@ -237,7 +258,7 @@ def test_other_programs_read_it_in_well_known_schemas(recorded: tuple[Path, Seen
             summary.channels[number].topic: count
             for number, count in summary.statistics.channel_message_counts.items()
         }
-        about_once = {"/session": 1, "/calibration": 1, "/transform": 1}
+        about_once = {"/session": 2, "/calibration": 1, "/transform": 1}
         assert counts == {"/camera": 40, "/reading": 40, "/surface": 40, **about_once}
         names = {schema.name for schema in summary.schemas.values()}
         assert {"foxglove.CompressedImage", "foxglove.PointCloud", "manytouch.Reading"} <= names
@@ -284,7 +305,7 @@ def test_a_file_that_was_cut_off_is_good_up_to_there(
         run(playback, [again])
         assert len(again.readings) >= max(last - 4, 1), "readings follow their frames"
         for one, other in zip(again.readings, seen.readings, strict=False):
-            assert same(without_time(one), without_time(other))
+            assert alike(without_time(one), without_time(other))
         if share < 0.999:
             assert any("was cut off" in note for note in playback.health().notes)
     assert last == 40
@@ -301,68 +322,14 @@ def test_what_is_no_recording_is_one_sentence(tmp_path: Path, content: bytes, wo
         open_source(str(path))
 
 
-KILLED = """
-import sys, time
-sys.path.insert(0, {tests!r})
-from pathlib import Path
-from dataclasses import replace
-from clips import picture
-from cameras import jpeg
-from manytouch.session import prepare
-from manytouch.sinks.recorder import Recorder
-from manytouch.sources import Capabilities
-from manytouch.values import Frame
-
-class One:
-    name, fps, frame_count, width_px, height_px, is_live = "one", 30.0, 1, 320, 240, False
-    capabilities = Capabilities()
-    def __iter__(self):
-        yield Frame(index=0, timestamp_ns=0, camera="one", image=picture())
-
-job = prepare(One())
-reading = next(iter(job.pipeline.run(job.samples, job.sensor)))
-recorder = Recorder(Path({path!r}), source={{}}, fps=30.0)
-recorder.describe(job.sensor, job.pipeline, job.method)
-encoded = jpeg(picture())
-index = 0
-while True:
-    frame = Frame(index=index, timestamp_ns=index * 33_333_333, camera="one", image=None, encoded=encoded)
-    recorder.take(frame)
-    recorder.write(replace(reading, frame=frame))
-    print(index, time.monotonic(), flush=True)
-    index += 1
-    time.sleep(1 / 30)
-"""
-
-
-def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path) -> None:
-    path = tmp_path / "killed.mcap"
-    tests = str(Path(__file__).parents[2])
-    code = KILLED.format(tests=tests, path=str(path))
-    child = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
-    assert child.stdout is not None
-    printed: list[tuple[int, float]] = []
-    for line in child.stdout:
-        index, at_s = line.split()
-        printed.append((int(index), float(at_s)))
-        if len(printed) == 45:
-            break
-    killed_s = time.monotonic()
-    os.kill(child.pid, signal.SIGKILL)
-    child.wait()
-    printed += [
-        (int(line.split()[0]), float(line.split()[1])) for line in child.stdout if line.endswith("\n")
-    ]
-    child.stdout.close()
-    recording = Recording(path)
-    assert not recording.is_complete
-    kept = recording.frames[-1].sequence
-    assert [place.sequence for place in recording.frames] == list(range(kept + 1))
-    lost = [at_s for index, at_s in printed if index > kept]
-    assert killed_s - min(lost, default=killed_s) < 0.2
+@pytest.mark.parametrize("seed", [3, 11])
+def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path, seed: int) -> None:
+    recording = kill_recording(tmp_path, seed)
     again = Seen()
-    run(Playback(path), [again])
-    assert len(again.readings) >= kept - 1
+    run(Playback(recording.path), [again])
+    assert len(again.readings) >= len(recording) - 1
+    assert repair(recording.path, tmp_path / "repaired.mcap") > 2 * len(recording)
+    assert Recording(tmp_path / "repaired.mcap").is_complete
 
 
 class FullDisk(UnbufferedFile):
@@ -396,6 +363,8 @@ def test_a_disk_that_fills_up_ends_the_recording_and_nothing_else(
     recording = Recording(path)
     assert len(recording) == kept
     assert path.stat().st_size <= 700_000
+    assert "MB were written" in note
+    assert "MB were free" in note
     again = Seen()
     run(Playback(path), [again])
     assert len(again.readings) >= kept - 5, "readings follow their frames"
@@ -463,7 +432,7 @@ def test_frames_that_nobody_reads_are_recorded_and_noted(tmp_path: Path) -> None
     job = prepare(Pictures(frames=20))
     readings = list(job.readings())
     path = tmp_path / "some.mcap"
-    recorder = Recorder(path, source=job.input_info, fps=30.0)
+    recorder = Recorder(path, source=job.input_info)
     recorder.describe(job.sensor, job.pipeline, job.method)
     recorder.write(readings[0])  # its frame came before the recording began
     for reading in readings[2:]:
@@ -489,7 +458,7 @@ def test_what_the_disk_is_too_slow_for_is_counted(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(recorder_module, "UnbufferedFile", Stuck)
     monkeypatch.setattr(recorder_module, "MAX_QUEUED_BYTES", 100_000)
     job = prepare(Pictures(frames=15))
-    recorder = Recorder(tmp_path / "slow.mcap", source={}, fps=30.0)
+    recorder = Recorder(tmp_path / "slow.mcap", source={})
     recorder.describe(job.sensor, job.pipeline, job.method)
     for index in range(20):
         recorder.take(Frame(index=index, timestamp_ns=index, camera="x", image=None, encoded=bytes(30_000)))
@@ -521,7 +490,7 @@ def test_a_timeline_is_scrubbed(recorded: tuple[Path, Seen, Live]) -> None:
     wait(lambda: again.readings[-1].frame.index == 12)
     assert playback.health().frame == 12
     assert playback.health().frame_count == 40
-    assert same(without_time(again.readings[-1]), without_time(seen.readings[12]))
+    assert alike(without_time(again.readings[-1]), without_time(seen.readings[12]))
     playback.send(Seek(frame=4000))
     wait(lambda: any("0 to 39" in note for note in playback.health().notes))
     playback.send(Play(speed=10.0))

@@ -15,6 +15,7 @@ from manytouch.pipeline import Controls
 from manytouch.session import Live, pipeline_for, prepare, run
 from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.commands.tuning import parameters_of
+from manytouch.session.prepare import Job
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sources.cameras.camera import CameraSource
 from manytouch.sources.cameras.capture import CameraRequest, open_camera
@@ -39,26 +40,32 @@ WHOLE = next(name for name, value in parameters_of(pipeline_for()).items() if is
 
 
 class Seen:
-    """A sink that keeps readings, and sends commands after certain numbers of them."""
+    """A sink that keeps readings, sends commands after certain numbers of them, and waits for preparation."""
 
-    def __init__(self, live: Live | None = None, **at: Command) -> None:
+    def __init__(self, live: Live | None = None, *, waits_at: int | None = None, **at: Command) -> None:
         self.readings: list[Reading] = []
         self.is_closed = False
-        self._live = live
+        self._live, self._waits_at = live, waits_at
         self._at = {int(name.removeprefix("at_")): command for name, command in at.items()}
 
     def write(self, reading: Reading) -> None:
         self.readings.append(reading)
         if self._live is not None and len(self.readings) in self._at:
             self._live.send(self._at[len(self.readings)])
+        if self._live is not None and len(self.readings) == self._waits_at:
+            for _ in range(3000):
+                if not self._live.health().is_preparing:
+                    return
+                time.sleep(0.01)
+            raise AssertionError("the preparation did not end")
 
     def close(self) -> None:
         self.is_closed = True
 
 
-def run_live(source: DrawnSource, **at: Command) -> tuple[Live, Seen]:
+def run_live(source: DrawnSource, *, waits_at: int | None = None, **at: Command) -> tuple[Live, Seen]:
     live = Live(prepare(source))
-    seen = Seen(live, **at)
+    seen = Seen(live, waits_at=waits_at, **at)
     run(live, [seen])
     return live, seen
 
@@ -95,14 +102,14 @@ def test_gaps_of_a_live_source_count_as_dropped() -> None:
 
 
 def test_another_method_begins_between_frames_and_identities_go_on() -> None:
-    live, seen = run_live(DrawnSource(frames=60), at_27=UseMethod(method="paper"))
+    live, seen = run_live(DrawnSource(frames=60), waits_at=26, at_22=UseMethod(method="paper"))
     assert live.health().method == "paper"
     indices = [reading.frame.index for reading in seen.readings]
     assert indices == list(range(60))
     found = [
         (reading.frame.index, contact) for reading in seen.readings for contact in reading.contacts.contacts
     ]
-    begun = {contact.id for index, contact in found if index <= 27}
+    begun = {contact.id for index, contact in found if index <= 25}
     end: dict[int, int] = {}
     for index, contact in found:
         if contact.phase is Phase.END:
@@ -117,7 +124,7 @@ def test_tare_makes_the_present_sheet_the_untouched_one() -> None:
     def moved(index: int, image: np.ndarray) -> np.ndarray:
         return np.roll(image, 3 if index >= 20 else 0, axis=1)
 
-    live, seen = run_live(DrawnSource(frames=70, is_touched=False, change=moved), at_25=Tare())
+    live, seen = run_live(DrawnSource(frames=70, is_touched=False, change=moved), waits_at=50, at_25=Tare())
     rest_px = prepare(DrawnSource(frames=70, is_touched=False)).sensor.layout.rest_px
     tared_px = live.sensor.layout.rest_px
     np.testing.assert_allclose(tared_px - rest_px, np.tile([3.0, 0.0], (54, 1)), atol=0.1)
@@ -128,7 +135,9 @@ def test_tare_makes_the_present_sheet_the_untouched_one() -> None:
 
 def test_a_parameter_changes_while_it_runs() -> None:
     live, seen = run_live(
-        DrawnSource(frames=40, is_touched=False), at_5=Tune(parameter="detect.least_snr", value=2.5)
+        DrawnSource(frames=40, is_touched=False),
+        waits_at=12,
+        at_5=Tune(parameter="detect.least_snr", value=2.5),
     )
     assert live.health().parameters["detect.least_snr"] == 2.5
     assert len(seen.readings) == 40
@@ -161,10 +170,65 @@ def test_a_setup_that_cannot_process_frames_is_refused(monkeypatch: pytest.Monke
     fails = replace(pipeline_for(), detect=Fails())
     monkeypatch.setattr("manytouch.session.live.tune", lambda *_: fails)
     live, seen = run_live(
-        DrawnSource(frames=25, is_touched=False), at_2=Tune(parameter="detect.least_snr", value=0.0)
+        DrawnSource(frames=25, is_touched=False),
+        waits_at=10,
+        at_2=Tune(parameter="detect.least_snr", value=0.0),
     )
     assert any("a window of no size" in note for note in live.health().notes)
     assert len(seen.readings) == 25
+
+
+def test_the_old_method_goes_on_until_the_new_one_is_ready(monkeypatch: pytest.MonkeyPatch) -> None:
+    go_on, warmed = threading.Event(), []
+    warm_up = Job.warm_up
+
+    def slow(job: Job) -> None:
+        if job.method == "paper":
+            assert go_on.wait(30)
+        warmed.append((job.method, threading.current_thread().name))
+        warm_up(job)
+
+    monkeypatch.setattr(Job, "warm_up", slow)
+    live = Live(prepare(DrawnSource(frames=60, is_touched=False)))
+
+    methods: list[str] = []
+
+    class Watching(Seen):
+        def write(self, reading: Reading) -> None:
+            methods.append(live.health().method)
+            if len(self.readings) == 30:
+                assert live.health().is_preparing
+                go_on.set()
+            super().write(reading)
+
+    seen = Watching(live, at_5=UseMethod(method="paper"), waits_at=35)
+    run(live, [seen])
+    assert len(seen.readings) == 60
+    assert methods[:35] == ["perimeter"] * 35
+    assert methods[-1] == live.health().method == "paper"
+    assert ("paper", "manytouch-prepare") in warmed
+    assert "manytouch-prepare" not in [thread.name for thread in threading.enumerate()]
+
+
+def test_a_flood_of_commands_is_carried_out_once_per_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    warmed: list[str] = []
+    warm_up = Job.warm_up
+    monkeypatch.setattr(Job, "warm_up", lambda job: (warmed.append(job.method), warm_up(job)))
+    live = Live(prepare(DrawnSource(frames=60, is_touched=False)))
+
+    class Flooding(Seen):
+        def write(self, reading: Reading) -> None:
+            for number in range(50):
+                live.send(UseMethod(method=("paper", "perimeter")[number % 2]))
+                live.send(Tare())
+                live.send(Tune(parameter="detect.least_snr", value=2.0 + 0.01 * number))
+            super().write(reading)
+
+    seen = Flooding(live)
+    run(live, [seen])
+    assert [reading.frame.index for reading in seen.readings] == list(range(60))
+    assert len(warmed) < 20, "9000 commands were sent"
+    assert len(live.health().notes) <= 20
 
 
 def test_fingers_reach_a_source_that_can_be_pressed() -> None:

@@ -1,5 +1,6 @@
 """Times in the recording of a live session follow the wall clock, whenever it is begun."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -101,3 +102,54 @@ def test_log_times_are_those_of_the_wall_clock(
     assert min(log_ns) >= UNIX_NS
     first = next(iter(open_source(path)))
     assert (first.index > 20) == is_late
+
+
+class Slow:
+    """A live source with the clocks of this machine, whose timestamps began long before its frames."""
+
+    name, fps, frame_count, width_px, height_px = "bench", 30.0, None, 320, 240
+    is_live, is_colour, status, settings = True, False, "ok", ()
+
+    def __init__(self) -> None:
+        self.tap: Any = None
+        self.arrived_unix_ns: list[int] = []
+
+    @property
+    def capabilities(self) -> Capabilities:
+        return Capabilities(device=self)
+
+    def listen(self, tap: Any) -> None:
+        self.tap = tap
+
+    def close(self) -> None: ...
+
+    def __iter__(self) -> Iterator[Frame]:
+        begun_ns = time.monotonic_ns() - 20 * 10**9
+        for index in range(30):
+            if index > 15:
+                time.sleep(0.1)
+            now_ns = time.monotonic_ns()
+            self.arrived_unix_ns.append(time.time_ns())
+            frame = Frame(
+                index=index,
+                timestamp_ns=now_ns - begun_ns,
+                camera=self.name,
+                image=picture(seed=index),
+                arrived_ns=now_ns,
+            )
+            if self.tap is not None:
+                self.tap(frame)
+            yield frame
+
+
+def test_the_last_log_time_is_when_the_last_frame_arrived_and_not_after_the_file_was_changed(
+    tmp_path: Path,
+) -> None:
+    from mcap.reader import make_reader
+
+    path, source = tmp_path / "x.mcap", Slow()
+    run(Live(prepare(source), record=path), [])
+    with path.open("rb") as file:
+        log_ns = [message.log_time for _, _, message in make_reader(file).iter_messages(topics=["/camera"])]
+    assert abs(max(log_ns) - source.arrived_unix_ns[-1]) < 50_000_000
+    assert max(log_ns) < path.stat().st_mtime_ns + 50_000_000

@@ -1,5 +1,7 @@
 """From an input to its folder: what is refused early, what is complete whatever ends the run."""
 
+import errno
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -12,20 +14,26 @@ from manytouch.errors import ManytouchError, OutputError, SensorError, SourceErr
 from manytouch.session import (
     METHODS,
     RESULTS,
+    Request,
+    ResultFiles,
     kernels,
     pipeline_for,
     prepare,
     process,
     process_job,
+    request_hashes,
     result_name,
     run,
 )
+from manytouch.session.methods import default_method
+from manytouch.sinks.files.atomic_output import output_errors
+from manytouch.sources import open_source
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Reading, Roi, Sensor
 from results import rows_of
 from straight import straight_camera
 
-TABLES = {"contacts.csv", "markers.parquet", "frames.csv", "summary.json"}
+TABLES = {"contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"}
 
 
 class Seen:
@@ -73,39 +81,123 @@ def test_only_the_first_frames_are_taken_before_reading_begins() -> None:
     assert source.taken == list(range(15))
 
 
-def test_interrupted_runs_have_complete_files_of_what_was_read(tmp_path: Path) -> None:
+def summary_of(folder: Path) -> Any:
+    return json.loads((folder / "summary.json").read_text())
+
+
+def test_an_interrupted_run_keeps_what_was_read_and_states_it(tmp_path: Path) -> None:
+    folder = tmp_path / "press"
     with pytest.raises(KeyboardInterrupt):
-        process_job(prepare(DrawnSource(fails_at=22, error=KeyboardInterrupt)), tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == TABLES
-    assert [row["frame"] for row in rows_of(tmp_path / "frames.csv")] == [str(i) for i in range(22)]
+        process_job(prepare(DrawnSource(fails_at=22, error=KeyboardInterrupt)), folder)
+    assert {path.name for path in folder.iterdir()} == TABLES
+    assert [row["frame"] for row in rows_of(folder / "frames.csv")] == [str(i) for i in range(22)]
+    assert summary_of(folder)["complete"] is False
 
 
-def test_a_sink_that_fails_does_not_keep_the_others_from_closing(tmp_path: Path) -> None:
-    seen = Seen()
+def test_a_failed_write_leaves_no_file_of_its_run(tmp_path: Path) -> None:
+    folder, seen = tmp_path / "press", Seen()
     with pytest.raises(OutputError):
-        process_job(prepare(DrawnSource(frames=30)), tmp_path, sinks=[Full(), seen])
-    assert seen.is_closed
-    assert {path.name for path in tmp_path.iterdir()} == TABLES
-    assert len(rows_of(tmp_path / "frames.csv")) == 21
+        process_job(prepare(DrawnSource(frames=30)), folder, sinks=[Full(), seen])
+    assert seen.is_closed, "a sink that fails does not keep the others from closing"
+    assert not any(tmp_path.iterdir())
+    process_job(prepare(DrawnSource(frames=16)), folder)
+    with pytest.raises(OutputError):
+        process_job(prepare(DrawnSource(frames=30)), folder, sinks=[Full()])
+    assert len(rows_of(folder / "frames.csv")) == 16
+    assert [path.name for path in tmp_path.iterdir()] == ["press"]
 
 
 def test_stopping_ends_after_the_frame_at_hand(tmp_path: Path) -> None:
     seen = Seen()
-    summary = process_job(
-        prepare(DrawnSource(frames=30)), tmp_path, sinks=[seen], stop=lambda: len(seen.readings) == 5
+    files = process_job(
+        prepare(DrawnSource(frames=30)),
+        tmp_path / "press",
+        sinks=[seen],
+        stop=lambda: len(seen.readings) == 5,
     )
-    assert summary.counts["frames"] == 5
-    assert any("announced 30 frames; 5 were read" in sentence for sentence in summary.warnings())
+    assert files.summary.counts["frames"] == 5
+    assert any("announced 30 frames; 5 were read" in sentence for sentence in files.summary.warnings())
+    assert summary_of(tmp_path / "press")["complete"] is False
 
 
 def test_files_of_an_earlier_run_do_not_stay_with_those_of_this_one(tmp_path: Path) -> None:
+    folder = tmp_path / "press"
+    folder.mkdir()
     for name in RESULTS:
-        (tmp_path / name).write_text("earlier")
-    (tmp_path / ".surface.partial.zarr").mkdir()
-    (tmp_path / "notes.txt").write_text("mine")
-    process_job(prepare(DrawnSource(frames=16)), tmp_path)
-    assert {path.name for path in tmp_path.iterdir()} == TABLES | {"notes.txt"}
-    assert "earlier" not in (tmp_path / "frames.csv").read_text()
+        (folder / name.replace("[0-9]", "0").replace("*", "")).write_text("earlier")
+    (folder / "notes.txt").write_text("mine")
+    process_job(prepare(DrawnSource(frames=16)), folder)
+    assert {path.name for path in folder.iterdir()} == TABLES | {"notes.txt"}
+    assert "earlier" not in (folder / "frames.csv").read_text()
+    assert summary_of(folder)["complete"] is True
+
+
+def test_the_earlier_result_stays_until_the_new_one_is_complete(tmp_path: Path) -> None:
+    folder = tmp_path / "press"
+    process_job(prepare(DrawnSource(frames=16)), folder)
+    before = (folder / "summary.json").read_bytes()
+
+    class Watching(Seen):
+        def write(self, reading: Reading) -> None:
+            super().write(reading)
+            assert (folder / "summary.json").read_bytes() == before
+            assert len(rows_of(folder / "frames.csv")) == 16
+
+    watching = Watching()
+    process_job(prepare(DrawnSource(frames=20)), folder, sinks=[watching])
+    assert len(watching.readings) == len(rows_of(folder / "frames.csv")) == 20
+
+
+def test_the_space_that_was_needed_is_stated(tmp_path: Path) -> None:
+    class FullDisk(Seen):
+        def write(self, reading: Reading) -> None:
+            if reading.frame.index == 20:
+                with output_errors(tmp_path):
+                    raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(OutputError, match=r"is full; about [\d.e+-]+ MB are .* 21 of 30 .* [MG]B were free"):
+        process_job(prepare(DrawnSource(frames=30)), tmp_path / "press", sinks=[FullDisk()])
+    assert not any(tmp_path.iterdir())
+
+
+def hash_of(tmp_path: Path, images: Path, **options: Any) -> str:
+    folder = process(images, out=tmp_path / "out", **options)
+    found = summary_of(folder)
+    source = open_source(images)
+    request = Request(**{name: value for name, value in options.items() if name != "sensor"})
+    known_before = request_hashes(source, str(images), request)
+    if "sensor" not in options:
+        assert found["hashes"] == known_before, "the hash is known before anything is processed"
+    return str(found["hash"])
+
+
+def test_the_hash_follows_input_sensor_parameters_and_version(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import cv2
+
+    images = tmp_path / "images"
+    images.mkdir()
+    for index in range(2):
+        cv2.imwrite(str(images / f"{index}.png"), picture(seed=index))
+    first = hash_of(tmp_path, images)
+    assert hash_of(tmp_path, images) == first
+    found = [first, hash_of(tmp_path, images, pitch_mm=4.0), hash_of(tmp_path, images, method="paper")]
+    found.append(hash_of(tmp_path, images, roi_px=Roi(0, 0, 320, 238)))
+    monkeypatch.setattr("manytouch.__version__", "99")
+    found.append(hash_of(tmp_path, images))
+    monkeypatch.undo()
+    (images / "1.png").write_bytes((images / "0.png").read_bytes())
+    found.append(hash_of(tmp_path, images))
+    assert len(set(found)) == len(found)
+
+
+def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:
+    folder = tmp_path / "press"
+    job = prepare(DrawnSource(frames=16))
+    with ResultFiles(folder, job), pytest.raises(OutputError, match="is being written by process"):
+        process_job(job, folder)
+    process_job(prepare(DrawnSource(frames=16)), folder)
 
 
 def test_the_python_call_gives_the_folder(tmp_path: Path) -> None:
@@ -157,6 +249,8 @@ def test_the_default_method_is_mechanics_where_the_sheet_is_known() -> None:
     source = simulated_source("rest", width_px=160)
     assert prepare(source).method == "mechanics"
     assert prepare(source, method="paper").method == "paper"
+    bonded = replace(source.sensor.sheet, boundary="bonded", marker_depth_mm=1.0, pretension_N_per_mm=None)
+    assert default_method(replace(source.sensor, sheet=bonded)) == "perimeter"
 
 
 def test_a_pretension_that_no_file_states_is_an_assumption() -> None:

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -12,7 +13,9 @@ from manytouch.session.methods import kernels, pipeline_for
 from manytouch.values import Reading
 
 
-def test_the_contact_is_processed_from_its_beginning_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_contact_is_processed_from_its_beginning_to_its_end(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     readings: list[Reading] = []
 
     class Observed:
@@ -25,6 +28,7 @@ def test_the_contact_is_processed_from_its_beginning_to_its_end(monkeypatch: pyt
                 yield reading
 
     monkeypatch.setattr(warm_up, "kernels", dict)
+    monkeypatch.setattr(warm_up, "compiled_mark", lambda _: tmp_path / "mark")
     monkeypatch.setattr(warm_up, "pipeline_for", Observed)
     assert warm_up.warm_up_kernels("perimeter")
     touched = [bool(reading.contacts.touching) for reading in readings]
@@ -52,13 +56,37 @@ def test_the_contact_is_processed_from_its_beginning_to_its_end(monkeypatch: pyt
     ],
 )
 def test_only_what_was_never_compiled_is_warmed_up(
-    monkeypatch: pytest.MonkeyPatch, method: str, known: dict[str, bool], is_needed: bool
+    monkeypatch: pytest.MonkeyPatch,
+    tmp_path: Path,
+    method: str,
+    known: dict[str, bool],
+    is_needed: bool,
 ) -> None:
     simulated = replace(pipeline_for("perimeter"))
     monkeypatch.setattr(warm_up, "kernels", lambda: known)
     monkeypatch.setattr(warm_up, "pipeline_for", lambda _: simulated)
     monkeypatch.setattr(warm_up, "FRAMES", (0,))
+    monkeypatch.setattr(warm_up, "compiled_mark", lambda _: tmp_path / "marks" / "mark")
+    (tmp_path / "marks").mkdir()
+    assert warm_up.warm_up_kernels(method) is (method != "paper"), "it was never done to the end"
+    assert (tmp_path / "marks" / "mark").exists() is (method != "paper")
     assert warm_up.warm_up_kernels(method) is is_needed
+
+
+def test_the_mark_depends_on_the_method_and_the_sources(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    source = tmp_path / "probe.py"
+    source.write_text("1")
+    module = ModuleType("manytouch.probe")
+    module.__file__ = str(source)
+    monkeypatch.setitem(sys.modules, "manytouch.probe", module)
+    monkeypatch.setattr(warm_up, "kernels", lambda: {"manytouch.probe.kernel": True})
+    before = warm_up.compiled_mark("mechanics")
+    assert before == warm_up.compiled_mark("mechanics")
+    assert before != warm_up.compiled_mark("perimeter")
+    source.write_text("2 + 2")
+    assert before != warm_up.compiled_mark("mechanics")
 
 
 def test_kernels_are_listed_while_another_thread_imports(monkeypatch: pytest.MonkeyPatch) -> None:

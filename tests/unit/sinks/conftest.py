@@ -5,12 +5,12 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from layouts import lattice_layout
 from manytouch.values import (
     Contact,
     Contacts,
     Detections,
     Frame,
-    Layout,
     Phase,
     Reading,
     Sensor,
@@ -26,21 +26,10 @@ ROWS, COLUMNS, MISSING = 4, 6, 9
 
 def make_sensor(unit: str = "mm", young_MPa: float | None = 2.0) -> Sensor:
     """4 x 6 markers, 5 mm apart in x and 4 mm in y, one of them missing."""
-    row, column = np.divmod(np.arange(ROWS * COLUMNS), COLUMNS)
-    rest_mm = np.column_stack([(column - 2.5) * 5.0, (row - 1.5) * 4.0, np.zeros(ROWS * COLUMNS)])
-    missing = np.zeros(ROWS * COLUMNS, dtype=np.bool_)
-    missing[MISSING] = True
     return Sensor(
         name="bench",
         camera=straight_camera(320, 240, focal_px=400.0, distance_mm=50.0),
-        layout=Layout(
-            rest_mm=rest_mm,
-            row_column=np.column_stack([row, column]),
-            pitch_mm=np.array([5.0, 4.0]),
-            radius_mm=np.full(ROWS * COLUMNS, 0.8),
-            polarity="dark",
-            is_missing=missing,
-        ),
+        layout=lattice_layout(ROWS, COLUMNS, (5.0, 4.0), radius_mm=0.8, polarity="dark", missing=[MISSING]),
         sheet=Sheet(size_mm=np.array([40.0, 30.0]), thickness_mm=3.0, young_MPa=young_MPa),
         scale_is_known=unit == "mm",
         assumptions=("The camera has no distortion.",),

@@ -1,5 +1,6 @@
 """The sensor file: what is read is what was written, and every mistake is named."""
 
+import tomllib
 from dataclasses import replace
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import pytest
 
 from manytouch.errors import OutputError, SensorError
 from manytouch.geometry.camera import project
+from manytouch.values import Sensor
 from manytouch.values.sensor_file import known_sensors, load_sensor, save_sensor
 
 TEXT = """
@@ -82,6 +84,90 @@ def test_saved_sensor_reads_back_the_same(written: Path, tmp_path: Path) -> None
     np.testing.assert_array_equal(again.camera.translation_mm, sensor.camera.translation_mm)
     assert again.sheet.young_MPa is None
     assert list(tmp_path.glob(".*")) == []
+
+
+DEVIATIONS = """
+outline_std_mm = 0.2
+thickness_std_mm = 0.1
+poisson = 0.45
+poisson_std = 0.01
+pretension_N_per_mm = 0.3
+pretension_std_N_per_mm = 0.05
+bending_factor = 1.1
+bending_factor_std = 0.04
+density_kg_m3 = 960.0
+density_std_kg_m3 = 20.0
+"""
+PAD = """
+boundary = "bonded"
+marker_depth_mm = 2.5
+marker_depth_std_mm = 0.05
+window_mm = 4.0
+window_std_mm = 0.1
+window_index = 1.49
+window_index_std = 0.005
+pad_index = 1.41
+pad_index_std = 0.02
+"""
+
+
+def loaded_again(sensor: Sensor, folder: Path) -> Sensor:
+    save_sensor(sensor, folder / "again.toml")
+    return load_sensor(folder / "again.toml")
+
+
+@pytest.mark.parametrize("keys", [DEVIATIONS, PAD])
+def test_keys_of_the_sheet_round_trip(written: Path, tmp_path: Path, keys: str) -> None:
+    written.write_text(TEXT.replace("thickness_mm = 3.0", f"thickness_mm = 3.0{keys}"))
+    sheet = load_sensor(written).sheet
+    again = loaded_again(load_sensor(written), tmp_path).sheet
+    for name, value in tomllib.loads(keys).items():
+        assert getattr(again, name) == getattr(sheet, name) == value
+
+
+def test_deviations_of_the_camera_round_trip(written: Path, tmp_path: Path) -> None:
+    numbers = "fx_std_px = 3.0\nfy_std_px = 4.0\ncx_std_px = 5.0\ncy_std_px = 6.0\n"
+    numbers += "distortion_std = [0.1, 0.2, 0.3, 0.4, 0.5]\n"
+    text = TEXT.replace("[camera.pose]", f"{numbers}[camera.pose]")
+    pose = "rotation_vector_std = [0.001, 0.002, 0.003]\ntranslation_std_mm = [0.1, 0.2, 0.3]\n"
+    written.write_text(text.replace("[sheet]", f"{pose}[sheet]"))
+    camera = loaded_again(load_sensor(written), tmp_path).camera
+    assert (camera.fx_std_px, camera.fy_std_px, camera.cx_std_px, camera.cy_std_px) == (3.0, 4.0, 5.0, 6.0)
+    np.testing.assert_array_equal(camera.distortion_std, [0.1, 0.2, 0.3, 0.4, 0.5])
+    np.testing.assert_array_equal(camera.rotation_vector_std, [0.001, 0.002, 0.003])
+    np.testing.assert_array_equal(camera.translation_std_mm, [0.1, 0.2, 0.3])
+
+
+@pytest.mark.parametrize(
+    ("keys", "message"),
+    [
+        (
+            "pretension_std_N_per_mm = 0.1",
+            "pretension_std_N_per_mm is the standard deviation of",
+        ),
+        ("thickness_std_mm = -0.1", "sheet.thickness_std_mm = -0.1"),
+        ("thickness_std_px = 0.1", "unknown key sheet.thickness_std_px"),
+        ("marker_depth_mm = 1.0", 'marker_depth_mm belong to boundary = "bonded", but boundary = "clamped"'),
+        ('boundary = "bonded"', "needs marker_depth_mm"),
+        ('boundary = "glued"', "sheet.boundary = 'glued'"),
+        (PAD + "pretension_N_per_mm = 0.1", 'pretension_N_per_mm belong to boundary = "clamped"'),
+        (PAD.replace("= 2.5", "= 3.5"), "marker_depth_mm = 3.5 is larger than thickness_mm = 3"),
+        (PAD.replace("= 1.49", "= 0.9"), "sheet.window_index = 0.9"),
+        ('boundary = "bonded"\nmarker_depth_mm = 1.0\nwindow_index = 1.5', "specify window_mm"),
+    ],
+)
+def test_mistakes_in_deviations_and_pads_are_named(written: Path, keys: str, message: str) -> None:
+    written.write_text(TEXT.replace("thickness_mm = 3.0", f"thickness_mm = 3.0\n{keys}"))
+    with pytest.raises(SensorError) as refusal:
+        load_sensor(written)
+    assert message in str(refusal.value)
+
+
+def test_the_markers_of_a_pad_have_no_height(written: Path) -> None:
+    text = TEXT.replace("thickness_mm = 3.0", f"thickness_mm = 3.0{PAD}")
+    written.write_text(text.replace("radius_mm = 1.0", "radius_mm = 1.0\nheight_mm = 0.5"))
+    with pytest.raises(SensorError, match=r"markers.height_mm = 0.5 is for a clamped sheet"):
+        load_sensor(written)
 
 
 def test_the_deviation_of_stiffness_needs_a_stiffness(written: Path, tmp_path: Path) -> None:
@@ -212,3 +298,38 @@ def test_a_file_goes_before_a_known_name(written: Path, tmp_path: Path, monkeypa
 def test_an_unwritable_folder_raises(written: Path, tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot write the sensor file"):
         save_sensor(load_sensor(written), tmp_path / "no" / "such" / "folder.toml")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("rows = 20\ncolumns = 30", "rows = 100000\ncolumns = 100000", "10000000000 markers are too many"),
+        ("cx_px = 1279.5", "cx_px = 1e29", "cx_px"),
+        ("cx_px = 1279.5", "cx_px = 1e8", "cx_px = 1e\\+08 is not within"),
+        ("width_px = 2560", "width_px = 2000000", "2000000 x 1440 px are too many"),
+        ("thickness_mm = 3.0", "thickness_mm = 1e-300", "thickness_mm"),
+        ("size_mm = [120.0, 80.0]", "size_mm = [1e300, 80.0]", "size_mm"),
+    ],
+)
+def test_limits_are_checked_before_anything_is_computed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, old: str, new: str, words: str
+) -> None:
+    def never(*_: object) -> None:
+        raise AssertionError("positions of the markers were computed")
+
+    monkeypatch.setattr("manytouch.values.sensor_file.schema.MarkersSection.rest_xy_mm", property(never))
+    monkeypatch.setattr(
+        "manytouch.values.sensor_file.schema.MarkersSection.min_distance_mm", property(lambda _: 3.0)
+    )
+    path = tmp_path / "sensor.toml"
+    assert old in TEXT
+    path.write_text(TEXT.replace(old, new))
+    with pytest.raises(SensorError, match=words):
+        load_sensor(path)
+
+
+def test_many_mistakes_are_counted(tmp_path: Path) -> None:
+    path = tmp_path / "sensor.toml"
+    path.write_text(TEXT + "".join(f"[wrong{number}]\n" for number in range(50)))
+    with pytest.raises(SensorError, match="wrong19; and 30 more"):
+        load_sensor(path)

@@ -79,6 +79,8 @@ def parse_board(text: str, square_mm: float) -> Board:
     columns, _, rows = size.partition("x")
     if kind not in get_args(Kind) or not (columns.isdecimal() and rows.isdecimal()):
         raise ManytouchError(f"{text!r} is not a board: give KIND:COLUMNSxROWS, such as {FORMS}")
+    if max(len(columns), len(rows)) > 3:
+        raise ManytouchError(f"the board {text[:40]!r} is too large: at most 999 by 999 points are found")
     if min(int(columns), int(rows)) < 3:
         raise ManytouchError(f"the board {text!r} is too small: at least 3 by 3 points are needed")
     if not (np.isfinite(square_mm) and square_mm > 0):

@@ -127,11 +127,14 @@ def _result(
     calibrated = replace(
         sheet,
         thickness_mm=thickness,
+        thickness_std_mm=deviations["thickness_mm"],
         bending_factor=bending,
+        bending_factor_std=deviations["bending_factor"],
         young_MPa=young,
         young_std_MPa=deviations.get("young_MPa", sheet.young_std_MPa),
         poisson=fit.poisson,
         pretension_N_per_mm=None if young is None else float(best.common[0]) * young,
+        pretension_std_N_per_mm=deviations.get("pretension_N_per_mm"),
     )
     return SheetCalibration(
         sheet=calibrated,

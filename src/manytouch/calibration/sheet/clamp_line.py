@@ -17,7 +17,7 @@ from manytouch.geometry.camera import project
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
-from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
+from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera, Frame, Layout, Sheet
 from manytouch.values.arrays import Points2, Scalars
 
@@ -153,11 +153,10 @@ def _compliance_mm(sheet: Sheet, size_mm: np.ndarray, from_clamp_mm: float) -> f
         patch=patch,
         thickness_mm=sheet.thickness_mm,
         poisson=ASSUMED_POISSON if sheet.poisson is None else sheet.poisson,
-        bending_factor=THICK_BENDING * (sheet.bending_factor or 1.0),
+        bending_factor=sheet.bending_factor or 1.0,
     )
     at = np.array([[max(0.5 * size_mm[0] - from_clamp_mm, 0.0), 0.0]])
-    load = np.zeros((patch.node_count, 3))
-    load[:, 2] = -_FORCE_OVER_E_MM2 * patch.load(at, np.ones(1))
+    load = shell.patch.load(at, np.array([[0.0, 0.0, -_FORCE_OVER_E_MM2]]))
     shape = equilibrium(shell, load).coefficient_mm
     return -float(Face(shell=shell, point_mm=at).displacement(shape)[0, 2])
 

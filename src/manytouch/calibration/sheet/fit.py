@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float64
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.equilibrium import equilibrium, tangent_factor
-from manytouch.mechanics.shell.shell import THICK_BENDING, Shell
+from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 
@@ -172,7 +172,7 @@ class PressFit:
         for number, press in enumerate(self.presses):
             wanted, shape = _norm_px(press, press.displacement_px), shapes[number]
             for _ in range(_INITIAL_FORCE_STEPS):
-                load = np.exp(single[number, 0]) * self._unit_load(press, single[number], shape)
+                load = np.exp(single[number, 0]) * _unit_load(shell.patch, press, single[number], shape)
                 shape = equilibrium(shell, load, start_mm=shape, tolerance=1e-4).coefficient_mm
                 short = float(np.log(wanted / max(_norm_px(press, dots.displacement_px(shape)), 1e-9)))
                 if abs(short) < _INITIAL_FORCE_TOLERANCE:
@@ -190,7 +190,7 @@ class PressFit:
             thickness_mm=float(np.exp(common[2])),
             poisson=self.poisson,
             pretension_over_E_mm=float(common[0]),
-            bending_factor=THICK_BENDING * float(np.exp(common[1])),
+            bending_factor=float(np.exp(common[1])),
         )
         dots = MarkerImages(
             shell=shell,
@@ -200,17 +200,6 @@ class PressFit:
             height_mm=layout.height_mm,
         )
         return shell, dots
-
-    def _unit_load(
-        self, press: KnownPress, single: Float64[np.ndarray, "3"], shape_mm: np.ndarray
-    ) -> np.ndarray:
-        """(n, 3) nodal load of unit z force along the normal of the deformed sheet."""
-        place, weight = disc(press.place_mm + single[1:], press.radius_mm)
-        basis = self.patch.at(place)
-        w_mm = shape_mm[basis.node, 2]
-        slope = np.column_stack([(basis.dx * w_mm).sum(axis=1), (basis.dy * w_mm).sum(axis=1)])
-        push = np.column_stack([slope, -np.ones(len(place))])
-        return np.column_stack([self.patch.load(place, weight * part) for part in push.T])
 
     def normal(
         self, guess: FitParameters, linear: Sequence[PressLinearisation], left_out: int | None = None
@@ -253,7 +242,7 @@ class PressFit:
         shell.forces_and_tangent(shape, force, tangent)
         factor = tangent_factor(shell, tangent)
         size = float(np.exp(guess.single[number, 0]))
-        load = size * self._unit_load(press, guess.single[number], shape)
+        load = size * _unit_load(shell.patch, press, guess.single[number], shape)
         loads, seen = [], []
         here_px = dots.displacement_px(shape)
         for place in range(3):
@@ -261,7 +250,8 @@ class PressFit:
             other = guess.common.copy()
             other[place] += step
             other_shell, other_dots = self.model(other)
-            loads.append(-(other_shell.forces(shape) - force) / step)
+            other_load = size * _unit_load(other_shell.patch, press, guess.single[number], shape)
+            loads.append((other_load - load - other_shell.forces(shape) + force) / step)
             seen.append((other_dots.displacement_px(shape) - here_px) / step)
         loads.append(np.zeros_like(shape))
         seen.append(np.zeros_like(here_px))
@@ -270,7 +260,7 @@ class PressFit:
         for axis in (1, 2):
             moved = guess.single[number].copy()
             moved[axis] += 0.05
-            loads.append((size * self._unit_load(press, moved, shape) - load) / 0.05)
+            loads.append((size * _unit_load(shell.patch, press, moved, shape) - load) / 0.05)
             seen.append(np.zeros_like(here_px))
         flat = np.array(loads).reshape(7, -1) * self.patch.is_free.ravel()
         response = factor.solve(flat).reshape(7, *shape.shape)
@@ -307,8 +297,8 @@ class PressFit:
         shell, _ = self.model(common)
         shapes = guess.shape_mm.copy()
         for number in range(len(self.presses)):
-            load = np.exp(single[number, 0]) * self._unit_load(
-                self.presses[number], single[number], shapes[number]
+            load = np.exp(single[number, 0]) * _unit_load(
+                shell.patch, self.presses[number], single[number], shapes[number]
             )
             shapes[number] = equilibrium(shell, load, start_mm=shapes[number], tolerance=1e-7).coefficient_mm
         return FitParameters(common=common, single=single, shape_mm=shapes)
@@ -351,3 +341,16 @@ def disc(place_mm: np.ndarray, radius_mm: float) -> tuple[np.ndarray, np.ndarray
 def _norm_px(press: KnownPress, displacement_px: Points2) -> float:
     """Root of the sum of squared displacements of the markers, px."""
     return float(np.sqrt((displacement_px[press.is_seen] ** 2).sum()))
+
+
+def _unit_load(
+    patch: SplinePatch, press: KnownPress, single: Float64[np.ndarray, "3"], shape_mm: np.ndarray
+) -> np.ndarray:
+    """(n, 3) nodal load of unit z force along the normal of the deformed sheet."""
+    place, weight = disc(press.place_mm + single[1:], press.radius_mm)
+    basis = patch.at(place)
+    w_mm = shape_mm[basis.node, 2]
+    push = np.column_stack(
+        [(basis.slope_x * w_mm).sum(axis=1), (basis.slope_y * w_mm).sum(axis=1), -np.ones(len(place))]
+    )
+    return patch.load(place, weight[:, None] * push)

@@ -7,11 +7,13 @@ from dataclasses import dataclass
 from manytouch.calibration.sheet.press_table import PressRow
 from manytouch.calibration.sheet.protocol import GRAVITY_M_PER_S2, TOUCHED_RADIUS_MM
 from manytouch.errors import SensorError
+from manytouch.limits import LARGEST_NUMBER
 from manytouch.values import Sheet
 
 NEWTONS = {"N": 1.0, "mN": 1e-3, "kg": GRAVITY_M_PER_S2, "g": 1e-3 * GRAVITY_M_PER_S2}
 UNITS = "N, mN, g or kg for the force, s for the time, mm for the radius"
 EXAMPLE = "18,-12 50 g"
+MAX_CHARACTERS = 200
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)"
 _PLACE = re.compile(rf"\s*({_NUMBER})\s*(?:mm)?\s*[,;\s]\s*({_NUMBER})\s*(?:mm\b)?(?![\w.])")
 _AMOUNT = re.compile(rf"({_NUMBER})(?:\s*-\s*({_NUMBER}))?\s*(mN|N|kg|g|mm|s)?(?![\w.])")
@@ -45,6 +47,8 @@ def parse_press(text: str, line: int, context: PressContext) -> PressRow:
     Raises:
         SensorError: all errors of the line.
     """
+    if len(text) > MAX_CHARACTERS:
+        raise SensorError(f"a press has at most {MAX_CHARACTERS} characters, such as {EXAMPLE}")
     place = _PLACE.match(text)
     if place is None:
         raise SensorError(f"start with the place x,y in mm from the centre of the sheet, such as {EXAMPLE}")
@@ -101,8 +105,8 @@ def _place_errors(x_mm: float, y_mm: float, sheet: Sheet) -> Iterator[str]:
 
 def _value_errors(values_of: dict[str, list[tuple[float, float]]], context: PressContext) -> Iterator[str]:
     for name in ("force", "radius"):
-        if any(low <= 0.0 for low, _ in values_of[name]):
-            yield f"a {name} must be positive"
+        if any(not 0.0 < low <= LARGEST_NUMBER for low, _ in values_of[name]):
+            yield f"a {name} must be positive, and at most {LARGEST_NUMBER:g}"
         elif any(low != high for low, high in values_of[name]):
             yield f"a {name} must be one number, not a range"
     if context.begin_s is None or context.end_s is None:

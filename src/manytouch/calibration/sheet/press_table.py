@@ -13,6 +13,7 @@ from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sheet.fit import KnownPress
 from manytouch.calibration.sheet.protocol import TOUCHED_RADIUS_MM
 from manytouch.errors import OutputError, SensorError, SourceError
+from manytouch.limits import LARGEST_NUMBER, MAX_PRESSES, MAX_TABLE_BYTES
 from manytouch.sources import open_source
 from manytouch.values import Sensor
 
@@ -53,11 +54,24 @@ def read_press_table(path: Path) -> tuple[PressRow, ...]:
         SensorError: a value is not valid.
     """
     try:
-        text = path.read_text(encoding="utf-8-sig")
-    except OSError as error:
-        raise SourceError(f"the table of presses {path} cannot be read: {error.strerror}") from None
+        with path.open("rb") as file:
+            content = file.read(MAX_TABLE_BYTES + 1)
+        text = content.decode("utf-8-sig")
+    except (OSError, ValueError) as error:
+        raise SourceError(f"the table of presses {path} cannot be read: {error}") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.startswith("#")]
-    table = csv.DictReader(lines)
+    if len(content) > MAX_TABLE_BYTES or len(lines) > MAX_PRESSES + 1:
+        raise SourceError(
+            f"the table {path} is too large: at most {MAX_PRESSES} presses in {MAX_TABLE_BYTES // 10**6} MB "
+            "are read"
+        )
+    try:
+        return _rows(path, csv.DictReader(lines, strict=True))
+    except csv.Error as error:
+        raise SourceError(f"the table {path} is not valid CSV: {error}") from None
+
+
+def _rows(path: Path, table: "csv.DictReader[str]") -> tuple[PressRow, ...]:
     missing = [name for name in REQUIRED if name not in (table.fieldnames or ())]
     unknown = [name for name in table.fieldnames or () if name not in COLUMNS]
     if missing or unknown:
@@ -65,7 +79,7 @@ def read_press_table(path: Path) -> tuple[PressRow, ...]:
             f"the table {path} must have the columns {', '.join(COLUMNS)} ({', '.join(REQUIRED)} are "
             "required)"
             + (f"; missing: {', '.join(missing)}" if missing else "")
-            + (f"; unknown: {', '.join(unknown)}" if unknown else "")
+            + (f"; unknown: {', '.join(unknown)[:200]}" if unknown else "")
         )
     return tuple(_row(path, number, row) for number, row in enumerate(table, 1))
 
@@ -169,12 +183,16 @@ def _row(path: Path, number: int, row: dict[str, str | None]) -> PressRow:
 def _errors_in(row: dict[str, str | None]) -> Iterator[str]:
     if not (row.get("input") or "").strip():
         yield "input is empty, expected a recording"
+    if None in row:
+        yield "it has more values than there are columns"
     for name in COLUMNS[1:]:
         try:
             value = _number(row, name)
         except ValueError:
-            yield f"{name} = {row[name]!r} is not a number"
+            yield f"{name} = {str(row[name])[:40]!r} is not a number"
             continue
+        if value is not None and not abs(value) <= LARGEST_NUMBER:
+            yield f"{name} = {value:g}, expected a number of at most {LARGEST_NUMBER:g}"
         if value is None and name in REQUIRED:
             yield f"{name} is empty"
         if value is not None and name in ("radius_mm", "normal_force_N") and value <= 0:

@@ -66,10 +66,12 @@ class Reporter:
             of = "" if self._total is None else f" of {self._total}"
             self.print(f"{self._count}{of} frames")
 
-    def finish(self, summary: Summary, folder: Path) -> None:
+    def finish(self, summary: Summary, folder: Path, *, is_complete: bool) -> None:
         """Print the results and their folder."""
         for sentence in describe_results(summary):
             self.print(sentence)
+        if not is_complete:
+            self.print("ended early: the results contain the frames up to here")
         self.print(f"results in {folder}")
 
 

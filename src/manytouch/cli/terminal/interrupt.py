@@ -1,34 +1,49 @@
-"""Ctrl-C as a request to stop: the current frame and all files are completed."""
+"""Ctrl-C and SIGTERM as a request to stop: the current frame and all files are completed."""
 
 import signal
 import sys
 from types import FrameType, TracebackType
+from typing import Any, ClassVar
+
+TERMINATED = 128 + int(signal.SIGTERM)
 
 
 class Stop:
-    """Within its block the first Ctrl-C requests a stop, and a second one raises KeyboardInterrupt.
+    """Within its block Ctrl-C or SIGTERM requests a stop, and a second Ctrl-C raises KeyboardInterrupt.
 
     Calling it returns whether a stop is requested.
+
+    Attributes:
+        is_terminated: whether SIGTERM has requested a stop in this process, whose exit status is then
+            `TERMINATED`, since the program that has sent it wanted no more than what is complete.
     """
+
+    is_terminated: ClassVar[bool] = False
 
     def __init__(self) -> None:
         self._is_requested = False
-        self._previous_handler: object = signal.SIG_DFL
+        self._previous: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
         return self._is_requested
 
     def __enter__(self) -> "Stop":
-        self._previous_handler = signal.signal(signal.SIGINT, self._note)
+        Stop.is_terminated = False
+        for number in (signal.SIGINT, signal.SIGTERM):
+            self._previous[number] = signal.signal(number, self._note)
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        signal.signal(signal.SIGINT, self._previous_handler)  # type: ignore[arg-type]
+        for number, handler in self._previous.items():
+            signal.signal(number, handler)
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        if self._is_requested:
+        if number == signal.SIGTERM:
+            Stop.is_terminated = True
+        elif self._is_requested:
             raise KeyboardInterrupt
         self._is_requested = True
-        sys.stderr.write("\nstopping after this frame; press Ctrl-C again to stop at once\n")
+        again = "" if Stop.is_terminated else "; press Ctrl-C again to stop at once"
+        sys.stderr.write(f"\nstopping after this frame{again}\n")

@@ -162,6 +162,14 @@ ViewToken = Annotated[
         help="Access token of the viewer. [default: generated if other machines can reach the viewer]",
     ),
 ]
+MaxClients = Annotated[
+    int,
+    Parameter(
+        name="--max-clients",
+        validator=validators.Number(gte=1, lte=256),
+        help="Clients that the viewer serves at once; more are refused.",
+    ),
+]
 SensorFile = Annotated[
     str | None,
     Parameter(

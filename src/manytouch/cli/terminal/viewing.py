@@ -4,7 +4,7 @@ import os
 import sys
 import webbrowser
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 from manytouch.errors import MissingExtraError
 from manytouch.pipeline import Controls
@@ -16,12 +16,13 @@ class ViewerAddress:
     """Requested address of the viewer.
 
     Attributes:
-        host, port, token: see `manytouch.sinks.viewer.Viewer`.
+        host, port, token, max_clients: see `manytouch.sinks.viewer.Viewer`.
     """
 
     host: str = "127.0.0.1"
     port: int = 0
     token: str | None = None
+    max_clients: int = 16
 
 
 def viewers(
@@ -45,11 +46,13 @@ def viewers(
     try:
         from manytouch.sinks.viewer import Viewer
 
-        viewer = Viewer(controls, host=address.host, port=address.port, token=address.token)
+        viewer = Viewer(controls, **asdict(address))
     except MissingExtraError as error:
         report(f"no viewer: {error}")
         return []
     report(f"viewer at {viewer.url}")
+    if viewer.token_file is not None:
+        report(f"token for client programs in {viewer.token_file}")
     if has_screen():
         webbrowser.open(viewer.url)
     return [LatestOnly(viewer)]

@@ -196,12 +196,12 @@ def _measure_falls(rays: RaySamples, core: float, best: int) -> tuple[int, float
 def _length(rays: RaySamples, ray: int, best: int, level: float, radius: float) -> float:
     """Length of a ray up to a level, px; NaN if it does not fall below."""
     for step in range(best, rays.known[ray]):
-        here = rays.values[ray, step]
-        if here < level:
+        value = rays.values[ray, step]
+        if value < level:
             part = 0.0
             if step > 0 and rays.values[ray, step - 1] > level:
                 before = rays.values[ray, step - 1]
-                part = (before - level) / (before - here) - 1.0
+                part = (before - level) / (before - value) - 1.0
             return REACH * radius * (max(step + part, 0.0) + 0.5) / STEPS
     return np.nan
 

@@ -124,12 +124,12 @@ def _quantile(
     stride = max(1, count // VOTERS)
     number = 0
     for i in range(0, count, stride):
-        here = value[i]
+        inserted = value[i]
         place = number
-        while place > 0 and ordered[place - 1] > here:
+        while place > 0 and ordered[place - 1] > inserted:
             ordered[place] = ordered[place - 1]
             place -= 1
-        ordered[place] = here
+        ordered[place] = inserted
         number += 1
     found: float = ordered[min(number - 1, int(quantile * number))]
     return found

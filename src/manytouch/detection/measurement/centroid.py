@@ -17,6 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.compilation import plain
 from manytouch.detection.measurement.measure_dots import measure_dots
 from manytouch.detection.measurement.records import AREA, COLUMNS, CONTRAST, CUT, CXX, CXY, CYY, EDGE, X, Y
 from manytouch.detection.measurement.sampling_pattern import SamplingPatterns, sampling_patterns
@@ -111,7 +112,7 @@ def measure_rows(
         weights.astype(np.float32),
         np.ascontiguousarray(near_px),
         np.ascontiguousarray(radius_px),
-        patterns,
+        plain(patterns),
         (max(noise, MIN_NOISE), walk),
         out,
     )

@@ -269,17 +269,19 @@ def _is_clear(xx: float, xy: float, yy: float, area: float, radius: float) -> bo
 
 @inlined_kernel()
 @no_type_check
-def _passed_noise(statistics: DotStatistics, i: int, here: float, there: float) -> float:
-    """Noise of background (variance `here`) and core (`there`) that passes the soft threshold, px^4."""
+def _passed_noise(
+    statistics: DotStatistics, i: int, background_variance: float, core_variance: float
+) -> float:
+    """Noise of background and core, from their variances, that passes the soft threshold, px^4."""
     threshold = LOW * statistics.contrast[i]
-    if threshold * threshold >= 36.0 * max(here, there):
+    if threshold * threshold >= 36.0 * max(background_variance, core_variance):
         return 0.0
     trace = statistics.edge_xx[i] + statistics.edge_yy[i]
     outside = max(statistics.window[i] - 0.5 * trace, 0.0)
     inside = statistics.area[i] * statistics.area[i] / (4.0 * math.pi) - 0.25 * trace
     inside = min(max(inside, 0.0), outside)
-    passed = (outside - inside) * here * _tail(threshold / math.sqrt(here))
-    passed += inside * there * _tail(threshold / math.sqrt(there))
+    passed = (outside - inside) * background_variance * _tail(threshold / math.sqrt(background_variance))
+    passed += inside * core_variance * _tail(threshold / math.sqrt(core_variance))
     return float(passed)
 
 
@@ -308,25 +310,25 @@ def add_noise(
             continue
         contrast, scale = statistics.contrast[i], statistics.scale[i]
         xx, xy, yy = statistics.edge_xx[i], statistics.edge_xy[i], statistics.edge_yy[i]
-        here = noise.background + noise.growth * (statistics.background[i] - noise.level)
-        here = max(here, MODEL.least_variance)
-        there = max(here + noise.growth * contrast, MODEL.least_variance)
+        background_variance = noise.background + noise.growth * (statistics.background[i] - noise.level)
+        background_variance = max(background_variance, MODEL.least_variance)
+        core_variance = max(background_variance + noise.growth * contrast, MODEL.least_variance)
         own = statistics.background_variance[i]
-        if own > MODEL.texture * here:
-            there += own - here
-            here = own
+        if own > MODEL.texture * background_variance:
+            core_variance += own - background_variance
+            background_variance = own
         spread, core_spread = statistics.background_spread[i], statistics.core_spread[i]
-        slopes = 2.0 * here / spread if spread > 0.0 else 0.0
+        slopes = 2.0 * background_variance / spread if spread > 0.0 else 0.0
         if core_spread > 0.0:
-            expected, variance = even * (contrast / radius[i]) ** 2, 2.0 * there / core_spread
+            expected, variance = even * (contrast / radius[i]) ** 2, 2.0 * core_variance / core_spread
             is_steep = square[i] > steep and _is_clear(xx, xy, yy, statistics.area[i], radius[i])
             share = 1.0 if is_steep else expected / (expected + variance)
             slopes += share * variance
             back = 0.5 * scale * (1.0 - share)
             out[i, X] += back * (xx * statistics.contrast_x[i] + xy * statistics.contrast_y[i])
             out[i, Y] += back * (xy * statistics.contrast_x[i] + yy * statistics.contrast_y[i])
-        passed = _passed_noise(statistics, i, here, there)
-        edge, tilt = 0.5 * (here + there), 0.25 * slopes
+        passed = _passed_noise(statistics, i, background_variance, core_variance)
+        edge, tilt = 0.5 * (background_variance + core_variance), 0.25 * slopes
         scale *= scale
         out[i, CXX] += scale * (edge * xx + passed + tilt * (xx * xx + xy * xy))
         out[i, CXY] += scale * (edge * xy + tilt * xy * (xx + yy))

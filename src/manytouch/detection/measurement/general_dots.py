@@ -92,9 +92,9 @@ def cover(
         if pixels.channels == 1:
             weight = pixels.weights[0]
             for u in range(columns):
-                here = height + rise * dx
-                here = here if here > least else least
-                coverage[v, u] = (f32(pixels.rows[top + v, left + u]) * weight - (below + slope * dx)) / here
+                scale = height + rise * dx
+                scale = scale if scale > least else least
+                coverage[v, u] = (f32(pixels.rows[top + v, left + u]) * weight - (below + slope * dx)) / scale
                 dx += f32(1.0)
         else:
             blue, green, red = pixels.weights[0], pixels.weights[1], pixels.weights[2]
@@ -102,9 +102,9 @@ def cover(
                 at = three * (left + u)
                 grey = f32(pixels.rows[top + v, at]) * blue + f32(pixels.rows[top + v, at + u64(1)]) * green
                 grey += f32(pixels.rows[top + v, at + u64(2)]) * red
-                here = height + rise * dx
-                here = here if here > least else least
-                coverage[v, u] = (grey - (below + slope * dx)) / here
+                scale = height + rise * dx
+                scale = scale if scale > least else least
+                coverage[v, u] = (grey - (below + slope * dx)) / scale
                 dx += f32(1.0)
 
 

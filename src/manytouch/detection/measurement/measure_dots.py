@@ -173,6 +173,7 @@ def measure_dots(
         options: noise of a pixel (grey levels of 255), and number of steps of a walk to the dot.
         out: written; columns as in `records`, NaN where there is no dot.
     """
+    patterns = SamplingPatterns(*patterns)
     number, channels = near.shape[0], weights.shape[0]
     if number == 0:
         return

@@ -56,8 +56,8 @@ def _grey(builder: Any, pointer: Any, kind: Any, context: Any) -> Any:
 @no_type_check
 def _count(builder: Any, lanes: Any, number: Any) -> None:
     """Adds the number of true lanes in integer units, since those that add floats are busy."""
-    here = builder.ctpop(builder.bitcast(lanes, ir.IntType(STRIP)))
-    builder.store(builder.add(builder.load(number), builder.zext(here, COUNT)), number)
+    true_lanes = builder.ctpop(builder.bitcast(lanes, ir.IntType(STRIP)))
+    builder.store(builder.add(builder.load(number), builder.zext(true_lanes, COUNT)), number)
 
 
 @intrinsic

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.mechanics.force_clusters import Clusters, ForceLattice
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Mask, Points2
 
@@ -22,6 +23,7 @@ class ContactRules:
             this by small forces near the clamp.
         clamp_thickness: see `clamp_factor`.
         max_friction: largest ratio of shear to normal force of a new contact.
+        least_stds: clusters with a smaller normal force, in standard deviations, are not examined.
         start_stds, last_stds: least normal force of a new contact and of one that continues, in standard
             deviations.
         noise_share: nodal forces below this share of what noise adds to `GaussNewton.negligible_force` belong
@@ -33,6 +35,7 @@ class ContactRules:
     clamp_factor: float = 3.0
     clamp_thickness: float = 2.0
     max_friction: float = 1.5
+    least_stds: float = 1.0
     start_stds: float = 4.0
     last_stds: float = 2.5
     noise_share: float = 0.3

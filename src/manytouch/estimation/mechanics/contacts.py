@@ -1,20 +1,23 @@
 """From force clusters to contacts with their covariances."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.mechanics.force_clusters import Clusters
-from manytouch.estimation.mechanics.gauss_newton import Fit
-from manytouch.estimation.mechanics.sheet_model import InversionModel
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.estimation.mechanics.regions.footprints import Footprints
 from manytouch.geometry.camera import project
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
 from manytouch.values import ESTIMATES, Contact, Contacts, Phase
-from manytouch.values.arrays import Points2, read_only
+from manytouch.values.arrays import Points2, Scalars, read_only
 
 _AREA = ESTIMATES.index("area")
+_FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
 _CLAMP_THICKNESSES = 4.0  # at which `ModelError.position_clamp` applies
 _FORCES = ("shear_x", "shear_y", "normal_force", "torque")
 _RINGS = np.array(
@@ -38,10 +41,12 @@ class ModelError:
         position_clamp: of a centre at four thicknesses from a clamp and across it, in thicknesses; e times as
             much one thickness nearer. A solid near its clamp shears where the shell bends.
         depth_share, depth_pitch: of the depth, over the depth and in pitches.
-        force_share, force_unit: of the normal force, over that force and in force units.
+        force_share, force_least: of the normal force, over that force and over the least force of a contact.
         shear_share: of the shear force along each axis, over the normal force.
         torque_share: of the torque, over the normal force times the contact's radius.
-        area_share, area_thickness2: of the area, over the area and in squared thicknesses.
+        area_share: of the area of the region, over that area.
+        area_force: the same of a contact with the least force; inversely proportional to the force. Noise
+            spreads faint forces over more nodes.
         assumed_sheet_factor: multiplies all of them where the sheet was assumed.
     """
 
@@ -50,13 +55,22 @@ class ModelError:
     position_clamp: float = 0.1
     depth_share: float = 0.028
     depth_pitch: float = 0.002
-    force_share: float = 0.07
-    force_unit: float = 1.0e-3
+    force_share: float = 0.035
+    force_least: float = 0.25
     shear_share: float = 0.03
     torque_share: float = 0.1
     area_share: float = 0.15
-    area_thickness2: float = 0.5
+    area_force: float = 0.4
     assumed_sheet_factor: float = 4.0
+
+    def outline_share(self, model: InversionModel, centre_mm: np.ndarray) -> float:
+        """Standard deviation of a force over the force, by that of the outline.
+
+        The stiffness of a sheet against a force at a distance d from its clamp is about proportional to
+        d^-2, that of a clamped strip of this length in bending.
+        """
+        inside_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(centre_mm - model.patch.centre_mm)
+        return 2.0 * model.outline_std_mm / max(float(inside_mm.min()), model.thickness_mm)
 
     def variances(
         self,
@@ -65,7 +79,7 @@ class ModelError:
         press_mm2: float,
         depth_mm: float,
         *,
-        moment_area_mm2: float,
+        patch_area_mm2: float,
         area_mm2: float,
     ) -> np.ndarray:
         """Variances (8,) in the order of `ESTIMATES`, forces over E.
@@ -75,10 +89,10 @@ class ModelError:
             centre_mm: (2,) of the contact.
             press_mm2: normal force over E.
             depth_mm: of the contact.
-            moment_area_mm2: area by the second moment of its forces, which determines its radius.
-            area_mm2: estimated area.
+            patch_area_mm2: area by the second moment of its pressure, which determines its radius.
+            area_mm2: area of its region.
         """
-        radius_mm = np.sqrt(moment_area_mm2 / np.pi)
+        radius_mm = np.sqrt(patch_area_mm2 / np.pi)
         place = np.hypot(self.position_pitch * model.pitch_mm, self.position_radius * radius_mm)
         near_clamp = np.zeros(2)
         if model.patch.boundary == "clamped":
@@ -89,9 +103,9 @@ class ModelError:
             *np.hypot(place, near_clamp),
             np.hypot(self.depth_share * depth_mm, self.depth_pitch * model.pitch_mm),
             *(self.shear_share * press_mm2, self.shear_share * press_mm2),
-            np.hypot(self.force_share * press_mm2, self.force_unit * model.lattice.force_unit_mm2),
+            np.hypot(self.force_share * press_mm2, self.force_least * model.lattice.least_force_mm2),
             self.torque_share * press_mm2 * max(radius_mm, 0.5 * model.pitch_mm),
-            np.hypot(self.area_share * area_mm2, self.area_thickness2 * model.thickness_mm**2),
+            area_mm2 * np.hypot(self.area_share, self.area_force * model.lattice.least_force_mm2 / press_mm2),
         ]
         return np.asarray(np.square(std) * (self.assumed_sheet_factor if model.is_nominal else 1.0) ** 2)
 
@@ -102,23 +116,29 @@ class ContactEstimator:
 
     Attributes:
         error: standard deviations that the model does not explain.
+        footprints: regions of the contacts.
     """
 
     error: ModelError = ModelError()
+    footprints: Footprints = field(default_factory=Footprints)
 
-    def __call__(self, model: InversionModel, clusters: Clusters, fit: Fit) -> list[Contact]:
+    def __call__(
+        self, model: InversionModel, clusters: Clusters, fit: Fit, local: LocalDeflection | None = None
+    ) -> list[Contact]:
         """Contacts of the fit's clusters, without identity (id -1).
 
-        Their depth is the shell's. Under a narrow load a solid's face lies deeper (`solid_correction`), but
-        between the markers the shell is sharper under nodal forces by as much.
+        Force, centre and area are those of a patch of pressure that was fitted to the markers, where there is
+        one; the depth is that of the shape.
         """
         if len(clusters) == 0:
             return []
         count = len(clusters)
-        radius_mm = np.sqrt(np.maximum(clusters.moment_area_mm2, (0.5 * model.pitch_mm) ** 2) / np.pi)
+        radius_mm = np.sqrt(np.maximum(clusters.area_mm2, (0.5 * model.pitch_mm) ** 2) / np.pi)
         around_mm = clusters.centre_mm[:, None] + radius_mm[:, None, None] * _RINGS
         face = Face(shell=model.shell, point_mm=around_mm.reshape(-1, 2))
         moved_mm = face.displacement(fit.shape.coefficient_mm).reshape(count, len(_RINGS), 3)
+        if local is not None:
+            moved_mm[:, :, 2] -= local.depth_mm(clusters, face.point_mm).reshape(count, len(_RINGS))
         deepest = np.argmin(moved_mm[:, :, 2], axis=1)
         here_mm = moved_mm[:, 0] + np.column_stack([clusters.centre_mm, np.zeros(count)])
         centre_px = project(model.camera, here_mm)
@@ -146,34 +166,38 @@ class ContactEstimator:
         centre_px: np.ndarray,
         noise: Float64[np.ndarray, "8 8"],
     ) -> Contact:
-        press_mm2, area_mm2 = float(clusters.normal_mm2[number]), float(clusters.contact_area_mm2[number])
-        moment_area_mm2 = float(clusters.moment_area_mm2[number])
+        press_mm2, patch_area_mm2 = float(clusters.normal_mm2[number]), float(clusters.area_mm2[number])
+        footprint = self.footprints(clusters, number, model.pitch_mm)
+        area_mm2 = footprint.area_mm2
         variance = self.error.variances(
             model,
             clusters.centre_mm[number],
             press_mm2,
             depth_mm,
-            moment_area_mm2=moment_area_mm2,
+            patch_area_mm2=patch_area_mm2,
             area_mm2=area_mm2,
         )
-        if np.isfinite(clusters.centre_covariance_mm2[number]).all():
+        fitted = clusters.covariance[number, :3, :3]
+        if np.isfinite(fitted).all():
             scale = np.ones(len(ESTIMATES))
-            scale[:2] = np.sqrt(
-                np.diag(clusters.centre_covariance_mm2[number]) / np.maximum(np.diag(noise)[:2], 1e-12)
-            )
+            scale[_FITTED] = np.sqrt(np.diag(fitted) / np.maximum(np.diag(noise)[_FITTED], 1e-12))
             noise = noise * np.outer(scale, scale)
         covariance = noise + np.diag(variance)
-        covariance[_AREA, _AREA] += clusters.contact_area_std_mm2[number] ** 2
-        if np.isnan(area_mm2):
+        covariance[np.ix_(_FITTED, _FITTED)] += clusters.sheet_covariance[number, :3, :3]
+        covariance[_AREA, _AREA] += footprint.area_std_mm2**2
+        is_unclear = bool(covariance[_AREA, _AREA] > area_mm2**2)
+        if is_unclear:
+            area_mm2 = np.nan
             covariance[_AREA, :] = covariance[:, _AREA] = np.nan
         young_MPa = np.nan if model.young_MPa is None else model.young_MPa
         is_force = np.array([name in _FORCES for name in ESTIMATES])
         unit = np.where(is_force, young_MPa, 1.0)
         # An error of E scales all forces alike.
         scaled = np.zeros(len(ESTIMATES))
-        scaled[is_force] = model.young_relative_std * np.array(
-            [*clusters.force_mm2[number, :2], press_mm2, clusters.torque_mm3[number]]
-        )
+        forces = np.array([*clusters.force_mm2[number, :2], press_mm2, clusters.torque_mm3[number]])
+        scaled[is_force] = model.young_relative_std * forces
+        covariance = covariance + np.outer(scaled, scaled)
+        scaled[is_force] = self.error.outline_share(model, clusters.centre_mm[number]) * forces
         covariance = covariance + np.outer(scaled, scaled)
         return Contact(
             id=-1,
@@ -187,6 +211,12 @@ class ContactEstimator:
             covariance=read_only(covariance * np.outer(unit, unit)),
             normal_force_over_E_mm2=press_mm2,
             shear_over_E_mm2=(float(clusters.force_mm2[number, 0]), float(clusters.force_mm2[number, 1])),
+            half_major_mm=footprint.half_major_mm,
+            half_minor_mm=footprint.half_minor_mm,
+            orientation_rad=footprint.orientation_rad,
+            shape=footprint.shape,
+            shape_probability=footprint.shape_probability,
+            outline=None if is_unclear else footprint.outline,
         )
 
 
@@ -249,3 +279,14 @@ def with_forces(
             )
         )
     return replace(contacts, contacts=tuple(result))
+
+
+def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Clusters, Scalars]:
+    """Clusters whose normal force has at least so many standard deviations, and these numbers (c,)."""
+    inside = clusters.label == np.arange(len(clusters))[:, None]
+    std_mm2 = np.sqrt(clusters.covariance[:, 0, 0])
+    is_open = ~np.isfinite(std_mm2)
+    std_mm2[is_open] = fit.posterior.force_std(inside[is_open].astype(np.float64), 2)
+    stds = clusters.normal_mm2 / np.maximum(std_mm2, np.finfo(np.float64).tiny)
+    chosen = np.flatnonzero(stds >= least_stds)
+    return clusters.select(chosen), stds[chosen]

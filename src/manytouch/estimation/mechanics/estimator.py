@@ -10,74 +10,43 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
 
+from manytouch.errors import SensorError
 from manytouch.estimation.contact_finder import ContactFinder
-from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
+from manytouch.estimation.contact_tracker import ContactTracker
+from manytouch.estimation.mechanics.clusters.evidence import ForcePosterior
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
+from manytouch.estimation.mechanics.clusters.local_deflection import local_deflection
+from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
+from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
 from manytouch.estimation.mechanics.contact_rules import ContactRules, has_force_near, is_far_from
-from manytouch.estimation.mechanics.contacts import ContactEstimator, with_forces
-from manytouch.estimation.mechanics.evidence import evidence_at
-from manytouch.estimation.mechanics.force_clusters import Clusters, ForceClusters
-from manytouch.estimation.mechanics.gauss_newton import Fit, GaussNewton, SheetShape
-from manytouch.estimation.mechanics.model_order import ModelOrder
-from manytouch.estimation.mechanics.sheet_model import InversionModel, NominalSheet
-from manytouch.estimation.mechanics.solid_correction import SolidCorrection
+from manytouch.estimation.mechanics.contacts import ContactEstimator, significant, with_forces
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton, SheetShape
+from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet
+from manytouch.estimation.mechanics.inversion.sheet_parameters import (
+    PretensionEstimator,
+    parameter_response,
+    sheet_variants,
+)
+from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.estimation.mechanics.surface_covariance import (
-    MarkerDeviation,
     MarkerNoise,
     SurfaceError,
     marker_variances_px2,
 )
+from manytouch.estimation.mechanics.view_motion import ViewMotion
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.perimeter.marker_surface import MarkerGeometry, MarkerSurface
 from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
 from manytouch.geometry.camera import mm_per_px, project
-from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
-from manytouch.mechanics.solver.posterior import Posterior
+from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
-from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars, read_only
+from manytouch.values.arrays import Covariances2, Mask, Points2, read_only
 
 MIN_MARKERS = 12
 """A frame with fewer seen markers has the status `few_markers`."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class MechanicsState:
-    """What stays the same between frames, and what a frame passes to the next.
-
-    Attributes:
-        model: of the sheet.
-        neighbours: of each marker.
-        deviation: of the marker displacements.
-        initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
-        pitch_px: pitch in the image.
-        model_std_px: standard deviation of a marker image that the model does not explain.
-        shape: of the previous frame.
-        posterior: of the last frame with a full step; None before the first.
-        posterior_frames: number of frames since then.
-        previous_mm: (k, 2) centres of the clusters of the previous frame, contacts or not.
-        slip: of the contacts.
-        tracks: of the contacts.
-        uncalibrated: geometry of the markers and state of the contact finder, for a sheet that was assumed;
-            else None.
-    """
-
-    model: InversionModel
-    neighbours: Neighbours
-    deviation: MarkerDeviation
-    initial_reference_px: Points2
-    reference_px: Points2
-    pitch_px: float
-    model_std_px: float
-    shape: SheetShape
-    posterior: Posterior | None
-    posterior_frames: int
-    previous_mm: Float64[np.ndarray, "k 2"]
-    slip: SlipState
-    tracks: ContactTrackerState
-    uncalibrated: tuple[MarkerGeometry, Any] | None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -88,12 +57,14 @@ class MechanicsEstimator:
         nominal_sheet: properties of a sheet that the sensor does not state.
         marker_noise: standard deviations of marker images.
         outlier_gate: weights of the markers.
+        view_motion: motion of the whole image.
         gauss_newton: the inversion.
         force_clusters: groups of nodal forces.
         model_order: number and centres of the contacts in a group.
+        rigid_faces: joins groups under one rigid object.
         contact_rules: which groups are contacts.
-        solid_correction: depth of a solid's face minus that of a shell, at the markers.
         contact_estimator: contacts with their covariances.
+        pretension: estimate of a pretension that the sensor does not state.
         contact_tracker: identities of contacts.
         surface_error: covariances of the marker displacements.
         reference_drift: update of the reference while nothing touches the sheet.
@@ -106,12 +77,14 @@ class MechanicsEstimator:
     nominal_sheet: NominalSheet = field(default_factory=NominalSheet)
     marker_noise: MarkerNoise = field(default_factory=MarkerNoise)
     outlier_gate: OutlierGate = field(default_factory=OutlierGate)
+    view_motion: ViewMotion = field(default_factory=ViewMotion)
     gauss_newton: GaussNewton = field(default_factory=GaussNewton)
     force_clusters: ForceClusters = field(default_factory=ForceClusters)
     model_order: ModelOrder = field(default_factory=ModelOrder)
+    rigid_faces: RigidFaces = field(default_factory=RigidFaces)
     contact_rules: ContactRules = field(default_factory=ContactRules)
-    solid_correction: SolidCorrection = field(default_factory=SolidCorrection)
     contact_estimator: ContactEstimator = field(default_factory=ContactEstimator)
+    pretension: PretensionEstimator = field(default_factory=PretensionEstimator)
     contact_tracker: ContactTracker = field(default_factory=lambda: ContactTracker(confirm_frames=1))
     surface_error: SurfaceError = field(default_factory=SurfaceError)
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
@@ -124,10 +97,18 @@ class MechanicsEstimator:
         """Computes everything that depends on the sensor only.
 
         Raises:
-            SensorError: the sensor has no layout.
+            SensorError: the sensor has no layout, or its sheet is bonded.
             LayoutError: it has too few markers.
         """
+        if sensor.sheet is not None and sensor.sheet.boundary == "bonded":
+            raise SensorError(
+                f'the sheet of sensor {sensor.name!r} is a pad with boundary = "bonded", but the method '
+                "mechanics computes clamped sheets only: choose --method perimeter or --method paper"
+            )
         model = self.nominal_sheet(sensor)
+        pretension = self.pretension.start(model, sensor.sheet)
+        if pretension.is_estimated:
+            model = model.with_pretension(pretension.mean_mm)
         layout = model.layout
         rest_px = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
         pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
@@ -140,6 +121,8 @@ class MechanicsEstimator:
             model=model,
             neighbours=nearest_neighbours(layout.rest_mm[:, :2]),
             deviation=self.surface_error.start(model, weight_mm4, std_px),
+            local=None if model.is_nominal else local_deflection(model.shell),
+            is_at_clamp=read_only(self.view_motion.is_used(model)),
             initial_reference_px=read_only(rest_px.copy()),
             reference_px=read_only(rest_px.copy()),
             pitch_px=pitch_px,
@@ -147,6 +130,9 @@ class MechanicsEstimator:
             shape=SheetShape.at(model, rest_mm),
             posterior=None,
             posterior_frames=0,
+            pretension=pretension,
+            variants=sheet_variants(model, sensor.sheet),
+            response=None,
             previous_mm=read_only(np.zeros((0, 2))),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
@@ -163,8 +149,14 @@ class MechanicsEstimator:
         fit = self.fit_frame(state, grid)
         status = grid.status if grid.status is not Status.OK else fit.status
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
-        clusters, significance = self._clusters(state, fit, noise)
-        surface = self._surface(state, grid, fit, clusters, status)
+        state = self._with_response(state, fit)
+        forces = ForcePosterior(state.model, fit, None if state.response is None else state.response.columns)
+        clusters = self._clusters(state, fit, forces, noise)
+        shape = self._unbiased_shape(state, clusters, forces)
+        touching_mm = np.array([contact.centre_mm for contact in state.tracks.touching]).reshape(-1, 2)
+        clusters = self.rigid_faces(state.model, shape.coefficient_mm, clusters, touching_mm)
+        clusters, significance = significant(clusters, fit, self.contact_rules.last_stds)
+        surface = self._surface(state, grid, shape, clusters, status)
         after = replace(
             state,
             shape=fit.shape,
@@ -175,14 +167,50 @@ class MechanicsEstimator:
             return self._step_uncalibrated(after, state.uncalibrated, grid, fit, surface)
         may_start = self._may_start(state, clusters) & (significance >= self.contact_rules.start_stds)
         may_start &= fit.status is Status.OK
-        after, contacts = self._track(after, clusters, fit, may_start=may_start, noise=noise, status=status)
+        after, contacts = self._track(
+            after, clusters, replace(fit, shape=shape), may_start=may_start, noise=noise, status=status
+        )
         if status is Status.OK and not after.tracks.tracks and not may_start.any():
             after = self._update_reference(after, grid)
+        if fit.steps and status is Status.OK and contacts.touching:
+            after = self._update_pretension(after, fit, clusters)
         return after, surface, contacts
+
+    def _with_response(self, state: MechanicsState, fit: Fit) -> MechanicsState:
+        """The state with the response of a frame with a full step to the parameters of the sheet."""
+        if state.uncalibrated is not None or not fit.steps or fit.status is not Status.OK:
+            return state
+        return replace(state, response=parameter_response(state.model, state.variants, state.pretension, fit))
+
+    def _update_pretension(self, state: MechanicsState, fit: Fit, clusters: Clusters) -> MechanicsState:
+        """The state with an unknown pretension as the last frame shows it."""
+        response = state.response
+        if not state.pretension.is_estimated or response is None:
+            return state
+        is_pressed = (clusters.label >= 0) | np.isfinite(clusters.fitted_mm2)
+        slope = response.misfit_slope(state.model, fit, is_pressed)
+        now = self.pretension.update(state.pretension, state.model, *slope)
+        if not self.pretension.is_new_model_due(state.model, now):
+            return replace(state, pretension=now)
+        model = state.model.with_pretension(now.mean_mm)
+        return replace(
+            state,
+            pretension=now,
+            model=model,
+            variants=tuple(each.with_pretension(now.mean_mm) for each in state.variants),
+            shape=SheetShape.at(model, state.shape.coefficient_mm),
+            posterior=None,
+            posterior_frames=0,
+        )
 
     def fit_frame(self, state: MechanicsState, grid: TrackedGrid) -> Fit:
         """The shape of the sheet in the next frame."""
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
+        measured_px -= self.view_motion(
+            state.initial_reference_px,
+            measured_px - state.shape.displacement_px,
+            state.is_at_clamp & grid.is_seen,
+        )
         return self.gauss_newton(
             state.model,
             state.shape,
@@ -204,8 +232,8 @@ class MechanicsEstimator:
         )
         return np.asarray((weight / variance_px2)[:, None, None] * np.eye(2))
 
-    def _clusters(self, state: MechanicsState, fit: Fit, noise: float) -> tuple[Clusters, Scalars]:
-        """Force clusters that noise does not explain, and their normal forces in standard deviations (c,)."""
+    def _clusters(self, state: MechanicsState, fit: Fit, forces: ForcePosterior, noise: float) -> Clusters:
+        """Force clusters that noise does not explain."""
         model = state.model
         unit_mm2 = model.lattice.force_unit_mm2
         force_mm2 = np.where(model.is_excluded[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
@@ -213,19 +241,31 @@ class MechanicsEstimator:
         hidden_mm2 = rules.noise_share * (noise - 1.0) * negligible * unit_mm2
         force_mm2 = np.where(force_mm2[:, 2:] > -hidden_mm2, 0.0, force_mm2)
         clusters = self.force_clusters(model.lattice, force_mm2)
+        clusters, _ = significant(clusters, fit, rules.least_stds)
         held_mm = np.array([contact.centre_mm for contact in state.tracks.touching]).reshape(-1, 2)
         clusters = self.model_order(
             model.lattice,
             force_mm2,
             clusters,
             held_mm,
-            evidence_at=lambda node: evidence_at(model, fit, node),
+            evidence_at=forces.evidence,
             noise=noise,
         )
-        inside = clusters.label == np.arange(len(clusters))[:, None]
-        significance = clusters.normal_mm2 / fit.posterior.force_std(inside.astype(np.float64), 2)
-        chosen = np.flatnonzero(significance >= rules.last_stds)
-        return clusters.select(chosen), significance[chosen]
+        return significant(clusters, fit, rules.last_stds)[0]
+
+    def _unbiased_shape(
+        self, state: MechanicsState, clusters: Clusters, forces: ForcePosterior
+    ) -> SheetShape:
+        """The shape with the forces of the fitted patches, which the sparse prior does not reduce.
+
+        Its marker images are those of the fit.
+        """
+        shape, model = forces.fit.shape, state.model
+        if not np.isfinite(clusters.fitted_mm2).any():
+            return shape
+        coefficient_mm = shape.coefficient_mm + forces.conditional_change(clusters.fitted_mm2)
+        force_mm2 = model.shell.forces(coefficient_mm)
+        return replace(shape, coefficient_mm=read_only(coefficient_mm), force_mm2=read_only(force_mm2))
 
     def _may_start(self, state: MechanicsState, clusters: Clusters) -> Mask:
         model = state.model
@@ -234,7 +274,7 @@ class MechanicsEstimator:
             model.lattice,
             clusters,
             is_far_from(clusters, state.previous_mm, gate_mm),
-            least_mm2=self.force_clusters.min_force * model.lattice.force_unit_mm2,
+            least_mm2=model.lattice.least_force_mm2,
             thickness_mm=model.thickness_mm,
         )
 
@@ -250,15 +290,17 @@ class MechanicsEstimator:
     ) -> tuple[MechanicsState, Contacts]:
         """Contacts with identities and slip, and the state that contains them."""
         model = state.model
-        least_mm2 = noise * self.force_clusters.min_force * model.lattice.force_unit_mm2
-        found = self.contact_estimator(model, clusters, fit)
+        least_mm2 = noise * model.lattice.least_force_mm2
+        on_face = np.isin(clusters.label, np.flatnonzero(clusters.is_face))
+        own_mm2 = np.where(on_face[:, None], 0.0, fit.shape.force_mm2)
+        found = self.contact_estimator(model, clusters, fit, state.local)
         tracks, contacts = self.contact_tracker.step(
             state.tracks,
             found,
             may_start=may_start.tolist(),
             is_loaded=lambda place_mm: has_force_near(
                 model.lattice,
-                fit.shape.force_mm2,
+                own_mm2,
                 place_mm,
                 radius_mm=model.pitch_mm,
                 least_mm2=least_mm2,
@@ -294,7 +336,7 @@ class MechanicsEstimator:
             model.patch.place_mm,
             fit.shape.force_mm2 if fit.status == "ok" else np.zeros_like(fit.shape.force_mm2),
             reach_mm=self.own_force_pitch * model.pitch_mm,
-            least_mm2=self.force_clusters.min_force * model.lattice.force_unit_mm2,
+            least_mm2=model.lattice.least_force_mm2,
         )
         if surface.status == "ok" and not self.uncalibrated_contact_finder.is_touched(uncalibrated[1]):
             state = self._update_reference(state, grid)
@@ -326,13 +368,17 @@ class MechanicsEstimator:
         return replace(state, tracks=tracks), surface, contacts
 
     def _surface(
-        self, state: MechanicsState, grid: TrackedGrid, fit: Fit, clusters: Clusters, status: Status
+        self,
+        state: MechanicsState,
+        grid: TrackedGrid,
+        shape: SheetShape,
+        clusters: Clusters,
+        status: Status,
     ) -> Surface:
-        model, shape = state.model, fit.shape
+        model = state.model
         displacement_mm = model.dots.displacement_mm(shape.coefficient_mm)
-        place_mm = model.dots.face.point_mm
-        displacement_mm[:, 2] -= self.solid_correction.depth_under_contacts(model, clusters, place_mm)
-        displacement_mm[:, 2] -= self.solid_correction.depth_along_clamp(model, shape.coefficient_mm)
+        if state.local is not None:
+            displacement_mm[:, 2] -= state.local.depth_mm(clusters, model.dots.face.point_mm)
         covariance_mm2 = self.surface_error(
             model,
             state.deviation,
@@ -346,6 +392,6 @@ class MechanicsEstimator:
             displacement_mm=read_only(displacement_mm),
             covariance_mm2=read_only(covariance_mm2),
             layout=model.layout,
-            spline=model.spline(shape.coefficient_mm, shape.force_mm2),
+            spline=model.spline(shape.coefficient_mm, shape.force_mm2, state.pretension.std_mm),
             status=status,
         )

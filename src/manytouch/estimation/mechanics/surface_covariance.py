@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.mechanics.sheet_model import InversionModel
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import TrackedGrid
 from manytouch.values.arrays import Covariances3, Mask, Points3, Scalars, read_only

@@ -164,6 +164,7 @@ def surface_at_markers(
         covariance: (m, 2, 2) of `displacement`.
         errors: of the law.
     """
+    rays, cells, errors = Rays(*rays), CellLists(*cells), LawErrors(*errors)
     rest = rays.rest
     cosine, sine = np.cos(view[2]) - 1.0, np.sin(view[2])
     plane = np.empty_like(displacement)

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from manytouch.compilation import plain
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.assumptions import view_is_assumed
 from manytouch.estimation.contact_finder import MarkerMotion
@@ -132,7 +133,12 @@ class MarkerSurface:
         view = self.view_motion(law.rest_mm, displacement_mm, is_seen, std_mm, geometry.hypotheses)
         view_motion = np.array([*view.shift_mm, view.angle_rad])
         without_view_mm, surface_mm2 = surface_at_markers(
-            displacement_mm, view_motion, law.rays, law.lists, covariance_mm2, geometry.errors
+            displacement_mm,
+            view_motion,
+            plain(law.rays),
+            plain(law.lists),
+            covariance_mm2,
+            plain(geometry.errors),
         )
         surface = Surface(
             position_mm=read_only(geometry.layout.rest_mm + without_view_mm),

@@ -211,6 +211,7 @@ def estimate_motion(
     rest: Floats, displacement: Floats, is_seen: Flags, std: float, search: MotionSearch
 ) -> Floats:
     """The motion (3,) of the view, 0 when no marker is seen; see `RigidMotionEstimator`."""
+    search = MotionSearch(*search)
     if not is_seen.any():
         return np.zeros(3)
     motion = propose_motion(rest, displacement, is_seen, search)

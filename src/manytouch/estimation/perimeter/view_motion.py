@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.compilation import plain
 from manytouch.values.arrays import Mask, Points2, read_only
 
 
@@ -99,5 +100,5 @@ class RigidMotionEstimator:
         from manytouch.estimation.perimeter.view_kernels import MotionSearch, estimate_motion
 
         search = MotionSearch(hypotheses.pairs, hypotheses.weight, self.share, self.voters, self.refinements)
-        motion = estimate_motion(rest_mm, displacement_mm, is_seen, std_mm, search)
+        motion = estimate_motion(rest_mm, displacement_mm, is_seen, std_mm, plain(search))
         return ViewMotion(shift_mm=read_only(motion[:2]), angle_rad=float(motion[2]))

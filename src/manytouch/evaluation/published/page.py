@@ -17,7 +17,7 @@ from manytouch.evaluation.suite.solutions import Solutions, solve_missing
 from manytouch.evaluation.suite.workers import RunObserver
 from manytouch.pipeline import Pipeline
 from manytouch.simulation.fem.cache import StateCache
-from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.atomic_output import atomic_file
 
 PAGE = "published.html.jinja"
 HEIGHTS_MM = (0.0, 1.0, 2.0)
@@ -138,10 +138,8 @@ def write_page(found: Experiments, folder: Path) -> Path:
         (folder / "paper.json", json.dumps(data, indent=1, allow_nan=False) + "\n"),
         (page, text),
     ):
-        output = AtomicOutput(path)
-        with output_errors(path):
-            output.temporary_path.write_text(content, encoding="utf-8")
-        output.commit()
+        with atomic_file(path) as partial:
+            partial.write_text(content, encoding="utf-8")
     return page
 
 

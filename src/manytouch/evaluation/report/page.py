@@ -17,7 +17,7 @@ from manytouch.evaluation.report.ratings import case_rows, halves_rows, rate_met
 from manytouch.evaluation.report.report_data import contents, part, unit_of
 from manytouch.evaluation.report.svg_theme import require_matplotlib
 from manytouch.evaluation.suite.runner import Evaluation
-from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.atomic_output import atomic_file
 
 PAGE = "page.html.jinja"
 QUANTITIES = ("centre", "depth", "position", "force")
@@ -125,7 +125,5 @@ def data_address(picture: np.ndarray) -> str:
 
 
 def _write(path: Path, text: str) -> None:
-    output = AtomicOutput(path)
-    with output_errors(path):
-        output.temporary_path.write_text(text, encoding="utf-8")
-    output.commit()
+    with atomic_file(path) as partial:
+        partial.write_text(text, encoding="utf-8")

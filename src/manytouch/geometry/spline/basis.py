@@ -36,8 +36,9 @@ def values(
     to its ends.
     """
     held = np.clip(place, 0.0, length)
-    first = np.clip((held * (elements / length)).astype(np.int64), 0, elements - 1)
     knot = knots(length, elements)
+    # The same comparison as in scipy: a division may round a place near a knot into the next element.
+    first = np.clip(np.searchsorted(knot, held, side="right") - 1 - DEGREE, 0, elements - 1)
     splines = BSpline(knot, np.eye(elements + DEGREE), DEGREE)
     chosen = first[:, None] + np.arange(DEGREE + 1)
     table = [np.take_along_axis(splines(held, order), chosen, axis=1) for order in range(4)]

@@ -23,20 +23,47 @@ class PointBasis:
 
     Attributes:
         node: (k, 16) their nodes.
-        value, dx, dy, dxx, dyy, dxy: (k, 16) values and derivatives, per mm and mm^2.
+        value, dx, dy: (k, 16) of the displacements along x and y: values, and derivatives per mm.
+        deflection: (k, 16) of the deflection w = b - shear_mm2 lap b, where b is the bending deflection.
+        slope_x, slope_y: (k, 16) first derivatives of the bending deflection, per mm.
+        dxx, dyy: (k, 16) its second derivatives, per mm^2.
     """
 
     node: Int64[np.ndarray, "k 16"]
     value: Float64[np.ndarray, "k 16"]
     dx: Float64[np.ndarray, "k 16"]
     dy: Float64[np.ndarray, "k 16"]
+    deflection: Float64[np.ndarray, "k 16"]
+    slope_x: Float64[np.ndarray, "k 16"]
+    slope_y: Float64[np.ndarray, "k 16"]
     dxx: Float64[np.ndarray, "k 16"]
     dyy: Float64[np.ndarray, "k 16"]
-    dxy: Float64[np.ndarray, "k 16"]
 
-    def field(self, nodal: Float64[np.ndarray, "nodes d"]) -> Float64[np.ndarray, "k d"]:
-        """Values at the points of the spline with these coefficients."""
-        return np.asarray(np.einsum("kn,knd->kd", self.value, nodal[self.node]))
+    def displacement(self, coefficient_mm: "Nodal") -> Float64[np.ndarray, "k 3"]:
+        """(k, 3) displacement of the sheet at the points, without the rotation of its fibres."""
+        own = coefficient_mm[self.node]
+        return np.stack(
+            [
+                np.einsum("kn,kn->k", table, own[:, :, axis])
+                for axis, table in enumerate((self.value, self.value, self.deflection))
+            ],
+            axis=1,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PointWindow:
+    """The basis functions of k points as factors along the slow and the fast axis, in this order.
+
+    Attributes:
+        first: (k, 2) indices of the first of 4 x 4 nodes.
+        plane: (k, 2, 4, 4) value and three derivatives of the functions of the displacements along x and y.
+        bending: (k, 2, 4, 4) the same of the bending deflection.
+    """
+
+    first: Int64[np.ndarray, "k 2"]
+    plane: Float64[np.ndarray, "k 2 4 4"]
+    bending: Float64[np.ndarray, "k 2 4 4"]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -49,15 +76,19 @@ class SplinePatch:
     Attributes:
         size_mm: along x and y.
         elements: along x and y.
-        boundary: "clamped": displacement and slope are 0 on the outline. "soft": the outline is free
-            (the sheet goes on beyond it in an unknown way); `Shell` holds it by weak springs.
+        boundary: "clamped": displacement and slope of the bending deflection are 0 on the outline. "soft":
+            the outline is free (the sheet goes on beyond it in an unknown way); `Shell` holds it by weak
+            springs.
         centre_mm: of the rectangle, in the sheet frame.
+        shear_mm2: a in the deflection w = b - a lap b of a sheet with bending deflection b, whose
+            coefficients are the third component of the unknowns; 0 for a thin plate.
     """
 
     size_mm: tuple[float, float]
     elements: tuple[int, int]
     boundary: Literal["clamped", "soft"] = "clamped"
     centre_mm: tuple[float, float] = (0.0, 0.0)
+    shear_mm2: float = 0.0
     is_x_slow: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -131,59 +162,86 @@ class SplinePatch:
 
     def at(self, point_mm: Float64[np.ndarray, "k 2"]) -> PointBasis:
         """The basis functions at points of the sheet; points outside are moved to the outline."""
-        found = [self._window(axis, point_mm[:, axis]) for axis in self.axes]
-        (first_slow, slow), (first_fast, fast) = found
-        local = np.arange(4)
-        node = (first_slow[:, None] + local)[:, :, None] * self.shape[1]
-        node = node + (first_fast[:, None] + local)[:, None, :]
-        product = {
-            (a, b): (slow[:, a, :, None] * fast[:, b, None, :]).reshape(-1, 16)
-            for a in range(3)
-            for b in range(3 - a)
-        }
+        window, local = self.window(point_mm), np.arange(4)
+        first = window.first
+        node = (first[:, :1] + local)[:, :, None] * self.shape[1] + (first[:, 1:] + local)[:, None, :]
+
+        def product(table: np.ndarray, slow: int, fast: int) -> np.ndarray:
+            """(k, 16) derivatives of the functions along both axes, in their order."""
+            return np.asarray((table[:, 0, slow, :, None] * table[:, 1, fast, None, :]).reshape(-1, 16))
+
         x, y = ((1, 0), (0, 1)) if self.is_x_slow else ((0, 1), (1, 0))
+        plane, bending = window.plane, window.bending
+        curvature = [product(bending, 2 * x[0], 2 * x[1]), product(bending, 2 * y[0], 2 * y[1])]
         return PointBasis(
             node=node.reshape(-1, 16),
-            value=product[0, 0],
-            dx=product[x],
-            dy=product[y],
-            dxx=product[2 * x[0], 2 * x[1]],
-            dyy=product[2 * y[0], 2 * y[1]],
-            dxy=product[1, 1],
+            value=product(plane, 0, 0),
+            dx=product(plane, *x),
+            dy=product(plane, *y),
+            deflection=product(bending, 0, 0) - self.shear_mm2 * (curvature[0] + curvature[1]),
+            slope_x=product(bending, *x),
+            slope_y=product(bending, *y),
+            dxx=curvature[0],
+            dyy=curvature[1],
         )
 
-    def window(
-        self, point_mm: Float64[np.ndarray, "k 2"]
-    ) -> tuple[Int64[np.ndarray, "k 2"], Float64[np.ndarray, "k 2 4 4"]]:
-        """The same as factors, in the order slow, fast.
+    def window(self, point_mm: Float64[np.ndarray, "k 2"]) -> PointWindow:
+        """The same as factors."""
+        found = [self._window(axis, point_mm[:, axis]) for axis in self.axes]
+        first, plane, bending = (np.stack(part, axis=1) for part in zip(*found, strict=True))
+        return PointWindow(first=first, plane=plane, bending=bending)
+
+    def functions(
+        self, axis: int, place_mm: Float64[np.ndarray, " k"]
+    ) -> tuple[Int64[np.ndarray, " k"], Float64[np.ndarray, "k 4 4"], Float64[np.ndarray, "k 4 4"]]:
+        """Basis functions along one axis, dropped ones included, at places from the sheet's first edge.
+
+        On a clamped outline the bending deflection b has slope 0 and the deflection b - a b'' is 0. The
+        function of the first node inside is therefore continued to the outline by the same share of both
+        functions beyond it (`rim_share`).
 
         Returns:
-            (k, 2) indices of the first of 4 x 4 nodes; (k, 2, 4, 4) value and three derivatives of the
-            basis functions along each axis.
+            (k,) first of the four functions that are not 0 at each place; (k, 4, 4) their value and three
+            derivatives; (k, 4, 4) the same for the bending deflection.
         """
-        found = [self._window(axis, point_mm[:, axis]) for axis in self.axes]
-        return np.stack([first for first, _ in found], axis=1), np.stack(
-            [table for _, table in found], axis=1
-        )
+        length, elements = self.size_mm[axis], self.elements[axis]
+        first, table = basis.values(length, elements, place_mm)
+        bending = table.copy()
+        share = self.rim_share(axis)
+        if share > 0.0:
+            last = elements + basis.DEGREE - 1
+            for outer, inner in (((0, 1), 2), ((last, last - 1), last - 2)):
+                into = inner - first
+                for function in outer:
+                    source = function - first
+                    both = np.flatnonzero((source >= 0) & (source < 4) & (into >= 0) & (into < 4))
+                    bending[both, :, into[both]] += share * table[both, :, source[both]]
+        return first, table, bending
+
+    def rim_share(self, axis: int) -> float:
+        """Share of the outer two functions along an axis in the third one: 3 a / (h^2 + 3 a), or 0."""
+        if self.boundary != "clamped":
+            return 0.0
+        ratio = 3.0 * self.shear_mm2 / (self.size_mm[axis] / self.elements[axis]) ** 2
+        return ratio / (1.0 + ratio)
 
     def _window(
         self, axis: int, place_mm: Float64[np.ndarray, " k"]
-    ) -> tuple[Int64[np.ndarray, " k"], Float64[np.ndarray, "k 4 4"]]:
-        """First of 4 nodes along an axis and their basis functions; dropped ones are left out."""
-        local_mm = place_mm - self.corner_mm[axis]
-        first, table = basis.values(self.size_mm[axis], self.elements[axis], local_mm)
+    ) -> tuple[Int64[np.ndarray, " k"], Float64[np.ndarray, "k 4 4"], Float64[np.ndarray, "k 4 4"]]:
+        """First of 4 nodes along an axis and both kinds of functions; dropped ones are left out."""
+        first, *tables = self.functions(axis, place_mm - self.corner_mm[axis])
         nodes = self.elements[axis] + basis.DEGREE - 2 * self.dropped
         start = np.clip(first - self.dropped, 0, nodes - 4)
         source = np.arange(4) + (start - first + self.dropped)[:, None]
-        is_there = (source >= 0) & (source < 4)
-        moved = np.take_along_axis(table, np.clip(source, 0, 3)[:, None, :], axis=2)
-        return start, moved * is_there[:, None, :]
+        is_there = ((source >= 0) & (source < 4))[:, None, :]
+        held = np.clip(source, 0, 3)[:, None, :]
+        plane, bending = (np.take_along_axis(table, held, axis=2) * is_there for table in tables)
+        return start, plane, bending
 
-    def load(
-        self, point_mm: Float64[np.ndarray, "k 2"], weight: Float64[np.ndarray, " k"]
-    ) -> Float64[np.ndarray, " nodes"]:
-        """Nodal forces that are equivalent to forces `weight` at points."""
+    def load(self, point_mm: Float64[np.ndarray, "k 2"], force: Float64[np.ndarray, "k 3"]) -> Nodal:
+        """Nodal forces (nodes, 3) that are equivalent to forces at points."""
         points = self.at(point_mm)
-        nodal = np.zeros(self.node_count)
-        np.add.at(nodal, points.node, points.value * weight[:, None])
+        nodal = np.zeros((self.node_count, 3))
+        for axis, table in enumerate((points.value, points.value, points.deflection)):
+            np.add.at(nodal[:, axis], points.node, table * force[:, axis, None])
         return nodal

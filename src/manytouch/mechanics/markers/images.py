@@ -52,7 +52,7 @@ class Face:
 
     @cached_property
     def _places(self) -> marker_kernels.Places:
-        return marker_kernels.Places(*self.shell.patch.window(self.point_mm))
+        return _places(self.shell.patch, self.point_mm)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -107,8 +107,7 @@ class MarkerImages:
     @cached_property
     def first(self) -> Int64[np.ndarray, "m 2"]:
         """(slow, fast) of the first of the 4 x 4 nodes of each marker."""
-        first, _ = self.shell.patch.window(self.face.point_mm)
-        return first
+        return self.shell.patch.window(self.face.point_mm).first
 
     def _centroid_px(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "m 2"]:
         out = np.empty((len(self.rest_mm), 2))
@@ -137,13 +136,22 @@ class MarkerImages:
         circle = OUTLINE_RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(OUTLINE_POINTS)])
         outline_mm = self.rest_mm[:, None] + self.radius_mm[:, None, None] * circle
         patch, shape = self.shell.patch, outline_mm.shape[:2]
-        first, table = patch.window(outline_mm[..., :2].reshape(-1, 2))
-        outlines = marker_kernels.Places(first.reshape(*shape, 2), table.reshape(*shape, 2, 4, 4))
-        return marker_kernels.Places(*patch.window(self.face.point_mm)), outlines, outline_mm
+        around = patch.window(outline_mm[..., :2].reshape(-1, 2))
+        outlines = marker_kernels.Places(
+            around.first.reshape(*shape, 2),
+            around.plane.reshape(*shape, 2, 4, 4),
+            around.bending.reshape(*shape, 2, 4, 4),
+        )
+        return _places(patch, self.face.point_mm), outlines, outline_mm
 
     @cached_property
     def _rest_px(self) -> Float64[np.ndarray, "m 2"]:
         return self._centroid_px(np.zeros((self.shell.patch.node_count, 3)))
+
+
+def _places(patch: SplinePatch, point_mm: Float64[np.ndarray, "k 2"]) -> marker_kernels.Places:
+    window = patch.window(point_mm)
+    return marker_kernels.Places(window.first, window.plane, window.bending)
 
 
 def _spline_field(patch: SplinePatch, coefficient_mm: Nodal) -> marker_kernels.SplineField:
@@ -152,5 +160,9 @@ def _spline_field(patch: SplinePatch, coefficient_mm: Nodal) -> marker_kernels.S
 
 def _layer(shell: Shell, height_mm: float) -> marker_kernels.Layer:
     return marker_kernels.Layer(
-        float(shell.thickness_mm), float(shell.poisson), float(height_mm), float(shell.shear_mm2)
+        float(shell.thickness_mm),
+        float(shell.poisson),
+        float(height_mm),
+        float(shell.shear_mm2),
+        float(shell.tilt_mm2),
     )

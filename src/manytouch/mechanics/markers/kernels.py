@@ -22,7 +22,7 @@ Matrix3 = Float64[np.ndarray, "3 3"]
 
 
 class SplineField(NamedTuple):
-    """The displacement of the middle surface.
+    """The displacement of the sheet: along x and y that of its middle, along z its bending deflection b.
 
     Attributes:
         coefficient: (nodes, 3) mm.
@@ -40,11 +40,14 @@ class Places(NamedTuple):
 
     Attributes:
         first: (..., 2) slow and fast index of the first of 4 x 4 nodes.
-        table: (..., 2, 4, 4) value and three derivatives of 4 basis functions along both axes.
+        plane: (..., 2, 4, 4) value and three derivatives of 4 basis functions along both axes, of the
+            displacements along x and y.
+        bending: (..., 2, 4, 4) the same of the bending deflection.
     """
 
     first: Int64[np.ndarray, "... 2"]
-    table: Float64[np.ndarray, "... 2 4 4"]
+    plane: Float64[np.ndarray, "... 2 4 4"]
+    bending: Float64[np.ndarray, "... 2 4 4"]
 
 
 class Layer(NamedTuple):
@@ -54,72 +57,70 @@ class Layer(NamedTuple):
         thickness: of the sheet, mm.
         poisson: Poisson's ratio.
         height: distance of the points from the camera-side face, towards the camera, mm.
-        shear: `Shell.shear_mm2`.
+        shear: `Shell.shear_mm2`, a in the deflection w = b - a lap b.
+        tilt: fibres are normal to b - tilt lap b, mm^2.
     """
 
     thickness: float
     poisson: float
     height: float
     shear: float
+    tilt: float
 
 
 class Frames(NamedTuple):
     """Work space for one place.
 
     Attributes:
-        surface: displacement, a1 and a2 of the middle surface as rows.
-        tilted: the same with the slopes of the fibres.
+        frame: displacement, a1 and a2 of the surface that fibres are normal to, as rows.
         normal: unit vector along the fibres.
     """
 
-    surface: Matrix3
-    tilted: Matrix3
+    frame: Matrix3
     normal: Vector3
-
-
-class Slopes(NamedTuple):
-    """Slopes of a node's basis function along x and y, and those of w on which fibres stand."""
-
-    x: float
-    y: float
-    fibre_x: float
-    fibre_y: float
 
 
 @kernel(fastmath=True)
 @no_type_check
 def surface_frame(
-    spline: SplineField, first: Int64[np.ndarray, "2"], table: Float64[np.ndarray, "2 4 4"], out: Matrix3
+    spline: SplineField,
+    first: Int64[np.ndarray, "2"],
+    plane: Float64[np.ndarray, "2 4 4"],
+    bending: Float64[np.ndarray, "2 4 4"],
+    shear: float,
+    out: Matrix3,
 ) -> None:
-    """Displacement, a1 and a2 of the middle surface at a place, into `out`."""
-    u0 = u1 = u2 = s0 = s1 = s2 = f0 = f1 = f2 = 0.0
+    """Displacement, and a1 and a2 with the slopes of the bending deflection, at a place, into `out`."""
+    u0 = u1 = w0 = s0 = s1 = s2 = f0 = f1 = f2 = laplacian = 0.0
     for a in range(4):
         start = (first[0] + a) * spline.columns + first[1]
-        v0 = v1 = v2 = d0 = d1 = d2 = 0.0
+        v0 = v1 = d0 = d1 = b0 = b1 = b2 = 0.0
         for b in range(4):
-            n, d = table[1, 0, b], table[1, 1, b]
             c0, c1, c2 = (
                 spline.coefficient[start + b, 0],
                 spline.coefficient[start + b, 1],
                 spline.coefficient[start + b, 2],
             )
+            n, d = plane[1, 0, b], plane[1, 1, b]
             v0 += n * c0
             v1 += n * c1
-            v2 += n * c2
             d0 += d * c0
             d1 += d * c1
-            d2 += d * c2
-        n, d = table[0, 0, a], table[0, 1, a]
+            b0 += bending[1, 0, b] * c2
+            b1 += bending[1, 1, b] * c2
+            b2 += bending[1, 2, b] * c2
+        n, d = plane[0, 0, a], plane[0, 1, a]
         u0 += n * v0
         u1 += n * v1
-        u2 += n * v2
         s0 += d * v0
         s1 += d * v1
-        s2 += d * v2
         f0 += n * d0
         f1 += n * d1
-        f2 += n * d2
-    out[0, 0], out[0, 1], out[0, 2] = u0, u1, u2
+        w0 += bending[0, 0, a] * b0
+        s2 += bending[0, 1, a] * b0
+        f2 += bending[0, 0, a] * b1
+        laplacian += bending[0, 2, a] * b0 + bending[0, 0, a] * b2
+    out[0, 0], out[0, 1], out[0, 2] = u0, u1, w0 - shear * laplacian
     if spline.is_x_slow:
         out[1, 0], out[1, 1], out[1, 2] = 1.0 + s0, s1, s2
         out[2, 0], out[2, 1], out[2, 2] = f0, 1.0 + f1, f2
@@ -131,20 +132,20 @@ def surface_frame(
 @kernel(fastmath=True)
 @no_type_check
 def _tilt(
-    spline: SplineField, first: Int64[np.ndarray, "2"], table: Float64[np.ndarray, "2 4 4"], shear: float
+    spline: SplineField, first: Int64[np.ndarray, "2"], bending: Float64[np.ndarray, "2 4 4"], tilt: float
 ) -> tuple[float, float]:
-    """Slopes along x and y on which fibres stand, minus those of w: shear grad lap w."""
+    """Slopes along x and y on which fibres stand, minus those of b: -tilt grad lap b."""
     along_slow = along_fast = 0.0
     for a in range(4):
         start = (first[0] + a) * spline.columns + first[1]
-        s0, s1, s2, s3 = table[0, 0, a], table[0, 1, a], table[0, 2, a], table[0, 3, a]
+        s0, s1, s2, s3 = bending[0, 0, a], bending[0, 1, a], bending[0, 2, a], bending[0, 3, a]
         for b in range(4):
-            w = spline.coefficient[start + b, 2]
-            along_slow += w * (s3 * table[1, 0, b] + s1 * table[1, 2, b])
-            along_fast += w * (s2 * table[1, 1, b] + s0 * table[1, 3, b])
+            c = spline.coefficient[start + b, 2]
+            along_slow += c * (s3 * bending[1, 0, b] + s1 * bending[1, 2, b])
+            along_fast += c * (s2 * bending[1, 1, b] + s0 * bending[1, 3, b])
     if spline.is_x_slow:
-        return shear * along_slow, shear * along_fast
-    return shear * along_fast, shear * along_slow
+        return -tilt * along_slow, -tilt * along_fast
+    return -tilt * along_fast, -tilt * along_slow
 
 
 @kernel(fastmath=True)
@@ -178,18 +179,19 @@ def _normal(frame: Matrix3, out: Vector3) -> float:
 def _displace(
     spline: SplineField,
     first: Int64[np.ndarray, "2"],
-    table: Float64[np.ndarray, "2 4 4"],
+    plane: Float64[np.ndarray, "2 4 4"],
+    bending: Float64[np.ndarray, "2 4 4"],
     tilt: tuple[float, float],
     layer: Layer,
     frames: Frames,
     out: Vector3,
 ) -> None:
     """Displacement (3,) of one point of the layer, into `out`."""
-    frame, normal = frames.surface, frames.normal
-    surface_frame(spline, first, table, frame)
-    lever, _ = _lever(frame, layer)
+    frame, normal = frames.frame, frames.normal
+    surface_frame(spline, first, plane, bending, layer.shear, frame)
     frame[1, 2] += tilt[0]
     frame[2, 2] += tilt[1]
+    lever, _ = _lever(frame, layer)
     _normal(frame, normal)
     for j in range(3):
         out[j] = frame[0, j] - lever * normal[j]
@@ -202,11 +204,11 @@ def face_displacement(
     spline: SplineField, places: Places, layer: Layer, out: Float64[np.ndarray, "k 3"]
 ) -> None:
     """Displacement (mm) of points of the layer, into `out`."""
-    frames = Frames(np.empty((3, 3)), np.empty((3, 3)), np.empty(3))
+    frames = Frames(np.empty((3, 3)), np.empty(3))
     for k in range(len(out)):
-        first, table = places.first[k], places.table[k]
-        tilt = _tilt(spline, first, table, layer.shear)
-        _displace(spline, first, table, tilt, layer, frames, out[k])
+        first, plane, bending = places.first[k], places.plane[k], places.bending[k]
+        tilt = _tilt(spline, first, bending, layer.tilt)
+        _displace(spline, first, plane, bending, tilt, layer, frames, out[k])
 
 
 @kernel(fastmath=True)
@@ -223,7 +225,7 @@ def centroids(
     """Pixels of the centroids of the images of m deformed discs, into `out`.
 
     Args:
-        spline: displacement of the middle surface.
+        spline: displacement of the sheet.
         centres: of the discs. Fibres of a disc have the tilt of its centre, because third derivatives of the
             spline are discontinuous between elements.
         outlines: (m, k) points of the outlines.
@@ -232,14 +234,23 @@ def centroids(
         camera: in front of the sheet.
         out: result.
     """
-    frames = Frames(np.empty((3, 3)), np.empty((3, 3)), np.empty(3))
+    frames = Frames(np.empty((3, 3)), np.empty(3))
     moved = np.empty(3)
     count = outline_mm.shape[1]
     u, v = np.empty(count), np.empty(count)
     for i in range(len(out)):
-        tilt = _tilt(spline, centres.first[i], centres.table[i], layer.shear)
+        tilt = _tilt(spline, centres.first[i], centres.bending[i], layer.tilt)
         for k in range(count):
-            _displace(spline, outlines.first[i, k], outlines.table[i, k], tilt, layer, frames, moved)
+            _displace(
+                spline,
+                outlines.first[i, k],
+                outlines.plane[i, k],
+                outlines.bending[i, k],
+                tilt,
+                layer,
+                frames,
+                moved,
+            )
             u[k], v[k] = pixel(
                 camera,
                 outline_mm[i, k, 0] + moved[0],
@@ -260,7 +271,12 @@ def centroids(
 @kernel(fastmath=True)
 @no_type_check
 def _point_derivative(
-    frames: Frames, share: float, thinning: float, slopes: Slopes, value: float, out: Matrix3
+    frames: Frames,
+    share: float,
+    thinning: float,
+    slopes: tuple[float, float, float, float],
+    values: tuple[float, float],
+    out: Matrix3,
 ) -> None:
     """Derivative (3, 3) of a point of a layer by the coefficients of one node, into `out`.
 
@@ -268,22 +284,23 @@ def _point_derivative(
         frames: at the place.
         share: lever over |a1 x a2|.
         thinning: derivative of the lever by the trace of the strain, with the opposite sign.
-        slopes: of the node's function.
-        value: of the node's function.
+        slopes: along x and y of the node's function of the displacements in the plane, and of that of the
+            surface that fibres are normal to.
+        values: of the node's function of the displacements in the plane, and of the deflection.
         out: row i is the component of the point, column j that of the coefficient.
     """
-    frame, tilted, normal = frames.surface, frames.tilted, frames.normal
+    frame, normal = frames.frame, frames.normal
     for j in range(3):  # of a unit change of component j
         # d(a1 x a2) = e_j x a2 dx + a1 x e_j dy
         k, m = (j + 1) % 3, (j + 2) % 3
-        dx, dy = (slopes.fibre_x, slopes.fibre_y) if j == 2 else (slopes.x, slopes.y)
-        d_k = -dx * tilted[2, m] + dy * tilted[1, m]
-        d_m = dx * tilted[2, k] - dy * tilted[1, k]
+        dx, dy = (slopes[2], slopes[3]) if j == 2 else (slopes[0], slopes[1])
+        d_k = -dx * frame[2, m] + dy * frame[1, m]
+        d_m = dx * frame[2, k] - dy * frame[1, k]
         along = share * (normal[k] * d_k + normal[m] * d_m)
-        along += thinning * (slopes.x * frame[1, j] + slopes.y * frame[2, j])
+        along += thinning * (dx * frame[1, j] + dy * frame[2, j])
         for i in range(3):
             out[i, j] = along * normal[i]
-        out[j, j] += value
+        out[j, j] += values[1] if j == 2 else values[0]
         out[k, j] -= share * d_k
         out[m, j] -= share * d_m
 
@@ -294,26 +311,28 @@ def face_derivatives(
     spline: SplineField, places: Places, layer: Layer, out: Float64[np.ndarray, "k 3 16 3"]
 ) -> None:
     """Derivative of `face_displacement` by the coefficients of the 4 x 4 nodes of each place, into `out`."""
-    frames, block = Frames(np.empty((3, 3)), np.empty((3, 3)), np.empty(3)), np.empty((3, 3))
-    shear, nu = layer.shear, layer.poisson
+    frames, block = Frames(np.empty((3, 3)), np.empty(3)), np.empty((3, 3))
+    frame, shear, nu = frames.frame, layer.shear, layer.poisson
     for k in range(len(out)):
-        slow, fast = places.table[k, 0], places.table[k, 1]
-        surface_frame(spline, places.first[k], places.table[k], frames.surface)
-        lever, varies = _lever(frames.surface, layer)
+        slow, fast = places.plane[k, 0], places.plane[k, 1]
+        bend_slow, bend_fast = places.bending[k, 0], places.bending[k, 1]
+        surface_frame(spline, places.first[k], places.plane[k], places.bending[k], shear, frame)
+        tilt_x, tilt_y = _tilt(spline, places.first[k], places.bending[k], layer.tilt)
+        frame[1, 2] += tilt_x
+        frame[2, 2] += tilt_y
+        lever, varies = _lever(frame, layer)
         thinning = 0.5 * layer.thickness * nu / (1.0 - nu) if varies else 0.0
-        frames.tilted[:] = frames.surface
-        tilt_x, tilt_y = _tilt(spline, places.first[k], places.table[k], shear)
-        frames.tilted[1, 2] += tilt_x
-        frames.tilted[2, 2] += tilt_y
-        share = lever / _normal(frames.tilted, frames.normal)
+        share = lever / _normal(frame, frames.normal)
         for a in range(4):
+            b0, b1, b2, b3 = bend_slow[0, a], bend_slow[1, a], bend_slow[2, a], bend_slow[3, a]
             for b in range(4):
-                value = slow[0, a] * fast[0, b]
+                c0, c1, c2, c3 = bend_fast[0, b], bend_fast[1, b], bend_fast[2, b], bend_fast[3, b]
+                values = (slow[0, a] * fast[0, b], b0 * c0 - shear * (b2 * c0 + b0 * c2))
                 ds, df = slow[1, a] * fast[0, b], slow[0, a] * fast[1, b]
-                ts = ds + shear * (slow[3, a] * fast[0, b] + slow[1, a] * fast[2, b])
-                tf = df + shear * (slow[2, a] * fast[1, b] + slow[0, a] * fast[3, b])
-                slopes = Slopes(ds, df, ts, tf) if spline.is_x_slow else Slopes(df, ds, tf, ts)
-                _point_derivative(frames, share, thinning, slopes, value, block)
+                ts = b1 * c0 - layer.tilt * (b3 * c0 + b1 * c2)
+                tf = b0 * c1 - layer.tilt * (b2 * c1 + b0 * c3)
+                slopes = (ds, df, ts, tf) if spline.is_x_slow else (df, ds, tf, ts)
+                _point_derivative(frames, share, thinning, slopes, values, block)
                 for i in range(3):
                     for j in range(3):
                         out[k, i, 4 * a + b, j] = block[i, j]

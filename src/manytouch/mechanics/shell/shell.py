@@ -1,44 +1,46 @@
 """The sheet as a shell on a spline patch: its energy, internal forces and tangent, divided by E."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float64
 
-from manytouch.geometry.spline import basis
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.shell import kernels as shell_kernels
-from manytouch.mechanics.shell import tangent_kernels
+from manytouch.mechanics.shell import tangent_assembly, tangent_kernels
 
 SUPPORT_PER_MM = 1e-3
 """Stiffness of the springs along a soft boundary, over E and area: a displacement of 1 mm gives 0.001 E."""
 
-THICK_BENDING = 0.7
-"""Bending factor of a sheet that is about as thick as its dents are wide and is also sheared."""
+SHEAR_FACTOR = 1.0 / 5.0
+"""a / t^2 of the camera-side face of a slab of thickness t under a load on its other face; see `Shell`."""
 
-THICK_SHEAR = 0.1
-"""Shear factor of such a sheet; both were fitted to 3-D finite elements (ADR 0015)."""
+FIBRE_FACTOR = 1.0 / 6.0
+"""Fibres are normal to b - FIBRE_FACTOR a lap b, b being the bending deflection; of the same slab."""
 
 GAUSS_POINTS = 3
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Shell:
-    """A sheet with finite membrane strain (neo-Hooke, plane stress) and linear bending.
+    """A sheet with finite membrane strain (neo-Hooke, plane stress) and linear bending with shear.
 
     Vectors are in the sheet frame, whose z points away from the camera; a press has w < 0 and forces f_z < 0.
-    All
-    energies and forces are divided by E: mm^3 and mm^2. Derivation: docs/derivations/mechanics.md.
+    All energies and forces are divided by E: mm^3 and mm^2.
+
+    The deflection w is that of the camera-side face. The third component of the coefficients is the bending
+    deflection b, with w = b - a lap b and a = t^2 / 5: for waves of wave number k, the stiffness of the face
+    is D k^4 / (1 + a k^2) + N k^2, that of an exact slab to 1 % up to k t = 1 for any Poisson's ratio.
+    Derivation: docs/derivations/mechanics.md.
 
     Attributes:
-        patch: the rectangle that is modelled.
+        patch: the rectangle that is modelled; its `shear_mm2` is replaced by that of this sheet.
         thickness_mm: of the sheet, mounted.
         poisson: 0 to less than 0.5.
         pretension_over_E_mm: membrane force per length at rest, over E.
         bending_factor: on t^3 / (12 (1 - poisson^2)); 1 is a thin plate of this thickness.
-        shear_factor: fibres across the sheet are normal to w + shear_factor t^2 lap w instead of w; 0 is a
-            thin plate.
+        shear_factor: a over t^2; 0 is a thin plate.
         support_per_mm: of the springs that hold a soft boundary, per E and area; has no effect on a
             clamped patch.
     """
@@ -48,7 +50,7 @@ class Shell:
     poisson: float = 0.45
     pretension_over_E_mm: float = 0.0
     bending_factor: float = 1.0
-    shear_factor: float = THICK_SHEAR
+    shear_factor: float = SHEAR_FACTOR
     support_per_mm: float = SUPPORT_PER_MM
 
     def __post_init__(self) -> None:
@@ -56,11 +58,18 @@ class Shell:
             raise ValueError(f"Poisson's ratio must be at least 0 and below 0.5, not {self.poisson}")
         if not self.thickness_mm > 0.0:
             raise ValueError(f"the thickness of a sheet must be positive, not {self.thickness_mm} mm")
+        shear_mm2 = self.shear_factor * self.thickness_mm**2
+        object.__setattr__(self, "patch", replace(self.patch, shear_mm2=shear_mm2))
 
     @property
     def shear_mm2(self) -> float:
-        """Coefficient of the Laplacian of w in the surface that fibres are normal to."""
-        return self.shear_factor * self.thickness_mm**2
+        """a in the deflection w = b - a lap b."""
+        return self.patch.shear_mm2
+
+    @property
+    def tilt_mm2(self) -> float:
+        """Fibres across the sheet are normal to b - tilt_mm2 lap b."""
+        return FIBRE_FACTOR * self.shear_mm2
 
     def energy(self, coefficient_mm: Nodal) -> float:
         """Energy over E (mm^3), 0 at rest."""
@@ -82,7 +91,7 @@ class Shell:
         tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q lies a - 3 further
         along the slow and b - 3 further along the fast axis.
         """
-        shell_kernels.forces_and_tangent(coefficient_mm, self._elements, self._stiffness, force, tangent)
+        tangent_assembly.forces_and_tangent(coefficient_mm, self._elements, self._stiffness, force, tangent)
         force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
         middle = tangent_kernels.REACH
         for i in range(3):
@@ -114,17 +123,22 @@ class Shell:
     def _elements(self) -> shell_kernels.Elements:
         node, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
         patch = self.patch
-        tables, lengths = [], []
+        plane: list[np.ndarray] = []
+        bending: list[np.ndarray] = []
+        lengths = []
         for axis in patch.axes:
             length, elements = patch.size_mm[axis], patch.elements[axis]
             step = length / elements
             place = (np.arange(elements)[:, None] + 0.5 * (node + 1.0)) * step
-            _, table = basis.values(length, elements, place.ravel())
-            tables.append(np.ascontiguousarray(table.reshape(elements, GAUSS_POINTS, 4, 4)[:, :, :3]))
+            _, *tables = patch.functions(axis, place.ravel())
+            for table, kind in zip(tables, (plane, bending), strict=True):
+                kind.append(np.ascontiguousarray(table.reshape(elements, GAUSS_POINTS, 4, 4)))
             lengths.append(0.5 * step * weight)
         return shell_kernels.Elements(
-            slow=tables[0],
-            fast=tables[1],
+            slow=plane[0],
+            fast=plane[1],
+            bending_slow=bending[0],
+            bending_fast=bending[1],
             weight=np.outer(lengths[0], lengths[1]).ravel(),
             shape=patch.shape,
             dropped=patch.dropped,
@@ -134,13 +148,13 @@ class Shell:
     @cached_property
     def _stiffness(self) -> shell_kernels.Stiffness:
         nu, t = float(self.poisson), float(self.thickness_mm)
-        rigidity = self.bending_factor * t**3 / (12.0 * (1.0 - nu**2))
+        rigidity_mm3 = self.bending_factor * t**3 / (12.0 * (1.0 - nu**2))
         return shell_kernels.Stiffness(
             thickness=t,
             mu=0.5 / (1.0 + nu),
             bulk=1.0 / (3.0 * (1.0 - 2.0 * nu)),
             tension=float(self.pretension_over_E_mm),
-            d11=rigidity,
-            d12=rigidity * nu,
-            d33=rigidity * 0.5 * (1.0 - nu),
+            lever=t * float(np.sqrt(self.bending_factor / 12.0)),
+            shear=float(self.shear_mm2),
+            shear_stiffness=rigidity_mm3 * float(self.shear_mm2),
         )

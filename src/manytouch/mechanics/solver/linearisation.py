@@ -55,8 +55,8 @@ class Linearisation:
         change = self.force_change(change_mm)
         w = change_mm[self.nodes.node, 2]
         slope, force_z = self.slope, self.force[:, 2]
-        change[:, 0] += slope[:, 0] * change[:, 2] + force_z * (self.nodes.dx * w).sum(axis=1)
-        change[:, 1] += slope[:, 1] * change[:, 2] + force_z * (self.nodes.dy * w).sum(axis=1)
+        change[:, 0] += slope[:, 0] * change[:, 2] + force_z * (self.nodes.slope_x * w).sum(axis=1)
+        change[:, 1] += slope[:, 1] * change[:, 2] + force_z * (self.nodes.slope_y * w).sum(axis=1)
         change[~self.shell.patch.is_free] = 0.0
         return change
 
@@ -99,7 +99,7 @@ class Linearisation:
         across[:, 2] += (self.slope * weighted[:, :2]).sum(axis=1)
         gradient = self.shell.product(self.tangent, across)
         tilt = self.force[:, 2:] * weighted[:, :2]
-        tilted = tilt[:, :1] * nodes.dx + tilt[:, 1:] * nodes.dy
+        tilted = tilt[:, :1] * nodes.slope_x + tilt[:, 1:] * nodes.slope_y
         count, node = patch.node_count, self.dots.tips.basis.node.ravel()
         gradient[:, 2] += np.bincount(nodes.node.ravel(), tilted.ravel(), minlength=count)
         for axis in range(3):

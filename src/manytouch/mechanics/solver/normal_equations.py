@@ -58,7 +58,7 @@ class NormalEquations:
             nodes=nodes,
             force=force,
             tangent=tangent,
-            slope=np.column_stack([(nodes.dx * w).sum(axis=1), (nodes.dy * w).sum(axis=1)]),
+            slope=np.column_stack([(nodes.slope_x * w).sum(axis=1), (nodes.slope_y * w).sum(axis=1)]),
             derivative=derivative,
         )
 
@@ -135,10 +135,10 @@ class NormalEquations:
     @cached_property
     def _slope_tables(self) -> band_kernels.SlopeTables:
         patch = self.shell.patch
-        first, _ = patch.window(patch.place_mm)
+        first = patch.window(patch.place_mm).first
         is_free = patch.is_free[self._nodes.node, 2].reshape(-1, 4, 4)
         table_x, table_y = (
             np.ascontiguousarray(table.reshape(-1, 4, 4)) * is_free
-            for table in (self._nodes.dx, self._nodes.dy)
+            for table in (self._nodes.slope_x, self._nodes.slope_y)
         )
         return band_kernels.SlopeTables(first, table_x, table_y)

@@ -1,4 +1,5 @@
-"""What a live session does between two frames: the queue of commands, tare, tuning and contact ids.
+"""What a live session does between two frames: the queue of commands, tare, tuning, contact ids,
+and the thread that prepares what a command has changed.
 
 The commands themselves are values, in `manytouch.values.commands`.
 """

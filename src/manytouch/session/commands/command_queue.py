@@ -1,20 +1,27 @@
-"""The queue of commands to a session, and its notes for the user."""
+"""The commands to a session that wait, and its notes for the user."""
 
-import queue
+import threading
 from collections import deque
 from collections.abc import Callable
 
 from manytouch.errors import ManytouchError
 from manytouch.values import Command
+from manytouch.values.commands import command_kind
 
 NOTES = 20
+MAX_WAITING = 256
 
 
 class CommandQueue:
-    """Takes commands from any thread and carries them out in one; a command that fails becomes a note."""
+    """Takes commands from any thread and carries them out in one; a command that fails becomes a note.
+
+    Of each kind only the newest command waits, so that no number of commands delays a frame by more than
+    one of each kind does.
+    """
 
     def __init__(self) -> None:
-        self._commands: queue.SimpleQueue[Command] = queue.SimpleQueue()
+        self._waiting: dict[tuple[str, int | str], Command] = {}
+        self._change = threading.Lock()
         self._notes: deque[str] = deque(maxlen=NOTES)
         self.on_note: Callable[[str], None] = lambda _: None
         """Called with every note."""
@@ -25,8 +32,12 @@ class CommandQueue:
         return tuple(self._notes)
 
     def send(self, command: Command) -> None:
-        """Add a command; never blocks."""
-        self._commands.put(command)
+        """Add a command, in place of one of its kind; never blocks. Beyond `MAX_WAITING` it is dropped."""
+        kind = command_kind(command)
+        with self._change:
+            self._waiting.pop(kind, None)
+            if len(self._waiting) < MAX_WAITING:
+                self._waiting[kind] = command
 
     def note(self, sentence: str) -> None:
         """Add a note."""
@@ -34,12 +45,10 @@ class CommandQueue:
         self.on_note(sentence)
 
     def drain(self, carry_out: Callable[[Command], None]) -> None:
-        """Carry out the commands since the last call, in order."""
-        while True:
-            try:
-                command = self._commands.get_nowait()
-            except queue.Empty:
-                return
+        """Carry out the commands that wait, in the order of their arrival."""
+        with self._change:
+            commands, self._waiting = self._waiting, {}
+        for command in commands.values():
             try:
                 carry_out(command)
             except ManytouchError as error:

@@ -9,10 +9,11 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from manytouch.errors import SourceError
+from manytouch.limits import MAX_MESH_BYTES
 from manytouch.simulation.fem.contact import indenters
 from manytouch.simulation.scene.motion import Body, Trajectory, concatenate_trajectories, press_trajectory
 from manytouch.values.arrays import read_only
-from manytouch.values.sensor_file.sections import Count, NonNegative, Number, Positive, Section
+from manytouch.values.sensor_file.sections import NonNegative, Number, Positive, Section
 
 Pair = Annotated[list[Number], Field(min_length=2, max_length=2)]
 Triple = Annotated[list[Number], Field(min_length=3, max_length=3)]
@@ -118,9 +119,12 @@ def mesh_corners(path: Path) -> np.ndarray:
         SourceError: the file is missing, or has too few corners.
     """
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise SourceError(f"cannot read the mesh {path}: {error.strerror}") from None
+        with path.open("rb") as file:
+            content = file.read(MAX_MESH_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise SourceError(f"cannot read the mesh {path}: {error}") from None
+    if len(content) > MAX_MESH_BYTES:
+        raise SourceError(f"the mesh {path} has more than {MAX_MESH_BYTES // 10**6} MB: simplify it")
     count = int.from_bytes(content[80:84], "little")
     if path.suffix.lower() == ".stl" and len(content) == 84 + 50 * count:
         facet = np.frombuffer(content, dtype=[("numbers", "<f4", 12), ("attribute", "<u2")], offset=84)
@@ -138,42 +142,39 @@ def mesh_corners(path: Path) -> np.ndarray:
     return corner
 
 
-class _Press(Section):
-    kind: Literal["press"]
-    at_mm: Pair
+class _PressSection(Section):
+    """What all motions have in common that press once."""
+
     depth_mm: Positive
     start_s: NonNegative
     end_s: Positive
     ramp_s: Positive = 0.25
+
+
+class _Press(_PressSection):
+    kind: Literal["press"]
+    at_mm: Pair
     turn_deg: Triple = Field(default_factory=lambda: [0.0, 0.0, 0.0])
 
     def ways(self, pivot_mm: float) -> list[Trajectory]:
         return [_pressed(self, _two(self.at_mm), _two(self.at_mm), self.turn_deg, self.turn_deg)]
 
 
-class _Slide(Section):
+class _Slide(_PressSection):
     kind: Literal["slide"]
     from_mm: Pair
     to_mm: Pair
-    depth_mm: Positive
-    start_s: NonNegative
-    end_s: Positive
-    ramp_s: Positive = 0.25
     turn_deg: Triple = Field(default_factory=lambda: [0.0, 0.0, 0.0])
 
     def ways(self, pivot_mm: float) -> list[Trajectory]:
         return [_pressed(self, _two(self.from_mm), _two(self.to_mm), self.turn_deg, self.turn_deg)]
 
 
-class _Roll(Section):
+class _Roll(_PressSection):
     kind: Literal["roll"]
     at_mm: Pair
     direction_deg: Number
     angle_deg: Number
-    depth_mm: Positive
-    start_s: NonNegative
-    end_s: Positive
-    ramp_s: Positive = 0.25
 
     def ways(self, pivot_mm: float) -> list[Trajectory]:
         """The middle goes as far as the angle's arc is long, from half of it before to half behind at_mm."""
@@ -192,7 +193,7 @@ class _Tap(Section):
     start_s: NonNegative
     touch_s: Positive = 0.3
     every_s: Positive = 0.6
-    times: Count = 1
+    times: Annotated[int, Field(gt=0, le=1000)] = 1
 
     def ways(self, pivot_mm: float) -> list[Trajectory]:
         starts = [self.start_s + number * self.every_s for number in range(self.times)]
@@ -205,16 +206,12 @@ class _Tap(Section):
         ]
 
 
-class _CloseIn(Section):
+class _CloseIn(_PressSection):
     kind: Literal["close_in"]
     centre_mm: Pair
     direction_deg: Number
     from_distance_mm: Positive
     to_distance_mm: Positive
-    depth_mm: Positive
-    start_s: NonNegative
-    end_s: Positive
-    ramp_s: Positive = 0.25
 
     def pair(self) -> tuple[Trajectory, Trajectory]:
         """Of two bodies on opposite sides of the centre."""
@@ -233,8 +230,8 @@ class _CloseIn(Section):
 
 class _Path(Section):
     kind: Literal["path"]
-    points: Annotated[list[Row], Field(min_length=2)]
-    turns_deg: list[Triple] | None = None
+    points: Annotated[list[Row], Field(min_length=2, max_length=10_000)]
+    turns_deg: Annotated[list[Triple], Field(max_length=10_000)] | None = None
 
     @model_validator(mode="after")
     def _fits(self) -> "_Path":
@@ -265,7 +262,7 @@ class BodySection(Section):
 
     shape: Shape
     friction: NonNegative = 0.0
-    motions: Annotated[list[Motion], Field(min_length=1)]
+    motions: Annotated[list[Motion], Field(min_length=1, max_length=1000)]
 
     @model_validator(mode="after")
     def _moves(self) -> "BodySection":
@@ -304,7 +301,7 @@ def _two(numbers: list[float]) -> tuple[float, float]:
 
 
 def _pressed(
-    motion: _Press | _Slide | _Roll | _CloseIn,
+    motion: _PressSection,
     from_mm: tuple[float, float],
     to_mm: tuple[float, float],
     turn_from_deg: list[float],

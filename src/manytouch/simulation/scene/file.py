@@ -1,15 +1,21 @@
 """The scene file: TOML, checked key by key like the sensor file, every mistake named at once."""
 
-import tomllib
 from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Annotated, Literal
 
-from pydantic import Field, ValidationError
+from pydantic import Field, ValidationError, model_validator
 
 from manytouch.errors import SensorError, SourceError
+from manytouch.limits import (
+    MAX_MARKERS,
+    MAX_SCENE_BODIES,
+    MAX_SCENE_ELEMENTS,
+    MAX_SCENE_FRAMES,
+    size_mistake,
+)
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, Spot
 from manytouch.simulation.render.optics import Faults, ImagingSettings, draw_faults
@@ -18,12 +24,15 @@ from manytouch.simulation.scene.motion import Body
 from manytouch.values import Layout, Sensor, Sheet
 from manytouch.values.sensor_file import load_sensor
 from manytouch.values.sensor_file.sections import Count, NonNegative, Number, Positive, Section, all_mistakes
+from manytouch.values.sensor_file.toml_file import read_toml
 
 BUILT_IN = files("manytouch.simulation") / "scenes"
 Share = Annotated[float, Field(ge=0, le=1)]
 Level = Annotated[float, Field(ge=0, le=255)]
 Levels = Annotated[list[Level], Field(min_length=3, max_length=3)]
-Some = Annotated[int, Field(ge=0)]
+Some = Annotated[int, Field(ge=0, le=MAX_MARKERS)]
+Grey = Annotated[float, Field(ge=0, le=1e4)]
+MIN_WIDTH_PX, MAX_SPOTS = 64, 100
 
 
 class _Spot(Section):
@@ -42,16 +51,16 @@ class _Light(Section):
     tilt_x: Number = 0.0
     tilt_y: Number = 0.0
     vignetting: Share = 0.0
-    glare: list[_Spot] = Field(default_factory=list)
-    shadows: list[_Spot] = Field(default_factory=list)
-    read_noise: NonNegative = 0.0
-    shot_noise: NonNegative = 0.0
+    glare: list[_Spot] = Field(default_factory=list, max_length=MAX_SPOTS)
+    shadows: list[_Spot] = Field(default_factory=list, max_length=MAX_SPOTS)
+    read_noise: Grey = 0.0
+    shot_noise: Grey = 0.0
     flicker: Share = 0.0
     flicker_Hz: NonNegative = 0.0
 
 
 class _Lens(Section):
-    blur_px: Positive = 0.8
+    blur_px: Annotated[float, Field(gt=0, le=100)] = 0.8
     aperture_mm: NonNegative = 0.0
     focus_mm: Positive | None = None
     exposure_s: NonNegative = 0.0
@@ -67,7 +76,7 @@ class _Faults(Section):
 
 class _Solid(Section):
     element_mm: Positive = 2.0
-    layers: Count = 1
+    layers: Annotated[int, Field(gt=0, le=16)] = 1
     step_mm: Positive = 1.25
 
 
@@ -84,7 +93,20 @@ class _File(Section):
     light: _Light = Field(default_factory=_Light)
     lens: _Lens = Field(default_factory=_Lens)
     faults: _Faults = Field(default_factory=_Faults)
-    bodies: list[BodySection] = Field(default_factory=list)
+    bodies: list[BodySection] = Field(default_factory=list, max_length=MAX_SCENE_BODIES)
+
+    @model_validator(mode="after")
+    def _check_amount(self) -> "_File":
+        if self.seconds * self.fps > MAX_SCENE_FRAMES:
+            raise ValueError(
+                f"{self.seconds:g} s at {self.fps:g} frames per second are too many frames: at most "
+                f"{MAX_SCENE_FRAMES} are allowed"
+            )
+        if self.width_px is not None:
+            mistake = size_mistake(self.width_px, round(self.width_px * 9 / 16))
+            if mistake is not None or self.width_px < MIN_WIDTH_PX:
+                raise ValueError(f"width_px: {mistake or f'at least {MIN_WIDTH_PX} px are needed'}")
+        return self
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -161,13 +183,9 @@ def load_scene(path: str | Path | Traversable, *, width_px: int | None = None) -
     """
     path = Path(path) if isinstance(path, str) else path
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
+        table = read_toml(path, "a scene file", SourceError)
     except FileNotFoundError:
         raise SourceError(f"no scene file was found at {path}: give the path of an existing .toml") from None
-    except (UnicodeDecodeError, OSError) as error:
-        raise SourceError(f"{path} cannot be read as a scene file: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise SourceError(f"{path} is not valid TOML: {error}") from None
     try:
         checked = _File.model_validate(table)
     except ValidationError as error:
@@ -183,6 +201,12 @@ def _scene(file: _File, folder: Path, width_px: int | None) -> SceneFile:
     if sensor.sheet.young_MPa is None or sensor.sheet.poisson is None:
         raise SensorError(
             f"the sheet of the sensor {sensor.name!r} needs young_MPa and poisson to be pressed"
+        )
+    elements = file.solid.layers * float((sensor.sheet.size_mm / file.solid.element_mm + 1.0).prod())
+    if elements > MAX_SCENE_ELEMENTS:
+        raise SourceError(
+            f"a sheet of elements of {file.solid.element_mm:g} mm has {elements:.3g} of them: at most "
+            f"{MAX_SCENE_ELEMENTS} are allowed, choose a larger element_mm"
         )
     faults, count = file.faults, int((~sensor.layout.is_missing).sum())
     if faults.missing + faults.half_printed > count:

@@ -13,6 +13,8 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial.transform import Rotation
 
+from manytouch.errors import SourceError
+from manytouch.limits import MAX_SCENE_KEYFRAMES
 from manytouch.simulation.fem.contact.indenters import Indenter
 from manytouch.simulation.fem.loading import IndenterPath, Loading
 from manytouch.values.arrays import Scalars, read_only
@@ -127,7 +129,13 @@ def keyframe_times(bodies: tuple[Body, ...], duration_s: float, *, step_mm: floa
     for begin, end in pairwise(events):
         line = np.linspace(begin, end, 33)
         travel_mm = max((_farthest_mm(body.way, line) for body in bodies), default=0.0)
-        parts = max(1, math.ceil(travel_mm * 32 / step_mm - 1e-9))
+        wanted = travel_mm * 32 / step_mm
+        if wanted > MAX_SCENE_KEYFRAMES - len(times):
+            raise SourceError(
+                f"steps of {step_mm:g} mm make more than {MAX_SCENE_KEYFRAMES} equilibria: choose a larger "
+                "step_mm, or shorter ways of the bodies"
+            )
+        parts = max(1, math.ceil(wanted - 1e-9))
         times += (begin + (end - begin) * np.arange(1, parts + 1) / parts).tolist()
     return read_only(np.round(np.array(times), 6))
 

@@ -1,54 +1,35 @@
-"""Results that are complete or absent: written under a temporary name, renamed at the end."""
+"""Single files that are complete or absent; folders of results are in `result_folder`."""
 
 import os
+import secrets
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from manytouch.errors import OutputError
 
 
-class AtomicOutput:
-    """A result, a file or a folder, that gets its final name when it is complete.
+@contextmanager
+def atomic_file(path: Path) -> Iterator[Path]:
+    """A hidden file next to `path` with the same suffix, to be written within the block.
 
-    It is written to `temporary_path`, a hidden name in the same folder with the same suffix; `commit` flushes
-    it to the disk and renames it. What an interrupted run left there is removed first.
+    At the end of the block it is flushed to the disk and gets the final name; after an error it is removed.
 
-    Attributes:
-        path: the final name.
-        temporary_path: where to write until `commit`.
+    Raises:
+        OutputError: the file cannot be written.
     """
-
-    def __init__(self, path: Path) -> None:
-        """Prepare the folder.
-
-        Raises:
-            OutputError: the folder cannot be written.
-        """
-        self.path = path
-        self.temporary_path = temporary_path(path)
+    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}.partial{path.suffix}")
+    try:
         with output_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            remove(self.temporary_path)
-
-    def commit(self) -> None:
-        """Flush the result to the disk and give it its final name.
-
-        Raises:
-            OutputError: the result cannot be written.
-        """
-        with output_errors(self.path):
-            for part in _parts(self.temporary_path):
-                _flush(part)
-            if self.path.is_dir():
-                shutil.rmtree(self.path)
-            self.temporary_path.replace(self.path)
-            _flush(self.path.parent)
-
-    def discard(self) -> None:
-        """Remove what was written."""
-        remove(self.temporary_path)
+            yield partial
+            flush(partial)
+            partial.replace(path)
+            flush(path.parent)
+    finally:
+        with suppress(OSError):
+            partial.unlink()
 
 
 def check_writable(folder: Path) -> None:
@@ -65,11 +46,6 @@ def check_writable(folder: Path) -> None:
         probe.unlink()
         for each in created:
             each.rmdir()
-
-
-def temporary_path(path: Path) -> Path:
-    """The name under which a result is written until it is complete."""
-    return path.with_name(f".{path.stem}.partial{path.suffix}")
 
 
 def remove(path: Path) -> None:
@@ -96,13 +72,8 @@ def output_errors(path: Path) -> Iterator[None]:
         ) from error
 
 
-def _parts(path: Path) -> Iterator[Path]:
-    if path.is_dir():
-        yield from (part for part in path.rglob("*") if part.is_file())
-    yield path
-
-
-def _flush(path: Path) -> None:
+def flush(path: Path) -> None:
+    """Flush a file, or the entries of a folder, to the disk."""
     try:
         handle = os.open(path, os.O_RDONLY)
     except PermissionError:  # folders cannot be opened on Windows; renaming is safe without it

@@ -1,12 +1,14 @@
 """The folder that `manytouch simulate` writes: images, sensor file, and tables of the ground truth."""
 
 from pathlib import Path
+from types import TracebackType
 
 import cv2
 import numpy as np
 
-from manytouch.errors import OutputError
-from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.atomic_output import output_errors
+from manytouch.sinks.files.regions import RegionTable
+from manytouch.sinks.files.result_folder import ResultFolder
 from manytouch.sinks.files.tables import ContactTable, MarkerTable
 from manytouch.values import Detections, Frame, Reading, Sensor, Truth
 from manytouch.values.arrays import read_only
@@ -16,28 +18,47 @@ FAST_PNG = 1
 
 
 class SimulatedFolder:
-    """frames/000000.png and on, sensor.toml, truth/contacts.csv, truth/markers.parquet.
+    """frames/000000.png and on, sensor.toml, truth/contacts.csv, regions.parquet and markers.parquet.
 
-    The sensor file is there at once; the rest appears when it is complete.
+    They replace those of an earlier run at the end of its block, unless it ends with an error.
     """
 
     def __init__(self, folder: Path, sensor: Sensor) -> None:
-        self._frames = AtomicOutput(folder / "frames")
-        with output_errors(folder):
-            self._frames.temporary_path.mkdir()
-            (folder / "truth").mkdir(exist_ok=True)
-        save_sensor(sensor, folder / "sensor.toml")
-        self._tables = (ContactTable(folder / "truth", sensor), MarkerTable(folder / "truth", sensor))
+        self._folder = ResultFolder(folder, ("frames", "sensor.toml", "truth"))
+        partial = self._folder.partial_path
+        self._frames = partial / "frames"
+        try:
+            with output_errors(folder):
+                self._frames.mkdir()
+                (partial / "truth").mkdir()
+            save_sensor(sensor, partial / "sensor.toml")
+            tables = (ContactTable, RegionTable, MarkerTable)
+            self._tables = tuple(table(partial / "truth", sensor) for table in tables)
+        except BaseException:
+            self._folder.close()
+            raise
+
+    def __enter__(self) -> "SimulatedFolder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._folder:
+            for table in self._tables:
+                table.close()
+            if error is None:
+                self._folder.commit()
 
     def write(self, frame: Frame, truth: Truth) -> None:
         """Add a frame and its ground truth."""
-        path = self._frames.temporary_path / f"{frame.index:06d}.png"
+        path = self._frames / f"{frame.index:06d}.png"
+        encoded = b""
+        if frame.image is not None:
+            options = [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
+            encoded = cv2.imencode(".png", np.asarray(frame.image), options)[1].tobytes()
         with output_errors(path):
-            done = frame.image is not None and cv2.imwrite(
-                str(path), np.asarray(frame.image), [cv2.IMWRITE_PNG_COMPRESSION, FAST_PNG]
-            )
-        if not done:
-            raise OutputError(f"cannot write {path}: choose a folder that is writable and has enough space")
+            path.write_bytes(encoded)
         reading = Reading(
             frame=frame,
             detections=_no_detections(),
@@ -48,12 +69,6 @@ class SimulatedFolder:
         )
         for table in self._tables:
             table.write(reading)
-
-    def close(self) -> None:
-        """Complete all files."""
-        for table in self._tables:
-            table.close()
-        self._frames.commit()
 
 
 def _no_detections() -> Detections:

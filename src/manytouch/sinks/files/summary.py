@@ -13,8 +13,9 @@ import numpy as np
 
 import manytouch
 from manytouch.pipeline import Pipeline
-from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.rest_noise import RestNoise
+from manytouch.sinks.files.result_hash import result_hash
 from manytouch.sinks.files.sensor_description import layout_of, sensor_to_dict
 from manytouch.values import Reading, Roi, Sensor, Status
 
@@ -23,21 +24,19 @@ RARELY_SEEN = 0.5  # share of the frames below which a marker causes a warning
 
 
 class Summary:
-    """Collects statistics of a run and writes them at its end."""
+    """Collects statistics of a run; a sink."""
 
     def __init__(
-        self, folder: Path, *, sensor: Sensor, pipeline: Pipeline, method: str, recording: Mapping[str, Any]
+        self, *, sensor: Sensor, pipeline: Pipeline, method: str, recording: Mapping[str, Any]
     ) -> None:
         """Start a summary.
 
         Args:
-            folder: of summary.json.
             sensor: the sensor in use.
             pipeline: its stages, whose parameters are recorded.
             method: name of the method.
             recording: a description of the input; `frame_count` is the announced number of frames, or None.
         """
-        self._output = AtomicOutput(folder / "summary.json")
         self._sensor = sensor
         self._pipeline = pipeline
         self._method = method
@@ -65,11 +64,35 @@ class Summary:
         self._milliseconds.append(reading.milliseconds)
 
     def close(self) -> None:
-        """Write the file."""
-        with output_errors(self._output.path):
-            text = json.dumps(self.to_dict(), indent=1, ensure_ascii=False, allow_nan=False)
-            self._output.temporary_path.write_text(text + "\n", encoding="utf-8")
-        self._output.commit()
+        """Nothing to complete: the file is written by `save`, after all others."""
+
+    def save(self, folder: Path, *, is_complete: bool, hashes: Mapping[str, str | None]) -> None:
+        """Write summary.json.
+
+        Args:
+            folder: of the file.
+            is_complete: whether all frames of the input were processed.
+            hashes: of input, sensor, parameters and version; None where not known.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        path = folder / "summary.json"
+        content = {
+            "schema": SCHEMA,
+            "complete": is_complete,
+            "hash": result_hash(hashes),
+            "hashes": dict(hashes),
+            **self.to_dict(),
+        }
+        with output_errors(path):
+            text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
+            path.write_text(text + "\n", encoding="utf-8")
+
+    @property
+    def frames(self) -> int:
+        """Number of frames so far."""
+        return sum(self._status.values())
 
     @property
     def noise_px(self) -> dict[str, Any]:
@@ -95,9 +118,8 @@ class Summary:
         }
 
     def to_dict(self) -> dict[str, Any]:
-        """The content of the file."""
+        """What was collected."""
         return {
-            "schema": SCHEMA,
             "input": self._recording,
             "method": self._method,
             "sensor": sensor_to_dict(self._sensor),
@@ -118,6 +140,8 @@ class Summary:
             if status is not Status.OK:
                 has = "frame has" if frames == 1 else "frames have"
                 sentences.append(f"{count} of {frames} {has} the status {status}. {status.remedy}")
+        if self._recording.get("warning") is not None:
+            sentences.append(str(self._recording["warning"]))
         announced = self._recording.get("frame_count")
         if announced is not None and announced != frames:
             sentences.append(

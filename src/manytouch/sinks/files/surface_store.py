@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from manytouch.errors import MissingExtraError
-from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.sinks.files.tables import time_s
 from manytouch.sinks.surface_grid import surface_grid
@@ -41,9 +41,9 @@ class SurfaceStore:
         self._unit = sensor.length_unit
         grid = surface_grid(layout_of(sensor))
         self._sampler = grid.sampler
-        self._output = AtomicOutput(folder / "surface.zarr")
-        with output_errors(self._output.path):
-            self._group: Any = zarr.create_group(str(self._output.temporary_path), zarr_format=3)
+        self._path = folder / "surface.zarr"
+        with output_errors(self._path):
+            self._group: Any = zarr.create_group(str(self._path), zarr_format=3)
         self._group.attrs.update({"title": f"the sheet of {sensor.name}", "unit": self._unit})
         axis = {"units": self._unit, "long_name": "undeformed sheet coordinate"}
         self._coordinate("x", grid.x_mm, axis)
@@ -84,17 +84,16 @@ class SurfaceStore:
         import zarr
 
         self._append()
-        with output_errors(self._output.path), warnings.catch_warnings():
+        with output_errors(self._path), warnings.catch_warnings():
             # xarray looks for consolidated metadata; zarr warns that format 3 does not define them yet
             warnings.filterwarnings("ignore", message="Consolidated metadata", category=UserWarning)
             zarr.consolidate_metadata(self._group.store)
-        self._output.commit()
 
     def _append(self) -> None:
         if not self._pending:
             return
         frames, times, found = zip(*self._pending, strict=True)
-        with output_errors(self._output.path):
+        with output_errors(self._path):
             self._frame.append(np.array(frames, dtype=np.int64))
             self._time.append(np.array(times))
             for name, array in self._arrays.items():
@@ -109,7 +108,7 @@ class SurfaceStore:
     def _array(self, name: str, shape: tuple[int, ...], kind: str, dimensions: tuple[str, ...]) -> Any:
         """An array that grows with the frames."""
         fill = np.nan if kind.startswith("float") else 0
-        with output_errors(self._output.path):
+        with output_errors(self._path):
             return self._group.create_array(
                 name,
                 shape=(0, *shape),
@@ -120,7 +119,7 @@ class SurfaceStore:
             )
 
     def _coordinate(self, name: str, values: np.ndarray, attributes: dict[str, str]) -> None:
-        with output_errors(self._output.path):
+        with output_errors(self._path):
             array = self._group.create_array(
                 name, shape=values.shape, chunks=values.shape, dtype="float64", dimension_names=(name,)
             )

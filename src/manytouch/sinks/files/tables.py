@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 
-from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.atomic_output import output_errors
+from manytouch.sinks.files.parquet_file import ParquetFile
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.values import Contact, LengthUnit, Reading, Sensor
 
@@ -27,6 +27,7 @@ def contact_columns(unit: LengthUnit) -> tuple[str, ...]:
         *(f"area_{unit}2", f"x_std_{unit}", f"y_std_{unit}", "force_std_N", "x_px", "y_px"),
         *(f"depth_std_{unit}", f"normal_force_over_E_{unit}2", "shear_x_std_N", "shear_y_std_N"),
         *("torque_Nmm", "torque_std_Nmm", f"area_std_{unit}2", "slip"),
+        *(f"half_major_{unit}", f"half_minor_{unit}", "orientation_rad", "shape", "shape_probability"),
     )
 
 
@@ -46,31 +47,34 @@ def time_s(timestamp_ns: int) -> float:
     return timestamp_ns * 1e-9
 
 
-def fixed_point(value: float, decimals: int) -> str:
-    """Fixed precision; empty when not known, and no minus sign on a zero."""
-    if not math.isfinite(value):
-        return ""
-    return f"{round(value, decimals) + 0.0:.{decimals}f}"
+def six_digits(value: float) -> str:
+    """Six significant digits; empty when not known, and no minus sign on a zero."""
+    return f"{value + 0.0:.6g}" if math.isfinite(value) else ""
+
+
+def seconds_text(timestamp_ns: int) -> str:
+    """Seconds since the source's start, to the microsecond however long it has run."""
+    return f"{time_s(timestamp_ns):.6f}"
 
 
 class _CsvTable:
-    """A CSV file that appears when it is complete."""
+    """A CSV file."""
 
     def __init__(self, path: Path, columns: Sequence[str]) -> None:
-        self._output = AtomicOutput(path)
+        self._path = path
         with output_errors(path):
-            self._file = self._output.temporary_path.open("w", newline="", encoding="utf-8")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self._file = path.open("w", newline="", encoding="utf-8")
             self._writer = csv.writer(self._file, lineterminator="\n")
             self._writer.writerow(columns)
 
     def add(self, rows: Iterable[Sequence[object]]) -> None:
-        with output_errors(self._output.path):
+        with output_errors(self._path):
             self._writer.writerows(rows)
 
     def close(self) -> None:
-        with output_errors(self._output.path):
+        with output_errors(self._path):
             self._file.close()
-        self._output.commit()
 
 
 class ContactTable:
@@ -90,19 +94,23 @@ class ContactTable:
     def _row(self, reading: Reading, contact: Contact) -> list[object]:
         normal_force_N = -float(contact.force_N[2])
         return [
-            *(reading.frame.index, fixed_point(time_s(reading.frame.timestamp_ns), 6)),
+            *(reading.frame.index, seconds_text(reading.frame.timestamp_ns)),
             *(contact.id, contact.phase.value),
-            *(fixed_point(float(value), 4) for value in contact.centre_mm),
-            *(fixed_point(contact.depth_mm, 4), fixed_point(normal_force_N, 4)),
-            *(fixed_point(float(value), 4) for value in contact.force_N[:2]),
-            fixed_point(contact.area_mm2, 4),
-            *(fixed_point(contact.std(name), 4) for name in ("x", "y", "normal_force")),
-            *(fixed_point(float(value), 2) for value in contact.centre_px),
-            *(fixed_point(contact.std("depth"), 4), fixed_point(contact.normal_force_over_E_mm2, 5)),
-            *(fixed_point(contact.std(name), 4) for name in ("shear_x", "shear_y")),
-            *(fixed_point(contact.torque_Nmm, 4), fixed_point(contact.std("torque"), 4)),
-            fixed_point(contact.std("area"), 4),
+            *(six_digits(float(value)) for value in contact.centre_mm),
+            *(six_digits(contact.depth_mm), six_digits(normal_force_N)),
+            *(six_digits(float(value)) for value in contact.force_N[:2]),
+            six_digits(contact.area_mm2),
+            *(six_digits(contact.std(name)) for name in ("x", "y", "normal_force")),
+            *(six_digits(float(value)) for value in contact.centre_px),
+            *(six_digits(contact.std("depth")), six_digits(contact.normal_force_over_E_mm2)),
+            *(six_digits(contact.std(name)) for name in ("shear_x", "shear_y")),
+            *(six_digits(contact.torque_Nmm), six_digits(contact.std("torque"))),
+            six_digits(contact.std("area")),
             "" if contact.slip is None else int(contact.slip),
+            *(six_digits(contact.half_major_mm), six_digits(contact.half_minor_mm)),
+            six_digits(contact.orientation_rad),
+            "" if contact.shape is None else contact.shape.value,
+            six_digits(contact.shape_probability),
         ]
 
 
@@ -116,11 +124,11 @@ class FrameTable:
         """Add a frame."""
         row = (
             reading.frame.index,
-            fixed_point(time_s(reading.frame.timestamp_ns), 6),
+            seconds_text(reading.frame.timestamp_ns),
             reading.status,
             int(reading.grid.is_seen.sum()),
             len(reading.contacts.touching),
-            fixed_point(reading.milliseconds, 3),
+            six_digits(reading.milliseconds),
         )
         self._table.add([row])
 
@@ -141,11 +149,7 @@ class MarkerTable:
         place = layout.row_column
         self._row_column = None if place is None else place[self._marker].astype(np.int32)
         self._schema = marker_schema(sensor.length_unit)
-        self._output = AtomicOutput(folder / "markers.parquet")
-        with output_errors(self._output.path):
-            self._file = pq.ParquetWriter(
-                self._output.temporary_path, self._schema, compression="zstd", use_dictionary=False
-            )
+        self._file = ParquetFile(folder / "markers.parquet", self._schema, use_dictionary=False)
         self._waiting: list[pa.RecordBatch] = []
         self._rows = 0
 
@@ -181,15 +185,12 @@ class MarkerTable:
     def close(self) -> None:
         """Complete the file."""
         self._append()
-        with output_errors(self._output.path):
-            self._file.close()
-        self._output.commit()
+        self._file.close()
 
     def _append(self) -> None:
-        if self._waiting:
-            with output_errors(self._output.path):
-                self._file.write_table(pa.Table.from_batches(self._waiting), row_group_size=self._rows)
-        self._waiting, self._rows = [], 0
+        waiting, self._waiting, self._rows = self._waiting, [], 0
+        if waiting:
+            self._file.append(pa.Table.from_batches(waiting))
 
 
 def marker_schema(unit: LengthUnit) -> pa.Schema:

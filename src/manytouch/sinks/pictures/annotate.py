@@ -1,5 +1,6 @@
 """The camera image annotated with markers, displacements and contacts."""
 
+import errno
 from pathlib import Path
 
 import cv2
@@ -7,7 +8,8 @@ import numpy as np
 
 from manytouch.errors import OutputError
 from manytouch.geometry.camera import mm_per_px, project
-from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.contact_outlines import outlines_px
+from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.sensor_description import layout_of, pitch_px, rest_px
 from manytouch.sinks.pictures import drawing
 from manytouch.sinks.pictures.label_layout import Rectangle, place_label
@@ -100,12 +102,18 @@ class Annotator:
     def _draw_contacts(self, picture: np.ndarray, reading: Reading) -> None:
         width = max(2, round(self._long_side / 500))
         occupied: list[Rectangle] = []
+        outlines = outlines_px(self._sensor.camera, reading.surface, reading.contacts.touching)
         for contact in reading.contacts.touching:
             if not np.isfinite(contact.centre_px).all():
                 continue
             x, y = self._place(contact.centre_px[None])[0]
+            rings = [self._place(ring_px) for ring_px in outlines.get(contact.id, ())]
             radius = self._radius_of(contact)
-            drawing.disc_outline(picture, (x, y), radius, drawing.VERMILION, width)
+            for ring in rings:
+                drawing.polygon(picture, ring, drawing.VERMILION, max(1, width // 2))
+                radius = max(radius, float(np.linalg.norm(ring - (x, y), axis=1).max()))
+            if not rings:
+                drawing.disc_outline(picture, (x, y), radius, drawing.VERMILION, width)
             drawing.cross(picture, (x, y), 1.5 * width + 2, drawing.VERMILION, width)
             self._label(picture, contact, (float(x), float(y), radius), occupied)
 
@@ -194,41 +202,59 @@ class AnnotatedPictures:
 
     def __init__(self, folder: Path, sensor: Sensor, *, as_video: bool, fps: float | None) -> None:
         self._draw = Annotator(sensor)
-        self._output = AtomicOutput(folder / ("annotated.mp4" if as_video else "annotated"))
+        self._path = folder / ("annotated.mp4" if as_video else "annotated")
         self._fps = fps or 25.0
         self._video: cv2.VideoWriter | None = None
         self._as_video = as_video
+        self._frames = 0
         if not as_video:
-            with output_errors(self._output.path):
-                self._output.temporary_path.mkdir()
+            with output_errors(self._path):
+                self._path.mkdir(parents=True)
 
     def write(self, reading: Reading) -> None:
         """Add a frame."""
         picture = self._draw(reading)
         if not self._as_video:
-            write_png(self._output.temporary_path / f"{reading.frame.index:06d}.png", picture)
+            write_png(self._path / f"{reading.frame.index:06d}.png", picture)
             return
         if self._video is None:
             self._video = self._opened(picture.shape[1], picture.shape[0])
         self._video.write(picture)
+        self._frames += 1
 
     def close(self) -> None:
-        """Complete the video or the folder; a video without frames is left out."""
-        if self._as_video:
-            if self._video is None:
-                return
-            self._video.release()
-        self._output.commit()
+        """Complete the video or the folder; a video without frames is left out.
+
+        Raises:
+            OutputError: not all frames are in the video; its encoder reports no errors of the disk.
+        """
+        if self._video is None:
+            return
+        self._video.release()
+        self._video = None
+        with output_errors(self._path):
+            if _last_frame(self._path) != self._frames - 1:
+                raise OSError(errno.ENOSPC, "the video is not complete, probably because the disk is full")
 
     def _opened(self, width_px: int, height_px: int) -> cv2.VideoWriter:
         code = cv2.VideoWriter.fourcc(*"mp4v")
-        video = cv2.VideoWriter(str(self._output.temporary_path), code, self._fps, (width_px, height_px))
+        video = cv2.VideoWriter(str(self._path), code, self._fps, (width_px, height_px))
         if not video.isOpened():
             raise OutputError(
-                f"cannot write {self._output.path}: this OpenCV has no MPEG-4 encoder; "
+                f"cannot write {self._path}: this OpenCV has no MPEG-4 encoder; "
                 "install opencv-python-headless from PyPI, or omit --annotate"
             )
         return video
+
+
+def _last_frame(path: Path) -> int:
+    """Number of the last frame of a video that can be decoded; -1 for none."""
+    reader = cv2.VideoCapture(str(path))
+    last = round(reader.get(cv2.CAP_PROP_FRAME_COUNT)) - 1
+    reader.set(cv2.CAP_PROP_POS_FRAMES, max(last, 0))
+    is_decoded, _ = reader.read()
+    reader.release()
+    return last if is_decoded else -1
 
 
 def write_png(path: Path, picture: np.ndarray) -> None:

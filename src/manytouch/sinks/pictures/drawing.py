@@ -7,7 +7,7 @@ Colours are those of Okabe and Ito, which are distinguishable with any common co
 import cv2
 import numpy as np
 
-from manytouch.values.arrays import Image
+from manytouch.values.arrays import Image, Points2
 
 Colour = tuple[int, int, int]
 Position = tuple[float, float]
@@ -41,6 +41,13 @@ def disc_outline(
     place, r = _fixed(centre), max(round(radius * 2**_SHIFT), 1)
     cv2.circle(picture, place, r, BLACK, width + 2, cv2.LINE_AA, _SHIFT)
     cv2.circle(picture, place, r, colour, width, cv2.LINE_AA, _SHIFT)
+
+
+def polygon(picture: np.ndarray, corner_px: Points2, colour: Colour, width: int = 1) -> None:
+    """A closed line through (k, 2) corners, with a dark rim on both sides."""
+    fixed = np.round(corner_px * 2**_SHIFT).astype(np.int32)[None]
+    cv2.polylines(picture, fixed, True, BLACK, width + 2, cv2.LINE_AA, _SHIFT)
+    cv2.polylines(picture, fixed, True, colour, width, cv2.LINE_AA, _SHIFT)
 
 
 def cross(picture: np.ndarray, centre: Position, reach: float, colour: Colour, width: int = 1) -> None:

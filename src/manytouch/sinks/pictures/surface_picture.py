@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from manytouch.errors import MissingExtraError
-from manytouch.sinks.files.atomic_output import AtomicOutput, output_errors
+from manytouch.sinks.files.atomic_output import atomic_file
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.sinks.pictures.annotate import Annotator
 from manytouch.sinks.surface_grid import surface_grid
@@ -37,11 +37,9 @@ class SurfacePicture:
     def save(self, reading: Reading, path: Path) -> Path:
         """Draw a reading into a file: PNG, PDF or SVG, by its suffix."""
         figure = self.figure(reading)
-        output = AtomicOutput(path)
         # matplotlib projects masked points too, whose values are not initialised.
-        with output_errors(path), np.errstate(over="ignore", invalid="ignore"):
-            figure.savefig(output.temporary_path, dpi=DOTS_PER_INCH)
-        output.commit()
+        with atomic_file(path) as partial, np.errstate(over="ignore", invalid="ignore"):
+            figure.savefig(partial, dpi=DOTS_PER_INCH)
         return path
 
     def figure(self, reading: Reading) -> "Figure":

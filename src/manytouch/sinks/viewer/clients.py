@@ -17,20 +17,30 @@ from manytouch.sinks.viewer.client_messages import (
     parse_client_message,
 )
 from manytouch.sinks.viewer.measuring import Measurement, measure_at
+from manytouch.sinks.viewer.rate_limit import (
+    MESSAGES_PER_S,
+    REQUESTS_AT_ONCE,
+    REQUESTS_PER_S,
+    Allowance,
+    Repeater,
+)
 from manytouch.values import Layout, Surface
+from manytouch.values.commands import command_kind
 
+MAX_CLIENTS = 16
 MAX_IN_FLIGHT = 3
-MAX_QUEUED = 64
-UNSUPPORTED_DATA = 1003  # close code, RFC 6455
+MAX_QUEUED = MAX_REQUESTS = 64
+UNSUPPORTED_DATA, TRY_AGAIN_LATER = 1003, 1013  # close codes, RFC 6455 and its registry
 
 log = logging.getLogger(__name__)
 
 
 class Client:
-    """One browser: what it displays and measures, and what is queued for it.
+    """One browser: what it displays and measures, what is queued for it, and what it requests.
 
     Only the newest update is queued. A client acknowledges updates and is never more than `MAX_IN_FLIGHT`
-    behind, so a slow one receives fewer updates, never old ones.
+    behind, so a slow one receives fewer updates, never old ones. Of its requests the newest of each kind
+    wait until the client may be heard again.
     """
 
     def __init__(self, socket: WebSocket) -> None:
@@ -43,6 +53,8 @@ class Client:
         self._update: tuple[int, bytes] | None = None
         self._sent = self._acknowledged = 0
         self._wake = asyncio.Event()
+        self._requests: dict[tuple[str, int | str], SessionRequest] = {}
+        self._has_request = asyncio.Event()
 
     def queue(self, message: dict[str, Any]) -> None:
         """Queue a message without arrays, which is sent as JSON text."""
@@ -76,6 +88,24 @@ class Client:
         """Measure at other points from now on."""
         self._points, self._measurement = points, None
 
+    def request(self, request: SessionRequest) -> None:
+        """Request something of the session, in place of a request of the same kind that still waits."""
+        kind = command_kind(request.command())
+        self._requests.pop(kind, None)
+        if len(self._requests) < MAX_REQUESTS:
+            self._requests[kind] = request
+            self._has_request.set()
+
+    async def pass_on(self, on_request: Callable[[SessionRequest], None]) -> None:
+        """Pass requests on to the session, at the allowed rate, until the connection ends."""
+        allowance = Allowance(REQUESTS_PER_S, REQUESTS_AT_ONCE)
+        while True:
+            await self._has_request.wait()
+            await allowance.use()
+            on_request(self._requests.pop(next(iter(self._requests))))
+            if not self._requests:
+                self._has_request.clear()
+
     async def send(self) -> None:
         """Send what is queued, until the connection ends."""
         while True:
@@ -95,15 +125,21 @@ class Clients:
     """All clients. Used on the loop of the server; the properties can be read from any thread."""
 
     def __init__(
-        self, on_request: Callable[[SessionRequest], None], repeat_update: Callable[[], None]
+        self,
+        on_request: Callable[[SessionRequest], None],
+        repeat_update: Callable[[], None],
+        max_clients: int = MAX_CLIENTS,
     ) -> None:
         """Begin without clients.
 
         Args:
             on_request: receives requests for the session.
-            repeat_update: sends the newest update again, for a client that is new or displays something else.
+            repeat_update: sends the newest update again, for a client that is new or displays something else;
+                called in a thread.
+            max_clients: beyond them a connection is closed with `TRY_AGAIN_LATER`.
         """
-        self._on_request, self._repeat_update = on_request, repeat_update
+        self._on_request, self._repeat = on_request, Repeater(repeat_update)
+        self._max_clients = max_clients
         self._clients: frozenset[Client] = frozenset()
 
     def __len__(self) -> int:
@@ -142,29 +178,38 @@ class Clients:
 
     async def serve(self, socket: WebSocket, greeting: list[dict[str, Any]]) -> None:
         """Serve a client until its connection ends."""
+        if len(self._clients) >= self._max_clients:
+            await socket.close(
+                TRY_AGAIN_LATER, f"{len(self._clients)} clients are connected, the most allowed"
+            )
+            return
         client = Client(socket)
         for message in greeting:
             client.queue(message)
         self._clients |= {client}
-        self._repeat_update()
-        sending = asyncio.create_task(client.send())
-        receiving = asyncio.create_task(self._receive(client))
+        self._repeat.request()
+        tasks = {
+            asyncio.create_task(work)
+            for work in (client.send(), client.pass_on(self._on_request), self._receive(client))
+        }
         try:
-            done, _ = await asyncio.wait({sending, receiving}, return_when=asyncio.FIRST_COMPLETED)
+            done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 if not isinstance(task.exception(), WebSocketDisconnect | None):
                     task.result()
         finally:
             self._clients -= {client}
-            for task in (sending, receiving):
+            for task in tasks:
                 task.cancel()
-            await asyncio.gather(sending, receiving, return_exceptions=True)
+            await asyncio.gather(*tasks, return_exceptions=True)
             if client.is_rejected:  # after sending has stopped, which fails on a closed connection
                 await socket.close(UNSUPPORTED_DATA, "text messages only")
 
     async def _receive(self, client: Client) -> None:
         """Carry out the messages of a client, until it disconnects or sends binary data."""
+        allowance = Allowance(MESSAGES_PER_S, MESSAGES_PER_S)
         while True:
+            await allowance.use()
             received = await client.socket.receive()
             if received["type"] == "websocket.disconnect":
                 return
@@ -183,9 +228,10 @@ class Clients:
                 client.acknowledge(number)
             case MeasureRequest() as points:
                 client.choose(points)
-                self._repeat_update()
+                self._repeat.request()
             case ShowRequest(layer=layer, image=image):
-                client.layer, client.is_image_wanted = layer, image
-                self._repeat_update()
+                if (layer, image) != (client.layer, client.is_image_wanted):
+                    client.layer, client.is_image_wanted = layer, image
+                    self._repeat.request()
             case request:
-                self._on_request(request)
+                client.request(request)

@@ -162,7 +162,7 @@ class Server:
         given = request.query_params.get("token")
         if given is not None and not given.isascii():
             return _bad_request("the token is not ASCII")
-        if self._access.token is None or given is None or not self._access.has_token(given):
+        if given is None or not (self._access.is_token_required and self._access.is_token(given)):
             return self._respond(request, "index.html")
         answer = RedirectResponse("/", status_code=303, headers=SECURITY_HEADERS)
         answer.set_cookie(COOKIE, given, httponly=True, samesite="strict")
@@ -179,7 +179,7 @@ class Server:
         if not is_known:
             text = "this viewer does not answer to that host name; open the address that manytouch printed\n"
             return PlainTextResponse(text, 421, headers=SECURITY_HEADERS)
-        if not self._access.has_token(request.cookies.get(COOKIE)):
+        if not self._access.may_open_page(request.cookies):
             text = "this viewer requires a token; open the address that manytouch printed\n"
             return PlainTextResponse(text, 403, headers=SECURITY_HEADERS)
         if name not in self._files:
@@ -188,14 +188,12 @@ class Server:
         return Response(content, media_type=kind, headers=SECURITY_HEADERS)
 
     async def _stream(self, socket: WebSocket) -> None:
-        access = self._access
-        given = socket.cookies.get(COOKIE) or socket.query_params.get("token")
         try:
-            is_admitted = access.is_known_host(socket.headers) and access.is_own_origin(socket.headers)
+            is_admitted = self._access.may_stream(socket.headers, socket.cookies)
         except ValueError:
             log.warning("refused a viewer connection: the Host header is not valid")
             is_admitted = False
-        if not (is_admitted and access.has_token(given)):
+        if not is_admitted:
             await socket.close(POLICY_VIOLATION)
             return
         await socket.accept()

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 
 from manytouch.geometry.surface_sampling import sampler_on
+from manytouch.sinks.contact_outlines import Polygon, outlines_px
 from manytouch.sinks.files.sensor_description import layout_of, rest_px
 from manytouch.sinks.surface_grid import SurfaceGrid, grid_corners
 from manytouch.sinks.viewer.health import ImageQuality, residual_mm
@@ -88,14 +89,22 @@ class UpdateEncoder:
             "time_s": number(reading.frame.timestamp_ns * 1e-9),
             "status": reading.status,
             "milliseconds": number(reading.milliseconds, 2),
-            "contacts": contacts_to_dicts(reading.contacts),
+            "contacts": self._contacts(reading.contacts, reading.surface),
             "comparison": None
             if comparison is None
-            else {"name": comparison.name, "contacts": contacts_to_dicts(comparison.contacts)},
+            else {
+                "name": comparison.name,
+                "contacts": self._contacts(comparison.contacts, comparison.surface or reading.surface),
+            },
             "image_quality": None if image is None else _rounded(self._image_quality(image)),
             "residual_mm": number(residual_mm(reading)),
             "layers": ["depth", "strain", *has_pressure * ["pressure"], *has_other * ["difference"]],
         }
+
+    def _contacts(self, contacts: Contacts, surface: Surface) -> list[dict[str, Any]]:
+        """The contacts that are not over yet, as plain numbers; None where not known."""
+        shown_px = outlines_px(self.sensor.camera, surface, contacts.touching)
+        return [_contact(contact, shown_px.get(contact.id)) for contact in contacts.touching]
 
     def _parts(self, update: ViewerUpdate, depth: np.ndarray) -> dict[str, np.ndarray | bytes]:
         reading, image = update.reading, update.reading.frame.image
@@ -147,12 +156,7 @@ def encode_jpeg(image: np.ndarray) -> bytes:
     return encoded.tobytes()
 
 
-def contacts_to_dicts(contacts: Contacts) -> list[dict[str, Any]]:
-    """The contacts that are not over yet, as plain numbers; None where not known."""
-    return [_contact(contact) for contact in contacts.touching]
-
-
-def _contact(contact: Contact) -> dict[str, Any]:
+def _contact(contact: Contact, outline_px: list[Polygon] | None) -> dict[str, Any]:
     x, y = contact.centre_mm
     spread = contact.covariance[np.ix_(_CENTRE, _CENTRE)]
     shear_x, shear_y, force_z = contact.force_N
@@ -168,6 +172,14 @@ def _contact(contact: Contact) -> dict[str, Any]:
         "force_std_N": number(contact.std("normal_force")),
         "shear_N": [number(shear_x), number(shear_y)],
         "area_mm2": number(contact.area_mm2, 2),
+        "half_axes_mm": [number(contact.half_major_mm), number(contact.half_minor_mm)],
+        "orientation_rad": number(contact.orientation_rad),
+        "shape": None if contact.shape is None else contact.shape.value,
+        "shape_probability": number(contact.shape_probability, 3),
+        "outline_mm": None
+        if contact.outline is None
+        else [np.round(ring.point_mm, 3).tolist() for ring in contact.outline],
+        "outline_px": None if outline_px is None else [np.round(ring, 2).tolist() for ring in outline_px],
     }
 
 

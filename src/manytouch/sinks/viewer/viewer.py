@@ -10,9 +10,9 @@ import numpy as np
 from starlette.websockets import WebSocket
 
 from manytouch.pipeline import Controls
-from manytouch.sinks.viewer.access import Access, required_token
+from manytouch.sinks.viewer.access import access_to, write_token
 from manytouch.sinks.viewer.client_messages import SessionRequest
-from manytouch.sinks.viewer.clients import Clients
+from manytouch.sinks.viewer.clients import MAX_CLIENTS, Clients
 from manytouch.sinks.viewer.messages import number
 from manytouch.sinks.viewer.server import Server, listening_socket, page_files
 from manytouch.sinks.viewer.update_encoder import UpdateEncoder, ViewerUpdate
@@ -26,10 +26,20 @@ class Viewer:
     """Serves the page from its construction until `close`.
 
     Wrap it in `LatestOnly`, so that the pipeline never waits for it. Without clients a reading costs nothing.
+
+    Attributes:
+        access: who may use it.
+        token_file: contains the token for client programs; None if no folder for it can be written.
     """
 
     def __init__(
-        self, controls: Controls, *, host: str = "127.0.0.1", port: int = 0, token: str | None = None
+        self,
+        controls: Controls,
+        *,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        token: str | None = None,
+        max_clients: int = MAX_CLIENTS,
     ) -> None:
         """Start serving.
 
@@ -37,7 +47,8 @@ class Viewer:
             controls: the session that is shown and controlled.
             host: address to listen on; an address that other machines can reach requires a token.
             port: 0 selects a free one.
-            token: that clients must send; None generates one where it is required.
+            token: that all clients must send; None generates one that browsers on this machine need not send.
+            max_clients: that are served at once.
 
         Raises:
             MissingExtraError: nicegui is not installed.
@@ -51,9 +62,10 @@ class Viewer:
         self._number = 0
         self._latency_ms: deque[float] = deque(maxlen=LATENCIES)
         self._lock = threading.Lock()
-        self._clients = Clients(self._on_request, self._repeat_update)
+        self._clients = Clients(self._on_request, self._repeat_update, max_clients)
         listening = listening_socket(host, port)
-        self.access = Access(host=host, port=listening.getsockname()[1], token=required_token(host, token))
+        self.access = access_to(host, listening.getsockname()[1], token)
+        self.token_file = write_token(self.access)
         self._server = Server(listening, self.access, self._serve_client, self._broadcast_health)
 
     @property
@@ -83,8 +95,10 @@ class Viewer:
             self._show(reading)
 
     def close(self) -> None:
-        """Announce the end to all clients, and stop serving."""
+        """Announce the end to all clients, stop serving, and remove the file with the token."""
         self._server.stop(self._clients.end())
+        if self.token_file is not None:
+            self.token_file.unlink(missing_ok=True)
 
     def _show(self, reading: Reading) -> None:
         with self._lock:
@@ -113,8 +127,8 @@ class Viewer:
     def _repeat_update(self) -> None:
         """Show the newest reading again, for a client that is new or displays something else."""
         reading = self._latest
-        if reading is not None and self._server.loop is not None:
-            self._server.loop.run_in_executor(None, self._show, reading)
+        if reading is not None:
+            self._show(reading)
 
     def _on_request(self, request: SessionRequest) -> None:
         self._controls.send(request.command())

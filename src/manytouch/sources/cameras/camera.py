@@ -4,6 +4,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from urllib.parse import urlsplit
 
 from manytouch.errors import SourceError
@@ -18,6 +19,7 @@ RETRY_S = 0.5
 FIRST_TRIES = 20  # the first images of a camera may be incomplete
 FAILURES = 3  # in a row, after which the camera counts as disconnected
 CLOSE_S = 3.0
+SILENT_S = 3.0  # without an image, after which the status states it
 CLOCKS_APART_NS = 10**9
 
 
@@ -60,7 +62,9 @@ class CameraSource:
         self.height_px, self.width_px = map(int, picture.shape[:2])
         self.settings: tuple[Setting, ...] = capture.settings
         self.is_colour = False
-        self.status = "ok"
+        self._status = "ok"
+        self._has_other_size = False
+        self._arrived_ns: int | None = None
         self._tap: Callable[[Frame], None] | None = None
         self._arrival = threading.Condition()
         self._waiting: deque[Frame] = deque(maxlen=WAITING)
@@ -74,6 +78,14 @@ class CameraSource:
         if "://" in self._text:
             return f"stream-{urlsplit(self._text).hostname or 'local'}"
         return f"camera-{self._text.rpartition('/')[2]}"
+
+    @property
+    def status(self) -> str:
+        """ "ok", or a sentence on what is wrong: disconnected, silent, or with images of another size."""
+        if self._status != "ok" or self._arrived_ns is None:
+            return self._status
+        silent_s = (time.monotonic_ns() - self._arrived_ns) * 1e-9
+        return "ok" if silent_s < SILENT_S else f"no image from {self.name} for {silent_s:.0f} s"
 
     @property
     def fps(self) -> float | None:
@@ -103,7 +115,7 @@ class CameraSource:
             self._thread = threading.Thread(target=self._run, name="manytouch-camera", daemon=True)
             self._thread.start()
         while (frame := self._next()) is not None:
-            yield decoded(frame, is_colour=self.is_colour)
+            yield self._of_first_size(decoded(frame, is_colour=self.is_colour))
 
     def close(self) -> None:
         """Release the camera; iterations end."""
@@ -126,7 +138,8 @@ class CameraSource:
             shot = None if self._capture is None else self._capture.read()
             if shot is not None:
                 failures = 0
-                self.status = "ok"
+                if not self._has_other_size:
+                    self._status = "ok"
                 self._append(shot)
                 continue
             failures += 1
@@ -138,9 +151,25 @@ class CameraSource:
         if self._capture is not None:
             self._capture.release()
 
+    def _of_first_size(self, frame: Frame) -> Frame:
+        """The frame, without its image if that is not of the size of the first one."""
+        image = frame.image
+        if image is None or image.shape[:2] == (self.height_px, self.width_px):
+            if image is not None and self._has_other_size:
+                self._has_other_size, self._status = False, "ok"
+            return frame
+        self._has_other_size = True
+        self._status = (
+            f"{self.name} changed its images from {self.width_px} x {self.height_px} px to "
+            f"{image.shape[1]} x {image.shape[0]} px; set the size again or restart"
+        )
+        return replace(frame, image=None, encoded=None)
+
     def _disconnect(self) -> None:
         if self._capture is not None:
-            self.status = f"no image from {self.name} since it was disconnected; retrying every {RETRY_S:g} s"
+            self._status = (
+                f"no image from {self.name} since it was disconnected; retrying every {RETRY_S:g} s"
+            )
             self._capture.release()
             self._capture = None
 
@@ -155,20 +184,20 @@ class CameraSource:
         image = decoded(self._frame(shot, 0, 0), is_colour=False).image
         if image is None or image.shape[:2] != (self.height_px, self.width_px):
             found = "none that can be decoded" if image is None else f"{image.shape[1]} x {image.shape[0]} px"
-            self.status = (
+            self._status = (
                 f"{self.name} is connected again with other images: expected {self.width_px} x "
                 f"{self.height_px} px, found {found}; set the size again or restart"
             )
             capture.release()
             return None
         self.settings = capture.settings
-        self.status = "ok"
+        self._status = "ok"
         self._clock.synchronise()
         self._append(shot)
         return capture
 
     def _append(self, shot: Shot) -> None:
-        arrived_ns = time.monotonic_ns()
+        arrived_ns = self._arrived_ns = time.monotonic_ns()
         frame = self._frame(shot, self._clock.at(shot.driver_ns, arrived_ns), arrived_ns)
         self._index += 1
         tap = self._tap

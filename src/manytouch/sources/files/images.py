@@ -8,12 +8,16 @@ from pathlib import Path
 import numpy as np
 
 from manytouch.errors import SourceError
+from manytouch.limits import MAX_IMAGE_BYTES
+from manytouch.sources.image_header import image_mistake
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import Capabilities, evenly_timed_ns
 from manytouch.values import Frame
 from manytouch.values.arrays import Image, read_only
 
 IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff", ".webp")
+
+MAX_DIGITS = 300  # of a number in a name
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -74,9 +78,9 @@ def image_source(path: Path, fps: float | None) -> ImagesSource:
     """A single image as a source of one frame."""
     first = read_image(path)
     if first is None:
+        reason = _why_not(path) or "check that it is complete, or save it again as PNG"
         raise SourceError(
-            f"{str(path)!r} cannot be decoded as an image of 8 or 16 bits per channel: "
-            f"check that it is complete, or save it again as PNG."
+            f"{str(path)!r} cannot be decoded as an image of 8 or 16 bits per channel: {reason}."
         )
     return ImagesSource(name=path.stem, paths=(path,), fps=fps, first=first)
 
@@ -89,8 +93,10 @@ def folder_source(folder: Path, fps: float | None) -> ImagesSource:
         raise SourceError(f"The folder {str(folder)!r} contains no images ({wanted}).")
     first = next((image for path in paths if (image := read_image(path)) is not None), None)
     if first is None:
+        reason = _why_not(paths[0])
         raise SourceError(
-            f"None of the {len(paths)} images in {str(folder)!r} can be decoded: check their files."
+            f"None of the {len(paths)} images in {str(folder)!r} can be decoded: "
+            + ("check their files." if reason is None else f"{paths[0].name}: {reason}.")
         )
     return ImagesSource(name=folder.resolve().name or "images", paths=paths, fps=fps, first=first)
 
@@ -98,19 +104,36 @@ def folder_source(folder: Path, fps: float | None) -> ImagesSource:
 def read_image(path: Path, colour: int = cv2.IMREAD_ANYCOLOR) -> Image | None:
     """Grey or BGR image of 8 or 16 bits; None when the file is not one. `colour` is OpenCV's read flag."""
     try:
-        encoded = np.fromfile(path, dtype=np.uint8)  # OpenCV itself cannot open every name on every system
+        encoded = _content(path)
+        if image_mistake(encoded.data) is not None:
+            return None
         image = cv2.imdecode(encoded, colour | cv2.IMREAD_ANYDEPTH)
-    except (OSError, cv2.error):
+    except (OSError, ValueError, cv2.error):
         return None
     if image is None or image.dtype not in (np.uint8, np.uint16):
         return None
     return read_only(image)
 
 
+def _content(path: Path) -> np.ndarray:
+    """The bytes of a file; OpenCV itself cannot open every name on every system."""
+    if path.stat().st_size > MAX_IMAGE_BYTES:
+        raise ValueError(f"the file has more than {MAX_IMAGE_BYTES // 10**6} MB")
+    return np.fromfile(path, dtype=np.uint8)
+
+
+def _why_not(path: Path) -> str | None:
+    """Why a file is not decoded at all; None if it may be."""
+    try:
+        return image_mistake(_content(path).data)
+    except (OSError, ValueError) as error:
+        return str(error)
+
+
 def natural_key(path: Path) -> tuple[list[str | int], str]:
     """Sorts numbers in names by their value, whatever their number of digits."""
     parts = re.split(r"(\d+)", path.stem.casefold())
-    return [int(part) if place % 2 else part for place, part in enumerate(parts)], path.name
+    return [int(part[:MAX_DIGITS]) if place % 2 else part for place, part in enumerate(parts)], path.name
 
 
 def _is_image_name(path: Path) -> bool:

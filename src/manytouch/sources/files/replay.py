@@ -83,9 +83,7 @@ class ReplaySource:
     @property
     def warning(self) -> str | None:
         """A sentence about a file that is not whole, or None."""
-        if self.recording.is_complete:
-            return None
-        return f"{self.recording.path.name} was cut off; its {len(self.recording)} whole frames are replayed"
+        return self.recording.damage
 
     def __len__(self) -> int:
         return len(self.recording)

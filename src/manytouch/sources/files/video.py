@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from manytouch.errors import SourceError
+from manytouch.limits import size_mistake
 from manytouch.sources.files.containers import Container, read_container
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import ASSUMED_FPS, Capabilities, evenly_timed_ns
@@ -162,6 +163,10 @@ def video_source(path: Path, fps: float | None) -> VideoSource:
         raise error
     capture = _opened(path)
     try:
+        sides = [capture.get(side) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT)]
+        mistake = size_mistake(*(int(side) if math.isfinite(side) else 0 for side in sides))
+        if mistake is not None:
+            raise SourceError(f"the frames of {str(path)!r} are too large: {mistake}.")
         image = next((image for decoded, image in (capture.read() for _ in range(100)) if decoded), None)
         if image is None:
             raise error
@@ -181,9 +186,9 @@ def video_source(path: Path, fps: float | None) -> VideoSource:
 
 
 def _opened(path: Path) -> "cv2.VideoCapture":
-    """Open with FFmpeg first: other backends may read a name with digits as a sequence of images."""
-    capture = cv2.VideoCapture(str(path), cv2.CAP_FFMPEG)
-    return capture if capture.isOpened() else cv2.VideoCapture(str(path))
+    """Open with FFmpeg: others print, and may read a name with digits as a sequence of images."""
+    has_ffmpeg = cv2.CAP_FFMPEG in cv2.videoio_registry.getBackends()
+    return cv2.VideoCapture(str(path), cv2.CAP_FFMPEG if has_ffmpeg else cv2.CAP_ANY)
 
 
 def _position_ns(capture: "cv2.VideoCapture") -> int | None:

@@ -330,6 +330,8 @@ def identify(
         workspace: of the layout, for as many dots.
         difference: (2,) written: mean difference of the dots from their usual appearance.
     """
+    dots, graph, state = DotArrays(*dots), GraphArrays(*graph), MatchingState(*state)
+    assignment, workspace = Assignment(*assignment), Workspace(*workspace)
     dot, markers = assignment.dot, len(guess_px)
     noise_px, grid = rms_noise_px(dots.covariance_px2), build_grid(dots.centre_px, cell_px)
     good, is_calm = _match_guess(grid, guess_px, graph, state, assignment, workspace)

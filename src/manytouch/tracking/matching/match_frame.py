@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.compilation import plain
 from manytouch.tracking.lattice_graph import LatticeGraph
 from manytouch.tracking.matching.records import Assignment, DotArrays, MatchingState, Workspace
 from manytouch.values.arrays import Points2
@@ -151,7 +152,14 @@ def _try_guess(
     dot, difference = np.empty(nodes, dtype=np.int64), np.empty(APPEARANCE_QUANTITIES)
     assignment = Assignment(dot, np.empty((nodes, 2)), workspace.is_used)
     certainty, found, explained, roughness = identify(
-        dots, graph.spacing_px, guess_px, graph.arrays, state, assignment, workspace, difference
+        plain(dots),
+        graph.spacing_px,
+        guess_px,
+        plain(graph.arrays),
+        plain(state),
+        plain(assignment),
+        plain(workspace),
+        difference,
     )
     if certainty == AMBIGUOUS:
         dot.fill(-1)

@@ -123,6 +123,7 @@ def update_appearance(
     out: np.ndarray,
 ) -> None:
     """Writes the running mean of the appearance of all markers (m, 2), with this frame's, to `out` (m, 2)."""
+    dots, graph = DotArrays(*dots), GraphArrays(*graph)
     measure_appearance(len(appearance), 1, dot, dots, graph, out)
     for k in range(len(appearance)):
         for quantity in range(QUANTITIES):

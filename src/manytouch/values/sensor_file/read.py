@@ -1,6 +1,5 @@
 """Read a sensor file."""
 
-import tomllib
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
@@ -15,6 +14,7 @@ from manytouch.values.arrays import read_only
 from manytouch.values.sensor import Camera, Layout, Sensor, Sheet
 from manytouch.values.sensor_file.schema import MarkersSection, PoseSection, SensorFile
 from manytouch.values.sensor_file.sections import all_mistakes
+from manytouch.values.sensor_file.toml_file import read_toml
 
 SENSORS = files("manytouch") / "sensors"
 
@@ -37,19 +37,12 @@ def load_sensor(path: str | Path) -> Sensor:
     path = Path(path)
     try:
         is_known = str(path) in known_sensors() and not path.exists()
-        text = (SENSORS / f"{path}.toml" if is_known else path).read_text(encoding="utf-8")
-        table = tomllib.loads(text)
+        table = read_toml(SENSORS / f"{path}.toml" if is_known else path, "a sensor file", SensorError)
     except FileNotFoundError:
         raise SensorError(
             f"the sensor file {path} does not exist: give the path of an existing .toml file, or the name of "
             f"one of the known sensors {', '.join(known_sensors())}"
         ) from None
-    except IsADirectoryError:
-        raise SensorError(f"{path} is a folder: give the path of a sensor file (.toml)") from None
-    except (UnicodeDecodeError, OSError) as error:
-        raise SensorError(f"{path} cannot be read as a sensor file: {error}") from None
-    except tomllib.TOMLDecodeError as error:
-        raise SensorError(f"{path} is not valid TOML: {error}") from None
     try:
         checked = SensorFile.model_validate(table)
     except ValidationError as error:
@@ -61,6 +54,10 @@ def _vector(values: Sequence[float]) -> Any:
     return read_only(np.asarray(values, dtype=np.float64))
 
 
+def _vector_or_none(values: Sequence[float] | None) -> Any:
+    return None if values is None else _vector(values)
+
+
 def _sensor(file: SensorFile) -> Sensor:
     camera, sheet, noise = file.camera, file.sheet, file.noise
     pose = camera.pose or PoseSection(translation_mm=(0.0, 0.0, 1.0))
@@ -68,10 +65,13 @@ def _sensor(file: SensorFile) -> Sensor:
     return Sensor(
         name=file.name,
         camera=Camera(
-            **camera.model_dump(exclude={"distortion", "pose"}),
+            **camera.model_dump(exclude={"distortion", "distortion_std", "pose"}),
             distortion=_vector(distortion),
             rotation_vector=_vector(pose.rotation_vector),
             translation_mm=_vector(pose.translation_mm),
+            distortion_std=_vector_or_none(camera.distortion_std),
+            rotation_vector_std=_vector_or_none(pose.rotation_vector_std),
+            translation_std_mm=_vector_or_none(pose.translation_std_mm),
         ),
         layout=None if file.markers is None else _layout(file.markers),
         sheet=None

@@ -6,6 +6,8 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 from scipy.spatial import KDTree
 
+from manytouch.limits import MAX_MARKERS, size_mistake
+from manytouch.values.sensor import Boundary
 from manytouch.values.sensor_file.sections import (
     Count,
     IsList,
@@ -22,7 +24,13 @@ PositiveOrTwo = Annotated[
     | Annotated[Annotated[list[Positive], Field(min_length=2, max_length=2)], Several],
     IsList,
 ]
+Index = Annotated[float, Field(ge=1.0, le=3.0)]
 PositiveOrEach = Annotated[Annotated[Positive, One] | Annotated[list[Positive], Several], IsList]
+_ONLY_BONDED = ("marker_depth_mm", "window_mm", "window_index", "pad_index")
+_ONLY_CLAMPED = ("pretension_N_per_mm", "bending_factor")
+
+
+MAX_CENTRE_SHARE = 10
 
 
 class PoseSection(Section):
@@ -30,8 +38,12 @@ class PoseSection(Section):
 
     rotation_vector: tuple[Number, Number, Number] = (0.0, 0.0, 0.0)
     translation_mm: tuple[Number, Number, Positive]
+    rotation_vector_std: tuple[NonNegative, NonNegative, NonNegative] | None = None
+    translation_std_mm: tuple[NonNegative, NonNegative, NonNegative] | None = None
 
-    @field_validator("rotation_vector", "translation_mm", mode="before")
+    @field_validator(
+        "rotation_vector", "translation_mm", "rotation_vector_std", "translation_std_mm", mode="before"
+    )
     @classmethod
     def _as_tuple(cls, value: Any) -> Any:
         return tuple(value) if isinstance(value, list) else value
@@ -48,7 +60,27 @@ class CameraSection(Section):
     cx_px: Number
     cy_px: Number
     distortion: list[Number] = Field(default_factory=list)
+    fx_std_px: NonNegative | None = None
+    fy_std_px: NonNegative | None = None
+    cx_std_px: NonNegative | None = None
+    cy_std_px: NonNegative | None = None
+    distortion_std: list[NonNegative] | None = None
     pose: PoseSection | None = None
+
+    @model_validator(mode="after")
+    def _check_size(self) -> "CameraSection":
+        mistake = size_mistake(self.width_px, self.height_px)
+        if mistake is not None:
+            raise ValueError(mistake)
+        for name, centre_px, side_px in (
+            ("cx_px", self.cx_px, self.width_px),
+            ("cy_px", self.cy_px, self.height_px),
+        ):
+            if abs(centre_px) > MAX_CENTRE_SHARE * side_px:
+                raise ValueError(
+                    f"{name} = {centre_px:g} is not within {MAX_CENTRE_SHARE} images of the image's centre"
+                )
+        return self
 
     @model_validator(mode="after")
     def _check_distortion(self) -> "CameraSection":
@@ -56,6 +88,11 @@ class CameraSection(Section):
         if self.distortion and len(self.distortion) != expected:
             raise ValueError(
                 f"distortion of a {self.model} camera has {expected} numbers, found {len(self.distortion)}"
+            )
+        if self.distortion_std is not None and len(self.distortion_std) != len(self.distortion):
+            raise ValueError(
+                f"distortion_std has {len(self.distortion_std)} numbers, but distortion has "
+                f"{len(self.distortion)}: specify one for each"
             )
         return self
 
@@ -66,17 +103,58 @@ class SheetSection(Section):
     size_mm: list[Positive] = Field(min_length=2, max_length=2)
     thickness_mm: Positive
     young_MPa: Positive | None = None
-    young_std_MPa: NonNegative | None = None
     poisson: Annotated[float, Field(ge=0, lt=0.5)] | None = None
-    boundary: Literal["clamped"] = "clamped"
+    boundary: Boundary = "clamped"
     pretension_N_per_mm: NonNegative | None = None
     bending_factor: Positive | None = None
     density_kg_m3: Positive | None = None
+    marker_depth_mm: Positive | None = None
+    window_mm: Positive | None = None
+    window_index: Index | None = None
+    pad_index: Index | None = None
+    outline_std_mm: NonNegative | None = None
+    thickness_std_mm: NonNegative | None = None
+    young_std_MPa: NonNegative | None = None
+    poisson_std: NonNegative | None = None
+    pretension_std_N_per_mm: NonNegative | None = None
+    bending_factor_std: NonNegative | None = None
+    density_std_kg_m3: NonNegative | None = None
+    marker_depth_std_mm: NonNegative | None = None
+    window_std_mm: NonNegative | None = None
+    window_index_std: NonNegative | None = None
+    pad_index_std: NonNegative | None = None
 
     @model_validator(mode="after")
-    def _check_young(self) -> "SheetSection":
-        if self.young_std_MPa is not None and self.young_MPa is None:
-            raise ValueError("young_std_MPa is the standard deviation of young_MPa: specify young_MPa too")
+    def _check_deviations(self) -> "SheetSection":
+        for name in type(self).model_fields:
+            own = name.replace("_std", "")
+            if own in {name, "outline_mm"} or getattr(self, name) is None:
+                continue
+            if getattr(self, own) is None:
+                raise ValueError(f"{name} is the standard deviation of {own}: specify {own} too")
+        return self
+
+    @model_validator(mode="after")
+    def _check_boundary(self) -> "SheetSection":
+        unsuitable = _ONLY_BONDED if self.boundary == "clamped" else _ONLY_CLAMPED
+        found = [name for name in unsuitable if getattr(self, name) is not None]
+        if found:
+            other = "bonded" if self.boundary == "clamped" else "clamped"
+            raise ValueError(
+                f'{", ".join(found)} belong to boundary = "{other}", but boundary = "{self.boundary}": '
+                "remove these keys or change the boundary"
+            )
+        if self.boundary == "bonded" and self.marker_depth_mm is None:
+            raise ValueError(
+                'boundary = "bonded" needs marker_depth_mm, the depth of the markers below the contact face'
+            )
+        if self.marker_depth_mm is not None and self.marker_depth_mm > self.thickness_mm:
+            raise ValueError(
+                f"marker_depth_mm = {self.marker_depth_mm:g} is larger than thickness_mm = "
+                f"{self.thickness_mm:g}: the markers lie inside the pad"
+            )
+        if self.window_index is not None and self.window_mm is None:
+            raise ValueError("window_index is that of the window: specify window_mm, its thickness, too")
         return self
 
 
@@ -87,13 +165,15 @@ class MarkersSection(Section):
     columns: Count | None = None
     pitch_mm: PositiveOrTwo | None = None
     offset_mm: list[Number] = Field(default_factory=lambda: [0.0, 0.0], min_length=2, max_length=2)
-    rest_mm: list[Annotated[list[Number], Field(min_length=2, max_length=2)]] | None = None
+    rest_mm: list[Annotated[list[Number], Field(min_length=2, max_length=2)]] | None = Field(
+        default=None, max_length=MAX_MARKERS
+    )
     radius_mm: PositiveOrEach
     height_mm: NonNegative = 0.0
     polarity: Literal["light", "dark", "auto"] = "auto"
     colour_weights: list[Number] | None = Field(default=None, min_length=3, max_length=3)
     missing: list[Annotated[list[Annotated[int, Field(ge=0)]], Field(min_length=2, max_length=2)]] = Field(
-        default_factory=list
+        default_factory=list, max_length=MAX_MARKERS
     )
 
     @model_validator(mode="after")
@@ -101,6 +181,8 @@ class MarkersSection(Section):
         grid = (self.rows, self.columns)
         if (self.rows is None) != (self.columns is None):
             raise ValueError("rows and columns belong together: specify both, or neither and rest_mm")
+        if self.count > MAX_MARKERS:
+            raise ValueError(f"{self.count} markers are too many: at most {MAX_MARKERS} are allowed")
         if self.rest_mm is None and (None in grid or self.pitch_mm is None):
             raise ValueError("specify rows, columns and pitch_mm, or the table rest_mm")
         if self.rest_mm is not None:
@@ -173,12 +255,17 @@ class SensorFile(Section):
         if self.markers is not None and self.camera.pose is None:
             raise ValueError("a sensor with [markers] needs [camera.pose]")
         if self.markers is not None and self.sheet is not None:
+            if self.sheet.boundary == "bonded" and self.markers.height_mm > 0.0:
+                raise ValueError(
+                    f"markers.height_mm = {self.markers.height_mm:g} is for a clamped sheet; the markers of "
+                    "a bonded pad lie at sheet.marker_depth_mm below its contact face"
+                )
             slack_mm = self.markers.min_distance_mm / 2  # tolerance of a measured outline
             over = np.abs(self.markers.rest_xy_mm) > np.array(self.sheet.size_mm) / 2 + slack_mm
             if over.any():
                 x, y = self.sheet.size_mm
                 raise ValueError(
-                    f"{int(over.any(axis=1).sum())} of {self.markers.count} markers are outside the clamped "
-                    f"outline, sheet.size_mm = [{x:g}, {y:g}]"
+                    f"{int(over.any(axis=1).sum())} of {self.markers.count} markers are outside the "
+                    f"{self.sheet.boundary} outline, sheet.size_mm = [{x:g}, {y:g}]"
                 )
         return self

@@ -4,10 +4,13 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError
 
-Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-NonNegative = Annotated[float, Field(ge=0, allow_inf_nan=False)]
-Number = Annotated[float, Field(allow_inf_nan=False)]
-Count = Annotated[int, Field(gt=0)]
+from manytouch.limits import LARGEST_NUMBER
+
+Positive = Annotated[float, Field(ge=1 / LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf_nan=False)]
+NonNegative = Annotated[float, Field(ge=0, le=LARGEST_NUMBER, allow_inf_nan=False)]
+Number = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf_nan=False)]
+Count = Annotated[int, Field(gt=0, le=10**9)]
+MAX_MISTAKES, MAX_CHARACTERS = 20, 180  # of a message, and of each mistake in it
 ONE, SEVERAL = "<one>", "<several>"
 IsList = Discriminator(lambda value: SEVERAL if isinstance(value, list) else ONE)
 """Discriminates a number from a list, so that only the mistakes of the matching alternative are reported."""
@@ -21,7 +24,7 @@ class Section(BaseModel):
 
 
 def all_mistakes(file: str, error: ValidationError) -> str:
-    """One sentence that lists every mistake of a file, such as "sensor file s.toml"."""
+    """One sentence that lists the mistakes of a file, such as "sensor file s.toml": all, or the first 20."""
     mistakes = []
     for item in error.errors():
         key = ".".join(str(part) for part in item["loc"] if not _is_inner(part))
@@ -38,8 +41,11 @@ def all_mistakes(file: str, error: ValidationError) -> str:
                 shown = repr(found) if len(repr(found)) < 60 else f"{repr(found)[:57]}..."
                 message = item["msg"].replace(" after validation", "")
                 text = f"{key} = {shown}: {message[0].lower()}{message[1:]}"
-        mistakes.append(text)
-    return f"{file} is wrong: " + "; ".join(dict.fromkeys(mistakes))
+        mistakes.append(text if len(text) <= MAX_CHARACTERS else f"{text[: MAX_CHARACTERS - 3]}...")
+    mistakes = list(dict.fromkeys(mistakes))
+    more = len(mistakes) - MAX_MISTAKES
+    end = f"; and {more} more" if more > 0 else ""
+    return f"{file} is wrong: " + "; ".join(mistakes[:MAX_MISTAKES]) + end
 
 
 def _is_inner(part: Any) -> bool:

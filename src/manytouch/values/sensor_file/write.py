@@ -64,11 +64,15 @@ def _camera_table(sensor: Sensor) -> dict[str, Any]:
     camera = sensor.camera
     names = ("model", "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
     table = {name: getattr(camera, name) for name in names} | {"distortion": camera.distortion.tolist()}
+    for name in ("fx_std_px", "fy_std_px", "cx_std_px", "cy_std_px"):
+        if getattr(camera, name) is not None:
+            table[name] = getattr(camera, name)
+    if camera.distortion_std is not None:
+        table["distortion_std"] = camera.distortion_std.tolist()
     if sensor.layout is not None or sensor.sheet is not None:  # without a sheet there is no pose
-        table["pose"] = {
-            "rotation_vector": camera.rotation_vector.tolist(),
-            "translation_mm": camera.translation_mm.tolist(),
-        }
+        pose = ("rotation_vector", "translation_mm", "rotation_vector_std", "translation_std_mm")
+        known = {name: getattr(camera, name) for name in pose}
+        table["pose"] = {name: value.tolist() for name, value in known.items() if value is not None}
     return table
 
 

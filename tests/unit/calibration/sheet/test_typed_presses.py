@@ -1,5 +1,6 @@
 """Presses typed on a terminal are saved, for a recording and for a camera."""
 
+import functools
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -105,6 +106,7 @@ class Camera:
 
     def __init__(self) -> None:
         self.source = open_source("sim:one")
+        self.frame_at = functools.cache(self.source.simulator.frame)
         self.at_s, self.is_colour, self.is_closed = 0.0, True, False
 
     def listen(self, tap) -> None:
@@ -116,7 +118,7 @@ class Camera:
     def __iter__(self) -> Iterator[Frame]:
         number = 0
         while True:
-            shown = self.source.simulator.frame(round(self.at_s * self.source.fps))
+            shown = self.frame_at(round(self.at_s * self.source.fps))
             broken = number % 7 == 3
             yield replace(shown, index=number, image=None if broken else shown.image)
             number += 1

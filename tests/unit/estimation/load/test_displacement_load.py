@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from layouts import grid_at, lattice_layout
 from manytouch.estimation.load.cosine_series import (
     best_linear_estimate,
     cosine_products,
@@ -18,25 +19,14 @@ from manytouch.estimation.load.displacement_load import LoadModel
 from manytouch.estimation.perimeter.estimator import PerimeterEstimator
 from manytouch.geometry.camera import project
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.values import Layout, Sensor, TrackedGrid
-from manytouch.values.arrays import read_only
+from manytouch.values import Sensor
 
 
 def lattice(rows: int, columns: int) -> Sensor:
     """The demo sensor with another lattice over the same 120 x 80 mm."""
-    row, column = np.divmod(np.arange(rows * columns), columns)
-    pitch_mm = np.array([116.0 / (columns - 1), 76.0 / (rows - 1)])
-    rest_mm = np.zeros((rows * columns, 3))
-    rest_mm[:, :2] = (np.column_stack([column, row]) - [(columns - 1) / 2, (rows - 1) / 2]) * pitch_mm
-    layout = Layout(
-        rest_mm=read_only(rest_mm),
-        row_column=read_only(np.column_stack([row, column]).astype(np.int64)),
-        pitch_mm=read_only(pitch_mm),
-        radius_mm=read_only(np.ones(len(rest_mm))),
-        polarity="light",
-        is_missing=read_only(np.zeros(len(rest_mm), dtype=np.bool_)),
+    return replace(
+        demo_sensor(), layout=lattice_layout(rows, columns, (116.0 / (columns - 1), 76.0 / (rows - 1)))
     )
-    return replace(demo_sensor(), layout=layout)
 
 
 @pytest.mark.parametrize(("count", "parts"), [(7, 2), (1100, 1)])
@@ -126,7 +116,6 @@ def test_steps_at_a_thousand_markers_keep_no_memory():
     assert sensor.layout is not None
     rest_mm = sensor.layout.rest_mm
     area_px2 = np.full(len(rest_mm), 80.0)
-    random = np.random.default_rng(0)
     estimate = PerimeterEstimator()
     state = estimate.start(sensor)
 
@@ -137,13 +126,7 @@ def test_steps_at_a_thousand_markers_keep_no_memory():
             hollow = 3.0 * np.exp(-(offset**2).sum(axis=1) / 72.0)
             moved = np.column_stack([hollow[:, None] * offset / 24.0, -hollow])
             position = project(sensor.camera, rest_mm + moved)
-            grid = TrackedGrid(
-                position_px=read_only(position + random.normal(0, 0.03, position.shape)),
-                covariance_px2=read_only(np.tile(0.03**2 * np.eye(2), (len(rest_mm), 1, 1))),
-                is_seen=read_only(np.ones(len(rest_mm), dtype=np.bool_)),
-                frames_unseen=read_only(np.zeros(len(rest_mm), dtype=np.int64)),
-                area_px2=read_only(area_px2),
-            )
+            grid = grid_at(position, std_px=0.03, noise_px=0.03, seed=frame, area_px2=area_px2)
             state, _, contacts = estimate.step(state, grid)
         assert len(contacts.touching) == 1
 

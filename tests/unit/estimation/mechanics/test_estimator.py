@@ -7,8 +7,7 @@ import pytest
 
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
-from manytouch.estimation.mechanics.sheet_model import InversionModel
-from manytouch.estimation.mechanics.solid_correction import SolidCorrection
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.values import ESTIMATES, Layout, Sensor, Sheet, TrackedGrid
@@ -18,8 +17,7 @@ from straight import straight_camera
 
 ROWS, COLUMNS, PITCH_MM = 12, 16, 4.0
 YOUNG_MPA = 2.0
-SHELL = SolidCorrection(dent=0.0, ring=0.0, clamp=0.0)
-ESTIMATE = MechanicsEstimator(solid_correction=SHELL)
+ESTIMATE = MechanicsEstimator()
 
 
 def sensor_of(**sheet: float | None) -> Sensor:
@@ -27,7 +25,13 @@ def sensor_of(**sheet: float | None) -> Sensor:
     rest_mm = np.zeros((ROWS * COLUMNS, 3))
     rest_mm[:, 0] = (column - (COLUMNS - 1) / 2) * PITCH_MM
     rest_mm[:, 1] = (row - (ROWS - 1) / 2) * PITCH_MM
-    known = {"young_MPa": YOUNG_MPA, "poisson": 0.45, "pretension_N_per_mm": 0.2, "bending_factor": 1.0}
+    known = {
+        "thickness_mm": 3.0,
+        "young_MPa": YOUNG_MPA,
+        "poisson": 0.45,
+        "pretension_N_per_mm": 0.2,
+        "bending_factor": 1.0,
+    }
     return Sensor(
         name="test",
         camera=straight_camera(1600, 1200, focal_px=2000.0, distance_mm=100.0),
@@ -39,18 +43,19 @@ def sensor_of(**sheet: float | None) -> Sensor:
             polarity="light",
             is_missing=np.zeros(len(rest_mm), dtype=bool),
         ),
-        sheet=Sheet(size_mm=np.array([64.0, 48.0]), thickness_mm=3.0, **{**known, **sheet}),
+        sheet=Sheet(size_mm=np.array([64.0, 48.0]), **{**known, **sheet}),
     )
 
 
-def bent(model: InversionModel, *presses: tuple[float, float, float]) -> np.ndarray:
-    """Coefficients of the sheet under presses x, y, force over E on discs of 3 mm."""
+def bent(model: InversionModel, *presses: tuple[float, float, float], radius_mm: float = 3.0) -> np.ndarray:
+    """Coefficients of the sheet under even pressure on discs: x, y, force over E."""
     angle = 2 * np.pi * np.arange(24) / 24
-    ring = np.sqrt((np.arange(8) + 0.5) / 8) * 3.0
+    ring = np.sqrt((np.arange(8) + 0.5) / 8) * radius_mm
     disc = np.stack([np.outer(ring, np.cos(angle)), np.outer(ring, np.sin(angle))], axis=-1).reshape(-1, 2)
     load = np.zeros((model.patch.node_count, 3))
     for x, y, press in presses:
-        load[:, 2] -= model.patch.load(disc + np.array([x, y]), np.full(len(disc), press / len(disc)))
+        each = np.tile([0.0, 0.0, -press / len(disc)], (len(disc), 1))
+        load += model.patch.load(disc + np.array([x, y]), each)
     return equilibrium(model.shell, load).coefficient_mm
 
 
@@ -110,13 +115,89 @@ def test_centre_force_and_depth_of_two_presses(model: InversionModel, shape: np.
         assert 0.0 < contact.std("normal_force") < 0.3 * press * YOUNG_MPA
 
 
+@pytest.mark.parametrize(("press", "within"), [(0.1, 0.03), (0.3, 0.02), (1.0, 0.02), (2.5, 0.03)])
+def test_the_force_of_faint_and_of_strong_presses(model: InversionModel, press: float, within: float) -> None:
+    """The sparse prior, which makes the forces on the nodes too small, does not change that of a contact."""
+    x, y = -5.0, 3.0
+    flat, pressed = np.zeros((model.patch.node_count, 3)), bent(model, (x, y, press))
+    grids = [grid_of(model, flat, seed=99), *(grid_of(model, pressed, seed=k) for k in range(6))]
+    _, surface, contacts = read(grids)
+    (contact,) = contacts.touching
+    assert contact.normal_force_over_E_mm2 == pytest.approx(press, rel=within)
+    np.testing.assert_allclose(contact.centre_mm, [x, y], atol=0.2)
+    assert surface.spline is not None
+    assert -surface.spline.force_over_E_mm2[:, 2].sum() == pytest.approx(press, rel=0.1)
+    (deepest_mm,) = -Face(shell=model.shell, point_mm=np.array([[x, y]])).displacement(pressed)[:, 2]
+    assert contact.depth_mm == pytest.approx(deepest_mm, rel=0.04)
+
+
+def smoothed_area_mm2(radius_mm: float, std_mm: float) -> float:
+    """Area of the disc that carries 95 % of an even pressure on a disc after smoothing, by sampling."""
+    random = np.random.default_rng(0)
+    radius = radius_mm * np.sqrt(random.random(400_000))
+    smoothed = random.normal(0.0, std_mm, (2, len(radius)))
+    return float(np.pi * np.quantile(np.hypot(radius + smoothed[0], smoothed[1]), 0.95) ** 2)
+
+
+@pytest.mark.parametrize("press", [0.3, 1.0])
+def test_the_region_of_a_pad(model: InversionModel, press: float) -> None:
+    pressed = bent(model, (-5.0, 3.0, press), radius_mm=6.0)
+    _, _, contacts = read([grid_of(model, pressed, seed=k) for k in range(6)])
+    (contact,) = contacts.touching
+    assert contact.area_mm2 == pytest.approx(smoothed_area_mm2(6.0, 0.5 * PITCH_MM), rel=0.1)
+    assert contact.half_major_mm == pytest.approx(6.0, rel=0.12)
+    assert contact.half_minor_mm == pytest.approx(6.0, rel=0.12)
+    assert contact.normal_force_over_E_mm2 == pytest.approx(press, rel=0.02)
+
+
+def moved(grid: TrackedGrid, motion: str) -> TrackedGrid:
+    """The grid as a camera sees it that has moved a little: the outermost marker moves by half a pixel."""
+    arm_px = grid.position_px - grid.position_px.mean(axis=0)
+    reach_px = np.linalg.norm(arm_px, axis=1).max()
+    change_px = {
+        "shift": np.tile([0.4, -0.3], (len(arm_px), 1)),
+        "rotation": 0.5 / reach_px * np.column_stack([-arm_px[:, 1], arm_px[:, 0]]),
+        "scale": 0.5 / reach_px * arm_px,
+    }[motion]
+    return replace(grid, position_px=grid.position_px + change_px)
+
+
+@pytest.mark.parametrize("motion", ["shift", "rotation", "scale"])
+def test_a_small_motion_of_the_camera_is_no_force(model: InversionModel, motion: str) -> None:
+    flat, pressed = np.zeros((model.patch.node_count, 3)), bent(model, (8.0, -4.0, 0.3))
+    still = [grid_of(model, flat, seed=k) for k in range(4)]
+    shaken = [moved(grid_of(model, flat, seed=10 + k), motion) for k in range(6)]
+    state, _, _ = read(still)
+    for grid in shaken:
+        state, surface, contacts = ESTIMATE.step(state, grid)
+        assert not contacts.touching
+    # markers that move apart evenly may also be a shallow, wide press
+    assert np.abs(surface.displacement_mm[:, 2]).max() < (0.1 if motion == "scale" else 0.01)
+    force = []
+    for change in (lambda grid: grid, lambda grid: moved(grid, motion)):
+        grids = [change(grid_of(model, pressed, seed=20 + k)) for k in range(6)]
+        (contact,) = read([*still, *grids])[2].touching
+        force.append(contact.normal_force_over_E_mm2)
+    assert force[1] == pytest.approx(force[0], rel=0.03)
+
+
+def test_the_least_force_of_a_contact_moves_the_middle_by_a_hundredth_of_a_pitch() -> None:
+    least = []
+    for sheet in ({}, {"pretension_N_per_mm": 1.0}, {"thickness_mm": 2.0}):
+        model = ESTIMATE.start(sensor_of(**sheet)).model
+        force_mm2 = model.lattice.least_force_mm2
+        at_rest = bent(model, (0.0, 0.0, force_mm2), radius_mm=0.5 * PITCH_MM)
+        face = Face(shell=model.shell, point_mm=np.zeros((1, 2)))
+        assert -face.displacement(at_rest)[0, 2] == pytest.approx(0.01 * PITCH_MM, rel=0.1)
+        least.append(force_mm2)
+    assert least[1] > 2.0 * least[0] > 2.2 * least[2]
+
+
 def test_the_uncertainty_of_the_stiffness_is_in_that_of_forces(
     model: InversionModel, shape: np.ndarray
 ) -> None:
     grids = [grid_of(model, shape, seed=k) for k in range(4)]
-    exact, doubted = (
-        read(grids, sensor_of(young_std_MPa=std))[2].touching for std in (None, 0.2 * YOUNG_MPA)
-    )
+    exact, doubted = (read(grids, sensor_of(young_std_MPa=std))[2].touching for std in (0.0, 0.2 * YOUNG_MPA))
     for sure, unsure in zip(exact, doubted, strict=True):
         force_N = -sure.force_N[2]
         assert -unsure.force_N[2] == pytest.approx(force_N)
@@ -263,14 +344,18 @@ def test_an_impossible_frame_has_a_status_and_is_forgotten(model: InversionModel
     assert len(contacts.touching) == 2
 
 
-def test_without_stiffness_forces_are_relative(shape: np.ndarray) -> None:
+def test_without_stiffness_forces_are_relative() -> None:
+    """The pretension is not known either and changes all forces; their ratio remains."""
     sensor = sensor_of(young_MPa=None, pretension_N_per_mm=None)
     model = ESTIMATE.start(sensor).model
-    _, _, contacts = read([grid_of(model, bent(model, (5.0, 5.0, 0.5)))] * 3, sensor)
-    (contact,) = contacts.touching
-    assert np.isnan(contact.force_N).all()
-    assert np.isnan(contact.std("normal_force"))
-    assert contact.normal_force_over_E_mm2 == pytest.approx(0.5, rel=0.1)
+    pressed = bent(model, (-12.0, -6.0, 0.3), (10.0, 5.0, 0.6))
+    _, _, contacts = read([grid_of(model, pressed)] * 3, sensor)
+    strong, weak = sorted(contacts.touching, key=lambda contact: -contact.normal_force_over_E_mm2)
+    for contact in (strong, weak):
+        assert np.isnan(contact.force_N).all()
+        assert np.isnan(contact.std("normal_force"))
+    ratio = strong.normal_force_over_E_mm2 / weak.normal_force_over_E_mm2
+    assert ratio == pytest.approx(2.0, rel=0.1)
 
 
 def test_a_sensor_without_enough_markers_is_refused() -> None:
@@ -287,6 +372,13 @@ def test_a_sensor_without_enough_markers_is_refused() -> None:
     )
     with pytest.raises(LayoutError, match=r"6 markers.*at least 12"):
         ESTIMATE.start(replace(sensor, layout=few))
+
+
+def test_a_bonded_pad_is_refused_with_the_methods_that_work() -> None:
+    bonded = replace(sensor_of().sheet, boundary="bonded", marker_depth_mm=2.0)
+    with pytest.raises(SensorError, match=r"boundary = \"bonded\".*--method perimeter or --method paper"):
+        ESTIMATE.start(replace(sensor_of(), sheet=bonded))
+    PerimeterEstimator().start(replace(sensor_of(), sheet=bonded))
 
 
 def test_contacts_of_an_assumed_sheet_are_those_of_the_perimeter_method(

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from layouts import grid_at
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import ContactTracker, LoadContactFinder, PerimeterEstimator
 from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
@@ -30,15 +31,8 @@ def grid_of(
     moved_mm: np.ndarray, *, shift_px: tuple[float, float] = (0.0, 0.0), seed: int | None = None
 ) -> TrackedGrid:
     """The grid of markers moved by (m, 3) mm, shifted as a whole in the image, with noise."""
-    position = project(SENSOR.camera, REST_MM + moved_mm) + shift_px
-    if seed is not None:
-        position = position + np.random.default_rng(seed).normal(0, NOISE_PX, position.shape)
-    return TrackedGrid(
-        position_px=read_only(position),
-        covariance_px2=read_only(np.tile(NOISE_PX**2 * np.eye(2), (COUNT, 1, 1))),
-        is_seen=read_only(np.ones(COUNT, dtype=np.bool_)),
-        frames_unseen=read_only(np.zeros(COUNT, dtype=np.int64)),
-    )
+    position_px = project(SENSOR.camera, REST_MM + moved_mm) + shift_px
+    return grid_at(position_px, std_px=NOISE_PX, noise_px=0.0 if seed is None else NOISE_PX, seed=seed or 0)
 
 
 def pressed(*presses: tuple[float, float, float, float]) -> np.ndarray:

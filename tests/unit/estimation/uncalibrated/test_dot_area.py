@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from layouts import grid_at
 from manytouch.estimation.uncalibrated.dot_area import DotAreaChange
 from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.values import TrackedGrid
@@ -13,16 +14,8 @@ NEIGHBOURS = nearest_neighbours(PLANE_MM)
 
 
 def grid(area_px2: np.ndarray | None, variance_px2: float = 1e-4) -> TrackedGrid:
-    markers = len(PLANE_MM)
-    seen = np.ones(markers, dtype=np.bool_) if area_px2 is None else np.isfinite(area_px2)
-    covariance = np.where(seen[:, None, None], variance_px2 * np.eye(2), np.nan)
-    return TrackedGrid(
-        position_px=np.where(seen[:, None], PLANE_MM * 10.0, np.nan),
-        covariance_px2=covariance,
-        is_seen=seen,
-        frames_unseen=np.where(seen, 0, 1).astype(np.int64),
-        area_px2=area_px2,
-    )
+    unseen = None if area_px2 is None else ~np.isfinite(area_px2)
+    return grid_at(10.0 * PLANE_MM, std_px=np.sqrt(variance_px2), unseen=unseen, area_px2=area_px2)
 
 
 def test_growth_is_the_change_of_the_logarithm() -> None:

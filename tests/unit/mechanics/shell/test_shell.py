@@ -9,10 +9,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import spline_reference as reference
 from manytouch.geometry.spline.patch import SplinePatch
+from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell import material as material_kernels
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
+from slab import free_face
 
 H = 1e-5
 
@@ -22,40 +25,72 @@ def direction(shell: Shell) -> np.ndarray:
     return rough * shell.patch.is_free
 
 
-def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
-    """Energy over E of a clamped sheet by numpy: membrane, pretension and bending at the Gauss points."""
-    patch, nu, t = shell.patch, shell.poisson, shell.thickness_mm
+def gauss_points(patch: SplinePatch) -> tuple[np.ndarray, np.ndarray]:
+    """Places (k, 2) and areas (k,) of 3 x 3 Gauss points of each element."""
     place, weight = np.polynomial.legendre.leggauss(3)
-    axes = []
+    axes, lengths = [], []
     for length, count, corner in zip(patch.size_mm, patch.elements, patch.corner_mm, strict=True):
         step = length / count
         axes.append(((np.arange(count)[:, None] + 0.5 * (place + 1.0)) * step).ravel() + corner)
-    areas = [
-        np.tile(0.5 * weight * length / count, count)
-        for length, count in zip(patch.size_mm, patch.elements, strict=True)
-    ]
-    point_mm = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2)
-    at, c = patch.at(point_mm), coefficient_mm
-    a1, a2, kxx, kyy, kxy = (
-        np.einsum("kn,knj->kj", table, c[at.node]) for table in (at.dx, at.dy, at.dxx, at.dyy, at.dxy)
+        lengths.append(np.tile(0.5 * weight * step, count))
+    return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 2), np.outer(*lengths).ravel()
+
+
+def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
+    """Energy over E by numpy and scipy: two points across the thickness, pretension, shear, springs."""
+    patch, nu, t = shell.patch, shell.poisson, shell.thickness_mm
+    point_mm, area_mm2 = gauss_points(patch)
+
+    def field(along_x: int, along_y: int) -> np.ndarray:
+        return reference.derivative(patch, coefficient_mm, point_mm, along_x, along_y)
+
+    grad_lap = [reference.laplacian(patch, coefficient_mm, point_mm, *way) for way in ((1, 0), (0, 1))]
+    a1, a2 = field(1, 0), field(0, 1)
+    stretched = a1[:, 0] + a2[:, 1]
+    for base, axis in ((a1, 0), (a2, 1)):
+        base[:, 2] -= patch.shear_mm2 * grad_lap[axis]  # w = b - a lap b
+        base[:, axis] += 1.0
+    slope2 = a1[:, 2] ** 2 + a2[:, 2] ** 2
+    strain = np.array(
+        [0.5 * ((a1**2).sum(axis=1) - 1.0), 0.5 * ((a2**2).sum(axis=1) - 1.0), (a1 * a2).sum(axis=1)]
     )
-    a1, a2 = a1 + np.eye(3)[0], a2 + np.eye(3)[1]
-    e1, e2 = 0.5 * ((a1**2).sum(axis=1) - 1.0), 0.5 * ((a2**2).sum(axis=1) - 1.0)
-    e3 = (a1 * a2).sum(axis=1)
+    curvature = np.array([field(2, 0)[:, 2], field(0, 2)[:, 2], 2.0 * field(1, 1)[:, 2]]) / (1.0 + slope2)
     mu, bulk = 0.5 / (1.0 + nu), 1.0 / (3.0 * (1.0 - 2.0 * nu))
-    membrane = np.array(
-        [material_kernels.energy_density(*each, mu, bulk) for each in zip(e1, e2, e3, strict=True)]
-    )
-    k1, k2, k3 = kxx[:, 2], kyy[:, 2], 2.0 * kxy[:, 2]
+    lever = t * np.sqrt(shell.bending_factor / 12.0)
+    layers = [
+        [material_kernels.energy_density(*point, mu, bulk) for point in (strain + z * curvature).T]
+        for z in (-lever, lever)
+    ]
     rigidity = shell.bending_factor * t**3 / (12.0 * (1.0 - nu**2))
-    bending = 0.5 * rigidity * (k1**2 + k2**2 + 2.0 * nu * k1 * k2 + 0.5 * (1.0 - nu) * k3**2)
-    density = t * membrane + shell.pretension_over_E_mm * (e1 + e2) + bending
-    return float((np.outer(*areas).ravel() * density).sum())
+    sheared = 0.5 * rigidity * patch.shear_mm2 * (grad_lap[0] ** 2 + grad_lap[1] ** 2) / (1.0 + slope2) ** 2
+    tension = shell.pretension_over_E_mm * (strain[0] + strain[1] - stretched)  # balanced at rest
+    springs = np.where(patch.is_rim, shell.support_per_mm * patch.area_mm2, 0.0)
+    density = 0.5 * t * np.sum(layers, axis=0) + sheared + tension
+    return float(area_mm2 @ density + 0.5 * (springs[:, None] * coefficient_mm**2).sum())
 
 
 def test_the_energy_is_the_integral_of_its_density(shell: Shell, bent_mm: np.ndarray) -> None:
-    if shell.patch.boundary == "clamped":
-        assert shell.energy(bent_mm) == pytest.approx(energy_reference(shell, bent_mm), rel=1e-11)
+    assert shell.energy(bent_mm) == pytest.approx(energy_reference(shell, bent_mm), rel=1e-10)
+
+
+def deep(shell: Shell) -> np.ndarray:
+    """Coefficients of a dent about 3 thicknesses deep, with slopes above 1."""
+    away = shell.patch.place_mm - np.array(shell.patch.centre_mm)
+    dent = np.exp(-(away**2).sum(axis=1) / 40.0)
+    return np.outer(dent, [0.4, -0.3, -4.0 * shell.thickness_mm]) * shell.patch.is_free
+
+
+def test_the_tangent_of_a_deep_shape(shell: Shell) -> None:
+    dent, way = deep(shell), direction(shell)
+    point_mm, _ = gauss_points(shell.patch)
+    assert np.abs(reference.derivative(shell.patch, dent, point_mm, 1, 0)[:, 2]).max() > 1.0
+    gain = (shell.energy(dent + H * way) - shell.energy(dent - H * way)) / (2 * H)
+    assert (shell.forces(dent) * way).sum() == pytest.approx(gain, rel=1e-6)
+    force, tangent = np.empty_like(dent), shell.empty_tangent()
+    shell.forces_and_tangent(dent, force, tangent)
+    np.testing.assert_allclose(force, shell.forces(dent), atol=1e-11)
+    change = (shell.forces(dent + H * way) - shell.forces(dent - H * way)) / (2 * H)
+    np.testing.assert_allclose(shell.product(tangent, way), change, atol=1e-7 * np.abs(change).max())
 
 
 def test_forces_are_the_derivative_of_the_energy(shell: Shell, bent_mm: np.ndarray) -> None:
@@ -128,16 +163,22 @@ def test_a_small_strain_is_hooke_in_plane_stress() -> None:
 
 
 def deflection_mm(shell: Shell, load: np.ndarray) -> float:
+    """Deflection of the middle under nodal forces downwards (nodes,)."""
     force = np.column_stack([np.zeros((len(load), 2)), -load])
     found = equilibrium(shell, force)
     assert found.status == "ok"
-    return -float(shell.patch.at(np.zeros((1, 2))).field(found.coefficient_mm)[0, 2])
+    return -float(reference.moved(shell.patch, found.coefficient_mm, np.zeros((1, 2)))[0, 2])
+
+
+def point_load(patch: SplinePatch) -> np.ndarray:
+    """Nodal forces (nodes,) of a force of 1 in the middle."""
+    return patch.load(np.zeros((1, 2)), np.array([[0.0, 0.0, 1.0]]))[:, 2]
 
 
 def plate(width_mm: float, height_mm: float, nu: float = 0.3) -> Shell:
     elements = (round(width_mm / 6.25), round(height_mm / 6.25))
     patch = SplinePatch(size_mm=(width_mm, height_mm), elements=elements)
-    return Shell(patch=patch, thickness_mm=1.0, poisson=nu)
+    return Shell(patch=patch, thickness_mm=1.0, poisson=nu, shear_factor=0.0)
 
 
 def test_clamped_plates_bend_as_thin_plates() -> None:
@@ -151,7 +192,7 @@ def test_clamped_plates_bend_as_thin_plates() -> None:
         deflection = deflection_mm(shell, pressure * shell.patch.area_mm2)
         assert deflection * rigidity / (pressure * 100.0**4) == pytest.approx(factor, rel=2e-3)
     shell = plate(100.0, 100.0)
-    deflection = deflection_mm(shell, 1e-6 * shell.patch.load(np.zeros((1, 2)), np.ones(1)))
+    deflection = deflection_mm(shell, 1e-6 * point_load(shell.patch))
     assert deflection * rigidity / (1e-6 * 100.0**2) == pytest.approx(0.00560, rel=5e-3)
 
 
@@ -167,9 +208,99 @@ def test_pretension_stiffens_a_strip() -> None:
     """A long strip under even pressure q: w = q b^2 / (8 N) - q b / (2 N k) tanh(k b / 4), k^2 = N / D."""
     patch = SplinePatch(size_mm=(80.0, 20.0), elements=(40, 20))
     rigidity, pressure, width = 1.0 / (12.0 * (1.0 - 0.45**2)), 1e-6, 20.0
-    shell = Shell(patch=patch, thickness_mm=1.0, pretension_over_E_mm=rigidity)
+    shell = Shell(patch=patch, thickness_mm=1.0, pretension_over_E_mm=rigidity, shear_factor=0.0)
     expected = pressure / rigidity * (width**2 / 8.0 - width / 2.0 * np.tanh(width / 4.0))
     assert deflection_mm(shell, pressure * patch.area_mm2) == pytest.approx(expected, rel=0.01)
+
+
+def even_pressure(patch: SplinePatch) -> np.ndarray:
+    """Nodal forces (nodes,) of a pressure of 1."""
+    point_mm, area_mm2 = gauss_points(patch)
+    return patch.load(point_mm, np.outer(area_mm2, [0.0, 0.0, 1.0]))[:, 2]
+
+
+@pytest.mark.parametrize("shear_factor", [0.0, 0.2, 1.0])
+def test_a_clamped_strip_is_sheared(shear_factor: float) -> None:
+    """Even pressure q on a strip of width 2 l: w = q l^4 / (24 D) (1 + 12 a / l^2) in the middle."""
+    width, t = 12.0, 1.0
+    patch = SplinePatch(size_mm=(60.0, width), elements=(40, 16))
+    shell = Shell(patch=patch, thickness_mm=t, shear_factor=shear_factor)
+    rigidity, half, pressure = t**3 / (12.0 * (1.0 - 0.45**2)), 0.5 * width, 1e-8
+    expected = pressure * half**4 / (24.0 * rigidity) * (1.0 + 12.0 * shell.shear_mm2 / half**2)
+    assert deflection_mm(shell, pressure * even_pressure(shell.patch)) == pytest.approx(expected, rel=2e-3)
+
+
+def test_the_clamp_holds_the_face() -> None:
+    """Deflection along the clamp: 0, but for a part of the second derivative along it."""
+    t = 3.0
+    shell = Shell(patch=SplinePatch(size_mm=(120.0, 80.0), elements=(30, 20)), thickness_mm=t)
+    found = equilibrium(shell, np.outer(even_pressure(shell.patch), [0.0, 0.0, -1e-4])).coefficient_mm
+    deepest = -reference.moved(shell.patch, found, np.zeros((1, 2)))[0, 2]
+    along = np.linspace(-40.0, 40.0, 41)
+    for point in (np.column_stack([along, np.full(41, 40.0)]), np.column_stack([np.full(41, 60.0), along])):
+        edge = reference.moved(shell.patch, found, point)[:, 2]
+        assert np.abs(edge).max() < 0.005 * deepest
+
+
+WAVES_KT = (0.05, 0.2, 0.5, 0.8, 1.0)
+
+
+def wave_response(shell: Shell, wave_per_mm: float) -> tuple[float, float]:
+    """Pressure over deflection of the face, and displacement of the face along x over that along z.
+
+    The load and the shape are waves along x; they are compared in the middle, far from the free outline.
+    """
+    patch, k = shell.patch, wave_per_mm
+    x = patch.place_mm[:, 0]
+    greville = np.unique(x.round(9))
+    along = reference.spline(patch.size_mm[0], patch.elements[0])(greville - patch.corner_mm[0])
+    fitted = np.linalg.solve(along, np.cos(k * greville))
+    wave = np.zeros((patch.node_count, 3))
+    wave[:, 2] = fitted[np.searchsorted(greville, x - 1e-6)]
+    tangent = shell.empty_tangent()
+    shell.forces_and_tangent(np.zeros_like(wave), np.empty_like(wave), tangent)
+    reply = shell.product(tangent, wave)[:, 2]
+    point_mm, area_mm2 = gauss_points(patch)
+    per_load = patch.load(point_mm, np.outer(area_mm2 * np.cos(k * point_mm[:, 0]), [0.0, 0.0, 1.0]))[:, 2]
+    inner = np.all(np.abs(patch.place_mm) < 0.25 * np.array(patch.size_mm), axis=1)
+    pressure = float(per_load[inner] @ reply[inner] / (per_load[inner] @ per_load[inner]))
+    assert np.abs(reply - pressure * per_load)[inner].max() < 5e-3 * np.abs(reply[inner]).max()
+    period_mm = 2.0 * np.pi / k * np.arange(48) / 48.0
+    face = Face(shell=shell, point_mm=np.column_stack([period_mm - np.pi / k, np.zeros(48)]))
+    moved = face.displacement(1e-6 * wave) / 1e-6
+    phase = k * face.point_mm[:, 0]
+    deflection, aside = 2.0 * np.mean(moved[:, 2] * np.cos(phase)), 2.0 * np.mean(moved[:, 0] * np.sin(phase))
+    return pressure / float(deflection), float(aside / deflection)
+
+
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.45, 0.49])
+@pytest.mark.parametrize("wave_kt", WAVES_KT)
+def test_waves_are_those_of_an_exact_slab(poisson: float, wave_kt: float) -> None:
+    """Deflection, and displacement in the plane, of the face that is not loaded."""
+    t, k = 2.0, wave_kt / 2.0
+    patch = SplinePatch(size_mm=(5.0 * np.pi / k, 2.0 * np.pi / k), elements=(48, 12), boundary="soft")
+    for strain in (0.0, 0.005):  # a larger one changes the moduli themselves by as much
+        shell = Shell(
+            patch=patch,
+            thickness_mm=t,
+            poisson=poisson,
+            pretension_over_E_mm=strain * t,
+            support_per_mm=0.0,
+        )
+        exact = free_face(k, t, poisson, strain * t)
+        stiffness, aside = wave_response(shell, k)
+        assert stiffness == pytest.approx(exact.stiffness_per_mm, rel=0.02)
+        assert aside == pytest.approx(exact.in_plane, rel=0.02)
+    if wave_kt == min(WAVES_KT):
+        thin = t**3 / (12.0 * (1.0 - poisson**2)) * k**4
+        assert wave_response(replace(shell, pretension_over_E_mm=0.0), k)[0] == pytest.approx(thin, rel=2e-3)
+
+
+def test_a_thin_plate_is_much_too_stiff_under_a_short_wave() -> None:
+    t, k = 2.0, 0.5
+    patch = SplinePatch(size_mm=(32.0, 24.0), elements=(48, 12), boundary="soft")
+    thin = Shell(patch=patch, thickness_mm=t, shear_factor=0.0, support_per_mm=0.0)
+    assert wave_response(thin, k)[0] > 1.15 * free_face(k, t, 0.45).stiffness_per_mm
 
 
 def test_invalid_sheets_raise() -> None:

@@ -171,8 +171,8 @@ def test_steps_recover_a_press_from_marker_images(camera: Camera) -> None:
     """Algebra only (the same shell made the pixels): depth, and the force in the sign of the contract."""
     patch = SplinePatch(size_mm=(60.0, 48.0), elements=(15, 12))
     shell = Shell(patch=patch, thickness_mm=3.0, pretension_over_E_mm=0.02)
-    load = np.zeros((patch.node_count, 3))
-    load[:, 2] = -2.0 * patch.load(np.array([[8.0, -5.0]]), np.ones(1))
+    patch = shell.patch
+    load = patch.load(np.array([[8.0, -5.0]]), np.array([[0.0, 0.0, -2.0]]))
     truth = equilibrium(shell, load)
     assert truth.status == "ok"
     x, y = np.arange(-26.0, 27.0, 4.0), np.arange(-20.0, 21.0, 4.0)

@@ -210,3 +210,36 @@ def test_a_scene_on_the_shell_is_solved_at_once(tmp_path: Path) -> None:
     assert len(states) == state_count(scene)
     assert not (tmp_path / "none").exists()
     assert len(simulator(scene, states).truth(12).contacts.touching) >= 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ("seconds = 1e9", "too many frames"),
+        ("seconds = 1.0\nwidth_px = 200000", "too many"),
+        ("seconds = 1.0\n[solid]\nelement_mm = 1e-6", "choose a larger element_mm"),
+        ("seconds = 1.0\n[solid]\nlayers = 1000000", "layers"),
+        ("seconds = 1.0\n[faults]\ndust = 1000000000", "dust"),
+        ("seconds = 1.0\nbodies = [" + "{}, " * 201 + "]", "bodies"),
+    ],
+)
+def test_limits_of_a_scene(tmp_path: Path, changes: str, words: str) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(f"schema = 1\n{changes}\n")
+    with pytest.raises(SourceError, match=words):
+        load_scene(path)
+
+
+def test_steps_that_are_too_small_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    (tmp_path / "body.obj").write_text(TETRAHEDRON)
+    path.write_text(EVERYTHING.replace("step_mm = 2.0", "step_mm = 1e-7"))
+    with pytest.raises(SourceError, match="choose a larger step_mm"):
+        solid_problem(load_scene(path))
+
+
+def test_a_mesh_that_is_too_large_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("manytouch.simulation.scene.bodies.MAX_MESH_BYTES", 10)
+    (tmp_path / "big.obj").write_text(TETRAHEDRON)
+    with pytest.raises(SourceError, match="simplify it"):
+        mesh_corners(tmp_path / "big.obj")

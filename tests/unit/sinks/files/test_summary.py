@@ -10,6 +10,7 @@ from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.rest_noise import RestNoise
+from manytouch.sinks.files.result_hash import result_hash
 from manytouch.sinks.files.sensor_description import describe_sensor, pitch_px
 from manytouch.sinks.files.summary import Summary, parameters
 from manytouch.values import Phase, Roi, Status
@@ -47,9 +48,12 @@ def test_frames_that_failed_are_no_rest_and_end_the_run(reading_of):
     assert np.nanmax(noise_of([reading_of(0), reading_of(1), failed, reading_of(3)])) == 0.0
 
 
-def summary_in(folder, sensor, frame_count=None):
+HASHES = {"input": "1", "sensor": "2", "parameters": "3", "version": "4"}
+
+
+def summary_of(sensor, frame_count=None):
     recording = {"source": "x.mp4", "frame_count": frame_count}
-    return Summary(folder, sensor=sensor, pipeline=pipeline_of(), method="paper", recording=recording)
+    return Summary(sensor=sensor, pipeline=pipeline_of(), method="paper", recording=recording)
 
 
 def pipeline_of():
@@ -59,13 +63,12 @@ def pipeline_of():
 
 
 def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, contact_of):
-    summary = summary_in(tmp_path, sensor, frame_count=9)
+    summary = summary_of(sensor, frame_count=9)
     for index in range(4):
         summary.write(reading_of(index, unseen=(3,)))
     summary.write(reading_of(4, (contact_of(1, Phase.START), contact_of(2, Phase.START)), unseen=(3,)))
     summary.write(reading_of(5, (contact_of(1, Phase.END),), status=Status.DECODE_ERROR))
-    assert not (tmp_path / "summary.json").exists()
-    summary.close()
+    summary.save(tmp_path, is_complete=False, hashes=HASHES)
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["counts"] == {
         "frames": 6,
@@ -80,6 +83,9 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
         "the input announced 9 frames; 6 were read, up to number 5",
         "1 marker is seen in less than half of the frames: 3",
     ]
+    assert not summary["complete"]
+    assert summary["hash"] == result_hash(HASHES)
+    assert summary["hashes"] == HASHES
     assert summary["assumptions"] == ["The camera has no distortion."]
     assert summary["sensor"]["pitch_px"] == [40.0, 32.0]
     assert summary["sensor"]["missing"] == [9]
@@ -89,7 +95,7 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
 
 
 def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, reading_of):
-    summary = summary_in(tmp_path, sensor)
+    summary = summary_of(sensor)
     for index in range(3):
         summary.write(reading_of(index))
     everything = tuple(range(24))
@@ -99,11 +105,13 @@ def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, 
 
 
 def test_a_run_without_frames_has_a_summary_too(tmp_path, sensor):
-    summary_in(tmp_path, sensor).close()
+    summary_of(sensor).save(tmp_path, is_complete=True, hashes=HASHES | {"input": None})
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["counts"]["frames"] == 0
     assert summary["noise_px"]["median"] is None
     assert summary["milliseconds"]["p50"] is None
+    assert summary["complete"]
+    assert summary["hash"] is None
 
 
 def test_parameters_name_every_stage():

@@ -44,7 +44,6 @@ def test_depth_store_has_dimensions_coordinates_and_all_frames(tmp_path, sensor,
     sink = SurfaceStore(tmp_path, sensor)
     for index in range(19):
         sink.write(reading_of(2 * index, depth_mm=0.1 * index))
-    assert not (tmp_path / "surface.zarr").exists()
     sink.close()
     group = zarr.open_group(tmp_path / "surface.zarr", mode="r")
     depth = group["depth_mm"]

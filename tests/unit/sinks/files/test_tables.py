@@ -1,4 +1,4 @@
-"""The contract's tables: columns, units, empty cells, rows, and that they appear only when complete."""
+"""The contract's tables: columns, units, empty cells, rows."""
 
 import csv
 import dataclasses
@@ -7,13 +7,14 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable, fixed_point
-from manytouch.values import Phase, Status
+from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable, seconds_text, six_digits
+from manytouch.values import ContactShape, Phase, Status
 
 CONTACT_COLUMNS = (
     "frame,time_s,contact,phase,x_mm,y_mm,depth_mm,normal_force_N,shear_x_N,shear_y_N,area_mm2,"
     "x_std_mm,y_std_mm,force_std_N,x_px,y_px,"
-    "depth_std_mm,normal_force_over_E_mm2,shear_x_std_N,shear_y_std_N,torque_Nmm,torque_std_Nmm,area_std_mm2,slip"
+    "depth_std_mm,normal_force_over_E_mm2,shear_x_std_N,shear_y_std_N,torque_Nmm,torque_std_Nmm,area_std_mm2,slip,"
+    "half_major_mm,half_minor_mm,orientation_rad,shape,shape_probability"
 )
 MARKER_COLUMNS = "frame, time_s, marker, row, column, x_px, y_px, seen, dx_mm, dy_mm, depth_mm, depth_std_mm"
 FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds"
@@ -50,14 +51,14 @@ def test_what_is_not_known_is_empty_and_the_rest_is_there(tmp_path, sensor, read
         "time_s": "0.120000",
         "contact": "7",
         "phase": "start",
-        "x_mm": "2.5000",
-        "y_mm": "-1.2500",
-        "depth_mm": "1.5000",
-        "x_std_mm": "0.2000",
-        "y_std_mm": "0.3000",
-        "depth_std_mm": "0.5000",
-        "x_px": "179.50",
-        "y_px": "109.50",
+        "x_mm": "2.5",
+        "y_mm": "-1.25",
+        "depth_mm": "1.5",
+        "x_std_mm": "0.2",
+        "y_std_mm": "0.3",
+        "depth_std_mm": "0.5",
+        "x_px": "179.5",
+        "y_px": "109.5",
     }
 
 
@@ -66,9 +67,22 @@ def test_a_press_has_positive_normal_force_and_force_over_young(tmp_path, sensor
         contact = contact_of(force_N=np.array([0.5, 0.0, -3.0]), normal_force_over_E_mm2=over, slip=True)
         write(ContactTable(tmp_path, sensor_of(unit)), reading_of(0, (contact,)))
         (row,) = rows_of(tmp_path / "contacts.csv")
-        assert (row["normal_force_N"], row["shear_x_N"], row["shear_y_N"]) == ("3.0000", "0.5000", "0.0000")
-        assert row[f"normal_force_over_E_{unit}2"] == ("" if np.isnan(over) else f"{over:.5f}")
+        assert (row["normal_force_N"], row["shear_x_N"], row["shear_y_N"]) == ("3", "0.5", "0")
+        assert row[f"normal_force_over_E_{unit}2"] == ("" if np.isnan(over) else str(over))
         assert row["slip"] == "1"
+
+
+def test_the_ellipse_and_the_shape_follow_the_slip(tmp_path, sensor, reading_of, contact_of):
+    contact = contact_of(
+        half_major_mm=10.0 / 3.0,
+        half_minor_mm=0.0123456789,
+        orientation_rad=-0.5,
+        shape=ContactShape.LINE,
+        shape_probability=0.97,
+    )
+    write(ContactTable(tmp_path, sensor), reading_of(0, (contact,)))
+    (row,) = rows_of(tmp_path / "contacts.csv")
+    assert list(row.values())[-5:] == ["3.33333", "0.0123457", "-0.5", "line", "0.97"]
 
 
 def test_frames_have_a_line_each_also_when_they_failed(tmp_path, reading_of, contact_of):
@@ -80,8 +94,8 @@ def test_frames_have_a_line_each_also_when_they_failed(tmp_path, reading_of, con
     )
     assert (tmp_path / "frames.csv").read_text().splitlines() == [
         FRAME_COLUMNS,
-        "0,0.000000,ok,23,1,2.000",
-        "2,0.080000,decode_error,0,0,4.000",
+        "0,0.000000,ok,23,1,2",
+        "2,0.080000,decode_error,0,0,4",
     ]
 
 
@@ -124,28 +138,23 @@ def test_long_recordings_come_in_row_groups(tmp_path, sensor, reading_of, monkey
     assert file.metadata.row_group(0).column(0).compression == "ZSTD"
 
 
-def test_tables_appear_only_when_closed(tmp_path, sensor, reading_of):
-    tables = [ContactTable(tmp_path, sensor), MarkerTable(tmp_path, sensor), FrameTable(tmp_path)]
-    final = {"contacts.csv", "markers.parquet", "frames.csv"}
-    for table in tables:
-        table.write(reading_of(0))
-    assert not final & {path.name for path in tmp_path.iterdir()}
-    for table in tables:
-        table.close()
-    assert {path.name for path in tmp_path.iterdir()} == final
-
-
-def test_what_a_killed_run_left_is_removed(tmp_path, sensor, reading_of):
-    (tmp_path / ".contacts.partial.csv").write_text("half a li")
-    (tmp_path / "contacts.csv").write_text("of the run before")
-    write(ContactTable(tmp_path, sensor), reading_of(0))
-    assert [path.name for path in tmp_path.iterdir()] == ["contacts.csv"]
-    assert (tmp_path / "contacts.csv").read_text() == CONTACT_COLUMNS + "\n"
-
-
 @pytest.mark.parametrize(
     ("value", "text"),
-    [(-0.00001, "0.0000"), (np.nan, ""), (np.inf, ""), (1.23456, "1.2346"), (-2.0, "-2.0000")],
+    [
+        *((-0.0, "0"), (np.nan, ""), (np.inf, ""), (-2.0, "-2"), (0.000412345678, "0.000412346")),
+        *((1234.56789, "1234.57"), (0.1, "0.1"), (2.5e-9, "2.5e-09")),
+    ],
 )
-def test_numbers_have_fixed_precision(value, text):
-    assert fixed_point(value, 4) == text
+def test_numbers_have_six_significant_digits(value, text):
+    assert six_digits(value) == text
+
+
+def test_small_forces_are_not_quantised(tmp_path, sensor, reading_of, contact_of):
+    contact = contact_of(force_N=np.array([0.000123456, 0.0, -0.000412345]))
+    write(ContactTable(tmp_path, sensor), reading_of(0, (contact,)))
+    (row,) = rows_of(tmp_path / "contacts.csv")
+    assert (row["normal_force_N"], row["shear_x_N"]) == ("0.000412345", "0.000123456")
+
+
+def test_times_keep_microseconds_after_hours():
+    assert seconds_text(36_000_123_456_789) == "36000.123457"

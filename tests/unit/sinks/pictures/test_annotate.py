@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 import pytest
 
+from manytouch.errors import OutputError
 from manytouch.sinks.pictures.annotate import AnnotatedPictures, Annotator
 from manytouch.sinks.pictures.drawing import SKY, VERMILION, eight_bit_colour
-from manytouch.values import Phase, Status
+from manytouch.values import OutlineRing, Phase, Status
 
 
 def count(picture, colour):
@@ -42,6 +43,28 @@ def test_a_contact_is_drawn_where_it_shows(sensor, reading_of, contact_of):
     assert (x, y) == pytest.approx((180 * 3 - 0.5, 110 * 3 - 0.5), abs=2)
 
 
+def test_the_outline_of_a_contact_is_drawn_in_place_of_a_circle(sensor, reading_of, contact_of):
+    square_mm = np.array([[-1.0, -2.0], [4.0, -2.0], [4.0, 1.0], [-1.0, 1.0]])
+    hole_mm = np.array([[1.0, -1.0], [1.0, 0.0], [2.0, 0.0]])
+    contact = contact_of(
+        outline=(OutlineRing(point_mm=square_mm), OutlineRing(point_mm=hole_mm, is_hole=True)), area_mm2=14.5
+    )
+    picture = Annotator(sensor)(reading_of(0, (contact,)))
+    bar = (picture.shape[0] - 720) // 2
+    image = picture[bar : bar + 720].astype(np.int64)
+    drawn = image[..., 2] - image[..., 0] > 60  # a thin line is blended with the ground
+
+    def is_line_at(x_mm, y_mm):
+        x, y = (np.array([x_mm, y_mm]) * 8.0 + [160.0, 120.0]) * 3
+        return drawn[round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].any()
+
+    assert is_line_at(1.5, -2.0)
+    assert is_line_at(4.0, -0.5)
+    assert is_line_at(1.0, -0.5)  # of the hole
+    assert not is_line_at(-0.5, -0.5)
+    assert not is_line_at(2.5 + np.sqrt(14.5 / np.pi), -1.25)  # a circle of this area
+
+
 def test_a_contact_that_ended_is_not_drawn(sensor, reading_of, contact_of):
     annotate = Annotator(sensor)
     ended = annotate(reading_of(0, (contact_of(1, Phase.END),)))
@@ -65,12 +88,11 @@ def test_deep_pixels_keep_their_contrast(sensor, reading_of):
 
 
 @pytest.mark.parametrize("as_video", [True, False])
-def test_annotated_pictures_appear_when_complete(tmp_path, sensor, reading_of, as_video):
+def test_annotated_pictures_have_every_frame(tmp_path, sensor, reading_of, as_video):
     sink = AnnotatedPictures(tmp_path, sensor, as_video=as_video, fps=20.0)
     for index in range(3):
         sink.write(reading_of(index))
     final = tmp_path / ("annotated.mp4" if as_video else "annotated")
-    assert not final.exists()
     sink.close()
     if as_video:
         film = cv2.VideoCapture(str(final))
@@ -78,3 +100,22 @@ def test_annotated_pictures_appear_when_complete(tmp_path, sensor, reading_of, a
         film.release()
     else:
         assert [path.name for path in sorted(final.iterdir())] == ["000000.png", "000001.png", "000002.png"]
+
+
+def test_a_video_that_the_disk_has_cut_is_an_error(tmp_path, sensor, reading_of):
+    sink = AnnotatedPictures(tmp_path, sensor, as_video=True, fps=20.0)
+    for index in range(3):
+        sink.write(reading_of(index))
+    release = sink._video.release
+
+    class Cut:
+        """An encoder whose file is cut, which OpenCV does not report."""
+
+        def release(self):
+            release()
+            whole = (tmp_path / "annotated.mp4").read_bytes()
+            (tmp_path / "annotated.mp4").write_bytes(whole[: len(whole) // 2])
+
+    sink._video = Cut()
+    with pytest.raises(OutputError, match=r"annotated\.mp4: the video is not complete"):
+        sink.close()

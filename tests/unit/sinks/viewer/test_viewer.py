@@ -24,7 +24,7 @@ from manytouch.sinks.viewer import Viewer
 from manytouch.sinks.viewer.clients import MAX_IN_FLIGHT
 from manytouch.sinks.viewer.messages import unpack
 from manytouch.sinks.viewer.server import page_files
-from manytouch.values import Comparison, Press, Record, Stop, Tare
+from manytouch.values import Comparison, Press, Record, Stop, Tare, UseMethod
 from viewer_session import FakeSession, reading_of
 
 
@@ -38,7 +38,15 @@ def get(viewer: Viewer, path: str, **headers: str) -> tuple[int, http.client.HTT
 
 
 def connect_to(viewer: Viewer, **more: Any) -> ClientConnection:
+    """Connect as a program that has the token, unless an origin or other headers are given."""
+    if not {"origin", "additional_headers"} & set(more):
+        more["additional_headers"] = bearer(viewer)
     return connect(f"ws://127.0.0.1:{viewer.access.port}/stream", max_size=2**24, open_timeout=20, **more)
+
+
+def bearer(viewer: Viewer) -> dict[str, str]:
+    assert viewer.token_file is not None
+    return {"Authorization": f"Bearer {viewer.token_file.read_text()}"}
 
 
 def next_message(stream: ClientConnection, kind: str) -> dict[str, Any]:
@@ -90,7 +98,8 @@ def test_pages_of_other_sites_are_refused(viewer: Viewer) -> None:
     assert get(viewer, "/", Host="evil.example")[0] == 421
     with pytest.raises(InvalidStatus):
         connect_to(viewer, origin="http://evil.example")
-    with connect_to(viewer, origin=f"http://127.0.0.1:{viewer.access.port}") as stream:
+    origin = f"http://127.0.0.1:{viewer.access.port}"
+    with connect_to(viewer, origin=origin) as stream:
         assert next_message(stream, "scene_info")["sensor"] == "demo sheet"
 
 
@@ -106,10 +115,69 @@ def test_other_machines_need_a_token(serve: Callable[..., Viewer]) -> None:
     cookie = str(headers["set-cookie"]).split(";")[0]
     assert status == 303
     assert get(viewer, "/", Cookie=cookie)[0] == 200
+    origin = f"http://127.0.0.1:{viewer.access.port}"
     with pytest.raises(InvalidStatus):
-        connect_to(viewer)
-    with connect_to(viewer, additional_headers={"Cookie": cookie}) as stream:
+        connect_to(viewer, origin=origin)
+    with connect_to(viewer, origin=origin, additional_headers={"Cookie": cookie}) as stream:
         next_message(stream, "scene_info")
+
+
+def test_programs_need_the_token_of_the_file(viewer: Viewer) -> None:
+    token_file = viewer.token_file
+    assert token_file is not None
+    for headers in ({}, {"Authorization": "Bearer wrong-word"}):
+        with pytest.raises(InvalidStatus):
+            connect_to(viewer, additional_headers=headers)
+    url = f"ws://127.0.0.1:{viewer.access.port}/stream?token={token_file.read_text()}"
+    with pytest.raises(InvalidStatus):
+        connect(url)
+    with connect_to(viewer) as stream:
+        next_message(stream, "scene_info")
+    viewer.close()
+    assert not token_file.exists()
+
+
+def test_more_clients_than_allowed_are_told_so(serve: Callable[..., Viewer]) -> None:
+    viewer = serve(max_clients=2)
+    with connect_to(viewer) as first, connect_to(viewer) as second:
+        next_message(first, "scene_info")
+        next_message(second, "scene_info")
+        with connect_to(viewer) as third, pytest.raises(ConnectionClosed) as closed:
+            next_message(third, "never")
+        assert closed.value.rcvd is not None
+        assert (closed.value.rcvd.code, closed.value.rcvd.reason) == (
+            1013,
+            "2 clients are connected, the most allowed",
+        )
+        assert viewer.client_count == 2
+    wait_until(lambda: viewer.client_count == 0)
+    with connect_to(viewer) as again:
+        next_message(again, "scene_info")
+
+
+def test_a_flood_of_requests_is_coalesced(viewer: Viewer, session: FakeSession) -> None:
+    with connect_to(viewer) as stream:
+        for number in range(400):
+            stream.send(json.dumps({"type": "method", "method": f"m{number}"}))
+        for number in range(100):
+            stream.send(json.dumps({"type": "press", "finger": 1, "x_mm": number, "y_mm": 0, "depth_mm": 1}))
+        wait_until(lambda: Press(finger=1, x_mm=99.0, y_mm=0.0, depth_mm=1.0) in session.commands)
+        wait_until(lambda: UseMethod(method="m399") in session.commands)
+    assert len(session.commands) < 250
+
+
+def test_what_one_client_displays_does_not_occupy_the_viewer(viewer: Viewer) -> None:
+    viewer.write(reading_of(1))
+    with connect_to(viewer) as flooding, connect_to(viewer) as other:
+        wait_until(lambda: viewer.client_count == 2)
+        before = viewer.update_count
+        for number in range(1500):
+            layer = ("depth", "strain")[number % 2]
+            flooding.send(json.dumps({"type": "show", "layer": layer, "image": True}))
+        other.send('{"type": "show", "layer": "pressure", "image": false}')
+        wait_until(lambda: "pressure" in viewer.layers)
+        wait_until(lambda: "strain" in viewer.layers)
+    assert viewer.update_count - before < 100
 
 
 def test_an_update_contains_the_reading(viewer: Viewer) -> None:
@@ -133,6 +201,11 @@ def test_an_update_contains_the_reading(viewer: Viewer) -> None:
     assert contact["force_N"] == 1.5
     assert contact["centre_covariance_mm2"] == [0.04, 0.0, 0.09]
     assert contact["shear_N"] == [None, None]
+    assert contact["half_axes_mm"] == [5.0, 3.0]
+    assert (contact["orientation_rad"], contact["shape"], contact["shape_probability"]) == (0.4, "patch", 0.9)
+    for outline in (contact["outline_mm"], contact["outline_px"]):
+        assert [len(ring) for ring in outline] == [24, 12]
+    assert contact["outline_mm"][0][0] == [-14.0, 8.0]
     picture = cv2.imdecode(np.frombuffer(parts["image"], np.uint8), cv2.IMREAD_GRAYSCALE)
     assert picture.shape == (180, 320)
     assert abs(int(np.median(picture)) - 60) <= 1

@@ -90,6 +90,7 @@ export class CameraPane {
     if (contact.px[0] === null) return;
     const [x, y] = place(...contact.px);
     context.setLineDash(isComparison ? [3, 3] : []);
+    if (contact.outline_px) this.drawOutline(context, contact, place, isComparison);
     context.beginPath(); context.arc(x, y, isComparison ? 13 : 10, 0, 2 * Math.PI);
     if (!isComparison) {
       context.lineWidth = 4.5; context.strokeStyle = "rgb(0 0 0 / 60%)"; context.stroke();
@@ -101,6 +102,16 @@ export class CameraPane {
     context.font = "700 12px system-ui, sans-serif"; context.textAlign = "left"; context.textBaseline = "middle";
     context.lineWidth = 3.5; context.strokeStyle = "rgb(0 0 0 / 75%)"; context.fillStyle = "#fff";
     context.strokeText(`#${contact.id}`, x + 14, y - 9); context.fillText(`#${contact.id}`, x + 14, y - 9);
+  }
+
+  drawOutline(context, contact, place, isComparison) {
+    const path = new Path2D();
+    for (const ring of contact.outline_px) {
+      ring.forEach(([x, y], at) => (at ? path.lineTo(...place(x, y)) : path.moveTo(...place(x, y))));
+      path.closePath();
+    }
+    context.lineWidth = 3; context.strokeStyle = "rgb(0 0 0 / 60%)"; context.stroke(path);
+    context.lineWidth = 1.3; context.strokeStyle = isComparison ? "#fff" : contactColour(contact.id); context.stroke(path);
   }
 
   pitchPx(rest) {

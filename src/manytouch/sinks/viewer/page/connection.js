@@ -16,7 +16,7 @@ export function unpack(buffer) {
 }
 
 export class Connection {
-  /** `onMessage` gets text messages, `onUpdate` gets updates, `onState` gets true or false. */
+  /** `onMessage` gets text messages, `onUpdate` gets updates, `onState` gets true or false, and a reason. */
   constructor({ onMessage, onUpdate, onState }) {
     Object.assign(this, { onMessage, onUpdate, onState, tries: 0, ended: false });
     this.open();
@@ -37,8 +37,8 @@ export class Connection {
         this.onUpdate(update);
       }
     };
-    socket.onclose = () => {
-      this.onState(false);
+    socket.onclose = ({ reason }) => {
+      this.onState(false, reason);
       setTimeout(() => this.open(), RETRY_MS[Math.min(this.tries++, RETRY_MS.length - 1)]);
     };
     this.socket = socket;

@@ -78,15 +78,15 @@ function setHealth(health) {
   state.isDirty = true;
 }
 
-function setConnected(is) {
-  state.connected = is;
+function setConnected(is, reason = "") {
+  Object.assign(state, { connected: is, reason });
   if (is) { show(); if (state.points.length) sendPoints(); }
   showState();
 }
 
 function showState() {
   const { health, connected, ended } = state, status = state.update?.head.status;
-  const [kind, label] = !connected ? [ended ? "" : "bad", ended ? "session ended" : "not connected, retrying"]
+  const [kind, label] = !connected ? [ended ? "" : "bad", ended ? "session ended" : state.reason || "not connected, retrying"]
     : !health ? ["", "waiting"]
     : health.source !== "ok" ? ["bad", health.source]
     : !health.is_running ? ["warn", "paused"]

@@ -40,6 +40,38 @@ function drape(line, pane, x, y, axes) {
   line.geometry.attributes.position.needsUpdate = true;
 }
 
+function segments(colour) {
+  const line = new THREE.LineSegments(new THREE.BufferGeometry(), new THREE.LineBasicMaterial({ color: colour, depthTest: false, transparent: true }));
+  line.renderOrder = 5; line.frustumCulled = false;
+  return line;
+}
+
+/** Project closed polygons onto the surface; the buffer grows as needed. */
+function drapePolygons(line, pane, polygons) {
+  const { geometry } = line, count = 2 * polygons.reduce((sum, { length }) => sum + length, 0);
+  if ((geometry.attributes.position?.count ?? 0) < count) {
+    geometry.dispose();
+    geometry.setAttribute("position", new THREE.BufferAttribute(new Float32Array(6 * count), 3).setUsage(THREE.DynamicDrawUsage));
+  }
+  geometry.setDrawRange(0, count);
+  line.visible = count > 0;
+  if (!count) return;
+  const { array } = geometry.attributes.position;
+  let at = 0;
+  for (const polygon of polygons) polygon.forEach(([x, y], corner) => {
+    const [nx, ny] = polygon[(corner + 1) % polygon.length];
+    pane.place(x, y).toArray(array, at); pane.place(nx, ny).toArray(array, at + 3); at += 6;
+  });
+  geometry.attributes.position.needsUpdate = true;
+}
+
+/** Columns of the matrix of the ellipse under uniform pressure; null where it is not known. */
+function pressureEllipse({ half_axes_mm: [major, minor], orientation_rad: angle }) {
+  if (!isKnown(major) || !isKnown(minor) || !isKnown(angle)) return null;
+  const c = Math.cos(angle), s = Math.sin(angle);
+  return [major * c, -minor * s, major * s, minor * c];
+}
+
 /** Columns of the Cholesky factor of a covariance, times `STDS`. */
 function ellipse([xx, xy, yy]) {
   if (!isKnown(xx) || xx <= 0) return null;
@@ -51,6 +83,8 @@ class ContactMark {
   constructor(parent, id) {
     this.colour = contactColour(id);
     this.ring = ring("#ffffff"); this.inner = ring(this.colour);
+    this.outline = segments(this.colour); this.ellipse = ring(this.colour);
+    this.ellipse.material.opacity = 0.5;
     const material = new THREE.MeshBasicMaterial({ color: this.colour, depthTest: false, transparent: true });
     this.shaft = new THREE.Mesh(new THREE.CylinderGeometry(1, 1, 1, 12).translate(0, 0.5, 0), material);
     this.head = new THREE.Mesh(new THREE.ConeGeometry(1, 1, 18).translate(0, 0.5, 0), material);
@@ -62,7 +96,7 @@ class ContactMark {
     this.tag = new CSS2DObject(this.element);
     this.tag.center.set(0.5, 1.15);
     for (const mesh of [this.shaft, this.head, this.foot]) mesh.renderOrder = 6;
-    this.parts = [this.ring, this.inner, this.arrow, this.foot, this.tag];
+    this.parts = [this.outline, this.ellipse, this.ring, this.inner, this.arrow, this.foot, this.tag];
     parent.add(...this.parts);
   }
 
@@ -71,6 +105,10 @@ class ContactMark {
     const axes = ellipse(contact.centre_covariance_mm2);
     this.ring.visible = this.inner.visible = axes !== null;
     if (axes) { drape(this.inner, pane, contact.x_mm, contact.y_mm, axes); drape(this.ring, pane, contact.x_mm, contact.y_mm, axes.map((v) => 1.06 * v)); }
+    drapePolygons(this.outline, pane, contact.outline_mm ?? []);
+    const shape = pressureEllipse(contact);
+    this.ellipse.visible = shape !== null;
+    if (shape) drape(this.ellipse, pane, contact.x_mm, contact.y_mm, shape);
     const hasForce = isKnown(contact.force_N);
     const [sx, sy] = contact.shear_N.map((value) => (isKnown(value) ? value : 0));
     const vector = hasForce ? new THREE.Vector3(sx, contact.force_N, sy) : new THREE.Vector3(0, 1, 0);
@@ -90,8 +128,8 @@ class ContactMark {
 
   remove(parent) {
     parent.remove(...this.parts);
-    for (const part of [this.ring, this.inner, this.shaft, this.head, this.foot]) part.geometry.dispose();
-    for (const part of [this.ring, this.inner, this.shaft]) part.material.dispose();
+    for (const part of [this.outline, this.ellipse, this.ring, this.inner, this.shaft, this.head, this.foot]) part.geometry.dispose();
+    for (const part of [this.outline, this.ellipse, this.ring, this.inner, this.shaft]) part.material.dispose();
   }
 }
 

@@ -1,0 +1,328 @@
+"""The likelihood of the forces on a few nodes, and patches of pressure that are fitted to it.
+
+The posterior of the last full step gives the forces f of some nodes a mean m and a covariance C, with all
+other unknowns marginalised. It contains the prior of the normal forces, with mean 0 and precision B (their
+weights), which favours forces on few nodes. The likelihood without the prior is
+
+    -2 log p(markers | f) = f^T L f - 2 h^T f + const,      L = C^-1 - B,      h = C^-1 m
+
+(C. E. Rasmussen and C. K. I. Williams 2006, chapter 2: a Gaussian divided by a Gaussian). A patch of pressure
+that is fitted to this likelihood is not attracted by nodes, so that its centre is an unbiased one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from manytouch.estimation.mechanics.clusters.patch_kernels import NodeGrid, Whitened, add_patches, fit_patches
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.geometry.spline import basis
+from manytouch.geometry.spline.patch import Nodal, SplinePatch
+from manytouch.values import Status
+from manytouch.values.arrays import Points2, Scalars
+
+_MIN_NODES = 9
+_MAX_STEPS = 30
+_LENGTH_MM = 1e-3  # of finite differences
+_START_MM2 = 0.3  # added to the spread of nodal forces, from which the fit of a patch starts
+_MIN_MEAN_MISFIT = 0.1  # lower limit of the misfit per degree of freedom in covariances
+_RANK = 1e-6  # combinations with less information than this share of the best one's are dropped
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PatchFit:
+    """A uniform elliptical patch of pressure that was fitted to the markers.
+
+    Attributes:
+        misfit: of the patch.
+        force_mm2: normal force over E.
+        centre_mm: (2,) undeformed coordinates.
+        spread_mm2: (2, 2) second moment of the pressure about the centre.
+        covariance: (6, 6) of force, x, y, and the moments xx, xy, yy by the noise; it is scaled by the mean
+            misfit.
+        sheet_covariance: (6, 6) of the same by the parameters of the sheet that are not exactly known.
+        nodal_mm2: (n,) its forces on the nodes of the evidence, over E, positive in compression.
+    """
+
+    misfit: float
+    force_mm2: float
+    centre_mm: Float64[np.ndarray, "2"]
+    spread_mm2: Float64[np.ndarray, "2 2"]
+    covariance: Float64[np.ndarray, "6 6"]
+    sheet_covariance: Float64[np.ndarray, "6 6"]
+    nodal_mm2: Float64[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PairFit:
+    """Two round patches of pressure of one size that were fitted to the markers.
+
+    Attributes:
+        misfit: of the patches.
+        force_mm2: (2,) normal forces over E.
+        centre_mm: (2, 2) undeformed coordinates.
+        deviation_mm: standard deviation of the pressure of each along an axis.
+        covariance, sheet_covariance: (2, 3, 3) of force, x, y of each, as those of `PatchFit`.
+        nodal_mm2: (n,) the forces of both on the nodes of the evidence, over E, positive in compression.
+    """
+
+    misfit: float
+    force_mm2: Float64[np.ndarray, "2"]
+    centre_mm: Float64[np.ndarray, "2 2"]
+    deviation_mm: float
+    covariance: Float64[np.ndarray, "2 3 3"]
+    sheet_covariance: Float64[np.ndarray, "2 3 3"]
+    nodal_mm2: Float64[np.ndarray, " n"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Evidence:
+    """The likelihood of the forces of n nodes: q independent combinations with unit variance.
+
+    Attributes:
+        white: (q, n) the combinations, each divided by its standard deviation.
+        white_of_mean: (q, n) derivatives of `aim` by the posterior means of the normal forces.
+        aim: (q,) their most likely values.
+        knot_x_mm, knot_y_mm: of the splines along x and y.
+        node: (n,) numbers of the nodes.
+        local: (nx, ny) number of each spline function's node among the n, or -1.
+        patch: of the sheet.
+        columns: (p, n) change of the forces over E (z component) for one standard deviation of each
+            parameter of the sheet that is not exactly known.
+    """
+
+    white: Float64[np.ndarray, "q n"]
+    white_of_mean: Float64[np.ndarray, "q n"]
+    aim: Float64[np.ndarray, " q"]
+    knot_x_mm: Float64[np.ndarray, " kx"]
+    knot_y_mm: Float64[np.ndarray, " ky"]
+    node: Int64[np.ndarray, " n"]
+    local: Int64[np.ndarray, "nx ny"]
+    patch: SplinePatch
+    columns: Float64[np.ndarray, "p n"]
+
+    def fit_one(
+        self,
+        force_mm2: float,
+        centre_mm: Float64[np.ndarray, "2"],
+        spread_mm2: Float64[np.ndarray, "2 2"],
+    ) -> PatchFit:
+        """The patch of any force, centre, size and shape that fits best, from a guess."""
+        root = np.linalg.cholesky(spread_mm2 + _START_MM2 * np.eye(2))
+        theta = np.array([force_mm2, *centre_mm, root[0, 0], root[1, 0], root[1, 1]])
+        step = np.array([1e-3 * force_mm2] + 5 * [_LENGTH_MM])
+        misfit, curved = self._fit(theta, step.tolist())
+        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), _MIN_MEAN_MISFIT)
+        xx, yx, yy = theta[3:]
+        by_root = np.array([[2.0 * xx, 0.0, 0.0], [yx, xx, 0.0], [0.0, 2.0 * yx, 2.0 * yy]])
+        change = np.eye(6)
+        change[3:, 3:] = by_root
+        inverse = _inverse(curved)
+        return PatchFit(
+            misfit=misfit,
+            force_mm2=float(theta[0]),
+            centre_mm=theta[1:3],
+            spread_mm2=np.array([[xx * xx, xx * yx], [xx * yx, yx * yx + yy * yy]]),
+            covariance=per_combination * change @ inverse @ change.T,
+            sheet_covariance=change @ self._sheet_covariance(theta, step, inverse) @ change.T,
+            nodal_mm2=self._nodal(theta),
+        )
+
+    def fit_two(
+        self, force_mm2: Float64[np.ndarray, "2"], centre_mm: Points2, deviation_mm: float
+    ) -> PairFit:
+        """The two round patches of one size that fit best, from a guess."""
+        theta = np.array([force_mm2[0], *centre_mm[0], force_mm2[1], *centre_mm[1], deviation_mm])
+        patch = [1e-3 * float(force_mm2.sum()), _LENGTH_MM, _LENGTH_MM]
+        step = np.array([*patch, *patch, _LENGTH_MM])
+        misfit, curved = self._fit(theta, step.tolist())
+        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), _MIN_MEAN_MISFIT)
+        inverse = _inverse(curved)
+        by_sheet = self._sheet_covariance(theta, step, inverse)
+        own = np.array([[0, 1, 2], [3, 4, 5]])
+        return PairFit(
+            misfit=misfit,
+            force_mm2=theta[[0, 3]],
+            centre_mm=np.array([theta[1:3], theta[4:6]]),
+            deviation_mm=abs(float(theta[6])),
+            covariance=per_combination * inverse[own[:, :, None], own[:, None, :]],
+            sheet_covariance=by_sheet[own[:, :, None], own[:, None, :]],
+            nodal_mm2=self._nodal(theta),
+        )
+
+    def shape_probability(self, one: PatchFit, *, min_ring_mm: float) -> Float64[np.ndarray, "4"]:
+        """Probabilities of the shapes, in the order of `ContactShape`.
+
+        With the misfits X, in units of the mean misfit of the best ellipse, and the numbers k of parameters,
+        they are proportional to exp(-(X + k log q) / 2) for q combinations (G. Schwarz 1978,
+        doi:10.1214/aos/1176344136). A patch may be round or elliptic. Lines and rings are fitted only where
+        an ellipse explains the markers better than a point.
+
+        Args:
+            one: the best ellipse.
+            min_ring_mm: least radius of a ring; the hole of a smaller one cannot be distinguished.
+        """
+        head = [one.force_mm2, *one.centre_mm]
+        step = [1e-3 * one.force_mm2, _LENGTH_MM, _LENGTH_MM]
+        rows = max(len(self.aim), 2)
+        scale = max(one.misfit / max(rows - 6, 1), _MIN_MEAN_MISFIT)
+        point, _ = self._fit(np.array([*head, 0.0, 0.0, 0.0]), [*step, 0.0, 0.0, 0.0])
+        score = np.full((4, 2), np.inf)
+        score[0, 0] = point / scale + 3.0 * np.log(rows)
+        score[2, 0] = one.misfit / scale + 6.0 * np.log(rows)
+        if point - one.misfit > scale * np.log(rows):
+            size, axes = np.linalg.eigh(one.spread_mm2 + _START_MM2 * np.eye(2))
+            mean_mm = float(np.sqrt(0.5 * size.sum()))
+            along = axes[:, 1] * np.sqrt(size[1])
+            line, _ = self._fit(np.array([*head, *along, 0.0]), [*step, _LENGTH_MM, _LENGTH_MM, 0.0])
+            both = np.array([*head, 0.0, *one.centre_mm, mean_mm])
+            round_, _ = self._fit(both, [*step, 0.0, 0.0, 0.0, _LENGTH_MM])
+            ring = np.array([*head, np.sqrt(2.0) * mean_mm])
+            ring_misfit, _ = self._fit(ring, [*step, _LENGTH_MM])
+            score[1, 0] = line / scale + 5.0 * np.log(rows)
+            score[2, 1] = round_ / scale + 4.0 * np.log(rows)
+            if abs(ring[3]) >= min_ring_mm:
+                score[3, 0] = ring_misfit / scale + 4.0 * np.log(rows)
+        weight = np.exp(-0.5 * (score - score.min())).sum(axis=1)
+        return np.asarray(weight / weight.sum())
+
+    def _sheet_covariance(
+        self, theta: Scalars, step: Scalars, inverse: Float64[np.ndarray, "k k"]
+    ) -> Float64[np.ndarray, "k k"]:
+        """Covariance of fitted parameters by the unknown parameters of the sheet.
+
+        Args:
+            theta: the parameters.
+            step: of finite differences.
+            inverse: of the curvature of their misfit.
+        """
+        if len(self.columns) == 0:
+            return np.zeros_like(inverse)
+        at, slope = self._nodal(theta), np.empty((len(self.node), len(theta)))
+        for number, size in enumerate(step):
+            moved = theta.copy()
+            moved[number] += size
+            slope[:, number] = (self._nodal(moved) - at) / size
+        # a change of the nodal forces moves the aim by `white` times its normal component
+        changes = inverse @ (self.white @ slope).T @ (self.white_of_mean @ -self.columns.T)
+        return np.asarray(changes @ changes.T)
+
+    def _grid(self) -> NodeGrid:
+        shares = (self.patch.rim_share(axis) for axis in range(2))
+        return NodeGrid(self.knot_x_mm, self.knot_y_mm, self.local, self.patch.shear_mm2, *shares)
+
+    def _nodal(self, theta: Scalars) -> Float64[np.ndarray, " nodes"]:
+        """Forces of fitted patches on the nodes."""
+        nodal = np.zeros(len(self.node))
+        add_patches(theta, self._grid(), nodal)
+        return nodal
+
+    def _fit(self, theta: Scalars, step: list[float]) -> tuple[float, Float64[np.ndarray, "p p"]]:
+        """Least misfit and its curvature; `theta` is changed in place."""
+        likelihood = Whitened(self.white, self.aim)
+        misfit, curved = fit_patches(theta, np.array(step), self._grid(), likelihood, _MAX_STEPS)
+        return float(misfit), curved
+
+
+def _inverse(curved: np.ndarray) -> np.ndarray:
+    """Inverse of a curvature (p, p); parameters that do not change the misfit get no variance."""
+    size = np.sqrt(np.diag(curved))
+    used = np.flatnonzero(size > 0.0)
+    scaled = curved[np.ix_(used, used)] / np.outer(size[used], size[used])
+    inverse = np.zeros_like(curved)
+    inverse[np.ix_(used, used)] = np.linalg.pinv(scaled, rcond=1e-8, hermitian=True) / np.outer(
+        size[used], size[used]
+    )
+    return inverse
+
+
+class ForcePosterior:
+    """The posterior of the normal forces of nodes in one frame.
+
+    Rows that were whitened are kept, because clusters share nodes.
+
+    Attributes:
+        model: of the sheet.
+        fit: of the frame.
+        columns: (p, nodes) see `Evidence`.
+    """
+
+    def __init__(
+        self, model: InversionModel, fit: Fit, columns: Float64[np.ndarray, "p nodes"] | None = None
+    ) -> None:
+        self.model = model
+        self.fit = fit
+        self.columns = np.zeros((0, model.patch.node_count)) if columns is None else columns
+        self._row_of = np.full(model.patch.node_count, -1, dtype=np.int64)
+        self._white = np.zeros((0, 3 * model.patch.node_count))
+
+    def evidence(self, node: Int64[np.ndarray, " n"]) -> Evidence | None:
+        """The likelihood of the normal forces of some nodes; None if there are too few or the fit has failed.
+
+        Args:
+            node: (n,) numbers of the nodes; fixed ones and those without contacts are left out.
+        """
+        node = node[~self.model.is_outside[node] & self.model.patch.is_free[node, 2]]
+        if len(node) < _MIN_NODES or self.fit.status is not Status.OK:
+            return None
+        white = self._whitened(node)
+        inverse = np.linalg.inv(white @ white.T)
+        likelihood = inverse - np.diag(self.fit.posterior.weight[node, 2])
+        size, axes = np.linalg.eigh(0.5 * (likelihood + likelihood.T))
+        is_used = size > _RANK * size[-1]
+        root = np.sqrt(size[is_used])
+        axes = axes[:, is_used]
+        of_mean = axes.T @ inverse / root[:, None]
+        return Evidence(
+            white=np.ascontiguousarray(root[:, None] * axes.T),
+            white_of_mean=of_mean,
+            aim=-of_mean @ self.fit.shape.force_mm2[node, 2],
+            columns=self.columns[:, node],
+            node=node,
+            knot_x_mm=_knots_mm(self.model, 0),
+            knot_y_mm=_knots_mm(self.model, 1),
+            local=_local(self.model, node),
+            patch=self.model.patch,
+        )
+
+    def conditional_change(self, press_mm2: Float64[np.ndarray, " nodes"]) -> Nodal:
+        """Change of the coefficients (nodes, 3) to their mean if the normal forces of some nodes are known.
+
+        The mean of a Gaussian on condition of some linear functions f of it is m + C_cf C_ff^-1 (f - m_f).
+
+        Args:
+            press_mm2: (nodes,) normal forces over E, positive in compression; NaN where not known.
+        """
+        node = np.flatnonzero(np.isfinite(press_mm2))
+        white = self._whitened(node)
+        off_mm2 = -press_mm2[node] - self.fit.shape.force_mm2[node, 2]
+        pull = np.linalg.solve(white @ white.T, off_mm2)
+        patch = self.model.patch
+        change = self.fit.posterior.factor.colour((pull @ white)[None])
+        return np.asarray(change[0].reshape(-1, 3) * patch.is_free)
+
+    def _whitened(self, node: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, "n unknowns"]:
+        """Derivatives of the normal forces by the coefficients, times L^-T of H = L L^T."""
+        new = node[self._row_of[node] < 0]
+        if len(new) > 0:
+            posterior = self.fit.posterior
+            rows = posterior.linearisation.force_rows(new, 2) * self.model.patch.is_free
+            self._row_of[new] = len(self._white) + np.arange(len(new))
+            self._white = np.concatenate([self._white, posterior.factor.whiten(rows.reshape(len(new), -1))])
+        return np.asarray(self._white[self._row_of[node]])
+
+
+def _knots_mm(model: InversionModel, axis: int) -> Scalars:
+    patch = model.patch
+    return np.asarray(basis.knots(patch.size_mm[axis], patch.elements[axis]) + patch.corner_mm[axis])
+
+
+def _local(model: InversionModel, node: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, "nx ny"]:
+    patch = model.patch
+    of_node = np.full(patch.node_count, -1, dtype=np.int64)
+    of_node[node] = np.arange(len(node))
+    grid = of_node.reshape(patch.shape)
+    along_x = grid if patch.is_x_slow else grid.T
+    return np.ascontiguousarray(np.pad(along_x, patch.dropped, constant_values=-1))

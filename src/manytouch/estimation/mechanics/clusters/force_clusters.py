@@ -1,0 +1,207 @@
+"""Contacts as clusters of nodal forces of a B-spline sheet.
+
+Cubic B-splines reproduce polynomials: with a load q, nodal forces f_j = int q B_j and Greville points X_j,
+sum f_j = int q, sum f_j X_j = int q x, and away from the outline sum f_j X_j^2 = int q (x^2 + h^2/3 - 2 a),
+with h the length of an element (C. de Boor, "A Practical Guide to Splines", 2001, chapter IX) and a the
+`shear_mm2` of the sheet, whose deflection is that of B_j - a lap B_j. Force, centre and spread of a cluster
+are therefore those of its load and do not depend on the lattice.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Protocol, runtime_checkable
+
+import numpy as np
+from jaxtyping import Bool, Float64, Int64
+
+from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice, smooth
+from manytouch.geometry.spline.patch import Nodal
+from manytouch.values.arrays import Points2, Scalars
+
+
+@runtime_checkable
+class ForcePatch(Protocol):
+    """A patch of pressure that was fitted to the markers; see `evidence.PatchFit`."""
+
+    @property
+    def force_mm2(self) -> float: ...
+
+    @property
+    def centre_mm(self) -> Float64[np.ndarray, "2"]: ...
+
+    @property
+    def spread_mm2(self) -> Float64[np.ndarray, "2 2"]: ...
+
+    @property
+    def covariance(self) -> Float64[np.ndarray, "6 6"]: ...
+
+    @property
+    def sheet_covariance(self) -> Float64[np.ndarray, "6 6"]: ...
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Clusters:
+    """Groups of nodal forces, the strongest first; forces are those of objects on the sheet, over E.
+
+    Attributes:
+        centre_mm: (c, 2) centroid of the normal force in undeformed coordinates, sheet frame.
+        force_mm2: (c, 3) along x, y, z; a press has z < 0.
+        torque_mm3: (c,) about the normal through the centre.
+        spread_mm2: (c, 2, 2) second moment of the normal force about the centre.
+        covariance: (c, 6, 6) of normal force, x, y, and the moments xx, xy, yy of a patch that was fitted to
+            the markers, by the noise; NaN where these are those of the nodal forces.
+        sheet_covariance: (c, 6, 6) the same by the parameters of the sheet that are not exactly known; 0
+            where no patch was fitted.
+        label: (n,) cluster of each node, or -1.
+        is_face: (c,) clusters that several ones under a rigid face were joined to.
+        corner_points_mm: for each cluster under a rigid face, (k, 2) points around the places where it
+            presses; else (0, 2).
+        shape_probability: (c, 4) of the shapes of the pressure in the order of `ContactShape`; NaN where no
+            patch was fitted.
+        fitted_mm2: (n,) normal forces of the fitted patches on the nodes that they were fitted to, positive
+            in compression; NaN elsewhere.
+    """
+
+    centre_mm: Points2
+    force_mm2: Float64[np.ndarray, "c 3"]
+    torque_mm3: Float64[np.ndarray, " c"]
+    spread_mm2: Float64[np.ndarray, "c 2 2"]
+    covariance: Float64[np.ndarray, "c 6 6"]
+    sheet_covariance: Float64[np.ndarray, "c 6 6"]
+    label: Int64[np.ndarray, " nodes"]
+    is_face: Bool[np.ndarray, " c"]
+    corner_points_mm: tuple[Float64[np.ndarray, "_ 2"], ...]
+    shape_probability: Float64[np.ndarray, "c 4"]
+    fitted_mm2: Float64[np.ndarray, " nodes"]
+
+    def __len__(self) -> int:
+        return len(self.centre_mm)
+
+    @property
+    def normal_mm2(self) -> Scalars:
+        """(c,) normal force over E, positive in compression."""
+        return np.asarray(-self.force_mm2[:, 2])
+
+    @property
+    def area_mm2(self) -> Scalars:
+        """(c,) area of the ellipse under uniform pressure with the same second moment."""
+        spread = np.linalg.det(self.spread_mm2)
+        return np.asarray(4.0 * np.pi * np.sqrt(np.maximum(spread, 0.0)))
+
+    @property
+    def area_std_mm2(self) -> Scalars:
+        """(c,) standard deviation of `area_mm2` by that of the mean of both principal moments."""
+        trace = self.covariance[:, 3, 3] + self.covariance[:, 5, 5] + 2.0 * self.covariance[:, 3, 5]
+        return np.asarray(2.0 * np.pi * np.sqrt(np.maximum(trace, 0.0)))
+
+    def with_patch(
+        self, number: int, patch: "ForcePatch", shape_probability: Float64[np.ndarray, "4"]
+    ) -> "Clusters":
+        """The clusters with one of them as a patch, and its torque about the new centre."""
+        arm_mm = patch.centre_mm - self.centre_mm[number]
+        turned = arm_mm[0] * self.force_mm2[number, 1] - arm_mm[1] * self.force_mm2[number, 0]
+
+        def changed(old: np.ndarray, new: np.ndarray | float) -> Float64[np.ndarray, "..."]:
+            copy = old.copy()
+            copy[number] = new
+            return copy
+
+        return replace(
+            self,
+            centre_mm=changed(self.centre_mm, patch.centre_mm),
+            force_mm2=changed(self.force_mm2, np.array([*self.force_mm2[number, :2], -patch.force_mm2])),
+            torque_mm3=changed(self.torque_mm3, self.torque_mm3[number] - turned),
+            spread_mm2=changed(self.spread_mm2, patch.spread_mm2),
+            covariance=changed(self.covariance, patch.covariance),
+            sheet_covariance=changed(self.sheet_covariance, patch.sheet_covariance),
+            shape_probability=changed(self.shape_probability, shape_probability),
+        )
+
+    def with_nodal(self, node: Int64[np.ndarray, " n"], press_mm2: Float64[np.ndarray, " n"]) -> "Clusters":
+        """The clusters with the normal forces of a fitted patch on nodes; those of several patches add."""
+        fitted_mm2 = self.fitted_mm2.copy()
+        fitted_mm2[node] = np.nan_to_num(fitted_mm2[node]) + press_mm2
+        return replace(self, fitted_mm2=fitted_mm2)
+
+    def select(self, order: np.ndarray) -> "Clusters":
+        """The clusters with these numbers, in this order."""
+        number = np.full(len(self) + 1, -1, dtype=np.int64)
+        number[order] = np.arange(len(order))
+        return Clusters(
+            centre_mm=self.centre_mm[order],
+            force_mm2=self.force_mm2[order],
+            torque_mm3=self.torque_mm3[order],
+            spread_mm2=self.spread_mm2[order],
+            covariance=self.covariance[order],
+            sheet_covariance=self.sheet_covariance[order],
+            label=number[self.label],
+            is_face=self.is_face[order],
+            corner_points_mm=tuple(self.corner_points_mm[number] for number in order),
+            shape_probability=self.shape_probability[order],
+            fitted_mm2=self.fitted_mm2,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ForceClusters:
+    """Clusters as watersheds of the smoothed normal forces; thresholds of forces are in force units.
+
+    Attributes:
+        merge_share: two clusters are one if the saddle between them is above this share of the lower peak.
+        floor_share: nodes below this share of the highest smoothed force belong to no cluster.
+        floor: nodes below this smoothed force belong to no cluster.
+        min_share: least normal force of a cluster over that of the strongest one.
+    """
+
+    merge_share: float = 0.75
+    floor_share: float = 0.002
+    floor: float = 2e-6
+    min_share: float = 0.04
+
+    def __call__(self, lattice: ForceLattice, force_mm2: Nodal) -> Clusters:
+        """The clusters of nodal forces (n, 3) over E, sheet frame."""
+        from manytouch.estimation.watershed import watershed
+
+        press_mm2 = smooth(np.maximum(-force_mm2[:, 2], 0.0).reshape(lattice.shape))
+        floor_mm2 = max(self.floor_share * float(press_mm2.max()), self.floor * lattice.force_unit_mm2)
+        label, _ = watershed(press_mm2, floor_mm2, self.merge_share)
+        clusters = cluster_moments(lattice, force_mm2, label.ravel())
+        strongest_mm2 = float(clusters.normal_mm2.max(initial=0.0))
+        least_mm2 = max(lattice.least_force_mm2, self.min_share * strongest_mm2)
+        is_inner = np.all(np.abs(clusters.centre_mm) <= lattice.inner_mm, axis=1)
+        order = np.argsort(-clusters.normal_mm2, kind="stable")
+        return clusters.select(order[(is_inner & (clusters.normal_mm2 >= least_mm2))[order]])
+
+
+def cluster_moments(lattice: ForceLattice, force_mm2: Nodal, label: Int64[np.ndarray, " nodes"]) -> Clusters:
+    """Clusters of labelled nodes (n,), label -1 for none; tensile normal forces count as 0."""
+    count = int(label.max(initial=-1)) + 1
+    node = np.flatnonzero(label >= 0)
+    at, place, force = label[node], lattice.place_mm[node], force_mm2[node]
+    press = np.maximum(-force[:, 2], 0.0)
+
+    def summed(value: np.ndarray) -> np.ndarray:
+        return np.bincount(at, value, minlength=count).astype(np.float64)
+
+    total = np.maximum(summed(press), np.finfo(np.float64).tiny)
+    centre = np.column_stack([summed(press * place[:, axis]) for axis in range(2)]) / total[:, None]
+    arm = place - centre[at]
+    spread = np.empty((count, 2, 2))
+    for axis in range(2):
+        spread[:, axis, axis] = summed(press * arm[:, axis] ** 2) / total - lattice.own_spread_mm2[axis]
+    spread[:, 0, 1] = spread[:, 1, 0] = summed(press * arm[:, 0] * arm[:, 1]) / total
+    # The spread of forces on three nodes can be less than that of any load.
+    narrow = np.minimum(np.linalg.eigvalsh(spread)[:, 0], 0.0) if count else np.zeros(0)
+    spread -= narrow[:, None, None] * np.eye(2)
+    return Clusters(
+        centre_mm=centre,
+        force_mm2=np.column_stack([summed(force[:, 0]), summed(force[:, 1]), -total]),
+        torque_mm3=summed(arm[:, 0] * force[:, 1] - arm[:, 1] * force[:, 0]),
+        spread_mm2=spread,
+        covariance=np.full((count, 6, 6), np.nan),
+        sheet_covariance=np.zeros((count, 6, 6)),
+        label=label,
+        is_face=np.zeros(count, dtype=np.bool_),
+        corner_points_mm=tuple(np.zeros((0, 2)) for _ in range(count)),
+        shape_probability=np.full((count, 4), np.nan),
+        fitted_mm2=np.full(len(label), np.nan),
+    )

@@ -1,0 +1,119 @@
+"""What the elements of the sheet cannot show of the dent under a contact.
+
+Under a narrow load the deflection of the camera-side face is sharper than splines with elements of about a
+thickness. The difference to the deflection of elements a third as long is local, linear in the force, and
+depends on where the force is within its element: it is computed once for each sensor, on a small patch of the
+same sheet, and added where depth is read.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.geometry.spline.patch import SplinePatch
+from manytouch.mechanics.markers.images import Face
+from manytouch.mechanics.shell.equilibrium import tangent_factor
+from manytouch.mechanics.shell.shell import Shell
+from manytouch.values.arrays import Points2, Scalars
+
+_ELEMENTS = 10  # of the small patch, along each side
+_FINER = 3
+_OFFSETS = 3  # places of the force from a knot to the middle of an element, along each axis
+_REACH = 2.5  # elements, from the force
+_STEPS = 21
+_ROOT = 2.0 * np.cos(np.pi * np.arange(1, 6) / 6.0)  # Gauss points of a semicircle, in standard deviations
+_SHARE = np.sin(np.pi * np.arange(1, 6) / 6.0) ** 2 / 3.0
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LocalDeflection:
+    """The missing depth per force over E, around point forces.
+
+    Attributes:
+        corner_mm: (2,) of the first element of the sheet.
+        element_mm: (2,) size of the elements.
+        table_per_mm: (3, 3, 21, 21) by the offset of the force from a knot along x and y (0 to half an
+            element), and by the offset of the place from the force (-2.5 to 2.5 elements).
+    """
+
+    corner_mm: Float64[np.ndarray, "2"]
+    element_mm: Float64[np.ndarray, "2"]
+    table_per_mm: Float64[np.ndarray, "3 3 21 21"]
+
+    def depth_mm(self, clusters: Clusters, place_mm: Points2) -> Scalars:
+        """(k,) missing depth at places (k, 2) under clusters whose pressure is known."""
+        missing_mm = np.zeros(len(place_mm))
+        for number in np.flatnonzero(np.isfinite(clusters.covariance[:, 0, 0]) & ~clusters.is_face):
+            size, axes = np.linalg.eigh(clusters.spread_mm2[number])
+            root = axes * np.sqrt(np.maximum(size, 0.0))
+            grid = np.stack(np.meshgrid(_ROOT, _ROOT, indexing="ij"), axis=-1).reshape(-1, 2)
+            points_mm = clusters.centre_mm[number] + grid @ root.T
+            reach_mm = _REACH * self.element_mm + np.abs(points_mm - clusters.centre_mm[number]).max(axis=0)
+            near = np.flatnonzero((np.abs(place_mm - clusters.centre_mm[number]) < reach_mm).all(axis=1))
+            if len(near) == 0:
+                continue
+            share = np.outer(_SHARE, _SHARE).ravel()
+            for weight, point_mm in zip(share, points_mm, strict=True):
+                missing_mm[near] += weight * clusters.normal_mm2[number] * self._at(point_mm, place_mm[near])
+        return missing_mm
+
+    def _at(self, force_mm: np.ndarray, place_mm: Points2) -> Scalars:
+        """(k,) per force, of a point force at one place, by linear interpolation."""
+        inside = ((force_mm - self.corner_mm) / self.element_mm) % 1.0
+        is_far = inside > 0.5
+        offset = np.where(is_far, 1.0 - inside, inside) * 2.0 * (_OFFSETS - 1)
+        away = (place_mm - force_mm) / self.element_mm * np.where(is_far, -1.0, 1.0)
+        step = (away / _REACH + 1.0) * 0.5 * (_STEPS - 1)
+        within = ((step >= 0.0) & (step <= _STEPS - 1)).all(axis=1)
+        first = np.clip(offset.astype(np.int64), 0, _OFFSETS - 2)
+        part = offset - first
+        table = np.zeros((_STEPS, _STEPS))
+        for i in (0, 1):
+            for j in (0, 1):
+                share = (part[0] if i else 1.0 - part[0]) * (part[1] if j else 1.0 - part[1])
+                table += share * self.table_per_mm[first[0] + i, first[1] + j]
+        low = np.clip(step.astype(np.int64), 0, _STEPS - 2)
+        x, y = (step - low).T
+        i, j = low.T
+        found = (1.0 - x) * ((1.0 - y) * table[i, j] + y * table[i, j + 1])
+        found += x * ((1.0 - y) * table[i + 1, j] + y * table[i + 1, j + 1])
+        return np.where(within, found, 0.0)
+
+
+def local_deflection(shell: Shell) -> LocalDeflection:
+    """Compute the missing depth for a sheet at rest."""
+    patch = shell.patch
+    element_mm = np.array(patch.size_mm) / np.array(patch.elements)
+    size_mm = _ELEMENTS * element_mm
+    coarse, fine = (
+        replace(
+            shell,
+            patch=SplinePatch(
+                size_mm=(float(size_mm[0]), float(size_mm[1])),
+                elements=(_ELEMENTS * factor, _ELEMENTS * factor),
+            ),
+        )
+        for factor in (1, _FINER)
+    )
+    offset = np.linspace(0.0, 0.5, _OFFSETS)
+    forces_mm = np.stack(np.meshgrid(offset, offset, indexing="ij"), axis=-1).reshape(-1, 2) * element_mm
+    away = np.linspace(-_REACH, _REACH, _STEPS)
+    grid_mm = np.stack(np.meshgrid(away, away, indexing="ij"), axis=-1).reshape(-1, 2) * element_mm
+    table = np.zeros((len(forces_mm), len(grid_mm)))
+    for sheet, sign in ((fine, 1.0), (coarse, -1.0)):
+        unit = sheet.patch
+        tangent, force = sheet.empty_tangent(), np.zeros((unit.node_count, 3))
+        sheet.forces_and_tangent(force.copy(), force, tangent)
+        loads = np.stack([unit.load(place[None], np.array([[0.0, 0.0, -1.0]])) for place in forces_mm])
+        loads *= unit.is_free
+        found = tangent_factor(sheet, tangent).solve(loads.reshape(len(loads), -1))
+        for number, (place, coefficient) in enumerate(zip(forces_mm, found, strict=True)):
+            face = Face(shell=sheet, point_mm=np.ascontiguousarray(place + grid_mm))
+            small = 1e-3 * coefficient.reshape(-1, 3)
+            table[number] -= sign * 1e3 * face.displacement(small)[:, 2]
+    # a smooth end, so that no step is added where the table ends
+    fade = np.cos(0.5 * np.pi * np.clip((np.abs(away) / _REACH - 0.6) / 0.4, 0.0, 1.0)) ** 2
+    shaped = table.reshape(_OFFSETS, _OFFSETS, _STEPS, _STEPS) * np.outer(fade, fade)
+    return LocalDeflection(corner_mm=patch.corner_mm, element_mm=element_mm, table_per_mm=shaped)

@@ -1,0 +1,249 @@
+"""The number of contacts in a force cluster, one or two, and their centres.
+
+Moments of nodal forces up to the third are those of the load (see `force_clusters`), so they give the centres
+of two narrow contacts that share a cluster. Along the longer axis of the cluster let V be the variance minus
+that across the axis, and m3 the third central moment. Two points have
+
+    x^2 - (m3 / V) x - V = 0,    shares  -x2 / (x1 - x2)  and  x1 / (x1 - x2)
+
+(K. Pearson 1894, doi:10.1098/rsta.1894.0003, with equal small variances). Objects do not overlap, so two
+parts at a distance d have a variance of at most d^2 / 16 each. Two contacts are accepted if two round patches
+explain the markers better than one patch of any size and shape, by an F-test on their misfits; the error of
+the model is in both. The contact of a flat finger thus remains one. See docs/derivations/inversion.md.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from manytouch.estimation.mechanics.clusters.evidence import Evidence, PairFit, PatchFit
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice, smooth
+from manytouch.geometry.spline.patch import Nodal
+from manytouch.values.arrays import Mask, Points2
+
+EvidenceAt = Callable[[Int64[np.ndarray, " n"]], Evidence | None]
+"""The likelihood of the forces of some nodes; None if the markers do not determine them."""
+_TWO_PARAMETERS = 7  # of two patches; one patch has 6
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Parts:
+    """Two parts of a cluster: centres (2, 2), shares of the force (2,), variance of each along an axis."""
+
+    centre_mm: Points2
+    share: np.ndarray
+    variance_mm2: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ModelOrder:
+    """Splits clusters that are two contacts, and fits the centres of contacts to the markers.
+
+    Attributes:
+        trim_share: nodes below this share of the cluster's highest force are left out of its moments.
+        min_variance: least V of two contacts, over the squared length of an element.
+        min_variance_force: least V of two contacts, over the squared length of an element, times the
+            cluster's force in force units; it applies to weak clusters.
+        min_share: least share of the force of the weaker part.
+        min_f: least F of two patches against one. It is multiplied by the ratio of the marker noise to the
+            usual one, which the error of the model exceeds,
+        max_noise: but at most by this.
+        min_mean_misfit: lower limit of the misfit per degree of freedom in F.
+        hysteresis: multiplies all limits where there were two contacts in the previous frame.
+        max_shift: largest distance from the centroid of the forces to the fitted centre, in elements.
+        max_ratio: largest ratio of the fitted force and that of the nodes, either way.
+        min_ring: least radius of a ring of pressure, in elements.
+        max_clusters: number of clusters, the strongest, that are examined.
+        max_nodes: largest number of nodes of an evidence, the nearest to the centre of the cluster.
+    """
+
+    trim_share: float = 0.04
+    min_variance: float = 0.25
+    min_variance_force: float = 0.003
+    min_share: float = 0.17
+    min_f: float = 4.0
+    max_noise: float = 3.0
+    min_mean_misfit: float = 0.1
+    hysteresis: float = 0.7
+    max_shift: float = 1.0
+    max_ratio: float = 2.0
+    min_ring: float = 0.8
+    max_clusters: int = 8
+    max_nodes: int = 64
+
+    def __call__(
+        self,
+        lattice: ForceLattice,
+        force_mm2: Nodal,
+        clusters: Clusters,
+        previous_mm: Float64[np.ndarray, "k 2"],
+        *,
+        evidence_at: EvidenceAt,
+        noise: float = 1.0,
+    ) -> Clusters:
+        """The clusters, the strongest first, with those that are two contacts split.
+
+        Args:
+            lattice: of the nodes.
+            force_mm2: (n, 3) nodal forces over E.
+            clusters: of these forces, the strongest first.
+            previous_mm: (k, 2) centres of the contacts of the previous frame.
+            evidence_at: gives the likelihood of the forces of some nodes.
+            noise: ratio of the marker noise to the usual one.
+        """
+        result = clusters
+        press_mm2 = np.maximum(-force_mm2[:, 2], 0.0)
+        for number in range(min(len(clusters), self.max_clusters)):
+            own = clusters.label == number
+            is_counted = own & (press_mm2 > self.trim_share * press_mm2[own].max())
+            limit = self.hysteresis if _count_within(clusters, number, previous_mm) >= 2 else 1.0
+            parts = self._propose(lattice, press_mm2, is_counted, limit)
+            near = _around(lattice, is_counted) | _under(lattice, clusters, number)
+            node = np.flatnonzero(near & (own | (clusters.label < 0)))
+            evidence = evidence_at(_nearest(lattice, node, clusters.centre_mm[number], self.max_nodes))
+            if evidence is None:
+                continue
+            one = evidence.fit_one(
+                float(clusters.normal_mm2[number]), clusters.centre_mm[number], clusters.spread_mm2[number]
+            )
+            pair = None
+            if parts is not None:
+                min_f = limit * self.min_f * min(noise, self.max_noise)
+                pair = self._accept(evidence, clusters, number, parts, one, limit=limit, min_f=min_f)
+            if pair is not None:
+                result = _split(result, number, pair, lattice, force_mm2)
+                result = result.with_nodal(evidence.node, pair.nodal_mm2)
+            elif self._is_plausible(lattice, clusters, number, one):
+                min_ring_mm = self.min_ring * float(lattice.element_mm.max())
+                shapes = evidence.shape_probability(one, min_ring_mm=min_ring_mm)
+                result = result.with_patch(number, one, shapes).with_nodal(evidence.node, one.nodal_mm2)
+        order = np.argsort(-result.normal_mm2, kind="stable")
+        return result.select(order)
+
+    def _propose(
+        self, lattice: ForceLattice, press_mm2: np.ndarray, is_counted: Mask, limit: float
+    ) -> _Parts | None:
+        """Two parts of a cluster whose moments can be those of two contacts; else None."""
+        total_mm2 = press_mm2[is_counted].sum()
+        share, place = press_mm2[is_counted] / total_mm2, lattice.place_mm[is_counted]
+        centre = share @ place
+        arm = place - centre
+        inside = np.einsum("n,ni,nj->ij", share, arm, arm) - np.diag(lattice.own_spread_mm2)
+        size, axes = np.linalg.eigh(inside)
+        variance_mm2, axis = max(float(size[0]), 0.0), axes[:, 1]
+        excess_mm2 = float(size[1]) - variance_mm2
+        weak = self.min_variance_force * lattice.force_unit_mm2 / float(total_mm2)
+        least = limit * float(np.hypot(self.min_variance, weak))
+        if excess_mm2 <= least * float((axis**2 * lattice.element_mm**2).sum()):
+            return None
+        skew_mm = float(share @ (arm @ axis) ** 3) / excess_mm2
+        gap_mm = float(np.sqrt(skew_mm**2 + 4.0 * excess_mm2))
+        ends_mm = np.array([0.5 * (skew_mm + gap_mm), 0.5 * (skew_mm - gap_mm)])
+        parts = np.array([-ends_mm[1], ends_mm[0]]) / gap_mm
+        return _Parts(centre_mm=centre + ends_mm[:, None] * axis, share=parts, variance_mm2=variance_mm2)
+
+    def _accept(
+        self,
+        evidence: Evidence,
+        clusters: Clusters,
+        number: int,
+        parts: _Parts,
+        one: PatchFit,
+        *,
+        limit: float,
+        min_f: float,
+    ) -> PairFit | None:
+        """Two patches fitted to the markers; None if they explain them hardly better than one."""
+        press_mm2 = float(clusters.normal_mm2[number])
+        start = np.clip(parts.share, self.min_share, 1.0 - self.min_share)
+        pair = evidence.fit_two(start * press_mm2, parts.centre_mm, float(np.sqrt(parts.variance_mm2)) + 0.1)
+        mean_misfit = max(pair.misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1), self.min_mean_misfit)
+        share = pair.force_mm2 / pair.force_mm2.sum()
+        gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
+        if one.misfit - pair.misfit <= min_f * mean_misfit or share.min() < limit * self.min_share:
+            return None
+        return None if limit * pair.deviation_mm > 0.25 * gap_mm else pair
+
+    def _is_plausible(self, lattice: ForceLattice, clusters: Clusters, number: int, one: PatchFit) -> bool:
+        """Is a fitted patch where the nodal forces are, and about as strong?"""
+        shift_mm = np.abs(one.centre_mm - clusters.centre_mm[number])
+        reach_mm = np.sqrt(np.diagonal(clusters.spread_mm2[number]))
+        ratio = one.force_mm2 / float(clusters.normal_mm2[number])
+        return bool(
+            1.0 / self.max_ratio <= ratio <= self.max_ratio
+            and np.all(shift_mm <= self.max_shift * lattice.element_mm + 0.5 * reach_mm)
+        )
+
+
+def _nearest(
+    lattice: ForceLattice, node: Int64[np.ndarray, " k"], centre_mm: np.ndarray, most: int
+) -> Int64[np.ndarray, " n"]:
+    """The `most` of these nodes that are nearest to a place, in their order."""
+    if len(node) <= most:
+        return node
+    away_mm = np.linalg.norm(lattice.place_mm[node] - centre_mm, axis=1)
+    return np.sort(node[np.argpartition(away_mm, most)[:most]])
+
+
+def _around(lattice: ForceLattice, is_chosen: Mask) -> Mask:
+    """(n,) chosen nodes and their neighbours."""
+    return np.asarray(smooth(is_chosen.reshape(lattice.shape).astype(np.float64)).ravel() > 0.0)
+
+
+def _under(lattice: ForceLattice, clusters: Clusters, number: int) -> Mask:
+    """(n,) nodes whose basis functions are not 0 at the centre of a cluster."""
+    away = np.abs(lattice.place_mm - clusters.centre_mm[number]) / lattice.element_mm
+    return np.asarray((away < 2.0).all(axis=1))
+
+
+def _count_within(clusters: Clusters, number: int, place_mm: Float64[np.ndarray, "k 2"]) -> int:
+    """Number of the places that are near a cluster, and nearer to its centre than to any other."""
+    if len(place_mm) == 0:
+        return 0
+    away = np.linalg.norm(place_mm[:, None] - clusters.centre_mm, axis=2)
+    reach = 3.0 * float(np.sqrt(np.trace(clusters.spread_mm2[number]) + 1e-12))
+    return int(((away.argmin(axis=1) == number) & (away[:, number] < reach)).sum())
+
+
+def _split(
+    clusters: Clusters, number: int, pair: PairFit, lattice: ForceLattice, force_mm2: Nodal
+) -> Clusters:
+    """The clusters with one of them in two parts; its nodes belong to the nearest part."""
+    node = np.flatnonzero(clusters.label == number)
+    away = np.linalg.norm(lattice.place_mm[node, None] - pair.centre_mm, axis=2)
+    second = node[away[:, 1] < away[:, 0]]
+    label = clusters.label.copy()
+    label[second] = len(clusters)
+    force, torque = np.empty((2, 3)), np.empty(2)
+    for part, own in enumerate((np.setdiff1d(node, second), second)):
+        force[part, :2] = force_mm2[own, :2].sum(axis=0)
+        force[part, 2] = -pair.force_mm2[part]
+        arm = lattice.place_mm[own] - pair.centre_mm[part]
+        torque[part] = (arm[:, 0] * force_mm2[own, 1] - arm[:, 1] * force_mm2[own, 0]).sum()
+    spread = np.tile(pair.deviation_mm**2 * np.eye(2), (2, 1, 1))
+    covariance = np.full((2, 6, 6), np.nan)
+    covariance[:, :3, :3] = pair.covariance
+    by_sheet = np.zeros((2, 6, 6))
+    by_sheet[:, :3, :3] = pair.sheet_covariance
+
+    def with_parts(old: np.ndarray, new: np.ndarray) -> Float64[np.ndarray, "..."]:
+        joined = np.concatenate([old, new[1:]])
+        joined[number] = new[0]
+        return joined
+
+    return Clusters(
+        centre_mm=with_parts(clusters.centre_mm, pair.centre_mm),
+        force_mm2=with_parts(clusters.force_mm2, force),
+        torque_mm3=with_parts(clusters.torque_mm3, torque),
+        spread_mm2=with_parts(clusters.spread_mm2, spread),
+        covariance=with_parts(clusters.covariance, covariance),
+        sheet_covariance=with_parts(clusters.sheet_covariance, by_sheet),
+        label=label,
+        is_face=np.append(clusters.is_face, False),
+        corner_points_mm=(*clusters.corner_points_mm, np.zeros((0, 2))),
+        shape_probability=with_parts(clusters.shape_probability, np.full((2, 4), np.nan)),
+        fitted_mm2=clusters.fitted_mm2,
+    )

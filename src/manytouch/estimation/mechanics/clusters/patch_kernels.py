@@ -1,0 +1,237 @@
+"""Fits one or two patches, or a ring, of pressure to nodal forces, compiled."""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from manytouch.compilation import kernel, no_type_check
+
+ONE = 6
+"""Number of parameters of one patch: force, x, y, and the triangular root xx, yx, yy of its second moment.
+Two patches have 7: force, x, y of each, and the standard deviation of both along each axis."""
+RING = 4
+"""Number of parameters of a thin ring: force, x, y, radius."""
+_RING_POINTS = 24
+
+Knots = Float64[np.ndarray, " knots"]
+Parameters = Float64[np.ndarray, " p"]
+
+
+class NodeGrid(NamedTuple):
+    """The splines whose nodal forces are known.
+
+    Attributes:
+        knot_x, knot_y: knots along x and y.
+        local: (nx, ny) number of each spline function's node among the n nodes, or -1.
+        shear: a of the sheet, mm^2; a point force has the nodal forces B_j - a lap B_j.
+        share_x, share_y: of the two outer functions along x and y in the third one (`SplinePatch.functions`).
+    """
+
+    knot_x: Knots
+    knot_y: Knots
+    local: Int64[np.ndarray, "nx ny"]
+    shear: float
+    share_x: float
+    share_y: float
+
+
+class Whitened(NamedTuple):
+    """The likelihood of n nodal forces.
+
+    Attributes:
+        white: (q, n) combinations, each divided by its standard deviation.
+        aim: (q,) their most likely values.
+    """
+
+    white: Float64[np.ndarray, "q n"]
+    aim: Float64[np.ndarray, " q"]
+
+
+_PLACE = 2.0 * np.cos(np.pi * np.arange(1, 6) / 6.0)  # in standard deviations
+_WEIGHT = np.sin(np.pi * np.arange(1, 6) / 6.0) ** 2 / 3.0
+
+
+@kernel()
+@no_type_check
+def _basis(
+    knot: Knots, place: float, value: Float64[np.ndarray, "4"], curvature: Float64[np.ndarray, "4"]
+) -> int:
+    """The four cubic B-splines at a place (Cox-de Boor), into `value`, and their second derivatives, into
+    `curvature`; returns the number of the first."""
+    place = min(max(place, knot[3]), knot[-4])
+    span = 3
+    while span < len(knot) - 5 and place >= knot[span + 1]:
+        span += 1
+    value[0] = 1.0
+    for degree in range(1, 4):
+        if degree == 2:  # value has the two linear functions
+            first = 2.0 * value[0] / (knot[span + 1] - knot[span - 1])
+            second = 2.0 * value[1] / (knot[span + 2] - knot[span])
+            # derivatives of the three quadratic functions, over the lengths of their supports
+            low = -first / (knot[span + 1] - knot[span - 2])
+            middle = (first - second) / (knot[span + 2] - knot[span - 1])
+            high = second / (knot[span + 3] - knot[span])
+            curvature[0], curvature[1] = -3.0 * low, 3.0 * (low - middle)
+            curvature[2], curvature[3] = 3.0 * (middle - high), 3.0 * high
+        saved = 0.0
+        for k in range(degree):
+            right, left = knot[span + k + 1], knot[span + 1 - degree + k]
+            part = value[k] / (right - left)
+            value[k] = saved + (right - place) * part
+            saved = (place - left) * part
+        value[degree] = saved
+    return span - 3
+
+
+@kernel()
+@no_type_check
+def _inside(function: int, count: int, share: float) -> tuple[int, float]:
+    """The function of which one of `count` along an axis is a part, and its share in it."""
+    if share == 0.0:
+        return function, 1.0
+    if function < 2:
+        return 2, share
+    if function > count - 3:
+        return count - 3, share
+    return function, 1.0
+
+
+@kernel()
+@no_type_check
+def add_patch(grid: NodeGrid, patch: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
+    """Add the nodal forces of a uniform elliptical patch to `nodal`, by 25 quadrature points.
+
+    The density of an ellipse along an axis is a semicircle, for which these points and weights are Gauss's
+    (of Chebyshev's second kind).
+
+    Args:
+        grid: of the nodes; forces on other nodes are left out.
+        patch: (6,) force, x, y and the lower triangle xx, yx, yy of a root of its second moment.
+        nodal: result.
+    """
+    force, x, y, xx, yx, yy = patch[0], patch[1], patch[2], patch[3], patch[4], patch[5]
+    along_x, along_y, curved_x, curved_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    for a in range(5):
+        for b in range(5):
+            share = force * _WEIGHT[a] * _WEIGHT[b]
+            first_x = _basis(grid.knot_x, x + _PLACE[a] * xx, along_x, curved_x)
+            first_y = _basis(grid.knot_y, y + _PLACE[a] * yx + _PLACE[b] * yy, along_y, curved_y)
+            for i in range(4):
+                at_x, in_x = _inside(first_x + i, grid.local.shape[0], grid.share_x)
+                for j in range(4):
+                    at_y, in_y = _inside(first_y + j, grid.local.shape[1], grid.share_y)
+                    k = grid.local[at_x, at_y]
+                    if k >= 0:
+                        laplacian = curved_x[i] * along_y[j] + along_x[i] * curved_y[j]
+                        part = along_x[i] * along_y[j] - grid.shear * laplacian
+                        nodal[k] += share * in_x * in_y * part
+
+
+@kernel()
+@no_type_check
+def add_ring(grid: NodeGrid, ring: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
+    """Add the nodal forces of a thin ring with even pressure to `nodal`, by points on the circle.
+
+    Args:
+        grid: of the nodes; forces on other nodes are left out.
+        ring: (4,) force, x, y, radius.
+        nodal: result.
+    """
+    along_x, along_y, curved_x, curved_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    for point in range(_RING_POINTS):
+        angle = 2.0 * np.pi * point / _RING_POINTS
+        first_x = _basis(grid.knot_x, ring[1] + ring[3] * np.cos(angle), along_x, curved_x)
+        first_y = _basis(grid.knot_y, ring[2] + ring[3] * np.sin(angle), along_y, curved_y)
+        for i in range(4):
+            at_x, in_x = _inside(first_x + i, grid.local.shape[0], grid.share_x)
+            for j in range(4):
+                at_y, in_y = _inside(first_y + j, grid.local.shape[1], grid.share_y)
+                k = grid.local[at_x, at_y]
+                if k >= 0:
+                    laplacian = curved_x[i] * along_y[j] + along_x[i] * curved_y[j]
+                    part = along_x[i] * along_y[j] - grid.shear * laplacian
+                    nodal[k] += ring[0] / _RING_POINTS * in_x * in_y * part
+
+
+@kernel()
+@no_type_check
+def add_patches(theta: Parameters, grid: NodeGrid, nodal: Float64[np.ndarray, " n"]) -> None:
+    """Add the nodal forces of a patch (6,), two patches (7,) or a ring (4,) `theta` to `nodal`."""
+    if len(theta) == ONE:
+        add_patch(grid, theta, nodal)
+    elif len(theta) == RING:
+        add_ring(grid, theta, nodal)
+    else:
+        patch = np.zeros(ONE)
+        patch[3] = patch[5] = theta[6]
+        for k in (0, 3):
+            if theta[k] != 0.0:
+                patch[:3] = theta[k : k + 3]
+                add_patch(grid, patch, nodal)
+
+
+@kernel()
+@no_type_check
+def _residual(
+    theta: Parameters, grid: NodeGrid, likelihood: Whitened, result: Float64[np.ndarray, " q"]
+) -> float:
+    """Whitened residual of one or two patches, into `result`; returns its square."""
+    white, aim = likelihood.white, likelihood.aim
+    nodal = np.zeros(white.shape[1])
+    add_patches(theta, grid, nodal)
+    total = 0.0
+    for q in range(len(aim)):
+        left = aim[q]
+        for k in range(len(nodal)):
+            left -= white[q, k] * nodal[k]
+        result[q] = left
+        total += left * left
+    return total
+
+
+@kernel()
+@no_type_check
+def fit_patches(
+    theta: Parameters, step: Parameters, grid: NodeGrid, likelihood: Whitened, max_steps: int
+) -> tuple[float, Float64[np.ndarray, "p p"]]:
+    """Fits one or two patches, or a ring, by Levenberg-Marquardt.
+
+    Args:
+        theta: (6,), (7,) or (4,) parameters of one or two patches or of a ring; initial values, replaced by
+            the result.
+        step: (p,) of finite differences; parameters with 0 are fixed.
+        grid: of the nodes.
+        likelihood: of the nodal forces.
+        max_steps: of the iteration.
+
+    Returns:
+        Least misfit, and its curvature (p, p), the inverse covariance of the parameters.
+    """
+    count, rows = len(theta), len(likelihood.aim)
+    now, tried, slope = np.empty(rows), np.empty(rows), np.zeros((rows, count))
+    misfit, damping = _residual(theta, grid, likelihood, now), 1e-3
+    gram = np.zeros((count, count))
+    for _ in range(max_steps):
+        for p in range(count):
+            if step[p] != 0.0:
+                moved = theta.copy()
+                moved[p] += step[p]
+                _residual(moved, grid, likelihood, tried)
+                slope[:, p] = (now - tried) / step[p]
+        gram, pull = slope.T @ slope, slope.T @ now
+        before = misfit
+        for _ in range(6):
+            damped = gram.copy()
+            for p in range(count):
+                damped[p, p] += damping * gram[p, p] + 1e-9
+            moved = theta + np.linalg.solve(damped, pull)
+            found = _residual(moved, grid, likelihood, tried)
+            if found < misfit:
+                theta[:], now[:], misfit = moved, tried, found
+                damping = max(0.1 * damping, 1e-9)
+                break
+            damping = max(10.0 * damping, 1e-6)
+        if before - misfit <= 1e-4 * before + 0.01:
+            break
+    return misfit, gram

@@ -1,0 +1,220 @@
+"""Clusters of forces that are one rigid object, which presses with its corners or its rim only.
+
+Under a flat face the sheet is nowhere above the straight line between two places that press;
+between two objects on a taut sheet it is. On a slack sheet, whose hollow joins distant contacts, this does
+not decide. Therefore two clusters, or three that are not in a row, must also have begun together, and be
+about as deep and as strong.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import connected_components
+
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.geometry.spline.patch import Nodal
+from manytouch.mechanics.markers.images import Face
+from manytouch.values.arrays import Points2, Scalars
+
+_PLACES = np.linspace(0.0, 1.0, 17)
+_PLANE = 4  # clusters from which on their depths are not on one plane by chance
+_EDGE_SHARE = 0.5  # of the extent of the pressure where a face presses; fitted to punches on 3-D solids
+_EDGE_MM = 2.0  # at most
+_ROW = 0.1  # width of a row of clusters over its length
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RigidFaces:
+    """Parameters of the joining.
+
+    Attributes:
+        max_distance_thickness: clusters that are farther apart are not joined, in thicknesses.
+        min_pair_elements: two clusters that are nearer to each other are not joined, in elements: whether one
+            patch of pressure explains both is decided by `model_order`.
+        rise_mm, rise_share: the sheet between two places of one face may be this much less deep than the line
+            between them, in mm and over their depth; the error of the shape.
+        min_force_ratio: least ratio of the forces of two or three clusters.
+        max_depth_ratio: largest difference of their depths, over the deeper one.
+        plane_share: largest distance of the depths of four clusters or more from a plane, over their depth.
+        reach_pitch: a contact of the previous frame within this distance is the same, in pitches.
+    """
+
+    max_distance_thickness: float = 12.0
+    min_pair_elements: float = 4.5
+    rise_mm: float = 0.004
+    rise_share: float = 0.007
+    min_force_ratio: float = 0.5
+    max_depth_ratio: float = 0.15
+    plane_share: float = 0.06
+    reach_pitch: float = 1.5
+
+    def __call__(
+        self,
+        model: InversionModel,
+        coefficient_mm: Nodal,
+        clusters: Clusters,
+        previous_mm: Float64[np.ndarray, "p 2"],
+    ) -> Clusters:
+        """The clusters with those of one face joined, the strongest first.
+
+        Args:
+            model: of the sheet.
+            coefficient_mm: (nodes, 3) shape of the sheet.
+            clusters: of this frame.
+            previous_mm: (k, 2) centres of the contacts of the previous frame.
+        """
+        count = len(clusters)
+        if count < 2:
+            return clusters
+        depth_mm, is_flat = self._flat_pairs(model, coefficient_mm, clusters.centre_mm)
+        before = _nearest_within(clusters.centre_mm, previous_mm, self.reach_pitch * model.pitch_mm)
+        was_apart = (before[:, None] >= 0) & (before >= 0) & (before[:, None] != before)
+        joined, is_done = clusters, np.zeros(count, dtype=np.bool_)
+        for own in _components(is_flat):
+            if self._is_plane(clusters, depth_mm, own):
+                joined, is_done[own] = _join(joined, clusters, own), True
+        for own in _components(is_flat & ~was_apart & ~is_done & ~is_done[:, None]):
+            if self._is_pair(model, clusters, depth_mm, own):
+                joined = _join(joined, clusters, own)
+        kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
+        order = kept[np.argsort(-joined.normal_mm2[kept], kind="stable")]
+        return joined.select(order)
+
+    def _flat_pairs(
+        self, model: InversionModel, coefficient_mm: Nodal, centre_mm: Points2
+    ) -> tuple[Scalars, np.ndarray]:
+        """Depth (c,) at the centres; (c, c) pairs between which the sheet is as deep as the line."""
+        first, second = np.triu_indices(len(centre_mm), 1)
+        along = centre_mm[first, None] + _PLACES[:, None] * (centre_mm[second] - centre_mm[first])[:, None]
+        face = Face(shell=model.shell, point_mm=np.ascontiguousarray(along.reshape(-1, 2)))
+        found_mm = -face.displacement(coefficient_mm)[:, 2].reshape(len(first), len(_PLACES))
+        line_mm = found_mm[:, :1] + _PLACES * (found_mm[:, -1:] - found_mm[:, :1])
+        rise_mm = (line_mm - found_mm).max(axis=1)
+        deepest_mm = np.maximum(found_mm[:, 0], found_mm[:, -1])
+        near_mm = self.max_distance_thickness * model.thickness_mm
+        is_flat = rise_mm <= self.rise_mm + self.rise_share * deepest_mm
+        is_flat &= np.linalg.norm(centre_mm[second] - centre_mm[first], axis=1) <= near_mm
+        pairs = np.zeros((len(centre_mm), len(centre_mm)), dtype=np.bool_)
+        pairs[first, second] = pairs[second, first] = is_flat
+        depth_mm = np.empty(len(centre_mm))
+        depth_mm[first], depth_mm[second] = found_mm[:, 0], found_mm[:, -1]
+        return depth_mm, pairs
+
+    def _is_plane(self, clusters: Clusters, depth_mm: Scalars, own: Int64[np.ndarray, " k"]) -> bool:
+        """Do four clusters or more, or three in a row, lie on one plane?"""
+        place, depth = clusters.centre_mm[own], depth_mm[own]
+        if len(own) < _PLANE - 1:
+            return False
+        arm = place - place.mean(axis=0)
+        extent = np.linalg.svd(arm, compute_uv=False)
+        is_row = extent[1] <= _ROW * extent[0]
+        if len(own) < _PLANE and not is_row:
+            return False
+        design = np.column_stack([np.ones(len(own)), arm])
+        off = depth - design @ np.linalg.lstsq(design, depth, rcond=_ROW if is_row else None)[0]
+        return bool(np.abs(off).max() <= self.plane_share * depth.max() + 2.0 * self.rise_mm)
+
+    def _is_pair(
+        self, model: InversionModel, clusters: Clusters, depth_mm: Scalars, own: Int64[np.ndarray, " k"]
+    ) -> bool:
+        """Are two clusters, or three, about as deep and as strong, and clearly apart?"""
+        depth, force = depth_mm[own], clusters.normal_mm2[own]
+        extent_mm = float(np.ptp(clusters.centre_mm[own], axis=0).max())
+        return bool(
+            len(own) < _PLANE
+            and extent_mm >= self.min_pair_elements * float(model.lattice.element_mm.max())
+            and force.min() >= self.min_force_ratio * force.max()
+            and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm
+        )
+
+
+def _components(is_joined: np.ndarray) -> list[Int64[np.ndarray, " k"]]:
+    """Connected groups of two clusters or more."""
+    groups, label = connected_components(csr_array(is_joined), directed=False)
+    found = [np.flatnonzero(label == group) for group in range(groups)]
+    return [own for own in found if len(own) > 1]
+
+
+def _nearest_within(
+    centre_mm: Points2, place_mm: Float64[np.ndarray, "p 2"], reach_mm: float
+) -> Int64[np.ndarray, " c"]:
+    """(c,) number of the place nearest to each centre, or -1 if it is too far."""
+    if len(place_mm) == 0:
+        return np.full(len(centre_mm), -1, dtype=np.int64)
+    away_mm = np.linalg.norm(centre_mm[:, None] - place_mm, axis=2)
+    nearest = away_mm.argmin(axis=1)
+    return np.where(away_mm.min(axis=1) <= reach_mm, nearest, -1).astype(np.int64)
+
+
+def _join(result: Clusters, clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Clusters:
+    """`result` with clusters joined to the first of them; the others get no force."""
+    share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
+    centre_mm = share @ clusters.centre_mm[own]
+    arm = clusters.centre_mm[own] - centre_mm
+    force_mm2 = clusters.force_mm2[own].sum(axis=0)
+    turned = arm[:, 0] * clusters.force_mm2[own, 1] - arm[:, 1] * clusters.force_mm2[own, 0]
+    spread = np.einsum("k,kij->ij", share, clusters.spread_mm2[own] + arm[:, :, None] * arm[:, None, :])
+    covariance = _joint_covariance(clusters.covariance[own], share)
+    by_sheet = _joint_covariance(clusters.sheet_covariance[own], share, is_common=True)
+    first, others = own[0], own[1:]
+
+    def changed(old: np.ndarray, new: np.ndarray | float) -> np.ndarray:
+        copy = old.copy()
+        copy[first] = new
+        return copy
+
+    force = changed(result.force_mm2, force_mm2)
+    force[others] = 0.0
+    label = result.label.copy()
+    label[np.isin(label, others)] = first
+    return replace(
+        result,
+        centre_mm=changed(result.centre_mm, centre_mm),
+        force_mm2=force,
+        torque_mm3=changed(result.torque_mm3, float((clusters.torque_mm3[own] + turned).sum())),
+        spread_mm2=changed(result.spread_mm2, spread),
+        covariance=changed(result.covariance, covariance),
+        sheet_covariance=changed(result.sheet_covariance, by_sheet),
+        label=label,
+        is_face=changed(result.is_face, True),
+        corner_points_mm=(
+            *result.corner_points_mm[:first],
+            _corner_points(clusters, own),
+            *result.corner_points_mm[first + 1 :],
+        ),
+    )
+
+
+def _corner_points(clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "_ 2"]:
+    """Points around each place where a face presses.
+
+    The pressure is highest at the edge, so that only a part of its extent lies within the face.
+    """
+    size, axes = np.linalg.eigh(clusters.spread_mm2[own])
+    half_mm = _EDGE_SHARE * 2.0 * np.sqrt(np.maximum(size, 0.0))
+    arm_mm = axes.transpose(0, 2, 1) * np.minimum(half_mm, _EDGE_MM)[:, :, None]
+    around_mm = clusters.centre_mm[own][:, None] + np.concatenate([arm_mm, -arm_mm], axis=1)
+    return np.asarray(around_mm.reshape(-1, 2))
+
+
+def _joint_covariance(
+    each: Float64[np.ndarray, "k 6 6"], share: Scalars, *, is_common: bool = False
+) -> Float64[np.ndarray, "6 6"]:
+    """Covariance of the sum of forces, and of the means of the other estimates.
+
+    Errors of the clusters are independent, or have one common cause.
+    """
+    if np.isnan(each).any():
+        return np.full((6, 6), np.nan)
+    total = np.zeros((6, 6))
+    scale = np.ones((len(share), 6))
+    scale[:, 1:] = share[:, None]
+    if is_common:
+        std = (scale * np.sqrt(np.diagonal(each, axis1=1, axis2=2))).sum(axis=0)
+        return np.asarray(np.diag(std**2))
+    for part, covariance in zip(scale, each, strict=True):
+        total += part[:, None] * covariance * part
+    return total

@@ -1,0 +1,36 @@
+"""The nodes of a sheet, as what is computed from their forces needs them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ForceLattice:
+    """The nodes of a sheet, as force clusters need them.
+
+    Attributes:
+        shape: (slow, fast) of the nodes.
+        place_mm: (n, 2) Greville points of the nodes.
+        element_mm: (2,) size of the elements.
+        inner_mm: (2,) half the size of the part in which contacts are found.
+        force_unit_mm2: pitch times thickness; thresholds of nodal forces over E are given in this unit.
+        least_force_mm2: least normal force of a cluster over E.
+        own_spread_mm2: (2,) second moment along x and y of the nodal forces of a point force.
+    """
+
+    shape: tuple[int, int]
+    place_mm: Float64[np.ndarray, "nodes 2"]
+    element_mm: Float64[np.ndarray, "2"]
+    inner_mm: Float64[np.ndarray, "2"]
+    force_unit_mm2: float
+    least_force_mm2: float
+    own_spread_mm2: Float64[np.ndarray, "2"]
+
+
+def smooth(value: Float64[np.ndarray, "slow fast"]) -> Float64[np.ndarray, "slow fast"]:
+    """Binomial means over 3 x 3 nodes; values beyond the border are 0."""
+    wide = np.pad(value, 1)
+    rows = 0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:]
+    return np.asarray(0.25 * rows[:, :-2] + 0.5 * rows[:, 1:-1] + 0.25 * rows[:, 2:])

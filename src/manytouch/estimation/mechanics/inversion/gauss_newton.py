@@ -1,0 +1,304 @@
+"""The shape of the sheet that explains the marker images with few forces: damped Gauss-Newton steps.
+
+Minimised over the spline coefficients c is
+
+    sum_i w_i |p_i(c) - y_i|^2 / s_i^2  +  sum_j g_j(c)^2 / (su^2 + (mu_f f_j)^2)  +  sum_j b_j f_j(c)^2
+
+with p the displacements of the marker images, y the measured ones, g the nodal forces tangential to the
+deformed sheet and f the normal ones (f_j > 0 presses, that is force z < 0); `information` is w_i / s_i^2.
+b_j = prior_weight / (q_j + eps^2) with
+both terms scaled by the noise of the frame is updated after each step, which makes the
+forces sparse and compressive (M. E. Tipping 2001, "Sparse Bayesian learning"). q_j is max(f_j, 0)^2 or a
+share of its mean over node j and its neighbours, whichever is larger: neighbouring nodes together cost as
+    much
+as one, so that a contact is not attracted by the nearest node (Z. Zhang and B. D. Rao 2013,
+doi:10.1109/TSP.2013.2241055).
+
+Priors enter through `weights`; a prior with another mean also needs a term in the cost, in the normal
+equations and in steps
+with an earlier posterior.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from manytouch.estimation.mechanics.inversion.force_lattice import smooth
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.geometry.spline.patch import Nodal
+from manytouch.mechanics.solver.posterior import Posterior
+from manytouch.values import Status
+from manytouch.values.arrays import Covariances2, Points2, read_only
+
+COST_TOLERANCE = 1.0 + 1e-6
+"""A step is accepted if it multiplies the cost by at most this; rounding may increase it."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SheetShape:
+    """A shape of the sheet and the forces that keep it there.
+
+    Attributes:
+        coefficient_mm: (n, 3) of the displacement of the middle surface, sheet frame.
+        force_mm2: (n, 3) nodal forces over E of objects on the sheet; a press has z < 0.
+        displacement_px: (m, 2) of the marker images.
+    """
+
+    coefficient_mm: Nodal
+    force_mm2: Nodal
+    displacement_px: Points2
+
+    @staticmethod
+    def at(model: InversionModel, coefficient_mm: Nodal) -> "SheetShape":
+        """The shape with coefficients (n, 3), which become read-only."""
+        return SheetShape(
+            coefficient_mm=read_only(coefficient_mm),
+            force_mm2=read_only(model.shell.forces(coefficient_mm)),
+            displacement_px=read_only(model.dots.displacement_px(coefficient_mm)),
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Fit:
+    """Result of the steps of one frame.
+
+    Attributes:
+        shape: the last accepted shape; the previous one if the fit failed.
+        posterior: of the last full step, for covariances of this frame and for the first step of the next.
+        residual_px: (m, 2) predicted minus measured displacements of the marker images.
+        chi2: mean square of the residuals over their deviation, of the markers with weight.
+        steps: number of full steps; 0 if a step with the posterior of an earlier frame was sufficient.
+        status: `OK` or `NOT_CONVERGED`.
+    """
+
+    shape: SheetShape
+    posterior: Posterior
+    residual_px: Points2
+    chi2: float
+    steps: int
+    status: Status
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GaussNewton:
+    """Parameters of the objective and of the iteration; forces are in force units, pitch times thickness.
+
+    Attributes:
+        tangential_std: su, standard deviation of tangential forces without a normal force.
+        friction: mu_f, share of a normal force that may be tangential.
+        negligible_force: eps, below which the normal force of a node is treated as zero.
+        neighbour_share: a node's squared force counts as at least this share of the mean over its neighbours.
+        prior_weight: weight of the normal forces against the markers.
+        convergence_share: the iteration ends when the normal forces change by at most this share in a step;
+            changes below `negligible_force` do not count.
+        max_posterior_frames: a step with the posterior of an earlier frame is sufficient for this many
+            frames, while the normal forces stay within `convergence_share` of those at its linearisation;
+            without limit while no normal force changes by more than `negligible_force`.
+        max_information_change: such a step is tried if the information of the markers changed by at most this
+            share.
+        poor_chi2: above it the iteration goes on up to `max_steps_if_poor` steps, as long as each step
+            reduces it by more than `min_gain` of the remaining chi2.
+        failed_chi2: above it the fit has failed, and the shape of the previous frame is kept.
+        min_gain: see `poor_chi2`.
+        max_steps: full steps of a frame whose chi2 is not poor.
+        max_steps_if_poor: full steps otherwise.
+        max_change_pitch: largest change of a coefficient in a step, in pitches.
+        outside_weight: weight of forces outside the known part of the sheet, relative to the others.
+        max_halvings: of a step that increases the cost, before the iteration ends.
+    """
+
+    tangential_std: float = 2.0e-4
+    friction: float = 0.05
+    negligible_force: float = 1.7e-4
+    neighbour_share: float = 0.5
+    prior_weight: float = 3.0
+    convergence_share: float = 0.1
+    max_posterior_frames: int = 3
+    max_information_change: float = 0.1
+    poor_chi2: float = 4.0
+    failed_chi2: float = 400.0
+    min_gain: float = 0.3
+    max_steps: int = 2
+    max_steps_if_poor: int = 6
+    max_change_pitch: float = 1.5
+    max_halvings: int = 3
+    outside_weight: float = 1e-4
+
+    def __call__(
+        self,
+        model: InversionModel,
+        start: SheetShape,
+        measured_px: Points2,
+        information: Covariances2,
+        noise: float = 1.0,
+        *,
+        posterior: Posterior | None = None,
+        posterior_frames: int = 0,
+    ) -> Fit:
+        """Fits the shape to one frame.
+
+        Args:
+            model: of the sheet.
+            start: initial shape, that of the previous frame.
+            measured_px: (m, 2) displacements of the marker images; any finite value where not seen.
+            information: (m, 2, 2) per px^2; 0 where not seen.
+            noise: ratio of the marker noise to the usual one, at least 1. It reduces the weight of the prior
+                and increases `negligible_force`: a force that the noise hides is not evidence for its
+                absence.
+            posterior: of an earlier frame; the first step is taken with it.
+            posterior_frames: number of frames since then.
+        """
+        here = _Iterate.at(model, start, measured_px, information)
+        if posterior is not None:
+            there = self._try_chord_step(model, posterior, here)
+            if there is not None:
+                here = there
+                share = self.convergence_share if posterior_frames < self.max_posterior_frames else 0.0
+                before_mm2 = posterior.linearisation.force
+                if here.chi2 <= self.poor_chi2 and self._is_converged(
+                    model, before_mm2, here.shape.force_mm2, share
+                ):
+                    return Fit(
+                        shape=here.shape,
+                        posterior=posterior,
+                        residual_px=here.residual_px,
+                        chi2=here.chi2,
+                        steps=0,
+                        status=Status.OK,
+                    )
+        return self._iterate(model, start, here, noise)
+
+    def _iterate(self, model: InversionModel, start: SheetShape, here: "_Iterate", noise: float) -> Fit:
+        """Full steps until the forces converge."""
+        steps, status = 0, Status.OK
+        while True:
+            weight = self.weights(model, here.shape.force_mm2, noise)
+            linearisation = model.normal_equations.linearise(here.shape.coefficient_mm)
+            posterior = model.normal_equations.solve(
+                linearisation, here.residual_px, here.information, weight
+            )
+            there = self._search_line(model, here, posterior.change_mm, weight)
+            if there is None:
+                status = Status.NOT_CONVERGED
+                break
+            gain, before_mm2, here = here.chi2 - there.chi2, here.shape.force_mm2, there
+            steps += 1
+            if here.chi2 > self.poor_chi2 and gain > self.min_gain * here.chi2:
+                if steps >= self.max_steps_if_poor:
+                    break
+            elif steps >= self.max_steps or self._is_converged(
+                model, before_mm2, here.shape.force_mm2, self.convergence_share
+            ):
+                break
+        shape = here.shape
+        if here.chi2 <= self.poor_chi2:
+            status = Status.OK
+        elif here.chi2 > self.failed_chi2:
+            shape, status = start, Status.NOT_CONVERGED
+        return Fit(
+            shape=shape,
+            posterior=posterior,
+            residual_px=here.residual_px,
+            chi2=here.chi2,
+            steps=steps,
+            status=status,
+        )
+
+    def _search_line(
+        self, model: InversionModel, here: "_Iterate", change_mm: Nodal, weight: Nodal
+    ) -> "_Iterate | None":
+        """The first of the step and its halves that does not increase the cost; None if none does."""
+        largest = self.max_change_pitch * model.pitch_mm
+        change_mm = change_mm / max(float(np.abs(change_mm).max()) / largest, 1.0)
+        before = here.cost(weight)
+        for _ in range(self.max_halvings + 1):
+            there = here.move(model, change_mm)
+            if there.cost(weight) <= before * COST_TOLERANCE:
+                return there
+            change_mm = change_mm * 0.5
+        return None
+
+    def _try_chord_step(
+        self, model: InversionModel, posterior: Posterior, here: "_Iterate"
+    ) -> "_Iterate | None":
+        """The iterate after a step with an earlier posterior; None if too large or if the cost increases."""
+        changed = float(np.abs(here.information - posterior.information).sum())
+        if changed > self.max_information_change * float(np.abs(posterior.information).sum()):
+            return None
+        change_mm = posterior.chord_step(here.residual_px, here.information, here.balance_mm2)
+        if float(np.abs(change_mm).max()) > self.max_change_pitch * model.pitch_mm:
+            return None
+        there = here.move(model, change_mm)
+        return there if there.cost(posterior.weight) <= here.cost(posterior.weight) * COST_TOLERANCE else None
+
+    def weights(self, model: InversionModel, force_mm2: Nodal, noise: float = 1.0) -> Nodal:
+        """(n, 3) weights of the tangential and normal forces, per mm^4."""
+        unit = model.lattice.force_unit_mm2
+        press = np.maximum(-force_mm2[:, 2], 0.0)
+        around2 = smooth((press**2).reshape(model.lattice.shape)).ravel()
+        weight = np.empty_like(force_mm2)
+        tangential = (self.tangential_std * unit) ** 2 + (self.friction * press) ** 2
+        weight[:, :2] = (1.0 / tangential)[:, None]
+        weight[:, 2] = self.prior_weight / (
+            noise * np.maximum(press**2, self.neighbour_share * around2)
+            + (noise * self.negligible_force * unit) ** 2
+        )
+        weight[model.is_outside] *= self.outside_weight
+        return weight
+
+    def _is_converged(self, model: InversionModel, before_mm2: Nodal, now_mm2: Nodal, share: float) -> bool:
+        is_known = ~model.is_outside
+        negligible_mm2 = self.negligible_force * model.lattice.force_unit_mm2
+        change_mm2 = np.abs(now_mm2 - before_mm2)[is_known, 2] - negligible_mm2
+        total_mm2 = float(np.abs(now_mm2[is_known, 2]).sum())
+        return float(np.maximum(change_mm2, 0.0).sum()) <= share * total_mm2
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Iterate:
+    """A shape with the residuals of the markers and the tangential and normal forces."""
+
+    shape: SheetShape
+    measured_px: Points2
+    information: Covariances2
+    balance_mm2: Nodal
+
+    @staticmethod
+    def at(
+        model: InversionModel, shape: SheetShape, measured_px: Points2, information: Covariances2
+    ) -> "_Iterate":
+        return _Iterate(
+            shape=shape,
+            measured_px=measured_px,
+            information=information,
+            balance_mm2=balance(model, shape.coefficient_mm, shape.force_mm2),
+        )
+
+    def move(self, model: InversionModel, change_mm: Nodal) -> "_Iterate":
+        there = SheetShape.at(model, self.shape.coefficient_mm + change_mm)
+        return _Iterate.at(model, there, self.measured_px, self.information)
+
+    @property
+    def residual_px(self) -> Points2:
+        return np.asarray(self.shape.displacement_px - self.measured_px)
+
+    @property
+    def misfit(self) -> float:
+        return float(np.einsum("mi,mij,mj->", self.residual_px, self.information, self.residual_px))
+
+    @property
+    def chi2(self) -> float:
+        return self.misfit / max(2.0 * float((self.information[:, 0, 0] > 0.0).sum()), 1.0)
+
+    def cost(self, weight: Nodal) -> float:
+        return self.misfit + float((weight * self.balance_mm2**2).sum())
+
+
+def balance(model: InversionModel, coefficient_mm: Nodal, force_mm2: Nodal) -> Nodal:
+    """(n, 3) nodal forces over E tangential to the deformed sheet along x and y, and their z components."""
+    w_mm = coefficient_mm[model.nodes.node, 2]
+    along = force_mm2.copy()
+    along[:, 0] += (model.nodes.slope_x * w_mm).sum(axis=1) * force_mm2[:, 2]
+    along[:, 1] += (model.nodes.slope_y * w_mm).sum(axis=1) * force_mm2[:, 2]
+    along[~model.patch.is_free] = 0.0
+    return along

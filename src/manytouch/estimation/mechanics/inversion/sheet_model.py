@@ -1,0 +1,248 @@
+"""The mechanical model of a sensor's sheet, with nominal values for what the sensor does not state."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
+from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
+from manytouch.mechanics.markers.images import MarkerImages
+from manytouch.mechanics.shell.equilibrium import tangent_factor
+from manytouch.mechanics.shell.shell import Shell
+from manytouch.mechanics.solver.normal_equations import NormalEquations
+from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
+from manytouch.values.arrays import Mask, read_only
+from manytouch.values.sensor_file.default_std import sheet_std
+
+MIN_MARKERS = 12
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class InversionModel:
+    """Everything about the sheet that stays the same between frames.
+
+    Attributes:
+        camera, layout: of the sensor.
+        patch: spline patch of the middle surface.
+        shell: energy and forces of the sheet.
+        dots: marker images.
+        normal_equations: of the inversion.
+        lattice: of the nodes.
+        nodes: basis functions at the Greville points of the nodes.
+        pitch_mm: geometric mean of both pitches of the layout.
+        thickness_mm: of the sheet.
+        young_MPa: None if forces are relative, over E.
+        young_relative_std: its standard deviation over its value.
+        outline_std_mm: standard deviation of each side of the clamp; 0 where it was assumed.
+        is_outside: (n,) nodes whose forces may be those of the unknown sheet beyond the markers.
+        is_excluded: (n,) these, and nodes so near a clamp that they have its forces.
+        is_nominal: whether thickness and outline were assumed.
+    """
+
+    camera: Camera
+    layout: Layout
+    patch: SplinePatch
+    shell: Shell
+    dots: MarkerImages
+    normal_equations: NormalEquations
+    lattice: ForceLattice
+    nodes: PointBasis
+    pitch_mm: float
+    thickness_mm: float
+    young_MPa: float | None
+    young_relative_std: float
+    outline_std_mm: float
+    is_outside: Mask
+    is_excluded: Mask
+    is_nominal: bool
+
+    def with_pretension(self, over_E_mm: float) -> "InversionModel":
+        """The model with another membrane force per length at rest, over E."""
+        shell = replace(self.shell, pretension_over_E_mm=over_E_mm)
+        dots = replace(self.dots, shell=shell)
+        ratio = _compliance_per_mm(self.shell, self.pitch_mm) / _compliance_per_mm(shell, self.pitch_mm)
+        lattice = replace(self.lattice, least_force_mm2=ratio * self.lattice.least_force_mm2)
+        equations = NormalEquations(shell=shell, dots=dots)
+        return replace(self, shell=shell, dots=dots, normal_equations=equations, lattice=lattice)
+
+    def spline(
+        self, coefficient_mm: Nodal, force_mm2: Nodal, pretension_std_mm: float = float("nan")
+    ) -> SheetSpline:
+        """Shape (n, 3) and nodal forces over E (n, 3) as a value.
+
+        Args:
+            coefficient_mm, force_mm2: of the shape.
+            pretension_std_mm: standard deviation of the pretension over E.
+        """
+        return SheetSpline(
+            size_mm=self.patch.size_mm,
+            centre_mm=self.patch.centre_mm,
+            elements=self.patch.elements,
+            is_clamped=self.patch.boundary == "clamped",
+            thickness_mm=self.thickness_mm,
+            poisson=self.shell.poisson,
+            coefficient_mm=coefficient_mm,
+            force_over_E_mm2=force_mm2,
+            young_MPa=self.young_MPa,
+            shear_mm2=self.shell.shear_mm2,
+            tilt_mm2=self.shell.tilt_mm2,
+            pretension_over_E_mm=self.shell.pretension_over_E_mm,
+            pretension_std_over_E_mm=pretension_std_mm,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class NominalSheet:
+    """Nominal properties of a sheet, and the size of its elements.
+
+    Attributes:
+        poisson: Poisson's ratio if the sensor does not state it; that of nearly incompressible rubber.
+        thickness_pitch: thickness if the sensor does not state it, in pitches.
+        margin_pitch: distance from the outer markers to the outline if it is not known, in pitches.
+        element_thickness: largest length of an element, in thicknesses; at most one pitch.
+        min_element_thickness: least length of an element, in thicknesses. A point force on a node of a sheet
+            with shear_mm2 = t^2 / 5 has nodal forces without tension if elements are at least sqrt(6 / 5) t
+            long; finer loads are not visible on the camera-side face.
+        max_elements: largest number of elements; if it is exceeded, elements are longer.
+        least_depth_pitch: depth in the middle of the sheet under the least normal force of a contact, in
+            pitches.
+        clamp_thickness: contacts with a centre within this distance of a clamp are left out, in thicknesses.
+            A clamp line that is wrong by a third of it causes forces there.
+    """
+
+    poisson: float = 0.45
+    thickness_pitch: float = 0.75
+    margin_pitch: float = 2.5
+    element_thickness: float = 1.4
+    min_element_thickness: float = 1.1
+    max_elements: int = 1200
+    least_depth_pitch: float = 0.01
+    clamp_thickness: float = 1.0
+
+    def __call__(self, sensor: Sensor) -> InversionModel:
+        """The model of a sensor's sheet.
+
+        Raises:
+            SensorError: the sensor has no layout.
+            LayoutError: it has too few markers.
+        """
+        layout = _checked_layout(sensor)
+        sheet, pitch_mm = sensor.sheet, float(np.sqrt(np.prod(layout.pitch_mm)))
+        is_nominal = sheet is None or sheet.is_assumed
+        thickness_mm = self.thickness_pitch * pitch_mm if sheet is None else sheet.thickness_mm
+        patch = self._patch(layout, None if is_nominal else sheet, thickness_mm, pitch_mm)
+        shell = self._shell(patch, sheet, thickness_mm)
+        patch = shell.patch
+        dots = MarkerImages(
+            shell=shell,
+            camera=sensor.camera,
+            rest_mm=layout.rest_mm,
+            radius_mm=layout.radius_mm,
+            height_mm=layout.height_mm,
+        )
+        low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
+        slack_mm = 0.5 * layout.pitch_mm
+        is_beyond_markers = ((patch.place_mm < low - slack_mm) | (patch.place_mm > high + slack_mm)).any(
+            axis=1
+        )
+        is_outside = is_beyond_markers | patch.is_rim if is_nominal else patch.is_rim
+        inner_mm = np.maximum(-low, high) + slack_mm
+        if not is_nominal and sheet is not None:
+            inner_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
+        element_mm = np.array(patch.size_mm) / np.array(patch.elements)
+        return InversionModel(
+            camera=sensor.camera,
+            layout=layout,
+            patch=patch,
+            shell=shell,
+            dots=dots,
+            normal_equations=NormalEquations(shell=shell, dots=dots),
+            lattice=ForceLattice(
+                shape=patch.shape,
+                place_mm=patch.place_mm,
+                element_mm=element_mm,
+                own_spread_mm2=element_mm**2 / 3.0 - 2.0 * shell.shear_mm2,
+                inner_mm=read_only(inner_mm),
+                force_unit_mm2=pitch_mm * thickness_mm,
+                least_force_mm2=self.least_depth_pitch * pitch_mm / _compliance_per_mm(shell, pitch_mm),
+            ),
+            nodes=patch.at(patch.place_mm),
+            pitch_mm=pitch_mm,
+            thickness_mm=thickness_mm,
+            young_MPa=None if sheet is None or not sensor.scale_is_known else sheet.young_MPa,
+            young_relative_std=_young_relative_std(sheet),
+            outline_std_mm=0.0 if is_nominal or sheet is None else sheet_std(sheet).outline_mm,
+            is_outside=read_only(is_outside),
+            is_excluded=read_only(is_outside | (np.abs(patch.place_mm) > inner_mm).any(axis=1)),
+            is_nominal=is_nominal,
+        )
+
+    def _patch(
+        self, layout: Layout, sheet: Sheet | None, thickness_mm: float, pitch_mm: float
+    ) -> SplinePatch:
+        """The whole sheet of the sensor file; without one, the area of the markers and a margin."""
+        if sheet is not None:
+            size_mm, centre_mm = sheet.size_mm, np.zeros(2)
+        else:
+            low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
+            size_mm = high - low + 2.0 * self.margin_pitch * layout.pitch_mm
+            centre_mm = 0.5 * (low + high)
+        longest_mm = np.minimum(layout.pitch_mm, self.element_thickness * thickness_mm)
+        longest_mm = np.maximum(longest_mm, self.min_element_thickness * thickness_mm)
+        count = np.maximum(np.rint(size_mm / longest_mm), 4)
+        count = np.maximum(np.floor(count * min(1.0, np.sqrt(self.max_elements / np.prod(count)))), 4)
+        return SplinePatch(
+            size_mm=(float(size_mm[0]), float(size_mm[1])),
+            elements=(int(count[0]), int(count[1])),
+            boundary="clamped" if sheet is not None else "soft",
+            centre_mm=(float(centre_mm[0]), float(centre_mm[1])),
+        )
+
+    def _shell(self, patch: SplinePatch, sheet: Sheet | None, thickness_mm: float) -> Shell:
+        """The shell; its pretension is 0 where E is not known."""
+        stretched_mm, bending, poisson = 0.0, 1.0, self.poisson
+        if sheet is not None:
+            poisson = self.poisson if sheet.poisson is None else sheet.poisson
+            bending = 1.0 if sheet.bending_factor is None else sheet.bending_factor
+            if sheet.pretension_N_per_mm is not None and sheet.young_MPa is not None:
+                stretched_mm = sheet.pretension_N_per_mm / sheet.young_MPa
+        return Shell(
+            patch=patch,
+            thickness_mm=thickness_mm,
+            poisson=poisson,
+            pretension_over_E_mm=stretched_mm,
+            bending_factor=bending,
+        )
+
+
+def _compliance_per_mm(shell: Shell, width_mm: float) -> float:
+    """Depth over normal force over E, in the middle of a sheet at rest, under a square patch."""
+    patch = shell.patch
+    offset_mm = 0.25 * width_mm * np.array([[-1.0, -1.0], [-1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+    load = patch.load(np.array(patch.centre_mm) + offset_mm, np.tile([0.0, 0.0, 0.25], (4, 1)))
+    tangent, force = shell.empty_tangent(), np.empty_like(load)
+    shell.forces_and_tangent(np.zeros_like(load), force, tangent)
+    moved = tangent_factor(shell, tangent).solve((load * patch.is_free).reshape(1, -1))[0]
+    return float(np.einsum("nc,nc->", load, moved.reshape(-1, 3)))
+
+
+def _young_relative_std(sheet: Sheet | None) -> float:
+    std = None if sheet is None else sheet_std(sheet).young_MPa
+    return 0.0 if std is None or sheet is None or sheet.young_MPa is None else std / sheet.young_MPa
+
+
+def _checked_layout(sensor: Sensor) -> Layout:
+    layout = sensor.layout
+    if layout is None:
+        raise SensorError(
+            f"sensor {sensor.name!r} has no [markers], but the method mechanics needs their layout: "
+            "run `manytouch calibrate rest` first"
+        )
+    if len(layout.rest_mm) < MIN_MARKERS:
+        raise LayoutError(
+            f"the layout of sensor {sensor.name!r} has {len(layout.rest_mm)} markers, but the method "
+            f"mechanics needs at least {MIN_MARKERS}: choose a region with more of them, "
+            "or --method perimeter"
+        )
+    return layout

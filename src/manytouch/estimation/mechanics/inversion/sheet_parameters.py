@@ -1,0 +1,249 @@
+"""What the parameters of the sheet that are not exactly known do to the forces, and the estimate of one.
+
+With a parameter p changed, the same marker images mean another shape and other forces. The shape changes by
+c_p = -H^-1 (J^T W r_p + R^T D T f_p), with f_p and r_p the changes of forces and marker images of the same
+shape (the derivative of the minimum of the objective of `gauss_newton`), and the forces by f_p + K c_p.
+An unknown pretension is estimated: with a wrong one, forces are needed where nothing presses, and residuals
+remain. One frame gives the Gauss-Newton step of this misfit along p. Nodes under contacts are left out, whose
+forces the sparse prior would reduce.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.geometry.spline.patch import Nodal
+from manytouch.mechanics.shell.shell import Shell
+from manytouch.values import Sheet
+from manytouch.values.arrays import Mask, Points2
+from manytouch.values.sensor_file.default_std import sheet_std
+
+_STEP = 0.02  # of a finite difference, over the thickness or over the bending factor
+_POISSON_STEP = -0.01
+_MAX_POISSON = 0.495
+
+Columns = Float64[np.ndarray, "p nodes"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class SheetVariant:
+    """The sheet with one other parameter.
+
+    Attributes:
+        shell: with the parameter moved by a step.
+        stds: standard deviation of the parameter over the step.
+        moves_markers: whether the marker images of a shape depend on it.
+    """
+
+    shell: Shell
+    stds: float
+    moves_markers: bool
+
+    def with_pretension(self, over_E_mm: float) -> "SheetVariant":
+        """The variant with another pretension over E."""
+        return replace(self, shell=replace(self.shell, pretension_over_E_mm=over_E_mm))
+
+
+def sheet_variants(model: InversionModel, sheet: Sheet | None) -> tuple[SheetVariant, ...]:
+    """One variant for each parameter of a known sheet that has a standard deviation."""
+    if sheet is None or sheet.is_assumed:
+        return ()
+    std, shell = sheet_std(sheet), model.shell
+    found = []
+    if std.thickness_mm > 0.0:
+        step_mm = _STEP * shell.thickness_mm
+        found.append(
+            SheetVariant(
+                shell=replace(shell, thickness_mm=shell.thickness_mm + step_mm),
+                stds=std.thickness_mm / step_mm,
+                moves_markers=True,
+            )
+        )
+    if std.poisson:
+        other = shell.poisson + (_POISSON_STEP if shell.poisson > -_POISSON_STEP else -_POISSON_STEP)
+        found.append(
+            SheetVariant(
+                shell=replace(shell, poisson=min(other, _MAX_POISSON)),
+                stds=std.poisson / abs(_POISSON_STEP),
+                moves_markers=False,
+            )
+        )
+    if std.bending_factor:
+        factor = shell.bending_factor
+        found.append(
+            SheetVariant(
+                shell=replace(shell, bending_factor=factor * (1.0 + _STEP)),
+                stds=std.bending_factor / (factor * _STEP),
+                moves_markers=False,
+            )
+        )
+    return tuple(found)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Pretension:
+    """The pretension over E, known, or estimated from what presses the sheet.
+
+    Attributes:
+        mean_mm: membrane force per length over E.
+        std_mm: its standard deviation.
+        is_estimated: whether it is estimated.
+        information: of the frame that determined it best, per mm^2.
+        scatter_mm2: mean square of the recent corrections of its frames.
+    """
+
+    mean_mm: float
+    std_mm: float
+    is_estimated: bool
+    information: float = 0.0
+    scatter_mm2: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PretensionEstimator:
+    """Parameters of the estimate of an unknown pretension.
+
+    Attributes:
+        prior_strain: mean and standard deviation of the strain of a mounted sheet, if nothing is known.
+        gain: share of the correction by a frame that is as informative as the best one before, twice. Frames
+            of one press have the same error of the model, so that their number does not count.
+        memory: share of the scatter of the corrections that is kept from frame to frame.
+        model_share, model_strain: standard deviation by the model, over the pretension and as a strain.
+        new_model_stds, new_model_share: the model of the sheet is replaced when the mean has changed by this
+            many standard deviations and by this share.
+    """
+
+    prior_strain: float = 0.01
+    gain: float = 0.5
+    memory: float = 0.8
+    model_share: float = 0.3
+    model_strain: float = 0.003
+    new_model_stds: float = 0.3
+    new_model_share: float = 0.02
+
+    def start(self, model: InversionModel, sheet: Sheet | None) -> Pretension:
+        """What is known before the first frame."""
+        if sheet is None or sheet.is_assumed:
+            return Pretension(mean_mm=model.shell.pretension_over_E_mm, std_mm=0.0, is_estimated=False)
+        if sheet.pretension_N_per_mm is not None:
+            std, young = sheet_std(sheet).pretension_N_per_mm or 0.0, sheet.young_MPa
+            over_E_mm = 0.0 if young is None else std / young
+            return Pretension(mean_mm=model.shell.pretension_over_E_mm, std_mm=over_E_mm, is_estimated=False)
+        prior_mm = self.prior_strain * self._per_strain_mm(model)
+        return Pretension(mean_mm=prior_mm, std_mm=prior_mm, is_estimated=True, information=1.0 / prior_mm**2)
+
+    def update(
+        self, before: Pretension, model: InversionModel, gradient: float, information: float
+    ) -> Pretension:
+        """The pretension with the evidence of one more frame.
+
+        Args:
+            before: without it.
+            model: of the frame.
+            gradient, information: derivatives of half the cost by the pretension over E.
+        """
+        prior_mm = self.prior_strain * self._per_strain_mm(model)
+        change_mm = -gradient / max(information, 1.0 / prior_mm**2)
+        off_mm = model.shell.pretension_over_E_mm + change_mm - before.mean_mm
+        off_mm = float(np.clip(off_mm, -2.0 * prior_mm, 2.0 * prior_mm))
+        weight = self.gain * information / (information + before.information)
+        mean_mm = max(before.mean_mm + weight * off_mm, 0.0)
+        scatter_mm2 = before.scatter_mm2 + (1.0 - self.memory) * weight * (off_mm**2 - before.scatter_mm2)
+        best = max(before.information, information)
+        model_mm = np.hypot(self.model_share * mean_mm, self.model_strain * self._per_strain_mm(model))
+        return Pretension(
+            mean_mm=mean_mm,
+            std_mm=float(np.sqrt(1.0 / best + scatter_mm2 + model_mm**2)),
+            is_estimated=True,
+            information=best,
+            scatter_mm2=scatter_mm2,
+        )
+
+    def is_new_model_due(self, model: InversionModel, now: Pretension) -> bool:
+        """Has the estimate left the pretension of the model?"""
+        off_mm = abs(now.mean_mm - model.shell.pretension_over_E_mm)
+        return off_mm > self.new_model_stds * now.std_mm and off_mm > self.new_model_share * now.mean_mm
+
+    def _per_strain_mm(self, model: InversionModel) -> float:
+        """Membrane force per length over E for an equal strain in all directions."""
+        return model.thickness_mm / (1.0 - model.shell.poisson)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ParameterResponse:
+    """What the unknown parameters do to the estimate of one frame.
+
+    Attributes:
+        columns: (p, nodes) change of the normal forces over E (mm^2, z component) for one standard deviation
+            of each parameter.
+        balance_slope: (nodes, 3) derivative of tangential and normal forces over E by the pretension over E,
+            at shapes that fit the markers.
+        image_slope_px: (m, 2) the same of the marker images.
+    """
+
+    columns: Columns
+    balance_slope: Nodal
+    image_slope_px: Points2
+
+    def misfit_slope(self, model: InversionModel, fit: Fit, is_pressed: Mask) -> tuple[float, float]:
+        """Derivatives of half the misfit by the pretension over E: gradient and information.
+
+        Args:
+            model: of the sheet.
+            fit: of this frame.
+            is_pressed: (nodes,) nodes whose normal forces are those of contacts.
+        """
+        weight = fit.posterior.weight.copy()
+        weight[is_pressed] = 0.0
+        now = balance(model, fit.shape.coefficient_mm, fit.shape.force_mm2)
+        information = fit.posterior.information
+        pull = np.einsum("mij,mj->mi", information, self.image_slope_px)
+        is_used = information[:, 0, 0] > 0.0
+        residual_px = np.where(is_used[:, None], fit.residual_px, 0.0)
+        gradient = float((weight * self.balance_slope * now).sum() + (pull * residual_px).sum())
+        curvature = float((weight * self.balance_slope**2).sum() + (pull * self.image_slope_px).sum())
+        return gradient, curvature
+
+
+def parameter_response(
+    model: InversionModel, variants: tuple[SheetVariant, ...], pretension: Pretension, fit: Fit
+) -> ParameterResponse:
+    """The response of a fitted frame; one column for the pretension, then one for each variant."""
+    posterior, shape = fit.posterior, fit.shape
+    linearisation, weight = posterior.linearisation, posterior.weight
+    coefficient_mm, count = shape.coefficient_mm, len(posterior.information)
+    unit = replace(model.shell, pretension_over_E_mm=model.shell.pretension_over_E_mm + 1.0)
+    force_changes = [unit.forces(coefficient_mm) - shape.force_mm2]
+    image_changes = [np.zeros((count, 2))]
+    stds = [pretension.std_mm]
+    for variant in variants:
+        force_changes.append(variant.shell.forces(coefficient_mm) - shape.force_mm2)
+        moved = np.zeros((count, 2))
+        if variant.moves_markers:
+            dots = replace(model.dots, shell=variant.shell)
+            moved = dots.displacement_px(coefficient_mm) - shape.displacement_px
+        image_changes.append(moved)
+        stds.append(variant.stds)
+    balances = [balance(model, coefficient_mm, each) for each in force_changes]
+    gradients = np.stack(
+        [
+            linearisation.gradient(images, posterior.information, weight * forces)
+            for images, forces in zip(image_changes, balances, strict=True)
+        ]
+    )
+    solved = posterior.solve(gradients)
+    columns = np.stack(
+        [
+            std * (forces - linearisation.force_change(change))[:, 2]
+            for std, forces, change in zip(stds, force_changes, solved, strict=True)
+        ]
+    )
+    node = model.dots.tips.basis.node
+    return ParameterResponse(
+        columns=columns,
+        balance_slope=balances[0] - linearisation.balance_change(solved[0]),
+        image_slope_px=-np.einsum("mjka,mka->mj", linearisation.derivative, solved[0][node]),
+    )

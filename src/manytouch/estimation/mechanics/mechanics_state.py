@@ -1,0 +1,70 @@
+"""What the method `mechanics` keeps from frame to frame."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.contact_tracker import ContactTrackerState
+from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
+from manytouch.estimation.mechanics.inversion.gauss_newton import SheetShape
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.estimation.mechanics.inversion.sheet_parameters import (
+    ParameterResponse,
+    Pretension,
+    SheetVariant,
+)
+from manytouch.estimation.mechanics.surface_covariance import MarkerDeviation
+from manytouch.estimation.perimeter.marker_surface import MarkerGeometry
+from manytouch.estimation.slip_detector import SlipState
+from manytouch.geometry.neighbours import Neighbours
+from manytouch.mechanics.solver.posterior import Posterior
+from manytouch.values.arrays import Mask, Points2
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MechanicsState:
+    """What stays the same between frames, and what a frame passes to the next.
+
+    Attributes:
+        model: of the sheet.
+        neighbours: of each marker.
+        deviation: of the marker displacements.
+        local: depth that the elements cannot show; None where the sheet was assumed.
+        is_at_clamp: (m,) markers that show the motion of the view.
+        initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
+        pitch_px: pitch in the image.
+        model_std_px: standard deviation of a marker image that the model does not explain.
+        shape: of the previous frame.
+        posterior: of the last frame with a full step; None before the first.
+        posterior_frames: number of frames since then.
+        pretension: of the sheet.
+        variants: the sheet with each of its other parameters changed.
+        response: of the last frame with a full step to all these; None before the first.
+        previous_mm: (k, 2) centres of the clusters of the previous frame, contacts or not.
+        slip: of the contacts.
+        tracks: of the contacts.
+        uncalibrated: geometry of the markers and state of the contact finder, for a sheet that was assumed;
+            else None.
+    """
+
+    model: InversionModel
+    neighbours: Neighbours
+    deviation: MarkerDeviation
+    local: LocalDeflection | None
+    is_at_clamp: Mask
+    initial_reference_px: Points2
+    reference_px: Points2
+    pitch_px: float
+    model_std_px: float
+    shape: SheetShape
+    posterior: Posterior | None
+    posterior_frames: int
+    pretension: Pretension
+    variants: tuple[SheetVariant, ...]
+    response: ParameterResponse | None
+    previous_mm: Float64[np.ndarray, "k 2"]
+    slip: SlipState
+    tracks: ContactTrackerState
+    uncalibrated: tuple[MarkerGeometry, Any] | None

@@ -1,0 +1,77 @@
+"""Motion of the whole image between the rest and a frame, from the markers along the clamp.
+
+A camera that moves a little displaces all marker images alike. The clamp does not move, so that the markers
+next to it show this motion, whatever presses elsewhere: it is the shift and rotation that fit their
+displacements beyond the shape of the previous frame best, with robust weights. A press that grows also moves
+them, but not alike; as much of the motion is used as it explains more than it leaves.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.values.arrays import Mask, Points2, Scalars
+
+_MIN_SCALE_PX = 1e-3
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ViewMotion:
+    """Parameters of the fit.
+
+    Attributes:
+        rim_pitch: markers within this distance of the clamp are used, in pitches.
+        min_markers: fewer of them show no motion.
+        scale_stds: residuals beyond this many robust standard deviations have no weight (Tukey).
+        iterations: of the weights.
+    """
+
+    rim_pitch: float = 1.5
+    min_markers: int = 12
+    scale_stds: float = 4.0
+    iterations: int = 3
+
+    def is_used(self, model: InversionModel) -> Mask:
+        """(m,) markers next to the clamp; none where the outline of the sheet was assumed."""
+        place_mm = model.layout.rest_mm[:, :2] - np.array(model.patch.centre_mm)
+        if model.is_nominal or model.patch.boundary != "clamped":
+            return np.zeros(len(place_mm), dtype=np.bool_)
+        left_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(place_mm)
+        return np.asarray(left_mm.min(axis=1) <= self.rim_pitch * model.pitch_mm)
+
+    def __call__(self, rest_px: Points2, change_px: Points2, is_used: Mask) -> Points2:
+        """(m, 2) motion of all marker images.
+
+        Args:
+            rest_px: (m, 2) marker images at rest.
+            change_px: (m, 2) measured displacements minus those of the shape.
+            is_used: (m,) seen markers next to the clamp.
+        """
+        if is_used.sum() < self.min_markers:
+            return np.zeros_like(rest_px)
+        centre_px = rest_px[is_used].mean(axis=0)
+        design = _rigid(rest_px[is_used] - centre_px)
+        change = change_px[is_used]
+        fitted = np.median(change, axis=0)[None]
+        weight: Scalars = np.ones(len(change))
+        found = np.zeros(3)
+        for _ in range(self.iterations):
+            length = np.linalg.norm(change - fitted, axis=1)
+            scale_px = max(1.4826 * float(np.median(length)) / np.sqrt(2.0), _MIN_SCALE_PX)
+            weight = np.maximum(1.0 - (length / (self.scale_stds * scale_px)) ** 2, 0.0) ** 2
+            rows = np.repeat(np.sqrt(weight), 2)
+            found = np.linalg.lstsq(rows[:, None] * design, rows * change.ravel(), rcond=None)[0]
+            fitted = (design @ found).reshape(-1, 2)
+        explained, left = (fitted**2).sum(), ((change - fitted) ** 2).sum()
+        share = max(1.0 - left / max(float(explained), 1e-12), 0.0)
+        return np.asarray(share * (_rigid(rest_px - centre_px) @ found).reshape(-1, 2))
+
+
+def _rigid(arm_px: Points2) -> Float64[np.ndarray, "rows 3"]:
+    """Derivatives of the displacements (2 m,) by shift along x and y, and rotation."""
+    design = np.zeros((len(arm_px), 2, 3))
+    design[:, 0, 0] = design[:, 1, 1] = 1.0
+    design[:, 0, 2], design[:, 1, 2] = -arm_px[:, 1], arm_px[:, 0]
+    return design.reshape(-1, 3)

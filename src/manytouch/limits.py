@@ -1,0 +1,37 @@
+"""Limits of what is read from files, checked before memory is allocated for it.
+
+They are far above what the sensors of docs/how-to.md need, and low enough that a damaged or hostile file is
+refused within a second. `docs/limits.md` states them for users.
+"""
+
+MAX_SIDE_PX = 32_768
+MAX_PIXELS = 2**26
+"""Of an image or a video frame: 67 million, three times those of a camera of 6000 x 4000 px."""
+MAX_IMAGE_BYTES = 2**29
+"""Of an image file: a colour image of 16 bits and `MAX_PIXELS`, uncompressed, has 400 million."""
+MAX_MARKERS = 100_000
+MAX_MESSAGE_BYTES = 2**29
+"""Of a message of a recording, such as a frame or a reading."""
+MAX_TOML_BYTES = 4_000_000
+MAX_TOML_DEPTH = 8
+MAX_TOML_KEYS = 10_000
+MAX_TOML_LISTS, MAX_TOML_VALUES = MAX_MARKERS + MAX_TOML_KEYS, 6 * MAX_MARKERS
+MAX_TABLE_BYTES = 10_000_000
+MAX_PRESSES = 10_000
+MAX_SCENE_FRAMES = 1_000_000
+MAX_SCENE_BODIES = 200
+MAX_SCENE_ELEMENTS = 200_000
+MAX_SCENE_KEYFRAMES = 100_000
+MAX_MESH_BYTES = 100_000_000
+LARGEST_NUMBER = 1e9
+"""Absolute value of any number in a sensor or scene file."""
+
+
+def size_mistake(width_px: int, height_px: int) -> str | None:
+    """Why images of this size are not read; None if they are."""
+    if width_px <= MAX_SIDE_PX and height_px <= MAX_SIDE_PX and width_px * height_px <= MAX_PIXELS:
+        return None
+    return (
+        f"{width_px} x {height_px} px are too many: at most {MAX_SIDE_PX} px per side and "
+        f"{MAX_PIXELS // 10**6} million pixels are read"
+    )

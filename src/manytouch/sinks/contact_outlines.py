@@ -1,0 +1,50 @@
+"""Where the outlines of contacts show in the present image."""
+
+from collections.abc import Iterable
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.geometry.camera import project
+from manytouch.geometry.surface_sampling import sampler_at
+from manytouch.values import Camera, Contact, Surface
+from manytouch.values.arrays import Points2, Points3
+
+Polygon = Float64[np.ndarray, "_ 2"]
+"""Corners in px; the last one is joined to the first."""
+
+
+def outlines_px(camera: Camera, surface: Surface, contacts: Iterable[Contact]) -> dict[int, list[Polygon]]:
+    """Rings of the outline of each contact with a known region, as pixels of the image, by its id.
+
+    The outline lies on the camera-side face. Where the displacement of the face is unknown, that of the
+    nearest corner with a known one is used; without any, the face is at rest.
+
+    Args:
+        camera: of the sensor.
+        surface: of the same frame, with its layout.
+        contacts: their outlines are in undeformed sheet coordinates.
+    """
+    rings = [(contact.id, ring.point_mm) for contact in contacts for ring in contact.outline or ()]
+    if not rings:
+        return {}
+    rest_mm = np.concatenate([point_mm for _, point_mm in rings])
+    place_mm = np.column_stack([rest_mm, np.zeros(len(rest_mm))])
+    if surface.layout is not None:
+        place_mm += _filled(rest_mm, sampler_at(surface.layout, rest_mm).displacement(surface))
+    shown_px = np.split(project(camera, place_mm), np.cumsum([len(point_mm) for _, point_mm in rings])[:-1])
+    found: dict[int, list[Polygon]] = {}
+    for (number, _), ring_px in zip(rings, shown_px, strict=True):
+        found.setdefault(number, []).append(ring_px)
+    return found
+
+
+def _filled(rest_mm: Points2, moved_mm: Points3) -> Points3:
+    """Displacements (n, 3) of points (n, 2), unknown ones replaced by that of the nearest point."""
+    is_known = np.isfinite(moved_mm).all(axis=1)
+    if is_known.all() or not is_known.any():
+        return np.asarray(np.nan_to_num(moved_mm))
+    away_mm = np.linalg.norm(rest_mm[~is_known, None] - rest_mm[is_known], axis=2)
+    filled: Points3 = moved_mm.copy()
+    filled[~is_known] = moved_mm[is_known][away_mm.argmin(axis=1)]
+    return filled

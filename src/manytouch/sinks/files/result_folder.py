@@ -1,0 +1,174 @@
+"""A folder of results that is replaced as a whole, or not at all."""
+
+import errno
+import hashlib
+import os
+import secrets
+import shutil
+import tempfile
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from types import TracebackType
+
+from manytouch.errors import OutputError
+from manytouch.sinks.files.atomic_output import flush, output_errors, remove
+from manytouch.sinks.files.folder_lock import FolderLock
+
+PARTIAL, OLD = "partial", "old"
+LONGEST_LABEL = 200  # bytes of a name that still has room for the suffixes
+
+
+class ResultFolder:
+    """A folder that gets its name when all its files are complete; what had the name before is then removed.
+
+    Within its block, `partial_path` receives the files: a hidden folder with a random name, next to the
+    final one. `commit` flushes them to the disk and swaps both folders: the old one is renamed, the new one
+    gets the final name, the old one is removed. Entries of the old folder that are not results are moved to
+    the new one. A swap that was interrupted is completed by the next process that opens the folder. Without
+    `commit` the block leaves no trace.
+
+    Attributes:
+        path: the final name.
+        partial_path: where to write until `commit`.
+        free_bytes: free space on the disk at the beginning.
+    """
+
+    def __init__(self, path: Path, results: Collection[str]) -> None:
+        """Lock the folder, complete an interrupted swap, and create an empty folder to write to.
+
+        Args:
+            path: the folder; it may exist.
+            results: patterns of the names of its results; other entries are kept.
+
+        Raises:
+            OutputError: it cannot be written, another process writes it, or it must not be replaced.
+        """
+        self.path = path
+        self._results = tuple(results)
+        self._final = path.resolve()
+        self._parent = self._final.parent
+        label = self._final.name
+        if len(os.fsencode(label)) > LONGEST_LABEL:
+            label = hashlib.sha256(os.fsencode(label)).hexdigest()[:16]
+        self._prefix = f".{label}."
+        _require_replaceable(path, self._final)
+        token = secrets.token_hex(4)
+        self.partial_path = self._parent / f"{self._prefix}{token}.{PARTIAL}"
+        self._old_path = self._parent / f"{self._prefix}{token}.{OLD}"
+        with output_errors(path):
+            self._created = [each for each in (self._parent, *self._parent.parents) if not each.exists()]
+            self._parent.mkdir(parents=True, exist_ok=True)
+            self._lock = FolderLock(self._parent / f"{self._prefix}lock", path)
+        try:
+            with output_errors(path):
+                if self._lock.is_held:
+                    self._complete_swap()
+                self.free_bytes = shutil.disk_usage(self._parent).free
+                self.partial_path.mkdir()
+        except BaseException:
+            self._lock.release()
+            raise
+
+    def __enter__(self) -> "ResultFolder":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def commit(self) -> None:
+        """Flush the files to the disk and give the folder its final name.
+
+        Raises:
+            OutputError: it cannot be written; the folder of before is still there.
+        """
+        with output_errors(self.path):
+            for part in sorted(self.partial_path.rglob("*")):
+                flush(part)
+            flush(self.partial_path)
+            if self._final.exists():
+                self._swap()
+            else:
+                self.partial_path.rename(self._final)
+                flush(self._parent)
+
+    def close(self) -> None:
+        """Remove what was not committed, and release the lock."""
+        shutil.rmtree(self.partial_path, ignore_errors=True)
+        self._lock.release()
+        if not self._final.exists():
+            for created in self._created:
+                try:
+                    created.rmdir()
+                except OSError:
+                    break
+
+    def _swap(self) -> None:
+        self._final.rename(self._old_path)
+        try:
+            self.partial_path.rename(self._final)
+        except OSError:
+            self._old_path.rename(self._final)
+            raise
+        flush(self._parent)
+        self._remove_old(self._old_path)
+
+    def _complete_swap(self) -> None:
+        """Complete or undo a swap that a process did not survive, and remove what others have left."""
+        for old in self._left(OLD):
+            if not self._final.exists():
+                new = old.with_suffix(f".{PARTIAL}")  # complete, since the swap had begun
+                (new if new.is_dir() else old).rename(self._final)
+            if old.exists():
+                self._remove_old(old)
+        for partial in self._left(PARTIAL):
+            shutil.rmtree(partial)
+
+    def _left(self, suffix: str) -> Iterator[Path]:
+        names = (path.name for path in self._parent.iterdir())
+        kept = [name for name in names if name.startswith(self._prefix) and name.endswith(f".{suffix}")]
+        for name in sorted(kept):
+            token = name[len(self._prefix) : -len(suffix) - 1]
+            if len(token) == 8 and set(token) <= set("0123456789abcdef"):
+                yield self._parent / name
+
+    def _remove_old(self, old: Path) -> None:
+        for entry in sorted(old.iterdir()):
+            kept = self._final / entry.name
+            if any(entry.match(pattern) for pattern in self._results):
+                remove(entry)
+            elif not kept.exists():
+                entry.rename(kept)
+        old.rmdir()
+
+
+def _require_replaceable(path: Path, final: Path) -> None:
+    """Check that no folder is replaced that others rely on.
+
+    Raises:
+        OutputError: it is the present folder, the home or the temporary folder, contains one of them, is the
+            root of a disk, or is a file.
+    """
+    if final.exists() and not final.is_dir():
+        raise OutputError(f"cannot write {path}: a file has this name; choose another folder")
+    in_use = (Path.cwd(), Path("~").expanduser(), Path(tempfile.gettempdir()).resolve())
+    if final.is_mount() or any(each.is_relative_to(final) for each in in_use):
+        raise OutputError(
+            f"cannot replace {path}, which is in use or the root of a disk, by a folder of results: "
+            f"choose a folder in it, such as {path / 'results'}"
+        )
+
+
+def is_disk_full(error: BaseException | None) -> bool:
+    """Whether an error, or one that caused it, is that of a full disk."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in (errno.ENOSPC, errno.EDQUOT):
+            return True
+        error = error.__cause__ or error.__context__
+    return False
+
+
+def folder_bytes(folder: Path) -> int:
+    """Size of all files of a folder."""
+    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())

@@ -1,0 +1,90 @@
+"""Reads TOML files that others may have written: size, nesting and number of keys are limited."""
+
+import re
+import string
+import tomllib
+from importlib.resources.abc import Traversable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from manytouch.errors import ManytouchError
+from manytouch.limits import (
+    MAX_TOML_BYTES,
+    MAX_TOML_DEPTH,
+    MAX_TOML_KEYS,
+    MAX_TOML_LISTS,
+    MAX_TOML_VALUES,
+)
+
+# Comments and strings (TOML 1.0); what follows a string without end is no more parsed by tomllib either.
+_NO_SYNTAX = re.compile(
+    r"#[^\n]*+"
+    r'|"""(?:[^"\\]++|\\[\s\S]|"(?!""))*+"{3,5}+'
+    r"|'''(?:[^']++|'(?!''))*+'{3,5}+"
+    r'|"(?!"")(?:[^"\\\n]++|\\.)*+"'
+    r"|'(?!'')[^'\n]*+'"
+    r"|[\"'][\s\S]*"
+)
+_NAME = np.zeros(256, dtype=np.bool_)
+_NAME[[ord(letter) for letter in string.ascii_letters + string.digits + "-_. \t"]] = True
+
+
+def read_toml(path: Path | Traversable, kind: str, error: type[ManytouchError]) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Args:
+        path: of the file.
+        kind: what it is, for messages, such as "a sensor file".
+        error: to raise.
+
+    Raises:
+        FileNotFoundError: it does not exist.
+        ManytouchError: of the class `error`: it cannot be read, is not TOML, or exceeds a limit.
+    """
+    try:
+        with path.open("rb") as file:
+            content = file.read(MAX_TOML_BYTES + 1)
+        if len(content) > MAX_TOML_BYTES:
+            raise error(f"{path} is too large for {kind}: at most {MAX_TOML_BYTES // 10**6} MB are read")
+        text = content.decode("utf-8-sig").replace("\r\n", "\n")
+    except FileNotFoundError:
+        raise
+    except IsADirectoryError:
+        raise error(f"{path} is a folder: give the path of {kind} (.toml)") from None
+    except (UnicodeDecodeError, OSError, ValueError) as reason:
+        raise error(f"{path} cannot be read as {kind}: {reason}") from None
+    mistake = complexity_mistake(text)
+    if mistake is not None:
+        raise error(f"{path} is no usable TOML: {mistake}")
+    try:
+        return tomllib.loads(text)
+    except ValueError as reason:  # TOMLDecodeError, or an integer of more than 4300 digits
+        raise error(f"{path} is not valid TOML: {reason}") from None
+
+
+def complexity_mistake(text: str) -> str | None:
+    """Why parsing this text could take much time or memory; None if it cannot."""
+    code = np.frombuffer(_NO_SYNTAX.sub("x", text).encode(), dtype=np.uint8)
+    if not len(code):
+        return None
+    opens = (code == ord("[")) | (code == ord("{"))
+    closes = (code == ord("]")) | (code == ord("}"))
+    depth = np.cumsum(opens.astype(np.int32) - closes)
+    dots = np.cumsum(code == ord("."), dtype=np.int32)
+    ends = np.flatnonzero(~_NAME[code])
+    dots_of_key = np.diff(np.concatenate([[0], dots[ends], dots[-1:]]))
+    nested = max(int(depth.max()), int(dots_of_key.max()) + 1)
+    if nested > MAX_TOML_DEPTH:
+        return f"it is nested {nested} deep, at most {MAX_TOML_DEPTH} are allowed"
+    keys = int((code == ord("=")).sum()) + int((opens & (depth == 1)).sum())
+    if keys > MAX_TOML_KEYS:
+        return f"it has {keys} keys, at most {MAX_TOML_KEYS} are allowed"
+    lists, values = int(opens.sum()), int((code == ord(",")).sum())
+    if lists > MAX_TOML_LISTS or values > MAX_TOML_VALUES:
+        return (
+            f"it has {lists} lists and {values} separated values, at most {MAX_TOML_LISTS} and "
+            f"{MAX_TOML_VALUES} are allowed"
+        )
+    return None

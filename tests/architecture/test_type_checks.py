@@ -1,0 +1,76 @@
+"""The type checks of the tests: which calls of a function they check."""
+
+import os
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from jaxtyping import TypeCheckError
+
+import type_checks
+from manytouch.detection.images import level_scale
+from manytouch.tracking import MarkerTracker
+from manytouch.values import Surface
+from manytouch.values.arrays import count_of
+
+
+@pytest.fixture(autouse=True)
+def another_test() -> Iterator[None]:
+    type_checks.begin_test()
+    yield
+    type_checks.begin_test()
+
+
+def doubled(value: int) -> int:
+    return 2 * value
+
+
+def accepted(function, calls: int) -> list[int]:
+    """Numbers, from 1, of those calls with a wrong type that are not refused."""
+    found = []
+    for number in range(1, calls + 1):
+        try:
+            function("a")
+        except TypeCheckError:
+            pass
+        else:
+            found.append(number)
+    return found
+
+
+def test_the_first_calls_of_a_test_are_checked_and_then_a_sample():
+    checked = type_checks.check(doubled)
+    assert checked(2) == 4
+    # one call came before
+    unchecked = [call for call in range(type_checks.FIRST_CALLS + 1, 300) if call % type_checks.EVERY]
+    assert accepted(checked, 298) == [call - 1 for call in unchecked]
+
+
+def test_each_test_and_each_function_begins_again():
+    one, other = type_checks.check(doubled), type_checks.check(doubled)
+    first = type_checks.FIRST_CALLS
+    assert accepted(one, first + 1) == [first + 1]
+    assert accepted(other, first) == []
+    type_checks.begin_test()
+    assert accepted(one, first) == []
+
+
+def test_a_wrong_result_is_refused_too():
+    def half(value: int) -> int:
+        return value / 2
+
+    with pytest.raises(TypeCheckError, match="half"):
+        type_checks.check(half)(3)
+
+
+@pytest.mark.skipif("CHECK_TYPES" not in os.environ, reason="make test checks types, this run does not")
+def test_functions_methods_and_dataclasses_of_the_package_are_checked():
+    square = np.eye(3)
+    with pytest.raises(TypeCheckError, match="count_of"):
+        count_of("two", "dots")
+    with pytest.raises(TypeCheckError, match="level_scale"):
+        level_scale([[1.0]])
+    with pytest.raises(TypeCheckError, match="start"):
+        MarkerTracker().start("sensor")
+    with pytest.raises(TypeCheckError, match="__init__"):
+        Surface(position_mm=square[0], displacement_mm=square, covariance_mm2=np.zeros((3, 3, 3)))

@@ -1,0 +1,141 @@
+"""Number and centres of contacts, from exact nodal forces of known loads."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+from manytouch.estimation.mechanics.clusters.evidence import Evidence
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
+from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
+from spline_loads import PATCH, SHAPE, SHEAR_MM2, knots
+from spline_loads import SHEARED as LATTICE
+from spline_loads import pressed as pressed_thin
+
+pressed = partial(pressed_thin, shear_mm2=SHEAR_MM2)
+CLUSTER, ORDER = ForceClusters(merge_share=0.3), ModelOrder()
+NONE_BEFORE = np.zeros((0, 2))
+NOISE_MM2 = 2e-3
+
+
+def evidence_of(force_mm2: np.ndarray, noise_mm2: float = NOISE_MM2):
+    """A likelihood that is centred on the force of each node, with some noise."""
+    seen_mm2 = force_mm2[:, 2] + np.random.default_rng(1).normal(0.0, noise_mm2, len(force_mm2))
+
+    def evidence_at(node: np.ndarray) -> Evidence:
+        local = np.full(len(force_mm2), -1, dtype=np.int64)
+        local[node] = np.arange(len(node))
+        return Evidence(
+            white=np.eye(len(node)) / noise_mm2,
+            aim=-seen_mm2[node] / noise_mm2,
+            knot_x_mm=knots(0),
+            knot_y_mm=knots(1),
+            node=node,
+            local=local.reshape(SHAPE),
+            patch=PATCH,
+            white_of_mean=np.eye(len(node)) / noise_mm2,
+            columns=np.zeros((0, len(node))),
+        )
+
+    return evidence_at
+
+
+def split(force_mm2: np.ndarray, previous_mm: np.ndarray = NONE_BEFORE) -> Clusters:
+    return ORDER(
+        LATTICE, force_mm2, CLUSTER(LATTICE, force_mm2), previous_mm, evidence_at=evidence_of(force_mm2)
+    )
+
+
+@pytest.mark.parametrize("share", [1.0, 0.3])
+@pytest.mark.parametrize("angle", [0.0, 0.6, np.pi / 2])
+@pytest.mark.parametrize("half_mm", [3.6, 4.5])
+def test_two_narrow_presses_are_two_contacts(share: float, angle: float, half_mm: float) -> None:
+    way = half_mm * np.array([np.cos(angle), np.sin(angle)])
+    force = pressed((*(way + 1.0), 1.0, 1.0), (*(1.0 - way), 1.0, share))
+    assert len(CLUSTER(LATTICE, force)) == 1
+    found = split(force)
+    assert len(found) == 2
+    ends = found.centre_mm if share < 1.0 else found.centre_mm[np.argsort(-found.centre_mm @ way)]
+    np.testing.assert_allclose(ends, [way + 1.0, 1.0 - way], atol=0.2)
+    np.testing.assert_allclose(np.sort(found.normal_mm2), np.sort([1.0, share]), rtol=0.08)
+    assert set(np.unique(found.label)) == {-1, 0, 1}
+
+
+def test_one_press_of_any_width_is_one_contact() -> None:
+    for radius in (1.0, 4.0, 7.0):
+        assert len(split(pressed((3.0, 2.0, radius, 1.0)))) == 1
+
+
+@pytest.mark.parametrize("half_mm", [5.0, 6.0, 8.0])
+def test_a_flat_finger_is_one_contact(half_mm: float) -> None:
+    chance = np.random.default_rng(int(half_mm))
+    for _ in range(6):
+        angle, (x, y) = chance.uniform(0.0, np.pi), chance.uniform(-2.0, 2.0, 2)
+        along = np.linspace(-half_mm, half_mm, 13)
+        bar = pressed(*((x + s * np.cos(angle), y + s * np.sin(angle), 3.0, 0.1) for s in along))
+        assert len(CLUSTER(LATTICE, bar)) == 1
+        assert len(split(bar)) == 1
+
+
+def test_a_weak_part_is_not_a_contact() -> None:
+    assert len(split(pressed((-4.0, 0.0, 1.0, 1.0), (4.0, 0.0, 1.0, 0.06)))) == 1
+
+
+def test_two_contacts_of_the_previous_frame_have_lower_limits() -> None:
+    force = pressed((-4.0, 0.0, 1.0, 1.0), (4.0, 0.0, 1.0, 0.14))
+    assert len(split(force)) == 1
+    assert len(split(force, np.array([[-4.0, 0.0], [4.0, 0.0]]))) == 2
+    assert len(split(force, np.array([[-4.0, 0.0], [30.0, 0.0]]))) == 1
+
+
+def test_other_clusters_keep_centre_and_force() -> None:
+    force = pressed((-20.0, -10.0, 2.0, 3.0), (8.0, 8.0, 1.0, 1.0), (16.0, 8.0, 1.0, 1.0))
+    before, after = CLUSTER(LATTICE, force), split(force)
+    assert (len(before), len(after)) == (2, 3)
+    np.testing.assert_allclose(after.centre_mm[0], before.centre_mm[0], atol=0.02)
+    np.testing.assert_allclose(after.normal_mm2, [3.0, 1.0, 1.0], rtol=0.02)
+
+
+def test_a_centre_follows_the_evidence_and_not_the_prior() -> None:
+    true = pressed((1.3, 0.8, 1.0, 1.0), shear=(0.1, 0.05))
+    drawn = true.copy()
+    highest = int(np.argmin(true[:, 2]))
+    drawn[:, 2] *= 0.8
+    drawn[highest, 2] += 0.2 * true[:, 2].sum()
+    clusters = CLUSTER(LATTICE, drawn)
+    found = ORDER(LATTICE, drawn, clusters, NONE_BEFORE, evidence_at=evidence_of(true))
+    assert np.linalg.norm(clusters.centre_mm[0] - [1.3, 0.8]) > 0.2
+    np.testing.assert_allclose(found.centre_mm[0], [1.3, 0.8], atol=0.05)
+    assert found.torque_mm3[0] == pytest.approx(0.0, abs=0.01)
+
+
+def test_clusters_without_evidence_do_not_change() -> None:
+    force = pressed((-4.5, 0.0, 1.0, 1.0), (4.5, 0.0, 1.0, 1.0))
+    clusters = CLUSTER(LATTICE, force)
+    found = ORDER(LATTICE, force, clusters, NONE_BEFORE, evidence_at=lambda _: None)
+    np.testing.assert_array_equal(found.centre_mm, clusters.centre_mm)
+
+
+@pytest.mark.parametrize("radius_mm", [3.0, 5.0])
+def test_the_area_of_a_wide_press(radius_mm: float) -> None:
+    found = split(pressed((1.3, 0.8, radius_mm, 1.0)))
+    assert found.area_mm2[0] == pytest.approx(np.pi * radius_mm**2, rel=0.1)
+    assert 0.0 < found.area_std_mm2[0] < 0.3 * found.area_mm2[0]
+
+
+@pytest.mark.parametrize("press", [(0.5, 1.0), (5.0, 0.5)])
+def test_a_patch_has_the_force_of_the_evidence(press: tuple[float, float]) -> None:
+    """And not that of the nodal forces, which the sparse prior makes too small."""
+    true = pressed((1.3, 0.8, *press))
+    clusters = CLUSTER(LATTICE, 0.7 * true)
+    found = ORDER(LATTICE, 0.7 * true, clusters, NONE_BEFORE, evidence_at=evidence_of(true))
+    assert clusters.normal_mm2[0] == pytest.approx(0.7 * press[1], rel=0.08)
+    assert found.normal_mm2[0] == pytest.approx(press[1], rel=0.02)
+    assert np.nansum(found.fitted_mm2) == pytest.approx(found.normal_mm2[0], rel=0.01)
+    assert abs(found.normal_mm2[0] - press[1]) < 4.0 * np.sqrt(found.covariance[0, 0, 0])
+
+
+def test_a_point_or_a_weak_press_has_an_uncertain_area() -> None:
+    point, weak = split(pressed((1.3, 0.8, 0.5, 0.5))), split(pressed((1.3, 0.8, 4.0, 0.07)))
+    assert point.area_mm2[0] < 3.0 * point.area_std_mm2[0]
+    assert weak.area_std_mm2[0] > 0.1 * weak.area_mm2[0]

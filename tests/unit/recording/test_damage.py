@@ -1,0 +1,223 @@
+"""Damaged, hostile, cut and old recordings: what is whole replays, and nothing wrong is taken for right."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from command_line import run_command
+from faults.mcap_fuzzer import FRAMES, run_recording, small_recording
+from manytouch.errors import SourceError
+from manytouch.recording.json_codec import to_json
+from manytouch.recording.messages import calibration_message, transform_message
+from manytouch.recording.reader import Recording
+from manytouch.recording.records import scan
+from manytouch.recording.repair import check, repair
+from manytouch.sinks.recorder import encode_frame
+from manytouch.sources import open_source
+from manytouch.values import Frame, Reading, Sensor, Status
+
+pytest.importorskip("mcap")
+
+
+@pytest.fixture(scope="module")
+def made() -> tuple[Path, list[Reading], Sensor]:
+    """A small recording, its readings and its sensor."""
+    recording = small_recording()
+    readings = [recording.reading(recording.frame(place)) for place in range(FRAMES)]
+    return recording.path, [reading for reading in readings if reading is not None], recording.sensor
+
+
+def test_two_hundred_damages_are_refused_or_replayed(tmp_path: Path) -> None:
+    refused = 0
+    for seed in range(200):
+        try:
+            run_recording(seed, tmp_path)
+        except SourceError:
+            refused += 1
+        except Exception as error:
+            raise AssertionError(f"seed {seed}") from error
+    assert 0 < refused < 100
+
+
+def chunk_of(path: Path, topic: str, number: int) -> tuple[int, int]:
+    place = scan(path).topic(topic)[number]
+    return place.chunk.begin, place.chunk.end
+
+
+def with_bad_byte(path: Path, damaged_path: Path, topic: str, number: int) -> None:
+    content = bytearray(path.read_bytes())
+    begin, end = chunk_of(path, topic, number)
+    content[(begin + end) // 2] ^= 0x55
+    damaged_path.write_bytes(content)
+
+
+def test_a_bad_byte_in_an_image_costs_this_image(
+    made: tuple[Path, list[Reading], Sensor], tmp_path: Path
+) -> None:
+    path = tmp_path / "bad.mcap"
+    with_bad_byte(made[0], path, "/camera", 5)
+    source = open_source(path)
+    frames = list(source)
+    assert [frame.index for frame in frames] == list(range(FRAMES))
+    assert [frame.index for frame in frames if frame.image is None] == [5]
+    assert frames[4].timestamp_ns < frames[5].timestamp_ns < frames[6].timestamp_ns
+    assert source.capabilities.seek is not None
+    assert "1 of 16 frames are lost" in (source.capabilities.seek.warning or "")
+    done = run_command("process", path, "--out", tmp_path / "out")
+    assert done.returncode == 0, done.stderr
+    summary = json.loads((tmp_path / "out" / "bad" / "summary.json").read_text())
+    assert summary["counts"]["status"] == {"decode_error": 1, "ok": FRAMES - 1}
+    assert any("are damaged, and 1 of 16 frames" in sentence for sentence in summary["odd"])
+
+
+def test_a_bad_byte_in_a_reading_costs_this_reading(
+    made: tuple[Path, list[Reading], Sensor], tmp_path: Path
+) -> None:
+    path = tmp_path / "bad.mcap"
+    with_bad_byte(made[0], path, "/reading", 7)
+    timeline = open_source(path).capabilities.seek
+    assert timeline is not None
+    found = [timeline.reading(place) for place in range(FRAMES)]
+    statuses = {place: reading.status for place, reading in enumerate(found) if reading is not None}
+    assert all(statuses[place] is made[1][place].status for place in statuses)
+    assert len(statuses) == FRAMES - 1
+
+
+def test_a_bad_byte_in_the_first_session_is_replaced_by_its_copy(
+    made: tuple[Path, list[Reading], Sensor], tmp_path: Path
+) -> None:
+    path = tmp_path / "bad.mcap"
+    with_bad_byte(made[0], path, "/session", 0)
+    recording = Recording(path)
+    assert len(recording) == FRAMES
+    np.testing.assert_array_equal(recording.sensor.layout.rest_mm, made[2].layout.rest_mm)
+
+
+def test_check_and_repair_from_the_command_line(
+    made: tuple[Path, list[Reading], Sensor], tmp_path: Path
+) -> None:
+    done = run_command("recording", "check", made[0])
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] == "whole"
+    cut = tmp_path / "cut.mcap"
+    with_bad_byte(made[0], cut, "/camera", 3)
+    cut.write_bytes(cut.read_bytes()[: chunk_of(made[0], "/camera", 10)[1] + 100])
+    done = run_command("recording", "check", cut)
+    assert done.returncode == 1
+    assert "cut off: it has no end" in done.stdout
+    assert "/camera: 10 whole messages" in done.stdout
+    assert "lost: 1 frames" in done.stdout
+    assert "recording repair" in done.stderr
+    done = run_command("recording", "repair", cut)
+    assert done.returncode == 0, done.stderr
+    repaired = tmp_path / "cut-repaired.mcap"
+    assert check(repaired).is_whole
+    assert len(Recording(repaired)) == 10
+    assert run_command("recording", "repair", cut).returncode == 1, "nothing is overwritten"
+    done = run_command("recording", "check", tmp_path / "absent.mcap")
+    assert done.returncode == 1
+    assert "There is no" in done.stderr
+    from mcap.reader import make_reader
+
+    with repaired.open("rb") as file:
+        assert make_reader(file, validate_crcs=True).get_summary() is not None
+
+
+def test_a_damaged_index_is_reported_and_everything_replays(
+    made: tuple[Path, list[Reading], Sensor], tmp_path: Path
+) -> None:
+    content = bytearray(made[0].read_bytes())
+    content[-200] ^= 0x10
+    path = tmp_path / "bad.mcap"
+    path.write_bytes(content)
+    assert len(Recording(path)) == FRAMES
+    report = check(path)
+    assert not report.is_whole
+    assert any("index is damaged" in line for line in report.lines())
+    repair(path, tmp_path / "good.mcap")
+    assert check(tmp_path / "good.mcap").is_whole
+
+
+def test_repair_refuses_a_file_of_which_nothing_is_whole(tmp_path: Path) -> None:
+    (tmp_path / "x.mcap").write_bytes(b"\x89MCAP0\r\n" + bytes(1000))
+    done = run_command("recording", "repair", tmp_path / "x.mcap", "--out", tmp_path / "y.mcap")
+    assert done.returncode == 1
+    assert "nothing of" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["x.mcap"]
+
+
+def old_recording(path: Path, readings: list[Reading], sensor: Sensor) -> None:
+    """A recording as version 0.1 wrote it: JSON with arrays in base64, no compression, chunks of 16 kB."""
+    from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+    from mcap.writer import CompressionType, Writer
+    from mcap_protobuf.schema import register_schema
+
+    with path.open("wb") as file:
+        writer = Writer(file, chunk_size=2**14, compression=CompressionType.NONE)
+        writer.start(profile="manytouch", library="manytouch")
+        image_schema = register_schema(writer, CompressedImage)
+        camera = writer.register_channel("/camera", "protobuf", image_schema)
+        schemas = [writer.register_schema(name, "jsonschema", b"{}") for name in ("Reading", "Session")]
+        reading_channel = writer.register_channel("/reading", "json", schemas[0])
+        session_channel = writer.register_channel("/session", "json", schemas[1])
+        about = {
+            "schema": 1,
+            "started_unix_ns": 10**18,
+            "source": {},
+            "method": "perimeter",
+            "parameters": {},
+            "versions": {},
+        }
+        session = json.dumps({**about, "sensor": to_json(sensor)}).encode()
+        writer.add_message(session_channel, 10**18, session, 10**18, 0)
+        for reading in readings:
+            number, log_ns = reading.frame.index, 10**18 + reading.frame.timestamp_ns
+            encoded, suffix = encode_frame(reading.frame)
+            assert encoded
+            image = CompressedImage(frame_id="drawn", data=encoded, format=suffix).SerializeToString()
+            writer.add_message(camera, log_ns, image, log_ns, number)
+            values = {
+                name: to_json(getattr(reading, name))
+                for name in ("detections", "grid", "surface", "contacts")
+            }
+            values["surface"]["layout"] = None
+            message = {"frame": number, "milliseconds": reading.milliseconds, "values": values}
+            writer.add_message(reading_channel, log_ns, json.dumps(message).encode(), log_ns, number)
+        writer.finish()
+
+
+def test_recordings_of_version_0_1_replay_to_the_last_bit(
+    made: tuple[Path, list[Reading], Sensor], tmp_path: Path
+) -> None:
+    path, readings = tmp_path / "old.mcap", made[1]
+    old_recording(path, readings, made[2])
+    timeline = open_source(path).capabilities.seek
+    assert timeline is not None
+    assert len(timeline) == FRAMES
+    for place, reading in enumerate(readings):
+        again = timeline.reading(place)
+        assert again is not None
+        np.testing.assert_array_equal(again.surface.covariance_mm2, reading.surface.covariance_mm2)
+        np.testing.assert_array_equal(again.grid.position_px, reading.grid.position_px)
+        assert again.status is Status.OK
+    assert check(path).is_whole
+    assert 2 * made[0].stat().st_size < path.stat().st_size + sum(
+        len(encode_frame(reading.frame)[0]) for reading in readings
+    )
+
+
+@pytest.mark.parametrize("describe", [calibration_message, transform_message])
+def test_messages_for_other_programs_can_be_made_of_a_recorded_sensor(
+    made: tuple[Path, list[Reading], Sensor], describe: Callable[..., object]
+) -> None:
+    assert describe(Recording(made[0]).sensor.camera, "camera", 0)
+
+
+def test_a_frame_of_another_number_is_not_in_the_recording(
+    made: tuple[Path, list[Reading], Sensor],
+) -> None:
+    bare = Frame(index=FRAMES + 1, timestamp_ns=0, camera="", image=None)
+    assert Recording(made[0]).reading(bare) is None

@@ -1,0 +1,77 @@
+"""The readable part of a recorded reading: contacts in plain numbers, null where unknown."""
+
+import json
+from typing import Any
+
+import numpy as np
+import pytest
+
+from manytouch.recording.messages import READING_SCHEMA, encode_reading
+from manytouch.sources.simulated import simulated_source
+from manytouch.values import Contact, Contacts, ContactShape, Detections, OutlineRing, Phase, Reading
+
+TRIANGLE_MM = np.array([[0.0, 0.0], [1.23456, 0.0], [0.0, 1.0]])
+
+
+def contact(**changes: Any) -> Contact:
+    return Contact(
+        id=2,
+        phase=Phase.MOVE,
+        centre_mm=np.zeros(2),
+        centre_px=np.zeros(2),
+        depth_mm=1.0,
+        force_N=np.full(3, np.nan),
+        torque_Nmm=np.nan,
+        area_mm2=np.nan,
+        covariance=np.full((8, 8), np.nan),
+        **changes,
+    )
+
+
+@pytest.fixture(scope="module")
+def reading() -> Reading:
+    source = simulated_source().lasting(0.1)
+    truth = source.truth(0)
+    return Reading(
+        frame=next(iter(source)),
+        detections=Detections(
+            centre_px=np.zeros((0, 2)),
+            covariance_px2=np.zeros((0, 2, 2)),
+            area_px2=np.zeros(0),
+            contrast=np.zeros(0),
+        ),
+        grid=truth.grid,
+        surface=truth.surface,
+        contacts=Contacts(
+            contacts=(
+                contact(),
+                contact(
+                    half_major_mm=2.0,
+                    orientation_rad=0.25,
+                    shape=ContactShape.PATCH,
+                    shape_probability=0.9,
+                    outline=(
+                        OutlineRing(
+                            point_mm=np.array([[0.0, 0.0], [1.23456, 0.0], [0.0, 1.0]]), is_hole=True
+                        ),
+                    ),
+                ),
+            )
+        ),
+        milliseconds=1.0,
+    )
+
+
+def test_regions_are_plain_numbers(reading: Reading) -> None:
+    unknown, known = json.loads(encode_reading(reading))["contacts"]
+    assert unknown["half_major_mm"] is unknown["shape"] is unknown["outline"] is None
+    assert (known["half_major_mm"], known["half_minor_mm"]) == (2.0, None)
+    assert (known["orientation_rad"], known["shape"], known["shape_probability"]) == (0.25, "patch", 0.9)
+    (ring,) = known["outline"]
+    assert ring == {"is_hole": True, "points_mm": [[0.0, 0.0], [1.235, 0.0], [0.0, 1.0]]}
+
+
+def test_the_schema_names_every_field_of_a_contact(reading: Reading) -> None:
+    named = READING_SCHEMA["properties"]["contacts"]["items"]["properties"]
+    for found in json.loads(encode_reading(reading))["contacts"]:
+        assert set(found) == set(named)

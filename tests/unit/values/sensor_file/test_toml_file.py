@@ -1,0 +1,86 @@
+"""TOML that would take much time or memory is refused before it is parsed; other TOML is read as it is."""
+
+import tomllib
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from manytouch.errors import SensorError
+from manytouch.limits import MAX_TOML_BYTES, MAX_TOML_DEPTH, MAX_TOML_KEYS
+from manytouch.values.sensor_file.toml_file import complexity_mistake, read_toml
+
+
+def refusal(text: str | bytes, folder: Path) -> str:
+    path = folder / "a.toml"
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    with pytest.raises(SensorError) as caught:
+        read_toml(path, "a sensor file", SensorError)
+    return str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "[" + ".".join(["a"] * 50_000) + "]\nx = 1",
+        ".".join(["a"] * 50_000) + " = 1",
+        "x = " + "[" * 50_000,
+        "x = " + "{a=" * 50_000,
+        "x = " + "[" * 50_000 + "]" * 50_000,
+        'name = "\\"" # "\nx = ' + "[" * 50_000,
+        "name = '''\n''''\nx = " + "[" * 50_000,
+        'a."b"' + ". c " * 50_000 + "= 1",
+    ],
+)
+def test_deep_nesting_is_refused(text: str, tmp_path: Path) -> None:
+    assert f"at most {MAX_TOML_DEPTH}" in refusal(text, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("".join(f"[a{number}]\n" for number in range(MAX_TOML_KEYS + 1)), "keys"),
+        ("".join(f"a{number}=1\n" for number in range(MAX_TOML_KEYS + 1)), "keys"),
+        ("#" * (MAX_TOML_BYTES + 1), "too large"),
+        ("x = [" + "[0,0]," * 120_000 + "]", "lists"),
+        ("x = [" + "0," * 700_000 + "]", "values"),
+        (b"name = '\xff'", "cannot be read"),
+        ("x = " + "9" * 5000, "not valid TOML"),
+        ("x = 1\nx = 2", "not valid TOML"),
+        ('"""' + '\\"""' * 300_000, "not valid TOML"),
+    ],
+)
+def test_other_unusable_files_are_refused(text: str | bytes, words: str, tmp_path: Path) -> None:
+    assert words in refusal(text, tmp_path)
+
+
+def test_a_folder_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SensorError, match="folder"):
+        read_toml(tmp_path, "a sensor file", SensorError)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        'x = "[[[[[[[[[[[[[[[[" # [[[[[[[[[[[[[[',
+        "x = '''\n[[[[[[[[[[[[[[[[[['''",
+        'x = """[[[[[[[[[[\\"""[[[[[[""""',
+        "x = ['a.a.a.a.a.a.a.a.a.a', 1.5, 2.5, 3.5, 4.5, 5.5, 6.5, 7.5, 8.5, 9.5]",
+        "x = [" + "[1.0, 2.0],\n" * 20_000 + "]",
+    ],
+)
+def test_text_and_long_tables_are_not_nested(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "a.toml"
+    path.write_text(text)
+    assert read_toml(path, "a sensor file", SensorError) == tomllib.loads(text)
+
+
+@given(
+    st.recursive(st.just("1"), lambda inner: st.lists(inner, max_size=3).map(lambda a: f"[{', '.join(a)}]"))
+)
+def test_the_depth_of_lists_is_found(value: str) -> None:
+    depth = 0
+    for place in range(len(value)):
+        depth = max(depth, value[: place + 1].count("[") - value[: place + 1].count("]"))
+    assert (complexity_mistake(f"x = {value}") is not None) == (depth > MAX_TOML_DEPTH)
