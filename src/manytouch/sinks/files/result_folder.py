@@ -6,7 +6,9 @@ import os
 import secrets
 import shutil
 import tempfile
+import time
 from collections.abc import Collection, Iterator
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
@@ -15,6 +17,7 @@ from manytouch.sinks.files.atomic_output import flush, output_errors, remove
 from manytouch.sinks.files.folder_lock import FolderLock
 
 PARTIAL, OLD = "partial", "old"
+REMOVALS = 40
 LONGEST_LABEL = 200  # bytes of a name that still has room for the suffixes
 
 
@@ -95,7 +98,11 @@ class ResultFolder:
 
     def close(self) -> None:
         """Remove what was not committed, and release the lock."""
-        shutil.rmtree(self.partial_path, ignore_errors=True)
+        for _ in range(REMOVALS):  # after an error, threads of zarr may still create files
+            shutil.rmtree(self.partial_path, ignore_errors=True)
+            if not self.partial_path.exists():
+                break
+            time.sleep(0.05)
         self._lock.release()
         if not self._final.exists():
             for created in self._created:
@@ -170,5 +177,9 @@ def is_disk_full(error: BaseException | None) -> bool:
 
 
 def folder_bytes(folder: Path) -> int:
-    """Size of all files of a folder."""
-    return sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
+    """Size of all files of a folder, while others may remove some of them."""
+    total = 0
+    for path in folder.rglob("*"):
+        with suppress(FileNotFoundError):
+            total += path.stat().st_size if path.is_file() else 0
+    return total

@@ -15,7 +15,7 @@ from manytouch.errors import MissingExtraError
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.sinks.files.tables import time_s
-from manytouch.sinks.surface_grid import surface_grid
+from manytouch.sinks.surface_grid import SurfaceGrid, surface_grid
 from manytouch.values import Reading, Sensor
 
 FRAMES_PER_CHUNK = 16
@@ -36,34 +36,13 @@ class SurfaceStore:
 
     def __init__(self, folder: Path, sensor: Sensor) -> None:
         require_zarr()
-        import zarr
-
         self._unit = sensor.length_unit
         grid = surface_grid(layout_of(sensor))
         self._sampler = grid.sampler
         self._path = folder / "surface.zarr"
-        with output_errors(self._path):
-            self._group: Any = zarr.create_group(str(self._path), zarr_format=3)
-        self._group.attrs.update({"title": f"the sheet of {sensor.name}", "unit": self._unit})
-        axis = {"units": self._unit, "long_name": "undeformed sheet coordinate"}
-        self._coordinate("x", grid.x_mm, axis)
-        self._coordinate("y", grid.y_mm, axis)
-        shape = (len(grid.y_mm), len(grid.x_mm))
-        self._arrays: dict[str, Any] = {
-            name: self._map(f"{name}_{unit}" if unit else name, shape, unit, description)
-            for name, unit, description in (
-                ("depth", self._unit, "depth of the camera-side face, positive when pressed"),
-                ("depth_std", self._unit, "standard deviation of the depth"),
-                ("strain", "", "largest principal Green-Lagrange strain of the camera-side face"),
-                ("pressure", "kPa", "normal force per area, positive in compression"),
-            )
-            if name != "pressure" or (sensor.sheet is not None and sensor.sheet.young_MPa is not None)
-        }
-        self._frame = self._array("frame", (), "int64", ("frame",))
-        self._frame.attrs["long_name"] = "number of the frame in its input"
-        self._time = self._array("time_s", (), "float64", ("frame",))
-        self._time.attrs.update({"units": "s", "long_name": "time since the input's start"})
         self._pending: list[tuple[int, float, dict[str, np.ndarray]]] = []
+        with output_errors(self._path):
+            self._create(sensor, grid)
 
     def write(self, reading: Reading) -> None:
         """Add a frame."""
@@ -100,6 +79,31 @@ class SurfaceStore:
                 array.append(np.stack([fields[name] for fields in found]).astype(np.float32))
         self._pending = []
 
+    def _create(self, sensor: Sensor, grid: SurfaceGrid) -> None:
+        """Create the empty arrays."""
+        import zarr
+
+        self._group: Any = zarr.create_group(str(self._path), zarr_format=3)
+        self._group.attrs.update({"title": f"the sheet of {sensor.name}", "unit": self._unit})
+        axis = {"units": self._unit, "long_name": "undeformed sheet coordinate"}
+        self._coordinate("x", grid.x_mm, axis)
+        self._coordinate("y", grid.y_mm, axis)
+        shape = (len(grid.y_mm), len(grid.x_mm))
+        self._arrays: dict[str, Any] = {
+            name: self._map(f"{name}_{unit}" if unit else name, shape, unit, description)
+            for name, unit, description in (
+                ("depth", self._unit, "depth of the camera-side face, positive when pressed"),
+                ("depth_std", self._unit, "standard deviation of the depth"),
+                ("strain", "", "largest principal Green-Lagrange strain of the camera-side face"),
+                ("pressure", "kPa", "normal force per area, positive in compression"),
+            )
+            if name != "pressure" or (sensor.sheet is not None and sensor.sheet.young_MPa is not None)
+        }
+        self._frame = self._array("frame", (), "int64", ("frame",))
+        self._frame.attrs["long_name"] = "number of the frame in its input"
+        self._time = self._array("time_s", (), "float64", ("frame",))
+        self._time.attrs.update({"units": "s", "long_name": "time since the input's start"})
+
     def _map(self, name: str, shape: tuple[int, ...], unit: str, description: str) -> Any:
         array = self._array(name, shape, "float32", ("frame", "y", "x"))
         array.attrs.update({"units": unit or "1", "long_name": description, "coordinates": "time_s"})
@@ -108,20 +112,18 @@ class SurfaceStore:
     def _array(self, name: str, shape: tuple[int, ...], kind: str, dimensions: tuple[str, ...]) -> Any:
         """An array that grows with the frames."""
         fill = np.nan if kind.startswith("float") else 0
-        with output_errors(self._path):
-            return self._group.create_array(
-                name,
-                shape=(0, *shape),
-                chunks=(FRAMES_PER_CHUNK, *shape),
-                dtype=kind,
-                fill_value=fill,
-                dimension_names=dimensions,
-            )
+        return self._group.create_array(
+            name,
+            shape=(0, *shape),
+            chunks=(FRAMES_PER_CHUNK, *shape),
+            dtype=kind,
+            fill_value=fill,
+            dimension_names=dimensions,
+        )
 
     def _coordinate(self, name: str, values: np.ndarray, attributes: dict[str, str]) -> None:
-        with output_errors(self._path):
-            array = self._group.create_array(
-                name, shape=values.shape, chunks=values.shape, dtype="float64", dimension_names=(name,)
-            )
-            array[:] = values
+        array = self._group.create_array(
+            name, shape=values.shape, chunks=values.shape, dtype="float64", dimension_names=(name,)
+        )
+        array[:] = values
         array.attrs.update(attributes)
