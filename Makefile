@@ -50,6 +50,7 @@ faults: .venv/compiled
 	@$(BIN)/python tests/faults/run.py $(ARGS)
 	@$(BIN)/python tests/faults/floods.py
 	@$(BIN)/python tests/faults/kills.py
+	@$(BIN)/python tests/faults/recording_kills.py
 
 soak: .venv/compiled
 	@$(BIN)/python tests/faults/soak.py $(ARGS)

@@ -22,6 +22,7 @@ from manytouch.calibration.sheet.press_table import read_press_table
 from manytouch.errors import ManytouchError
 from manytouch.geometry.camera import project
 from manytouch.session import pipeline_for, prepare
+from manytouch.session.warm_up import poor_images
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
 from manytouch.simulation.scene.solve import solid_problem
@@ -108,12 +109,15 @@ def learned() -> object:
 
 def valid_readings() -> list[Reading]:
     job = learned()
-    return list(
-        job.pipeline.run((frame_of(picture(press_of(20 + k), seed=k), k) for k in range(20)), job.sensor)
-    )
+    images = [*(picture(press_of(20 + k), seed=k) for k in range(20)), *poor_images(picture())]
+    frames = [frame_of(image, index) for index, image in enumerate(images)]
+    return list(job.pipeline.run(frames, job.sensor))
 
 
 def frame_of(image: np.ndarray | None, index: int) -> Frame:
+    """A frame of an image, which is made read-only as a source does it."""
+    if image is not None:
+        image.setflags(write=False)
     return Frame(index=index, timestamp_ns=index * 40_000_000, camera="faults", image=image)
 
 

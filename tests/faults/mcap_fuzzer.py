@@ -57,6 +57,9 @@ def attempt(path: Path, original: Recording, *, is_sealed: bool) -> None:
     timeline = source.capabilities.seek
     assert timeline is not None
     known = {place.sequence: position for position, place in enumerate(original.frames)}
+    has_reading = [timeline.reading(place) is not None for place in range(len(timeline))]
+    has_end = is_sealed or Recording(path).is_complete
+    assert all(has_reading[: len(has_reading) if has_end else sum(has_reading)]), "a reading is skipped"
     for place in range(len(timeline)):
         frame, reading = timeline.frame(place), timeline.reading(place)
         if frame.encoded is not None and not is_sealed:

@@ -1,5 +1,7 @@
 """Reads a recording: an index of its messages, and each message on demand."""
 
+import math
+from bisect import bisect_left
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
@@ -46,8 +48,8 @@ class FramePlace:
 class Recording:
     """A recording on disk.
 
-    A damaged part of the file costs what is in it: frames in it have no image, and their readings have the
-    status `decode_error`.
+    A damaged part of the file costs what is in it: frames in it have no image, and readings in it have the
+    status `decode_error`. Where frames were not processed before such a part, theirs have it too.
 
     Attributes:
         path: the file.
@@ -57,6 +59,7 @@ class Recording:
         frames: in order, also those that are damaged.
         damaged_bytes: size of what is not whole.
         damaged_frames: number of frames that are lost with it.
+        damaged_readings: number of readings of other frames that are lost with it.
     """
 
     def __init__(self, path: Path) -> None:
@@ -85,8 +88,9 @@ class Recording:
         self._readings = {place.sequence: place for place in readings}
         lost = _lost_frames(camera, found.damaged)
         self.frames: Sequence[FramePlace] = sorted([*camera, *lost], key=lambda place: place.sequence)
-        self._lost = {place.sequence for place in lost}
-        self.damaged_frames = len(lost)
+        lost_readings = _lost_readings(camera, readings, found.damaged)
+        self._lost = {place.sequence for place in lost} | lost_readings
+        self.damaged_frames, self.damaged_readings = len(lost), len(lost_readings)
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -96,9 +100,9 @@ class Recording:
         return self.frames[position].timestamp_ns
 
     def has_reading(self, position: int) -> bool:
-        """Whether the frame at a position was processed, or is damaged."""
-        place = self.frames[position]
-        return place.location is None or place.sequence in self._readings
+        """Whether the frame at a position was processed, or it or its reading is damaged."""
+        sequence = self.frames[position].sequence
+        return sequence in self._readings or sequence in self._lost
 
     def frame(self, position: int) -> Frame:
         """The frame at a position, not yet decoded; without bytes if it had no image, or is damaged."""
@@ -151,6 +155,7 @@ class Recording:
                 else f"{self.path.name} was cut off; its {len(self)} whole frames are replayed"
             )
         lost = f", and {self.damaged_frames} of {len(self)} frames are lost" if self.damaged_frames else ""
+        lost += f", and the readings of {self.damaged_readings} frames" if self.damaged_readings else ""
         cut = "" if self.is_complete else ", and it was cut off"
         return f"{self.damaged_bytes} bytes of {self.path.name} are damaged{lost}{cut}; the rest is replayed"
 
@@ -217,6 +222,29 @@ def _lost_frames(camera: Sequence[FramePlace], damaged: Sequence[tuple[int, int]
                 for k in range(1, missing + 1)
             ]
     return found
+
+
+def _lost_readings(
+    camera: Sequence[FramePlace], readings: Sequence[FramePlace], damaged: Sequence[tuple[int, int]]
+) -> set[int]:
+    """Numbers of frames without reading, where the file is damaged between the readings before and after."""
+    numbers, damaged_at = [place.sequence for place in readings], [begin for begin, _ in damaged]
+    found: set[int] = set()
+    for place in camera if damaged else ():
+        following = bisect_left(numbers, place.sequence)
+        if following < len(numbers) and numbers[following] == place.sequence:
+            continue
+        begin = max(_end_of(place), _end_of(readings[following - 1]) if following else 0)
+        end = _end_of(readings[following]) if following < len(readings) else math.inf
+        first, last = sorted((begin, end))
+        if bisect_left(damaged_at, first) < bisect_left(damaged_at, last):
+            found.add(place.sequence)
+    return found
+
+
+def _end_of(place: FramePlace) -> int:
+    """End of the chunk of a message in the file, in bytes."""
+    return 0 if place.location is None else place.location.chunk.end
 
 
 def _damaged_reading(frame: Frame, layout: Layout) -> Reading:

@@ -25,7 +25,7 @@ class Report:
         has_index: whether the index at its end is whole.
         damaged: begin and end of damaged parts, in bytes.
         messages: number of whole messages by topic.
-        lost_frames: number of frames in damaged parts.
+        lost_frames, lost_readings: number of frames, and of readings of other frames, in damaged parts.
         bad_readings: number of readings that have a right checksum and wrong content.
         problem: why it cannot be replayed, or None.
     """
@@ -36,6 +36,7 @@ class Report:
     damaged: tuple[tuple[int, int], ...]
     messages: dict[str, int]
     lost_frames: int
+    lost_readings: int
     bad_readings: int
     problem: str | None
 
@@ -58,6 +59,8 @@ class Report:
             yield f"damaged: {len(self.damaged) - MOST_LISTED} more parts"
         if self.lost_frames:
             yield f"lost: {self.lost_frames} frames"
+        if self.lost_readings:
+            yield f"lost: the readings of {self.lost_readings} frames"
         if self.bad_readings:
             yield f"{self.bad_readings} readings cannot be read"
         if self.problem:
@@ -77,14 +80,15 @@ def check(path: Path) -> Report:
     for number, messages in found.messages.items():
         topic = found.channels[number][1] if number in found.channels else "unknown topic"
         counts[topic] += len(messages)
-    lost = bad = 0
+    lost = lost_readings = bad = 0
     problem = None
     try:
         recording = Recording(path)
     except SourceError as error:
         problem = str(error)
     else:
-        lost, bad = recording.damaged_frames, sum(1 for _ in recording.bad_readings())
+        lost, lost_readings = recording.damaged_frames, recording.damaged_readings
+        bad = sum(1 for _ in recording.bad_readings())
     return Report(
         bytes=path.stat().st_size,
         is_complete=found.is_complete,
@@ -92,6 +96,7 @@ def check(path: Path) -> Report:
         damaged=tuple(found.damaged),
         messages=dict(counts),
         lost_frames=lost,
+        lost_readings=lost_readings,
         bad_readings=bad,
         problem=problem,
     )

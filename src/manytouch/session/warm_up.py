@@ -2,11 +2,14 @@
 
 import hashlib
 import sys
+from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+import cv2
 import numba
+import numpy as np
 from llvmlite.binding import get_host_cpu_name
 from platformdirs import user_cache_path
 
@@ -16,6 +19,7 @@ from manytouch.errors import ManytouchError
 from manytouch.kernel_cache import compiling, is_writable
 from manytouch.session.methods import kernels, pipeline_for
 from manytouch.sources.simulated import simulated_source
+from manytouch.values.arrays import Image, read_only
 
 REST_FRAMES = 2
 SCENE, WIDTH_PX = "one", 640
@@ -30,8 +34,9 @@ OWN_KERNELS = {
 def warm_up_kernels(method: str) -> bool:
     """Find a simulated layout and process a contact, unless this has been done with the present sources.
 
-    Frames at rest do not need all kernels; without this the first contact of a live session would be delayed
-    until they are compiled. Of several processes that begin at once, one compiles and the others wait for it.
+    Frames at rest do not need all kernels; without this a live session would stop until they are compiled,
+    at the first contact, and where markers are lost for the first time. Of several processes that begin at
+    once, one compiles and the others wait for it.
 
     Args:
         method: that will be used.
@@ -49,13 +54,27 @@ def warm_up_kernels(method: str) -> bool:
         frames = [replace(simulator.frame(shown), index=index) for index, shown in enumerate(FRAMES)]
         with suppress(ManytouchError):
             sensor_from_rest(frames[:REST_FRAMES], name=SCENE)
-        for _ in pipeline_for(method).run(frames, simulator.sensor):
+        image = frames[0].image
+        assert image is not None
+        lost = [
+            replace(frames[0], index=len(FRAMES) + number, image=poor)
+            for number, poor in enumerate(poor_images(image))
+        ]
+        for _ in pipeline_for(method).run([*frames, *lost], simulator.sensor):
             pass
         with suppress(OSError):
             mark = compiled_mark(method)
             mark.parent.mkdir(parents=True, exist_ok=True)
             mark.touch()
     return True
+
+
+def poor_images(image: Image) -> Iterator[Image]:
+    """Images in which markers are lost: moved partly out of view, without any marker, and blurred."""
+    height, width = image.shape[:2]
+    yield read_only(np.roll(image, (height // 12, width // 12), axis=(0, 1)))
+    yield read_only(np.random.default_rng(0).integers(0, 256, image.shape, dtype=np.uint8))
+    yield read_only(cv2.blur(image, (width // 30, width // 30)))
 
 
 def compiled_mark(method: str) -> Path:

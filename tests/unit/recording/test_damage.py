@@ -15,11 +15,25 @@ from manytouch.recording.messages import calibration_message, transform_message
 from manytouch.recording.reader import Recording
 from manytouch.recording.records import scan
 from manytouch.recording.repair import check, repair
+from manytouch.session import Playback, run
 from manytouch.sinks.recorder import encode_frame
 from manytouch.sources import open_source
 from manytouch.values import Frame, Reading, Sensor, Status
 
 pytest.importorskip("mcap")
+
+
+class Shown:
+    """A sink that keeps its readings."""
+
+    def __init__(self) -> None:
+        self.readings: list[Reading] = []
+
+    def write(self, reading: Reading) -> None:
+        self.readings.append(reading)
+
+    def close(self) -> None:
+        pass
 
 
 @pytest.fixture(scope="module")
@@ -47,8 +61,10 @@ def chunk_of(path: Path, topic: str, number: int) -> tuple[int, int]:
     return place.chunk.begin, place.chunk.end
 
 
-def with_bad_byte(path: Path, damaged_path: Path, topic: str, number: int) -> None:
-    content = bytearray(path.read_bytes())
+def with_bad_byte(
+    path: Path, damaged_path: Path, topic: str, number: int, *, onto: Path | None = None
+) -> None:
+    content = bytearray((onto or path).read_bytes())
     begin, end = chunk_of(path, topic, number)
     content[(begin + end) // 2] ^= 0x55
     damaged_path.write_bytes(content)
@@ -81,9 +97,31 @@ def test_a_bad_byte_in_a_reading_costs_this_reading(
     timeline = open_source(path).capabilities.seek
     assert timeline is not None
     found = [timeline.reading(place) for place in range(FRAMES)]
-    statuses = {place: reading.status for place, reading in enumerate(found) if reading is not None}
-    assert all(statuses[place] is made[1][place].status for place in statuses)
-    assert len(statuses) == FRAMES - 1
+    statuses = [None if reading is None else reading.status for reading in found]
+    expected = [reading.status for reading in made[1]]
+    assert statuses == [*expected[:7], Status.DECODE_ERROR, *expected[8:]]
+    assert "and the readings of 1 frames" in (timeline.warning or "")
+    assert "lost: the readings of 1 frames" in list(check(path).lines())
+    shown = Shown()
+    run(Playback(path), [shown])
+    assert [reading.status for reading in shown.readings] == statuses
+
+
+@pytest.mark.parametrize(("begin", "end"), [(0, 3), (6, 9), (FRAMES - 2, FRAMES)])
+def test_readings_that_are_lost_one_after_the_other_are_damaged_frames(
+    made: tuple[Path, list[Reading], Sensor], tmp_path: Path, begin: int, end: int
+) -> None:
+    path = tmp_path / "bad.mcap"
+    path.write_bytes(made[0].read_bytes())
+    for number in range(begin, end):
+        for topic in ("/reading", "/surface"):
+            with_bad_byte(made[0], path, topic, number, onto=path)
+    recording = Recording(path)
+    readings = [recording.reading(recording.frame(place)) for place in range(FRAMES)]
+    damaged = [place for place, reading in enumerate(readings) if reading and reading.status != "ok"]
+    assert damaged == list(range(begin, end))
+    assert recording.damaged_readings == end - begin
+    assert not any(recording.frame(place).encoded is None for place in damaged)
 
 
 def test_a_bad_byte_in_the_first_session_is_replaced_by_its_copy(

@@ -10,7 +10,7 @@ import pytest
 
 from manytouch.session import warm_up
 from manytouch.session.methods import kernels, pipeline_for
-from manytouch.values import Reading
+from manytouch.values import Reading, Status
 
 
 def test_the_contact_is_processed_from_its_beginning_to_its_end(
@@ -31,6 +31,10 @@ def test_the_contact_is_processed_from_its_beginning_to_its_end(
     monkeypatch.setattr(warm_up, "compiled_mark", lambda _: tmp_path / "mark")
     monkeypatch.setattr(warm_up, "pipeline_for", Observed)
     assert warm_up.warm_up_kernels("perimeter")
+    lost = [reading.status for reading in readings[len(warm_up.FRAMES) :]]
+    assert lost == [Status.OK, Status.FEW_MARKERS, Status.BLURRED]
+    assert not readings[len(warm_up.FRAMES)].grid.is_seen.all(), "partly out of view"
+    readings = readings[: len(warm_up.FRAMES)]
     touched = [bool(reading.contacts.touching) for reading in readings]
     assert not touched[0]
     assert any(touched)

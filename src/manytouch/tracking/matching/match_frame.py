@@ -10,7 +10,7 @@ from jaxtyping import Float64
 from manytouch.compilation import plain
 from manytouch.tracking.lattice_graph import LatticeGraph
 from manytouch.tracking.matching.records import Assignment, DotArrays, MatchingState, Workspace
-from manytouch.values.arrays import Points2
+from manytouch.values.arrays import Points2, read_only
 
 Markers2 = Float64[np.ndarray, "m 2"]
 
@@ -116,15 +116,18 @@ def match_frame(
 
 
 def _other_guesses(graph: LatticeGraph, centre_px: Points2, guess_px: Markers2) -> Iterator[np.ndarray]:
-    """Positions (m, 2) to begin from when the first guess was poor."""
+    """Positions (m, 2) to begin from when the first guess was poor.
+
+    They are read-only as the first one is: the kernels are compiled once for each type.
+    """
     from manytouch.tracking.matching.view_translation import likely_translations
 
-    rest = np.array(graph.arrays.rest_px[: graph.marker_count])
+    rest = read_only(np.array(graph.arrays.rest_px[: graph.marker_count]))
     yield rest
     for begin in (guess_px, rest):
         found = likely_translations(centre_px, graph.spacing_px, begin, graph.is_present)
         for translation in found[:_TRANSLATIONS]:
-            yield begin + translation
+            yield read_only(begin + translation)
 
 
 def _is_sufficient(match: FrameMatch, dots: int, present: int) -> bool:
