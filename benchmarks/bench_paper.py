@@ -18,12 +18,13 @@ from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation, PaperEstimationState
 from manytouch.paper.tracking import PaperTracking
 from manytouch.sources.simulated import simulated_source
+from manytouch.values import Interpolation, Surface
 
 
 def measured(
     frames: int, width_px: int, estimate: PaperEstimation
-) -> tuple[dict[str, np.ndarray], PaperEstimationState, np.ndarray]:
-    """Milliseconds of each stage in each frame; the memory and the depths of the last frame."""
+) -> tuple[dict[str, np.ndarray], PaperEstimationState, Surface]:
+    """Milliseconds of each stage in each frame; the memory and the surface of the last frame."""
     simulator = simulated_source(width_px=width_px).simulator
     stages = (PaperDetection(), PaperTracking(), estimate)
     detecting, tracking, estimating = (stage.start(simulator.sensor) for stage in stages)
@@ -41,8 +42,7 @@ def measured(
         if index >= 42:
             for name, seconds in zip(spent_ms, [*np.diff(ticks), ticks[-1] - ticks[0]], strict=True):
                 spent_ms[name].append(1e3 * seconds)
-    depth_mm = -surface.displacement_mm[:, 2]
-    return {name: np.array(values) for name, values in spent_ms.items()}, estimating, depth_mm
+    return {name: np.array(values) for name, values in spent_ms.items()}, estimating, surface
 
 
 def main() -> None:
@@ -55,8 +55,8 @@ def main() -> None:
     options.add_argument("--width", type=int, default=2560, help="of the 16:9 image, px")
     chosen = options.parse_args()
     cv2.setNumThreads(1)
-    estimate = PaperEstimation(iterations=chosen.iterations)
-    spent_ms, memory, depth_mm = measured(chosen.frames, chosen.width, estimate)
+    estimate = PaperEstimation(interpolation=Interpolation(kind="idw", iterations=chosen.iterations))
+    spent_ms, memory, surface = measured(chosen.frames, chosen.width, estimate)
     layout = memory.layout
     print(f"{chosen.width} px wide, {len(layout.rest_mm)} markers, surface of {chosen.iterations**2} points")
     for name, values in spent_ms.items():
@@ -65,13 +65,13 @@ def main() -> None:
     begun_s = time.perf_counter()
     plain = plain_map(
         *(layout.rest_mm[:, axis].tolist() for axis in (0, 1)),
-        depth_mm.tolist(),
+        (-surface.displacement_mm[:, 2]).tolist(),
         iterations=chosen.iterations,
-        radius_mm=estimate.search_radius_pitch * pitch_mm,
-        power=estimate.power,
+        radius_mm=estimate.interpolation.search_radius_pitch * pitch_mm,
+        power=estimate.interpolation.power,
     )
     plain_ms = 1e3 * (time.perf_counter() - begun_s)
-    apart_mm = float(np.nanmax(np.abs(plain - memory.surface(depth_mm))))
+    apart_mm = float(np.nanmax(np.abs(plain - memory.plane.depth(surface))))
     whole_ms = np.median(spent_ms["all"]) + plain_ms
     print(f"{'plain IDW':>12}: once {plain_ms:9.1f} ms   (differs by at most {apart_mm:.1e} mm)")
     print(f"with plain IDW: {whole_ms:.0f} ms, {1e3 / whole_ms:.2f} frames per second")

@@ -7,7 +7,7 @@ frame of any recording can be computed again with the same bits.
 
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol, runtime_checkable
 
 from manytouch.values import (
@@ -17,6 +17,7 @@ from manytouch.values import (
     Detections,
     Frame,
     Health,
+    Interpolation,
     Reading,
     Sensor,
     Surface,
@@ -138,15 +139,20 @@ def track_frames(
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Pipeline:
-    """The three stages of a method, in order.
+    """The three stages of a method, in order, and how the surfaces are evaluated between the markers.
 
     `track_frames` and `estimate_readings` are its two halves. They share no state, so each may run in a
     thread of its own.
+
+    Attributes:
+        detect, track, estimate: the stages.
+        interpolation: of the surfaces; None: as the estimator states.
     """
 
     detect: Detector
     track: Tracker
     estimate: Estimator
+    interpolation: Interpolation | None = None
 
     def run(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Reading]:
         """One reading per frame, in order."""
@@ -162,6 +168,8 @@ class Pipeline:
         for each in tracked:
             begin_s = time.perf_counter()
             state, surface, contacts = self.estimate.step(state, each.grid)
+            if self.interpolation is not None:
+                surface = replace(surface, interpolation=self.interpolation)
             yield Reading(
                 frame=each.frame,
                 detections=each.detections,

@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from manytouch.cli.terminal import options
+from manytouch.cli.terminal import method_options, options
 
 
 def process(
@@ -33,6 +33,7 @@ def process(
     hfov_deg: options.HfovDeg = None,
     roi: options.RoiPx = None,
     fps: options.Fps = None,
+    between: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008 - immutable
 ) -> int:
     """Process every frame of recordings of a dotted sheet; write contacts, markers and a summary.
 
@@ -46,6 +47,7 @@ def process(
     --picture 60 picture-000060.png.
     """
     options.refuse_two_scales("process", sensor, pitch_mm, hfov_deg)
+    parameters = between.parameters("process", method)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.failures import report
     from manytouch.cli.terminal.interrupt import Stop
@@ -70,6 +72,7 @@ def process(
                         hfov_deg=hfov_deg,
                         roi_px=roi,
                         fps=fps,
+                        parameters=parameters,
                         observer=reporter,
                     )
                     if stop():

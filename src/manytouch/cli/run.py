@@ -5,7 +5,7 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from manytouch.cli.terminal import options
+from manytouch.cli.terminal import method_options, options
 
 
 def run(
@@ -26,6 +26,7 @@ def run(
     hfov_deg: options.HfovDeg = None,
     roi: options.RoiPx = None,
     fps: options.Fps = None,
+    between: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008 - immutable
     size: options.Size = None,
     exposure_ms: options.ExposureMs = None,
     gain: options.Gain = None,
@@ -50,6 +51,7 @@ def run(
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
+    parameters = between.parameters("run", method)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop
@@ -62,7 +64,7 @@ def run(
     reporter = Reporter(bar=False)
     address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
     with Stop() as stop:
-        if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps):
+        if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps, parameters):
             playback = Playback(Path(source))
             log = ContactLog(playback.sensor, reporter.print)
             run_loop(playback, [log, *viewers(playback, address, reporter.print)], reporter, stop)
@@ -75,6 +77,7 @@ def run(
             hfov_deg=hfov_deg,
             roi_px=roi,
             fps=fps,
+            parameters=parameters,
             camera=CameraRequest(
                 size_px=size,
                 is_mjpg=not no_mjpg,

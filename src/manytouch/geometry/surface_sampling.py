@@ -1,22 +1,26 @@
 """Depth, strain and pressure of a surface at any point of the sheet, with standard deviations.
 
 Everything that draws, measures or exports a surface evaluates it here, so that a number and a picture of
-the same point agree. A surface with a spline is the spline; what its markers differ from the spline is
-interpolated between them. Other surfaces are interpolated between the markers (`geometry.sampling`).
+the same point agree. How is a property of the surface (`Interpolation`). By "spline", a surface with a spline
+is the spline; what its markers differ from the spline is interpolated between them, as other surfaces are
+(`geometry.sampling`). By "idw", every surface is interpolated between its markers
+(`geometry.inverse_distance`), and is not known outside of them.
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import lru_cache
 
 import numpy as np
 from jaxtyping import Float, Float64
 
 from manytouch.errors import SensorError
+from manytouch.geometry.inverse_distance import InverseDistanceSampling, inverse_distance_at
 from manytouch.geometry.sampling import BEYOND_PITCH, GridSampling, PointSampling, sampling_at, sampling_on
 from manytouch.geometry.sheet_face import SheetFace, SplineShape, sheet_face, spline_shape
 from manytouch.values import Layout, SheetSpline, Surface
 from manytouch.values.arrays import Points2, Scalars
+from manytouch.values.surface import SPLINE, Interpolation
 
 GAUGE_PITCH = 0.5
 """Length over which strain is measured, in pitches."""
@@ -30,8 +34,13 @@ KPA_PER_MPA = 1000.0
 Field = Float64[np.ndarray, "*shape"]
 """One number per point, in the shape of the points: (n,), or (ny, nx) on a grid."""
 
-Interpolate = Callable[[float, float], tuple[PointSampling | GridSampling, Points2]]
+Sampling = PointSampling | GridSampling | InverseDistanceSampling
+
+Interpolate = Callable[[Interpolation, float, float], tuple[Sampling, Points2]]
 """Interpolation between markers at points that are moved by dx, dy (mm); and these points (k, 2)."""
+
+PREPARED = 16
+"""Sets of points that a sampler keeps: each interpolation has one, and four more for strain."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -100,8 +109,10 @@ def sample(
 def sampler_at(layout: Layout, point_mm: Points2) -> "SurfaceSampler":
     """Prepare n points (n, 2) of the undeformed sheet for many surfaces; results have the shape (n,)."""
 
-    def interpolate(dx_mm: float, dy_mm: float) -> tuple[PointSampling, Points2]:
-        moved_mm = _limited(layout, point_mm, (dx_mm, dy_mm))
+    def interpolate(how: Interpolation, dx_mm: float, dy_mm: float) -> tuple[Sampling, Points2]:
+        moved_mm = _limited(layout, how, point_mm, (dx_mm, dy_mm))
+        if how.kind == "idw":
+            return inverse_distance_at(layout, how, moved_mm, (len(moved_mm),)), moved_mm
         return sampling_at(layout, moved_mm), moved_mm
 
     return SurfaceSampler(layout, interpolate)
@@ -110,12 +121,14 @@ def sampler_at(layout: Layout, point_mm: Points2) -> "SurfaceSampler":
 def sampler_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"]) -> "SurfaceSampler":
     """Prepare a grid of columns x_mm (nx,) and rows y_mm (ny,); results have the shape (ny, nx)."""
 
-    def interpolate(dx_mm: float, dy_mm: float) -> tuple[GridSampling, Points2]:
+    def interpolate(how: Interpolation, dx_mm: float, dy_mm: float) -> tuple[Sampling, Points2]:
         x_row = np.column_stack([x_mm, np.full(len(x_mm), layout.rest_mm[0, 1])])
         y_row = np.column_stack([np.full(len(y_mm), layout.rest_mm[0, 0]), y_mm])
-        x_moved = _limited(layout, x_row, (dx_mm, 0.0))[:, 0]
-        y_moved = _limited(layout, y_row, (0.0, dy_mm))[:, 1]
+        x_moved = _limited(layout, how, x_row, (dx_mm, 0.0))[:, 0]
+        y_moved = _limited(layout, how, y_row, (0.0, dy_mm))[:, 1]
         grid_mm = np.stack(np.meshgrid(x_moved, y_moved), axis=-1).reshape(-1, 2)
+        if how.kind == "idw":
+            return inverse_distance_at(layout, how, grid_mm, (len(y_mm), len(x_mm))), grid_mm
         return sampling_on(layout, x_moved, y_moved), grid_mm
 
     return SurfaceSampler(layout, interpolate)
@@ -124,25 +137,26 @@ def sampler_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"]) 
 class SurfaceSampler:
     """Evaluates surfaces of one layout at the same points again and again.
 
-    What depends on the points only is computed once. Results have the shape of the points. They are NaN
-    farther than half a pitch outside the markers, and where the nearest marker of a surface is not known.
+    What depends on the points only is computed once per interpolation. Results have the shape of the points.
+    They are NaN farther than half a pitch outside the markers ("idw": anywhere outside), and where the
+    nearest marker of a surface is not known ("idw": no marker within the search radius).
     """
 
     def __init__(self, layout: Layout, interpolate: Interpolate) -> None:
         """Use `sampler_at` or `sampler_on`."""
         self.layout = layout
         self._interpolate = interpolate
-        self._here = _Points(*interpolate(0.0, 0.0))
+        self._points = lru_cache(maxsize=PREPARED)(lambda how, dx, dy: _Points(*interpolate(how, dx, dy)))
         self._at_markers = _Points(None, np.ascontiguousarray(layout.rest_mm[:, :2]))
 
     def displacement(self, surface: Surface) -> Float64[np.ndarray, "*shape 3"]:
         """Displacement of the camera-side face in the sheet frame."""
-        return self._here.displacement(surface.spline, self._residual_mm(surface))
+        return self._here(surface).displacement(_spline_of(surface), self._residual_mm(surface))
 
     def depth(self, surface: Surface) -> Field:
         """Depth, positive when pressed."""
-        if surface.spline is None:
-            return self._here.between_markers(-surface.displacement_mm[:, 2])
+        if _spline_of(surface) is None:
+            return self._here(surface).between_markers(-surface.displacement_mm[:, 2])
         return -self.displacement(surface)[..., 2]
 
     def depth_std(self, surface: Surface) -> Field:
@@ -155,30 +169,30 @@ class SurfaceSampler:
         It is interpolated between the markers, as their errors are nearly alike at neighbours.
         """
         variance_mm2 = np.einsum("i,mij,j->m", direction, surface.covariance_mm2, direction)
-        return self._here.between_markers(np.sqrt(variance_mm2))
+        return self._here(surface).between_markers(np.sqrt(variance_mm2))
 
     def strain(self, surface: Surface) -> Field:
         """Largest principal Green-Lagrange strain, 1/2 (F^T F - I), over `GAUGE_PITCH` pitches."""
-        return self._strain(surface.spline, self._residual_mm(surface))
+        return self._strain(surface.interpolation, _spline_of(surface), self._residual_mm(surface))
 
     def strain_std(self, surface: Surface, posterior: Sequence[SheetSpline]) -> Field:
         """Standard deviation of the strain: of the posterior, and of the model (`STRAIN_SHARE`)."""
-        spline = surface.spline
+        spline, how = _spline_of(surface), surface.interpolation
         found, residual_mm = self.strain(surface), self._residual_mm(surface)
         if spline is None or not posterior:
             return np.full_like(found, np.nan)
-        variance = sum((self._strain(each, residual_mm) - found) ** 2 for each in posterior) / len(posterior)
+        off2 = sum((self._strain(how, each, residual_mm) - found) ** 2 for each in posterior)
         largest = found.copy()
         for dx in (-1, 0, 1):
             for dy in (-1, 0, 1):
                 offset_mm = (dx * spline.thickness_mm, dy * spline.thickness_mm)
                 if any(offset_mm):
                     largest = np.fmax(largest, self._moved(offset_mm).strain(surface))
-        return np.asarray(np.sqrt(variance + (STRAIN_SHARE * largest) ** 2))
+        return np.asarray(np.sqrt(off2 / len(posterior) + (STRAIN_SHARE * largest) ** 2))
 
     def pressure_kPa(self, surface: Surface) -> Field:
         """Pressure, positive in compression; NaN where forces or Young's modulus are not known."""
-        return self._here.pressure_kPa(surface.spline)
+        return self._points(SPLINE, 0.0, 0.0).pressure_kPa(surface.spline)
 
     def pressure_std_kPa(self, surface: Surface, posterior: Sequence[SheetSpline]) -> Field:
         """Standard deviation of the pressure.
@@ -188,32 +202,40 @@ class SurfaceSampler:
         found = self.pressure_kPa(surface)
         if surface.spline is None or not posterior:
             return np.full_like(found, np.nan)
-        off2 = sum((self._here.pressure_kPa(each) - found) ** 2 for each in posterior)
+        here = self._points(SPLINE, 0.0, 0.0)
+        off2 = sum((here.pressure_kPa(each) - found) ** 2 for each in posterior)
         return np.asarray(np.sqrt(off2 / len(posterior)))
 
     def _moved(self, offset_mm: tuple[float, float]) -> "SurfaceSampler":
         dx_mm, dy_mm = offset_mm
-        return SurfaceSampler(self.layout, lambda x_mm, y_mm: self._interpolate(dx_mm + x_mm, dy_mm + y_mm))
+        return SurfaceSampler(
+            self.layout, lambda how, x_mm, y_mm: self._interpolate(how, dx_mm + x_mm, dy_mm + y_mm)
+        )
+
+    def _here(self, surface: Surface) -> "_Points":
+        return self._points(surface.interpolation, 0.0, 0.0)
 
     def _residual_mm(self, surface: Surface) -> Float64[np.ndarray, "m 3"]:
         """(m, 3) what the markers are displaced beyond the spline."""
-        if surface.spline is None:
+        spline = _spline_of(surface)
+        if spline is None:
             return surface.displacement_mm
-        face = self._at_markers.face(surface.spline)
-        return np.asarray(surface.displacement_mm - face.displacement_mm(surface.spline))
+        face = self._at_markers.face(spline)
+        return np.asarray(surface.displacement_mm - face.displacement_mm(spline))
 
-    @cached_property
-    def _ends(self) -> "tuple[tuple[_Points, _Points], ...]":
+    def _ends(self, how: Interpolation) -> "tuple[tuple[_Points, _Points], ...]":
         """Ends of the gauge lengths along x and along y."""
         half_mm = 0.5 * GAUGE_PITCH * float(np.sqrt(np.prod(self.layout.pitch_mm)))
         return tuple(
-            (_Points(*self._interpolate(-dx, -dy)), _Points(*self._interpolate(dx, dy)))
+            (self._points(how, -dx, -dy), self._points(how, dx, dy))
             for dx, dy in ((half_mm, 0.0), (0.0, half_mm))
         )
 
-    def _strain(self, spline: SheetSpline | None, residual_mm: Float64[np.ndarray, "m 3"]) -> Field:
+    def _strain(
+        self, how: Interpolation, spline: SheetSpline | None, residual_mm: Float64[np.ndarray, "m 3"]
+    ) -> Field:
         gradient = []
-        for axis, (before, after) in enumerate(self._ends):
+        for axis, (before, after) in enumerate(self._ends(how)):
             length_mm = after.point_mm[:, axis] - before.point_mm[:, axis]
             change_mm = after.displacement(spline, residual_mm) - before.displacement(spline, residual_mm)
             with np.errstate(invalid="ignore", divide="ignore"):
@@ -223,13 +245,13 @@ class SurfaceSampler:
         yy = by_y[..., 1] + 0.5 * (by_y**2).sum(axis=-1)
         xy = 0.5 * (by_y[..., 0] + by_x[..., 1] + (by_x * by_y).sum(axis=-1))
         strain = 0.5 * (xx + yy) + np.hypot(0.5 * (xx - yy), xy)
-        return np.where(self._here.is_inside, strain, np.nan)
+        return np.where(self._points(how, 0.0, 0.0).is_inside, strain, np.nan)
 
 
 class _Points:
     """Fixed points, with all that can be prepared for them."""
 
-    def __init__(self, sampling: PointSampling | GridSampling | None, point_mm: Points2) -> None:
+    def __init__(self, sampling: Sampling | None, point_mm: Points2) -> None:
         self.point_mm = point_mm
         self._sampling = sampling
         self._face: tuple[SplineShape, SheetFace] | None = None
@@ -268,14 +290,21 @@ class _Points:
         return self._face[1]
 
     @property
-    def _placed(self) -> PointSampling | GridSampling:
+    def _placed(self) -> Sampling:
         assert self._sampling is not None, "these points are the markers"
         return self._sampling
 
 
-def _limited(layout: Layout, point_mm: Points2, offset_mm: tuple[float, float]) -> Points2:
+def _spline_of(surface: Surface) -> SheetSpline | None:
+    """The spline that is the surface; None where it is interpolated between the markers."""
+    return surface.spline if surface.interpolation.kind == "spline" else None
+
+
+def _limited(
+    layout: Layout, how: Interpolation, point_mm: Points2, offset_mm: tuple[float, float]
+) -> Points2:
     """Points moved by an offset, but not across the limit up to which the sheet is sampled."""
-    beyond_mm = BEYOND_PITCH * layout.pitch_mm
+    beyond_mm = (0.0 if how.kind == "idw" else BEYOND_PITCH) * layout.pitch_mm
     low = layout.rest_mm[:, :2].min(axis=0) - beyond_mm
     high = layout.rest_mm[:, :2].max(axis=0) + beyond_mm
     moved_mm = np.clip(point_mm + np.array(offset_mm), low, high)

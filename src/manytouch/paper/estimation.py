@@ -7,10 +7,12 @@ the other methods; how far its depth differs from that of the sheet is derived i
 from dataclasses import dataclass, replace
 
 import numpy as np
+from jaxtyping import Float64, Int64
 
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.geometry.camera import onto_plane, project
+from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_on
 from manytouch.paper.aligned_view import optical_centre_mm
 from manytouch.paper.perimeters import (
     SIGNS,
@@ -20,7 +22,7 @@ from manytouch.paper.perimeters import (
     pad_edge,
     signed_perimeter,
 )
-from manytouch.paper.surface import InverseDistance, disc_footprint, inverse_distance, peaks
+from manytouch.paper.surface import disc_footprint, peaks
 from manytouch.values import (
     ESTIMATES,
     Camera,
@@ -34,6 +36,7 @@ from manytouch.values import (
     TrackedGrid,
 )
 from manytouch.values.arrays import Covariances2, Mask, Points2, Scalars, read_only
+from manytouch.values.surface import INVERSE_DISTANCE, Interpolation
 
 UNCONFIRMED = ContactTracker(confirm_frames=1)
 """The paper evaluates single frames: a contact needs no confirmation by a second one."""
@@ -51,7 +54,8 @@ class PaperEstimationState:
         rest_plane_mm: (m, 2) initial coordinates on the markers' plane.
         plane_from_px: (m, 2, 2) derivative of plane coordinates with respect to pixels.
         initial_perimeter_mm: (m,) AP of equation 12.
-        surface: weights of the interpolation.
+        x_mm, y_mm: columns and rows of the plane on which contacts are read off the surface.
+        plane: evaluates surfaces there, (rows, columns).
         reach: footprint of the search radius on the grid.
         tracks: of the contacts.
     """
@@ -64,7 +68,9 @@ class PaperEstimationState:
     rest_plane_mm: Points2
     plane_from_px: Covariances2
     initial_perimeter_mm: Scalars
-    surface: InverseDistance
+    x_mm: Float64[np.ndarray, " columns"]
+    y_mm: Float64[np.ndarray, " rows"]
+    plane: SurfaceSampler
     reach: np.ndarray
     tracks: ContactTrackerState
 
@@ -74,16 +80,13 @@ class PaperEstimation:
     """Depth of every marker by equation 11, the surface between them, and its peaks as contacts.
 
     Attributes:
-        iterations: points of the interpolated grid along each side ("number of iterations").
-        search_radius_pitch: of the interpolation; only the deepest point within it is a contact.
-        power: of the distance in the weights (Table 2: 2).
+        interpolation: of the surface; contacts are its peaks on a plane of iterations x iterations points,
+            and only the deepest point within the search radius is a contact.
         contact_depth_pitch: a peak of the surface is a contact if it is deeper than this.
         tracker: identities of contacts over frames; not in the paper.
     """
 
-    iterations: int = 100
-    search_radius_pitch: float = 1.5
-    power: float = 2.0
+    interpolation: Interpolation = INVERSE_DISTANCE
     contact_depth_pitch: float = 0.25
     tracker: ContactTracker = UNCONFIRMED
 
@@ -112,9 +115,9 @@ class PaperEstimation:
         rest_plane_mm = onto_plane(camera, rest_px)[:, :2]
         quads = marker_quads(layout.row_column)
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
-        surface = inverse_distance(
-            layout.rest_mm[:, :2], self.iterations, self.search_radius_pitch * pitch_mm, self.power
-        )
+        low_mm, high_mm = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
+        x_mm, y_mm = np.linspace(low_mm, high_mm, self.interpolation.iterations).T
+        plane = sampler_on(layout, np.ascontiguousarray(x_mm), np.ascontiguousarray(y_mm))
         return PaperEstimationState(
             camera=camera,
             layout=layout,
@@ -124,8 +127,10 @@ class PaperEstimation:
             rest_plane_mm=rest_plane_mm,
             plane_from_px=_plane_from_px(camera, rest_px),
             initial_perimeter_mm=signed_perimeter(corner_values(rest_plane_mm, quads)),
-            surface=surface,
-            reach=disc_footprint(surface, self.search_radius_pitch * pitch_mm),
+            x_mm=x_mm,
+            y_mm=y_mm,
+            plane=plane,
+            reach=disc_footprint(x_mm, y_mm, self.interpolation.search_radius_pitch * pitch_mm),
             tracks=self.tracker.start(sensor),
         )
 
@@ -139,17 +144,17 @@ class PaperEstimation:
         """
         plane_mm = onto_plane(state.camera, grid.position_px)[:, :2]
         depth_mm, variance_mm2 = perimeter_depth(state, plane_mm, grid.covariance_px2)
-        surface = _surface(state, plane_mm, depth_mm, grid.covariance_px2, variance_mm2)
-        plane = state.surface(depth_mm)
+        surface = replace(
+            _surface(state, plane_mm, depth_mm, grid.covariance_px2, variance_mm2),
+            interpolation=self.interpolation,
+        )
+        plane = state.plane.depth(surface)
         least_mm = self.contact_depth_pitch * float(np.sqrt(np.prod(state.layout.pitch_mm)))
-        found = [
-            _contact(state, (int(row), int(column)), float(plane[row, column]), variance_mm2, grid)
-            for row, column in zip(*peaks(plane, least_mm, state.reach), strict=True)
-        ]
+        found = _contacts(state, surface, plane, peaks(plane, least_mm, state.reach))
 
         def is_loaded(centre_mm: Points2) -> Mask:
-            column = np.abs(centre_mm[:, :1] - state.surface.x_mm).argmin(axis=1)
-            row = np.abs(centre_mm[:, 1:] - state.surface.y_mm).argmin(axis=1)
+            column = np.abs(centre_mm[:, :1] - state.x_mm).argmin(axis=1)
+            row = np.abs(centre_mm[:, 1:] - state.y_mm).argmin(axis=1)
             return np.asarray(plane[row, column] > least_mm)
 
         tracks, contacts = self.tracker.step(state.tracks, found, is_loaded=is_loaded, status=surface.status)
@@ -190,38 +195,42 @@ def _surface(
     )
 
 
-def _contact(
+def _contacts(
     state: PaperEstimationState,
-    point: tuple[int, int],
-    depth_mm: float,
-    depth_variance_mm2: Scalars,
-    grid: TrackedGrid,
-) -> Contact:
-    """A contact at a point of the surface, without identity.
+    surface: Surface,
+    depth_mm: Float64[np.ndarray, "n n"],
+    peak: tuple[Int64[np.ndarray, " c"], Int64[np.ndarray, " c"]],
+) -> list[Contact]:
+    """Contacts at points of the plane (rows, columns), without identity.
 
     A peak of inverse distance weighting is at a marker, therefore its centre is known to a pitch: the
     standard deviation of a uniform distribution, pitch / sqrt(12).
     """
-    row, column = point
-    centre_mm = np.array([state.surface.x_mm[column], state.surface.y_mm[row]])
-    marker, weight = state.surface.at(row, column, np.isfinite(depth_variance_mm2))
-    covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
+    if len(peak[0]) == 0:
+        return []
+    depth_std_mm, moved_mm = state.plane.depth_std(surface), state.plane.displacement(surface)
     place = [ESTIMATES.index(name) for name in ("x", "y", "depth")]
-    variance_mm2 = [*state.layout.pitch_mm**2 / 12.0, weight**2 @ depth_variance_mm2[marker]]
-    covariance[np.ix_(place, place)] = np.diag(variance_mm2)
-    marker, weight = state.surface.at(row, column, grid.is_seen)
-    shift_px = weight @ (grid.position_px - state.rest_px)[marker] if len(marker) else np.full(2, np.nan)
-    return Contact(
-        id=-1,
-        phase=Phase.MOVE,
-        centre_mm=read_only(centre_mm),
-        centre_px=read_only(project(state.camera, np.array([[*centre_mm, 0.0]]))[0] + shift_px),
-        depth_mm=depth_mm,
-        force_N=read_only(np.full(3, np.nan)),
-        torque_Nmm=float("nan"),
-        area_mm2=float("nan"),
-        covariance=read_only(covariance),
-    )
+    found = []
+    for row, column in zip(*peak, strict=True):
+        centre_mm = np.array([state.x_mm[column], state.y_mm[row]])
+        covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
+        variance_mm2 = [*state.layout.pitch_mm**2 / 12.0, depth_std_mm[row, column] ** 2]
+        covariance[np.ix_(place, place)] = np.diag(variance_mm2)
+        present_mm = np.array([[*(centre_mm + moved_mm[row, column, :2]), 0.0]])
+        found.append(
+            Contact(
+                id=-1,
+                phase=Phase.MOVE,
+                centre_mm=read_only(centre_mm),
+                centre_px=read_only(project(state.camera, present_mm)[0]),
+                depth_mm=float(depth_mm[row, column]),
+                force_N=read_only(np.full(3, np.nan)),
+                torque_Nmm=float("nan"),
+                area_mm2=float("nan"),
+                covariance=read_only(covariance),
+            )
+        )
+    return found
 
 
 def _plane_from_px(camera: Camera, pixel: Points2) -> Covariances2:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from manytouch.errors import SourceError
+from manytouch.errors import ManytouchError, SourceError
 from manytouch.recording.packed import PackedBlock, unpack
 from manytouch.values import (
     Camera,
@@ -23,6 +23,7 @@ from manytouch.values import (
     Contacts,
     ContactShape,
     Detections,
+    Interpolation,
     Layout,
     OutlineRing,
     Phase,
@@ -42,6 +43,7 @@ RECORDED_TYPES: dict[str, Any] = {
         Contact,
         Contacts,
         Detections,
+        Interpolation,
         Layout,
         OutlineRing,
         Sensor,
@@ -122,7 +124,9 @@ def from_json(encoded: Any, block: bytes = b"") -> Any:
         return encoded
     try:
         return _object_from_json(encoded, block)
-    except (KeyError, TypeError, ValueError, OverflowError) as error:
+    except SourceError:
+        raise
+    except (KeyError, TypeError, ValueError, OverflowError, ManytouchError) as error:
         raise SourceError(
             f"a recorded value cannot be read ({error}): the recording is damaged, or was written by a "
             "later version of manytouch"

@@ -13,8 +13,15 @@ from manytouch.session.commands.background_preparation import BackgroundPreparat
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.commands.contact_id_offset import ContactIdOffset
 from manytouch.session.commands.tare import TARE_FRAMES, tare_sensor
-from manytouch.session.commands.tuning import parameters_of, tune
-from manytouch.session.methods import METHODS, pipeline_for
+from manytouch.session.methods import (
+    METHODS,
+    Value,
+    choices_of,
+    parameters_of,
+    pipeline_for,
+    tune,
+    with_parameters,
+)
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.prepare import Job
 from manytouch.session.recording import SessionRecorder
@@ -132,6 +139,7 @@ class Live:
             method=setup.method,
             methods=METHODS,
             parameters=parameters_of(setup.pipeline),
+            choices=choices_of(setup.pipeline),
             settings=() if can.device is None else can.device.settings,
             recording=self._recorder.name,
             notes=self._commands.notes,
@@ -229,13 +237,13 @@ class Live:
             case Tare():
                 self._tare_grids = [] if self._tare_grids is None else self._tare_grids
             case UseMethod(method=method):
-                pipeline = pipeline_for(method, self._job.roi_px)
+                pipeline = self._pipeline_for(method)
                 if method != self._newest_setup.method:
                     self._change(f"method {method}", pipeline=pipeline, method=method)
             case Tune(parameter=parameter, value=value):
                 pipeline = tune(self._newest_setup.pipeline, parameter, value)
                 if pipeline != self._newest_setup.pipeline:
-                    self._change(f"{parameter} = {value:g}", pipeline=pipeline)
+                    self._change(f"{parameter} = {_text(value)}", pipeline=pipeline)
             case Record(path=path):
                 self._begin_recording(path)
             case StopRecording():
@@ -244,6 +252,12 @@ class Live:
                 self._press(command)
             case _:
                 self._commands.note(f"{type(command).__name__} is possible only in playback of a recording")
+
+    def _pipeline_for(self, method: str) -> Pipeline:
+        """The stages of a method, with those of the requested parameters that it has."""
+        pipeline = pipeline_for(method, self._job.roi_px)
+        known, requested = parameters_of(pipeline), self._job.request.parameters
+        return with_parameters(pipeline, {name: requested[name] for name in requested if name in known})
 
     def _begin_recording(self, path: Path | None) -> None:
         setup = self._wanted
@@ -297,6 +311,12 @@ class Live:
             self._wanted = setup
             self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
             self._commands.note(setup.note)
+
+
+def _text(value: Value) -> str:
+    if value is None:
+        return "automatic"
+    return value if isinstance(value, str) else f"{value:g}"
 
 
 def _until_setup(stream: Iterator[Setup | TrackedFrame], following: list[Setup]) -> Iterator[TrackedFrame]:

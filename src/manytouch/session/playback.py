@@ -9,8 +9,7 @@ from manytouch.errors import SourceError
 from manytouch.pipeline import Sink
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
-from manytouch.session.commands.tuning import parameters_of
-from manytouch.session.methods import METHODS, pipeline_for
+from manytouch.session.methods import METHODS, choices_of, parameters_of, pipeline_for
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.prepare import Job, prepare
 from manytouch.session.run import Observer, StopCondition
@@ -128,6 +127,7 @@ class Playback:
             method=self._method,
             methods=METHODS,
             parameters=parameters_of(self._job.pipeline),
+            choices=choices_of(self._job.pipeline),
             notes=self._commands.notes,
             frame=self._place,
             frame_count=len(self._timeline),

@@ -1,6 +1,6 @@
 """Opens an input, determines its sensor and selects the pipeline that processes it."""
 
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
@@ -10,7 +10,7 @@ from manytouch.blas_threads import limit_blas_threads
 from manytouch.calibration import register_rest, sensor_from_rest
 from manytouch.errors import ManytouchError, SensorError, SourceError
 from manytouch.pipeline import Pipeline, Sink
-from manytouch.session.methods import DEFAULT, default_method, kernels, pipeline_for
+from manytouch.session.methods import DEFAULT, Value, default_method, kernels, pipeline_for
 from manytouch.session.result_hashes import Pitch, Request
 from manytouch.session.run import Observer, StopCondition
 from manytouch.session.warm_up import warm_up_kernels
@@ -121,6 +121,7 @@ def prepare(
     hfov_deg: float | None = None,
     roi_px: Roi | None = None,
     fps: float | None = None,
+    parameters: Mapping[str, Value] | None = None,
     camera: CameraRequest | None = None,
     observer: Observer | None = None,
 ) -> Job:
@@ -134,6 +135,7 @@ def prepare(
         hfov_deg: horizontal field of view of the camera; None assumes 60 degrees.
         roi_px: the part of the image to process.
         fps: frame rate to use instead of the source's own.
+        parameters: of the method, other than the defaults; see `pipeline_for`.
         camera: what to request of a camera; the size is the sensor's unless it is requested.
         observer: gets messages.
 
@@ -144,11 +146,11 @@ def prepare(
         SourceError: the input cannot be opened, or the region is outside its image.
         SensorError: the sensor's file is invalid or does not fit the input.
         LayoutError: the first frames show no usable arrangement of dots.
-        ManytouchError: there is no such method.
+        ManytouchError: there is no such method or parameter.
     """
     limit_blas_threads()
     if method is not None:
-        pipeline_for(method, roi_px)  # reports a wrong name before anything is opened
+        pipeline_for(method, roi_px, parameters)  # reports a wrong name before anything is opened
     given = load_sensor(sensor) if isinstance(sensor, str | Path) else sensor
     if given is not None and (pitch_mm is not None or hfov_deg is not None):
         raise SensorError(
@@ -179,11 +181,17 @@ def prepare(
         frames=frames if source.is_live else chain(first, frames),
         samples=first[:2],
         sensor=found,
-        pipeline=pipeline_for(chosen, roi_px),
+        pipeline=pipeline_for(chosen, roi_px, parameters),
         method=chosen,
         roi_px=roi_px,
         request=Request(
-            sensor=given, method=method, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, fps=fps
+            sensor=given,
+            method=method,
+            pitch_mm=pitch_mm,
+            hfov_deg=hfov_deg,
+            roi_px=roi_px,
+            fps=fps,
+            parameters=parameters or {},
         ),
     )
 

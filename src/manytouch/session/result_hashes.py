@@ -1,12 +1,12 @@
 """Hashes of what a result is computed from, known before anything is processed."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import manytouch
 from manytouch.recording.json_codec import to_json
-from manytouch.session.methods import default_method, pipeline_for
+from manytouch.session.methods import Value, default_method, pipeline_for
 from manytouch.sinks.files.result_hash import files_hash, text_hash, values_hash
 from manytouch.sinks.files.summary import parameters
 from manytouch.sources import Source
@@ -25,6 +25,7 @@ class Request:
     hfov_deg: float | None = None
     roi_px: Roi | None = None
     fps: float | None = None
+    parameters: Mapping[str, Value] = field(default_factory=dict)
 
 
 def request_hashes(source: Source, text: str, request: Request) -> Mapping[str, str | None]:
@@ -51,7 +52,7 @@ def request_hashes(source: Source, text: str, request: Request) -> Mapping[str, 
     method = request.method or (None if known is None else default_method(known))
     options = {
         "method": method,
-        "pipeline": parameters(pipeline_for(method, request.roi_px)),
+        "pipeline": parameters(pipeline_for(method, request.roi_px, request.parameters)),
         "pitch_mm": to_json(request.pitch_mm),
         "hfov_deg": request.hfov_deg,
         "fps": request.fps,

@@ -1,12 +1,13 @@
 """Every frame of an input into the files of a result folder."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
 from manytouch.errors import OutputError, SourceError
 from manytouch.pipeline import Sink
+from manytouch.session.methods import Value
 from manytouch.session.prepare import Job, prepare
 from manytouch.session.result_hashes import Pitch, request_hashes
 from manytouch.session.run import Observer, StopCondition, run
@@ -42,6 +43,7 @@ def process(
     hfov_deg: float | None = None,
     roi_px: Roi | None = None,
     fps: float | None = None,
+    parameters: Mapping[str, Value] | None = None,
     observer: Observer | None = None,
     stop: StopCondition | None = None,
 ) -> Path:
@@ -50,7 +52,7 @@ def process(
     Args:
         input: a video file, an image, a folder of images, a recording, or `sim:`.
         out: the results go into a folder in it that has the input's name.
-        sensor, method, pitch_mm, hfov_deg, roi_px, fps: see `prepare`.
+        sensor, method, pitch_mm, hfov_deg, roi_px, fps, parameters: see `prepare`.
         surface, annotate, observer, stop: see `process_job`.
 
     Returns:
@@ -68,6 +70,7 @@ def process(
         hfov_deg=hfov_deg,
         roi_px=roi_px,
         fps=fps,
+        parameters=parameters,
         observer=observer,
     )
     folder = Path(out) / result_name(str(input))

@@ -26,7 +26,7 @@ from manytouch.values.reading import Comparison, Reading, Truth
 from manytouch.values.roi import Roi
 from manytouch.values.sensor import Camera, Layout, LengthUnit, Polarity, Sensor, Sheet
 from manytouch.values.status import Status
-from manytouch.values.surface import SheetSpline, Surface
+from manytouch.values.surface import Interpolation, SheetSpline, Surface
 
 __all__ = [
     "ESTIMATES",
@@ -39,6 +39,7 @@ __all__ = [
     "Detections",
     "Frame",
     "Health",
+    "Interpolation",
     "Layout",
     "LengthUnit",
     "OutlineRing",

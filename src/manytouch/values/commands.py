@@ -32,11 +32,12 @@ class Tune:
 
     Attributes:
         parameter: stage and field, such as "detect.least_share"; `Health.parameters` lists all of them.
-        value: the new value; integral if the parameter is an integer.
+        value: the new value; integral if the parameter is an integer, a word if it is a choice. None:
+            determined automatically.
     """
 
     parameter: str
-    value: float
+    value: float | str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

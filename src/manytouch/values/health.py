@@ -1,7 +1,7 @@
 """State of a running session as it is displayed."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,7 +33,8 @@ class Health:
         dropped: frames that arrived but were not processed, because processing was too slow.
         markers_seen, markers: of the last frame, and of the layout.
         method, methods: the method in use, and those available.
-        parameters: that `Tune` can change, by stage and field.
+        parameters: that `Tune` can change, by stage and field; None: determined automatically.
+        choices: the words to choose from, of the parameters that are a choice.
         settings: of the camera.
         recording: name of the file, or None.
         notes: messages of the session, newest last.
@@ -54,7 +55,8 @@ class Health:
     markers: int
     method: str
     methods: tuple[str, ...]
-    parameters: Mapping[str, int | float]
+    parameters: Mapping[str, int | float | str | None]
+    choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     settings: tuple[Setting, ...] = ()
     recording: str | None = None
     notes: tuple[str, ...] = ()

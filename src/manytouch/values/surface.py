@@ -1,13 +1,56 @@
 """Estimated shape of the sheet."""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.errors import ManytouchError
 from manytouch.values.arrays import Covariances3, Points3, count_of
 from manytouch.values.sensor import Layout
 from manytouch.values.status import Status
+
+InterpolationKind = Literal["spline", "idw"]
+
+ITERATIONS, RADIUS_PITCH, POWER = (2, 300), (0.5, 5.0), (0.5, 10.0)
+"""Smallest and largest values; the weights of the largest ones take 100 MB."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interpolation:
+    """Interpolation of a surface between its markers.
+
+    Attributes:
+        kind: "spline": the spline of the sheet where the method estimates one, else cubic splines through the
+            markers (`manytouch.geometry.sampling`); "idw": inverse distance weighting, the surface of the
+            paper (`manytouch.geometry.inverse_distance`).
+        iterations: points of the plane of "idw" along each side ("number of iterations" of the paper).
+        search_radius_pitch: largest distance of a marker from a point that it contributes to, in pitches.
+        power: of the distance in the weights of "idw" (Table 2: 2).
+
+    Raises:
+        ManytouchError: a number is outside its limits.
+    """
+
+    kind: InterpolationKind = "spline"
+    iterations: int = 100
+    search_radius_pitch: float = 1.5
+    power: float = 2.0
+
+    def __post_init__(self) -> None:
+        numbers = (
+            ("the number of iterations", self.iterations, ITERATIONS),
+            ("the search radius in pitches", self.search_radius_pitch, RADIUS_PITCH),
+            ("the power of the distance", self.power, POWER),
+        )
+        for words, value, (least, most) in numbers:
+            if not least <= value <= most:
+                raise ManytouchError(f"{words} is {value:g}: give a number from {least:g} to {most:g}")
+
+
+SPLINE = Interpolation()
+INVERSE_DISTANCE = Interpolation(kind="idw")
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -61,6 +104,7 @@ class Surface:
         covariance_mm2: (m, 3, 3) of the displacement; NaN where unknown.
         spline: shape and forces of the whole sheet, from methods that estimate them; else None.
         layout: the markers at rest; None only where a surface need not be sampled.
+        interpolation: how the surface is evaluated between the markers.
         status: `OK`, or why this surface is unreliable.
     """
 
@@ -69,6 +113,7 @@ class Surface:
     covariance_mm2: Covariances3
     spline: SheetSpline | None = None
     layout: Layout | None = None
+    interpolation: Interpolation = SPLINE
     status: Status = Status.OK
 
     def __repr__(self) -> str:

@@ -14,7 +14,7 @@ from manytouch.evaluation.published.page import Experiments, contents, row, writ
 from manytouch.evaluation.published.speed import Speed, plain_map
 from manytouch.evaluation.suite.cases import GROUPS, Case
 from manytouch.evaluation.suite.recordings import SimulatedRecording, simulate_case
-from manytouch.paper.surface import inverse_distance
+from manytouch.geometry.inverse_distance import inverse_distance_plane
 from manytouch.session import pipeline_for
 from manytouch.simulation.fem.cache import StateCache
 
@@ -117,7 +117,7 @@ def test_each_method_reads_the_press_where_it_is_with_its_ground_truth() -> None
 def test_the_map_in_plain_loops_is_the_map() -> None:
     chance = np.random.default_rng(1)
     place_mm, depth_mm = chance.uniform(0, 20, (30, 2)), chance.normal(size=30)
-    fast = inverse_distance(place_mm, 9, 6.0, 2.0)(depth_mm)
+    fast = inverse_distance_plane(place_mm, 9, 6.0, 2.0)(depth_mm)
     plain = plain_map(
         place_mm[:, 0].tolist(), place_mm[:, 1].tolist(), depth_mm.tolist(), iterations=9, radius_mm=6.0
     )

@@ -8,14 +8,16 @@ from hypothesis import strategies as st
 from layouts import grid_at, lattice_layout
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import onto_plane, project
+from manytouch.geometry.inverse_distance import inverse_distance_plane
+from manytouch.geometry.surface_sampling import sample
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.perimeters import marker_quads, signed_perimeter
-from manytouch.paper.surface import inverse_distance, peaks
+from manytouch.paper.surface import peaks
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sources.simulated import simulated_source
-from manytouch.values import Camera, Layout, Phase, Sensor
+from manytouch.values import Camera, Interpolation, Layout, Phase, Sensor
 
 ROWS, COLUMNS, PITCH_MM, DISTANCE_MM = 6, 9, np.array([4.0, 5.0]), 110.0
 
@@ -177,7 +179,9 @@ def test_deviations_are_the_observed_scatter():
     random = np.random.default_rng(7)
     depth, _ = bump(of, (3.0, -4.0), 6.0, 9.0)
     moved_px = project(of.camera, of.layout.rest_mm + np.column_stack([0 * depth, 0 * depth, -depth]))
-    estimate = PaperEstimation(iterations=5)  # the surface between the markers is not used
+    estimate = PaperEstimation(
+        interpolation=Interpolation(kind="idw", iterations=5)
+    )  # the surface between the markers is not used
     state = estimate.start(of)
     readings = []
     for _ in range(300):
@@ -195,7 +199,7 @@ def test_interpolation_passes_through_the_markers_and_stays_within_their_range(s
     x, y = np.meshgrid(np.linspace(-8, 8, 5), np.linspace(-6, 6, 4))
     rest_mm = np.column_stack([x.ravel(), y.ravel()])
     value = random.normal(size=len(rest_mm))
-    surface = inverse_distance(rest_mm, 13, 5.0, 2.0)
+    surface = inverse_distance_plane(rest_mm, 13, 5.0, 2.0)
     plane = surface(value)
     assert plane.shape == (13, 13)
     assert value.min() - 1e-9 <= plane.min() <= plane.max() <= value.max() + 1e-9
@@ -208,7 +212,7 @@ def test_interpolation_is_the_plain_double_loop_and_knows_where_it_knows_nothing
     value, _ = bump(of, (2.0, 3.0), 4.0, 5.0)
     value[10] = np.nan
     rest_mm = of.layout.rest_mm[:, :2]
-    surface = inverse_distance(rest_mm, 11, 6.0, 3.0)
+    surface = inverse_distance_plane(rest_mm, 11, 6.0, 3.0)
     plain = np.full((11, 11), np.nan)
     for i, y in enumerate(surface.y_mm):
         for j, x in enumerate(surface.x_mm):
@@ -286,6 +290,21 @@ def test_a_contact_has_known_fields_only():
     assert 0.0 < contact.std("depth") < 0.1
     assert np.isnan([*contact.force_N, contact.torque_Nmm, contact.area_mm2]).all()
     assert np.isnan(np.diag(contact.covariance)[3:]).all()
+
+
+@pytest.mark.parametrize("kind", ["idw", "spline"])
+def test_contacts_are_points_of_the_surface_that_is_drawn(kind):
+    of = sensor(rows=9, columns=13)
+    depth, _ = bump(of, (3.0, -4.0), 3.0, 6.0)
+    moved = np.column_stack([0 * depth, 0 * depth, -depth])
+    estimate = PaperEstimation(contact_depth_pitch=0.2, interpolation=Interpolation(kind=kind, iterations=40))
+    surface, contacts = read(of, seen(of, moved), estimate=estimate)
+    assert surface.interpolation.kind == kind
+    (contact,) = contacts.touching
+    around = contact.centre_mm + 0.1 * np.array([[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1]])
+    here, *others = sample(surface, *around.T).depth_mm
+    assert contact.depth_mm == pytest.approx(here, abs=1e-9)
+    assert max(others) <= here + (1e-9 if kind == "idw" else 0.02)
 
 
 def test_whole_chain_on_rendered_pictures_gives_one_contact_for_one_press():

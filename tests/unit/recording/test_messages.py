@@ -1,14 +1,25 @@
 """The readable part of a recorded reading: contacts in plain numbers, null where unknown."""
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from manytouch.recording.messages import READING_SCHEMA, encode_reading
+from manytouch.errors import SourceError
+from manytouch.recording.messages import READING_SCHEMA, decode_reading, encode_reading
 from manytouch.sources.simulated import simulated_source
-from manytouch.values import Contact, Contacts, ContactShape, Detections, OutlineRing, Phase, Reading
+from manytouch.values import (
+    Contact,
+    Contacts,
+    ContactShape,
+    Detections,
+    Interpolation,
+    OutlineRing,
+    Phase,
+    Reading,
+)
 
 TRIANGLE_MM = np.array([[0.0, 0.0], [1.23456, 0.0], [0.0, 1.0]])
 
@@ -75,3 +86,12 @@ def test_the_schema_names_every_field_of_a_contact(reading: Reading) -> None:
     named = READING_SCHEMA["properties"]["contacts"]["items"]["properties"]
     for found in json.loads(encode_reading(reading))["contacts"]:
         assert set(found) == set(named)
+
+
+def test_a_surface_is_played_back_with_its_interpolation(reading: Reading) -> None:
+    between = Interpolation(kind="idw", iterations=30, search_radius_pitch=2.0)
+    message = encode_reading(replace(reading, surface=replace(reading.surface, interpolation=between)))
+    layout = reading.surface.layout
+    assert decode_reading(message, reading.frame, layout).surface.interpolation == between
+    with pytest.raises(SourceError, match="from 2 to 300"):
+        decode_reading(message.replace(b'"iterations":30', b'"iterations":9999'), reading.frame, layout)

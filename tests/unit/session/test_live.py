@@ -14,7 +14,7 @@ from drawn_source import DrawnSource
 from manytouch.pipeline import Controls
 from manytouch.session import Live, pipeline_for, prepare, run
 from manytouch.session.background_iterator import BackgroundIterator
-from manytouch.session.commands.tuning import parameters_of
+from manytouch.session.methods.parameters import parameters_of
 from manytouch.session.prepare import Job
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sources.cameras.camera import CameraSource
@@ -23,6 +23,7 @@ from manytouch.values import (
     Command,
     Detections,
     Frame,
+    Interpolation,
     Phase,
     Press,
     Reading,
@@ -143,9 +144,25 @@ def test_a_parameter_changes_while_it_runs() -> None:
     assert len(seen.readings) == 40
 
 
+def test_the_surface_of_any_method_can_be_changed_while_it_runs() -> None:
+    live, seen = run_live(
+        DrawnSource(frames=40, is_touched=False),
+        waits_at=12,
+        at_4=Tune(parameter="interpolation.kind", value="idw"),
+        at_5=Tune(parameter="interpolation.iterations", value=20.0),
+    )
+    assert seen.readings[0].surface.interpolation == Interpolation()
+    assert seen.readings[-1].surface.interpolation == Interpolation(kind="idw", iterations=20)
+    assert live.health().parameters["interpolation.kind"] == "idw"
+    assert live.health().choices["interpolation.kind"] == ("spline", "idw")
+
+
 @pytest.mark.parametrize(
     ("command", "words"),
     [
+        (Tune(parameter="interpolation.kind", value="linear"), "must be spline or idw, not linear"),
+        (Tune(parameter="interpolation.iterations", value=0.0), "from 2 to 300"),
+        (Tune(parameter="detect.least_snr", value=None), "must be a finite number, not None"),
         (Tune(parameter="detect.nonsense", value=1.0), "no parameter 'detect.nonsense'; there are: detect."),
         (Tune(parameter=WHOLE, value=1.5), "whole number"),
         (UseMethod(method="magic"), "no method 'magic'"),

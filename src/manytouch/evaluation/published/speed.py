@@ -62,23 +62,23 @@ def _timed(recording: SimulatedRecording) -> Speed:
         estimating, surface, _ = estimate.step(estimating, grid)
         whole_ms = 1e3 * (time.perf_counter() - begun_s)
         begun_s = time.perf_counter()
-        estimating.surface(-surface.displacement_mm[:, 2])
+        estimating.plane.depth(surface)
         table_ms.append(1e3 * (time.perf_counter() - begun_s))
         chain_ms.append(whole_ms - table_ms[-1])
-    layout = estimating.layout
+    layout, between = estimating.layout, estimate.interpolation
     depth_mm = -surface.displacement_mm[:, 2]
     begun_s = time.perf_counter()
     plain_map(
         layout.rest_mm[:, 0].tolist(),
         layout.rest_mm[:, 1].tolist(),
         depth_mm.tolist(),
-        iterations=estimate.iterations,
-        radius_mm=estimate.search_radius_pitch * float(np.sqrt(np.prod(layout.pitch_mm))),
-        power=estimate.power,
+        iterations=between.iterations,
+        radius_mm=between.search_radius_pitch * float(np.sqrt(np.prod(layout.pitch_mm))),
+        power=between.power,
     )
     return Speed(
         markers=len(layout.rest_mm),
-        points=estimate.iterations**2,
+        points=between.iterations**2,
         chain_ms=float(np.median(chain_ms)),
         table_ms=float(np.median(table_ms)),
         plain_ms=1e3 * (time.perf_counter() - begun_s),

@@ -191,7 +191,10 @@ def installed(package: str) -> str | None:
 def parameters(pipeline: Pipeline) -> dict[str, Any]:
     """The parameters of every stage, by the stage's name."""
     stages = {"detect": pipeline.detect, "track": pipeline.track, "estimate": pipeline.estimate}
-    return {name: {"type": type(stage).__name__, **_plain(stage)} for name, stage in stages.items()}
+    found = {name: {"type": type(stage).__name__, **_plain(stage)} for name, stage in stages.items()}
+    if pipeline.interpolation is not None:
+        found["interpolation"] = _plain(pipeline.interpolation)
+    return found
 
 
 def _plain(value: Any) -> Any:

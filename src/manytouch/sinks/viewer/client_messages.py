@@ -26,6 +26,8 @@ MAX_CHARACTERS = 4096
 Length = Annotated[float, Field(ge=-1e4, le=1e4, allow_inf_nan=False)]
 Identifier = Annotated[str, Field(max_length=60, pattern=r"^[A-Za-z0-9_.]+$")]
 
+Word = Annotated[str, Field(max_length=60, pattern=r"^[a-z][a-z_]*$")]
+
 
 class _Message(BaseModel):
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
@@ -61,11 +63,11 @@ class MethodRequest(_Message):
 
 
 class ParameterRequest(_Message):
-    """Set a parameter of the pipeline."""
+    """Set a parameter of the pipeline; null: automatic."""
 
     type: Literal["tune"]
     parameter: Identifier
-    value: Annotated[float, Field(allow_inf_nan=False)]
+    value: Annotated[float, Field(allow_inf_nan=False)] | Word | None
 
     def command(self) -> Command:
         return Tune(parameter=self.parameter, value=self.value)

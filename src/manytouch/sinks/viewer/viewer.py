@@ -165,7 +165,10 @@ class Viewer:
         return {
             "kind": "health",
             **numbers,
-            "parameters": {name: number(value, 9) for name, value in health.parameters.items()},
+            "parameters": {
+                name: value if isinstance(value, str) else number(value, 9)
+                for name, value in health.parameters.items()
+            },
             "clients": len(self._clients),
             "message_ms_p50": number(float(latency[0]), 1),
             "message_ms_p99": number(float(latency[1]), 1),

@@ -11,8 +11,8 @@ export function bindSettings(state, send, redraw) {
   find("force-unit").addEventListener("change", ({ target }) => { units.force = target.value; redraw(); });
   find("range").addEventListener("change", ({ target }) => { state.holdRange = target.value === "fixed"; redraw(); });
   find("parameters").addEventListener("change", ({ target }) => {
-    const value = Number(target.value);
-    if (target.value !== "" && Number.isFinite(value)) send("tune", { parameter: target.name, value });
+    const value = target.tagName === "SELECT" ? target.value : target.value === "" ? null : Number(target.value);
+    if (!target.validity.badInput) send("tune", { parameter: target.name, value });
   });
   find("settings").addEventListener("toggle", () => fillSettings(state));
 }
@@ -24,7 +24,11 @@ export function fillSettings({ sceneInfo, health }) {
   find("length-unit").replaceChildren(...lengthUnits(sceneInfo.unit).map(option));
   find("length-unit").value = units.length;
   find("parameters").replaceChildren(...Object.entries(health.parameters).map(([name, value]) => {
-    const input = Object.assign(document.createElement("input"), { type: "number", step: "any", name, value });
+    const words = health.choices[name];
+    const input = document.createElement(words ? "select" : "input");
+    if (words) input.append(...words.map(option));
+    else Object.assign(input, { type: "number", step: "any", placeholder: "automatic" });
+    Object.assign(input, { name, value: value ?? "" });
     const label = document.createElement("label");
     label.append(name.replace(".", " › ").replaceAll("_", " "), input);
     return label;

@@ -1,6 +1,7 @@
 """The methods and their pipelines."""
 
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
 from manytouch.detection import DotSearch
@@ -10,8 +11,10 @@ from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
+from manytouch.session.methods.parameters import Value, with_parameters
 from manytouch.tracking import MarkerTracker
 from manytouch.values import Roi, Sensor
+from manytouch.values.surface import SPLINE
 
 METHODS = ("mechanics", "perimeter", "paper")
 DEFAULT = "perimeter"
@@ -39,31 +42,42 @@ def default_method(sensor: Sensor) -> str:
     return "mechanics"
 
 
-def pipeline_for(method: str | None = None, roi_px: Roi | None = None) -> Pipeline:
+def pipeline_for(
+    method: str | None = None, roi_px: Roi | None = None, parameters: Mapping[str, Value] | None = None
+) -> Pipeline:
     """The stages of a method.
 
     Args:
         method: one of `METHODS`; None selects the one that works with every sensor.
         roi_px: the part of the image to process; None for all of it.
+        parameters: values other than the defaults, by stage and field (`session.methods.parameters`).
 
     Raises:
-        ManytouchError: there is no such method.
+        ManytouchError: there is no such method or parameter, or a value is invalid.
     """
-    match method or DEFAULT:
+    return with_parameters(_default_pipeline(method or DEFAULT, roi_px), parameters or {})
+
+
+def _default_pipeline(method: str, roi_px: Roi | None) -> Pipeline:
+    match method:
         case "mechanics":
             return Pipeline(
                 detect=DotSearch(roi_px=roi_px),
                 track=MarkerTracker(roi_px=roi_px),
                 estimate=MechanicsEstimator(),
+                interpolation=SPLINE,
             )
         case "perimeter":
             return Pipeline(
                 detect=DotSearch(roi_px=roi_px),
                 track=MarkerTracker(roi_px=roi_px),
                 estimate=PerimeterEstimator(),
+                interpolation=SPLINE,
             )
         case "paper":
             return Pipeline(
-                detect=PaperDetection(roi_px=roi_px), track=PaperTracking(), estimate=PaperEstimation()
+                detect=PaperDetection(roi_px=roi_px),
+                track=PaperTracking(),
+                estimate=PaperEstimation(),
             )
     raise ManytouchError(f"there is no method {method!r}; there are: {', '.join(METHODS)}")

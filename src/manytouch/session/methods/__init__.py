@@ -1,0 +1,17 @@
+"""The methods: which stages each one has, and their parameters by name."""
+
+from manytouch.session.methods.parameters import Value, choices_of, parameters_of, tune, with_parameters
+from manytouch.session.methods.pipelines import DEFAULT, METHODS, default_method, kernels, pipeline_for
+
+__all__ = [
+    "DEFAULT",
+    "METHODS",
+    "Value",
+    "choices_of",
+    "default_method",
+    "kernels",
+    "parameters_of",
+    "pipeline_for",
+    "tune",
+    "with_parameters",
+]
