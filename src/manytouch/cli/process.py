@@ -34,6 +34,7 @@ def process(
     roi: options.RoiPx = None,
     fps: options.Fps = None,
     between: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008 - immutable
+    paper: method_options.Paper = method_options.PaperOptions(),  # noqa: B008 - immutable
 ) -> int:
     """Process every frame of recordings of a dotted sheet; write contacts, markers and a summary.
 
@@ -47,7 +48,7 @@ def process(
     --picture 60 picture-000060.png.
     """
     options.refuse_two_scales("process", sensor, pitch_mm, hfov_deg)
-    parameters = between.parameters("process", method)
+    parameters = between.parameters("process", method) | paper.parameters("process", method)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.failures import report
     from manytouch.cli.terminal.interrupt import Stop

@@ -27,6 +27,7 @@ def run(
     roi: options.RoiPx = None,
     fps: options.Fps = None,
     between: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008 - immutable
+    paper: method_options.Paper = method_options.PaperOptions(),  # noqa: B008 - immutable
     size: options.Size = None,
     exposure_ms: options.ExposureMs = None,
     gain: options.Gain = None,
@@ -51,7 +52,7 @@ def run(
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
-    parameters = between.parameters("run", method)
+    parameters = between.parameters("run", method) | paper.parameters("run", method)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import Stop

@@ -9,6 +9,7 @@ The interpretation of each step is in docs/paper.md.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from typing import Literal
 
 import cv2
 import numpy as np
@@ -20,6 +21,8 @@ from manytouch.values import Detections, Frame, Roi, Sensor, Status
 from manytouch.values.arrays import Points2, Scalars, read_only
 
 Grey = UInt8[np.ndarray, "h w"]
+
+OpeningPadding = Literal["repeat", "none"]
 
 TRIAL_FRAMES = 10
 TRIED_MARGINS = range(-100, 101, 5)
@@ -52,7 +55,10 @@ class PaperDetection:
         margin: grey levels from Otsu's level towards the markers; None: the middle of the margins at which
             the first frames show the right number of markers.
         kernel_px: side of the square opening kernel, odd; 1 does not remove noise.
+        opening_padding: what continues the image beyond its border during the opening. "repeat": its
+            outermost pixels; "none": nothing, so that dots at the border are eroded, as the paper warns.
         minimum_area_px2: smaller contours are not markers; None: a quarter of the dot area of the layout.
+        maximum_area_px2: larger contours are not markers; None: no limit.
         roi_px: x, y, width, height of the area of interest in the camera's image; None: all of it.
             The layout's outline and `outline_pitch` around it limit it further.
         outline_pitch: extent of the area of interest beyond the outer markers, in pitches.
@@ -61,7 +67,9 @@ class PaperDetection:
     threshold: int | None = None
     margin: int | None = None
     kernel_px: int = 3
+    opening_padding: OpeningPadding = "repeat"
     minimum_area_px2: float | None = None
+    maximum_area_px2: float | None = None
     roi_px: Roi | None = None
     outline_pitch: float = 0.5
 
@@ -70,12 +78,16 @@ class PaperDetection:
 
         Raises:
             SensorError: the sensor has no layout, or the layout is not in the area of interest.
-            ManytouchError: the side of the opening kernel is not odd.
+            ManytouchError: the side of the opening kernel is not odd, or the threshold is no grey level.
         """
         if self.kernel_px < 1 or self.kernel_px % 2 == 0:
             raise ManytouchError(
                 f"kernel_px is {self.kernel_px}, but the side of the opening kernel must be odd: give an "
                 "odd number"
+            )
+        if self.threshold is not None and not 0 <= self.threshold <= 255:
+            raise ManytouchError(
+                f"the threshold is {self.threshold}, but it must be a grey level from 0 to 255"
             )
         if sensor.layout is None:
             raise SensorError(
@@ -153,24 +165,27 @@ class PaperDetection:
     def _markers(self, view: AlignedView, grey: Grey, level: int) -> tuple[Points2, Scalars, Grey]:
         """Midpoints and areas in the aligned area, and the opened binary image."""
         binary = np.asarray(cv2.threshold(grey, level, 255, cv2.THRESH_BINARY)[1])
-        clean = open_binary(binary, self.kernel_px)
+        clean = open_binary(binary, self.kernel_px, self.opening_padding)
         contours, _ = cv2.findContours(clean, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
         midpoint_px, area_px2 = contour_midpoints(contours)
         is_marker = area_px2 >= view.minimum_area_px2
+        if self.maximum_area_px2 is not None:
+            is_marker &= area_px2 <= self.maximum_area_px2
         return midpoint_px[is_marker], area_px2[is_marker], clean
 
 
-def open_binary(binary: Grey, kernel_px: int) -> Grey:
-    """Opening that removes specks; the image is padded, so that markers at its edge are not eroded."""
+def open_binary(binary: Grey, kernel_px: int, padding: OpeningPadding = "repeat") -> Grey:
+    """Opening that removes specks; with padding, markers at the edge of the image are not eroded."""
     if kernel_px == 1:
         return binary
-    pad = kernel_px // 2
+    pad = kernel_px // 2 if padding == "repeat" else 0
     padded = cv2.copyMakeBorder(binary, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
     kernel = np.ones((kernel_px, kernel_px), np.uint8)
     clean = cv2.morphologyEx(
         padded, cv2.MORPH_OPEN, kernel, borderType=cv2.BORDER_CONSTANT, borderValue=(0, 0, 0, 0)
     )
-    return np.ascontiguousarray(clean[pad:-pad, pad:-pad])
+    height, width = binary.shape
+    return np.ascontiguousarray(clean[pad : pad + height, pad : pad + width])
 
 
 def contour_midpoints(contours: Sequence[np.ndarray]) -> tuple[Points2, Scalars]:

@@ -15,12 +15,15 @@ from manytouch.geometry.camera import onto_plane, project
 from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_on
 from manytouch.paper.aligned_view import optical_centre_mm
 from manytouch.paper.perimeters import (
-    SIGNS,
+    Formula,
     MarkerQuads,
+    Padding,
+    at_markers,
     corner_values,
     marker_quads,
+    measure,
     pad_edge,
-    signed_perimeter,
+    quad_depth,
 )
 from manytouch.paper.surface import disc_footprint, peaks
 from manytouch.values import (
@@ -53,7 +56,8 @@ class PaperEstimationState:
         rest_px: (m, 2) initial coordinates in the camera's image.
         rest_plane_mm: (m, 2) initial coordinates on the markers' plane.
         plane_from_px: (m, 2, 2) derivative of plane coordinates with respect to pixels.
-        initial_perimeter_mm: (m,) AP of equation 12.
+        initial_mm: (q,) AP of equation 12 of each quad, or what else `formula` measures.
+        formula, padding: see `PaperEstimation`.
         x_mm, y_mm: columns and rows of the plane on which contacts are read off the surface.
         plane: evaluates surfaces there, (rows, columns).
         reach: footprint of the search radius on the grid.
@@ -67,7 +71,9 @@ class PaperEstimationState:
     rest_px: Points2
     rest_plane_mm: Points2
     plane_from_px: Covariances2
-    initial_perimeter_mm: Scalars
+    initial_mm: Float64[np.ndarray, " q"]
+    formula: Formula
+    padding: Padding
     x_mm: Float64[np.ndarray, " columns"]
     y_mm: Float64[np.ndarray, " rows"]
     plane: SurfaceSampler
@@ -80,12 +86,16 @@ class PaperEstimation:
     """Depth of every marker by equation 11, the surface between them, and its peaks as contacts.
 
     Attributes:
+        formula: what of the markers' quads is compared (`paper.perimeters.Formula`).
+        padding: depth of the markers at the edge (`paper.perimeters.Padding`).
         interpolation: of the surface; contacts are its peaks on a plane of iterations x iterations points,
             and only the deepest point within the search radius is a contact.
         contact_depth_pitch: a peak of the surface is a contact if it is deeper than this.
         tracker: identities of contacts over frames; not in the paper.
     """
 
+    formula: Formula = "corrected"
+    padding: Padding = "repeat"
     interpolation: Interpolation = INVERSE_DISTANCE
     contact_depth_pitch: float = 0.25
     tracker: ContactTracker = UNCONFIRMED
@@ -113,7 +123,7 @@ class PaperEstimation:
             )
         rest_px = project(camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
         rest_plane_mm = onto_plane(camera, rest_px)[:, :2]
-        quads = marker_quads(layout.row_column)
+        quads = marker_quads(layout.row_column, self.formula, self.padding)
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
         low_mm, high_mm = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
         x_mm, y_mm = np.linspace(low_mm, high_mm, self.interpolation.iterations).T
@@ -126,7 +136,9 @@ class PaperEstimation:
             rest_px=rest_px,
             rest_plane_mm=rest_plane_mm,
             plane_from_px=_plane_from_px(camera, rest_px),
-            initial_perimeter_mm=signed_perimeter(corner_values(rest_plane_mm, quads)),
+            initial_mm=measure(corner_values(rest_plane_mm, quads), self.formula)[0],
+            formula=self.formula,
+            padding=self.padding,
             x_mm=x_mm,
             y_mm=y_mm,
             plane=plane,
@@ -164,14 +176,15 @@ class PaperEstimation:
 def perimeter_depth(
     state: PaperEstimationState, plane_mm: Points2, covariance_px2: Covariances2
 ) -> tuple[Scalars, Scalars]:
-    """m = d (1 - AP / BP) of equation 11 and its variance, (m,); NaN where a corner is not seen."""
-    perimeter_mm = signed_perimeter(corner_values(plane_mm, state.quads))
-    perimeter_mm = np.where(perimeter_mm > 0.0, perimeter_mm, np.nan)
-    ratio = state.initial_perimeter_mm / perimeter_mm
+    """m = d (1 - AP / BP) of equation 11 and its variance, (m,); NaN where it is not known."""
+    corner_mm = corner_values(plane_mm, state.quads)
+    quad_mm, derivative = quad_depth(state.distance_mm, state.initial_mm, corner_mm, state.formula)
     covariance_mm2 = state.plane_from_px @ covariance_px2 @ state.plane_from_px.transpose(0, 2, 1)
-    variance_mm2 = np.einsum("kd,mkde,ke->m", SIGNS, corner_values(covariance_mm2, state.quads), SIGNS)
-    depth_variance_mm2 = (state.distance_mm * ratio / perimeter_mm) ** 2 * variance_mm2
-    return pad_edge(state.distance_mm * (1.0 - ratio), state.quads), pad_edge(depth_variance_mm2, state.quads)
+    depth_mm, variance_mm2 = at_markers(state.quads, quad_mm, derivative, covariance_mm2)
+    return (
+        pad_edge(depth_mm, state.quads, state.padding),
+        pad_edge(variance_mm2, state.quads, state.padding),
+    )
 
 
 def _surface(

@@ -1,59 +1,149 @@
-"""Quads of markers around each marker, and their perimeters (equations 12 and 13, Figure 10 of the paper)."""
+"""Quads of markers, and what equations 11 to 13 and Figure 10 of the paper compute from them.
+
+The equations can be read in five ways; docs/paper.md explains and compares them.
+"""
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.sparse import csr_array, diags_array
 
 from manytouch.values.arrays import Scalars
+
+Formula = Literal["corrected", "printed", "side_lengths", "area", "unit_quads"]
+"""How a quad is measured. `corrected`: equations 12 and 13 with the third term y2 - y3; `printed`: with
+y2 - y1; `side_lengths`: the sum of the distances between its corners; `area`: the square root of its area;
+`unit_quads`: as `corrected`, of the four quads between adjacent markers around a marker, whose depths are
+averaged. The others use the quad of the four diagonal neighbours."""
+
+Padding = Literal["repeat", "zero", "none"]
+"""Depth of the markers at the edge, which have no quad of diagonal neighbours: `repeat`: that of their inner
+neighbours; `zero`: of a sheet that is clamped there; `none`: not known."""
 
 CORNERS = np.array([[1, -1], [1, 1], [-1, 1], [-1, -1]])
 """Steps in row and column from a marker to the corners 1, 2, 3, 4 of its quad in equations 12 and 13."""
 
 SIGNS = np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]])
-"""Signs of x and y of the corners 1, 2, 3, 4 in the sum of equations 12 and 13."""
+"""Signs of x and y of the corners 1, 2, 3, 4 in the sum of equations 12 and 13, third term y2 - y3."""
+
+PRINTED_SIGNS = np.array([[-1.0, 0.0], [1.0, 1.0], [1.0, 0.0], [-1.0, -1.0]])
+"""The same with the third term as printed, y2 - y1: y1 cancels, and y3 is not used."""
+
+Corners = Float64[np.ndarray, "q 4 2"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MarkerQuads:
-    """The quad of markers around each marker.
+    """Quads of markers, and which of them belong to each marker.
 
     Attributes:
-        corner: (m, 4) markers at the corners 1 to 4; -1 where the layout has none.
-        source: (m,) marker whose depth is used: the marker itself inside, its inner neighbour at the edge
-            (Figure 10).
+        corner: (q, 4) markers at the corners 1 to 4 of each quad; -1 where the layout has none.
+        share: (m, q) which quads are averaged at each marker; None: quad i is that of marker i.
+        source: (m,) marker whose depth is used (Figure 10); -1: none.
     """
 
-    corner: Int64[np.ndarray, "m 4"]
+    corner: Int64[np.ndarray, "q 4"]
+    share: csr_array | None
     source: Int64[np.ndarray, " m"]
 
 
-def signed_perimeter(corner: Float64[np.ndarray, "... 4 2"]) -> Float64[np.ndarray, "..."]:
-    """Perimeter (...) of quads with corners 1 to 4, as the signed sum of equations 12 and 13.
-
-    (y1 - y4) + (x2 - x1) + (y2 - y3) + (x3 - x4), with the third term corrected (printed: y2 - y1). It is
-    twice the mean width and height, the perimeter of the quad if its sides are parallel to the axes.
-    """
-    return np.asarray(np.einsum("...kd,kd->...", corner, SIGNS))
-
-
-def marker_quads(row_column: Int64[np.ndarray, "m 2"]) -> MarkerQuads:
-    """The four diagonal neighbours of each marker, and the padding of the edge of the layout."""
+def marker_quads(
+    row_column: Int64[np.ndarray, "m 2"], formula: Formula = "corrected", padding: Padding = "repeat"
+) -> MarkerQuads:
+    """The quads that a formula measures, on a complete rectangle of rows and columns."""
+    count = len(row_column)
     rows, columns = row_column.max(axis=0) + 1
     marker = np.full((rows + 2, columns + 2), -1, dtype=np.int64)
     row, column = row_column.T
-    marker[row + 1, column + 1] = np.arange(len(row_column))
+    marker[row + 1, column + 1] = np.arange(count)
+    if formula == "unit_quads":
+        low = marker[2:-1, 1:-2].ravel(), marker[2:-1, 2:-1].ravel()
+        high = marker[1:-2, 2:-1].ravel(), marker[1:-2, 1:-2].ravel()
+        corner = np.stack([*low, *high], axis=1)
+        quad = np.repeat(np.arange(len(corner)), 4)
+        is_corner = csr_array((np.ones(4 * len(corner)), (corner.ravel(), quad)), shape=(count, len(corner)))
+        return MarkerQuads(corner=corner, share=is_corner, source=np.arange(count))
     corner = marker[row[:, None] + 1 + CORNERS[:, 0], column[:, None] + 1 + CORNERS[:, 1]]
     source = marker[np.clip(row, 1, rows - 2) + 1, np.clip(column, 1, columns - 2) + 1]
-    return MarkerQuads(corner=corner, source=source)
+    if padding != "repeat":
+        source = np.where(source == np.arange(count), source, -1)
+    return MarkerQuads(corner=corner, share=None, source=source)
+
+
+def measure(corner: Corners, formula: Formula) -> tuple[Float64[np.ndarray, " q"], Corners]:
+    """What a formula measures of quads with corners 1 to 4, and its derivatives by the corners.
+
+    The signed sums of equations 12 and 13, (y1 - y4) + (x2 - x1) + (y2 - y3) + (x3 - x4), are twice the mean
+    width and height: the perimeter of a quad with sides parallel to the axes.
+    """
+    if formula == "side_lengths":
+        side = np.roll(corner, -1, axis=1) - corner
+        length = np.linalg.norm(side, axis=2, keepdims=True)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            direction = side / length
+        return length.sum(axis=(1, 2)), np.roll(direction, 1, axis=1) - direction
+    if formula == "area":
+        after, before = np.roll(corner, -1, axis=1), np.roll(corner, 1, axis=1)
+        # corners 1 to 4 turn clockwise where y points up
+        twice = -(corner[..., 0] * after[..., 1] - corner[..., 1] * after[..., 0]).sum(axis=1)
+        root = np.sqrt(np.maximum(0.5 * twice, 0.0))
+        across = np.stack([before[..., 1] - after[..., 1], after[..., 0] - before[..., 0]], axis=-1)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return root, across / (4.0 * root[:, None, None])
+    signs = PRINTED_SIGNS if formula == "printed" else SIGNS
+    return np.einsum("qkd,kd->q", corner, signs), np.broadcast_to(signs, corner.shape)
+
+
+def quad_depth(
+    distance_mm: float, initial_mm: Float64[np.ndarray, " q"], corner_mm: Corners, formula: Formula
+) -> tuple[Float64[np.ndarray, " q"], Corners]:
+    """m = d (1 - a / b) of equation 11 for each quad, and its derivatives by the corners.
+
+    NaN where a corner is not known or the quad has turned inside out.
+    """
+    present_mm, derivative = measure(corner_mm, formula)
+    present_mm = np.where(present_mm > 0.0, present_mm, np.nan)
+    ratio = initial_mm / present_mm
+    return distance_mm * (1.0 - ratio), (distance_mm * ratio / present_mm)[:, None, None] * derivative
+
+
+def at_markers(
+    quads: MarkerQuads,
+    depth_mm: Float64[np.ndarray, " q"],
+    derivative: Corners,
+    covariance_mm2: Float64[np.ndarray, "m 2 2"],
+) -> tuple[Float64[np.ndarray, " m"], Float64[np.ndarray, " m"]]:
+    """Depth of each marker from those of its quads, and its variance, before the padding of the edge.
+
+    A marker has the mean of the quads that are known.
+    """
+    if quads.share is None:
+        corner_mm2 = corner_values(covariance_mm2, quads)
+        return depth_mm, np.einsum("qkd,qkde,qke->q", derivative, corner_mm2, derivative)
+    is_known = np.isfinite(depth_mm)
+    count = quads.share @ is_known.astype(np.float64)
+    use = csr_array(diags_array(1.0 / np.maximum(count, 1.0)) @ quads.share @ diags_array(1.0 * is_known))
+    place = (np.repeat(np.arange(len(depth_mm)), 4), quads.corner.ravel())
+    shape = (len(depth_mm), len(covariance_mm2))
+    by_x, by_y = (
+        use @ csr_array((np.where(is_known[:, None], derivative[..., axis], 0.0).ravel(), place), shape=shape)
+        for axis in (0, 1)
+    )
+    xx, xy, yy = (np.nan_to_num(covariance_mm2[:, i, j]) for i, j in ((0, 0), (0, 1), (1, 1)))
+    variance = (by_x * by_x) @ xx + 2.0 * (by_x * by_y) @ xy + (by_y * by_y) @ yy
+    is_any = count > 0
+    found = np.where(is_any, use @ np.where(is_known, depth_mm, 0.0), np.nan)
+    return found, np.where(is_any, variance, np.nan)
 
 
 def corner_values(value: np.ndarray, quads: MarkerQuads) -> np.ndarray:
-    """(m, 4, ...) values at the corners of the quad of each marker; NaN where there is none."""
+    """(q, 4, ...) values at the corners of each quad; NaN where there is none."""
     missing = np.full((1, *value.shape[1:]), np.nan)
     return np.asarray(np.concatenate([value, missing])[quads.corner])
 
 
-def pad_edge(value: Scalars, quads: MarkerQuads) -> Scalars:
-    """(m,) values, where the markers at the edge get the value of their inner neighbours."""
-    return np.where(quads.source >= 0, value[quads.source], np.nan)
+def pad_edge(value: Scalars, quads: MarkerQuads, padding: Padding) -> Scalars:
+    """(m,) values with those of the markers at the edge."""
+    return np.where(quads.source >= 0, value[quads.source], 0.0 if padding == "zero" else np.nan)

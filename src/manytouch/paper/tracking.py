@@ -109,6 +109,8 @@ class PaperTracking:
         is_seen = np.zeros(state.markers, dtype=np.bool_)
         is_seen[marker] = True
         frames_unseen = np.where(is_seen, 0, state.frames_unseen + 1)
+        was_seen = (state.frames_unseen == 0) & (len(state.id) > 0)
+        was_seen &= np.isin(np.arange(state.markers), state.order)
         status = detections.status
         if status is Status.OK and len(marker) < len(state.order):
             has_more = len(id_in_list) == 0 and len(id_of) > len(state.order)
@@ -129,6 +131,8 @@ class PaperTracking:
             covariance_px2=read_only(covariance_px2),
             is_seen=read_only(is_seen),
             frames_unseen=after.frames_unseen,
+            lost_ids=int(np.count_nonzero(was_seen & ~is_seen)),
+            new_ids=new,
             status=status,
         )
 

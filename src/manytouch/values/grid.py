@@ -16,6 +16,10 @@ class TrackedGrid:
         is_seen: (m,) false also where the identity of the dot is doubtful.
         frames_unseen: (m,) frames since the marker was last seen; 0 where seen.
         area_px2: (m,) area of the dots; NaN where not seen; None if the method does not measure it.
+        lost_ids: number of markers that were seen in the frame before and are not in this one; None if the
+            method does not count it.
+        new_ids: number of dots of this frame that got an identity that no marker of the layout has; None if
+            the method gives no new identities.
         status: `OK`, or few_markers, or the status of the detections.
     """
 
@@ -24,6 +28,8 @@ class TrackedGrid:
     is_seen: Mask
     frames_unseen: Counts
     area_px2: Scalars | None = None
+    lost_ids: int | None = None
+    new_ids: int | None = None
     status: Status = Status.OK
 
     def __repr__(self) -> str:

@@ -4,11 +4,14 @@ import signal
 from pathlib import Path
 
 import pytest
+from cyclopts import App
 
 from manytouch.cli import main
+from manytouch.cli.terminal import method_options
 from manytouch.cli.terminal.interrupt import Stop
 from manytouch.errors import ManytouchError
 from manytouch.session.results import result_names
+from manytouch.values import Interpolation
 
 VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "doctor")
 
@@ -41,6 +44,10 @@ def test_a_folder_of_pictures_keeps_its_whole_name(tmp_path: Path):
         (["proces"], 2),
         (["process", "a.mp4"], 2),
         (["process", "a.mp4", "--out", "o", "--roi", "0,0,9.5,9"], 2),
+        (["process", "a.mp4", "--out", "o", "--threshold", "otsu"], 2),
+        (["process", "a.mp4", "--out", "o", "--method", "paper", "--threshold", "256"], 2),
+        (["process", "a.mp4", "--out", "o", "--iterations", "50"], 2),
+        (["run", "a.mp4", "--method", "paper", "--interpolation", "spline", "--power", "3"], 2),
         (["process", "a.mp4", "--out", "o", "--pitch-mm", "0"], 2),
         (["process", "a.mp4", "--out", "o", "--hfov-deg", "nan"], 2),
         (["process", "a.mp4", "--out", "o", "--pitch-mm", "4,nan"], 2),
@@ -133,3 +140,35 @@ def test_an_interrupt_outside_of_any_run_ends_quietly(capsys, monkeypatch):
     monkeypatch.setattr("manytouch.session.diagnosis.installation.describe_installation", interrupt)
     assert main(["doctor"]) == 0
     assert capsys.readouterr().err == "stopped\n"
+
+
+def test_options_of_the_paper_become_the_parameters_of_its_pipeline():
+    from manytouch.session import pipeline_for
+
+    words = (
+        "--threshold otsu-10 --opening-px 5 --opening-padding none --minimum-area-px2 30"
+        " --maximum-area-px2 900 --gate-px 4.5 --formula unit-quads --padding zero --contact-depth-pitch 0.5"
+        " --interpolation idw --iterations 60 --search-radius-pitch 2 --power 3"
+    )
+    given = {}
+
+    def keep(
+        surface: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008
+        paper: method_options.Paper = method_options.PaperOptions(),  # noqa: B008
+    ):
+        given.update(surface.parameters("process", "paper") | paper.parameters("process", "paper"))
+
+    App(default_command=keep)(words.split(), exit_on_error=False, result_action="return_value")
+    pipeline = pipeline_for("paper", parameters=given)
+    detect, track, estimate = pipeline.detect, pipeline.track, pipeline.estimate
+    assert (detect.threshold, detect.margin, detect.kernel_px, detect.opening_padding) == (
+        None,
+        -10,
+        5,
+        "none",
+    )
+    assert (detect.minimum_area_px2, detect.maximum_area_px2, track.gate_px) == (30.0, 900.0, 4.5)
+    assert (estimate.formula, estimate.padding, estimate.contact_depth_pitch) == ("unit_quads", "zero", 0.5)
+    assert estimate.interpolation == Interpolation(
+        kind="idw", iterations=60, search_radius_pitch=2.0, power=3.0
+    )

@@ -145,6 +145,29 @@ def test_padding_keeps_what_the_edge_cuts_and_opening_removes_specks():
     np.testing.assert_array_equal(open_binary(binary, 3), expected)
 
 
+def test_without_padding_opening_erodes_what_touches_the_border():
+    binary = np.zeros((20, 20), np.uint8)
+    binary[:3, 5:9] = binary[10:14, 10:14] = 255
+    np.testing.assert_array_equal(open_binary(binary, 5, "repeat")[:3, 5:9], 0)  # narrower than the kernel
+    np.testing.assert_array_equal(open_binary(binary, 3, "repeat"), binary)
+    unpadded = open_binary(binary[1:], 3, "none")  # two rows are left, one of which has no neighbour above
+    assert unpadded.shape == (19, 20)
+    assert unpadded[:3].max() == 0
+    np.testing.assert_array_equal(unpadded[9:13, 10:14], 255)
+
+
+def test_contours_beyond_the_largest_area_are_no_markers():
+    of = sensor()
+    centre_px, image = picture(of)
+    image = image.copy()
+    cv2.circle(image, np.rint(centre_px[3:5].mean(axis=0)).astype(int).tolist(), 26, 255, -1)
+    merged = found(PaperDetection(), of, image)
+    limited = found(PaperDetection(maximum_area_px2=400.0), of, image)
+    assert merged.area_px2.max() > 1500.0
+    assert limited.area_px2.max() < 400.0
+    assert len(limited.centre_px) == len(merged.centre_px) - 1
+
+
 def test_opening_keeps_the_area_of_discs():
     image = render_discs(
         np.array([[20.3, 21.8], [52.1, 19.4]]),
@@ -248,3 +271,9 @@ def test_wrong_parameters_and_sensors_are_refused_in_a_sentence():
         PaperDetection().start(Sensor(name="bare", camera=of.camera))
     with pytest.raises(SensorError, match="outside the area of interest"):
         PaperDetection(roi_px=Roi(0, 0, 5, 5)).start(of)
+
+
+@pytest.mark.parametrize("threshold", [-1, 256])
+def test_a_threshold_that_is_no_grey_level_is_refused(threshold):
+    with pytest.raises(ManytouchError, match="a grey level from 0 to 255"):
+        PaperDetection(threshold=threshold).start(sensor())

@@ -1,5 +1,7 @@
 """The paper's depth, padding, interpolation and peaks: their laws, and the laws that they violate."""
 
+from typing import get_args
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -12,13 +14,14 @@ from manytouch.geometry.inverse_distance import inverse_distance_plane
 from manytouch.geometry.surface_sampling import sample
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
-from manytouch.paper.perimeters import marker_quads, signed_perimeter
+from manytouch.paper.perimeters import Formula, marker_quads, measure
 from manytouch.paper.surface import peaks
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Camera, Interpolation, Layout, Phase, Sensor
 
+FORMULAS = get_args(Formula)
 ROWS, COLUMNS, PITCH_MM, DISTANCE_MM = 6, 9, np.array([4.0, 5.0]), 110.0
 
 
@@ -102,13 +105,80 @@ def test_signed_perimeter_is_the_true_one_of_axis_parallel_quads_and_linear_in_t
     lower_left, lower_right = [left, top + height], [left + width, top + height]
     upper_right, upper_left = [left + width, top], [left, top]
     box = np.array([lower_left, lower_right, upper_right, upper_left])
-    np.testing.assert_allclose(signed_perimeter(box), 2 * (width + height))
+    for formula in ("corrected", "side_lengths"):
+        np.testing.assert_allclose(measure(box[None], formula)[0], 2 * (width + height))
+    np.testing.assert_allclose(measure(box[None], "printed")[0], 2 * width + height)
+    np.testing.assert_allclose(measure(box[None], "area")[0], np.sqrt(width * height))
     one, two = random.normal(size=(2, 7, 4, 2))
-    np.testing.assert_allclose(
-        signed_perimeter(2.0 * one - 3.0 * two), 2.0 * signed_perimeter(one) - 3.0 * signed_perimeter(two)
-    )
+    for formula in ("corrected", "printed"):
+        of_one, of_two, of_both = (measure(each, formula)[0] for each in (one, two, 2.0 * one - 3.0 * two))
+        np.testing.assert_allclose(of_both, 2.0 * of_one - 3.0 * of_two)
     shifted = box + random.normal(size=2)
-    np.testing.assert_allclose(signed_perimeter(shifted), signed_perimeter(box))
+    np.testing.assert_allclose(measure(shifted[None], "corrected")[0], 2 * (width + height))
+
+
+@pytest.mark.parametrize("formula", FORMULAS)
+def test_each_measure_has_the_derivatives_that_it_states(formula):
+    random = np.random.default_rng(4)
+    corner = np.array([[-1.0, 1.0], [1.0, 1.0], [1.0, -1.0], [-1.0, -1.0]]) + random.normal(0, 0.2, (5, 4, 2))
+    _, derivative = measure(corner, formula)
+    for k, d in np.ndindex(4, 2):
+        step = np.zeros((4, 2))
+        step[k, d] = 1e-6
+        slope = (measure(corner + step, formula)[0] - measure(corner - step, formula)[0]) / 2e-6
+        np.testing.assert_allclose(derivative[:, k, d], slope, atol=1e-8)
+
+
+@pytest.mark.parametrize("formula", FORMULAS)
+def test_every_reading_of_the_equations_has_the_depth_of_a_sheet_that_only_comes_nearer(formula):
+    of = sensor()
+    nearer = seen(of, np.tile([0.0, 0.0, -7.0], (ROWS * COLUMNS, 1)))
+    np.testing.assert_allclose(depth_mm(of, nearer, formula=formula), 7.0, atol=1e-9)
+
+
+def test_the_third_term_as_printed_weighs_widths_twice():
+    # a stretch along x by e changes 2 (w + h) by 2 w e, but 2 w + h by 2 w e as well: of a smaller whole
+    of = sensor()
+    wide = seen(of, np.column_stack([0.001 * of.layout.rest_mm[:, 0], np.zeros((ROWS * COLUMNS, 2))]))
+    width, height = 2.0 * PITCH_MM
+    inner = np.s_[COLUMNS + 1]
+    for formula, whole in (("corrected", 2 * (width + height)), ("printed", 2 * width + height)):
+        share = 2 * width / whole
+        expected = DISTANCE_MM * (1.0 - 1.0 / (1.0 + 0.001 * share))
+        assert depth_mm(of, wide, formula=formula)[inner] == pytest.approx(expected, rel=1e-9)
+
+
+def test_unit_quads_are_averaged_around_each_marker():
+    of = sensor()
+    depth, _ = bump(of, (3.0, -4.0), 4.0, 9.0)
+    after = seen(of, np.column_stack([0.05 * depth, -0.02 * depth, -depth]))
+    lattice = (ROWS, COLUMNS, 2)
+    before_mm = onto_plane(of.camera, project(of.camera, of.layout.rest_mm))[:, :2].reshape(lattice)
+    after_mm = onto_plane(of.camera, after.position_px)[:, :2].reshape(lattice)
+    cells = np.zeros((ROWS - 1, COLUMNS - 1))
+    for r, c in np.ndindex(*cells.shape):
+        sums = [
+            (p[r + 1, c, 1] - p[r, c, 1])
+            + (p[r + 1, c + 1, 0] - p[r + 1, c, 0])
+            + (p[r + 1, c + 1, 1] - p[r, c + 1, 1])
+            + (p[r, c + 1, 0] - p[r, c, 0])
+            for p in (before_mm, after_mm)
+        ]
+        cells[r, c] = DISTANCE_MM * (1.0 - sums[0] / sums[1])
+    plain = np.zeros((ROWS, COLUMNS))
+    for r, c in np.ndindex(ROWS, COLUMNS):
+        plain[r, c] = cells[max(r - 1, 0) : r + 1, max(c - 1, 0) : c + 1].mean()
+    found = depth_mm(of, after, formula="unit_quads").reshape(ROWS, COLUMNS)
+    np.testing.assert_allclose(found, plain, atol=1e-9)
+
+
+@pytest.mark.parametrize(("padding", "edge"), [("repeat", 3.0), ("zero", 0.0), ("none", np.nan)])
+def test_the_edge_is_padded_as_requested(padding, edge):
+    of = sensor()
+    nearer = seen(of, np.tile([0.0, 0.0, -3.0], (ROWS * COLUMNS, 1)))
+    found = depth_mm(of, nearer, padding=padding).reshape(ROWS, COLUMNS)
+    np.testing.assert_allclose(found[1:-1, 1:-1], 3.0)
+    np.testing.assert_allclose([*found[0], *found[-1], *found[:, 0], *found[:, -1]], edge)
 
 
 def test_depth_is_that_of_a_plain_computation_marker_by_marker():
@@ -174,7 +244,8 @@ def test_an_unseen_marker_leaves_out_only_the_quads_it_belongs_to():
     assert contacts.contacts == ()
 
 
-def test_deviations_are_the_observed_scatter():
+@pytest.mark.parametrize("formula", FORMULAS)
+def test_deviations_are_the_observed_scatter(formula):
     of = sensor(distortion=(-0.1, 0.0, 0.0, 0.0, 0.0))
     random = np.random.default_rng(7)
     depth, _ = bump(of, (3.0, -4.0), 6.0, 9.0)

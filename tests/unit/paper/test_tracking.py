@@ -157,3 +157,14 @@ def test_rows_are_parted_by_gaps_and_sorted_by_x():
 def test_a_sensor_without_markers_is_refused():
     with pytest.raises(SensorError, match="has no \\[markers\\]"):
         PaperTracking().start(Sensor(name="bare", camera=sensor().camera))
+
+
+def test_lost_and_new_ids_are_counted_in_the_frame_in_which_they_happen():
+    of = sensor(missing=(3,))
+    rest_px = project(of.camera, of.layout.rest_mm)[np.arange(ROWS * COLUMNS) != 3]
+    jumped = rest_px.copy()
+    jumped[7] += [19.0, 0.0]  # half a pitch
+    frames = [rest_px[:-1], rest_px, rest_px, jumped, jumped, np.delete(jumped, [0, 1], axis=0), rest_px]
+    _, grids = tracked(of, frames)
+    assert [grid.lost_ids for grid in grids] == [0, 0, 0, 1, 0, 2, 0]
+    assert [grid.new_ids for grid in grids] == [0, 0, 0, 1, 0, 0, 0]

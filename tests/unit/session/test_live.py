@@ -11,10 +11,11 @@ import pytest
 from cameras import Driver
 from clips import picture
 from drawn_source import DrawnSource
+from manytouch.errors import ManytouchError
 from manytouch.pipeline import Controls
 from manytouch.session import Live, pipeline_for, prepare, run
 from manytouch.session.background_iterator import BackgroundIterator
-from manytouch.session.methods.parameters import parameters_of
+from manytouch.session.methods import choices_of, parameters_of, tune
 from manytouch.session.prepare import Job
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sources.cameras.camera import CameraSource
@@ -155,6 +156,19 @@ def test_the_surface_of_any_method_can_be_changed_while_it_runs() -> None:
     assert seen.readings[-1].surface.interpolation == Interpolation(kind="idw", iterations=20)
     assert live.health().parameters["interpolation.kind"] == "idw"
     assert live.health().choices["interpolation.kind"] == ("spline", "idw")
+
+
+def test_what_is_automatic_can_be_fixed_and_be_automatic_again() -> None:
+    pipeline = pipeline_for("paper")
+    assert parameters_of(pipeline)["detect.threshold"] is None
+    fixed = tune(pipeline, "detect.threshold", 120.0)
+    assert (fixed.detect.threshold, parameters_of(fixed)["detect.threshold"]) == (120, 120)
+    assert parameters_of(tune(fixed, "detect.threshold", None)) == parameters_of(pipeline)
+    with pytest.raises(ManytouchError, match="or left automatic, not inf"):
+        tune(pipeline, "track.gate_px", float("inf"))
+    with pytest.raises(ManytouchError, match="must be a number, not otsu"):
+        tune(pipeline, "detect.threshold", "otsu")
+    assert choices_of(pipeline)["estimate.formula"][:2] == ("corrected", "printed")
 
 
 @pytest.mark.parametrize(

@@ -1,14 +1,16 @@
 """Options for the parameters of methods, which several commands share."""
 
+import re
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Annotated, Any, Literal
 
-from cyclopts import Group, Parameter
+from cyclopts import Group, Parameter, Token
 
 from manytouch.cli.terminal.failures import usage_error
 from manytouch.cli.terminal.options import positive
 
-SURFACE = Group("Surface between the markers")
+SURFACE, PAPER = Group("Surface between the markers"), Group("Parameters of the method paper")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -79,4 +81,125 @@ class SurfaceOptions:
         }
 
 
+def _threshold(_: Any, tokens: Sequence[Token]) -> dict[str, int]:
+    """A grey level, `otsu`, or `otsu` plus or minus a margin."""
+    text = tokens[0].value
+    found = re.fullmatch(r"otsu(?P<margin>[+-]\d{1,3})?|(?P<level>\d{1,3})", text)
+    if found is None or int(found["level"] or 0) > 255:
+        raise ValueError(f"expected a grey level from 0 to 255, otsu, or otsu+15, found {text!r}")
+    if found["level"] is not None:
+        return {"detect.threshold": int(found["level"])}
+    return {"detect.margin": int(found["margin"] or 0)}
+
+
+def _paper(name: str, words: str, metavar: str | None = None, converter: Any = None) -> Parameter:
+    if converter is None:
+        return Parameter(name=name, group=PAPER, metavar=metavar, help=words)
+    return Parameter(name=name, group=PAPER, metavar=metavar, converter=converter, n_tokens=1, help=words)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PaperOptions:
+    """What the paper finds by trial and error; None: the default of the method."""
+
+    threshold: Annotated[
+        Any,
+        _paper(
+            "--threshold",
+            "Grey level between dots and background. A number: fixed, as in the paper; otsu: Otsu's of each "
+            "frame; otsu+15: a distance from it towards the dots. [default: from Otsu's, by trial]",
+            "LEVEL|otsu|otsu+N",
+            _threshold,
+        ),
+    ] = None
+    opening_px: Annotated[
+        int | None,
+        _paper("--opening-px", "Side of the opening kernel, odd; 1: no opening. [default: 3]", "N"),
+    ] = None
+    opening_padding: Annotated[
+        Literal["repeat", "none"] | None,
+        _paper("--opening-padding", "Padding of the image before the opening. [default: repeat]"),
+    ] = None
+    minimum_area_px2: Annotated[
+        Any,
+        _paper(
+            "--minimum-area-px2",
+            "Smaller contours are not markers. [default: a quarter of a dot]",
+            "A",
+            positive("an area"),
+        ),
+    ] = None
+    maximum_area_px2: Annotated[
+        Any,
+        _paper(
+            "--maximum-area-px2",
+            "Larger contours are not markers. [default: no limit]",
+            "A",
+            positive("an area"),
+        ),
+    ] = None
+    gate_px: Annotated[
+        Any,
+        _paper(
+            "--gate-px",
+            "A dot that moves further between two frames gets a new identity. [default: 0.4 of the distance "
+            "between neighbours]",
+            "G",
+            positive("a distance"),
+        ),
+    ] = None
+    formula: Annotated[
+        Literal["corrected", "printed", "side-lengths", "area", "unit-quads"] | None,
+        _paper(
+            "--formula",
+            "Reading of equations 12 and 13: with the third term corrected, as printed, or other measures of "
+            "the quads. [default: corrected]",
+        ),
+    ] = None
+    padding: Annotated[
+        Literal["repeat", "zero", "none"] | None,
+        _paper(
+            "--padding",
+            "Depth of the markers at the edge (Figure 10): of their inner neighbours, 0, or not known. "
+            "[default: repeat]",
+        ),
+    ] = None
+    contact_depth_pitch: Annotated[
+        Any,
+        _paper(
+            "--contact-depth-pitch",
+            "Only peaks of the surface that are deeper are contacts, in pitches. [default: 0.25]",
+            "D",
+            positive("a depth"),
+        ),
+    ] = None
+
+    def parameters(self, verb: str, method: str | None) -> dict[str, Any]:
+        """Those that were given, by the names that the pipeline has for them.
+
+        Raises:
+            CycloptsError: the method is not `paper`.
+        """
+        names = {
+            "opening_px": "detect.kernel_px",
+            "opening_padding": "detect.opening_padding",
+            "minimum_area_px2": "detect.minimum_area_px2",
+            "maximum_area_px2": "detect.maximum_area_px2",
+            "gate_px": "track.gate_px",
+            "formula": "estimate.formula",
+            "padding": "estimate.padding",
+            "contact_depth_pitch": "estimate.contact_depth_pitch",
+        }
+        given = {name: getattr(self, name) for name in names if getattr(self, name) is not None}
+        found = {names[name]: value for name, value in given.items()} | (self.threshold or {})
+        if found and method != "paper":
+            words = ["threshold"] * (self.threshold is not None) + list(given)
+            options = ", ".join(f"--{name.replace('_', '-')}" for name in words)
+            raise usage_error(verb, f"only the method paper has {options}: add --method paper")
+        if self.formula is not None:
+            found["estimate.formula"] = self.formula.replace("-", "_")
+        return found
+
+
 Surface = Annotated[SurfaceOptions, Parameter(name="*")]
+Paper = Annotated[PaperOptions, Parameter(name="*")]

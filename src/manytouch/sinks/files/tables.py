@@ -39,7 +39,16 @@ def marker_columns(unit: LengthUnit) -> tuple[str, ...]:
     )
 
 
-FRAME_COLUMNS = ("frame", "time_s", "status", "markers_seen", "contacts", "milliseconds")
+FRAME_COLUMNS = (
+    "frame",
+    "time_s",
+    "status",
+    "markers_seen",
+    "contacts",
+    "milliseconds",
+    "lost_ids",
+    "new_ids",
+)
 
 
 def time_s(timestamp_ns: int) -> float:
@@ -129,6 +138,7 @@ class FrameTable:
             int(reading.grid.is_seen.sum()),
             len(reading.contacts.touching),
             six_digits(reading.milliseconds),
+            *("" if count is None else count for count in (reading.grid.lost_ids, reading.grid.new_ids)),
         )
         self._table.add([row])
 

@@ -17,7 +17,7 @@ CONTACT_COLUMNS = (
     "half_major_mm,half_minor_mm,orientation_rad,shape,shape_probability"
 )
 MARKER_COLUMNS = "frame, time_s, marker, row, column, x_px, y_px, seen, dx_mm, dy_mm, depth_mm, depth_std_mm"
-FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds"
+FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds,lost_ids,new_ids"
 
 
 def rows_of(path):
@@ -94,9 +94,17 @@ def test_frames_have_a_line_each_also_when_they_failed(tmp_path, reading_of, con
     )
     assert (tmp_path / "frames.csv").read_text().splitlines() == [
         FRAME_COLUMNS,
-        "0,0.000000,ok,23,1,2",
-        "2,0.080000,decode_error,0,0,4",
+        "0,0.000000,ok,23,1,2,,",
+        "2,0.080000,decode_error,0,0,4,,",
     ]
+
+
+def test_lost_and_new_identities_are_counted_where_the_method_does(tmp_path, reading_of):
+    reading = reading_of(0)
+    counted = dataclasses.replace(reading.grid, lost_ids=3, new_ids=0)
+    write(FrameTable(tmp_path), dataclasses.replace(reading, grid=counted), reading_of(1))
+    rows = rows_of(tmp_path / "frames.csv")
+    assert [(row["lost_ids"], row["new_ids"]) for row in rows] == [("3", "0"), ("", "")]
 
 
 def test_markers_have_a_row_per_frame_but_not_the_missing_ones(tmp_path, sensor, reading_of):
