@@ -141,6 +141,11 @@ def _paper(methods: list[options.Method] | None, *, cache: Path | None, processe
                 f"  {name}: position error {first_mm:.2f} and {second_mm:.2f} mm, "
                 f"depth error {depth_mm:.2f} mm"
             )
+        for one in found.formulas:
+            progress.report(
+                f"  equations 11 to 13, {one.formula}: depth RMSE {one.rmse_mm:.2f} mm, "
+                f"deepest point {100 * one.excess:+.0f} %"
+            )
         for words, fps in found.speed.frames_per_second.items():
             progress.report(f"  method of the paper, {words}: {fps:.2f} frames per second")
         progress.report(f"  page in {write_page(found, out)}")

@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from hollows import bumps
+from layouts import lattice_layout
 from manytouch.evaluation.published import material, places, spacing
+from manytouch.evaluation.published.formulas import FormulaError, formula_errors, law_mm
 from manytouch.evaluation.published.page import Experiments, contents, row, write_page
 from manytouch.evaluation.published.speed import Speed, plain_map
 from manytouch.evaluation.suite.cases import GROUPS, Case
@@ -32,6 +34,11 @@ FOUND = Experiments(
         ),
     ),
     gap_MPa=3.3,
+    formulas=(
+        FormulaError(
+            formula="printed", rmse_mm=2.31, worst_rmse_mm=3.4, excess=1.19, worst_excess=1.4, frames=37
+        ),
+    ),
     presses={
         "truth": (
             places.PublishedPress(along_mm=60.0, depth_mm=10.0),
@@ -52,6 +59,27 @@ def test_the_modulus_is_the_one_at_which_10_N_press_as_deep_as_printed() -> None
     assert STIFFENING.linear_depth_mm(0.01) == pytest.approx(20_000.0)
     assert STIFFENING.depth_of_10_N_mm(5.0) == pytest.approx(9.1)
     assert np.isnan(STIFFENING.depth_of_10_N_mm(0.01))
+
+
+def test_the_law_and_the_readings_of_a_sheet_that_only_comes_nearer_are_its_depth() -> None:
+    layout = lattice_layout(5, 7, np.array([4.0, 4.0]))
+    moved_mm = np.tile([0.0, 0.0, -2.5], (35, 1))
+    np.testing.assert_allclose(law_mm(layout, moved_mm, 110.0), 2.5)
+    stretched = np.column_stack([0.01 * layout.rest_mm[:, 0], np.zeros((35, 2))])
+    np.testing.assert_allclose(law_mm(layout, stretched, 110.0), 0.5 * 110.0 * 0.01)
+    tilted = np.column_stack([np.zeros((35, 2)), -0.1 * layout.rest_mm[:, 1]])
+    np.testing.assert_allclose(law_mm(layout, tilted, 110.0), 1.5 * 0.1 * layout.rest_mm[:, 1])
+
+
+def test_the_readings_of_the_equations_are_those_of_the_documentation() -> None:
+    found = {one.formula: one for one in formula_errors()}
+    table = (Path(__file__).parents[3] / "docs" / "paper.md").read_text(encoding="utf-8")
+    assert len(found) == 6
+    for one in found.values():
+        figures = f"| {one.rmse_mm:.2f} / {one.worst_rmse_mm:.2f} |"
+        assert f"{figures} {100 * one.excess:.0f} / {100 * one.worst_excess:.0f} % |" in table
+    assert found["corrected"].excess > 0.9  # the law makes a finger much too deep
+    assert found["printed"].rmse_mm != pytest.approx(found["corrected"].rmse_mm, rel=0.05)
 
 
 def test_the_corrected_gap_of_a_flat_sheet_is_the_pitch_less_two_radii_and_the_printed_one_is_not() -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from manytouch.evaluation.published import material, places, spacing
+from manytouch.evaluation.published.formulas import FormulaError, formula_errors
 from manytouch.evaluation.published.speed import Speed, speed
 from manytouch.evaluation.report.report_data import plain
 from manytouch.evaluation.report.svg_theme import FOREGROUND, METHOD_COLOURS, SOFT, figure, svg
@@ -33,6 +34,7 @@ class Experiments:
         sag_mm: of the 120 x 80 mm sheet of the printed modulus under its own weight.
         gaps: Figure 3 and equation 1, for some heights of the markers.
         gap_MPa: modulus of the sheet that they stand on.
+        formulas: equations 11 to 13 in their readings, on the demo's scene.
         presses: Table 3 by method; "truth" is the simulated press.
         speed: frames per second.
     """
@@ -41,6 +43,7 @@ class Experiments:
     sag_mm: float
     gaps: tuple[spacing.Gaps, ...]
     gap_MPa: float
+    formulas: tuple[FormulaError, ...]
     presses: dict[str, tuple[places.PublishedPress, places.PublishedPress]]
     speed: Speed
 
@@ -73,6 +76,7 @@ def experiments(
         sag_mm=material.sag_mm(cache),
         gaps=tuple(spacing.gaps(pressed, height_mm) for height_mm in HEIGHTS_MM),
         gap_MPa=gap_MPa,
+        formulas=formula_errors(),
         presses=places.table(methods, simulation),
         speed=speed(simulation.simulate(places.presses()[0])),
     )
@@ -99,6 +103,7 @@ def contents(found: Experiments) -> dict[str, Any]:
             "sag_mm": found.sag_mm,
             "gap_young_MPa": found.gap_MPa,
             "gaps": [asdict(one) for one in found.gaps],
+            "formulas": [asdict(one) for one in found.formulas],
             "table_3": {
                 **{name: list(values) for name, values in places.PUBLISHED.items()},
                 **{name: row(presses) for name, presses in found.presses.items()},
