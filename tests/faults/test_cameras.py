@@ -13,6 +13,7 @@ from manytouch.sources.cameras import camera as camera_module
 from manytouch.sources.cameras.camera import ArrivalClock, CameraSource
 from manytouch.sources.cameras.capture import Shot
 from manytouch.values import Frame, Setting
+from waiting import wait_until
 
 
 class Capture:
@@ -36,14 +37,6 @@ class Capture:
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(camera_module, "RETRY_S", 0.002)
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    for _ in range(2000):
-        if condition():
-            return
-        time.sleep(0.005)
-    raise AssertionError("the condition was not met within 10 s")
 
 
 def test_a_camera_comes_back_a_hundred_times() -> None:

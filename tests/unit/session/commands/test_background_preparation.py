@@ -2,26 +2,18 @@
 
 import threading
 import time
-from collections.abc import Callable
 
 import pytest
 
 from manytouch.errors import ManytouchError
 from manytouch.session.commands import background_preparation
 from manytouch.session.commands.background_preparation import BackgroundPreparation
+from waiting import wait_until
 
 
 @pytest.fixture(autouse=True)
 def _no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(background_preparation, "PAUSE_S", 0.0)
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    for _ in range(2000):
-        if condition():
-            return
-        time.sleep(0.005)
-    raise AssertionError("the condition was not met within 10 s")
 
 
 def test_of_many_requests_the_first_and_the_newest_are_prepared() -> None:

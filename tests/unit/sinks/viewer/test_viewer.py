@@ -26,6 +26,7 @@ from manytouch.sinks.viewer.messages import unpack
 from manytouch.sinks.viewer.server import page_files
 from manytouch.values import Comparison, Press, Record, Stop, Tare, UseMethod
 from viewer_session import FakeSession, reading_of
+from waiting import wait_until
 
 
 def get(viewer: Viewer, path: str, **headers: str) -> tuple[int, http.client.HTTPMessage, bytes]:
@@ -63,14 +64,6 @@ def next_update(stream: ClientConnection) -> tuple[dict[str, Any], dict[str, Any
         message = stream.recv(timeout=20)
         if isinstance(message, bytes):
             return unpack(message)
-
-
-def wait_until(condition: Callable[[], bool]) -> None:
-    for _ in range(1000):
-        if condition():
-            return
-        time.sleep(0.01)
-    raise AssertionError("the condition was not met within 10 s")
 
 
 def test_the_page_and_all_its_files_are_served(viewer: Viewer) -> None:
