@@ -1,6 +1,7 @@
 """Values survive encoding as JSON bit for bit, whatever numbers they contain."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 from hypothesis import given
@@ -20,6 +21,18 @@ NESTED = st.recursive(
         st.lists(inner, max_size=3).map(tuple) | st.dictionaries(st.text(max_size=3), inner, max_size=3)
     ),
     max_leaves=8,
+)
+
+CONTACT = Contact(
+    id=3,
+    phase=Phase.MOVE,
+    centre_mm=np.zeros(2),
+    centre_px=np.zeros(2),
+    depth_mm=1.0,
+    force_N=np.zeros(3),
+    torque_Nmm=np.nan,
+    area_mm2=0.5,
+    covariance=np.zeros((8, 8)),
 )
 
 
@@ -46,20 +59,7 @@ def test_contacts_with_regions_round_trip() -> None:
         OutlineRing(point_mm=np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])),
         OutlineRing(point_mm=np.array([[0.1, 0.1], [0.1, 0.2], [0.2, 0.1]]), is_hole=True),
     )
-    contact = Contact(
-        id=3,
-        phase=Phase.MOVE,
-        centre_mm=np.zeros(2),
-        centre_px=np.zeros(2),
-        depth_mm=1.0,
-        force_N=np.zeros(3),
-        torque_Nmm=np.nan,
-        area_mm2=0.5,
-        covariance=np.zeros((8, 8)),
-        half_major_mm=0.4,
-        shape=ContactShape.RING,
-        outline=rings,
-    )
+    contact = replace(CONTACT, half_major_mm=0.4, shape=ContactShape.RING, outline=rings)
     decoded = again(contact)
     assert isinstance(decoded, Contact)
     assert (decoded.half_major_mm, decoded.shape) == (0.4, ContactShape.RING)
@@ -70,19 +70,7 @@ def test_contacts_with_regions_round_trip() -> None:
 
 
 def test_contacts_of_earlier_recordings_have_no_region() -> None:
-    encoded = to_json(
-        Contact(
-            id=3,
-            phase=Phase.MOVE,
-            centre_mm=np.zeros(2),
-            centre_px=np.zeros(2),
-            depth_mm=1.0,
-            force_N=np.zeros(3),
-            torque_Nmm=np.nan,
-            area_mm2=0.5,
-            covariance=np.zeros((8, 8)),
-        )
-    )
+    encoded = to_json(CONTACT)
     later = ("half_major_mm", "half_minor_mm", "orientation_rad", "shape", "shape_probability", "outline")
     decoded = from_json({name: value for name, value in encoded.items() if name not in later})
     assert decoded.shape is None
