@@ -5,6 +5,7 @@ import sys
 from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 
 import cv2
@@ -21,14 +22,15 @@ from manytouch.session.methods import kernels, pipeline_for
 from manytouch.sources.simulated import simulated_source
 from manytouch.values.arrays import Image, read_only
 
+SOURCES = Path(__file__).parents[1]
 REST_FRAMES = 2
 SCENE, WIDTH_PX = "one", 640
 FRAMES = (0, 1, *range(38, 44), *range(50, 75, 5), *range(130, 150, 5), 170)  # at rest, in contact, released
 OWN_KERNELS = {
-    "mechanics": "manytouch.mechanics.",
-    "perimeter": "manytouch.estimation.perimeter.law_kernels.",
+    "mechanics": "manytouch.mechanics.solver.band_kernels",
+    "perimeter": "manytouch.estimation.perimeter.law_kernels",
 }
-"""Compiled functions that only one method needs, by the beginning of their names."""
+"""A module of compiled functions that only one method needs."""
 
 
 def warm_up_kernels(method: str) -> bool:
@@ -78,19 +80,23 @@ def poor_images(image: Image) -> Iterator[Image]:
 
 
 def compiled_mark(method: str) -> Path:
-    """A file that exists once the kernels of a method are compiled, for these sources and this processor."""
-    modules = {name.rpartition(".")[0] for name in kernels()}
-    files = sorted(
-        {module.__file__ or "" for name in modules if (module := sys.modules.get(name)) is not None}
-    )
-    stamps = [(file, found.st_mtime_ns, found.st_size) for file in files if (found := Path(file).stat())]
+    """A file that exists once the kernels of a method are compiled, for these sources and this processor.
+
+    It depends on all sources of the package: those that are loaded differ from one program to another.
+    """
+    stamps = [
+        (str(file), found.st_mtime_ns, found.st_size)
+        for file in sorted(SOURCES.rglob("*.py"))
+        if (found := file.stat())
+    ]
     content = repr((method, stamps, kernels_folder(), numba.__version__, sys.version, get_host_cpu_name()))
     digest = hashlib.sha256(content.encode()).hexdigest()[:20]
     return user_cache_path("manytouch") / "compiled" / digest
 
 
 def _is_compiled(method: str, own: str) -> bool:
-    if not any(is_cached for name, is_cached in kernels().items() if name.startswith(own)):
+    import_module(own)  # methods import it when they need it, and `kernels` lists what is imported
+    if not any(is_cached for name, is_cached in kernels().items() if name.startswith(f"{own}.")):
         return False
     mark = compiled_mark(method)
     return mark.exists() or not is_writable(mark.parent)

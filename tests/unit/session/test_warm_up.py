@@ -1,5 +1,6 @@
 """A contact is processed to warm up where a method has never been compiled, and nowhere else."""
 
+import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -49,8 +50,8 @@ def test_the_contact_is_processed_from_its_beginning_to_its_end(
         (
             "mechanics",
             {
-                "manytouch.mechanics.solver.normal_equations.a": True,
-                "manytouch.mechanics.solver.normal_equations.b": False,
+                "manytouch.mechanics.solver.band_kernels.a": True,
+                "manytouch.mechanics.solver.band_kernels.b": False,
             },
             False,
         ),
@@ -80,17 +81,32 @@ def test_only_what_was_never_compiled_is_warmed_up(
 def test_the_mark_depends_on_the_method_and_the_sources(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    source = tmp_path / "probe.py"
+    source = tmp_path / "package" / "probe.py"
+    source.parent.mkdir()
     source.write_text("1")
-    module = ModuleType("manytouch.probe")
-    module.__file__ = str(source)
-    monkeypatch.setitem(sys.modules, "manytouch.probe", module)
-    monkeypatch.setattr(warm_up, "kernels", lambda: {"manytouch.probe.kernel": True})
+    monkeypatch.setattr(warm_up, "SOURCES", tmp_path)
     before = warm_up.compiled_mark("mechanics")
     assert before == warm_up.compiled_mark("mechanics")
     assert before != warm_up.compiled_mark("perimeter")
     source.write_text("2 + 2")
     assert before != warm_up.compiled_mark("mechanics")
+
+
+def test_the_mark_does_not_depend_on_what_is_loaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    before = warm_up.compiled_mark("mechanics")
+    module = ModuleType("manytouch.loaded_later")
+    module.__file__ = __file__
+    monkeypatch.setitem(sys.modules, "manytouch.loaded_later", module)
+    loaded = {**kernels(), "manytouch.loaded_later.kernel": True}
+    monkeypatch.setattr(warm_up, "kernels", lambda: loaded)
+    assert warm_up.compiled_mark("mechanics") == before
+
+
+def test_a_process_that_begins_later_need_not_do_it_again() -> None:
+    warm_up.warm_up_kernels("perimeter")
+    code = "from manytouch.session.warm_up import warm_up_kernels; print(warm_up_kernels('perimeter'))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout == "False\n"
 
 
 def test_kernels_are_listed_while_another_thread_imports(monkeypatch: pytest.MonkeyPatch) -> None:

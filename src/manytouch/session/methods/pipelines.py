@@ -24,14 +24,18 @@ DEFAULT = "perimeter"
 def kernels() -> dict[str, bool]:
     """The compiled functions in use by name, and whether machine code of each is cached on disk."""
     found = {}
+    files: dict[str, list[str]] = {}  # by folder: names of the files that list machine code
     # copies: another thread may be importing
     for module in [module for name, module in sys.modules.copy().items() if name.startswith("manytouch.")]:
         for value in vars(module).copy().values():
             path = getattr(getattr(value, "stats", None), "cache_path", None)
             if path is not None:
+                if path not in files:
+                    files[path] = [file.name for file in Path(path).glob("*.nbi")]
                 function = value.py_func
-                pattern = f"{Path(function.__code__.co_filename).stem}.{function.__qualname__}-*.nbi"
-                found[f"{function.__module__}.{function.__qualname__}"] = any(Path(path).glob(pattern))
+                beginning = f"{Path(function.__code__.co_filename).stem}.{function.__qualname__}-"
+                is_cached = any(name.startswith(beginning) for name in files[path])
+                found[f"{function.__module__}.{function.__qualname__}"] = is_cached
     return found
 
 
