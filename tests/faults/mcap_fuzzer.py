@@ -22,7 +22,7 @@ from manytouch.recording.repair import check, repair
 from manytouch.session import prepare
 from manytouch.sinks.recorder import Recorder
 from manytouch.sources import open_source
-from manytouch.values import Frame, Status
+from manytouch.values import Reading, Status
 
 HEAD = struct.Struct("<BQ")
 FRAMES = 16
@@ -56,21 +56,27 @@ def attempt(path: Path, original: Recording, *, is_sealed: bool) -> None:
         raise
     timeline = source.capabilities.seek
     assert timeline is not None
-    known = {place.sequence: position for position, place in enumerate(original.frames)}
-    has_reading = [timeline.reading(place) is not None for place in range(len(timeline))]
+    readings = [timeline.reading(place) for place in range(len(timeline))]
+    has_reading = [reading is not None for reading in readings]
     has_end = is_sealed or Recording(path).is_complete
     assert all(has_reading[: len(has_reading) if has_end else sum(has_reading)]), "a reading is skipped"
-    for place in range(len(timeline)):
-        frame, reading = timeline.frame(place), timeline.reading(place)
+    expected = _readings(original)
+    for place, reading in enumerate(readings):
+        frame = timeline.frame(place) if reading is None else reading.frame
         if frame.encoded is not None and not is_sealed:
-            assert frame.encoded == original.frame(known[frame.index]).encoded
+            assert frame.encoded == expected[frame.index].frame.encoded
         if reading is not None and reading.status is Status.OK and not is_sealed:
-            bare = Frame(index=frame.index, timestamp_ns=0, camera="", image=None)
-            expected = original.reading(bare)
-            assert expected is not None
-            np.testing.assert_array_equal(reading.surface.position_mm, expected.surface.position_mm)
-            np.testing.assert_array_equal(reading.grid.position_px, expected.grid.position_px)
+            known = expected[frame.index]
+            np.testing.assert_array_equal(reading.surface.position_mm, known.surface.position_mm)
+            np.testing.assert_array_equal(reading.grid.position_px, known.grid.position_px)
     _try_repair(path)
+
+
+@cache
+def _readings(original: Recording) -> dict[int, Reading]:
+    """The readings of an undamaged recording by the number of their frame."""
+    found = (original.reading(original.frame(place)) for place in range(len(original)))
+    return {reading.frame.index: reading for reading in found if reading is not None}
 
 
 def is_sealed(kind: str) -> bool:
