@@ -13,7 +13,19 @@ from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensErr
 
 import manytouch
 from manytouch.blas_threads import request_one_blas_thread
-from manytouch.cli import calibrate, demo, design, doctor, evaluate, process, recording, run, simulate, view
+from manytouch.cli import (
+    calibrate,
+    demo,
+    design,
+    doctor,
+    evaluate,
+    explain,
+    process,
+    recording,
+    run,
+    simulate,
+    view,
+)
 from manytouch.cli.terminal.failures import DEBUG_FLAG, one_line, report
 from manytouch.cli.terminal.interrupt import TERMINATED, Stop
 
@@ -43,6 +55,7 @@ app.command(view.view)
 app.command(recording.app)
 app.command(doctor.doctor)
 app.command(evaluate.evaluate)
+app.command(explain.explain)
 app.command(simulate.simulate)
 app.command(calibrate.app)
 app.command(design.design)

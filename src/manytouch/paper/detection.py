@@ -18,7 +18,7 @@ from jaxtyping import UInt8
 from manytouch.errors import ManytouchError, SensorError
 from manytouch.paper.aligned_view import AlignedView, area_of_interest, focal_px, optical_centre_mm
 from manytouch.values import Detections, Frame, Roi, Sensor, Status
-from manytouch.values.arrays import Points2, Scalars, read_only
+from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 
 Grey = UInt8[np.ndarray, "h w"]
 
@@ -43,6 +43,29 @@ class PaperDetectionState:
     markers: int
     margin: int | None
     trials: int
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class DetectionStages:
+    """What the detection computes of an image on its way, all of the area of interest (Figure 7 b to d).
+
+    Attributes:
+        grey: undistorted, aligned and cropped; light markers on dark also where the markers are dark.
+        level: grey level above which pixels belong to markers.
+        binary, opened: 255 where the threshold, and then the opening, sees a marker, else 0.
+        contours: outer contours of the opened image, each (points, 1, 2).
+        midpoint_px, area_px2: (n, 2), (n,) of the contours.
+        is_marker: (n,) whether the area is within its limits.
+    """
+
+    grey: Grey
+    level: int
+    binary: Grey
+    opened: Grey
+    contours: Sequence[np.ndarray]
+    midpoint_px: Points2
+    area_px2: Scalars
+    is_marker: Mask
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -123,18 +146,25 @@ class PaperDetection:
             return state, _no_detections(Status.DECODE_ERROR)
         if image.shape[:2] != (view.camera.height_px, view.camera.width_px):
             return state, _no_detections(Status.WRONG_SIZE)
-        grey = _grey(view.apply(image))
-        if view.is_dark:
-            grey = cv2.bitwise_not(grey)
-        state, level = self._level(state, grey)
-        midpoint_px, area_px2, binary = self._markers(view, grey, level)
+        state, found = self.stages(state, image)
+        midpoint_px, area_px2 = found.midpoint_px[found.is_marker], found.area_px2[found.is_marker]
         variance_px2 = 1.0 / (12.0 * np.sqrt(np.pi * area_px2))
         return state, Detections(
             centre_px=read_only(view.image_px(midpoint_px)),
             covariance_px2=read_only(variance_px2[:, None, None] * np.eye(2)),
             area_px2=read_only(area_px2),
-            contrast=read_only(_contrast(grey, binary, midpoint_px)),
+            contrast=read_only(_contrast(found.grey, found.opened, midpoint_px)),
         )
+
+    def stages(
+        self, state: PaperDetectionState, image: np.ndarray
+    ) -> tuple[PaperDetectionState, DetectionStages]:
+        """The intermediate results for an image of the camera's size, and the state with the margin."""
+        grey = _grey(state.view.apply(image))
+        if state.view.is_dark:
+            grey = cv2.bitwise_not(grey)
+        state, level = self._level(state, grey)
+        return state, self._search(state.view, grey, level)
 
     def _level(self, state: PaperDetectionState, grey: Grey) -> tuple[PaperDetectionState, int]:
         """Grey level above which pixels belong to markers, and the state with the margin."""
@@ -148,10 +178,10 @@ class PaperDetection:
 
     def _find_margin(self, state: PaperDetectionState, grey: Grey, otsu: int) -> int | None:
         """0 if Otsu's level shows all markers, else the middle of the longest run of margins that do."""
-        if len(self._markers(state.view, grey, otsu)[0]) == state.markers:
+        if self._count(state.view, grey, otsu) == state.markers:
             return 0
         margins = [margin for margin in TRIED_MARGINS if 0 <= otsu + margin < 255]
-        found = [len(self._markers(state.view, grey, otsu + margin)[0]) for margin in margins]
+        found = [self._count(state.view, grey, otsu + margin) for margin in margins]
         runs = [
             list(run)
             for is_right, run in groupby(range(len(margins)), lambda index: found[index] == state.markers)
@@ -162,8 +192,11 @@ class PaperDetection:
         longest = max(runs, key=len)
         return margins[longest[len(longest) // 2]]
 
-    def _markers(self, view: AlignedView, grey: Grey, level: int) -> tuple[Points2, Scalars, Grey]:
-        """Midpoints and areas in the aligned area, and the opened binary image."""
+    def _count(self, view: AlignedView, grey: Grey, level: int) -> int:
+        return int(np.count_nonzero(self._search(view, grey, level).is_marker))
+
+    def _search(self, view: AlignedView, grey: Grey, level: int) -> DetectionStages:
+        """Threshold, opening, contours and areas."""
         binary = np.asarray(cv2.threshold(grey, level, 255, cv2.THRESH_BINARY)[1])
         clean = open_binary(binary, self.kernel_px, self.opening_padding)
         contours, _ = cv2.findContours(clean, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
@@ -171,7 +204,16 @@ class PaperDetection:
         is_marker = area_px2 >= view.minimum_area_px2
         if self.maximum_area_px2 is not None:
             is_marker &= area_px2 <= self.maximum_area_px2
-        return midpoint_px[is_marker], area_px2[is_marker], clean
+        return DetectionStages(
+            grey=grey,
+            level=level,
+            binary=binary,
+            opened=clean,
+            contours=contours,
+            midpoint_px=midpoint_px,
+            area_px2=area_px2,
+            is_marker=is_marker,
+        )
 
 
 def open_binary(binary: Grey, kernel_px: int, padding: OpeningPadding = "repeat") -> Grey:

@@ -13,7 +13,7 @@ from manytouch.errors import ManytouchError
 from manytouch.session.results import result_names
 from manytouch.values import Interpolation
 
-VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "doctor")
+VERBS = ("demo", "run", "process", "view", "design", "simulate", "evaluate", "explain", "doctor")
 
 
 @pytest.mark.parametrize(
