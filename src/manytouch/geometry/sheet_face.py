@@ -47,15 +47,20 @@ class SheetFace:
         return np.asarray(np.einsum("kn,kn->k", self.weight[:, 0], nodal_MPa[self.node]))
 
 
-def sheet_face(spline: SheetSpline, point_mm: Points2) -> SheetFace:
-    """Prepare points (k, 2) of the undeformed sheet; points outside the patch are moved to its outline."""
-    patch = SplinePatch(
+def patch_of(spline: SheetSpline) -> SplinePatch:
+    """The patch whose nodes have the coefficients of a spline."""
+    return SplinePatch(
         size_mm=spline.size_mm,
         elements=spline.elements,
         boundary="clamped" if spline.is_clamped else "soft",
         centre_mm=spline.centre_mm,
         shear_mm2=spline.shear_mm2,
     )
+
+
+def sheet_face(spline: SheetSpline, point_mm: Points2) -> SheetFace:
+    """Prepare points (k, 2) of the undeformed sheet; points outside the patch are moved to its outline."""
+    patch = patch_of(spline)
     window, points = patch.window(point_mm), patch.at(point_mm)
     slow, fast = window.bending[:, 0], window.bending[:, 1]
 

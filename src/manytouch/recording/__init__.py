@@ -4,8 +4,8 @@ When to record, in which thread, and how to show a recording is decided in `sink
 
     /camera     foxglove.CompressedImage (protobuf): JPEG as the camera delivered it, else PNG; no data if the
                 frame could not be decoded. All frames that arrived, also those that were not processed.
-    /reading    JSON: one per processed frame, with the main numbers readable and all values packed: numbers
-                in single precision, covariances to 9 bits
+    /reading    JSON: one per processed frame, with the main numbers and the outlines readable, and all values
+                packed: numbers in single precision or less, see `packed.SIGNIFICANT_BITS`
     /surface    foxglove.PointCloud (protobuf): the markers in the sheet frame, with depth
     /session    JSON: sensor, method, parameters, versions; at the start and after every change
     /calibration, /transform

@@ -97,9 +97,8 @@ def _object_to_json(value: Any, block: PackedBlock | None) -> dict[str, Any] | s
         encoded: dict[str, Any] = {"type": name}
         for field in dataclasses.fields(value):
             member = getattr(value, field.name)
-            is_covariance = field.name.startswith("covariance") and name != "Contact"
-            if block is not None and isinstance(member, np.ndarray) and is_covariance:
-                encoded[field.name] = block.pack(member, is_covariance=True)
+            if block is not None and isinstance(member, np.ndarray):
+                encoded[field.name] = block.pack(member, field.name)
             else:
                 encoded[field.name] = to_json(member, block)
         return encoded

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,10 +16,21 @@ from manytouch.recording.compression import compressed, decompressed
 from manytouch.recording.json_codec import from_json, to_json
 from manytouch.recording.packed import PackedBlock
 from manytouch.recording.validation import require_reading, require_sensor
-from manytouch.values import Camera, Contact, Frame, Layout, Reading, Sensor, Surface
+from manytouch.values import (
+    Camera,
+    Contact,
+    Contacts,
+    Frame,
+    Layout,
+    OutlineRing,
+    Reading,
+    Sensor,
+    Surface,
+)
 from manytouch.values.arrays import read_only
 
-CLOUD_STEP_MM = 2.0**-10  # of /surface, which other programs draw; it compresses to a third
+CLOUD_STEP_MM = 2.0**-9  # of /surface, which other programs draw; it compresses to a third
+DIGITS = 6  # of the main numbers, as in contacts.csv; `values` contains all
 _NUMBER = {"type": ["number", "null"]}
 _VALUE = {"type": "object", "description": "a value of manytouch; arrays are described, and are in the block"}
 _OUTLINE = {
@@ -100,7 +111,7 @@ def encode_reading(reading: Reading) -> bytes:
         "detections": to_json(detections, block),
         "grid": to_json(grid, block),
         "surface": to_json(_without_layout(surface), block),
-        "contacts": to_json(reading.contacts, block),
+        "contacts": to_json(_without_outlines(reading.contacts), block),
     }
     return _bytes(
         {
@@ -134,6 +145,7 @@ def decode_reading(message: bytes, frame: Frame, layout: Layout | None) -> Readi
         if encoded.get("position_from_rest") is True and layout is not None:
             surface = replace(surface, position_mm=read_only(layout.rest_mm + surface.displacement_mm))
         values["surface"] = surface
+        values["contacts"] = _with_outlines(values["contacts"], encoded.get("contacts", []))
         reading = Reading(frame=frame, milliseconds=float(encoded["milliseconds"]), **values)
         return require_reading(reading, layout)
     except (KeyError, TypeError, ValueError, AttributeError, OverflowError, RecursionError) as error:
@@ -191,6 +203,32 @@ def _without_layout(surface: Surface) -> Surface:
     if _is_rest_plus_displacement(surface):
         return replace(surface, layout=None, position_mm=surface.displacement_mm)
     return replace(surface, layout=None)
+
+
+def _without_outlines(contacts: Contacts) -> Contacts:
+    """The contacts to store; their outlines are stored as plain numbers, which other programs read."""
+    return replace(contacts, contacts=tuple(replace(each, outline=None) for each in contacts.contacts))
+
+
+def _with_outlines(contacts: Contacts, described: Sequence[Mapping[str, Any]]) -> Contacts:
+    """The contacts with the outlines of their descriptions."""
+    if not contacts.contacts or any(each.outline is not None for each in contacts.contacts):
+        return contacts  # of a recording that contains the outlines twice
+    outlines = {each["contact"]: each.get("outline") for each in described}
+    return replace(
+        contacts,
+        contacts=tuple(replace(each, outline=_outline(outlines.get(each.id))) for each in contacts.contacts),
+    )
+
+
+def _outline(rings: Sequence[Mapping[str, Any]] | None) -> tuple[OutlineRing, ...] | None:
+    if rings is None:
+        return None
+    found = ((np.array(ring["points_mm"], dtype=np.float64), ring["is_hole"]) for ring in rings)
+    return tuple(
+        OutlineRing(point_mm=read_only(point_mm.reshape(-1, 2)), is_hole=is_hole)
+        for point_mm, is_hole in found
+    )
 
 
 def _unpacked_block(encoded: Mapping[str, Any]) -> bytes:
@@ -274,7 +312,9 @@ def _contact(contact: Contact) -> dict[str, Any]:
         "orientation_rad": contact.orientation_rad,
         "shape_probability": contact.shape_probability,
     }
-    known = {name: float(value) if np.isfinite(value) else None for name, value in numbers.items()}
+    known = {
+        name: float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for name, value in numbers.items()
+    }
     return {
         "contact": contact.id,
         "phase": contact.phase.value,

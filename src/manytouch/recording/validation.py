@@ -11,10 +11,11 @@ import numpy as np
 from jaxtyping import jaxtyped
 
 from manytouch.errors import SourceError
+from manytouch.geometry.sheet_face import patch_of
 from manytouch.limits import LARGEST_NUMBER, MAX_MARKERS, size_mistake
 from manytouch.values import Contacts, Detections, Layout, Reading, Sensor, SheetSpline, Surface, TrackedGrid
 
-MAX_ELEMENTS = 1000
+LEAST_ELEMENTS, MAX_ELEMENTS = 4, 1000
 
 
 def require_sensor(sensor: Any) -> Sensor:
@@ -76,10 +77,12 @@ def _require_layout(layout: Layout) -> None:
 
 def _require_spline(spline: SheetSpline) -> None:
     columns, rows = spline.elements
-    _require(0 < columns <= MAX_ELEMENTS and 0 < rows <= MAX_ELEMENTS, "surface.spline.elements")
-    _require(len(spline.coefficient_mm) == (columns + 3) * (rows + 3), "surface.spline.coefficient_mm")
+    is_count = [LEAST_ELEMENTS <= each <= MAX_ELEMENTS for each in (columns, rows)]
+    _require(all(is_count), "surface.spline.elements")
     lengths = (*spline.size_mm, spline.thickness_mm)
     _require(all(0 < each < LARGEST_NUMBER for each in lengths), "surface.spline")
+    nodes = patch_of(spline).node_count
+    _require(len(spline.coefficient_mm) == nodes, "surface.spline.coefficient_mm")
 
 
 def _require(is_valid: bool | np.bool_, what: str) -> None:

@@ -212,7 +212,10 @@ def test_the_report_holds_words_numbers_ros_and_a_picture(pictures, tmp_path: Pa
         ("chess:8x5", 20.0, "is not a board: give KIND:COLUMNSxROWS"),
         ("chessboard:8", 20.0, "is not a board"),
         ("chessboard:2x5", 20.0, "is too small"),
-        ("chessboard:8x5", -1.0, "not valid: measure one"),
+        ("chessboard:8x5", -1.0, "not valid: it must have 0.001 to 100000 mm; measure one"),
+        ("charuco:8x6", 1e-300, "not valid"),
+        ("charuco:8x6", 1e300, "not valid"),
+        ("chessboard:8x5", float("nan"), "not valid"),
         ("charuco:8x6:DICT_9X9", 20.0, "is not a dictionary"),
         ("charuco:40x40", 20.0, "name a larger dictionary"),
     ],
@@ -220,6 +223,13 @@ def test_the_report_holds_words_numbers_ros_and_a_picture(pictures, tmp_path: Pa
 def test_an_impossible_board_is_refused(board, square, sentence):
     with pytest.raises(ManytouchError, match=sentence):
         parse_board(board, square)
+
+
+@pytest.mark.parametrize("text", ["x" * 5000, "chessboard:" + "9" * 5000 + "x6", "charuco:8x6:" + "D" * 5000])
+def test_a_long_text_is_shortened_in_the_message(text):
+    with pytest.raises(ManytouchError, match=r"\.\.\.'") as raised:
+        parse_board(text, 20.0)
+    assert len(str(raised.value)) < 300
 
 
 def test_a_wrong_board_size_is_named(pictures):

@@ -20,6 +20,7 @@ from faults.recording_kills import kill_recording
 from manytouch.errors import OutputError, SourceError
 from manytouch.geometry.camera import project
 from manytouch.recording.json_codec import from_json, to_json
+from manytouch.recording.packed import FLOAT32_BITS, SIGNIFICANT_BITS
 from manytouch.recording.reader import Recording
 from manytouch.recording.repair import repair
 from manytouch.session import Live, Playback, prepare, process, run
@@ -122,9 +123,11 @@ def alike(one: Any, other: Any, name: str = "") -> bool:
             alike(getattr(one, field.name), getattr(other, field.name), field.name) for field in fields(one)
         )
     if isinstance(one, np.ndarray) and one.dtype == np.float64:
-        rounding = 2.0**-9 if name.startswith("covariance") else 2.0**-24
+        source = "displacement_mm" if name == "position_mm" else name  # rest plus displacement
+        rounding = 2.0 ** -SIGNIFICANT_BITS.get(source, FLOAT32_BITS)
+        atol = 5.1e-4 if name == "point_mm" else 1e-6
         return one.shape == other.shape and np.allclose(
-            one, other, rtol=2.0 * rounding, atol=1e-6, equal_nan=True
+            one, other, rtol=2.0 * rounding, atol=atol, equal_nan=True
         )
     if isinstance(one, tuple | list):
         return len(one) == len(other) and all(map(alike, one, other))
@@ -325,6 +328,7 @@ def test_what_is_no_recording_is_one_sentence(tmp_path: Path, content: bytes, wo
 @pytest.mark.parametrize("seed", [3, 11])
 def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path, seed: int) -> None:
     recording = kill_recording(tmp_path, seed)
+    assert recording is not None
     again = Seen()
     run(Playback(recording.path), [again])
     assert len(again.readings) >= len(recording) - 1

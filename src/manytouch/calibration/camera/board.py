@@ -15,6 +15,8 @@ FORMS = "chessboard:9x6 (inner corners), charuco:8x6 (squares), circles:9x6 or c
 
 MARKER_SHARE = 0.75
 """Side of a ChArUco marker over the side of a square."""
+LONGEST_SHOWN = 60  # characters of a text in a message
+LEAST_SQUARE_MM, LARGEST_SQUARE_MM = 1e-3, 1e5
 _SEARCH_WIDTH_PX = 1280  # boards are searched in images of at most this width, then refined
 
 
@@ -74,21 +76,25 @@ def parse_board(text: str, square_mm: float) -> Board:
     Raises:
         ManytouchError: unknown kind, too few points, or an invalid size.
     """
+    shown = repr(text if len(text) <= LONGEST_SHOWN else f"{text[:LONGEST_SHOWN]}...")
     kind, _, rest = text.partition(":")
     size, _, dictionary = rest.partition(":")
     columns, _, rows = size.partition("x")
     if kind not in get_args(Kind) or not (columns.isdecimal() and rows.isdecimal()):
-        raise ManytouchError(f"{text!r} is not a board: give KIND:COLUMNSxROWS, such as {FORMS}")
+        raise ManytouchError(f"{shown} is not a board: give KIND:COLUMNSxROWS, such as {FORMS}")
     if max(len(columns), len(rows)) > 3:
-        raise ManytouchError(f"the board {text[:40]!r} is too large: at most 999 by 999 points are found")
+        raise ManytouchError(f"the board {shown} is too large: at most 999 by 999 points are found")
     if min(int(columns), int(rows)) < 3:
-        raise ManytouchError(f"the board {text!r} is too small: at least 3 by 3 points are needed")
-    if not (np.isfinite(square_mm) and square_mm > 0):
-        raise ManytouchError(f"a square of {square_mm:g} mm is not valid: measure one on the printed board")
+        raise ManytouchError(f"the board {shown} is too small: at least 3 by 3 points are needed")
+    if not LEAST_SQUARE_MM <= square_mm <= LARGEST_SQUARE_MM:
+        raise ManytouchError(
+            f"a square of {square_mm:g} mm is not valid: it must have {LEAST_SQUARE_MM:g} to "
+            f"{LARGEST_SQUARE_MM:g} mm; measure one on the printed board"
+        )
     if dictionary and (kind != "charuco" or not hasattr(cv2.aruco, dictionary)):
         raise ManytouchError(
-            f"{dictionary!r} in {text!r} is not a dictionary of ChArUco markers: give one of OpenCV's names, "
-            "such as charuco:8x6:DICT_5X5_100"
+            f"the end of {shown} is not a dictionary of ChArUco markers: give one of OpenCV's names, such as "
+            "charuco:8x6:DICT_5X5_100"
         )
     options = {"dictionary": dictionary} if dictionary else {}
     board = Board(kind=kind, columns=int(columns), rows=int(rows), square_mm=square_mm, **options)  # type: ignore[arg-type]
