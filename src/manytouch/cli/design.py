@@ -62,6 +62,13 @@ def design(
     ] = "mesh",
     predict: Annotated[bool, options.switch("Also predict the accuracy and plot it (some minutes).")] = False,
     explain: Annotated[bool, options.switch("Print the reason for each choice.")] = False,
+    paper: Annotated[
+        bool,
+        options.switch(
+            "The design numbers and parts of the paper: Table 1, Figure 2, equations 1 to 4. The "
+            "requirements are those of the paper; only --out and --parts apply."
+        ),
+    ] = False,
 ) -> int:
     """Choose sheet, markers and camera position; write a sensor file and printable parts.
 
@@ -74,6 +81,8 @@ def design(
     """
     from rich.console import Console
 
+    if paper:
+        return _paper(out, parts)
     from manytouch.design.choose import design_sensor
     from manytouch.design.requirements import Optics, Printer, Requirements
     from manytouch.design.write import explain_design, write_design, write_prediction
@@ -122,4 +131,31 @@ def design(
     for sentence in against:
         console.print(f"  warning: {sentence}")
     console.print(f"  design in {out}")
+    return 0
+
+
+def _paper(out: Path, parts: str) -> int:
+    from rich.console import Console
+
+    from manytouch.design.paper.numbers import paper_design
+    from manytouch.design.paper.write import equation_1, table_1, write_numbers, write_paper_design
+
+    console = Console(highlight=False, soft_wrap=True, markup=False)
+
+    def report(text: str) -> None:
+        console.print(f"  {text}")
+
+    found = paper_design(on_message=report)
+    for reason in found.design.reasons:
+        report(f"{reason.about}: {reason.chosen}")
+        report(f"    {reason.why}")
+    for line in ("", *table_1(found.moduli), "", *equation_1(found.spacings), ""):
+        report(line)
+    if parts == "none":
+        out.mkdir(parents=True, exist_ok=True)
+        write_numbers(found, out)
+    else:
+        for sentence in write_paper_design(found, out, step=parts == "step", on_message=report):
+            report(f"warning: {sentence}")
+    report(f"design in {out}")
     return 0

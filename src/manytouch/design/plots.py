@@ -31,7 +31,7 @@ def draw_accuracy(found: Design, predicted: PredictedAccuracy, path: Path) -> No
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    figure = _figure((13.0, 3.6))
+    figure = new_figure((13.0, 3.6))
     figure.suptitle(
         f"predicted standard deviations for a fingertip of about {np.nanmean(predicted.force_N):.2g} N on "
         f"{found.sensor.name}, {found.material.name}, calibrated\n"
@@ -54,7 +54,7 @@ def draw_tradeoff(found: Design, path: Path, *, on_message: Callable[[str], obje
     Raises:
         MissingExtraError: matplotlib is not installed.
     """
-    figure = _figure((12.0, 3.8))
+    figure = new_figure((12.0, 3.8))
     figure.suptitle(
         "change of the accuracy with pitch, thickness and stand-off (middle, two sides and a corner)",
         fontsize=11,
@@ -87,7 +87,8 @@ def _rms(found: Design, factors: dict[str, float]) -> tuple[float, float, float]
     return predicted_accuracy(sensor, area_mm=area_mm, force_N=force_N, places=FEW_PLACES).rms
 
 
-def _figure(size: tuple[float, float]) -> "Figure":
+def new_figure(size: tuple[float, float]) -> "Figure":
+    """A figure of a size in inches; raises MissingExtraError when matplotlib is not installed."""
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:

@@ -1,0 +1,4 @@
+"""The paper's own design: its numbers from the tools of this package, and its parts.
+
+`numbers` computes, `write` prints, draws and writes.
+"""
