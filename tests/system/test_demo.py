@@ -34,13 +34,13 @@ def run(*words: object, folder: Path | None = None) -> str:
 
 def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    output = run("demo", "--seconds", "2.2", "--no-view", folder=tmp_path)
+    output = run("demo", "--seconds", "1.6", "--no-view", folder=tmp_path)
     folder = tmp_path / "out" / "demo"
     assert "touches" in output
     assert "truth" in output
     assert str(Path("out") / "demo") in output
     frames = rows_of(folder / "frames.csv")
-    assert float(frames[-1]["time_s"]) == pytest.approx(2.2, abs=0.1)
+    assert float(frames[-1]["time_s"]) == pytest.approx(1.6, abs=0.1)
     assert max(int(row["contacts"]) for row in frames) >= 1
     wanted = {
         "contacts.csv",

@@ -130,14 +130,14 @@ def test_steps_at_a_thousand_markers_keep_no_memory():
             state, _, contacts = estimate.step(state, grid)
         assert len(contacts.touching) == 1
 
-    run(20)
+    run(10)
     tracemalloc.start()
-    run(80)  # fills the caches of numpy for small objects
+    run(40)  # fills the caches of numpy for small objects
     gc.collect()
     before = tracemalloc.get_traced_memory()[0]
-    run(60)
+    run(30)
     gc.collect()
     grown = tracemalloc.get_traced_memory()[0] - before
     tracemalloc.stop()
-    # One array of the markers kept per frame would be 60 x 8 kB.
-    assert grown < 50_000
+    # One array of the markers kept per frame would be 30 x 8 kB.
+    assert grown < 25_000
