@@ -21,7 +21,7 @@ from websockets.sync.client import ClientConnection, connect
 from manytouch.session import Live, prepare, run
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
-from manytouch.sinks.viewer.messages import unpack
+from manytouch.sinks.viewer.update_format import unpack
 from manytouch.sources.pressed import PressedSource
 
 DEPTH_MM, SHOWN_MM, GONE_MM = 4.0, 1.0, 0.3

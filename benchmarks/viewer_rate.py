@@ -25,7 +25,7 @@ from manytouch.session import Live, prepare, run
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
-from manytouch.sinks.viewer.messages import unpack
+from manytouch.sinks.viewer.update_format import unpack
 
 SKIP_S = 3.0
 

@@ -9,7 +9,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from manytouch.sinks.viewer import Viewer
-from manytouch.sinks.viewer.messages import unpack
+from manytouch.sinks.viewer.update_format import unpack
 
 
 def connect_to(viewer: Viewer) -> ClientConnection:

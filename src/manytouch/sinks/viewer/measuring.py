@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_at
-from manytouch.sinks.viewer.messages import number
+from manytouch.sinks.viewer.update_format import number
 from manytouch.values import Layout, Surface
 from manytouch.values.arrays import Points2
 

@@ -13,7 +13,7 @@ from manytouch.sinks.contact_outlines import Polygon, outlines_px
 from manytouch.sinks.files.sensor_description import layout_of, rest_px
 from manytouch.sinks.surface_grid import SurfaceGrid, grid_corners
 from manytouch.sinks.viewer.health import ImageQuality, residual_mm
-from manytouch.sinks.viewer.messages import number, pack
+from manytouch.sinks.viewer.update_format import number, pack
 from manytouch.values import ESTIMATES, Comparison, Contact, Contacts, Layout, Reading, Sensor, Surface
 
 LONG_SIDE, MAX_SHORT_SIDE, MIN_SIDE = 100, 60, 16  # points of the grid

@@ -13,9 +13,9 @@ from manytouch.pipeline import Controls
 from manytouch.sinks.viewer.access import access_to, write_token
 from manytouch.sinks.viewer.client_messages import SessionRequest
 from manytouch.sinks.viewer.clients import MAX_CLIENTS, Clients
-from manytouch.sinks.viewer.messages import number
 from manytouch.sinks.viewer.server import Server, listening_socket, page_files
 from manytouch.sinks.viewer.update_encoder import UpdateEncoder, ViewerUpdate
+from manytouch.sinks.viewer.update_format import number
 from manytouch.values import Health, Reading
 
 HEALTH_INTERVAL_S = 0.25

@@ -22,8 +22,8 @@ from manytouch.geometry.sampling import sampling_at
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.viewer import Viewer
 from manytouch.sinks.viewer.clients import MAX_IN_FLIGHT
-from manytouch.sinks.viewer.messages import unpack
 from manytouch.sinks.viewer.server import page_files
+from manytouch.sinks.viewer.update_format import unpack
 from manytouch.values import Comparison, Press, Record, Stop, Tare, UseMethod
 from viewer_session import FakeSession, reading_of
 from waiting import wait_until

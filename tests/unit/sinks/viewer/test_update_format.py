@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from manytouch.sinks.viewer.messages import number, pack, unpack
+from manytouch.sinks.viewer.update_format import number, pack, unpack
 
 
 def test_messages_round_trip() -> None:
