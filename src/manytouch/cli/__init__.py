@@ -27,7 +27,7 @@ from manytouch.cli import (
     view,
 )
 from manytouch.cli.terminal.failures import DEBUG_FLAG, one_line, report
-from manytouch.cli.terminal.interrupt import TERMINATED, Stop
+from manytouch.cli.terminal.interrupt import TERMINATED, StopOnSignal
 
 request_one_blas_thread()  # before anything imports numpy
 
@@ -85,7 +85,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _status(result: object) -> int:
     status = result if isinstance(result, int) else DONE
-    return TERMINATED if status == DONE and Stop.is_terminated else status
+    return TERMINATED if status == DONE and StopOnSignal.is_terminated else status
 
 
 def _report_usage(error: CycloptsError) -> int:

@@ -62,12 +62,12 @@ def camera(
     from manytouch.calibration.camera.board import parse_board
     from manytouch.calibration.camera.calibrate import calibrate_camera
     from manytouch.calibration.camera.report import calibrated_camera, describe, write_report
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.values.sensor_file import save_sensor
 
     console = Console(highlight=False, soft_wrap=True)
     wanted = parse_board(board, square_mm)
-    with Stop() as stop:
+    with StopOnSignal() as stop:
         look = _ViewProgress(console.print, stop, is_live=any(not Path(text).exists() for text in images))
         found = calibrate_camera(_pictures(images), wanted, model=model, on_view=look)
     for line in describe(found):

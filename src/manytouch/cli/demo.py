@@ -66,12 +66,12 @@ def demo(
 def _process(seconds: float, out: Path, reporter: "Reporter") -> None:
     """Process some seconds as fast as possible."""
     from manytouch.cli.terminal.contact_log import ContactLog
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.session import ResultFiles, prepare, run
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.sources.simulated import simulated_source
 
-    with Stop() as stop:
+    with StopOnSignal() as stop:
         source = simulated_source().lasting(seconds)
         job = prepare(source, observer=reporter)
         log = ContactLog(job.sensor, reporter.print, source.truth)
@@ -85,14 +85,14 @@ def _process(seconds: float, out: Path, reporter: "Reporter") -> None:
 def _serve(seconds: float | None, out: Path, address: "ViewerAddress", reporter: "Reporter") -> None:
     """Run with the viewer; the tables contain the first seconds only, so that the disk does not fill."""
     from manytouch.cli.terminal.contact_log import ContactLog
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.cli.terminal.viewing import viewers
     from manytouch.session import Live, ResultFiles, prepare, run
     from manytouch.sinks.first_seconds import FirstSeconds
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
     from manytouch.sources.pressed import PressedSource
 
-    with Stop() as stop:
+    with StopOnSignal() as stop:
         source = PressedSource(seconds=seconds)
         job = prepare(source, method="mechanics", observer=reporter)
         live = Live(job, recordings=out)

@@ -121,13 +121,13 @@ def evaluate(
 
 
 def _paper(methods: list[options.Method] | None, *, cache: Path | None, processes: int, out: Path) -> int:
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.evaluation.published.page import experiments, row, write_page
     from manytouch.session import METHODS, pipeline_for
     from manytouch.simulation.fem.cache import user_cache
 
     pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}
-    with Stop() as stop, _Progress() as progress:
+    with StopOnSignal() as stop, _Progress() as progress:
         progress.report("experiments of the paper: material, marker spacing, positions, speed")
         found = experiments(
             pipelines, cache or user_cache(), observer=progress, stop=stop, processes=processes
@@ -160,7 +160,7 @@ def _suite(
     processes: int,
     kept: Path,
 ) -> "Evaluation":
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.evaluation.suite.recordings import FemSimulation
     from manytouch.evaluation.suite.runner import run_suite
     from manytouch.evaluation.suite.solutions import Solutions, solve_missing
@@ -175,7 +175,7 @@ def _suite(
         "versions": versions(),
         "processes": processes,
     }
-    with Stop() as stop, _Progress() as progress:
+    with StopOnSignal() as stop, _Progress() as progress:
         progress.report(f"accuracy suite: {len(chosen)} cases, methods {', '.join(pipelines)}")
         solve_missing(chosen, solutions, observer=progress, stop=stop, processes=processes)
         return run_suite(

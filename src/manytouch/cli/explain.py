@@ -46,7 +46,7 @@ def explain(
     options.refuse_two_scales("explain", sensor, pitch_mm, hfov_deg)
     parameters = between.parameters("explain", "paper") | paper.parameters("explain", "paper")
     from manytouch.cli.terminal.console import Reporter
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.evaluation.published.steps.collect import collect_steps
     from manytouch.evaluation.published.steps.page import write_steps
     from manytouch.evaluation.report.page import require_packages
@@ -59,7 +59,7 @@ def explain(
     require_finite(video)
     check_writable(out)
     reporter = Reporter(bar=False)
-    with Stop() as stop:
+    with StopOnSignal() as stop:
         job = prepare(
             video,
             sensor=sensor,

@@ -51,12 +51,12 @@ def process(
     parameters = between.parameters("process", method) | paper.parameters("process", method)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.failures import report
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.session import prepare, process_job
     from manytouch.session.results import require_finite, result_names
 
     failed = 0
-    with Stop() as stop:
+    with StopOnSignal() as stop:
         for text, name in zip(inputs, result_names(inputs), strict=True):
             if stop():
                 break

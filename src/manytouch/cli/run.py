@@ -55,7 +55,7 @@ def run(
     parameters = between.parameters("run", method) | paper.parameters("run", method)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.cli.terminal.viewing import ViewerAddress, viewers
     from manytouch.session import Live, Playback, ResultFiles, prepare, result_name
     from manytouch.session import run as run_loop
@@ -64,7 +64,7 @@ def run(
 
     reporter = Reporter(bar=False)
     address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
-    with Stop() as stop:
+    with StopOnSignal() as stop:
         if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps, parameters):
             playback = Playback(Path(source))
             log = ContactLog(playback.sensor, reporter.print)

@@ -30,7 +30,7 @@ def simulate(
     Example: manytouch simulate two_fingers.toml --out simulated
     """
     from manytouch.cli.terminal.console import Steps
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.simulation.scene.file import load_scene
     from manytouch.simulation.scene.solve import simulator, solve_scene, state_count, states_folder
     from manytouch.sinks.files.atomic_output import check_writable
@@ -38,7 +38,7 @@ def simulate(
 
     loaded = load_scene(scene)
     check_writable(out)
-    with Stop() as stop, Steps() as steps:
+    with StopOnSignal() as stop, Steps() as steps:
         steps.print(
             f"scene {loaded.name}: {len(loaded.bodies)} indenters, {loaded.duration_s:g} s, "
             f"sensor {loaded.sensor.name}"

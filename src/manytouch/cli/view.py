@@ -27,13 +27,13 @@ def view(
     Example: manytouch view press.mcap --method paper
     """
     from manytouch.cli.terminal.console import Reporter
-    from manytouch.cli.terminal.interrupt import Stop
+    from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.cli.terminal.viewing import ViewerAddress, viewers
     from manytouch.errors import MissingExtraError
     from manytouch.session import Playback, run
 
     reporter = Reporter(bar=False)
-    with Stop() as stop:
+    with StopOnSignal() as stop:
         playback = Playback(recording, method=method, sensor=sensor, stays=True)
         shown = viewers(
             playback,

@@ -8,7 +8,7 @@ from cyclopts import App
 
 from manytouch.cli import main
 from manytouch.cli.terminal import method_options
-from manytouch.cli.terminal.interrupt import Stop
+from manytouch.cli.terminal.interrupt import StopOnSignal
 from manytouch.errors import ManytouchError
 from manytouch.session.results import result_names
 from manytouch.values import Interpolation
@@ -123,7 +123,7 @@ def test_an_internal_error_requests_a_report(capsys, monkeypatch):
 
 def test_the_first_ctrl_c_requests_a_stop_and_the_second_interrupts(capsys):
     before = signal.getsignal(signal.SIGINT)
-    with Stop() as stop:
+    with StopOnSignal() as stop:
         assert not stop()
         signal.raise_signal(signal.SIGINT)
         assert stop()

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 TERMINATED = 128 + int(signal.SIGTERM)
 
 
-class Stop:
+class StopOnSignal:
     """Within its block Ctrl-C or SIGTERM requests a stop, and a second Ctrl-C raises KeyboardInterrupt.
 
     Calling it returns whether a stop is requested.
@@ -27,8 +27,8 @@ class Stop:
     def __call__(self) -> bool:
         return self._is_requested
 
-    def __enter__(self) -> "Stop":
-        Stop.is_terminated = False
+    def __enter__(self) -> "StopOnSignal":
+        StopOnSignal.is_terminated = False
         for number in (signal.SIGINT, signal.SIGTERM):
             self._previous[number] = signal.signal(number, self._note)
         return self
@@ -41,9 +41,9 @@ class Stop:
 
     def _note(self, number: int, frame: FrameType | None) -> None:
         if number == signal.SIGTERM:
-            Stop.is_terminated = True
+            StopOnSignal.is_terminated = True
         elif self._is_requested:
             raise KeyboardInterrupt
         self._is_requested = True
-        again = "" if Stop.is_terminated else "; press Ctrl-C again to stop at once"
+        again = "" if StopOnSignal.is_terminated else "; press Ctrl-C again to stop at once"
         sys.stderr.write(f"\nstopping after this frame{again}\n")
