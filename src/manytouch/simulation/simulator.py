@@ -10,7 +10,7 @@ from manytouch.simulation.render.discs import Look, Spot, disc_coverage, image_f
 from manytouch.simulation.render.dot_images import CORNERS, dot_ellipses, outlines
 from manytouch.simulation.render.optics import IN_FOCUS, Faults, ImagingSettings, draw_faults, shadows
 from manytouch.simulation.scene.deformation import TrueContact
-from manytouch.simulation.scene.mechanics import Mechanics, PointMotion
+from manytouch.simulation.scene.moving_sheet import MovingSheet, PointMotion
 from manytouch.values import (
     Contact,
     Contacts,
@@ -49,7 +49,7 @@ class Simulator:
     """
 
     sensor: Sensor
-    scene: Mechanics
+    scene: MovingSheet
     fps: float = 30.0
     look: Look = DEMO_LOOK
     optics: ImagingSettings = IN_FOCUS

@@ -9,8 +9,8 @@ import numpy as np
 
 from manytouch.simulation.fem.contact.indenters import Indenter, Sphere
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
-from manytouch.simulation.scene.mechanics import PointMotion
 from manytouch.simulation.scene.motion import Body, poses
+from manytouch.simulation.scene.moving_sheet import PointMotion
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.shell.energy import PosedIndenter
 from manytouch.simulation.shell.live_sheet import LiveSheet
@@ -62,7 +62,7 @@ class _SheetFrame:
 
 
 class InteractiveIndenters:
-    """A solved scene in a loop, which is interrupted by indenters that users move; a `Mechanics`.
+    """A solved scene in a loop, which is interrupted by indenters that users move; a `MovingSheet`.
 
     `step` makes the next frame; only the latest frames are available.
     The first finger takes over: the scene's bodies are lifted, and the sheet is solved live until nobody has
@@ -107,7 +107,7 @@ class InteractiveIndenters:
         return InteractiveIndenters(self.scene.with_duration(duration_s), self.bodies, self.sheet, self.fps)
 
     def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
-        """See `Mechanics`; of the latest frames."""
+        """See `MovingSheet`; of the latest frames."""
         place_mm = np.ascontiguousarray(place_mm)
 
         def displacement_mm(time_s: float) -> Points3:

@@ -19,7 +19,7 @@ from manytouch.simulation.scene.deformation import (
     contact_from_row,
     row_from_contact,
 )
-from manytouch.simulation.scene.mechanics import PointMotion
+from manytouch.simulation.scene.moving_sheet import PointMotion
 from manytouch.values.arrays import Points2, Points3, read_only
 
 
@@ -74,7 +74,7 @@ class SolidScene:
         return replace(self.states[0], face_mm=read_only(face_mm), contacts=(), status="ok")
 
     def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
-        """See `Mechanics`: points off the face stay on its normal."""
+        """See `MovingSheet`: points off the face stay on its normal."""
         place_mm = np.ascontiguousarray(place_mm)
 
         def displacement_mm(time_s: float) -> Points3:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from manytouch.simulation.scene.deformation import Deformation, contact_from_row, flat
-from manytouch.simulation.scene.mechanics import Mechanics
+from manytouch.simulation.scene.moving_sheet import MovingSheet
 from manytouch.simulation.scene.solid_scene import SolidScene, monotone
 
 TIME_S = np.array([0.0, 1.0, 1.5, 2.0, 3.0])
@@ -53,7 +53,7 @@ def test_cubics_are_exact_for_straight_lines_and_near_for_smooth_curves() -> Non
 
 
 def test_each_touch_has_an_id_of_its_own_and_no_force_at_its_ends() -> None:
-    assert isinstance(SCENE, Mechanics)
+    assert isinstance(SCENE, MovingSheet)
     assert SCENE.touch_count == 3
     seen = {time_s: SCENE.contacts(time_s) for time_s in (0.0, 0.5, 1.0, 1.2, 1.7, 2.5, 2.999)}
     assert [sorted(contacts) for contacts in seen.values()] == [[], [0], [0], [0, 1], [1, 2], [1, 2], [1, 2]]

@@ -11,7 +11,7 @@ PointMotion = Callable[[float], Points3]
 
 
 @runtime_checkable
-class Mechanics(Protocol):
+class MovingSheet(Protocol):
     """The sheet in time."""
 
     @property
@@ -26,7 +26,7 @@ class Mechanics(Protocol):
     def seed(self) -> int:
         """Of the image noise."""
 
-    def with_duration(self, duration_s: float) -> "Mechanics":
+    def with_duration(self, duration_s: float) -> "MovingSheet":
         """The same, cut or repeated to another duration."""
 
     def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
