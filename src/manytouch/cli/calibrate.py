@@ -121,7 +121,7 @@ def rest(
     import numpy as np
     from rich.console import Console
 
-    from manytouch.calibration.rest.pose import calibrate_rest
+    from manytouch.calibration.rest.calibrate import calibrate_rest
     from manytouch.calibration.rest.report import describe, with_provenance
     from manytouch.sources import open_source, read_frames
     from manytouch.values import Sheet

@@ -8,7 +8,8 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.calibration.rest.pose import calibrate_rest, fit_pose
+from manytouch.calibration.rest.calibrate import calibrate_rest
+from manytouch.calibration.rest.pose import fit_pose
 from manytouch.calibration.sheet.clamp_line import describe, force_change
 from manytouch.cli import main
 from manytouch.errors import LayoutError, SensorError

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.calibration.rest.pose import RestCalibration
+from manytouch.calibration.rest.calibrate import RestCalibration
 from manytouch.calibration.sheet.clamp_line import describe as describe_clamp
 from manytouch.values import Sensor
 

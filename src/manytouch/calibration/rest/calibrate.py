@@ -1,0 +1,291 @@
+"""Pose, layout and noise of the untouched sheet in the view of a calibrated camera, with warnings."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
+from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
+from manytouch.calibration.rest.pose import fit_pose
+from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.calibration.sharpness import edge_width_px, is_soft
+from manytouch.calibration.sheet.clamp_line import ClampLine, clamp_line, clamp_warnings
+from manytouch.detection import expected_appearance
+from manytouch.detection.dot_appearance import radius_in_image
+from manytouch.errors import LayoutError, SensorError
+from manytouch.geometry.camera import project
+from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
+from manytouch.values.arrays import Points2, read_only
+
+SEEN_SHARE = 0.5
+"""A marker that is seen in a smaller share of the frames is treated as missing."""
+MAX_DRIFT_PITCHES = 0.02
+"""A marker that moves farther during the recording gives a warning."""
+MAX_RESIDUAL_PITCHES = 0.02
+"""A larger RMS residual from a flat lattice gives a warning."""
+MAX_DISTANCE_ERROR = 0.03
+"""A larger relative difference from the distance in the sensor file gives a warning."""
+MIN_CONTRAST_GREY = 25.0
+"""A lower contrast of the markers, in grey levels of 255, gives a warning."""
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RestCalibration:
+    """A sensor calibrated on its untouched sheet.
+
+    Attributes:
+        sensor: with pose, layout, missing markers and noise; `rest_px` holds the measured positions.
+        residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN if missing.
+        pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm).
+        noise_px: standard deviation of a marker's centre along an axis, from frame to frame.
+        contrast: grey levels between markers and background.
+        frames: number of frames used.
+        clamp: measured edge of the sheet.
+        warnings: one sentence each.
+    """
+
+    sensor: Sensor
+    residual_px: Points2
+    pose_std: Float64[np.ndarray, "6"]
+    noise_px: float
+    contrast: float
+    frames: int
+    clamp: ClampLine
+    warnings: tuple[str, ...]
+
+    @property
+    def rms_px(self) -> float:
+        """Root mean square distance of markers from a flat sheet."""
+        left = self.residual_px[np.isfinite(self.residual_px[:, 0])]
+        return float(np.sqrt((left**2).sum(axis=1).mean()))
+
+
+def calibrate_rest(
+    sensor: Sensor,
+    frames: Sequence[Frame],
+    *,
+    pitch_mm: float | tuple[float, float] | None = None,
+    sheet: Sheet | None = None,
+    thickness_mm: float | None = None,
+    roi_px: Roi | None = None,
+) -> RestCalibration:
+    """Estimate pose, layout and noise from some seconds of the untouched sheet.
+
+    Args:
+        sensor: with a calibrated camera; its layout is used if it has one, and found otherwise.
+        frames: of one recording of the untouched sheet.
+        pitch_mm: distance of neighbouring markers, required if the sensor has no layout.
+        sheet: for the calibrated sensor; None keeps that of `sensor`.
+        thickness_mm: of a sheet whose outline is to be measured in the image.
+        roi_px: x, y, width, height of the region of interest.
+
+    Raises:
+        SensorError: the scale is not known, a required outline is not visible, or the sensor does not fit
+            the frames.
+        LayoutError: no markers, no lattice, or fewer than half of those of the layout were found.
+    """
+    laid = sensor if sensor.layout is not None else _with_found_layout(sensor, frames, pitch_mm, roi_px)
+    layout = laid.layout
+    assert layout is not None
+    if sensor.layout is not None and pitch_mm is not None:
+        layout = _rescale(layout, pitch_mm)
+    laid = replace(laid, layout=layout)
+    seen = track_markers(register_rest(laid, frames, roi_px=roi_px), frames, roi_px)
+    share = seen.is_seen.mean(axis=0)
+    is_missing = share < SEEN_SHARE
+    if int((~is_missing).sum()) < 6:
+        raise LayoutError(
+            f"only {int((~is_missing).sum())} of {len(is_missing)} markers were seen in most frames: "
+            f"check light "
+            "and focus"
+        )
+    place_px = seen.median_px(np.ones(len(seen.timestamp_ns), dtype=np.bool_))
+    there = ~is_missing & np.isfinite(place_px[:, 0])
+    camera, std = fit_pose(laid.camera, layout.rest_mm[there], place_px[there])
+    if sensor.layout is None:
+        layout = _with_measured_radius(layout, camera, seen, there)
+    residual = np.full(place_px.shape, np.nan)
+    residual[there] = place_px[there] - project(camera, layout.rest_mm[there])
+    noise = _noise_px(seen, there)
+    found = replace(
+        laid,
+        camera=camera,
+        layout=replace(layout, is_missing=read_only(~there), rest_px=read_only(place_px)),
+        sheet=sheet if sheet is not None else sensor.sheet,
+        centre_noise_px=noise,
+        assumptions=(),
+    )
+    seen_clamp = clamp_line(camera, layout, frames)
+    if thickness_mm is not None and sheet is None:
+        found, seen_clamp = _with_measured_outline(found, seen_clamp, thickness_mm)
+    return RestCalibration(
+        sensor=found,
+        residual_px=read_only(residual),
+        pose_std=std,
+        noise_px=noise,
+        contrast=float(np.nanmedian(seen.contrast)),
+        frames=len(seen.timestamp_ns),
+        clamp=seen_clamp,
+        warnings=(
+            *_warnings(sensor, found, residual, seen, there),
+            *clamp_warnings(seen_clamp, found.sheet),
+            *_focus_warnings(found, frames, roi_px),
+        ),
+    )
+
+
+def _with_measured_outline(found: Sensor, seen: ClampLine, thickness_mm: float) -> tuple[Sensor, ClampLine]:
+    """The sensor with the measured outline, and its origin at the centre of it.
+
+    Raises:
+        SensorError: not all sides are visible.
+    """
+    if seen.unseen:
+        raise SensorError(
+            f"the image does not show the whole clamp line ({', '.join(seen.unseen)} missing): give the "
+            f"outline "
+            "of the sheet by --sheet-mm X,Y"
+        )
+    assert found.layout is not None
+    middle_mm = np.array([*seen.middle_mm, 0.0])
+    rotation, _ = cv2.Rodrigues(found.camera.rotation_vector)
+    camera = replace(
+        found.camera, translation_mm=read_only(found.camera.translation_mm + rotation @ middle_mm)
+    )
+    layout = replace(found.layout, rest_mm=read_only(found.layout.rest_mm - middle_mm))
+    sheet = Sheet(size_mm=read_only(seen.size_mm.copy()), thickness_mm=thickness_mm)
+    moved = ClampLine(side_mm=seen.side_mm - np.repeat(seen.middle_mm, 2))
+    return replace(found, camera=camera, layout=layout, sheet=sheet), moved
+
+
+def _with_found_layout(
+    sensor: Sensor, frames: Sequence[Frame], pitch_mm: float | tuple[float, float] | None, roi_px: Roi | None
+) -> Sensor:
+    """The sensor with the lattice found in the frames, in an approximate pose."""
+    if pitch_mm is None:
+        raise SensorError(
+            f"the sensor {sensor.name!r} has no [markers], so their pitch is not known: give --pitch-mm"
+        )
+    found = sensor_from_rest(frames, name=sensor.name, pitch_mm=pitch_mm, roi_px=roi_px)
+    layout = found.layout
+    assert layout is not None
+    if layout.row_column is None or layout.rest_px is None:
+        raise LayoutError(
+            "the markers do not form a lattice of rows and columns, so their positions in mm cannot be "
+            "determined from one image: write them into the sensor file as rest_mm = [[x, y], ...]"
+        )
+    camera = sensor.camera
+    if (camera.width_px, camera.height_px) != (found.camera.width_px, found.camera.height_px):
+        raise SensorError(
+            f"the camera of {sensor.name!r} is calibrated for {camera.width_px} x {camera.height_px} px, "
+            f"but the frames have {found.camera.width_px} x {found.camera.height_px} px: calibrate it at "
+            "this size"
+        )
+    pitch = np.broadcast_to(np.asarray(pitch_mm, dtype=np.float64), 2)
+    middle = layout.row_column.max(axis=0) / 2
+    rest = np.zeros((len(layout.rest_mm), 3))
+    rest[:, :2] = ((layout.row_column - middle) * pitch[::-1])[:, ::-1]
+    there = ~layout.is_missing & np.isfinite(layout.rest_px[:, 0])
+    posed, _ = fit_pose(camera, rest[there], layout.rest_px[there])
+    laid = replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()), rest_px=None)
+    return replace(sensor, camera=posed, layout=laid)
+
+
+def _rescale(layout: Layout, pitch_mm: float | tuple[float, float]) -> Layout:
+    pitch = np.broadcast_to(np.asarray(pitch_mm, dtype=np.float64), 2)
+    rest = layout.rest_mm.copy()
+    rest[:, :2] *= pitch / layout.pitch_mm
+    return replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()))
+
+
+def _with_measured_radius(layout: Layout, camera: Camera, seen: MarkerTracks, there: np.ndarray) -> Layout:
+    """The layout with the marker radius that follows from the areas of the dots."""
+    px_per_mm = float(np.sqrt(camera.fx_px * camera.fy_px)) / float(camera.translation_mm[2])
+    areas = seen.area_px2[:, there]
+    if not np.isfinite(areas).any():
+        return layout
+    radius = float(np.sqrt(np.nanmedian(areas) / np.pi)) / px_per_mm
+    return replace(layout, radius_mm=read_only(np.full(len(layout.rest_mm), radius)))
+
+
+def _noise_px(seen: MarkerTracks, there: np.ndarray) -> float:
+    """Noise of a centre along an axis from differences of successive frames, which exclude slow drift."""
+    step = np.diff(seen.position_px[:, there], axis=0)
+    step = step[np.isfinite(step)]
+    if len(step) < 10:
+        raise LayoutError("the noise of the markers needs at least two frames in which they are seen")
+    return max(float(1.4826 * np.median(np.abs(step)) / np.sqrt(2.0)), 1e-3)
+
+
+def _warnings(
+    given: Sensor, found: Sensor, residual: np.ndarray, seen: MarkerTracks, there: np.ndarray
+) -> Sequence[str]:
+    """Warnings about the sheet, the markers and the light."""
+    layout, camera = found.layout, found.camera
+    assert layout is not None
+    px_per_mm = float(np.sqrt(camera.fx_px * camera.fy_px)) / float(camera.translation_mm[2])
+    pitch_px = float(np.sqrt(np.prod(layout.pitch_mm))) * px_per_mm
+    sentences = []
+    left = np.sqrt(np.nanmean(np.square(residual).sum(axis=1)))
+    if left > MAX_RESIDUAL_PITCHES * pitch_px:
+        sentences.append(
+            f"markers lie {left:.2f} px (RMS) off a flat lattice: the sheet is not flat, the lens is not "
+            "calibrated, or pitch_mm along x or y is wrong"
+        )
+    lost = int((~there).sum()) - (int(given.layout.is_missing.sum()) if given.layout is not None else 0)
+    if lost > 0:
+        sentences.append(f"{lost} markers were not seen and are treated as missing")
+    drift = np.nanmax(np.linalg.norm(seen.position_px[-1] - seen.position_px[0], axis=1))
+    if drift > MAX_DRIFT_PITCHES * pitch_px:
+        sentences.append(f"a marker moved by {drift:.2f} px during the recording: was the sheet touched?")
+    contrast = float(np.nanmedian(seen.contrast))
+    if contrast < MIN_CONTRAST_GREY:
+        sentences.append(
+            f"the contrast of the markers is only {contrast:.0f} of 255 grey levels: increase light or "
+            f"contrast"
+        )
+    if given.layout is not None:
+        nearer = float(given.camera.translation_mm[2]) / float(camera.translation_mm[2]) - 1.0
+        if abs(nearer) > MAX_DISTANCE_ERROR:
+            sentences.append(
+                f"the sheet is at a distance of {camera.translation_mm[2]:.1f} mm, {100 * abs(nearer):.0f} % "
+                f"{'nearer' if nearer > 0 else 'farther'} than in the sensor file: check pitch_mm "
+                f"({layout.pitch_mm[0]:g} mm) and the camera's calibration"
+            )
+    sentences += _border_warnings(found, px_per_mm)
+    return sentences
+
+
+def _focus_warnings(found: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> list[str]:
+    """A warning if the dots are out of focus."""
+    layout = found.layout
+    assert layout is not None and layout.rest_px is not None  # noqa: PT018 - just found
+    there = ~layout.is_missing
+    image = next(frame.image for frame in frames if frame.image is not None)
+    weights = expected_appearance(found).weights(1 if image.ndim == 2 else image.shape[2])
+    radius_px = radius_in_image(found.camera, layout.rest_mm[there], layout.radius_mm[there])
+    edge_px = edge_width_px(image, weights, layout.rest_px[there], radius_px, roi_px=roi_px)
+    if not is_soft(edge_px, radius_px):
+        return []
+    return [f"the dots are out of focus: their edges are {edge_px:.1f} px wide; focus the lens on the sheet"]
+
+
+def _border_warnings(found: Sensor, px_per_mm: float) -> list[str]:
+    """Warnings about markers at the border of the image or outside the clamp."""
+    layout, camera, sheet = found.layout, found.camera, found.sheet
+    assert layout is not None
+    place = project(camera, layout.rest_mm[~layout.is_missing])
+    room = np.minimum(place, np.array([camera.width_px, camera.height_px]) - 1 - place).min(axis=1)
+    cut = int((room < layout.radius_mm[0] * px_per_mm).sum())
+    sentences = [f"{cut} markers are cut by the border of the image"] if cut else []
+    if sheet is not None:
+        over = np.abs(layout.rest_mm[:, :2]) > sheet.size_mm / 2
+        if over.any():
+            sentences.append(
+                f"{int(over.any(axis=1).sum())} markers lie outside the clamped outline of "
+                f"{sheet.size_mm[0]:g} x {sheet.size_mm[1]:g} mm: check size_mm and offset_mm"
+            )
+    return sentences
