@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.evaluation.metrics.calibration import calibration
 from manytouch.evaluation.metrics.contacts import contact_figures, contact_samples, force_figures
 from manytouch.evaluation.metrics.depth import (
     depth_figures,
@@ -17,7 +16,8 @@ from manytouch.evaluation.metrics.depth import (
 )
 from manytouch.evaluation.metrics.latency import latency_figures
 from manytouch.evaluation.metrics.markers import dot_figures, dot_samples
-from manytouch.evaluation.metrics.separation import pair_samples, separation_curve
+from manytouch.evaluation.metrics.separation import separation_curve, separation_samples
+from manytouch.evaluation.metrics.uncertainty_calibration import uncertainty_calibration
 from manytouch.evaluation.records.record import ContactRows, EvaluationRecord
 
 Sheet = Callable[..., EvaluationRecord]
@@ -292,23 +292,23 @@ def test_two_contacts_are_resolved_by_two_estimates_and_not_by_one(contact_table
     truth = two(contact_table, 10.0)
     apart = contact_table([(0, 1, -4.5, 0, 2.0), (0, 2, 5.5, 0, 2.0)])
     merged = contact_table([(0, 1, 0.0, 0, 2.0)])
-    assert pair_samples(truth, apart).is_resolved.tolist() == [True]
-    assert pair_samples(truth, merged).is_resolved.tolist() == [False]
-    assert pair_samples(truth, apart).distance_mm == pytest.approx([10.0])
+    assert separation_samples(truth, apart).is_resolved.tolist() == [True]
+    assert separation_samples(truth, merged).is_resolved.tolist() == [False]
+    assert separation_samples(truth, apart).distance_mm == pytest.approx([10.0])
 
 
 def test_scattered_estimates_do_not_resolve_contacts(contact_table: Table) -> None:
     truth = two(contact_table, 10.0)
     strewn = contact_table([(0, n, x, 0, 2.0) for n, x in enumerate((-5.0, 0.0, 5.0))])
     far_ghost = contact_table([(0, n, x, 0, 2.0) for n, x in enumerate((-5.0, 5.0, 40.0))])
-    assert pair_samples(truth, strewn).is_resolved.tolist() == [False]
-    assert pair_samples(truth, far_ghost).is_resolved.tolist() == [True]
+    assert separation_samples(truth, strewn).is_resolved.tolist() == [False]
+    assert separation_samples(truth, far_ghost).is_resolved.tolist() == [True]
 
 
 def test_near_contacts_need_estimates_nearer_than_half_their_distance(contact_table: Table) -> None:
     truth = two(contact_table, 4.0)
     both_right = contact_table([(0, 1, 2.0, 0, 2.0), (0, 2, 0.8, 0.0, 2.0)])
-    assert pair_samples(truth, both_right).is_resolved.tolist() == [False]
+    assert separation_samples(truth, both_right).is_resolved.tolist() == [False]
 
 
 def test_the_curve_counts_classes_and_holds_from_where_it_stays_high(contact_table: Table) -> None:
@@ -320,25 +320,25 @@ def test_the_curve_counts_classes_and_holds_from_where_it_stays_high(contact_tab
             truths += both
             found += both if number < 10 * share else [(frame, 1, 0.0, 0.0, 2.0, 1.0)]
             frame += 1
-    curve = separation_curve(pair_samples(contact_table(truths), contact_table(found)), 1.0)
+    curve = separation_curve(separation_samples(contact_table(truths), contact_table(found)), 1.0)
     assert curve.distance_mm == pytest.approx(tuple(apart))
     assert curve.share == pytest.approx(tuple(apart.values()))
     assert curve.frames == (10,) * 5
     assert curve.from_mm == 12.0
-    blind = separation_curve(pair_samples(contact_table(truths), contact_table([])), 1.0)
+    blind = separation_curve(separation_samples(contact_table(truths), contact_table([])), 1.0)
     assert np.isnan(blind.from_mm)
 
 
 def test_pairs_are_sorted_by_force_ratio(contact_table: Table) -> None:
     truth = two(contact_table, 10.0, weaker_N=0.31)
-    samples = pair_samples(truth, truth)
+    samples = separation_samples(truth, truth)
     assert separation_curve(samples, 0.3).frames == (1,)
     assert separation_curve(samples, 1.0).frames == ()
 
 
 def test_one_or_three_contacts_are_no_pair(contact_table: Table) -> None:
     three = contact_table([(0, n, 10.0 * n, 0, 2.0, 1.0) for n in range(3)])
-    assert len(pair_samples(three, three).is_resolved) == 0
+    assert len(separation_samples(three, three).is_resolved) == 0
 
 
 # latency
@@ -366,7 +366,7 @@ def test_a_frame_that_stalls_shows_in_the_slowest_hundredth_and_the_rate_not_in_
 def test_right_deviations_are_calibrated() -> None:
     chance = np.random.default_rng(2)
     std = chance.uniform(0.1, 2.0, 20000)
-    found = calibration(std * chance.standard_normal(20000), std)
+    found = uncertainty_calibration(std * chance.standard_normal(20000), std)
     assert found is not None
     assert found.chi2_per_dof == pytest.approx(1, abs=0.05)
     assert found.spread == pytest.approx(1, abs=0.03)
@@ -378,7 +378,7 @@ def test_right_deviations_are_calibrated() -> None:
 
 def test_deviations_of_half_the_error_are_overconfident() -> None:
     error = np.random.default_rng(3).standard_normal(20000)
-    found = calibration(error, np.full(20000, 0.5))
+    found = uncertainty_calibration(error, np.full(20000, 0.5))
     assert found is not None
     assert found.chi2_per_dof == pytest.approx(4, rel=0.05)
     assert found.spread == pytest.approx(2, rel=0.05)
@@ -389,9 +389,9 @@ def test_deviations_of_half_the_error_are_overconfident() -> None:
 def test_deviations_that_are_not_given_or_zero_do_not_count() -> None:
     std = np.ones(100)
     std[:10], std[10:20] = np.nan, 0.0
-    found = calibration(np.ones(100), std)
+    found = uncertainty_calibration(np.ones(100), std)
     assert found is not None
     assert found.count == 80
     assert found.given == pytest.approx(0.8)
-    assert calibration(np.ones(19), np.ones(19)) is None
-    assert calibration(np.ones(100), np.full(100, np.nan)) is None
+    assert uncertainty_calibration(np.ones(19), np.ones(19)) is None
+    assert uncertainty_calibration(np.ones(100), np.full(100, np.nan)) is None

@@ -6,7 +6,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from manytouch.evaluation.metrics.calibration import Calibration, calibration
 from manytouch.evaluation.metrics.contacts import (
     ContactSamples,
     contact_figures,
@@ -17,7 +16,16 @@ from manytouch.evaluation.metrics.depth import DepthSamples, depth_figures, dept
 from manytouch.evaluation.metrics.latency import latency_figures
 from manytouch.evaluation.metrics.markers import DotSamples, dot_figures, dot_samples
 from manytouch.evaluation.metrics.matching import FAINT_MM, GATE_MM, PITCH_MM
-from manytouch.evaluation.metrics.separation import RATIOS, PairSamples, pair_samples, separation_curve
+from manytouch.evaluation.metrics.separation import (
+    RATIOS,
+    SeparationSamples,
+    separation_curve,
+    separation_samples,
+)
+from manytouch.evaluation.metrics.uncertainty_calibration import (
+    UncertaintyCalibration,
+    uncertainty_calibration,
+)
 from manytouch.evaluation.metrics.worst_frame import WorstFrame, find_worst_frame
 from manytouch.evaluation.records.record import EvaluationError, EvaluationRecord, subset
 from manytouch.values import LengthUnit
@@ -38,7 +46,7 @@ class MethodErrors:
         true_frames: frames that the truth holds.
         frames: of them, those that the method gave; only these are compared.
         failed: of these, those whose status is not "ok"; they are compared like all others.
-        dots, depth, contacts, pairs: samples of the metrics.
+        dots, depth, contacts, separation: samples of the metrics.
         milliseconds: (f,) of each frame.
         worst: the worst frame to look at; None when nothing touches.
         notes: sentences about what should be known of this comparison.
@@ -53,7 +61,7 @@ class MethodErrors:
     dots: DotSamples
     depth: DepthSamples
     contacts: ContactSamples
-    pairs: PairSamples
+    separation: SeparationSamples
     milliseconds: Scalars
     worst: WorstFrame | None
     notes: tuple[str, ...] = ()
@@ -99,7 +107,7 @@ def compare(
         dots=dot_samples(true, given),
         depth=depth_samples(true, given),
         contacts=contact_samples(true.contacts, given.contacts, gate_mm=gate_mm, faint_mm=faint_mm),
-        pairs=pair_samples(true.contacts, given.contacts, gate_mm=gate_mm, faint_mm=faint_mm),
+        separation=separation_samples(true.contacts, given.contacts, gate_mm=gate_mm, faint_mm=faint_mm),
         milliseconds=given.milliseconds,
         worst=find_worst_frame(true, given, gate_mm=gate_mm, picture=picture),
         notes=_notes(truth, estimated, len(shared)),
@@ -134,7 +142,7 @@ def pooled(comparisons: Sequence[MethodErrors], name: str) -> MethodErrors:
         dots=_together([one.dots for one in comparisons]),
         depth=_together([one.depth for one in comparisons]),
         contacts=_together([one.contacts for one in comparisons]),
-        pairs=_together([one.pairs for one in comparisons]),
+        separation=_together([one.separation for one in comparisons]),
         milliseconds=np.concatenate([one.milliseconds for one in comparisons]),
         worst=max(ranked, key=lambda worst_frame: worst_frame.rmse_mm, default=None),
         notes=tuple(dict.fromkeys(note for one in comparisons for note in one.notes)),
@@ -153,14 +161,15 @@ def figures(comparison: MethodErrors) -> Figures:
         "depth": depth_figures(comparison.depth, shallowest_mm=gates(comparison.unit)[1]),
         "contacts": contact_figures(comparison.contacts),
         "force": force_figures(comparison.contacts),
-        "separation": {"pairs": len(comparison.pairs.is_resolved)}
+        "separation": {"pairs": len(comparison.separation.is_resolved)}
         | {
-            f"from_mm_at_1_to_{ratio:g}": separation_curve(comparison.pairs, ratio).from_mm
+            f"from_mm_at_1_to_{ratio:g}": separation_curve(comparison.separation, ratio).from_mm
             for ratio in RATIOS
         },
         "latency": latency_figures(comparison.milliseconds),
         "calibration": {
-            name: None if found is None else asdict(found) for name, found in calibrations(comparison).items()
+            name: None if found is None else asdict(found)
+            for name, found in uncertainty_calibrations(comparison).items()
         },
     }
 
@@ -169,21 +178,21 @@ def curves(comparison: MethodErrors) -> dict[str, Any]:
     """What is drawn as curves: error against depth, separation."""
     return {
         "error_against_depth": error_against_depth(comparison.depth.true_mm, comparison.depth.error_mm),
-        "separation": [asdict(separation_curve(comparison.pairs, ratio)) for ratio in RATIOS],
+        "separation": [asdict(separation_curve(comparison.separation, ratio)) for ratio in RATIOS],
     }
 
 
-def calibrations(comparison: MethodErrors) -> dict[str, Calibration | None]:
+def uncertainty_calibrations(comparison: MethodErrors) -> dict[str, UncertaintyCalibration | None]:
     """Predicted deviations of centres, depths, positions and forces against their errors.
 
     Centres and positions count x and y as components of their own; the noise of both is alike.
     """
     dots, depth, contacts = comparison.dots, comparison.depth, comparison.contacts
     return {
-        "centre": calibration(dots.error_px.ravel(), dots.std_px.ravel()),
-        "depth": calibration(depth.error_mm, depth.std_mm),
-        "position": calibration(contacts.offset_mm.ravel(), contacts.offset_std_mm.ravel()),
-        "force": calibration(contacts.force_N - contacts.true_force_N, contacts.force_std_N),
+        "centre": uncertainty_calibration(dots.error_px.ravel(), dots.std_px.ravel()),
+        "depth": uncertainty_calibration(depth.error_mm, depth.std_mm),
+        "position": uncertainty_calibration(contacts.offset_mm.ravel(), contacts.offset_std_mm.ravel()),
+        "force": uncertainty_calibration(contacts.force_N - contacts.true_force_N, contacts.force_std_N),
     }
 
 

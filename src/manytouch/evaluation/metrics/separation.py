@@ -15,7 +15,7 @@ RESOLVED_SHARE = 0.9
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PairSamples:
+class SeparationSamples:
     """Frames (n,) in which exactly two contacts touch in truth.
 
     Attributes:
@@ -48,9 +48,9 @@ class SeparationCurve:
     from_mm: float
 
 
-def pair_samples(
+def separation_samples(
     truth: ContactRows, estimated: ContactRows, *, gate_mm: float = GATE_MM, faint_mm: float = 0.3
-) -> PairSamples:
+) -> SeparationSamples:
     """Look at the frames in which two contacts touch, both at least `faint_mm` deep.
 
     They are resolved when each has an estimate of its own, nearer to it than the gate and than half
@@ -71,7 +71,7 @@ def pair_samples(
         distances.append(distance)
         ratios.append(float(force[0] / force[1]) if force[1] > 0 else np.nan)
         resolved.append(len(pairs) == 2 and int(around.sum()) == 2)
-    return PairSamples(
+    return SeparationSamples(
         distance_mm=np.array(distances, dtype=np.float64),
         force_ratio=np.array(ratios, dtype=np.float64),
         is_resolved=np.array(resolved, dtype=bool),
@@ -79,7 +79,7 @@ def pair_samples(
 
 
 def separation_curve(
-    samples: PairSamples, force_ratio: float, *, class_mm: float = CLASS_MM
+    samples: SeparationSamples, force_ratio: float, *, class_mm: float = CLASS_MM
 ) -> SeparationCurve:
     """The curve of one force ratio, in classes of distance."""
     with np.errstate(invalid="ignore", divide="ignore"):

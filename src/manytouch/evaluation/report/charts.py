@@ -4,10 +4,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from manytouch.evaluation.metrics.calibration import Calibration
 from manytouch.evaluation.metrics.comparison import MethodErrors, gates
 from manytouch.evaluation.metrics.depth import error_against_depth
 from manytouch.evaluation.metrics.separation import RESOLVED_SHARE, separation_curve
+from manytouch.evaluation.metrics.uncertainty_calibration import UncertaintyCalibration
 from manytouch.evaluation.report.svg_theme import (
     DASHES,
     FAINT,
@@ -188,7 +188,7 @@ def separation_chart(compared: Compared, ratio: float) -> str:
         axes.axhline(100 * RESOLVED_SHARE, color=SOFT, linewidth=0.9, linestyle=(0, (2, 2)))
         is_empty = True
         for number, (method, one) in enumerate(compared.items()):
-            curve = separation_curve(one.pairs, ratio)
+            curve = separation_curve(one.separation, ratio)
             if not curve.frames:
                 continue
             is_empty = False
@@ -212,7 +212,7 @@ def separation_chart(compared: Compared, ratio: float) -> str:
         return svg(drawn, f"Share of frames in which two contacts of force ratio 1 to {ratio:g} are resolved")
 
 
-def reliability_chart(found: Mapping[str, Mapping[str, Calibration | None]], quantity: str) -> str:
+def reliability_chart(found: Mapping[str, Mapping[str, UncertaintyCalibration | None]], quantity: str) -> str:
     """Observed against promised coverage: below the diagonal is overconfident."""
     with figure(4.0, 3.4) as drawn:
         axes = drawn.add_subplot()

@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from manytouch.errors import MissingExtraError
-from manytouch.evaluation.metrics.comparison import MethodErrors, calibrations
+from manytouch.evaluation.metrics.comparison import MethodErrors, uncertainty_calibrations
 from manytouch.evaluation.metrics.separation import RATIOS
 from manytouch.evaluation.report import charts, maps
 from manytouch.evaluation.report.ratings import case_rows, halves_rows, rate_methods, table
@@ -83,7 +83,7 @@ def rendered(evaluation: Evaluation, data: dict[str, Any]) -> str:
 def _drawings(evaluation: Evaluation, compared: dict[str, MethodErrors], unit: str) -> dict[str, list[str]]:
     if not compared:
         return {}
-    deviations = {method: calibrations(one) for method, one in compared.items()}
+    deviations = {method: uncertainty_calibrations(one) for method, one in compared.items()}
     promised = [name for name in QUANTITIES if any(found[name] for found in deviations.values())]
     forces = [one.contacts for one in compared.values()]
     is_force = any(np.isfinite(one.force_N - one.true_force_N).any() for one in forces)

@@ -5,7 +5,13 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
-from manytouch.evaluation.metrics.comparison import MethodErrors, calibrations, curves, figures, pooled
+from manytouch.evaluation.metrics.comparison import (
+    MethodErrors,
+    curves,
+    figures,
+    pooled,
+    uncertainty_calibrations,
+)
 from manytouch.evaluation.metrics.metric_specs import METRICS, found, verdict, written
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 
@@ -82,7 +88,7 @@ def belongs(trial: Trial, name: str) -> bool:
 
 def _promised(compared: Iterable[MethodErrors | None]) -> dict[str, bool]:
     """Of which quantities any method gives deviations that can be rated."""
-    given = [calibrations(one) for one in compared if one is not None]
+    given = [uncertainty_calibrations(one) for one in compared if one is not None]
     return {name: any(one[name] for one in given) for name in ("centre", "depth", "position", "force")}
 
 

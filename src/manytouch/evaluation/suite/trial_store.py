@@ -19,7 +19,7 @@ from manytouch.evaluation.metrics.comparison import MethodErrors
 from manytouch.evaluation.metrics.contacts import ContactSamples
 from manytouch.evaluation.metrics.depth import DepthSamples
 from manytouch.evaluation.metrics.markers import DotSamples
-from manytouch.evaluation.metrics.separation import PairSamples
+from manytouch.evaluation.metrics.separation import SeparationSamples
 from manytouch.evaluation.metrics.worst_frame import WorstFrame
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.values.arrays import read_only
@@ -28,7 +28,7 @@ SUFFIX = ".npz"
 TREE = "tree"
 TYPES = {
     each.__name__: each
-    for each in (MethodErrors, DotSamples, DepthSamples, ContactSamples, PairSamples, WorstFrame)
+    for each in (MethodErrors, DotSamples, DepthSamples, ContactSamples, SeparationSamples, WorstFrame)
 }
 
 

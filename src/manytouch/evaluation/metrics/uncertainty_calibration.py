@@ -12,7 +12,7 @@ FEWEST = 20
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Calibration:
+class UncertaintyCalibration:
     """Errors over their predicted deviations, z, which should be standard normal.
 
     Attributes:
@@ -38,7 +38,7 @@ class Calibration:
     observed: tuple[float, ...]
 
 
-def calibration(error: Scalars, std: Scalars) -> Calibration | None:
+def uncertainty_calibration(error: Scalars, std: Scalars) -> UncertaintyCalibration | None:
     """Compare predicted deviations with errors, component by component (both (n,)).
 
     Returns:
@@ -54,7 +54,7 @@ def calibration(error: Scalars, std: Scalars) -> Calibration | None:
     low, high = np.percentile(z, [15.865, 84.135])
     coverage = [float((np.abs(z) <= norm.ppf(0.5 + level / 2)).mean()) for level in (*LEVELS, 0.68, 0.95)]
     tenths = np.array_split(np.argsort(std, kind="stable"), 10)
-    return Calibration(
+    return UncertaintyCalibration(
         count=count,
         given=count / int(is_known.sum()),
         chi2_per_dof=float(np.mean(z**2)),
