@@ -71,6 +71,32 @@ class Shell:
         """Fibres across the sheet are normal to b - tilt_mm2 lap b."""
         return FIBRE_FACTOR * self.shear_mm2
 
+    @property
+    def stretched_modulus(self) -> float:
+        """Young's modulus of the mounted sheet over that of the material.
+
+        A neo-Hookean sheet that was stretched by s in its plane and is described in the mounted state has the
+        energy s^-4 psi(E) + (tension) tr E exactly, if it is incompressible; in general the exponent is that
+        of J^(-5/3) times the square of the stretch across it. The stretch is that of the pretension to second
+        order.
+        """
+        nu = self.poisson
+        strain = (1.0 - nu) * self.pretension_over_E_mm / self.thickness_mm
+        thinning = 2.0 * nu / (1.0 - nu)
+        exponent = 2.0 * thinning + 5.0 / 3.0 * (2.0 - thinning)
+        return float((1.0 + strain * (1.0 + 1.5 * strain)) ** -exponent)
+
+    @property
+    def rigidity_mm3(self) -> float:
+        """Bending stiffness D over E.
+
+        The tension does work on the second-order strain z^2 (grad grad b)^2 / 2 of fibres at a height z,
+        which adds t^2 / 12 times the tension.
+        """
+        nu, t = self.poisson, self.thickness_mm
+        plate_mm3 = self.stretched_modulus * t**3 / (12.0 * (1.0 - nu**2))
+        return self.bending_factor * (plate_mm3 + t**2 / 12.0 * self.pretension_over_E_mm)
+
     def energy(self, coefficient_mm: Nodal) -> float:
         """Energy over E (mm^3), 0 at rest."""
         springs = 0.5 * float((self._spring_mm[:, None] * coefficient_mm**2).sum())
@@ -148,13 +174,14 @@ class Shell:
     @cached_property
     def _stiffness(self) -> shell_kernels.Stiffness:
         nu, t = float(self.poisson), float(self.thickness_mm)
-        rigidity_mm3 = self.bending_factor * t**3 / (12.0 * (1.0 - nu**2))
+        modulus = self.stretched_modulus
+        bending = self.rigidity_mm3 * 12.0 * (1.0 - nu**2) / (modulus * t**3)
         return shell_kernels.Stiffness(
             thickness=t,
-            mu=0.5 / (1.0 + nu),
-            bulk=1.0 / (3.0 * (1.0 - 2.0 * nu)),
+            mu=modulus * 0.5 / (1.0 + nu),
+            bulk=modulus / (3.0 * (1.0 - 2.0 * nu)),
             tension=float(self.pretension_over_E_mm),
-            lever=t * float(np.sqrt(self.bending_factor / 12.0)),
+            lever=t * float(np.sqrt(bending / 12.0)),
             shear=float(self.shear_mm2),
-            shear_stiffness=rigidity_mm3 * float(self.shear_mm2),
+            shear_stiffness=self.rigidity_mm3 * float(self.shear_mm2),
         )

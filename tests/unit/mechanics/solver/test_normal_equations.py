@@ -118,6 +118,8 @@ def test_force_rows_are_derivatives_of_forces(dots: MarkerImages, bent_mm: np.nd
 def test_a_chord_step_at_its_own_linearisation_is_a_full_step(
     dots: MarkerImages, bent_mm: np.ndarray, precision: type[np.floating]
 ) -> None:
+    if precision is np.float32 and dots.shell.patch.boundary == "soft":
+        pytest.skip("patches with a soft outline are ill-conditioned and always solved with float64")
     residual, information, weight = problem(dots)
     here = equations(dots, precision).linearise(bent_mm)
     posterior = equations(dots, precision).solve(here, residual, information, weight)
