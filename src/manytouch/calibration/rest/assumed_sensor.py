@@ -17,13 +17,13 @@ from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import onto_plane
 from manytouch.tracking.lattice.arrange import Arrangement
-from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor, Sheet
+from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor
 from manytouch.values.arrays import read_only
+from manytouch.values.sensor_file.assumed_sheet import THICKNESS_PITCHES, assumed_sheet
 
 __all__ = ["register_rest", "sensor_from_dots", "sensor_from_rest"]
 
 ASSUMED_HFOV_DEG = 60.0
-ASSUMED_THICKNESS_PITCHES = 0.75
 _PRESSED_PITCHES = 0.15
 _ODD_PITCHES = 0.03
 
@@ -103,7 +103,7 @@ def sensor_from_dots(
         name=name,
         camera=camera,
         layout=layout,
-        sheet=_sheet(layout, wanted),
+        sheet=assumed_sheet(layout),
         scale_is_known=pitch_mm is not None,
         centre_noise_px=float(np.median(noise)) if len(still.frames) >= 5 and len(noise) else None,
         assumptions=tuple(_assumptions(arrangement, still, pitch_mm, hfov_deg)),
@@ -179,16 +179,6 @@ def _layout(
     )
 
 
-def _sheet(layout: Layout, pitch: float) -> Sheet:
-    """A sheet that extends one pitch beyond its outermost markers."""
-    extent = layout.rest_mm[:, :2].max(axis=0) - layout.rest_mm[:, :2].min(axis=0)
-    return Sheet(
-        is_assumed=True,
-        size_mm=read_only(extent + 2.0 * layout.pitch_mm),
-        thickness_mm=ASSUMED_THICKNESS_PITCHES * pitch,
-    )
-
-
 def _assumptions(
     arrangement: Arrangement,
     still: RestDots,
@@ -211,8 +201,7 @@ def _assumptions(
                 f"{1.0 / seen:.3f}; their geometric mean sets the scale."
             )
     sentences.append(
-        f"The sheet is {ASSUMED_THICKNESS_PITCHES} pitches thick and extends one pitch beyond its "
-        f"outermost markers."
+        f"The sheet is {THICKNESS_PITCHES} pitches thick and extends one pitch beyond its outermost markers."
     )
     if still.moved:
         sentences.append(

@@ -1,6 +1,6 @@
 """From force clusters to contacts with their covariances."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64
@@ -11,12 +11,11 @@ from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.regions.footprints import Footprints
 from manytouch.geometry.camera import project
-from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
-from manytouch.values import ESTIMATES, Contact, Contacts, Phase
-from manytouch.values.arrays import Points2, Scalars, read_only
+from manytouch.values import ESTIMATES, Contact, Phase
+from manytouch.values.arrays import Scalars, read_only
 
-_AREA = ESTIMATES.index("area")
+_AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
 _CLAMP_THICKNESSES = 4.0  # at which `ModelError.position_clamp` applies
 _FORCES = ("shear_x", "shear_y", "normal_force", "torque")
@@ -61,7 +60,7 @@ class ModelError:
     torque_share: float = 0.1
     area_share: float = 0.15
     area_force: float = 0.4
-    assumed_sheet_factor: float = 4.0
+    assumed_sheet_factor: float = 3.0
 
     def outline_share(self, model: InversionModel, centre_mm: np.ndarray) -> float:
         """Standard deviation of a force over the force, by that of the outline.
@@ -107,7 +106,9 @@ class ModelError:
             self.torque_share * press_mm2 * max(radius_mm, 0.5 * model.pitch_mm),
             area_mm2 * np.hypot(self.area_share, self.area_force * model.lattice.least_force_mm2 / press_mm2),
         ]
-        return np.asarray(np.square(std) * (self.assumed_sheet_factor if model.is_nominal else 1.0) ** 2)
+        variance = np.square(std) * (self.assumed_sheet_factor if model.is_assumed else 1.0) ** 2
+        variance[_DEPTH] += (model.assumed_depth_std * depth_mm) ** 2
+        return np.asarray(variance)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -242,43 +243,6 @@ def _estimate_rows(
             np.zeros_like(force_mm2),
         ]
     )
-
-
-def with_forces(
-    contacts: Contacts,
-    node_mm: Points2,
-    force_mm2: Nodal,
-    *,
-    reach_mm: float,
-    least_mm2: float,
-) -> Contacts:
-    """Contacts that were found without forces, with forces over E.
-
-    The force of a contact is the sum of the nodal forces within a reach that are nearest to it.
-
-    Args:
-        contacts: without forces.
-        node_mm: (n, 2) places of the nodes.
-        force_mm2: (n, 3) nodal forces over E.
-        reach_mm: largest distance of a node from its contact.
-        least_mm2: a contact with a smaller normal force gets NaN.
-    """
-    centre_mm = np.array([contact.centre_mm for contact in contacts.contacts]).reshape(-1, 2)
-    away_mm = np.linalg.norm(node_mm[:, None] - centre_mm, axis=2)
-    result = []
-    for number, contact in enumerate(contacts.contacts):
-        is_nearest = away_mm[:, number] <= away_mm.min(axis=1)
-        total_mm2 = force_mm2[is_nearest & (away_mm[:, number] < reach_mm)].sum(axis=0)
-        if -total_mm2[2] < least_mm2:
-            total_mm2 = np.full(3, np.nan)
-        result.append(
-            replace(
-                contact,
-                normal_force_over_E_mm2=-float(total_mm2[2]),
-                shear_over_E_mm2=(float(total_mm2[0]), float(total_mm2[1])),
-            )
-        )
-    return replace(contacts, contacts=tuple(result))
 
 
 def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Clusters, Scalars]:

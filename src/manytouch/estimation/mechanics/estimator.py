@@ -2,27 +2,26 @@
 
 `GaussNewton` fits the shape of the sheet that explains the marker images with few, compressive forces. Depth
 is evaluated on the shape, contacts are clusters of its nodal forces (`force_clusters`), standard deviations
-come from the posterior of the last step and the model's error. For a sheet that was assumed, contacts are
-found from the swelling of dots (`uncalibrated`), and the shape only gives their forces.
+come from the posterior of the last step and the model's error. Frames that an assumed sheet does not describe
+have the surface and the contacts of `perimeter` (`assumed_sheet`).
 """
 
 from dataclasses import dataclass, field, replace
-from typing import Any
 
 import numpy as np
 
 from manytouch.errors import SensorError
-from manytouch.estimation.contact_finder import ContactFinder
 from manytouch.estimation.contact_tracker import ContactTracker
+from manytouch.estimation.mechanics.assumed_sheet import AssumedSheetRules, WithoutSheet
 from manytouch.estimation.mechanics.clusters.evidence import ForcePosterior
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
 from manytouch.estimation.mechanics.clusters.local_deflection import local_deflection
 from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
 from manytouch.estimation.mechanics.contact_rules import ContactRules, has_force_near, is_far_from
-from manytouch.estimation.mechanics.contacts import ContactEstimator, significant, with_forces
+from manytouch.estimation.mechanics.contacts import ContactEstimator, significant
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton, SheetShape
-from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet
+from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet, checked_layout
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     PretensionEstimator,
     parameter_response,
@@ -36,14 +35,14 @@ from manytouch.estimation.mechanics.surface_covariance import (
 )
 from manytouch.estimation.mechanics.view_motion import ViewMotion
 from manytouch.estimation.outlier_gate import OutlierGate
-from manytouch.estimation.perimeter.marker_surface import MarkerGeometry, MarkerSurface
+from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
-from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, Mask, Points2, read_only
+from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
 
 MIN_MARKERS = 12
 """A frame with fewer seen markers has the status `few_markers`."""
@@ -69,9 +68,7 @@ class MechanicsEstimator:
         surface_error: covariances of the marker displacements.
         reference_drift: update of the reference while nothing touches the sheet.
         slip_detector: flags contacts that slide.
-        marker_surface: depth of the markers of a sheet that was assumed.
-        uncalibrated_contact_finder: finds the contacts of such a sheet.
-        own_force_pitch: forces within this distance of such a contact are its own, in pitches.
+        assumed_sheet: frames of a sheet that was assumed.
     """
 
     nominal_sheet: NominalSheet = field(default_factory=NominalSheet)
@@ -89,9 +86,7 @@ class MechanicsEstimator:
     surface_error: SurfaceError = field(default_factory=SurfaceError)
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
     slip_detector: SlipDetector = field(default_factory=SlipDetector)
-    marker_surface: MarkerSurface = field(default_factory=MarkerSurface)
-    uncalibrated_contact_finder: ContactFinder = field(default_factory=uncalibrated_contact_finder)
-    own_force_pitch: float = 2.0
+    assumed_sheet: AssumedSheetRules = field(default_factory=AssumedSheetRules)
 
     def start(self, sensor: Sensor) -> MechanicsState:
         """Computes everything that depends on the sensor only.
@@ -100,19 +95,20 @@ class MechanicsEstimator:
             SensorError: the sensor has no layout, or its sheet is bonded.
             LayoutError: it has too few markers.
         """
-        if sensor.sheet is not None and sensor.sheet.boundary == "bonded":
+        layout = checked_layout(sensor)
+        sheet = assumed_sheet(layout) if sensor.sheet is None else sensor.sheet
+        if sheet.boundary == "bonded":
             raise SensorError(
                 f'the sheet of sensor {sensor.name!r} is a pad with boundary = "bonded", but the method '
                 "mechanics computes clamped sheets only: choose --method perimeter or --method paper"
             )
-        model = self.nominal_sheet(sensor)
-        pretension = self.pretension.start(model, sensor.sheet)
+        model = self.nominal_sheet(replace(sensor, sheet=sheet))
+        pretension = self.pretension.start(model, sheet)
         if pretension.is_estimated:
             model = model.with_pretension(pretension.mean_mm)
-        layout = model.layout
         rest_px = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
         pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
-        model_std_px = self.marker_noise.model_std_px(pitch_px, is_assumed=model.is_nominal)
+        model_std_px = self.marker_noise.model_std_px(pitch_px)
         rest_mm = read_only(np.zeros((model.patch.node_count, 3)))
         weight_mm4 = self.gauss_newton.weights(model, rest_mm)
         centre_noise_px = sensor.centre_noise_px or self.marker_noise.default_centre_noise_px
@@ -121,7 +117,7 @@ class MechanicsEstimator:
             model=model,
             neighbours=nearest_neighbours(layout.rest_mm[:, :2]),
             deviation=self.surface_error.start(model, weight_mm4, std_px),
-            local=None if model.is_nominal else local_deflection(model.shell),
+            local=local_deflection(model.shell),
             is_at_clamp=read_only(self.view_motion.is_used(model)),
             initial_reference_px=read_only(rest_px.copy()),
             reference_px=read_only(rest_px.copy()),
@@ -131,22 +127,29 @@ class MechanicsEstimator:
             posterior=None,
             posterior_frames=0,
             pretension=pretension,
-            variants=sheet_variants(model, sensor.sheet),
+            variants=sheet_variants(model, sheet),
             response=None,
             previous_mm=read_only(np.zeros((0, 2))),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
-            uncalibrated=self._start_uncalibrated(sensor) if model.is_nominal else None,
+            without_sheet=self.assumed_sheet.start(sensor) if model.is_assumed else None,
         )
-
-    def _start_uncalibrated(self, sensor: Sensor) -> tuple[MarkerGeometry, Any]:
-        return self.marker_surface.start(sensor), self.uncalibrated_contact_finder.start(sensor)
 
     def step(self, state: MechanicsState, grid: TrackedGrid) -> tuple[MechanicsState, Surface, Contacts]:
         """Surface and contacts of the next frame. It never raises; an unusable frame has a status."""
         if grid.is_seen.sum() < MIN_MARKERS:
             return self._step_without_markers(state, grid)
+        usual_std_px, rules = state.model_std_px, self.assumed_sheet
+        if state.without_sheet is not None:
+            without_sheet = rules.step(state.without_sheet, grid)
+            model_std_px = rules.model_std_px(grid, state.reference_px, usual_std_px)
+            state = replace(state, without_sheet=without_sheet, model_std_px=model_std_px)
         fit = self.fit_frame(state, grid)
+        state = replace(state, model_std_px=usual_std_px)
+        if state.without_sheet is not None and not rules.describes(
+            fit, grid, state.reference_px, state.pitch_px
+        ):
+            return self._step_without_sheet(state, state.without_sheet, grid)
         status = grid.status if grid.status is not Status.OK else fit.status
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
         state = self._with_response(state, fit)
@@ -163,8 +166,6 @@ class MechanicsEstimator:
             posterior=fit.posterior,
             posterior_frames=0 if fit.steps else state.posterior_frames + 1,
         )
-        if state.uncalibrated is not None:
-            return self._step_uncalibrated(after, state.uncalibrated, grid, fit, surface)
         may_start = self._may_start(state, clusters) & (significance >= self.contact_rules.start_stds)
         may_start &= fit.status is Status.OK
         after, contacts = self._track(
@@ -178,7 +179,7 @@ class MechanicsEstimator:
 
     def _with_response(self, state: MechanicsState, fit: Fit) -> MechanicsState:
         """The state with the response of a frame with a full step to the parameters of the sheet."""
-        if state.uncalibrated is not None or not fit.steps or fit.status is not Status.OK:
+        if not fit.steps or fit.status is not Status.OK:
             return state
         return replace(state, response=parameter_response(state.model, state.variants, state.pretension, fit))
 
@@ -311,36 +312,25 @@ class MechanicsEstimator:
         previous_mm = read_only(np.array([contact.centre_mm for contact in found]).reshape(-1, 2))
         return replace(state, tracks=tracks, slip=slip, previous_mm=previous_mm), contacts
 
-    def _find_uncalibrated(
-        self, uncalibrated: tuple[MarkerGeometry, Any], grid: TrackedGrid
-    ) -> tuple[tuple[MarkerGeometry, Any], Contacts]:
-        """Contacts of a sheet that was assumed, without forces."""
-        geometry, finder_state = uncalibrated
-        motion = self.marker_surface(geometry, grid)
-        finder_state, contacts = self.uncalibrated_contact_finder.step(finder_state, grid, motion)
-        return (geometry, finder_state), contacts
-
-    def _step_uncalibrated(
-        self,
-        state: MechanicsState,
-        uncalibrated: tuple[MarkerGeometry, Any],
-        grid: TrackedGrid,
-        fit: Fit,
-        surface: Surface,
+    def _step_without_sheet(
+        self, state: MechanicsState, found: WithoutSheet, grid: TrackedGrid
     ) -> tuple[MechanicsState, Surface, Contacts]:
-        """Contacts by the swelling of dots, with forces over E from the shape."""
+        """A frame that the assumed sheet does not describe; the next one begins at rest."""
         model = state.model
-        uncalibrated, contacts = self._find_uncalibrated(uncalibrated, grid)
-        contacts = with_forces(
-            contacts,
-            model.patch.place_mm,
-            fit.shape.force_mm2 if fit.status == "ok" else np.zeros_like(fit.shape.force_mm2),
-            reach_mm=self.own_force_pitch * model.pitch_mm,
-            least_mm2=model.lattice.least_force_mm2,
+        surface = unknown_surface(model.layout, grid.status) if found.surface is None else found.surface
+        tracks, contacts = self.contact_tracker.step(state.tracks, found.touching, status=grid.status)
+        at_rest_mm = read_only(np.zeros((model.patch.node_count, 3)))
+        after = replace(
+            state,
+            tracks=tracks,
+            shape=SheetShape.at(model, at_rest_mm),
+            posterior=None,
+            posterior_frames=0,
+            response=None,
         )
-        if surface.status == "ok" and not self.uncalibrated_contact_finder.is_touched(uncalibrated[1]):
-            state = self._update_reference(state, grid)
-        return replace(state, uncalibrated=uncalibrated), surface, contacts
+        if grid.status is Status.OK and not found.is_touched:
+            after = self._update_reference(after, grid)
+        return after, surface, contacts
 
     def _update_reference(self, state: MechanicsState, grid: TrackedGrid) -> MechanicsState:
         reference_px = self.reference_drift(
@@ -353,17 +343,9 @@ class MechanicsEstimator:
     ) -> tuple[MechanicsState, Surface, Contacts]:
         """A frame with too few markers: no surface, and contacts that wait."""
         status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
-        count = len(state.reference_px)
-        surface = Surface(
-            position_mm=read_only(np.full((count, 3), np.nan)),
-            displacement_mm=read_only(np.full((count, 3), np.nan)),
-            covariance_mm2=read_only(np.full((count, 3, 3), np.nan)),
-            layout=state.model.layout,
-            status=status,
-        )
-        if state.uncalibrated is not None:
-            uncalibrated, contacts = self._find_uncalibrated(state.uncalibrated, grid)
-            return replace(state, uncalibrated=uncalibrated), surface, contacts
+        surface = unknown_surface(state.model.layout, status)
+        if state.without_sheet is not None:
+            state = replace(state, without_sheet=self.assumed_sheet.step(state.without_sheet, grid))
         tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
         return replace(state, tracks=tracks), surface, contacts
 
@@ -377,8 +359,7 @@ class MechanicsEstimator:
     ) -> Surface:
         model = state.model
         displacement_mm = model.dots.displacement_mm(shape.coefficient_mm)
-        if state.local is not None:
-            displacement_mm[:, 2] -= state.local.depth_mm(clusters, model.dots.face.point_mm)
+        displacement_mm[:, 2] -= state.local.depth_mm(clusters, model.dots.face.point_mm)
         covariance_mm2 = self.surface_error(
             model,
             state.deviation,

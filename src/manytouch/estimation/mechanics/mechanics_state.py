@@ -1,12 +1,12 @@
 """What the method `mechanics` keeps from frame to frame."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
+from manytouch.estimation.mechanics.assumed_sheet import WithoutSheet
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import SheetShape
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -16,7 +16,6 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     SheetVariant,
 )
 from manytouch.estimation.mechanics.surface_covariance import MarkerDeviation
-from manytouch.estimation.perimeter.marker_surface import MarkerGeometry
 from manytouch.estimation.slip_detector import SlipState
 from manytouch.geometry.neighbours import Neighbours
 from manytouch.mechanics.solver.posterior import Posterior
@@ -31,7 +30,7 @@ class MechanicsState:
         model: of the sheet.
         neighbours: of each marker.
         deviation: of the marker displacements.
-        local: depth that the elements cannot show; None where the sheet was assumed.
+        local: depth that the elements cannot show.
         is_at_clamp: (m,) markers that show the motion of the view.
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         pitch_px: pitch in the image.
@@ -45,14 +44,13 @@ class MechanicsState:
         previous_mm: (k, 2) centres of the clusters of the previous frame, contacts or not.
         slip: of the contacts.
         tracks: of the contacts.
-        uncalibrated: geometry of the markers and state of the contact finder, for a sheet that was assumed;
-            else None.
+        without_sheet: what the markers show without a model, for a sheet that was assumed; else None.
     """
 
     model: InversionModel
     neighbours: Neighbours
     deviation: MarkerDeviation
-    local: LocalDeflection | None
+    local: LocalDeflection
     is_at_clamp: Mask
     initial_reference_px: Points2
     reference_px: Points2
@@ -67,4 +65,4 @@ class MechanicsState:
     previous_mm: Float64[np.ndarray, "k 2"]
     slip: SlipState
     tracks: ContactTrackerState
-    uncalibrated: tuple[MarkerGeometry, Any] | None
+    without_sheet: WithoutSheet | None

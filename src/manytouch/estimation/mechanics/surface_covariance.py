@@ -20,19 +20,17 @@ class MarkerNoise:
 
     Attributes:
         model_std_pitch: standard deviation of a marker image that the model does not explain, in pitches.
-        assumed_sheet_std_pitch: the same for a sheet that was assumed.
         default_centre_noise_px: noise of centres if the sensor does not state it.
         usual_ratio: ratio of the whole deviation to that of the model up to which a frame is not noisy.
     """
 
     model_std_pitch: float = 8.4e-4
-    assumed_sheet_std_pitch: float = 5e-3
     default_centre_noise_px: float = 0.05
     usual_ratio: float = 1.5
 
-    def model_std_px(self, pitch_px: float, *, is_assumed: bool) -> float:
+    def model_std_px(self, pitch_px: float) -> float:
         """Standard deviation of what the model does not explain, for a pitch in the image."""
-        return pitch_px * (self.assumed_sheet_std_pitch if is_assumed else self.model_std_pitch)
+        return pitch_px * self.model_std_pitch
 
     def frame_std_px(self, grid: TrackedGrid, model_std_px: float) -> float:
         """Median standard deviation of the marker images of a frame along an axis."""
@@ -78,7 +76,6 @@ class SurfaceError:
         depth_share: standard deviation along z, over depth.
         lateral_share: the model's standard deviation along x and y, over that along z.
         unseen_factor: multiplies the standard deviations of markers that are not seen.
-        assumed_sheet_depth_share: `depth_share` of a sheet that was assumed.
     """
 
     reach_thickness: float = 0.9
@@ -86,7 +83,6 @@ class SurfaceError:
     depth_share: float = 0.006
     lateral_share: float = 0.5
     unseen_factor: float = 2.0
-    assumed_sheet_depth_share: float = 0.35
 
     def start(self, model: InversionModel, weight_mm4: Nodal, std_px: float) -> MarkerDeviation:
         """What depends on the sensor only.
@@ -135,8 +131,7 @@ class SurfaceError:
         noise_mm = deviation.noise_mm * max(std_px / deviation.std_px, 1.0)
         depth_mm = np.abs(displacement_mm[:, 2])
         dent_mm = self.dent * deviation.proximity @ np.maximum(-force_mm2[:, 2], 0.0) / model.thickness_mm
-        share = self.assumed_sheet_depth_share if model.is_nominal else self.depth_share
-        error_mm2 = dent_mm**2 + (share * depth_mm) ** 2
+        error_mm2 = dent_mm**2 + (self.depth_share**2 + model.assumed_depth_std**2) * depth_mm**2
         factor = np.where(is_seen, 1.0, self.unseen_factor**2)
         covariance = np.zeros((len(depth_mm), 3, 3))
         for axis, part in enumerate((self.lateral_share, self.lateral_share, 1.0)):

@@ -36,7 +36,7 @@ class ViewMotion:
     def is_used(self, model: InversionModel) -> Mask:
         """(m,) markers next to the clamp; none where the outline of the sheet was assumed."""
         place_mm = model.layout.rest_mm[:, :2] - np.array(model.patch.centre_mm)
-        if model.is_nominal or model.patch.boundary != "clamped":
+        if model.is_assumed:
             return np.zeros(len(place_mm), dtype=np.bool_)
         left_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(place_mm)
         return np.asarray(left_mm.min(axis=1) <= self.rim_pitch * model.pitch_mm)

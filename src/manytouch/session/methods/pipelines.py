@@ -40,8 +40,8 @@ def kernels() -> dict[str, bool]:
 
 
 def default_method(sensor: Sensor) -> str:
-    """The best method for a sensor: mechanics where its sheet is known and clamped."""
-    if sensor.sheet is None or sensor.sheet.is_assumed or sensor.sheet.boundary != "clamped":
+    """The best method for a sensor: mechanics where its scale is known and its sheet may be clamped."""
+    if sensor.sheet is None or sensor.sheet.boundary != "clamped" or not sensor.scale_is_known:
         return DEFAULT
     return "mechanics"
 

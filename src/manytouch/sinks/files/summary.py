@@ -17,7 +17,7 @@ from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.rest_noise import RestNoise
 from manytouch.sinks.files.result_hash import result_hash
 from manytouch.sinks.files.sensor_description import layout_of, sensor_to_dict
-from manytouch.values import Reading, Roi, Sensor, Status
+from manytouch.values import Reading, Roi, Sensor, SheetSpline, Status
 
 SCHEMA = 1
 RARELY_SEEN = 0.5  # share of the frames below which a marker causes a warning
@@ -50,6 +50,8 @@ class Summary:
         self._frames_touched = 0
         self._milliseconds: list[float] = []
         self._last_index = -1
+        self._without_sheet = 0
+        self._spline: SheetSpline | None = None
 
     def write(self, reading: Reading) -> None:
         """Add a frame."""
@@ -62,6 +64,10 @@ class Summary:
         self._frames_touched += bool(touching)
         self._last_index = reading.frame.index
         self._milliseconds.append(reading.milliseconds)
+        if reading.surface.spline is not None:
+            self._spline = reading.surface.spline
+        elif self._method == "mechanics" and reading.status is Status.OK:
+            self._without_sheet += 1
 
     def close(self) -> None:
         """Nothing to complete: the file is written by `save`, after all others."""
@@ -117,6 +123,20 @@ class Summary:
             "markers": int((~layout_of(self._sensor).is_missing).sum()),
         }
 
+    @property
+    def pretension(self) -> dict[str, Any] | None:
+        """The last estimate of a pretension that the sensor does not state; None without one."""
+        sheet, spline = self._sensor.sheet, self._spline
+        if spline is None or (sheet is not None and sheet.pretension_N_per_mm is not None):
+            return None
+        mean, std, young = spline.pretension_over_E_mm, spline.pretension_std_over_E_mm, spline.young_MPa
+        return {
+            "over_E_mm": _rounded(mean),
+            "std_over_E_mm": _rounded(std),
+            "N_per_mm": None if young is None else _rounded(young * mean),
+            "std_N_per_mm": None if young is None else _rounded(young * std),
+        }
+
     def to_dict(self) -> dict[str, Any]:
         """What was collected."""
         return {
@@ -125,6 +145,7 @@ class Summary:
             "sensor": sensor_to_dict(self._sensor),
             "assumptions": list(self._sensor.assumptions),
             "counts": self.counts,
+            "pretension": self.pretension,
             "milliseconds": self._latency(),
             "noise_px": self.noise_px,
             "odd": self.warnings(),
@@ -140,6 +161,11 @@ class Summary:
             if status is not Status.OK:
                 has = "frame has" if frames == 1 else "frames have"
                 sentences.append(f"{count} of {frames} {has} the status {status}. {status.remedy}")
+        if self._without_sheet:
+            sentences.append(
+                f"{self._without_sheet} of {frames} frames do not show the clamped sheet that was assumed; "
+                "their surface and contacts are those of the method perimeter. Give a sensor file (--sensor)."
+            )
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))
         announced = self._recording.get("frame_count")

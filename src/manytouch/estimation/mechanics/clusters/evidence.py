@@ -264,7 +264,7 @@ class ForcePosterior:
         Args:
             node: (n,) numbers of the nodes; fixed ones and those without contacts are left out.
         """
-        node = node[~self.model.is_outside[node] & self.model.patch.is_free[node, 2]]
+        node = node[self.model.patch.is_free[node, 2]]
         if len(node) < _MIN_NODES or self.fit.status is not Status.OK:
             return None
         white = self._whitened(node)

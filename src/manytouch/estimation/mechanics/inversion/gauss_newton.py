@@ -103,7 +103,6 @@ class GaussNewton:
         max_steps: full steps of a frame whose chi2 is not poor.
         max_steps_if_poor: full steps otherwise.
         max_change_pitch: largest change of a coefficient in a step, in pitches.
-        outside_weight: weight of forces outside the known part of the sheet, relative to the others.
         max_halvings: of a step that increases the cost, before the iteration ends.
     """
 
@@ -122,7 +121,6 @@ class GaussNewton:
     max_steps_if_poor: int = 6
     max_change_pitch: float = 1.5
     max_halvings: int = 3
-    outside_weight: float = 1e-4
 
     def __call__(
         self,
@@ -243,14 +241,12 @@ class GaussNewton:
             noise * np.maximum(press**2, self.neighbour_share * around2)
             + (noise * self.negligible_force * unit) ** 2
         )
-        weight[model.is_outside] *= self.outside_weight
         return weight
 
     def _is_converged(self, model: InversionModel, before_mm2: Nodal, now_mm2: Nodal, share: float) -> bool:
-        is_known = ~model.is_outside
         negligible_mm2 = self.negligible_force * model.lattice.force_unit_mm2
-        change_mm2 = np.abs(now_mm2 - before_mm2)[is_known, 2] - negligible_mm2
-        total_mm2 = float(np.abs(now_mm2[is_known, 2]).sum())
+        change_mm2 = np.abs(now_mm2 - before_mm2)[:, 2] - negligible_mm2
+        total_mm2 = float(np.abs(now_mm2[:, 2]).sum())
         return float(np.maximum(change_mm2, 0.0).sum()) <= share * total_mm2
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation.assumptions import view_is_assumed
 from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
 from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
 from manytouch.mechanics.markers.images import MarkerImages
@@ -13,6 +14,7 @@ from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Mask, read_only
+from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
 from manytouch.values.sensor_file.default_std import sheet_std
 
 MIN_MARKERS = 12
@@ -34,10 +36,10 @@ class InversionModel:
         thickness_mm: of the sheet.
         young_MPa: None if forces are relative, over E.
         young_relative_std: its standard deviation over its value.
-        outline_std_mm: standard deviation of each side of the clamp; 0 where it was assumed.
-        is_outside: (n,) nodes whose forces may be those of the unknown sheet beyond the markers.
-        is_excluded: (n,) these, and nodes so near a clamp that they have its forces.
-        is_nominal: whether thickness and outline were assumed.
+        outline_std_mm: standard deviation of each side of the clamp.
+        is_excluded: (n,) nodes so near a clamp that they have its forces.
+        is_assumed: whether thickness and outline were assumed.
+        assumed_depth_std: relative standard deviation of depths by what was assumed of sheet and camera.
     """
 
     camera: Camera
@@ -53,9 +55,9 @@ class InversionModel:
     young_MPa: float | None
     young_relative_std: float
     outline_std_mm: float
-    is_outside: Mask
     is_excluded: Mask
-    is_nominal: bool
+    is_assumed: bool
+    assumed_depth_std: float
 
     def with_pretension(self, over_E_mm: float) -> "InversionModel":
         """The model with another membrane force per length at rest, over E."""
@@ -98,8 +100,6 @@ class NominalSheet:
 
     Attributes:
         poisson: Poisson's ratio if the sensor does not state it; that of nearly incompressible rubber.
-        thickness_pitch: thickness if the sensor does not state it, in pitches.
-        margin_pitch: distance from the outer markers to the outline if it is not known, in pitches.
         element_thickness: largest length of an element, in thicknesses; at most one pitch.
         min_element_thickness: least length of an element, in thicknesses. A point force on a node of a sheet
             with shear_mm2 = t^2 / 5 has nodal forces without tension if elements are at least sqrt(6 / 5) t
@@ -107,18 +107,23 @@ class NominalSheet:
         max_elements: largest number of elements; if it is exceeded, elements are longer.
         least_depth_pitch: depth in the middle of the sheet under the least normal force of a contact, in
             pitches.
+        assumed_sheet_std: relative standard deviation of a depth where the sheet was assumed. The face moves
+            in its plane by half the thickness times the slope, so that depths are too small by about 0.6
+            times the share by which the thickness is too large, whose deviation is 40 %; the outline adds to
+            it.
+        assumed_view_std: the same where the field of view was assumed: that of the distance to the camera.
         clamp_thickness: contacts with a centre within this distance of a clamp are left out, in thicknesses.
             A clamp line that is wrong by a third of it causes forces there.
     """
 
     poisson: float = 0.45
-    thickness_pitch: float = 0.75
-    margin_pitch: float = 2.5
     element_thickness: float = 1.4
     min_element_thickness: float = 1.1
     max_elements: int = 1200
     least_depth_pitch: float = 0.01
     clamp_thickness: float = 1.0
+    assumed_sheet_std: float = 0.35
+    assumed_view_std: float = 0.15
 
     def __call__(self, sensor: Sensor) -> InversionModel:
         """The model of a sensor's sheet.
@@ -127,12 +132,10 @@ class NominalSheet:
             SensorError: the sensor has no layout.
             LayoutError: it has too few markers.
         """
-        layout = _checked_layout(sensor)
-        sheet, pitch_mm = sensor.sheet, float(np.sqrt(np.prod(layout.pitch_mm)))
-        is_nominal = sheet is None or sheet.is_assumed
-        thickness_mm = self.thickness_pitch * pitch_mm if sheet is None else sheet.thickness_mm
-        patch = self._patch(layout, None if is_nominal else sheet, thickness_mm, pitch_mm)
-        shell = self._shell(patch, sheet, thickness_mm)
+        layout = checked_layout(sensor)
+        sheet = assumed_sheet(layout) if sensor.sheet is None else sensor.sheet
+        pitch_mm, thickness_mm = float(np.sqrt(np.prod(layout.pitch_mm))), sheet.thickness_mm
+        shell = self._shell(self._patch(layout, sheet), sheet)
         patch = shell.patch
         dots = MarkerImages(
             shell=shell,
@@ -141,15 +144,7 @@ class NominalSheet:
             radius_mm=layout.radius_mm,
             height_mm=layout.height_mm,
         )
-        low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
-        slack_mm = 0.5 * layout.pitch_mm
-        is_beyond_markers = ((patch.place_mm < low - slack_mm) | (patch.place_mm > high + slack_mm)).any(
-            axis=1
-        )
-        is_outside = is_beyond_markers | patch.is_rim if is_nominal else patch.is_rim
-        inner_mm = np.maximum(-low, high) + slack_mm
-        if not is_nominal and sheet is not None:
-            inner_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
+        inner_mm = 0.5 * sheet.size_mm - self.clamp_thickness * thickness_mm
         element_mm = np.array(patch.size_mm) / np.array(patch.elements)
         return InversionModel(
             camera=sensor.camera,
@@ -170,24 +165,22 @@ class NominalSheet:
             nodes=patch.at(patch.place_mm),
             pitch_mm=pitch_mm,
             thickness_mm=thickness_mm,
-            young_MPa=None if sheet is None or not sensor.scale_is_known else sheet.young_MPa,
+            young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
             young_relative_std=_young_relative_std(sheet),
-            outline_std_mm=0.0 if is_nominal or sheet is None else sheet_std(sheet).outline_mm,
-            is_outside=read_only(is_outside),
-            is_excluded=read_only(is_outside | (np.abs(patch.place_mm) > inner_mm).any(axis=1)),
-            is_nominal=is_nominal,
+            outline_std_mm=sheet_std(sheet).outline_mm,
+            is_excluded=read_only((np.abs(patch.place_mm) > inner_mm).any(axis=1)),
+            is_assumed=sheet.is_assumed,
+            assumed_depth_std=float(
+                np.hypot(
+                    self.assumed_sheet_std if sheet.is_assumed else 0.0,
+                    self.assumed_view_std if view_is_assumed(sensor) else 0.0,
+                )
+            ),
         )
 
-    def _patch(
-        self, layout: Layout, sheet: Sheet | None, thickness_mm: float, pitch_mm: float
-    ) -> SplinePatch:
-        """The whole sheet of the sensor file; without one, the area of the markers and a margin."""
-        if sheet is not None:
-            size_mm, centre_mm = sheet.size_mm, np.zeros(2)
-        else:
-            low, high = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
-            size_mm = high - low + 2.0 * self.margin_pitch * layout.pitch_mm
-            centre_mm = 0.5 * (low + high)
+    def _patch(self, layout: Layout, sheet: Sheet) -> SplinePatch:
+        """The whole sheet."""
+        size_mm, thickness_mm = sheet.size_mm, sheet.thickness_mm
         longest_mm = np.minimum(layout.pitch_mm, self.element_thickness * thickness_mm)
         longest_mm = np.maximum(longest_mm, self.min_element_thickness * thickness_mm)
         count = np.maximum(np.rint(size_mm / longest_mm), 4)
@@ -195,24 +188,19 @@ class NominalSheet:
         return SplinePatch(
             size_mm=(float(size_mm[0]), float(size_mm[1])),
             elements=(int(count[0]), int(count[1])),
-            boundary="clamped" if sheet is not None else "soft",
-            centre_mm=(float(centre_mm[0]), float(centre_mm[1])),
         )
 
-    def _shell(self, patch: SplinePatch, sheet: Sheet | None, thickness_mm: float) -> Shell:
+    def _shell(self, patch: SplinePatch, sheet: Sheet) -> Shell:
         """The shell; its pretension is 0 where E is not known."""
-        stretched_mm, bending, poisson = 0.0, 1.0, self.poisson
-        if sheet is not None:
-            poisson = self.poisson if sheet.poisson is None else sheet.poisson
-            bending = 1.0 if sheet.bending_factor is None else sheet.bending_factor
-            if sheet.pretension_N_per_mm is not None and sheet.young_MPa is not None:
-                stretched_mm = sheet.pretension_N_per_mm / sheet.young_MPa
+        tension, young, stretched_mm = sheet.pretension_N_per_mm, sheet.young_MPa, 0.0
+        if tension is not None and young is not None:
+            stretched_mm = tension / young
         return Shell(
             patch=patch,
-            thickness_mm=thickness_mm,
-            poisson=poisson,
+            thickness_mm=sheet.thickness_mm,
+            poisson=self.poisson if sheet.poisson is None else sheet.poisson,
             pretension_over_E_mm=stretched_mm,
-            bending_factor=bending,
+            bending_factor=1.0 if sheet.bending_factor is None else sheet.bending_factor,
         )
 
 
@@ -227,12 +215,12 @@ def _compliance_per_mm(shell: Shell, width_mm: float) -> float:
     return float(np.einsum("nc,nc->", load, moved.reshape(-1, 3)))
 
 
-def _young_relative_std(sheet: Sheet | None) -> float:
-    std = None if sheet is None else sheet_std(sheet).young_MPa
-    return 0.0 if std is None or sheet is None or sheet.young_MPa is None else std / sheet.young_MPa
+def _young_relative_std(sheet: Sheet) -> float:
+    std = sheet_std(sheet).young_MPa
+    return 0.0 if std is None or sheet.young_MPa is None else std / sheet.young_MPa
 
 
-def _checked_layout(sensor: Sensor) -> Layout:
+def checked_layout(sensor: Sensor) -> Layout:
     layout = sensor.layout
     if layout is None:
         raise SensorError(

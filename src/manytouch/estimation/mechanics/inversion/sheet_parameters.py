@@ -47,10 +47,8 @@ class SheetVariant:
         return replace(self, shell=replace(self.shell, pretension_over_E_mm=over_E_mm))
 
 
-def sheet_variants(model: InversionModel, sheet: Sheet | None) -> tuple[SheetVariant, ...]:
+def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, ...]:
     """One variant for each parameter of a known sheet that has a standard deviation."""
-    if sheet is None or sheet.is_assumed:
-        return ()
     std, shell = sheet_std(sheet), model.shell
     found = []
     if std.thickness_mm > 0.0:
@@ -124,10 +122,8 @@ class PretensionEstimator:
     new_model_stds: float = 0.3
     new_model_share: float = 0.02
 
-    def start(self, model: InversionModel, sheet: Sheet | None) -> Pretension:
+    def start(self, model: InversionModel, sheet: Sheet) -> Pretension:
         """What is known before the first frame."""
-        if sheet is None or sheet.is_assumed:
-            return Pretension(mean_mm=model.shell.pretension_over_E_mm, std_mm=0.0, is_estimated=False)
         if sheet.pretension_N_per_mm is not None:
             std, young = sheet_std(sheet).pretension_N_per_mm or 0.0, sheet.young_MPa
             over_E_mm = 0.0 if young is None else std / young

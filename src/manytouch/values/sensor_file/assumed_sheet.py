@@ -1,0 +1,23 @@
+"""A sheet of which nothing is known but its markers."""
+
+import numpy as np
+
+from manytouch.values.arrays import read_only
+from manytouch.values.sensor import Layout, Sheet
+
+THICKNESS_PITCHES, MARGIN_PITCHES = 0.75, 1.0
+_THICKNESS_STD_PITCHES = 0.3
+_MARGIN_STD_PITCHES = 0.7
+
+
+def assumed_sheet(layout: Layout) -> Sheet:
+    """A clamped sheet that extends one pitch beyond its outermost markers, with wide deviations."""
+    half_mm = np.abs(layout.rest_mm[:, :2]).max(axis=0)
+    pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
+    return Sheet(
+        is_assumed=True,
+        size_mm=read_only(2.0 * (half_mm + MARGIN_PITCHES * layout.pitch_mm)),
+        thickness_mm=THICKNESS_PITCHES * pitch_mm,
+        thickness_std_mm=_THICKNESS_STD_PITCHES * pitch_mm,
+        outline_std_mm=_MARGIN_STD_PITCHES * pitch_mm,
+    )
