@@ -138,13 +138,19 @@ def _paper(methods: list[options.Method] | None, *, cache: Path | None, processe
         for name, presses in found.presses.items():
             first_mm, second_mm, depth_mm = row(presses)
             progress.report(
-                f"  {name}: position error {first_mm:.2f} and {second_mm:.2f} mm, "
-                f"depth error {depth_mm:.2f} mm"
+                f"  Table 3, {name}: places {first_mm:.2f} and {second_mm:.2f} mm, depth {depth_mm:.2f} mm"
             )
         for one in found.formulas:
             progress.report(
                 f"  equations 11 to 13, {one.formula}: depth RMSE {one.rmse_mm:.2f} mm, "
                 f"deepest point {100 * one.excess:+.0f} %"
+            )
+        for name in dict.fromkeys(stall.method for stall in found.stalls):
+            mine = [stall for stall in found.stalls if stall.method == name]
+            lossless = max((stall.motion_px for stall in mine if stall.lost == 0), default=0.0)
+            progress.report(
+                f"  fast motion, {name}: up to {lossless:.1f} px per frame without loss; at "
+                f"{mine[-1].motion_px:.1f} px at most {mine[-1].lost} markers lost, every frame has a reading"
             )
         for words, fps in found.speed.frames_per_second.items():
             progress.report(f"  method of the paper, {words}: {fps:.2f} frames per second")

@@ -13,12 +13,14 @@ from layouts import lattice_layout
 from manytouch.evaluation.published import material, places, spacing
 from manytouch.evaluation.published.formulas import FormulaError, formula_errors, law_mm
 from manytouch.evaluation.published.page import Experiments, contents, row, write_page
-from manytouch.evaluation.published.speed import Speed, plain_map
+from manytouch.evaluation.published.speed import Speed, plain_map, plotted_ms
+from manytouch.evaluation.published.stall import StallTest, stall_tests
 from manytouch.evaluation.suite.cases import GROUPS, Case
 from manytouch.evaluation.suite.recordings import SimulatedRecording, simulate_case
 from manytouch.geometry.inverse_distance import inverse_distance_plane
 from manytouch.session import pipeline_for
 from manytouch.simulation.fem.cache import StateCache
+from manytouch.sources.simulated import simulated_source
 
 STIFFENING = material.Deflection(
     size_mm=(120.0, 80.0),
@@ -49,7 +51,20 @@ FOUND = Experiments(
             places.PublishedPress(along_mm=113.0, depth_mm=np.nan),
         ),
     },
-    speed=Speed(markers=960, points=10_000, chain_ms=50.0, table_ms=2.0, plain_ms=1950.0),
+    stalls=(
+        StallTest(
+            method="paper",
+            step=4,
+            motion_px=14.9,
+            frames=60,
+            incomplete_frames=23,
+            first_incomplete=37,
+            lost=3,
+            wrong=0,
+            new_ids=3,
+        ),
+    ),
+    speed=Speed(markers=960, points=10_000, chain_ms=50.0, table_ms=2.0, plain_ms=1950.0, plot_ms=3000.0),
 )
 
 
@@ -162,3 +177,21 @@ def test_the_page_states_what_fits_and_what_does_not(tmp_path: Path) -> None:
     assert "<svg" in page
     assert not re.findall(r'(?:src|href)="(?!#)', page)
     assert json.loads((tmp_path / "paper.json").read_text()) == contents(FOUND)
+
+
+def test_fast_motion_loses_identities_of_the_paper_and_stops_nothing() -> None:
+    scene = simulated_source(width_px=640)
+    slow, fast = stall_tests({"paper": pipeline_for("paper")}, scene, steps=(2, 8))
+    assert slow.motion_px < 7.0 < fast.motion_px  # the gate is 0.4 of 17.5 px
+    assert (slow.frames, slow.lost, slow.new_ids, slow.first_incomplete) == (60, 0, 0, None)
+    assert fast.frames == 38
+    assert fast.lost > 0
+    assert fast.new_ids > 0
+    assert fast.first_incomplete is not None
+    assert fast.incomplete_frames <= fast.frames - fast.first_incomplete
+
+
+def test_a_plot_takes_time() -> None:
+    pytest.importorskip("matplotlib")
+    axis = np.linspace(0.0, 1.0, 12)
+    assert plotted_ms(np.outer(axis, axis), axis, axis) > 0.0

@@ -11,6 +11,7 @@ import numpy as np
 from manytouch.evaluation.published import material, places, spacing
 from manytouch.evaluation.published.formulas import FormulaError, formula_errors
 from manytouch.evaluation.published.speed import Speed, speed
+from manytouch.evaluation.published.stall import StallTest, stall_chart, stall_tests
 from manytouch.evaluation.report.report_data import plain
 from manytouch.evaluation.report.svg_theme import FOREGROUND, METHOD_COLOURS, SOFT, figure, svg
 from manytouch.evaluation.suite.recordings import FemSimulation
@@ -36,6 +37,7 @@ class Experiments:
         gap_MPa: modulus of the sheet that they stand on.
         formulas: equations 11 to 13 in their readings, on the demo's scene.
         presses: Table 3 by method; "truth" is the simulated press.
+        stalls: fast motion, by method and speed.
         speed: frames per second.
     """
 
@@ -45,6 +47,7 @@ class Experiments:
     gap_MPa: float
     formulas: tuple[FormulaError, ...]
     presses: dict[str, tuple[places.PublishedPress, places.PublishedPress]]
+    stalls: tuple[StallTest, ...]
     speed: Speed
 
 
@@ -78,8 +81,14 @@ def experiments(
         gap_MPa=gap_MPa,
         formulas=formula_errors(),
         presses=places.table(methods, simulation),
+        stalls=stall_tests(_tracked_alike_once(methods)),
         speed=speed(simulation.simulate(places.presses()[0])),
     )
+
+
+def _tracked_alike_once(methods: Mapping[str, Pipeline]) -> dict[str, Pipeline]:
+    """Without `mechanics` where there is `perimeter`, which detects and tracks in the same way."""
+    return {name: each for name, each in methods.items() if name != "mechanics" or "perimeter" not in methods}
 
 
 def contents(found: Experiments) -> dict[str, Any]:
@@ -108,6 +117,8 @@ def contents(found: Experiments) -> dict[str, Any]:
                 **{name: list(values) for name, values in places.PUBLISHED.items()},
                 **{name: row(presses) for name, presses in found.presses.items()},
             },
+            "table_3_std": {name: deviations(presses) for name, presses in found.presses.items()},
+            "stalls": [asdict(one) for one in found.stalls],
             "speed": asdict(found.speed) | {"frames_per_second": found.speed.frames_per_second},
         }
     )
@@ -117,6 +128,11 @@ def contents(found: Experiments) -> dict[str, Any]:
 def row(presses: tuple[places.PublishedPress, places.PublishedPress]) -> list[float]:
     """The three columns of Table 3: both places, and the mean of both depths."""
     return [*(one.along_mm for one in presses), float(np.mean([one.depth_mm for one in presses]))]
+
+
+def deviations(presses: tuple[places.PublishedPress, places.PublishedPress]) -> list[float]:
+    """Standard deviations of the three columns of Table 3; for the depth that of one press."""
+    return [*(one.along_std_mm for one in presses), max(one.depth_std_mm for one in presses)]
 
 
 def write_page(found: Experiments, folder: Path) -> Path:
@@ -136,6 +152,7 @@ def write_page(found: Experiments, folder: Path) -> Path:
         data=data,
         moduli=[f"{young:g}" for young in MODULI_MPA],
         chart=Markup(deflection_chart(found.deflections)),
+        stall_chart=Markup(stall_chart(found.stalls)),
         truth=data["table_3"]["truth"],
     )
     page = folder / "paper.html"

@@ -30,10 +30,13 @@ class PublishedPress:
     Attributes:
         along_mm: place of the contact from the left edge.
         depth_mm: of the contact.
+        along_std_mm, depth_std_mm: standard deviations that the method states; NaN for the ground truth.
     """
 
     along_mm: float
     depth_mm: float
+    along_std_mm: float = float("nan")
+    depth_std_mm: float = float("nan")
 
 
 def presses() -> tuple[Case, Case]:
@@ -79,4 +82,9 @@ def _read(case: Case, recording: SimulatedRecording, pipeline: Pipeline) -> Publ
     if not found:
         return PublishedPress(along_mm=float("nan"), depth_mm=float("nan"))
     deepest = max(found, key=lambda contact: contact.depth_mm)
-    return PublishedPress(along_mm=float(deepest.centre_mm[0]) + 0.5 * SIZE_MM[0], depth_mm=deepest.depth_mm)
+    return PublishedPress(
+        along_mm=float(deepest.centre_mm[0]) + 0.5 * SIZE_MM[0],
+        depth_mm=deepest.depth_mm,
+        along_std_mm=deepest.std("x"),
+        depth_std_mm=deepest.std("depth"),
+    )

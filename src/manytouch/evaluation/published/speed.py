@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.evaluation.suite.recordings import SimulatedRecording
 from manytouch.paper.detection import PaperDetection
@@ -22,6 +23,7 @@ class Speed:
         chain_ms: detection, tracking and depths, without the map.
         table_ms: the map with weights that are computed once, as it is in manytouch.
         plain_ms: the map in loops over points and markers, as it is usually written down.
+        plot_ms: the map drawn in 3-D by matplotlib, which is not part of the others.
     """
 
     markers: int
@@ -29,14 +31,16 @@ class Speed:
     chain_ms: float
     table_ms: float
     plain_ms: float
+    plot_ms: float
 
     @property
     def frames_per_second(self) -> dict[str, float]:
-        """Without the map, with it from a table, with it in plain loops."""
+        """Without the map, with it from a table, with it in plain loops, with these and a 3-D plot."""
         return {
             "without the map": 1e3 / self.chain_ms,
             "with the map, weights kept": 1e3 / (self.chain_ms + self.table_ms),
             "with the map in plain loops": 1e3 / (self.chain_ms + self.plain_ms),
+            "with the map in plain loops and its plot": 1e3 / (self.chain_ms + self.plain_ms + self.plot_ms),
         }
 
 
@@ -68,7 +72,7 @@ def _timed(recording: SimulatedRecording) -> Speed:
     layout, between = estimating.layout, estimate.interpolation
     depth_mm = -surface.displacement_mm[:, 2]
     begun_s = time.perf_counter()
-    plain_map(
+    surface_mm = plain_map(
         layout.rest_mm[:, 0].tolist(),
         layout.rest_mm[:, 1].tolist(),
         depth_mm.tolist(),
@@ -76,13 +80,32 @@ def _timed(recording: SimulatedRecording) -> Speed:
         radius_mm=between.search_radius_pitch * float(np.sqrt(np.prod(layout.pitch_mm))),
         power=between.power,
     )
+    plain_ms = 1e3 * (time.perf_counter() - begun_s)
     return Speed(
         markers=len(layout.rest_mm),
         points=between.iterations**2,
         chain_ms=float(np.median(chain_ms)),
         table_ms=float(np.median(table_ms)),
-        plain_ms=1e3 * (time.perf_counter() - begun_s),
+        plain_ms=plain_ms,
+        plot_ms=plotted_ms(surface_mm, estimating.x_mm, estimating.y_mm),
     )
+
+
+def plotted_ms(
+    depth_mm: Float64[np.ndarray, "rows columns"],
+    x_mm: Float64[np.ndarray, " columns"],
+    y_mm: Float64[np.ndarray, " rows"],
+) -> float:
+    """Milliseconds to draw a map in 3-D by matplotlib, every point of it, into an image."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    begun_s = time.perf_counter()
+    canvas = FigureCanvasAgg(Figure())
+    axes = canvas.figure.add_subplot(projection="3d")
+    axes.plot_surface(*np.meshgrid(x_mm, y_mm), depth_mm, cmap="viridis", rcount=len(y_mm), ccount=len(x_mm))
+    canvas.draw()
+    return 1e3 * (time.perf_counter() - begun_s)
 
 
 def plain_map(
