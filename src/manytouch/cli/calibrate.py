@@ -1,7 +1,7 @@
 """`manytouch calibrate`: camera, layout and sheet."""
 
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -12,11 +12,9 @@ from manytouch.cli.terminal.failures import usage_error
 
 if TYPE_CHECKING:
     from manytouch.calibration.camera.board_views import ViewCollection
-    from manytouch.values import Frame
 
 app = App(name="calibrate", help="Calibrate camera, layout and sheet.")
 
-VIDEO_STEP_S = 0.2
 PROGRESS_EVERY_S = 2.0
 REST_FRAMES = 90
 
@@ -61,6 +59,7 @@ def camera(
 
     from manytouch.calibration.camera.board import parse_board
     from manytouch.calibration.camera.calibrate import calibrate_camera
+    from manytouch.calibration.camera.named_images import named_images
     from manytouch.calibration.camera.report import calibrated_camera, describe, write_report
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.values.sensor_file import save_sensor
@@ -69,7 +68,7 @@ def camera(
     wanted = parse_board(board, square_mm)
     with StopOnSignal() as stop:
         look = _ViewProgress(console.print, stop, is_live=any(not Path(text).exists() for text in images))
-        found = calibrate_camera(_pictures(images), wanted, model=model, on_view=look)
+        found = calibrate_camera(named_images(images), wanted, model=model, on_view=look)
     for line in describe(found):
         console.print(f"  {line}", markup=False)
     if report is not None:
@@ -216,35 +215,6 @@ def sheet(
     save_sensor(with_provenance(known, found, table.name), out)
     console.print(f"  sensor in {out}")
     return 0
-
-
-def _pictures(texts: list[str]) -> Iterator[tuple[str, "Frame"]]:
-    """The images of all inputs with their names; of a video or a camera five per second.
-
-    A file that cannot be opened counts as one image without content if there are other inputs.
-    """
-    from manytouch.errors import SourceError
-    from manytouch.sources import closing_source, open_source
-    from manytouch.values import Frame
-
-    for text in texts:
-        try:
-            source = open_source(text)
-        except SourceError:
-            if len(texts) == 1 or not Path(text).is_file():
-                raise
-            yield Path(text).name, Frame(index=0, timestamp_ns=0, camera=text, image=None)
-            continue
-        if source.capabilities.is_images:
-            for path, frame in zip(source.capabilities.files, source, strict=True):
-                yield path.name, frame
-            continue
-        next_ns = None
-        with closing_source(source):
-            for frame in source:
-                if next_ns is None or frame.timestamp_ns >= next_ns:
-                    next_ns = frame.timestamp_ns + int(VIDEO_STEP_S * 1e9)
-                    yield f"frame {frame.index}", frame
 
 
 class _ViewProgress:

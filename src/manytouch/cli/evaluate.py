@@ -167,32 +167,14 @@ def _suite(
     kept: Path,
 ) -> "Evaluation":
     from manytouch.cli.terminal.interrupt import StopOnSignal
-    from manytouch.evaluation.suite.recordings import FemSimulation
-    from manytouch.evaluation.suite.runner import run_suite
-    from manytouch.evaluation.suite.solutions import Solutions, solve_missing
-    from manytouch.session import METHODS, pipeline_for
-    from manytouch.simulation.fem.cache import user_cache
-    from manytouch.sinks.files.summary import parameters, versions
+    from manytouch.evaluation.suite.evaluate_methods import evaluate_methods
+    from manytouch.session import METHODS
 
-    pipelines = {name: pipeline_for(name) for name in dict.fromkeys(methods or METHODS)}
-    solutions = Solutions(folder=cache or user_cache())
-    settings = {
-        "parameters": {name: parameters(pipeline) for name, pipeline in pipelines.items()},
-        "versions": versions(),
-        "processes": processes,
-    }
+    names = tuple(dict.fromkeys(methods or METHODS))
     with StopOnSignal() as stop, _Progress() as progress:
-        progress.report(f"accuracy suite: {len(chosen)} cases, methods {', '.join(pipelines)}")
-        solve_missing(chosen, solutions, observer=progress, stop=stop, processes=processes)
-        return run_suite(
-            chosen,
-            pipelines,
-            FemSimulation(solutions=solutions),
-            settings=settings,
-            observer=progress,
-            stop=stop,
-            processes=processes,
-            kept=kept,
+        progress.report(f"accuracy suite: {len(chosen)} cases, methods {', '.join(names)}")
+        return evaluate_methods(
+            chosen, names, cache=cache, kept=kept, observer=progress, stop=stop, processes=processes
         )
 
 
