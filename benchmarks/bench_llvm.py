@@ -9,7 +9,7 @@ that numba compiles to SIMD; a whole tracked frame of the method mechanics.
 600 dots, 60 different images of 1280 x 720 px of the built-in scene `fingers` in turn, so that an image is in
 memory and not in the cache. One thread, processor time in ms. Each variant runs in a process of its own,
 whose compiled code is kept apart; variants take turns. The first line of each takes minutes, because it
-compiles.
+compiles. At the end the times of all rounds are printed as a table.
 """
 
 import argparse
@@ -18,6 +18,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -26,6 +27,15 @@ import numpy as np
 
 PICTURES, PASSES = 60, 7
 VARIANTS = {"prefetch": ("prefetch", "early reads", "neither"), "tile": ("tile", "loops")}
+NAMES = {
+    "prefetch": "prefetch instructions",
+    "early reads": "early reads",
+    "neither": "neither",
+    "tile": "tile in registers",
+    "loops": "loops",
+}
+MEASURED = {"prefetch": "detection", "tile": "tracked frame with contacts"}
+DIGITS = {"prefetch": 3, "tile": 2}
 
 
 def early_read() -> Any:
@@ -139,6 +149,7 @@ def main() -> None:
         replace_functions(given.variant)
         print(f"{measure_ms(subjects[0]):.3f}")
         return
+    taken: dict[tuple[str, str], list[str]] = {}
     with tempfile.TemporaryDirectory() as caches:
         for number in range(given.rounds):
             for subject in subjects:
@@ -149,8 +160,17 @@ def main() -> None:
                         [sys.executable, __file__, subject, "--variant", variant],
                         env=os.environ | surroundings, stdout=subprocess.PIPE, text=True, check=True,
                     )  # fmt: skip
-                    line = f"round {number + 1}  {subject:9} {variant:12} {done.stdout.strip()} ms"
-                    print(line, flush=True)
+                    taken_ms = f"{float(done.stdout):.{DIGITS[subject]}f}"
+                    taken.setdefault((subject, variant), []).append(taken_ms)
+                    print(f"round {number + 1}  {subject:9} {variant:12} {taken_ms} ms", flush=True)
+    for subject in subjects:
+        print(f"\n{table(subject, taken)}")
+
+
+def table(subject: str, taken: Mapping[tuple[str, str], Sequence[str]]) -> str:
+    """The times in ms of all rounds as the table of the decision, in Markdown."""
+    rows = [f"| {NAMES[variant]} | {', '.join(taken[subject, variant])} |" for variant in VARIANTS[subject]]
+    return "\n".join([f"| | {MEASURED[subject]}, ms |", "|---|---|", *rows])
 
 
 if __name__ == "__main__":
