@@ -162,9 +162,18 @@ class Pipeline:
         """Detect and track the markers of each frame, in order."""
         return track_frames(self.detect, self.track, frames, sensor)
 
-    def estimate_readings(self, tracked: Iterable[TrackedFrame], sensor: Sensor) -> Iterator[Reading]:
-        """Estimate surface and contacts of each tracked frame, in order."""
-        state = self.estimate.start(sensor)
+    def estimate_readings(
+        self, tracked: Iterable[TrackedFrame], sensor: Sensor, state: Any = None
+    ) -> Iterator[Reading]:
+        """Estimate surface and contacts of each tracked frame, in order.
+
+        Args:
+            tracked: the frames.
+            sensor: that they show.
+            state: what `estimate.start` returns for this sensor; None: it is computed first.
+        """
+        if state is None:
+            state = self.estimate.start(sensor)
         for each in tracked:
             begin_s = time.perf_counter()
             state, surface, contacts = self.estimate.step(state, each.grid)

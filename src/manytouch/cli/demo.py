@@ -102,6 +102,7 @@ def _serve(seconds: float | None, out: Path, address: "ViewerAddress", reporter:
             limited = [FirstSeconds(sink, seconds or MAX_TABLE_SECONDS) for sink in (*files.sinks, busiest)]
             shown = viewers(live, address, reporter.print)
             files.is_complete = run(live, [log, *limited, *shown], reporter, stop)
+            files.is_repeatable = live.is_repeatable
             is_drawn = _draw(busiest, files, reporter)
     _finish(files, out, is_drawn, reporter)
     if live.health().frames > files.summary.frames:

@@ -101,6 +101,7 @@ def run(
         with ResultFiles(folder, job, is_repeatable=False) as files:
             shown = viewers(live, address, reporter.print)
             files.is_complete = run_loop(live, [*files.sinks, log, *shown], reporter, stop)
+            files.is_repeatable = live.is_repeatable
     reporter.print(describe_latency(live.health()))
     reporter.finish(files.summary, folder, is_complete=files.is_complete)
     return 0

@@ -1,10 +1,12 @@
 """A live session: frames at the pace of their source, and commands while it runs."""
 
+import sys
 import threading
 import time
 from collections.abc import Generator, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from manytouch.errors import ManytouchError
 from manytouch.pipeline import Pipeline, Sink, TrackedFrame
@@ -47,17 +49,24 @@ from manytouch.values import (
 )
 
 AHEAD = 1  # frames that are tracked and wait for estimation
+SWITCH_INTERVAL_S = 5e-4
+"""Longest time for which a thread that runs Python code holds up another one. Python's own 5 ms would be paid
+at each return from compiled code while a method is prepared."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Setup:
-    """What processes the frames until a command replaces it; `note` is shown once it does."""
+    """What processes the frames until a command replaces it; `note` is shown once it does.
+
+    `estimation` is the state to begin with, computed before: it takes several frames' time. None: not yet.
+    """
 
     pipeline: Pipeline
     sensor: Sensor
     method: str
     version: int
     note: str = ""
+    estimation: Any = None
 
 
 class Live:
@@ -91,6 +100,12 @@ class Live:
         self._next_index: int | None = None
         self._pace = Pace()
         self._tare_grids: list[TrackedGrid] | None = None
+        self._is_changed = False
+
+    @property
+    def is_repeatable(self) -> bool:
+        """Whether no command has changed readings: no other method, parameter or reference, and no press."""
+        return not self._is_changed
 
     @property
     def sensor(self) -> Sensor:
@@ -159,11 +174,14 @@ class Live:
         self._job.warm_up()
         if self._record_path is not None:
             self._begin_recording(self._record_path)
+        switch_interval_s = sys.getswitchinterval()
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
         with BackgroundIterator(self._track(), ahead=AHEAD, stop=stop) as stream:
             try:
                 yield from self._estimate(iter(stream))
             finally:
                 self.close()
+                sys.setswitchinterval(switch_interval_s)
 
     def close(self) -> None:
         """End the session and release the source."""
@@ -180,7 +198,7 @@ class Live:
             following: list[Setup] = []
             renumber.begin()
             tracked = _until_setup(stream, following)
-            for reading in setup.pipeline.estimate_readings(tracked, setup.sensor):
+            for reading in setup.pipeline.estimate_readings(tracked, setup.sensor, setup.estimation):
                 yield renumber(reading)
             setup = following[0] if following else None
 
@@ -267,6 +285,7 @@ class Live:
         press = self._job.source.capabilities.press
         if press is None:
             raise ManytouchError(f"{self._job.text} cannot be pressed: only the simulated sensor can")
+        self._is_changed = True
         press(command)
 
     def _collect_tare(self, grid: TrackedGrid) -> None:
@@ -291,15 +310,16 @@ class Live:
 
     def _change(self, note: str, **fields: object) -> None:
         """Continue with another setup once it is ready; until then the present one goes on."""
-        self._setups.request(replace(self._newest_setup, note=note, **fields))  # type: ignore[arg-type]
+        self._setups.request(replace(self._newest_setup, note=note, estimation=None, **fields))  # type: ignore[arg-type]
 
-    def _warm_up(self, setup: Setup) -> None:
-        """Process two frames with a setup, in the thread that prepares it.
+    def _warm_up(self, setup: Setup) -> Setup:
+        """Process two frames with a setup and start its estimation, in the thread that prepares it.
 
         Raises:
             ManytouchError: it cannot.
         """
         replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor, method=setup.method).warm_up()
+        return replace(setup, estimation=setup.pipeline.estimate.start(setup.sensor))
 
     def _refuse(self, reason: str) -> None:
         self._commands.note(f"not changed: {reason}")
@@ -308,7 +328,7 @@ class Live:
         """Continue with the setup that is ready, if there is one."""
         setup = self._setups.take()
         if setup is not None:
-            self._wanted = setup
+            self._wanted, self._is_changed = setup, True
             self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
             self._commands.note(setup.note)
 

@@ -70,7 +70,7 @@ class Playback:
         self._method = known or timeline.method
         self._stays = stays
         self._commands = CommandQueue()
-        self._jobs: BackgroundPreparation[Job] = BackgroundPreparation(Job.warm_up, self._refuse)
+        self._jobs: BackgroundPreparation[Job] = BackgroundPreparation(_warmed_up, self._refuse)
         self._meter = ThroughputMeter()
         self._pace = Pace()
         self._is_held = False
@@ -230,3 +230,8 @@ class Playback:
                     self._jobs.request(replace(self._job, pipeline=pipeline, method=method))
             case _:
                 self._commands.note(f"{type(command).__name__} is not possible with a recording")
+
+
+def _warmed_up(job: Job) -> Job:
+    job.warm_up()
+    return job

@@ -119,6 +119,8 @@ class ResultFiles:
         summary: counts and warnings; one of the sinks.
         pictures: draws single frames, if any were requested; one of the sinks.
         is_complete: to be set when all frames of the input have been processed.
+        is_repeatable: to be set to whether the results depend on input and job alone; summary.json has no
+            hash where commands have changed them.
     """
 
     def __init__(
@@ -139,8 +141,7 @@ class ResultFiles:
             surface: write surface.zarr too (extra `surface`).
             annotate: draw an annotated video, or annotated images when the input is images.
             pictures: numbers of the frames whose surface is drawn (extra `plot`).
-            is_repeatable: whether the results depend on input and job alone; summary.json has no hash where
-                commands may have changed them.
+            is_repeatable: see the attribute; False for a session until it has ended.
 
         Raises:
             OutputError: the folder cannot be written, is being written, or a file of the input would be
@@ -152,9 +153,8 @@ class ResultFiles:
         _require_apart(folder, job.source)
         self.is_complete = False
         self._job = job
+        self.is_repeatable = is_repeatable
         self.hashes = dict(request_hashes(job.source, job.text, job.request))
-        if not is_repeatable:
-            self.hashes["input"] = None
         self.summary = Summary(
             sensor=job.sensor, pipeline=job.pipeline, method=job.method, recording=job.input_info
         )
@@ -196,7 +196,7 @@ class ResultFiles:
                 self.summary.save(
                     self.folder.partial_path,
                     is_complete=self.is_complete and error is None,
-                    hashes=self.hashes,
+                    hashes=self.hashes if self.is_repeatable else {**self.hashes, "input": None},
                 )
                 self.folder.commit()
             except OutputError as failed:

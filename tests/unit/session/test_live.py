@@ -1,5 +1,6 @@
 """A session: readings as offline, commands between frames, dropped frames, an end whatever happens."""
 
+import sys
 import threading
 import time
 from collections.abc import Iterator
@@ -12,6 +13,7 @@ from cameras import Driver
 from clips import picture
 from drawn_source import DrawnSource
 from manytouch.errors import ManytouchError
+from manytouch.paper.estimation import PaperEstimation
 from manytouch.pipeline import Controls
 from manytouch.session import Live, pipeline_for, prepare, run
 from manytouch.session.background_iterator import BackgroundIterator
@@ -120,6 +122,33 @@ def test_another_method_begins_between_frames_and_identities_go_on() -> None:
     assert begun <= set(end)
     assert all(index <= end[contact.id] for index, contact in found if contact.id in end)
     assert {contact.id for index, contact in found if index > max(end[number] for number in begun)} - begun
+
+
+def test_the_estimation_of_another_method_is_started_by_the_thread_that_prepares_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    threads, start = [], PaperEstimation.start
+
+    def started(estimation: PaperEstimation, sensor: Sensor) -> object:
+        threads.append(threading.current_thread().name)
+        return start(estimation, sensor)
+
+    monkeypatch.setattr(PaperEstimation, "start", started)
+    live, _ = run_live(DrawnSource(frames=40), waits_at=26, at_22=UseMethod(method="paper"))
+    assert live.health().method == "paper"
+    assert set(threads) == {"manytouch-prepare"}, "the frames would wait for it"
+
+
+def test_threads_switch_soon_while_a_session_runs_and_as_before_afterwards() -> None:
+    class Interval(Seen):
+        def write(self, reading: Reading) -> None:
+            assert sys.getswitchinterval() <= 1e-3
+            super().write(reading)
+
+    before, seen = sys.getswitchinterval(), Interval()
+    run(Live(prepare(DrawnSource(frames=18, is_touched=False))), [seen])
+    assert seen.readings
+    assert sys.getswitchinterval() == before
 
 
 def test_tare_makes_the_present_sheet_the_untouched_one() -> None:

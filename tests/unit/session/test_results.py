@@ -14,6 +14,7 @@ from manytouch.errors import ManytouchError, OutputError, SensorError, SourceErr
 from manytouch.session import (
     METHODS,
     RESULTS,
+    Live,
     Request,
     ResultFiles,
     kernels,
@@ -29,9 +30,10 @@ from manytouch.session.methods import default_method
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sources import open_source
 from manytouch.sources.simulated import simulated_source
-from manytouch.values import Reading, Roi, Sensor
+from manytouch.values import Command, Press, Reading, Roi, Sensor, Start, Stop, Tune, UseMethod
 from results import rows_of
 from straight import straight_camera
+from waiting import wait_until
 
 TABLES = {"contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"}
 
@@ -190,6 +192,38 @@ def test_the_hash_follows_input_sensor_parameters_and_version(
     (images / "1.png").write_bytes((images / "0.png").read_bytes())
     found.append(hash_of(tmp_path, images))
     assert len(set(found)) == len(found)
+
+
+def session_hash(folder: Path, *commands: Command) -> str | None:
+    """The hash of a live session that gets commands at its fifth reading."""
+    live = Live(job := prepare(DrawnSource(frames=25)))
+
+    class Sending(Seen):
+        def write(self, reading: Reading) -> None:
+            super().write(reading)
+            for command in commands if len(self.readings) == 5 else ():
+                live.send(command)
+            if len(self.readings) == 10:
+                wait_until(lambda: not live.health().is_preparing)
+
+    with ResultFiles(folder, job, is_repeatable=False) as files:
+        files.is_complete = run(live, [*files.sinks, Sending()])
+        files.is_repeatable = live.is_repeatable
+    found = summary_of(folder)
+    assert found["complete"]
+    return found["hash"]
+
+
+def test_a_session_has_the_hash_of_process_unless_a_command_changed_its_results(tmp_path: Path) -> None:
+    folder = tmp_path / "press"
+    process_job(prepare(DrawnSource(frames=25)), folder)
+    expected = summary_of(folder)["hash"]
+    assert expected is not None
+    assert session_hash(folder) == expected
+    assert session_hash(folder, Stop(), Start(), UseMethod(method="perimeter")) == expected
+    assert session_hash(folder, UseMethod(method="paper")) is None
+    assert session_hash(folder, Tune(parameter="detect.least_snr", value=3.5)) is None
+    assert session_hash(folder, Press(finger=0, x_mm=0.0, y_mm=0.0, depth_mm=1.0)) is None
 
 
 def test_a_second_run_into_the_same_folder_is_refused(tmp_path: Path) -> None:

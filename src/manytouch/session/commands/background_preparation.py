@@ -17,11 +17,11 @@ class BackgroundPreparation(Generic[Value]):
     There is a thread only while there is something to prepare.
     """
 
-    def __init__(self, prepare: Callable[[Value], None], refuse: Callable[[str], None]) -> None:
+    def __init__(self, prepare: Callable[[Value], Value], refuse: Callable[[str], None]) -> None:
         """Nothing is requested yet.
 
         Args:
-            prepare: prepares a value, in the thread.
+            prepare: prepares a value, in the thread, and returns it, prepared.
             refuse: gets the sentence of an error of `prepare`, in the thread.
         """
         self._prepare, self._refuse = prepare, refuse
@@ -78,13 +78,11 @@ class BackgroundPreparation(Generic[Value]):
                     self._thread = None
                     return
             try:
-                self._prepare(present)
+                ready: Value | None = self._prepare(present)
             except Exception as error:  # noqa: BLE001 - the user of the value goes on without it
                 known = isinstance(error, ManytouchError)
                 self._refuse(str(error) if known else f"internal error: {type(error).__name__}: {error}")
                 ready = None
-            else:
-                ready = present
             with self._change:
                 self._present = None
                 self._ready = self._ready if ready is None else ready

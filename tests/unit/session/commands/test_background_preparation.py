@@ -19,9 +19,10 @@ def _no_pause(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_of_many_requests_the_first_and_the_newest_are_prepared() -> None:
     go_on, prepared = threading.Event(), []
 
-    def prepare(value: int) -> None:
+    def prepare(value: int) -> int:
         assert go_on.wait(10)
         prepared.append(value)
+        return value
 
     preparation = BackgroundPreparation(prepare, refuse=print)
     for value in range(1, 100):
@@ -46,9 +47,10 @@ def test_of_many_requests_the_first_and_the_newest_are_prepared() -> None:
 def test_a_refused_value_is_never_ready() -> None:
     refused: list[str] = []
 
-    def prepare(value: int) -> None:
+    def prepare(value: int) -> int:
         if value == 2:
             raise ManytouchError("not this one")
+        return value + 10
 
     preparation = BackgroundPreparation(prepare, refused.append)
     preparation.request(1)
@@ -56,7 +58,7 @@ def test_a_refused_value_is_never_ready() -> None:
     preparation.request(2)
     wait_until(lambda: not preparation.is_busy)
     assert refused == ["not this one"]
-    assert preparation.take() == 1
+    assert preparation.take() == 11, "as it was prepared"
     preparation.close()
     preparation.request(3)
     assert not preparation.is_busy
