@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from manytouch.blas_threads import limit_blas_threads
 from manytouch.errors import SensorError
 from manytouch.estimation.contact_tracker import ContactTracker
 from manytouch.estimation.mechanics.assumed_sheet import AssumedSheetRules, WithoutSheet
@@ -89,12 +90,13 @@ class MechanicsEstimator:
     assumed_sheet: AssumedSheetRules = field(default_factory=AssumedSheetRules)
 
     def start(self, sensor: Sensor) -> MechanicsState:
-        """Computes everything that depends on the sensor only.
+        """Computes everything that depends on the sensor only, and limits BLAS to one thread.
 
         Raises:
             SensorError: the sensor has no layout, or its sheet is bonded.
             LayoutError: it has too few markers.
         """
+        limit_blas_threads()
         layout = checked_layout(sensor)
         sheet = assumed_sheet(layout) if sensor.sheet is None else sensor.sheet
         if sheet.boundary == "bonded":

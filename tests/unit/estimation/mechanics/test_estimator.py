@@ -443,3 +443,11 @@ def test_frames_that_an_assumed_sheet_does_not_describe_are_those_of_the_perimet
     state, surface, contacts = ESTIMATE.step(state, blind)
     assert surface.status == "few_markers"
     assert len(contacts.touching) == 2
+
+
+def test_an_estimator_that_is_used_directly_limits_blas_to_one_thread() -> None:
+    from threadpoolctl import threadpool_info, threadpool_limits
+
+    with threadpool_limits(limits=2, user_api="blas"):
+        ESTIMATE.start(sensor_of())
+        assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} == {1}
