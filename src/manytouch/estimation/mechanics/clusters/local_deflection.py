@@ -54,31 +54,31 @@ class LocalDeflection:
             near = np.flatnonzero((np.abs(place_mm - clusters.centre_mm[number]) < reach_mm).all(axis=1))
             if len(near) == 0:
                 continue
-            share = np.outer(_SHARE, _SHARE).ravel()
-            for weight, point_mm in zip(share, points_mm, strict=True):
-                missing_mm[near] += weight * clusters.normal_mm2[number] * self._at(point_mm, place_mm[near])
+            each = self._at(points_mm, place_mm[near])
+            missing_mm[near] += clusters.normal_mm2[number] * np.outer(_SHARE, _SHARE).ravel() @ each
         return missing_mm
 
-    def _at(self, force_mm: np.ndarray, place_mm: Points2) -> Scalars:
-        """(k,) per force, of a point force at one place, by linear interpolation."""
+    def _at(self, force_mm: Points2, place_mm: Float64[np.ndarray, "k 2"]) -> Float64[np.ndarray, "m k"]:
+        """(m, k) per force, of point forces at places (m, 2), by linear interpolation."""
         inside = ((force_mm - self.corner_mm) / self.element_mm) % 1.0
         is_far = inside > 0.5
         offset = np.where(is_far, 1.0 - inside, inside) * 2.0 * (_OFFSETS - 1)
-        away = (place_mm - force_mm) / self.element_mm * np.where(is_far, -1.0, 1.0)
-        step = (away / _REACH + 1.0) * 0.5 * (_STEPS - 1)
-        within = ((step >= 0.0) & (step <= _STEPS - 1)).all(axis=1)
         first = np.clip(offset.astype(np.int64), 0, _OFFSETS - 2)
         part = offset - first
-        table = np.zeros((_STEPS, _STEPS))
+        table = np.zeros((len(force_mm), _STEPS, _STEPS))
         for i in (0, 1):
             for j in (0, 1):
-                share = (part[0] if i else 1.0 - part[0]) * (part[1] if j else 1.0 - part[1])
-                table += share * self.table_per_mm[first[0] + i, first[1] + j]
+                share = np.abs(1 - i - part[:, 0]) * np.abs(1 - j - part[:, 1])
+                table += share[:, None, None] * self.table_per_mm[first[:, 0] + i, first[:, 1] + j]
+        away = (place_mm - force_mm[:, None]) / self.element_mm * np.where(is_far, -1.0, 1.0)[:, None]
+        step = (away / _REACH + 1.0) * 0.5 * (_STEPS - 1)
+        within = ((step >= 0.0) & (step <= _STEPS - 1)).all(axis=2)
         low = np.clip(step.astype(np.int64), 0, _STEPS - 2)
-        x, y = (step - low).T
-        i, j = low.T
-        found = (1.0 - x) * ((1.0 - y) * table[i, j] + y * table[i, j + 1])
-        found += x * ((1.0 - y) * table[i + 1, j] + y * table[i + 1, j + 1])
+        x, y = np.moveaxis(step - low, 2, 0)
+        i, j = np.moveaxis(low, 2, 0)
+        own = np.arange(len(force_mm))[:, None]
+        found = (1.0 - x) * ((1.0 - y) * table[own, i, j] + y * table[own, i, j + 1])
+        found += x * ((1.0 - y) * table[own, i + 1, j] + y * table[own, i + 1, j + 1])
         return np.where(within, found, 0.0)
 
 
