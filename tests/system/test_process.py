@@ -111,6 +111,7 @@ def test_summary_states_sensor_counts_and_versions(results: tuple[Path, str]) ->
     assert 0 < summary["noise_px"]["median"] < 0.2
     assert {"manytouch", "python", "numpy", "opencv", "numba"} <= summary["versions"].keys()
     assert {"detect", "track", "estimate"} == summary["parameters"].keys()
+    assert summary["parameters"]["estimate"]["interpolation"]["kind"] == "spline"
 
 
 def test_output_states_sensor_assumptions_and_folder(results: tuple[Path, str]) -> None:

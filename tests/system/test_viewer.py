@@ -227,12 +227,32 @@ def test_pause_tare_method_and_units(session: ServedSession, opened: Callable[..
     page.click("#settings-open")
     page.select_option("#method", "paper")
     wait(page, "manytouch.state.health.method === 'paper'")
+    change_parameters(page)
     page.select_option("#method", "perimeter")
     wait(page, "manytouch.state.health.method === 'perimeter'")
     page.select_option("#length-unit", "µm")
     assert "µm" in page.inner_text("#press-depth-label")
     wait_for_text(page, "#health", "µm")
     page.click("#settings .close")
+
+
+def change_parameters(page: Page) -> None:
+    """Parameters of the paper's method and of its surface, also where they are automatic or a choice."""
+    page.fill("[name='interpolation.iterations']", "30")
+    page.press("[name='interpolation.iterations']", "Tab")
+    wait(page, "manytouch.state.health.parameters['interpolation.iterations'] === 30")
+    assert page.get_attribute("[name='detect.threshold']", "placeholder") == "automatic"
+    assert page.input_value("[name='detect.threshold']") == ""
+    page.fill("[name='detect.threshold']", "120")
+    page.press("[name='detect.threshold']", "Tab")
+    wait(page, "manytouch.state.health.parameters['detect.threshold'] === 120")
+    page.fill("[name='detect.threshold']", "")
+    page.press("[name='detect.threshold']", "Tab")
+    wait(page, "manytouch.state.health.parameters['detect.threshold'] === null")
+    page.select_option("[name='estimate.formula']", "printed")
+    wait(page, "manytouch.state.health.parameters['estimate.formula'] === 'printed'")
+    page.select_option("[name='interpolation.kind']", "spline")
+    wait(page, "manytouch.state.health.parameters['interpolation.kind'] === 'spline'")
 
 
 def lift_after_tare(page: Page) -> None:

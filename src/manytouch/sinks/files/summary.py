@@ -215,11 +215,13 @@ def installed(package: str) -> str | None:
 
 
 def parameters(pipeline: Pipeline) -> dict[str, Any]:
-    """The parameters of every stage, by the stage's name."""
+    """The parameters of every stage, by its name; those of the interpolation are with the estimation."""
     stages = {"detect": pipeline.detect, "track": pipeline.track, "estimate": pipeline.estimate}
-    found = {name: {"type": type(stage).__name__, **_plain(stage)} for name, stage in stages.items()}
+    found: dict[str, Any] = {
+        name: {"type": type(stage).__name__, **_plain(stage)} for name, stage in stages.items()
+    }
     if pipeline.interpolation is not None:
-        found["interpolation"] = _plain(pipeline.interpolation)
+        found["estimate"]["interpolation"] = _plain(pipeline.interpolation)
     return found
 
 
