@@ -1,6 +1,9 @@
 """Tries hostile inputs and prints what became of them: `make faults`.
 
 python tests/faults/run.py [--inputs 10000] [--seed 0] [--kind NAME]... [--module faults.fuzzers]...
+
+The limit of time is for a warm process on a quiet machine. An input without result is therefore tried once
+more in a new process; the second outcome counts.
 """
 
 import argparse
@@ -11,7 +14,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from importlib import import_module, util
 
-from faults.runner import WRONG, Outcome, run_all, table
+from faults.runner import TIMED_OUT, WRONG, Outcome, run_all, table
 
 MODULES = ("faults.fuzzers", "faults.mcap_fuzzer")
 
@@ -35,13 +38,16 @@ def main() -> int:
     each = -(-options.inputs // len(kinds))
     outcomes: list[Outcome] = []
     for module, name in kinds:
-        for found in run_all(module, [name], range(options.seed, options.seed + each)):
+        for first in run_all(module, [name], range(options.seed, options.seed + each)):
+            found = next(run_all(module, [name], [first.seed])) if first.text == TIMED_OUT else first
             outcomes.append(found)
             if found.kind == WRONG:
                 print(f"--- wrong: {name}, seed {found.seed}\n{found.text}", flush=True)
         print(f"{name}: {each} inputs", file=sys.stderr, flush=True)
     print(table(outcomes))
-    return int(any(found.kind == WRONG for found in outcomes))
+    is_met = all(found.kind != WRONG for found in outcomes)
+    print("goals met" if is_met else "goals missed")
+    return int(not is_met)
 
 
 if __name__ == "__main__":

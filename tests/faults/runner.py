@@ -17,6 +17,7 @@ TIMEOUT_S = 10.0
 MAX_GROWTH_BYTES = 2**30
 OK, REFUSED, WRONG = "ok", "refused", "wrong"
 MAX_SENTENCE = 4000
+TIMED_OUT = f"no result within {TIMEOUT_S:g} s"
 
 
 class WrongResultError(Exception):
@@ -66,7 +67,7 @@ class Worker:
             if self._pipe.poll(TIMEOUT_S):
                 kind, text = self._pipe.recv()
                 return Outcome(fuzzer=name, seed=seed, kind=kind, text=text)
-            text = f"no result within {TIMEOUT_S:g} s"
+            text = TIMED_OUT
         except (EOFError, OSError):
             text = "the process died"
         self.close()
