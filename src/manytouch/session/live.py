@@ -318,8 +318,8 @@ class Live:
         Raises:
             ManytouchError: it cannot.
         """
-        replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor, method=setup.method).warm_up()
-        return replace(setup, estimation=setup.pipeline.estimate.start(setup.sensor))
+        job = replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor, method=setup.method)
+        return replace(setup, estimation=job.warm_up())
 
     def _refuse(self, reason: str) -> None:
         self._commands.note(f"not changed: {reason}")

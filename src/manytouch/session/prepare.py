@@ -81,18 +81,24 @@ class Job:
             "warning": None if timeline is None else timeline.warning,
         }
 
-    def warm_up(self) -> None:
+    def warm_up(self) -> Any:
         """Compile by processing two frames, and a simulated contact where the method is new on this machine.
+
+        Returns:
+            The state of the estimation before the first frame.
 
         Raises:
             ManytouchError: the frames cannot be processed with this pipeline and sensor.
         """
         warm_up_kernels(self.method)
         try:
-            for _ in self.pipeline.run(self.samples, self.sensor):
+            estimation = self.pipeline.estimate.start(self.sensor)
+            tracked = self.pipeline.track_frames(self.samples, self.sensor)
+            for _ in self.pipeline.estimate_readings(tracked, self.sensor, estimation):
                 pass
         except (ArithmeticError, ValueError) as error:
             raise ManytouchError(f"frames cannot be processed with this setup: {error}") from error
+        return estimation
 
     def readings(self) -> Iterator[Reading]:
         """Every frame's reading, in order; can be iterated once."""
