@@ -450,3 +450,22 @@ def test_the_error_of_a_slow_sink_is_raised_at_its_end() -> None:
     with pytest.raises(OSError, match="browser has gone"):
         latest.close()
     assert slow.is_closed
+
+
+@pytest.mark.parametrize("method", ["perimeter", "paper"])
+def test_a_state_of_the_estimation_can_be_started_from_twice(method: str) -> None:
+    job = prepare(DrawnSource(frames=24), method=method)
+    frames = [*job.frames]
+    state = job.pipeline.estimate.start(job.sensor)
+    runs = [
+        [
+            reading.surface.displacement_mm
+            for reading in job.pipeline.estimate_readings(
+                job.pipeline.track_frames(frames, job.sensor), job.sensor, given
+            )
+        ]
+        for given in (state, state, None)
+    ]
+    assert len(runs[0]) == 24
+    for other in runs[1:]:
+        np.testing.assert_array_equal(runs[0], other)
