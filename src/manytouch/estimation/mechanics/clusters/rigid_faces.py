@@ -3,7 +3,8 @@
 Under a flat face the sheet is nowhere above the straight line between two places that press;
 between two objects on a taut sheet it is. On a slack sheet, whose hollow joins distant contacts, this does
 not decide. Therefore two clusters, or three that are not in a row, must also have begun together, and be
-about as deep and as strong.
+about as deep and as strong. Those that are near each other must also have the centre of one contact of the
+previous frame: a face that presses with its rim has first touched with all of it.
 """
 
 from dataclasses import dataclass, replace
@@ -32,8 +33,10 @@ class RigidFaces:
 
     Attributes:
         max_distance_thickness: clusters that are farther apart are not joined, in thicknesses.
-        min_pair_elements: two clusters that are nearer to each other are not joined, in elements: whether one
-            patch of pressure explains both is decided by `model_order`.
+        min_pair_elements: two clusters that are nearer to each other are not joined, in elements, unless they
+            continue one contact: whether one patch of pressure explains both is decided by `model_order`.
+        same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
+            within this distance of its centre, in pitches.
         rise_mm, rise_share: the sheet between two places of one face may be this much less deep than the line
             between them, in mm and over their depth; the error of the shape.
         min_force_ratio: least ratio of the forces of two or three clusters.
@@ -44,6 +47,7 @@ class RigidFaces:
 
     max_distance_thickness: float = 12.0
     min_pair_elements: float = 4.5
+    same_centre_pitch: float = 0.4
     rise_mm: float = 0.004
     rise_share: float = 0.007
     min_force_ratio: float = 0.5
@@ -77,7 +81,7 @@ class RigidFaces:
             if self._is_plane(clusters, depth_mm, own):
                 joined, is_done[own] = _join(joined, clusters, own), True
         for own in _components(is_flat & ~was_apart & ~is_done & ~is_done[:, None]):
-            if self._is_pair(model, clusters, depth_mm, own):
+            if self._is_pair(model, clusters, depth_mm, own, previous_mm):
                 joined = _join(joined, clusters, own)
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
         order = kept[np.argsort(-joined.normal_mm2[kept], kind="stable")]
@@ -118,14 +122,21 @@ class RigidFaces:
         return bool(np.abs(off).max() <= self.plane_share * depth.max() + 2.0 * self.rise_mm)
 
     def _is_pair(
-        self, model: InversionModel, clusters: Clusters, depth_mm: Scalars, own: Int64[np.ndarray, " k"]
+        self,
+        model: InversionModel,
+        clusters: Clusters,
+        depth_mm: Scalars,
+        own: Int64[np.ndarray, " k"],
+        previous_mm: Float64[np.ndarray, "p 2"],
     ) -> bool:
-        """Are two clusters, or three, about as deep and as strong, and clearly apart?"""
+        """Are two clusters, or three, about as deep and as strong, and clearly apart or of one contact?"""
         depth, force = depth_mm[own], clusters.normal_mm2[own]
         extent_mm = float(np.ptp(clusters.centre_mm[own], axis=0).max())
+        away_mm = np.linalg.norm(previous_mm - force @ clusters.centre_mm[own] / force.sum(), axis=1)
+        is_one = bool((away_mm < self.same_centre_pitch * model.pitch_mm).any())
         return bool(
             len(own) < _PLANE
-            and extent_mm >= self.min_pair_elements * float(model.lattice.element_mm.max())
+            and (is_one or extent_mm >= self.min_pair_elements * float(model.lattice.element_mm.max()))
             and force.min() >= self.min_force_ratio * force.max()
             and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm
         )
