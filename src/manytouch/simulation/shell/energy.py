@@ -23,8 +23,7 @@ from manytouch.simulation.shell.preconditioner import Preconditioner
 from manytouch.values import Sheet
 from manytouch.values.arrays import read_only
 
-SHEAR_SHARE = 5.0 / 6.0
-BED = 1.7  # stiffness of the touched face, in young_MPa / thickness_mm
+BED = 1.5  # stiffness of the touched face, in young_MPa / thickness_mm
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -162,7 +161,9 @@ def shell_law(sheet: Sheet, stretch: float, cell_mm2: float) -> kernels.ShellLaw
     """Material and thickness of a sheet that was stretched before it was clamped.
 
     W = mu/2 (tr C - 2 + (det C^-q - 1) / q), q = nu / (1 - nu), per stress-free volume, C being that of the
-    mounted sheet times stretch^2, whose volume is stretch^(2 - 2 q) times the stress-free one.
+    mounted sheet times stretch^2, whose volume is stretch^(2 - 2 q) times the stress-free one. The shear
+    stiffness is such that waves of the sheet have the stiffness D k^4 / (1 + t^2 k^2 / 5), that of the
+    camera-side face of an exact slab; the usual factor 5/6 is right for q = 0 only.
     """
     assert sheet.young_MPa is not None
     assert sheet.poisson is not None
@@ -170,7 +171,7 @@ def shell_law(sheet: Sheet, stretch: float, cell_mm2: float) -> kernels.ShellLaw
     q = sheet.poisson / (1.0 - sheet.poisson)
     scale = mu / stretch ** (2.0 - 2.0 * q)
     lever_mm = sheet.thickness_mm / math.sqrt(12.0)
-    shear = SHEAR_SHARE * mu * sheet.thickness_mm
+    shear = 5.0 / (6.0 * (1.0 - sheet.poisson)) * mu * sheet.thickness_mm
     first, second = scale * stretch**2, scale * stretch ** (-4.0 * q)
     return kernels.ShellLaw(
         first_MPa=first,
