@@ -13,6 +13,7 @@ from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.evaluation.suite.suite import cases
 from manytouch.geometry.camera import project
 from manytouch.geometry.surface_sampling import sampler_on
+from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.dot_images import dot_ellipses, outlines
 from manytouch.sinks.surface_grid import surface_grid
@@ -33,8 +34,10 @@ def test_strain_and_pressure_scatter_by_their_deviations() -> None:
     estimate, draw = MechanicsEstimator(), PosteriorSamples(SENSOR)
     state = estimate.start(SENSOR)
     model = state.model
-    away2 = ((model.patch.place_mm - np.array([10.0, 5.0])) ** 2).sum(axis=1)
-    pressed = np.outer(np.exp(-away2 / 120.0), [0.0, 0.0, -2.0]) * model.patch.is_free
+    disc_mm = np.stack(np.meshgrid(*[np.linspace(-3.0, 3.0, 7)] * 2), axis=-1).reshape(-1, 2)
+    disc_mm = disc_mm[(disc_mm**2).sum(axis=1) < 9.0] + [10.0, 5.0]
+    each_mm2 = np.tile([0.0, 0.0, -0.5 / len(disc_mm)], (len(disc_mm), 1))
+    pressed = equilibrium(model.shell, model.patch.load(disc_mm, each_mm2)).coefficient_mm
     for seed in range(6):
         state, surface, _ = estimate.step(state, noisy_grid(model, pressed, 1000 + seed))
     x_mm, y_mm = np.linspace(-2.0, 22.0, 25), np.linspace(-7.0, 17.0, 25)

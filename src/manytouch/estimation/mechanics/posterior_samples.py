@@ -18,10 +18,6 @@ from manytouch.values.arrays import read_only
 _PRESSED_SHARE = 0.03
 """Nodes with this share of the largest force are pressed; the sparse prior does not hold there."""
 
-_PATCH_FACTOR = 1.3
-"""Deviation of a surface with the forces of fitted patches over that of the posterior. Not derived: it was
-found under a broad press on a sheet of 3 mm."""
-
 DRAWS = 32
 """Number of samples; a standard deviation from 32 has a relative standard deviation of 12 %."""
 
@@ -79,5 +75,5 @@ class PosteriorSamples:
                 coefficient_mm=read_only(spline.coefficient_mm + change_mm),
                 force_over_E_mm2=read_only(spline.force_over_E_mm2 + linearisation.force_change(change_mm)),
             )
-            for change_mm in _PATCH_FACTOR * posterior.sample_changes(self._normal)
+            for change_mm in posterior.sample_changes(self._normal)
         )
