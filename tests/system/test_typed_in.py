@@ -88,7 +88,7 @@ def test_presses_of_one_recording_are_typed_in_and_give_what_their_table_gives(
     folder, sensor = pressed
     forces = list(forces_N(folder))
     lines = [
-        f"{x},{y} {1e3 * force / 9.81:.1f} g {2.6 + 1.4 * number:.1f} s radius 4 mm"
+        f"{x},{y} {1e3 * force / 9.81:.2f} g {2.6 + 1.4 * number:.1f} s radius 4 mm"
         for number, ((x, y), force) in enumerate(zip(PLACES, forces, strict=True))
     ]
     wrong = ["0,0 3 pounds 2.6 s", "0,0 100 g"]
