@@ -152,6 +152,10 @@ class ContactEstimator:
             rows[2, face.basis.node[point]] = -slope[point, 2]
             noise = fit.posterior.covariance(rows)
             depth_mm = -float(moved_mm[number, deepest[number], 2])
+            # under a rigid flat face the sheet is equally deep; under a fitted patch of pressure it is hollow
+            hollow_mm = depth_mm + float(moved_mm[number, :, 2].mean())
+            unresolved = min(1.0, model.pitch_mm / float(radius_mm[number]))
+            noise[_DEPTH, _DEPTH] += (0.5 * unresolved * hollow_mm) ** 2
             contacts.append(
                 self._contact(model, clusters, number, depth_mm=depth_mm, centre_px=centre_px, noise=noise)
             )

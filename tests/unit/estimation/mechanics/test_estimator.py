@@ -451,3 +451,13 @@ def test_an_estimator_that_is_used_directly_limits_blas_to_one_thread() -> None:
     with threadpool_limits(limits=2, user_api="blas"):
         ESTIMATE.start(sensor_of())
         assert {pool["num_threads"] for pool in threadpool_info() if pool["user_api"] == "blas"} == {1}
+
+
+def test_the_depth_of_a_contact_is_less_certain_where_its_face_is_not_resolved(model: InversionModel) -> None:
+    """A flat face of this size is not distinguished from a hollow, whose middle is deeper."""
+    relative = []
+    for radius_mm in (1.0, 5.0):
+        pressed = bent(model, (-5.0, 3.0, 1.0), radius_mm=radius_mm)
+        (contact,) = read([grid_of(model, pressed, seed=k) for k in range(6)])[2].touching
+        relative.append(contact.std("depth") / contact.depth_mm)
+    assert relative[1] > 1.15 * relative[0]
