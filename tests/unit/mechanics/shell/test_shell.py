@@ -75,7 +75,7 @@ def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
 
 
 def test_the_energy_is_the_integral_of_its_density(shell: Shell, bent_mm: np.ndarray) -> None:
-    assert shell.energy(bent_mm) == pytest.approx(energy_reference(shell, bent_mm), rel=1e-10)
+    assert shell.energy(bent_mm) == pytest.approx(energy_reference(shell, bent_mm), rel=1e-11)
 
 
 def deep(shell: Shell) -> np.ndarray:
