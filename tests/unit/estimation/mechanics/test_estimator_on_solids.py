@@ -80,7 +80,7 @@ def rmse_mm(surface: Surface, solved) -> float:
 def test_depth_and_contacts_of_a_solid(solved, trouble: dict[str, float]) -> None:
     surface, contacts = last(solved, **trouble)
     assert surface.status == "ok"
-    assert rmse_mm(surface, solved) < 0.008
+    assert rmse_mm(surface, solved) < (0.008 if trouble else 0.007)
     true_mm = np.array(solved[-1][2])
     found_mm = np.array([contact.centre_mm for contact in contacts.touching])
     away_mm = np.linalg.norm(true_mm[:, None] - found_mm, axis=2)
@@ -122,7 +122,7 @@ def test_the_depth_along_the_clamp_of_a_solid(solved) -> None:
     near = (half_mm - np.abs(SENSOR.layout.rest_mm[:, :2])).min(axis=1) < 2.5
     error_mm = (-surface.displacement_mm[:, 2] - solved[-1][1])[near]
     true_mm = solved[-1][1][near]
-    assert np.sqrt(np.mean(error_mm**2)) < 0.4 * np.sqrt(np.mean(true_mm**2))
+    assert np.sqrt(np.mean(error_mm**2)) < 0.36 * np.sqrt(np.mean(true_mm**2))
 
 
 @pytest.fixture(scope="module")
