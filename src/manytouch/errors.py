@@ -34,10 +34,11 @@ class OutputError(ManytouchError):
 
 
 class MissingExtraError(ManytouchError):
-    """An optional package is not installed; the message names the extra to install."""
+    """A package is not installed; the message names the extra that contains it, None: no extra."""
 
-    def __init__(self, purpose: str, package: str, extra: str) -> None:
+    def __init__(self, purpose: str, package: str, extra: str | None = None) -> None:
+        requirement = "manytouch" if extra is None else f"'manytouch[{extra}]'"
         super().__init__(
             f"{purpose} requires the package {package}, which is not installed: "
-            f"run pip install 'manytouch[{extra}]'"
+            f"run pip install {requirement}"
         )

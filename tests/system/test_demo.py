@@ -63,8 +63,8 @@ def test_doctor_without_a_source_describes_the_machine() -> None:
         "Python",
         "numpy",
         "numba",
-        "extra surface",
-        "extra plot",
+        "extra lab",
+        "extra connect",
         "kernels",
         "videos",
     ):

@@ -50,7 +50,7 @@ def demo(
     reporter = Reporter(bar=False)
     reporter.print("simulated sensor, pressed by several fingers at once", heading=True)
     if not no_view and find_spec("nicegui") is None:
-        reporter.print("no viewer: it requires the package nicegui: run pip install 'manytouch[view]'")
+        reporter.print("no viewer: it requires the package nicegui: run pip install manytouch")
         no_view = True
     if no_view:
         _process(seconds or DEFAULT_SECONDS, out, reporter)

@@ -41,6 +41,6 @@ def view(
             reporter.print,
         )
         if not shown:
-            raise MissingExtraError("the viewer", "nicegui", "view")
+            raise MissingExtraError("the viewer", "nicegui")
         run(playback, shown, reporter, stop)
     return 0

@@ -92,7 +92,7 @@ def new_figure(size: tuple[float, float]) -> "Figure":
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
-        raise MissingExtraError("pictures of a design", "matplotlib", "plot") from None
+        raise MissingExtraError("pictures of a design", "matplotlib", "lab") from None
     return Figure(figsize=size, layout="constrained")
 
 

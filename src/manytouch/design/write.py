@@ -35,7 +35,7 @@ def write_design(
         found: from `design_sensor`.
         folder: is created if it does not exist.
         choices: dimensions of the casing.
-        step: also write STEP files of casing and clamp (extra `step`; takes some seconds).
+        step: also write STEP files of casing and clamp (extra `parts`; takes some seconds).
         on_message: receives progress messages.
 
     Returns:
@@ -43,7 +43,7 @@ def write_design(
 
     Raises:
         OutputError: a file cannot be written.
-        MissingExtraError: a package of the extras `parts`, `plot` or `step` is missing.
+        MissingExtraError: a package of the extras `lab` or `parts` is missing.
     """
     choices = choices or CasingChoices()
     parts = make_parts(found.sensor, found.material.name, choices)

@@ -73,7 +73,7 @@ class Recording:
             import zstandard  # noqa: F401
             from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
         except ImportError as error:
-            raise MissingExtraError("playback", "mcap", "record") from error
+            raise MissingExtraError("playback", "mcap") from error
         self._image = CompressedImage
         self.path = path
         found = scan(path)

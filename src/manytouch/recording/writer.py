@@ -39,7 +39,7 @@ def require_mcap() -> None:
         import foxglove_schemas_protobuf  # noqa: F401
         import mcap_protobuf  # noqa: F401
     except ImportError as error:
-        raise MissingExtraError("recording", "mcap", "record") from error
+        raise MissingExtraError("recording", "mcap") from error
 
 
 @runtime_checkable

@@ -138,9 +138,9 @@ class ResultFiles:
         Args:
             folder: where the results go.
             job: what is processed.
-            surface: write surface.zarr too (extra `surface`).
+            surface: write surface.zarr too (extra `lab`).
             annotate: draw an annotated video, or annotated images when the input is images.
-            pictures: numbers of the frames whose surface is drawn (extra `plot`).
+            pictures: numbers of the frames whose surface is drawn (extra `lab`).
             is_repeatable: see the attribute; False for a session until it has ended.
 
         Raises:

@@ -97,7 +97,7 @@ def test_without_the_finite_elements_one_sentence_names_what_to_install(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def absent() -> np.ndarray:
-        raise MissingExtraError("solving the sheet", "scikit-fem", "simulation")
+        raise MissingExtraError("solving the sheet", "scikit-fem")
 
     monkeypatch.setattr(module, "reference_nodes", absent)
     with pytest.raises(MissingExtraError, match="scikit-fem"):

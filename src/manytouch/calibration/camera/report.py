@@ -138,7 +138,7 @@ def draw_coverage(calibration: CameraCalibration, path: Path) -> None:
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
-        raise MissingExtraError("the coverage plot", "matplotlib", "plot") from None
+        raise MissingExtraError("the coverage plot", "matplotlib", "lab") from None
     camera = calibration.intrinsics.camera
     figure = Figure(figsize=(12.0, 0.8 + 6.0 * camera.height_px / camera.width_px), layout="constrained")
     seen, left = figure.subplots(1, 2)

@@ -38,7 +38,7 @@ def write_paper_design(
 
     Raises:
         OutputError: a file cannot be written.
-        MissingExtraError: a package of the extras `parts`, `plot` or `step` is missing.
+        MissingExtraError: a package of the extras `lab` or `parts` is missing.
     """
     against = write_design(found.design, folder, step=step, on_message=on_message)
     write_numbers(found, folder)

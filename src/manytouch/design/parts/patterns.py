@@ -1,4 +1,4 @@
-"""Marker patterns and calibration boards as SVG and PDF in true size (extra `plot`)."""
+"""Marker patterns and calibration boards as SVG and PDF in true size (extra `parts`)."""
 
 from collections.abc import Callable
 from itertools import pairwise
@@ -125,7 +125,7 @@ def _page(size_mm: tuple[float, float], draw: Callable[["Axes"], None]) -> "Figu
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
-        raise MissingExtraError("printed patterns", "matplotlib", "plot") from None
+        raise MissingExtraError("printed patterns", "matplotlib", "parts") from None
     figure = Figure(figsize=(size_mm[0] / MM_PER_INCH, size_mm[1] / MM_PER_INCH))
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()

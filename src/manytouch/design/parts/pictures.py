@@ -30,7 +30,7 @@ def draw_parts(parts: Sequence[Part], meshes: Mapping[str, PartMesh], path: Path
     try:
         from matplotlib.figure import Figure
     except ModuleNotFoundError:
-        raise MissingExtraError("pictures of parts", "matplotlib", "plot") from None
+        raise MissingExtraError("pictures of parts", "matplotlib", "parts") from None
     groups = [[part for part in parts if part.name in TOGETHER]]
     groups += [[part] for part in parts if part.name not in TOGETHER]
     figure = Figure(figsize=(4.6 * len(groups), 4.0), layout="constrained")

@@ -1,4 +1,4 @@
-"""STEP files of solids by build123d (extra `step`), for further work in CAD."""
+"""STEP files of solids by build123d (extra `parts`), for further work in CAD."""
 
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ def write_step(solid: Solid, path: Path) -> None:
     try:
         from build123d import export_step
     except ModuleNotFoundError:
-        raise MissingExtraError("STEP files", "build123d", "step") from None
+        raise MissingExtraError("STEP files", "build123d", "parts") from None
     shape = _union(solid.joined)
     if solid.removed:
         shape -= _union(solid.removed)

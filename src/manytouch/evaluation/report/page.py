@@ -27,7 +27,7 @@ WORST_PER_METHOD = 2
 def require_packages() -> None:
     """Raises MissingExtraError when the page cannot be made; to be called before a long run."""
     if find_spec("jinja2") is None:
-        raise MissingExtraError("the report", "jinja2", "report")
+        raise MissingExtraError("the report", "jinja2", "lab")
     require_matplotlib()
 
 

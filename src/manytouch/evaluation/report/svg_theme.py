@@ -69,7 +69,7 @@ _numbers = count()
 def require_matplotlib() -> None:
     """Raises MissingExtraError when matplotlib is not installed."""
     if find_spec("matplotlib") is None:
-        raise MissingExtraError("the report", "matplotlib", "report")
+        raise MissingExtraError("the report", "matplotlib", "lab")
 
 
 @contextmanager

@@ -17,10 +17,12 @@ from manytouch.sources.quiet_opencv import cv2
 
 PACKAGES = ("numpy", "scipy", "numba", "opencv-python-headless", "pyarrow", "pydantic")
 EXTRAS = {
-    "surface": ("zarr", "depth maps, --surface"),
-    "plot": ("matplotlib", "images of the surface"),
-    "record": ("mcap", "recordings, --record"),
-    "view": ("nicegui", "viewer"),
+    "lab": (("matplotlib", "jinja2", "zarr"), "plots, reports, depth maps"),
+    "parts": (("manifold3d", "trimesh", "build123d"), "parts to print"),
+    "connect": (
+        ("rosbags", "cyclonedds", "foxglove-sdk", "python-osc", "mido", "av", "h5py"),
+        "outputs to other programs, exports",
+    ),
 }
 CODECS = {"MPEG-4": ("mp4v", ".mp4"), "Xvid": ("XVID", ".avi"), "Motion JPEG": ("MJPG", ".avi")}
 CODECS |= {"FFV1": ("FFV1", ".avi")}
@@ -32,10 +34,11 @@ def describe_installation() -> Iterator[str]:
     yield f"manytouch {manytouch.__version__}, Python {platform.python_version()}, {platform.platform()}"
     yield f"{os.cpu_count()} processors; each sensor uses one thread"
     yield ", ".join(f"{name} {installed(name) or 'not installed'}" for name in PACKAGES)
-    for extra, (package, purpose) in EXTRAS.items():
-        found = installed(package)
-        remedy = f"not installed: run pip install 'manytouch[{extra}]'"
-        yield f"extra {extra} ({purpose}): {remedy if found is None else f'{package} {found}'}"
+    for extra, (packages, purpose) in EXTRAS.items():
+        missing = [package for package in packages if installed(package) is None]
+        found = ", ".join(f"{package} {installed(package)}" for package in packages if package not in missing)
+        remedy = f"{', '.join(missing)} not installed: run pip install 'manytouch[{extra}]'"
+        yield f"extra {extra} ({purpose}): {remedy if missing else found}"
     yield describe_cameras()
     yield _describe_kernels()
     yield from _describe_codecs()

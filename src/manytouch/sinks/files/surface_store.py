@@ -28,7 +28,7 @@ def require_zarr() -> None:
         MissingExtraError: it is not.
     """
     if find_spec("zarr") is None:
-        raise MissingExtraError("the depth map", "zarr", "surface")
+        raise MissingExtraError("the depth map", "zarr", "lab")
 
 
 class SurfaceStore:

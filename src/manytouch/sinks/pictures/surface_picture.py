@@ -1,4 +1,4 @@
-"""Figures of the surface in three dimensions, next to the annotated camera image (extra `plot`)."""
+"""Figures of the surface in three dimensions, next to the annotated camera image (extra `lab`)."""
 
 from collections.abc import Collection
 from importlib.util import find_spec
@@ -29,7 +29,7 @@ class SurfacePicture:
     def __init__(self, sensor: Sensor) -> None:
         """Raises MissingExtraError when matplotlib is not installed."""
         if find_spec("matplotlib") is None:
-            raise MissingExtraError("a picture of the surface", "matplotlib", "plot")
+            raise MissingExtraError("a picture of the surface", "matplotlib", "lab")
         self._sensor = sensor
         self._grid = surface_grid(layout_of(sensor))
         self._annotate = Annotator(sensor)

@@ -1,4 +1,4 @@
-"""The viewer: a web page that shows readings live, measures in them and controls the session (extra `view`).
+"""The viewer: a web page that shows readings live, measures in them and controls the session.
 
 `viewer` is the sink and the entrance to this package. `update_encoder` turns readings into `messages`, and
 `measuring` evaluates the points that a client chose. `clients` serves every browser at its own rate;
@@ -13,7 +13,7 @@ from importlib.util import find_spec
 from manytouch.errors import MissingExtraError
 
 if find_spec("nicegui") is None:
-    raise MissingExtraError("the viewer", "nicegui", "view")
+    raise MissingExtraError("the viewer", "nicegui")
 
 from manytouch.sinks.viewer.viewer import Viewer
 

@@ -51,7 +51,7 @@ def page_files() -> dict[str, tuple[str, bytes]]:
     places = [] if found is None else list(found.submodule_search_locations or [])
     bundles = [path for place in places if (path := Path(place, "elements/scene/dist/index.js")).is_file()]
     if not bundles:
-        raise MissingExtraError("the viewer", "nicegui", "view")
+        raise MissingExtraError("the viewer", "nicegui")
     return files | {"three.js": (MEDIA_TYPES[".js"], bundles[0].read_bytes())}
 
 

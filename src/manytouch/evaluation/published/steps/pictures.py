@@ -1,4 +1,4 @@
-"""A picture of each step of the paper's method (extra `plot`)."""
+"""A picture of each step of the paper's method (extra `lab`)."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -70,9 +70,7 @@ def _reference() -> tuple[np.ndarray, Any]:
     try:
         from skfem import ElementHexS2
     except ImportError:
-        raise MissingExtraError(
-            "solving the sheet with finite elements", "scikit-fem", "simulation"
-        ) from None
+        raise MissingExtraError("solving the sheet with finite elements", "scikit-fem") from None
     element = ElementHexS2()
     return read_only(np.asarray(element.doflocs, dtype=np.float64)), element
 
