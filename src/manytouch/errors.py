@@ -39,6 +39,5 @@ class MissingExtraError(ManytouchError):
     def __init__(self, purpose: str, package: str, extra: str | None = None) -> None:
         requirement = "manytouch" if extra is None else f"'manytouch[{extra}]'"
         super().__init__(
-            f"{purpose} requires the package {package}, which is not installed: "
-            f"run pip install {requirement}"
+            f"{purpose} requires the package {package}, which is not installed: run pip install {requirement}"
         )
