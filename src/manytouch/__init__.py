@@ -17,8 +17,11 @@ import importlib
 __version__ = "0.1.0"
 
 _NAMES = {
+    "manytouch.analysis.plots": ("plot_contacts", "plot_layout", "plot_surface"),
+    "manytouch.analysis.read_results": ("Results", "read_results"),
     "manytouch.calibration": ("sensor_from_rest",),
     "manytouch.errors": (
+        "ArgumentError",
         "LayoutError",
         "ManytouchError",
         "MissingExtraError",

@@ -1,5 +1,12 @@
+from manytouch.analysis.plots import (
+    plot_contacts as plot_contacts,
+    plot_layout as plot_layout,
+    plot_surface as plot_surface,
+)
+from manytouch.analysis.read_results import Results as Results, read_results as read_results
 from manytouch.calibration import sensor_from_rest as sensor_from_rest
 from manytouch.errors import (
+    ArgumentError as ArgumentError,
     LayoutError as LayoutError,
     ManytouchError as ManytouchError,
     MissingExtraError as MissingExtraError,

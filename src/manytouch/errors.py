@@ -9,6 +9,7 @@ and what to do.
     ├── SensorError        a sensor file is wrong, or does not match the recording
     ├── LayoutError        no dots, or no usable arrangement of dots, were found
     ├── OutputError        results cannot be written to the requested place
+    ├── ArgumentError      an argument of a function has a wrong type; also a TypeError
     └── MissingExtraError  an optional package that the request needs is not installed
 """
 
@@ -41,3 +42,23 @@ class MissingExtraError(ManytouchError):
         super().__init__(
             f"{purpose} requires the package {package}, which is not installed: run pip install {requirement}"
         )
+
+
+class ArgumentError(ManytouchError, TypeError):
+    """An argument of a function has a type that the function does not take."""
+
+
+def require_type(what: str, value: object, types: type | tuple[type, ...], expected: str) -> None:
+    """Check the type of an argument.
+
+    Args:
+        what: the argument in words, such as "the sensor".
+        value: the argument.
+        types: that are accepted.
+        expected: what to give instead, such as "a Sensor (manytouch.load_sensor reads one)".
+
+    Raises:
+        ArgumentError: the value has another type.
+    """
+    if not isinstance(value, types):
+        raise ArgumentError(f"{what} is of type {type(value).__name__}: give {expected}")

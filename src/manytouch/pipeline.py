@@ -8,8 +8,10 @@ frame of any recording can be computed again with the same bits.
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+from manytouch.errors import ArgumentError, require_type
 from manytouch.values import (
     Command,
     Comparison,
@@ -155,7 +157,19 @@ class Pipeline:
     interpolation: Interpolation | None = None
 
     def run(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Reading]:
-        """One reading per frame, in order."""
+        """One reading per frame, in order.
+
+        Args:
+            frames: a source, or other frames in order.
+            sensor: with a layout.
+
+        Raises:
+            ArgumentError: something else was given, such as the path of a video.
+        """
+        if isinstance(frames, str | Path) or not isinstance(frames, Iterable):
+            kind = type(frames).__name__
+            raise ArgumentError(f"frames are of type {kind}: give a source (manytouch.open_source) or frames")
+        require_type("the sensor", sensor, Sensor, "a Sensor (manytouch.load_sensor reads one)")
         return self.estimate_readings(self.track_frames(frames, sensor), sensor)
 
     def track_frames(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[TrackedFrame]:

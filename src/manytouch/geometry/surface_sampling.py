@@ -14,7 +14,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float, Float64
 
-from manytouch.errors import SensorError
+from manytouch.errors import SensorError, require_type
 from manytouch.geometry.inverse_distance import InverseDistanceSampling, inverse_distance_at
 from manytouch.geometry.sampling import BEYOND_PITCH, GridSampling, PointSampling, sampling_at, sampling_on
 from manytouch.geometry.sheet_face import SheetFace, SplineShape, sheet_face, spline_shape
@@ -87,6 +87,7 @@ def sample(
     Raises:
         SensorError: the surface has no layout.
     """
+    require_type("the surface", surface, Surface, "the surface of a reading: reading.surface")
     if surface.layout is None:
         raise SensorError(
             "a surface without a layout cannot be sampled; take it from a reading, or set its layout with "

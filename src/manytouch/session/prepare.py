@@ -4,11 +4,12 @@ from collections.abc import Generator, Iterator, Mapping
 from dataclasses import dataclass, replace
 from itertools import chain, islice
 from pathlib import Path
+from types import NoneType
 from typing import Any
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.calibration import register_rest, sensor_from_rest
-from manytouch.errors import ManytouchError, SensorError, SourceError
+from manytouch.errors import ManytouchError, SensorError, SourceError, require_type
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import DEFAULT, Value, default_method, kernels, pipeline_for
 from manytouch.session.result_hashes import Pitch, Request
@@ -22,6 +23,7 @@ from manytouch.values import Frame, Reading, Roi, Sensor
 from manytouch.values.sensor_file import load_sensor
 
 REST_FRAMES = 15
+INPUT = "the path of a video or image, the number of a camera, or what manytouch.open_source returns"
 NO_PRETENSION = (
     "The sheet has no pretension, since its file states none. If it has one, forces are too small and "
     "spurious contacts are possible near the clamp (manytouch calibrate sheet determines it)."
@@ -119,7 +121,7 @@ class Job:
 
 
 def prepare(
-    input: str | Path | Source,  # noqa: A002 - the word of the command line
+    input: str | Path | int | Source,  # noqa: A002 - the word of the command line
     *,
     sensor: str | Path | Sensor | None = None,
     method: str | None = None,
@@ -155,6 +157,12 @@ def prepare(
         ManytouchError: there is no such method or parameter.
     """
     limit_blas_threads()
+    require_type("the input", input, (str, Path, int, Source), INPUT)
+    require_type(
+        "the sensor", sensor, (str, Path, Sensor, NoneType), "a Sensor, or the path of a sensor file"
+    )
+    require_type("parameters", parameters, (Mapping, NoneType), "a dictionary of names and values")
+    require_type("roi_px", roi_px, (Roi, NoneType), "manytouch.Roi(x_px, y_px, width_px, height_px)")
     if method is not None:
         pipeline_for(method, roi_px, parameters)  # reports a wrong name before anything is opened
     given = load_sensor(sensor) if isinstance(sensor, str | Path) else sensor
@@ -270,9 +278,9 @@ def _with_size(camera: CameraRequest | None, sensor: Sensor | None) -> CameraReq
     return replace(request, size_px=(sensor.camera.width_px, sensor.camera.height_px))
 
 
-def _open(given: str | Path | Source, fps: float | None, camera: CameraRequest) -> tuple[Source, str]:
+def _open(given: str | Path | int | Source, fps: float | None, camera: CameraRequest) -> tuple[Source, str]:
     """A source, and its name in messages."""
-    if isinstance(given, str | Path):
+    if isinstance(given, str | Path | int):
         return open_source(str(given), fps=fps, camera=camera), without_password(str(given))
     return given, given.name
 

@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
-from manytouch.errors import OutputError, SourceError
+from manytouch.errors import OutputError, SourceError, require_type
 from manytouch.pipeline import Sink
 from manytouch.session.methods import Value
 from manytouch.session.prepare import Job, prepare
@@ -62,6 +62,7 @@ def process(
         ManytouchError: see `prepare`.
         OutputError: the results cannot be written.
     """
+    require_type("out", out, (str, Path), "the path of a folder")
     job = prepare(
         input,
         sensor=sensor,

@@ -8,6 +8,7 @@ from collections.abc import Callable, Generator, Sequence
 from contextlib import ExitStack
 from typing import Protocol, runtime_checkable
 
+from manytouch.errors import require_type
 from manytouch.pipeline import Sink
 from manytouch.values import Reading, Sensor
 
@@ -98,6 +99,7 @@ def run(
     Raises:
         Exception: what source, pipeline or a sink raised.
     """
+    require_type("the input of run", readings, Readings, "a job: manytouch.run(manytouch.prepare(source))")
     watch = NoObserver() if observer is None else observer
     is_over = _never if stop is None else stop
     receivers = (*sinks, *readings.own_sinks)

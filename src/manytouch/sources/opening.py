@@ -5,8 +5,9 @@ import math
 import os
 from dataclasses import replace
 from pathlib import Path
+from types import NoneType
 
-from manytouch.errors import SourceError
+from manytouch.errors import SourceError, require_type
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.files.images import IMAGE_SUFFIXES, folder_source, image_source
 from manytouch.sources.files.video import VIDEO_SUFFIXES, video_source
@@ -20,7 +21,7 @@ SUPPORTED = (
 
 
 def open_source(
-    text: str | os.PathLike[str], *, fps: float | None = None, camera: CameraRequest | None = None
+    text: str | os.PathLike[str] | int, *, fps: float | None = None, camera: CameraRequest | None = None
 ) -> Source:
     """Open a source of frames by its name; only its first image is read.
 
@@ -35,9 +36,11 @@ def open_source(
     Raises:
         SourceError: it does not exist, or cannot be decoded.
     """
+    require_type("fps", fps, (int, float, NoneType), "a number of frames per second")
     if fps is not None and not (math.isfinite(fps) and fps > 0):
         raise SourceError(f"The frame rate must be a positive number of frames per second, not {fps:g}.")
-    text = os.fspath(text)
+    require_type("the name of the source", text, (str, os.PathLike, int), SUPPORTED)
+    text = str(text) if isinstance(text, int) else os.fspath(text)
     if text.startswith("sim:"):
         from manytouch.sources.simulated import simulated_source
 

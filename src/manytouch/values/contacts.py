@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.values.arrays import Points2, count_of
+from manytouch.values.display.html import columns_table, with_std
 from manytouch.values.status import Status
 
 ESTIMATES = ("x", "y", "depth", "shear_x", "shear_y", "normal_force", "torque", "area")
@@ -104,6 +105,9 @@ class Contact:
             f"normal force {-self.force_N[2]:.3g} N)"
         )
 
+    def _repr_html_(self) -> str:
+        return Contacts(contacts=(self,))._repr_html_()
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Contacts:
@@ -124,3 +128,18 @@ class Contacts:
 
     def __repr__(self) -> str:
         return f"Contacts({count_of(len(self.touching), 'contact')}, {self.status})"
+
+    def _repr_html_(self) -> str:
+        header = ("contact", "phase", "x (mm)", "y (mm)", "depth (mm)", "normal force (N)")
+        return columns_table(header, (_cells(contact) for contact in self.contacts))
+
+
+def _cells(contact: Contact) -> tuple[str, ...]:
+    """What a row of a table shows of a contact."""
+    x_mm, y_mm = (float(value) for value in contact.centre_mm)
+    return (
+        *(str(contact.id), contact.phase.value),
+        *(with_std(x_mm, contact.std("x")), with_std(y_mm, contact.std("y"))),
+        with_std(contact.depth_mm, contact.std("depth")),
+        with_std(-float(contact.force_N[2]), contact.std("normal_force"), 3),
+    )

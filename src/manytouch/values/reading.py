@@ -1,14 +1,19 @@
 """All results of one frame, and its ground truth in simulation."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Optional
 
 from manytouch.values.arrays import count_of
 from manytouch.values.contacts import Contacts
 from manytouch.values.detections import Detections
+from manytouch.values.display.html import facts_table
 from manytouch.values.frame import Frame
 from manytouch.values.grid import TrackedGrid
 from manytouch.values.status import Status
 from manytouch.values.surface import Surface
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -34,12 +39,36 @@ class Reading:
         found = (self.detections.status, self.grid.status, self.surface.status, self.contacts.status)
         return next((each for each in found if each is not Status.OK), Status.OK)
 
+    def draw(self, axes: Optional["Axes"] = None, *, magnification: float = 3.0) -> "Axes":
+        """Draw the camera image with markers, displacements since rest and contacts.
+
+        Args:
+            axes: matplotlib axes to draw on; None: a new figure.
+            magnification: of the displacements.
+
+        Raises:
+            MissingExtraError: matplotlib is not installed (extra `lab`).
+        """
+        from manytouch.values.display.drawing import draw_reading
+
+        return draw_reading(self, axes, magnification)
+
     def __repr__(self) -> str:
         seen, markers = int(self.grid.is_seen.sum()), len(self.grid.is_seen)
         contacts = count_of(len(self.contacts.touching), "contact")
         return (
             f"Reading(frame {self.frame.index}, {seen} of {markers} markers seen, {contacts}, {self.status})"
         )
+
+    def _repr_html_(self) -> str:
+        facts = (
+            ("frame", f"{self.frame.index} ({self.frame.timestamp_ns * 1e-9:.3f} s)"),
+            ("status", f"{self.status} {self.status.remedy}"),
+            ("markers seen", f"{int(self.grid.is_seen.sum())} of {len(self.grid.is_seen)}"),
+            ("surface", repr(self.surface)),
+            ("time", f"{self.milliseconds:.1f} ms"),
+        )
+        return facts_table(f"Reading of frame {self.frame.index}", facts) + self.contacts._repr_html_()
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

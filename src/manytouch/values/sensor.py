@@ -7,6 +7,8 @@ from typing import Literal
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
+from manytouch.values.display.html import facts_table
+
 LengthUnit = Literal["mm", "pitch"]
 Polarity = Literal["light", "dark"]
 Boundary = Literal["clamped", "bonded"]
@@ -181,3 +183,9 @@ class Sensor:
     def __repr__(self) -> str:
         scale = "" if self.scale_is_known else ", scale unknown"
         return f"Sensor({self.name!r}, {self.camera}, {self.layout}, {self.sheet}{scale})"
+
+    def _repr_html_(self) -> str:
+        scale = "known" if self.scale_is_known else "unknown: lengths are in pitches"
+        parts = (("camera", self.camera), ("markers", self.layout), ("sheet", self.sheet), ("scale", scale))
+        assumed = (("assumed", sentence) for sentence in self.assumptions)
+        return facts_table(f"Sensor {self.name}", (*parts, *assumed))

@@ -6,6 +6,7 @@ on the sheet are pixels times one scale. The sensor's `assumptions` list what th
 
 from collections.abc import Sequence
 from dataclasses import replace
+from types import NoneType
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from manytouch.calibration.rest.flatness import bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.rest_frames import RestDots
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
-from manytouch.errors import SensorError
+from manytouch.errors import SensorError, require_type
 from manytouch.geometry.camera import onto_plane
 from manytouch.tracking.lattice.arrange import Arrangement
 from manytouch.values import Camera, Frame, Layout, Polarity, Roi, Sensor
@@ -54,6 +55,10 @@ def sensor_from_rest(
         SensorError: an impossible pitch, field of view or region.
         LayoutError: too few dots.
     """
+    expected = "a list of frames, such as list(itertools.islice(manytouch.open_source('press.mp4'), 15))"
+    require_type("frames", frames, (list, tuple), expected)
+    for frame in frames:
+        require_type("one of the frames", frame, Frame, expected)
     _check_numbers(pitch_mm, hfov_deg)
     width, height = image_size(frames, roi_px)
     appearance, still, notes = find_rest_dots(frames, roi_px)
@@ -119,6 +124,9 @@ def sensor_from_dots(
 
 
 def _check_numbers(pitch_mm: float | tuple[float, float] | None, hfov_deg: float | None) -> None:
+    for pitch in pitch_mm if isinstance(pitch_mm, tuple | list) else (pitch_mm,):
+        require_type("pitch_mm", pitch, (int, float, np.number, NoneType), "a length in mm, or two: (x, y)")
+    require_type("hfov_deg", hfov_deg, (int, float, np.number, NoneType), "an angle in degrees")
     if pitch_mm is not None and not np.all((np.asarray(pitch_mm) > 0) & np.isfinite(pitch_mm)):
         raise SensorError(
             f"a pitch of {pitch_mm} mm was given, but a pitch is a positive length, or two: P or X,Y"

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from importlib.resources import files
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 from scipy.spatial import KDTree
 
-from manytouch.errors import SensorError
+from manytouch.errors import SensorError, require_type
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor import Camera, Layout, Sensor, Sheet
 from manytouch.values.sensor_file.schema import MarkersSection, PoseSection, SensorFile
@@ -34,6 +35,7 @@ def load_sensor(path: str | Path) -> Sensor:
         SensorError: the file is missing or not TOML, or has unknown keys, wrong types or impossible values;
             the message lists all of them.
     """
+    require_type("the sensor file", path, (str, PathLike), "its path, or the name of a known sensor")
     path = Path(path)
     try:
         is_known = str(path) in known_sensors() and not path.exists()

@@ -2,6 +2,7 @@
 
 import os
 import tomllib
+from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import numpy as np
 import tomlkit
 from pydantic import ValidationError
 
-from manytouch.errors import OutputError, SensorError
+from manytouch.errors import OutputError, SensorError, require_type
 from manytouch.values.sensor import Layout, Sensor, Sheet
 from manytouch.values.sensor_file.schema import SensorFile
 from manytouch.values.sensor_file.sections import all_mistakes
@@ -22,6 +23,8 @@ def save_sensor(sensor: Sensor, path: str | Path) -> None:
         SensorError: the scale of the sensor is unknown, or its values are impossible.
         OutputError: the file cannot be written.
     """
+    require_type("the sensor", sensor, Sensor, "a Sensor first, then the path of the file")
+    require_type("the sensor file", path, (str, PathLike), "a Sensor first, then the path of the file")
     if not sensor.scale_is_known:
         raise SensorError(
             f"the scale of the sensor {sensor.name!r} is unknown, but a sensor file needs it: "

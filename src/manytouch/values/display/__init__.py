@@ -1,0 +1,1 @@
+"""How values are shown in notebooks: HTML tables, and drawings with matplotlib."""

@@ -1,0 +1,192 @@
+"""Results read back, and drawings of readings and results."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import manytouch
+from manytouch.session.results import process_job
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.sources.simulated import simulated_source
+from results import rows_of
+
+pytest.importorskip("matplotlib")
+
+SECONDS = 2.0  # the first contact of the built-in scene begins after 1 s
+
+WRONG_ARGUMENTS = """
+from itertools import islice
+import numpy as np
+import manytouch
+sensor = manytouch.load_sensor("a4-dots")
+frames = list(islice(manytouch.open_source("sim:"), 1))
+calls = [
+    lambda: manytouch.open_source(1.5),
+    lambda: manytouch.open_source("sim:", fps="30"),
+    lambda: manytouch.prepare([1, 2]),
+    lambda: manytouch.prepare("sim:", sensor=3),
+    lambda: manytouch.prepare("sim:", roi_px=(1, 2, 3, 4)),
+    lambda: manytouch.prepare("sim:", parameters=[3]),
+    lambda: manytouch.process(None, out="x"),
+    lambda: manytouch.process("sim:", out=3),
+    lambda: manytouch.run("press.mp4"),
+    lambda: manytouch.sensor_from_rest("press.mp4", name="a"),
+    lambda: manytouch.sensor_from_rest([np.zeros((4, 4))], name="a"),
+    lambda: manytouch.sensor_from_rest(frames, name="a", pitch_mm="4"),
+    lambda: manytouch.sensor_from_rest(frames, name="a", hfov_deg="60"),
+    lambda: manytouch.pipeline_for("perimeter").run("press.mp4", sensor),
+    lambda: manytouch.pipeline_for("perimeter").run(frames, "sensor.toml"),
+    lambda: manytouch.sample(sensor, np.zeros(2), np.zeros(2)),
+    lambda: manytouch.load_sensor(sensor),
+    lambda: manytouch.save_sensor("sensor.toml", sensor),
+    lambda: manytouch.plot_surface(sensor),
+    lambda: manytouch.plot_contacts(sensor),
+    lambda: manytouch.plot_layout("a4-dots"),
+    lambda: manytouch.read_results(3),
+]
+for number, call in enumerate(calls):
+    try:
+        call()
+    except manytouch.ArgumentError as error:
+        assert isinstance(error, TypeError) and ": give " in str(error), (number, error)
+    else:
+        raise AssertionError(f"call {number} was accepted")
+"""
+
+
+@pytest.fixture(scope="module")
+def processed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, manytouch.Reading]:
+    """The folder of a short simulated recording, and its last reading."""
+    folder = tmp_path_factory.mktemp("results") / "sim"
+    last = LastReading()
+    job = manytouch.prepare(simulated_source(width_px=640).lasting(SECONDS), method="perimeter")
+    process_job(job, folder, sinks=[last])
+    return folder, last.reading
+
+
+@pytest.fixture(autouse=True)
+def closed_figures() -> Iterator[None]:
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    from matplotlib import pyplot
+
+    yield
+    pyplot.close("all")
+
+
+class LastReading:
+    """Keeps the newest reading."""
+
+    reading: manytouch.Reading
+
+    def write(self, reading: manytouch.Reading) -> None:
+        self.reading = reading
+
+    def close(self) -> None:
+        pass
+
+
+def test_results_have_every_row_and_unknown_values_are_null(processed: tuple) -> None:
+    folder, _ = processed
+    results = manytouch.read_results(folder)
+    lines = rows_of(folder / "contacts.csv")
+    assert len(lines) > 10
+    assert results.contacts["contact"].to_pylist() == [int(line["contact"]) for line in lines]
+    assert results.contacts["depth_mm"].to_pylist() == [float(line["depth_mm"]) for line in lines]
+    assert results.contacts["phase"].to_pylist() == [line["phase"] for line in lines]
+    assert results.contacts["normal_force_N"].null_count == len(lines)  # this method estimates no force
+    assert len(results.frames) == len(rows_of(folder / "frames.csv"))
+    assert len(results.markers) == 600 * len(results.frames)
+    assert len(repr(results)) < 200
+    assert "depth_mm" in results._repr_html_()
+
+
+def test_trackpy_gets_its_columns_and_only_markers_that_were_seen(processed: tuple) -> None:
+    results = manytouch.read_results(processed[0])
+    table = results.trackpy()
+    assert table.column_names == ["frame", "particle", "x", "y"]
+    assert len(table) == sum(results.markers["seen"].to_pylist())
+    assert table["x"].null_count == 0
+
+
+def test_a_folder_without_results_is_refused_with_what_to_give(processed: tuple, tmp_path: Path) -> None:
+    with pytest.raises(manytouch.SourceError, match="no folder"):
+        manytouch.read_results(tmp_path / "nothing")
+    with pytest.raises(manytouch.SourceError, match=r"contacts\.csv"):
+        manytouch.read_results(tmp_path)
+    with pytest.raises(manytouch.SourceError, match=r"give one of its folders, such as '.*sim'"):
+        manytouch.read_results(processed[0].parent)
+
+
+@pytest.mark.parametrize("name", ["contacts.csv", "markers.parquet", "frames.csv", "summary.json"])
+@pytest.mark.parametrize("content", [b"", b"a,b\n1,2\n", b"\xff\xfe\x00"])
+def test_a_damaged_file_is_refused_with_its_name(
+    processed: tuple, tmp_path: Path, name: str, content: bytes
+) -> None:
+    for path in processed[0].iterdir():
+        (tmp_path / path.name).write_bytes(content if path.name == name else path.read_bytes())
+    with pytest.raises(manytouch.SourceError, match=name):
+        manytouch.read_results(tmp_path)
+
+
+def test_a_reading_is_drawn_with_its_markers_and_contacts(processed: tuple) -> None:
+    _, reading = processed
+    axes = reading.draw()
+    (markers, *_) = axes.lines
+    assert np.array_equal(markers.get_xydata(), reading.grid.position_px[reading.grid.is_seen])
+    assert [text.get_text() for text in axes.texts] == [str(each.id) for each in reading.contacts.touching]
+    assert axes.images
+    assert reading.draw(axes) is axes
+    undecoded = replace(reading, frame=replace(reading.frame, image=None)).draw()
+    assert undecoded.yaxis_inverted()
+
+
+def test_the_surface_is_drawn_at_its_place_with_its_contacts(processed: tuple) -> None:
+    _, reading = processed
+    axes = manytouch.plot_surface(reading)
+    (contact, *_) = reading.contacts.touching
+    assert axes.collections[0].get_array().max() == pytest.approx(contact.depth_mm, rel=0.2)
+    assert axes.yaxis_inverted()
+    assert len(axes.texts) == len(reading.contacts.touching)
+
+
+def test_contacts_over_time_are_one_line_each(processed: tuple) -> None:
+    results = manytouch.read_results(processed[0])
+    axes = manytouch.plot_contacts(results)
+    assert len(axes.lines) == len(set(results.contacts["contact"].to_pylist()))
+    assert axes.get_ylabel() == "depth (mm)"
+    with pytest.raises(manytouch.ManytouchError, match="normal_force"):
+        manytouch.plot_contacts(results, quantity="colour")
+
+
+def test_the_layout_is_drawn_with_the_outline_of_the_sheet() -> None:
+    axes = manytouch.plot_layout(demo_sensor(640))
+    markers, outline = axes.lines
+    assert len(markers.get_xdata()) == 600
+    assert outline.get_xdata().max() == pytest.approx(60.0)
+
+
+def test_values_have_short_tables_and_texts_are_escaped(processed: tuple) -> None:
+    _, reading = processed
+    sensor = replace(demo_sensor(640), name="<b>")
+    for value in (reading, reading.contacts, reading.contacts.contacts[0], sensor):
+        table = value._repr_html_()
+        assert table.startswith("<table>")
+        assert len(table) < 3000
+    assert "&lt;b&gt;" in sensor._repr_html_()
+
+
+def test_wrong_types_are_refused_in_a_sentence() -> None:
+    """In a process without the type checks of the tests, as they would refuse first."""
+    environment = {name: value for name, value in os.environ.items() if name != "CHECK_TYPES"}
+    done = subprocess.run(
+        [sys.executable, "-c", WRONG_ARGUMENTS], env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
