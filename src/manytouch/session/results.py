@@ -30,6 +30,9 @@ RESULTS = (
 )
 """Names of all results, as patterns; what else is in a result folder belongs to the user and is kept."""
 
+VIDEO_SHARE = 2.0
+"""Bit rate of annotated.mp4 over that of its source at most, so that no file is three times as large."""
+
 
 def process(
     input: str | Path,  # noqa: A002 - the word of the command line
@@ -172,7 +175,15 @@ class ResultFiles:
                 self.sinks.append(SurfaceStore(partial, sensor))
             if annotate:
                 is_video = not job.source.capabilities.is_images
-                self.sinks.append(AnnotatedPictures(partial, sensor, as_video=is_video, fps=job.source.fps))
+                self.sinks.append(
+                    AnnotatedPictures(
+                        partial,
+                        sensor,
+                        as_video=is_video,
+                        fps=job.source.fps,
+                        most_bits_per_s=_video_limit(job.source),
+                    )
+                )
             if self.pictures is not None:
                 self.sinks.append(self.pictures)
         except BaseException as error:
@@ -275,6 +286,14 @@ def _require_apart(folder: Path, source: Source) -> None:
                 f"the results would go into {folder} and replace {path.name}, which is the input: choose "
                 "another folder for them"
             )
+
+
+def _video_limit(source: Source) -> float | None:
+    """Bit rate of an annotated video such that it is not larger than `VIDEO_SHARE` times its source."""
+    files, fps, frames = source.capabilities.files, source.fps, source.frame_count
+    if len(files) != 1 or not fps or not frames:
+        return None
+    return VIDEO_SHARE * 8.0 * files[0].stat().st_size * fps / frames
 
 
 def _size_text(count: int) -> str:

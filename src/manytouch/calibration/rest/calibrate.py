@@ -17,6 +17,7 @@ from manytouch.detection import expected_appearance
 from manytouch.detection.dot_appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import project
+from manytouch.geometry.centre_noise import LEAST_FRAMES, centre_noise_px
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
 from manytouch.values.arrays import Points2, read_only
 
@@ -40,7 +41,7 @@ class RestCalibration:
         sensor: with pose, layout, missing markers and noise; `rest_px` holds the measured positions.
         residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN if missing.
         pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm).
-        noise_px: standard deviation of a marker's centre along an axis, from frame to frame.
+        noise_px: noise of a marker's centre (`geometry.centre_noise`), median of the markers.
         contrast: grey levels between markers and background.
         frames: number of frames used.
         clamp: measured edge of the sheet.
@@ -212,12 +213,14 @@ def _with_measured_radius(layout: Layout, camera: Camera, seen: MarkerTracks, th
 
 
 def _noise_px(seen: MarkerTracks, there: np.ndarray) -> float:
-    """Noise of a centre along an axis from differences of successive frames, which exclude slow drift."""
-    step = np.diff(seen.position_px[:, there], axis=0)
-    step = step[np.isfinite(step)]
-    if len(step) < 10:
-        raise LayoutError("the noise of the markers needs at least two frames in which they are seen")
-    return max(float(1.4826 * np.median(np.abs(step)) / np.sqrt(2.0)), 1e-3)
+    """Median noise of the markers (`geometry.centre_noise`)."""
+    noise = centre_noise_px(seen.position_px[:, there])
+    noise = noise[np.isfinite(noise)]
+    if len(noise) == 0:
+        raise LayoutError(
+            f"the noise of the markers needs at least {LEAST_FRAMES} frames in which they are seen"
+        )
+    return max(float(np.median(noise)), 1e-3)
 
 
 def _warnings(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial import Delaunay, QhullError, cKDTree
 
+from manytouch.geometry.centre_noise import centre_noise_px
 from manytouch.tracking.lattice.find import find_lattice, local_spacing
 from manytouch.values import Detections, Status
 from manytouch.values.arrays import Counts, Points2, Scalars, read_only
@@ -13,7 +14,6 @@ from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 _GATE = 0.35
 _MOST_MORE = 0.15
 _ENLARGED = 1.03
-_MAD_TO_STD = 1.4826
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -24,7 +24,7 @@ class RestDots:
         centre_px: (n, 2).
         area_px2: (n,).
         contrast: (n,) grey levels of 255.
-        noise_px: (n,) robust standard deviation of a centre in one direction; NaN below three frames.
+        noise_px: (n,) noise of a centre (`geometry.centre_noise`); NaN below three frames.
         times_seen: (n,) number of rest frames that show the dot.
         frames: indices of the rest frames among the given frames.
         moved: whether the dots moved in other frames.
@@ -160,16 +160,11 @@ def _merge(group: list[Detections], frames: tuple[int, ...], *, moved: bool) -> 
 def _medians_of_dots(table: np.ndarray, frames: tuple[int, ...], *, moved: bool) -> RestDots:
     times = np.isfinite(table[..., 0]).sum(axis=0)
     middle = np.nanmedian(table, axis=0) if table.size else np.zeros((0, 4))
-    noise = np.full(len(middle), np.nan)
-    enough = times >= 3
-    if enough.any():
-        spread = np.nanmedian(np.abs(table[:, enough, :2] - middle[enough, :2]), axis=0)
-        noise[enough] = _MAD_TO_STD * np.sqrt((spread**2).mean(axis=1))
     return RestDots(
         centre_px=read_only(np.ascontiguousarray(middle[:, :2])),
         area_px2=read_only(np.ascontiguousarray(middle[:, 2])),
         contrast=read_only(np.ascontiguousarray(middle[:, 3])),
-        noise_px=read_only(noise),
+        noise_px=read_only(centre_noise_px(table[..., :2])),
         times_seen=read_only(times.astype(np.int64)),
         frames=frames,
         moved=moved,

@@ -13,6 +13,7 @@ from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sheet.fit import KnownPress
 from manytouch.calibration.sheet.protocol import TOUCHED_RADIUS_MM
 from manytouch.errors import OutputError, SensorError, SourceError
+from manytouch.geometry.centre_noise import centre_noise_px
 from manytouch.limits import LARGEST_NUMBER, MAX_PRESSES, MAX_TABLE_BYTES
 from manytouch.sources import open_source
 from manytouch.values import Sensor
@@ -156,10 +157,9 @@ def _track_recording(sensor: Sensor, name: str, folder: Path) -> tuple[MarkerTra
     seen = track_markers(register_dots, frames)
     first = np.arange(len(seen.timestamp_ns)) < REST_FRAMES
     rest_px = seen.median_px(first)
-    step = np.diff(seen.position_px[first], axis=0)
-    step = step[np.isfinite(step)]
-    noise = float(1.4826 * np.median(np.abs(step)) / np.sqrt(2.0)) if len(step) else 0.0
-    return seen, rest_px, noise
+    noise = centre_noise_px(seen.position_px[first])
+    noise = noise[np.isfinite(noise)]
+    return seen, rest_px, float(np.median(noise)) if len(noise) else 0.0
 
 
 def _row(path: Path, number: int, row: dict[str, str | None]) -> PressRow:

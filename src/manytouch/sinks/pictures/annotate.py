@@ -1,24 +1,24 @@
 """The camera image annotated with markers, displacements and contacts."""
 
-import errno
 from pathlib import Path
 
 import cv2
 import numpy as np
 
-from manytouch.errors import OutputError
-from manytouch.geometry.camera import mm_per_px, project
+from manytouch.geometry.camera import mm_per_px
 from manytouch.sinks.contact_outlines import outlines_px
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.sensor_description import layout_of, pitch_px, rest_px
 from manytouch.sinks.pictures import drawing
 from manytouch.sinks.pictures.label_layout import Rectangle, place_label
+from manytouch.sinks.pictures.video_file import VideoFile
 from manytouch.values import Contact, Reading, Sensor
 from manytouch.values.arrays import Points2
 
 LONG_SIDE_PX = 1000
 ARROW_SCALE = 3
 SMALLEST_ARROW_PX = 4.0
+ASSUMED_FPS = 25.0
 
 
 class Annotator:
@@ -89,11 +89,10 @@ class Annotator:
                 drawing.write_text(picture, str(marker), left, height, drawing.WHITE)
 
     def _draw_arrows(self, picture: np.ndarray, reading: Reading) -> None:
-        camera, surface = self._sensor.camera, reading.surface
-        known = reading.grid.is_seen & np.isfinite(surface.displacement_mm).all(axis=1)
-        at_rest = project(camera, surface.position_mm[known] - surface.displacement_mm[known])
-        moved = (project(camera, surface.position_mm[known]) - at_rest) * self.zoom
-        begin = self._place(reading.grid.position_px[known]) - moved
+        """Displacements since rest in the image, as the viewer draws them."""
+        seen = reading.grid.is_seen
+        begin = self._place(reading.grid.position_px[seen])
+        moved = begin - self._place(self._rest_px[seen])
         end = begin + ARROW_SCALE * moved
         width = max(1, round(self._long_side / 1000))
         for index in np.flatnonzero(np.hypot(*moved.T) * ARROW_SCALE >= SMALLEST_ARROW_PX):
@@ -129,7 +128,7 @@ class Annotator:
         circle: tuple[float, float, float],
         occupied: list[Rectangle],
     ) -> None:
-        text = f"#{contact.id}  {self.depth_text(contact)}"
+        text = f"#{contact.id}  {self.depth_text(contact)}{force_text(contact)}"
         height = 1.1 * self._text_px
         size = (drawing.text_size(text, height)[0] + height, 2.0 * height)
         label = place_label(circle, size, (picture.shape[1], picture.shape[0]), occupied)
@@ -200,61 +199,57 @@ class Annotator:
 class AnnotatedPictures:
     """annotated.mp4, or a folder `annotated` of PNG files when the input is single pictures."""
 
-    def __init__(self, folder: Path, sensor: Sensor, *, as_video: bool, fps: float | None) -> None:
+    def __init__(
+        self,
+        folder: Path,
+        sensor: Sensor,
+        *,
+        as_video: bool,
+        fps: float | None,
+        most_bits_per_s: float | None = None,
+    ) -> None:
+        """Create the video or the folder.
+
+        Args:
+            folder: it goes into.
+            sensor: of the readings.
+            as_video: whether it is a video.
+            fps: of the input; None: not known.
+            most_bits_per_s: bit rate of the video at most; None: no limit.
+        """
         self._draw = Annotator(sensor)
-        self._path = folder / ("annotated.mp4" if as_video else "annotated")
-        self._fps = fps or 25.0
-        self._video: cv2.VideoWriter | None = None
-        self._as_video = as_video
-        self._frames = 0
-        if not as_video:
+        self._path = folder / "annotated"
+        self._video: VideoFile | None = None
+        if as_video:
+            self._video = VideoFile(folder / "annotated.mp4", fps or ASSUMED_FPS, most_bits_per_s)
+        else:
             with output_errors(self._path):
                 self._path.mkdir(parents=True)
 
     def write(self, reading: Reading) -> None:
         """Add a frame."""
         picture = self._draw(reading)
-        if not self._as_video:
-            write_png(self._path / f"{reading.frame.index:06d}.png", picture)
-            return
         if self._video is None:
-            self._video = self._opened(picture.shape[1], picture.shape[0])
-        self._video.write(picture)
-        self._frames += 1
+            write_png(self._path / f"{reading.frame.index:06d}.png", picture)
+        else:
+            self._video.write(picture)
 
     def close(self) -> None:
         """Complete the video or the folder; a video without frames is left out.
 
         Raises:
-            OutputError: not all frames are in the video; its encoder reports no errors of the disk.
+            OutputError: the video cannot be completed.
         """
-        if self._video is None:
-            return
-        self._video.release()
-        self._video = None
-        with output_errors(self._path):
-            if _last_frame(self._path) != self._frames - 1:
-                raise OSError(errno.ENOSPC, "the video is not complete, probably because the disk is full")
-
-    def _opened(self, width_px: int, height_px: int) -> cv2.VideoWriter:
-        code = cv2.VideoWriter.fourcc(*"mp4v")
-        video = cv2.VideoWriter(str(self._path), code, self._fps, (width_px, height_px))
-        if not video.isOpened():
-            raise OutputError(
-                f"cannot write {self._path}: this OpenCV has no MPEG-4 encoder; "
-                "install opencv-python-headless from PyPI, or omit --annotate"
-            )
-        return video
+        if self._video is not None:
+            self._video.close()
 
 
-def _last_frame(path: Path) -> int:
-    """Number of the last frame of a video that can be decoded; -1 for none."""
-    reader = cv2.VideoCapture(str(path))
-    last = round(reader.get(cv2.CAP_PROP_FRAME_COUNT)) - 1
-    reader.set(cv2.CAP_PROP_POS_FRAMES, max(last, 0))
-    is_decoded, _ = reader.read()
-    reader.release()
-    return last if is_decoded else -1
+def force_text(contact: Contact) -> str:
+    """Normal force and its deviation with two spaces in front; empty if it is not known."""
+    force_N, std_N = -float(contact.force_N[2]), contact.std("normal_force")
+    if not np.isfinite(force_N):
+        return ""
+    return f"  {force_N:.2f} N" if not np.isfinite(std_N) else f"  {force_N:.2f} ± {std_N:.2f} N"
 
 
 def write_png(path: Path, picture: np.ndarray) -> None:

@@ -1,14 +1,15 @@
 """Annotated camera images: sizes, positions of marks, files."""
 
 import dataclasses
+from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from manytouch.errors import OutputError
-from manytouch.sinks.pictures.annotate import AnnotatedPictures, Annotator
-from manytouch.sinks.pictures.drawing import SKY, VERMILION, eight_bit_colour
+from manytouch.sinks.pictures.annotate import AnnotatedPictures, Annotator, force_text
+from manytouch.sinks.pictures.drawing import SKY, VERMILION, YELLOW, eight_bit_colour
 from manytouch.values import OutlineRing, Phase, Status
 
 
@@ -102,20 +103,54 @@ def test_annotated_pictures_have_every_frame(tmp_path, sensor, reading_of, as_vi
         assert [path.name for path in sorted(final.iterdir())] == ["000000.png", "000001.png", "000002.png"]
 
 
-def test_a_video_that_the_disk_has_cut_is_an_error(tmp_path, sensor, reading_of):
-    sink = AnnotatedPictures(tmp_path, sensor, as_video=True, fps=20.0)
-    for index in range(3):
-        sink.write(reading_of(index))
-    release = sink._video.release
-
-    class Cut:
-        """An encoder whose file is cut, which OpenCV does not report."""
-
-        def release(self):
-            release()
-            whole = (tmp_path / "annotated.mp4").read_bytes()
-            (tmp_path / "annotated.mp4").write_bytes(whole[: len(whole) // 2])
-
-    sink._video = Cut()
-    with pytest.raises(OutputError, match=r"annotated\.mp4: the video is not complete"):
+def test_a_video_for_browsers_is_vp9_and_not_larger_than_it_may_be(tmp_path, sensor, reading_of):
+    av = pytest.importorskip("av")
+    sizes = []
+    for number, limit in enumerate((None, 6e5)):
+        folder = tmp_path / str(number)
+        folder.mkdir()
+        chance = np.random.default_rng(0)
+        sink = AnnotatedPictures(folder, sensor, as_video=True, fps=20.0, most_bits_per_s=limit)
+        for index in range(60):
+            noisy = chance.normal(128, 10, (240, 320)).clip(0, 255).astype(np.uint8)
+            frame = dataclasses.replace(reading_of(index).frame, image=noisy)
+            sink.write(dataclasses.replace(reading_of(index), frame=frame))
         sink.close()
+        path = folder / "annotated.mp4"
+        with av.open(str(path)) as film:
+            assert film.streams.video[0].codec_context.name == "vp9"
+            assert film.streams.video[0].codec_context.pix_fmt == "yuv420p"
+        sizes.append(path.stat().st_size)
+    assert sizes[1] < 1.5 * 6e5 / 8 * 3
+    assert sizes[0] > 2 * sizes[1]
+
+
+def test_a_full_disk_is_an_error(tmp_path, sensor, reading_of):
+    full = Path("/dev/full")
+    if not full.exists():
+        pytest.skip("this system has no /dev/full")
+    sink = AnnotatedPictures(tmp_path, sensor, as_video=True, fps=20.0)
+    (tmp_path / "annotated.mp4").symlink_to(full)
+    with pytest.raises(OutputError, match=r"annotated\.mp4: No space left"):
+        write_all(sink, [reading_of(index) for index in range(3)])
+
+
+def write_all(sink, readings):
+    for reading in readings:
+        sink.write(reading)
+    sink.close()
+
+
+def test_arrows_are_what_markers_moved_in_the_image(sensor, reading_of):
+    annotate = Annotator(sensor)
+    at_rest = annotate(reading_of(0))
+    moved = annotate(reading_of(1, shift_px=(4.0, 0.0)))
+    assert count(moved, YELLOW) > count(at_rest, YELLOW)  # the legend has one too
+
+
+def test_a_label_contains_newtons_where_there_are_any(contact_of):
+    assert force_text(contact_of(force_N=np.full(3, np.nan))) == ""
+    covariance = np.full((8, 8), np.nan)
+    covariance[5, 5] = 0.04
+    text = force_text(contact_of(force_N=np.array([0.0, 0.0, -1.5]), covariance=covariance))
+    assert text == "  1.50 ± 0.20 N"
