@@ -20,6 +20,7 @@ from manytouch.values import (
     Frame,
     Health,
     Interpolation,
+    OutputState,
     Reading,
     Sensor,
     Surface,
@@ -37,6 +38,15 @@ class Sink(Protocol):
 
     def close(self) -> None:
         """Finish; called once, also after an error."""
+
+
+@runtime_checkable
+class Output(Sink, Protocol):
+    """A sink that passes readings on to another program, without ever waiting for it."""
+
+    @property
+    def state(self) -> OutputState:
+        """What was sent and dropped so far; safe from any thread."""
 
 
 @runtime_checkable

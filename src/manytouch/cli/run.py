@@ -21,6 +21,7 @@ def run(
         options.folder("Also write the tables, to a folder in this one."),
     ] = None,
     record: options.RecordFile = None,
+    to: options.OutputUrls = (),
     method: options.MethodName = None,
     pitch_mm: options.PitchMm = None,
     hfov_deg: options.HfovDeg = None,
@@ -56,19 +57,24 @@ def run(
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import StopOnSignal
+    from manytouch.cli.terminal.outputs import print_outputs
     from manytouch.cli.terminal.viewing import ViewerAddress, viewers
     from manytouch.session import Live, Playback, ResultFiles, prepare, result_name
     from manytouch.session import run as run_loop
     from manytouch.session.diagnosis.camera import describe_latency, describe_settings
+    from manytouch.sinks.publishers.registry import check_addresses, open_outputs
     from manytouch.sources.cameras.capture import CameraRequest
 
     reporter = Reporter(bar=False)
     address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
     with StopOnSignal() as stop:
+        check_addresses(to)
         if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps, parameters):
             playback = Playback(Path(source))
+            playback.attach(open_outputs(to, playback))
             log = ContactLog(playback.sensor, reporter.print)
             run_loop(playback, [log, *viewers(playback, address, reporter.print)], reporter, stop)
+            print_outputs(playback.health(), reporter.print)
             return 0
         job = prepare(
             source,
@@ -91,11 +97,13 @@ def run(
         )
         log = ContactLog(job.sensor, reporter.print, job.source.capabilities.truth)
         live = Live(job, record=record)
+        live.attach(open_outputs(to, live))
         for line in describe_settings(live.health().settings):
             reporter.print(line)
         if out is None:
             run_loop(live, [log, *viewers(live, address, reporter.print)], reporter, stop)
             reporter.print(describe_latency(live.health()))
+            print_outputs(live.health(), reporter.print)
             return 0
         folder = out / result_name(source)
         with ResultFiles(folder, job, is_repeatable=False) as files:
@@ -103,6 +111,7 @@ def run(
             files.is_complete = run_loop(live, [*files.sinks, log, *shown], reporter, stop)
             files.is_repeatable = live.is_repeatable
     reporter.print(describe_latency(live.health()))
+    print_outputs(live.health(), reporter.print)
     reporter.finish(files.summary, folder, is_complete=files.is_complete)
     return 0
 

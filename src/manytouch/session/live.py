@@ -3,13 +3,13 @@
 import sys
 import threading
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 from manytouch.errors import ManytouchError
-from manytouch.pipeline import Pipeline, Sink, TrackedFrame
+from manytouch.pipeline import Output, Pipeline, Sink, TrackedFrame
 from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
@@ -94,6 +94,7 @@ class Live:
         self._meter = ThroughputMeter()
         self._recorder = SessionRecorder(job, recordings, self._commands.note)
         self._record_path = record
+        self._outputs: tuple[Output, ...] = ()
         self._is_held = False
         self._is_over = threading.Event()
         self._dropped = 0
@@ -119,8 +120,12 @@ class Live:
 
     @property
     def own_sinks(self) -> tuple[Sink, ...]:
-        """The recorder and the meter of rate and latency."""
-        return self._recorder, self._meter
+        """The outputs, the recorder, and the meter of rate and latency."""
+        return *self._outputs, self._recorder, self._meter
+
+    def attach(self, outputs: Sequence[Output]) -> None:
+        """Pass readings to other programs too; call it before the session is run."""
+        self._outputs = (*self._outputs, *outputs)
 
     def send(self, command: Command) -> None:
         """Request something; it is carried out between two frames."""
@@ -161,6 +166,7 @@ class Live:
             can_press=can.press is not None,
             sensor_version=setup.version,
             is_preparing=self._setups.is_busy,
+            outputs=tuple(output.state for output in self._outputs),
         )
 
     def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:

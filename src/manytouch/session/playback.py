@@ -1,12 +1,12 @@
 """Playback of a recording: its stored readings, or its frames processed again."""
 
 import time
-from collections.abc import Generator, Iterator
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from manytouch.errors import SourceError
-from manytouch.pipeline import Sink
+from manytouch.pipeline import Output, Sink
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.methods import METHODS, choices_of, parameters_of, pipeline_for
@@ -76,6 +76,7 @@ class Playback:
         self._is_held = False
         self._place = 0
         self._sought: int | None = None
+        self._outputs: tuple[Output, ...] = ()
 
     @property
     def sensor(self) -> Sensor:
@@ -89,8 +90,12 @@ class Playback:
 
     @property
     def own_sinks(self) -> tuple[Sink, ...]:
-        """The meter of rate and latency."""
-        return (self._meter,)
+        """The outputs, and the meter of rate and latency."""
+        return *self._outputs, self._meter
+
+    def attach(self, outputs: Sequence[Output]) -> None:
+        """Pass readings to other programs too; call it before the playback is run."""
+        self._outputs = (*self._outputs, *outputs)
 
     def send(self, command: Command) -> None:
         """Request something; it is carried out between two frames."""
@@ -132,6 +137,7 @@ class Playback:
             frame=self._place,
             frame_count=len(self._timeline),
             is_preparing=self._jobs.is_busy,
+            outputs=tuple(output.state for output in self._outputs),
         )
 
     def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:

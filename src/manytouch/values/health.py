@@ -20,6 +20,23 @@ class Setting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class OutputState:
+    """State of an output to another program.
+
+    Attributes:
+        name: its address, as given.
+        sent: readings that were passed on.
+        dropped: readings that were not, because the output was too slow or has failed.
+        status: "ok", or a sentence on what is wrong.
+    """
+
+    name: str
+    sent: int
+    dropped: int
+    status: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
     """State of a session at one time.
 
@@ -42,6 +59,7 @@ class Health:
         can_press: whether the source accepts `Press`.
         sensor_version: increases with every change of the sensor.
         is_preparing: whether a changed method, parameter or reference is being prepared.
+        outputs: to other programs.
     """
 
     is_running: bool
@@ -65,3 +83,4 @@ class Health:
     can_press: bool = False
     sensor_version: int = 0
     is_preparing: bool = False
+    outputs: tuple[OutputState, ...] = ()

@@ -136,6 +136,16 @@ def _is_recording(_: Any, path: Path | None) -> None:
 SOURCE_WORDS = (
     "Camera (0, /dev/video2), stream URL, video, image, folder of images, recording (.mcap), or sim:."
 )
+OutputUrls = Annotated[
+    tuple[str, ...],
+    Parameter(
+        name="--to",
+        negative=(),
+        metavar="URL",
+        show_default=False,
+        help="Also send the readings to another program: tuio://, osc://, midi://; may be repeated.",
+    ),
+]
 NoView = Annotated[bool, switch("Do not start the viewer.")]
 Host = Annotated[
     str,

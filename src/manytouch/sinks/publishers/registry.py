@@ -1,0 +1,121 @@
+"""The outputs by the scheme of their URL, in one place."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+from manytouch.errors import ManytouchError, OutputError
+from manytouch.pipeline import Controls
+from manytouch.sinks.publishers.address import OutputAddress, parse_address
+from manytouch.sinks.publishers.midi import MidiPublisher, MpeEncoder
+from manytouch.sinks.publishers.osc import encode_osc
+from manytouch.sinks.publishers.queued import Publisher, QueuedOutput
+from manytouch.sinks.publishers.touches import FULL_SCALES, scale_of
+from manytouch.sinks.publishers.tuio import PORT as TUIO_PORT
+from manytouch.sinks.publishers.tuio import Tuio11, Tuio20
+from manytouch.sinks.publishers.udp import OscPublisher
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scheme:
+    """A kind of output.
+
+    Attributes:
+        example: a URL.
+        purpose: what receives it.
+        options: names that may follow "?" in the URL.
+        open_publisher: opens it.
+    """
+
+    example: str
+    purpose: str
+    options: tuple[str, ...]
+    open_publisher: Callable[[OutputAddress, Controls], Publisher]
+
+
+def _osc(address: OutputAddress, _: Controls) -> Publisher:
+    return OscPublisher(address, encode_osc)
+
+
+def _tuio(address: OutputAddress, controls: Controls) -> Publisher:
+    scale = scale_of(address, controls)
+    if address.choice("version", ("1.1", "2.0")) == "1.1":
+        return OscPublisher(address, Tuio11(scale), TUIO_PORT)
+    camera = controls.sensor.camera
+    return OscPublisher(address, Tuio20(scale, (camera.width_px, camera.height_px)), TUIO_PORT)
+
+
+def _midi(address: OutputAddress, controls: Controls) -> Publisher:
+    low_note = address.number("low-note", 48.0, (0.0, 127.0))
+    notes = address.number("notes", 24.0, (0.0, 127.0))
+    return MidiPublisher(
+        address, MpeEncoder(scale_of(address, controls), low_note=round(low_note), notes=notes)
+    )
+
+
+SCHEMES: Mapping[str, Scheme] = {
+    "tuio": Scheme(
+        example="tuio://127.0.0.1:3333",
+        purpose="programs for touch screens and interactive tables",
+        options=("version", *FULL_SCALES),
+        open_publisher=_tuio,
+    ),
+    "osc": Scheme(
+        example="osc://127.0.0.1:9000",
+        purpose="Max, Pure Data, SuperCollider, TouchDesigner, own programs",
+        options=(),
+        open_publisher=_osc,
+    ),
+    "midi": Scheme(
+        example="midi://PORT",
+        purpose="synthesizers with MPE; midi://take.mid writes a file",
+        options=("low-note", "notes", *FULL_SCALES),
+        open_publisher=_midi,
+    ),
+}
+
+
+def open_outputs(urls: Sequence[str], controls: Controls) -> list[QueuedOutput]:
+    """Open outputs; each has its own queue and thread.
+
+    Args:
+        urls: their addresses.
+        controls: the session whose readings they get; some outputs send commands to it.
+
+    Raises:
+        ManytouchError: an address is wrong.
+        OutputError: an output cannot be opened; those before it are closed again.
+        MissingExtraError: an output needs a package that is not installed.
+    """
+    addresses = [_known_address(url) for url in urls]
+    opened: list[QueuedOutput] = []
+    try:
+        opened.extend(_opened(address, controls) for address in addresses)
+    except ManytouchError:
+        for output in opened:
+            output.close()
+        raise
+    return opened
+
+
+def check_addresses(urls: Sequence[str]) -> None:
+    """Raises ManytouchError if the address of an output is wrong; opens nothing."""
+    for url in urls:
+        _known_address(url)
+
+
+def _known_address(url: str) -> OutputAddress:
+    address = parse_address(url)
+    scheme = SCHEMES.get(address.scheme)
+    if scheme is None:
+        known = ", ".join(each.example for each in SCHEMES.values())
+        raise ManytouchError(f"{url!r}: there is no output {address.scheme}://; choose one like {known}")
+    address.refuse_options_except(*scheme.options)
+    return address
+
+
+def _opened(address: OutputAddress, controls: Controls) -> QueuedOutput:
+    open_publisher = SCHEMES[address.scheme].open_publisher
+    try:
+        return QueuedOutput(address.text, lambda: open_publisher(address, controls))
+    except OSError as error:
+        raise OutputError(f"{address.text!r} cannot be opened: {error.strerror or error}") from error

@@ -1,0 +1,91 @@
+"""OSC bundles over UDP."""
+
+import socket
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from manytouch.errors import MissingExtraError, OutputError
+from manytouch.sinks.publishers.address import OutputAddress
+from manytouch.values import Reading
+
+Message = tuple[str, Sequence[tuple[str, object]]]
+"""Address and arguments, each with its type tag of OSC 1.0 ("i", "f", "s", "d", "t")."""
+
+
+BundleEncoder = Callable[[Reading], Sequence[Sequence[Message]]]
+"""Converts readings, in order, to bundles of messages."""
+
+
+class OscPublisher:
+    """Sends each reading as OSC bundles in UDP datagrams.
+
+    A datagram has no receiver that could fail: a client that is not running, or is started again, only
+    misses what is sent meanwhile.
+    """
+
+    def __init__(
+        self, address: OutputAddress, encode: BundleEncoder, default_port: int | None = None
+    ) -> None:
+        """Open a socket.
+
+        Args:
+            address: with the host and port of the receiver; no host: this computer.
+            encode: makes the messages.
+            default_port: None: the address must have a port.
+
+        Raises:
+            OutputError: the host is not known, or there is no port.
+            MissingExtraError: python-osc is not installed.
+        """
+        _require_osc()
+        port = default_port if address.port is None else address.port
+        if not port:
+            raise OutputError(f"{address.text!r} has no port: add one, such as {address.text}:9000")
+        host = address.host or "127.0.0.1"
+        try:
+            family, kind, _, _, receiver = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+            self._socket = socket.socket(family, kind)
+            self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        except (OSError, UnicodeError) as error:
+            raise OutputError(f"{address.text!r}: the host {host!r} is not known ({error})") from error
+        self._receiver = receiver
+        self._encode = encode
+
+    def publish(self, reading: Reading) -> None:
+        """Send a reading."""
+        for bundle in self._encode(reading):
+            self._socket.sendto(encode_bundle(bundle), self._receiver)
+
+    def close(self) -> None:
+        """Release the socket."""
+        self._socket.close()
+
+
+def encode_bundle(messages: Sequence[Message]) -> bytes:
+    """An OSC 1.0 bundle that is to be carried out at once.
+
+    The builder of python-osc has no time tags as arguments, which TUIO 2.0 requires.
+    """
+    from pythonosc.parsing import osc_types
+
+    write: dict[str, Callable[[Any], bytes]] = {
+        "i": osc_types.write_int,
+        "f": osc_types.write_float,
+        "d": osc_types.write_double,
+        "s": osc_types.write_string,
+        "t": osc_types.write_date,
+    }
+    parts = [b"#bundle\x00", osc_types.write_date(osc_types.IMMEDIATELY)]
+    for address, arguments in messages:
+        tags = "".join(tag for tag, _ in arguments)
+        values = b"".join(write[tag](value) for tag, value in arguments)
+        content = osc_types.write_string(address) + osc_types.write_string(f",{tags}") + values
+        parts += [osc_types.write_int(len(content)), content]
+    return b"".join(parts)
+
+
+def _require_osc() -> None:
+    try:
+        import pythonosc  # noqa: F401
+    except ImportError:
+        raise MissingExtraError("TUIO and OSC", "python-osc", "connect") from None

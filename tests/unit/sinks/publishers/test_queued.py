@@ -1,0 +1,83 @@
+"""The queue of an output: it never waits, counts what it drops, and opens a failed publisher again."""
+
+import threading
+
+import pytest
+
+from manytouch.errors import OutputError
+from manytouch.sinks.publishers.queued import QueuedOutput
+from manytouch.values import Reading
+from waiting import wait_until
+
+
+class Slow:
+    """A publisher that waits for a permission before each reading."""
+
+    def __init__(self) -> None:
+        self.may_go = threading.Semaphore(0)
+        self.indices: list[int] = []
+        self.is_closed = False
+
+    def publish(self, reading: Reading) -> None:
+        self.may_go.acquire()
+        self.indices.append(reading.frame.index)
+
+    def close(self) -> None:
+        self.is_closed = True
+
+
+class Failing:
+    """A publisher whose receiver disappears at the second reading."""
+
+    opened = 0
+
+    def __init__(self) -> None:
+        type(self).opened += 1
+        self.sent = 0
+
+    def publish(self, reading: Reading) -> None:
+        self.sent += 1
+        if type(self).opened < 3 and self.sent == 2:
+            raise BrokenPipeError(32, "the receiver is gone")
+
+    def close(self) -> None:
+        pass
+
+
+def test_of_more_readings_than_fit_the_oldest_are_dropped_and_counted(reading_of) -> None:
+    publisher = Slow()
+    output = QueuedOutput("slow", lambda: publisher, length=3)
+    output.write(reading_of(0))
+    wait_until(lambda: not output._queue)  # the thread has it
+    for index in range(1, 11):
+        output.write(reading_of(index))
+    assert output.state.dropped == 7
+    publisher.may_go.release(100)
+    output.close()
+    assert publisher.indices == [0, 8, 9, 10]
+    assert (output.state.sent, output.state.dropped, output.state.status) == (4, 7, "ok")
+    assert publisher.is_closed
+
+
+def test_a_failed_publisher_is_opened_again_and_the_reason_is_shown(reading_of) -> None:
+    Failing.opened = 0
+    output = QueuedOutput("failing", Failing, retry_s=0.02)
+    statuses = set()
+    for index in range(2000):
+        output.write(reading_of(index))
+        statuses.add(output.state.status)
+        if Failing.opened == 3 and output.state.status == "ok":
+            break
+        threading.Event().wait(0.002)
+    wait_until(lambda: output.state.status == "ok" and Failing.opened == 3)
+    output.close()
+    assert any("the receiver is gone" in status for status in statuses)
+    assert output.state.dropped >= 2
+
+
+def test_an_output_that_cannot_be_opened_at_first_is_an_error() -> None:
+    def refuse() -> Slow:
+        raise OutputError("there is no such port")
+
+    with pytest.raises(OutputError, match="no such port"):
+        QueuedOutput("missing", refuse)

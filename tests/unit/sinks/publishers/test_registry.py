@@ -1,0 +1,53 @@
+"""Addresses of outputs: what is accepted, and one sentence for what is not."""
+
+import pytest
+
+from manytouch.errors import ManytouchError
+from manytouch.sinks.publishers.address import parse_address
+from manytouch.sinks.publishers.registry import SCHEMES, check_addresses, open_outputs
+
+
+def test_the_parts_of_an_address() -> None:
+    address = parse_address("TUIO://[::1]:3333/some%20path?version=2.0&force-N=4")
+    assert (address.scheme, address.host, address.port, address.path) == ("tuio", "::1", 3333, "some path")
+    assert address.options == {"version": "2.0", "force-N": "4"}
+    assert address.number("force-N", 10.0, (0.0, 100.0)) == 4.0
+    assert address.number("depth-pitch", 10.0, (0.0, 100.0)) == 10.0
+    named = parse_address("midi://IAC%20Driver%20Bus%201")
+    assert (named.host, named.port) == ("IAC Driver Bus 1", None)
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("127.0.0.1:3333", "not the address of an output"),
+        ("smoke://127.0.0.1", "no output smoke://.*tuio://.*osc://"),
+        ("tuio://127.0.0.1:99999", "the port is not a number from 0 to 65535"),
+        ("tuio://127.0.0.1?colour=red", "no option 'colour': known are version"),
+        ("osc://127.0.0.1:9000?colour=red", "no option 'colour': it has none"),
+    ],
+)
+def test_a_wrong_address_is_one_sentence(url: str, words: str) -> None:
+    with pytest.raises(ManytouchError, match=words):
+        check_addresses([url])
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("osc://127.0.0.1", "has no port: add one"),
+        ("osc://no-such-host.invalid:9000", "the host 'no-such-host.invalid' is not known"),
+        ("tuio://127.0.0.1?version=3", "choose 1.1 or 2.0"),
+        ("tuio://127.0.0.1?force-N=strong", "force-N is 'strong'; give a number"),
+        ("midi:///no/such/folder/take.mid", "cannot be written"),
+    ],
+)
+def test_an_output_that_cannot_be_opened_is_one_sentence(url: str, words: str, session) -> None:
+    with pytest.raises(ManytouchError, match=words):
+        open_outputs(["osc://127.0.0.1:9000", url], session)
+
+
+def test_every_example_is_an_address_of_its_scheme() -> None:
+    for name, scheme in SCHEMES.items():
+        assert parse_address(scheme.example).scheme == name
+        check_addresses([scheme.example])
