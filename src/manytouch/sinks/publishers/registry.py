@@ -9,6 +9,7 @@ from manytouch.sinks.publishers.address import OutputAddress, parse_address
 from manytouch.sinks.publishers.midi import MidiPublisher, MpeEncoder
 from manytouch.sinks.publishers.osc import encode_osc
 from manytouch.sinks.publishers.queued import Publisher, QueuedOutput
+from manytouch.sinks.publishers.ros2 import Ros2Publisher
 from manytouch.sinks.publishers.touches import FULL_SCALES, scale_of
 from manytouch.sinks.publishers.tuio import PORT as TUIO_PORT
 from manytouch.sinks.publishers.tuio import Tuio11, Tuio20
@@ -53,6 +54,12 @@ def _midi(address: OutputAddress, controls: Controls) -> Publisher:
 
 
 SCHEMES: Mapping[str, Scheme] = {
+    "ros2": Scheme(
+        example="ros2://manytouch",
+        purpose="nodes of ROS 2, which need not be installed here",
+        options=("domain",),
+        open_publisher=Ros2Publisher,
+    ),
     "tuio": Scheme(
         example="tuio://127.0.0.1:3333",
         purpose="programs for touch screens and interactive tables",

@@ -1,0 +1,117 @@
+"""Readings as topics of ROS 2, over DDS, without ROS; see `manytouch.sinks.ros2.messages` for the topics.
+
+A message is made only where it is read. A message on NAME/tare (std_msgs/Empty) requests a tare.
+"""
+
+import os
+import re
+import time
+from collections.abc import Callable
+
+from manytouch.errors import OutputError
+from manytouch.pipeline import Controls
+from manytouch.sinks.publishers.address import OutputAddress
+from manytouch.sinks.publishers.dds import DdsParticipant
+from manytouch.sinks.recorder import started_unix_ns
+from manytouch.sinks.ros2.messages import JPEG_QUALITY, RosMessage, RosMessages
+from manytouch.values import Frame, Reading, Tare
+
+NAME = "manytouch"
+DIAGNOSTICS_INTERVAL_S = 1.0
+TOPICS = {
+    "wrench": "geometry_msgs/msg/WrenchStamped",
+    "contacts": "sensor_msgs/msg/PointCloud2",
+    "surface": "sensor_msgs/msg/PointCloud2",
+    "contact_markers": "visualization_msgs/msg/MarkerArray",
+    "image/compressed": "sensor_msgs/msg/CompressedImage",
+    "camera_info": "sensor_msgs/msg/CameraInfo",
+}
+MOST_TARES = 100  # that wait and are taken at once
+
+
+class Ros2Publisher:
+    """Publishes the readings of a session."""
+
+    def __init__(self, address: OutputAddress, controls: Controls) -> None:
+        """Join the domain and announce the topics.
+
+        Args:
+            address: `ros2://NAME?domain=N`; absent: manytouch, and ROS_DOMAIN_ID or 0.
+            controls: the session; it gets the tares.
+
+        Raises:
+            ManytouchError: name or domain is wrong.
+            OutputError: the domain cannot be joined.
+            MissingExtraError: cyclonedds or rosbags is not installed.
+        """
+        name = "/".join(part for part in (address.host, address.path) if part) or NAME
+        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", name):
+            raise OutputError(f"{address.text!r}: {name!r} is not a name of ROS: use letters, digits and _")
+        domain = address.number("domain", _domain_of_environment(), (0.0, 232.0))
+        self._name, self._controls = name, controls
+        self._messages = RosMessages(controls.sensor, name)
+        try:
+            self._dds = DdsParticipant(round(domain))
+        except OSError as error:
+            raise OutputError(f"{address.text!r}: {error}") from error
+        for topic, type_name in TOPICS.items():
+            self._dds.declare(self._messages.topic(topic), type_name)
+        self._dds.declare("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
+        self._dds.declare("/tf_static", "tf2_msgs/msg/TFMessage", is_latched=True)
+        self._tare = self._dds.reader(self._messages.topic("tare"), "std_msgs/msg/Empty")
+        self._epoch_ns: int | None = None
+        self._next_diagnostics_s = 0.0
+        self._dds.write(self._messages.transform(time.time_ns()))
+
+    def publish(self, reading: Reading) -> None:
+        """Publish what of a reading is read."""
+        if self._tare.take(N=MOST_TARES):
+            self._controls.send(Tare())
+        frame = reading.frame
+        if self._epoch_ns is None:
+            self._epoch_ns = started_unix_ns(frame)
+        stamp_ns = self._epoch_ns + frame.timestamp_ns
+        if self._messages.sensor is not self._controls.sensor:
+            self._messages = RosMessages(self._controls.sensor, self._name)
+            self._dds.write(self._messages.transform(stamp_ns))
+        messages = self._messages
+        self._send("wrench", lambda: messages.wrench(reading, stamp_ns))
+        self._send("contacts", lambda: messages.contacts(reading, stamp_ns))
+        self._send("surface", lambda: messages.surface(reading, stamp_ns))
+        self._send("contact_markers", lambda: messages.markers(reading, stamp_ns))
+        if frame.encoded is not None or frame.image is not None:
+            self._send("image/compressed", lambda: messages.image(*encoded_image(frame), stamp_ns))
+            self._send("camera_info", lambda: messages.camera_info(stamp_ns))
+        if time.monotonic() >= self._next_diagnostics_s:
+            self._next_diagnostics_s = time.monotonic() + DIAGNOSTICS_INTERVAL_S
+            self._dds.write(messages.diagnostics(self._controls.health(), reading.status, stamp_ns))
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._tare = None
+        self._dds.close()
+
+    def _send(self, topic: str, make: Callable[[], RosMessage]) -> None:
+        if self._dds.is_read(self._messages.topic(topic)):
+            self._dds.write(make())
+
+
+def encoded_image(frame: Frame) -> tuple[bytes, str]:
+    """The image of a frame as the camera sent it, else as JPEG, and the format: "jpeg" or "png"."""
+    if frame.encoded is not None:
+        return frame.encoded, "png" if frame.encoded.startswith(b"\x89PNG") else "jpeg"
+    import cv2
+    import numpy as np
+
+    image = frame.image
+    if image is None:
+        return b"", "jpeg"
+    if image.dtype != np.uint8:
+        image = (image >> 8).astype(np.uint8)
+    _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
+    return encoded.tobytes(), "jpeg"
+
+
+def _domain_of_environment() -> float:
+    text = os.environ.get("ROS_DOMAIN_ID", "0")
+    return float(text) if text.isdecimal() else 0.0

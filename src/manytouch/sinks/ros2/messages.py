@@ -1,0 +1,340 @@
+"""ROS 2 messages of a reading.
+
+NAME/wrench             geometry_msgs/WrenchStamped    sum of all contacts, about the origin of the sheet
+NAME/contacts           sensor_msgs/PointCloud2        a point per contact, fields `CONTACT_FIELDS`
+NAME/surface            sensor_msgs/PointCloud2        a point per marker: x, y, z, depth, pressure
+NAME/contact_markers    visualization_msgs/MarkerArray an arrow per contact along its force
+NAME/image/compressed   sensor_msgs/CompressedImage    the image as the camera gave it, else JPEG
+NAME/camera_info        sensor_msgs/CameraInfo
+/diagnostics            diagnostic_msgs/DiagnosticArray
+/tf_static              tf2_msgs/TFMessage             NAME_camera to NAME_sheet
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from manytouch.errors import MissingExtraError
+from manytouch.geometry.camera import camera_matrix
+from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_at
+from manytouch.values import Contact, Health, Phase, Reading, Sensor, Status
+
+M_PER_MM, PA_PER_KPA = 1e-3, 1e3
+CONTACT_FIELDS = (
+    *("x", "y", "z", "depth", "fx", "fy", "fz", "torque", "area"),
+    *("x_std", "y_std", "depth_std", "normal_force_std"),
+)
+SURFACE_FIELDS = ("x", "y", "z", "depth", "pressure")
+PHASES = {Phase.START: 0, Phase.MOVE: 1, Phase.END: 2}
+ARROW_M_PER_N, ARROW_SHAFT_M, ARROW_HEAD_M = 0.01, 0.001, 0.002
+JPEG_QUALITY = 90
+UINT8, UINT32, FLOAT32 = 2, 6, 7  # sensor_msgs/PointField
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RosMessage:
+    """A message and its topic.
+
+    Attributes:
+        topic: name with a leading "/".
+        type: such as "geometry_msgs/msg/WrenchStamped".
+        message: of rosbags.
+    """
+
+    topic: str
+    type: str
+    message: Any
+
+
+@cache
+def typestore() -> Any:
+    """Message types of ROS 2 Jazzy.
+
+    Raises:
+        MissingExtraError: rosbags is not installed.
+    """
+    try:
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError:
+        raise MissingExtraError("ROS 2", "rosbags", "connect") from None
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+class RosMessages:
+    """Makes the messages of one sensor."""
+
+    def __init__(self, sensor: Sensor, name: str = "manytouch") -> None:
+        """Prepare.
+
+        Args:
+            sensor: with its layout.
+            name: of the topics and frames.
+        """
+        self.sensor = sensor
+        self._name = name
+        self._types = typestore().types
+        self._sampler: SurfaceSampler | None = None
+        layout = sensor.layout
+        if layout is not None:
+            self._sampler = sampler_at(layout, np.ascontiguousarray(layout.rest_mm[:, :2]))
+
+    def topic(self, name: str) -> str:
+        """Name of a topic of this sensor."""
+        return f"/{self._name}/{name}"
+
+    def wrench(self, reading: Reading, stamp_ns: int) -> RosMessage:
+        """Resultant of all contacts that are present; NaN where a force is unknown."""
+        force_N, torque_Nmm = np.zeros(3), np.zeros(3)
+        for contact in reading.contacts.touching:
+            x_mm, y_mm = contact.centre_mm
+            force_N += contact.force_N
+            torque_Nmm += np.cross(np.array([x_mm, y_mm, 0.0]), contact.force_N)
+            torque_Nmm[2] += contact.torque_Nmm
+        wrench = self._new(
+            "geometry_msgs/msg/Wrench",
+            force=self._vector(force_N),
+            torque=self._vector(torque_Nmm * M_PER_MM),
+        )
+        return self._stamped("wrench", "geometry_msgs/msg/WrenchStamped", stamp_ns, wrench=wrench)
+
+    def contacts(self, reading: Reading, stamp_ns: int) -> RosMessage:
+        """The contacts as points, also those that just ended."""
+        contacts = reading.contacts.contacts
+        layout = np.dtype(
+            [("id", "<u4"), ("phase", "<u4"), *((name, "<f4") for name in CONTACT_FIELDS)], align=False
+        )
+        points = np.zeros(len(contacts), layout)
+        points["id"] = [contact.id for contact in contacts]
+        points["phase"] = [PHASES[contact.phase] for contact in contacts]
+        for place, contact in enumerate(contacts):
+            for name, value in _contact_numbers(contact).items():
+                points[name][place] = value
+        return self._cloud("contacts", points, stamp_ns)
+
+    def surface(self, reading: Reading, stamp_ns: int) -> RosMessage:
+        """The markers in the sheet frame, with depth, and pressure where the method estimates it."""
+        surface = reading.surface
+        points = np.zeros(len(surface.position_mm), np.dtype([(name, "<f4") for name in SURFACE_FIELDS]))
+        for axis, name in enumerate("xyz"):
+            points[name] = surface.position_mm[:, axis] * M_PER_MM
+        points["depth"] = -surface.displacement_mm[:, 2] * M_PER_MM
+        is_sampled = self._sampler is not None and surface.spline is not None
+        points["pressure"] = (
+            self._sampler.pressure_kPa(surface) * PA_PER_KPA
+            if is_sampled and self._sampler is not None
+            else np.nan
+        )
+        return self._cloud("surface", points, stamp_ns)
+
+    def markers(self, reading: Reading, stamp_ns: int) -> RosMessage:
+        """An arrow per contact for rviz, which lasts until the next message."""
+        header = self._header(stamp_ns, "sheet")
+        markers = [self._marker(header, 0, action=3)]
+        for contact in reading.contacts.touching:
+            tip_m = np.array([*contact.centre_mm, -contact.depth_mm]) * M_PER_MM
+            force_N = np.nan_to_num(contact.force_N)
+            ends_m = (tip_m - force_N * ARROW_M_PER_N, tip_m)
+            points = [
+                self._new("geometry_msgs/msg/Point", **dict(zip("xyz", end.tolist(), strict=True)))
+                for end in ends_m
+            ]
+            markers.append(self._marker(header, contact.id, action=0, points=points))
+        return RosMessage(
+            topic=self.topic("contact_markers"),
+            type="visualization_msgs/msg/MarkerArray",
+            message=self._new("visualization_msgs/msg/MarkerArray", markers=markers),
+        )
+
+    def image(self, encoded: bytes, kind: str, stamp_ns: int) -> RosMessage:
+        """An encoded image; `kind` is "jpeg" or "png"."""
+        return RosMessage(
+            topic=self.topic("image/compressed"),
+            type="sensor_msgs/msg/CompressedImage",
+            message=self._new(
+                "sensor_msgs/msg/CompressedImage",
+                header=self._header(stamp_ns, "camera"),
+                format=kind,
+                data=np.frombuffer(encoded, np.uint8),
+            ),
+        )
+
+    def camera_info(self, stamp_ns: int) -> RosMessage:
+        """Intrinsic parameters, with the distortion models of ROS."""
+        camera = self.sensor.camera
+        matrix = camera_matrix(camera)
+        roi = self._new(
+            "sensor_msgs/msg/RegionOfInterest", x_offset=0, y_offset=0, height=0, width=0, do_rectify=False
+        )
+        return self._stamped(
+            "camera_info",
+            "sensor_msgs/msg/CameraInfo",
+            stamp_ns,
+            frame="camera",
+            height=camera.height_px,
+            width=camera.width_px,
+            distortion_model="plumb_bob" if camera.model == "pinhole" else "equidistant",
+            d=np.asarray(camera.distortion, np.float64),
+            k=matrix.ravel().astype(np.float64),
+            r=np.eye(3).ravel(),
+            p=np.column_stack([matrix, np.zeros(3)]).ravel().astype(np.float64),
+            binning_x=0,
+            binning_y=0,
+            roi=roi,
+        )
+
+    def transform(self, stamp_ns: int) -> RosMessage:
+        """Pose of the sheet in the camera frame, for /tf_static."""
+        camera = self.sensor.camera
+        x, y, z, w = Rotation.from_rotvec(camera.rotation_vector).as_quat().tolist()
+        transform = self._new(
+            "geometry_msgs/msg/Transform",
+            translation=self._vector(camera.translation_mm * M_PER_MM),
+            rotation=self._new("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
+        )
+        stamped = self._new(
+            "geometry_msgs/msg/TransformStamped",
+            header=self._header(stamp_ns, "camera"),
+            child_frame_id=f"{self._name}_sheet",
+            transform=transform,
+        )
+        return RosMessage(
+            topic="/tf_static",
+            type="tf2_msgs/msg/TFMessage",
+            message=self._new("tf2_msgs/msg/TFMessage", transforms=[stamped]),
+        )
+
+    def diagnostics(self, health: Health, status: Status, stamp_ns: int) -> RosMessage:
+        """State of the session: level 0 ok, 1 a frame has a status, 2 the source has failed."""
+        level = 2 if health.source != "ok" else int(status is not Status.OK)
+        values: Mapping[str, object] = {
+            "fps": f"{health.fps:.1f}",
+            "latency_ms_p50": f"{health.latency_ms_p50:.1f}",
+            "latency_ms_p99": f"{health.latency_ms_p99:.1f}",
+            "frames": health.frames,
+            "dropped": health.dropped,
+            "markers_seen": health.markers_seen,
+            "markers": health.markers,
+            "method": health.method,
+            **{f"dropped by {output.name}": output.dropped for output in health.outputs},
+        }
+        entry = self._new(
+            "diagnostic_msgs/msg/DiagnosticStatus",
+            level=level,
+            name=self._name,
+            message=health.source if health.source != "ok" else str(status),
+            hardware_id=self.sensor.name,
+            values=[
+                self._new("diagnostic_msgs/msg/KeyValue", key=key, value=str(value))
+                for key, value in values.items()
+            ],
+        )
+        return RosMessage(
+            topic="/diagnostics",
+            type="diagnostic_msgs/msg/DiagnosticArray",
+            message=self._new(
+                "diagnostic_msgs/msg/DiagnosticArray",
+                header=self._header(stamp_ns, "sheet"),
+                status=[entry],
+            ),
+        )
+
+    def _new(self, type_name: str, /, **fields: object) -> Any:
+        return self._types[type_name](**fields)
+
+    def _header(self, stamp_ns: int, frame: str) -> Any:
+        seconds, nanoseconds = divmod(stamp_ns, 10**9)
+        stamp = self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
+        return self._new("std_msgs/msg/Header", stamp=stamp, frame_id=f"{self._name}_{frame}")
+
+    def _stamped(
+        self, topic: str, type_name: str, stamp_ns: int, *, frame: str = "sheet", **fields: object
+    ) -> RosMessage:
+        message = self._new(type_name, header=self._header(stamp_ns, frame), **fields)
+        return RosMessage(topic=self.topic(topic), type=type_name, message=message)
+
+    def _vector(self, values: np.ndarray) -> Any:
+        return self._new("geometry_msgs/msg/Vector3", **dict(zip("xyz", values.tolist(), strict=True)))
+
+    def _cloud(self, topic: str, points: np.ndarray, stamp_ns: int) -> RosMessage:
+        """A cloud of records of uint32 and float32 fields."""
+        described: Mapping[str, Any] = points.dtype.fields or {}
+        fields = [
+            self._new(
+                "sensor_msgs/msg/PointField",
+                name=name,
+                offset=int(entry[1]),
+                datatype=UINT32 if entry[0].kind == "u" else FLOAT32,
+                count=1,
+            )
+            for name, entry in described.items()
+        ]
+        return self._stamped(
+            topic,
+            "sensor_msgs/msg/PointCloud2",
+            stamp_ns,
+            height=1,
+            width=len(points),
+            fields=fields,
+            is_bigendian=False,
+            point_step=points.dtype.itemsize,
+            row_step=points.nbytes,
+            data=np.frombuffer(points.tobytes(), np.uint8),
+            is_dense=False,
+        )
+
+    def _marker(self, header: Any, number: int, *, action: int, points: Sequence[Any] = ()) -> Any:
+        nothing = self._new("builtin_interfaces/msg/Time", sec=0, nanosec=0)
+        image = self._new(
+            "sensor_msgs/msg/CompressedImage",
+            header=self._new("std_msgs/msg/Header", stamp=nothing, frame_id=""),
+            format="",
+            data=np.zeros(0, np.uint8),
+        )
+        pose = self._new(
+            "geometry_msgs/msg/Pose",
+            position=self._new("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0),
+            orientation=self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
+        )
+        return self._new(
+            "visualization_msgs/msg/Marker",
+            header=header,
+            ns="contacts",
+            id=number,
+            type=0,
+            action=action,
+            pose=pose,
+            scale=self._vector(np.array([ARROW_SHAFT_M, ARROW_HEAD_M, 0.0])),
+            color=self._new("std_msgs/msg/ColorRGBA", r=0.9, g=0.3, b=0.1, a=1.0),
+            lifetime=self._new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
+            frame_locked=False,
+            points=list(points),
+            colors=[],
+            texture_resource="",
+            texture=image,
+            uv_coordinates=[],
+            text="",
+            mesh_resource="",
+            mesh_file=self._new("visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, np.uint8)),
+            mesh_use_embedded_materials=False,
+        )
+
+
+def _contact_numbers(contact: Contact) -> dict[str, float]:
+    """Values of `CONTACT_FIELDS`, in SI units."""
+    values = (
+        *(contact.centre_mm * M_PER_MM).tolist(),
+        -contact.depth_mm * M_PER_MM,
+        contact.depth_mm * M_PER_MM,
+        *contact.force_N.tolist(),
+        contact.torque_Nmm * M_PER_MM,
+        contact.area_mm2 * M_PER_MM**2,
+        contact.std("x") * M_PER_MM,
+        contact.std("y") * M_PER_MM,
+        contact.std("depth") * M_PER_MM,
+        contact.std("normal_force"),
+    )
+    return dict(zip(CONTACT_FIELDS, values, strict=True))

@@ -1,0 +1,127 @@
+"""Topics of ROS 2: bytes of rosbags, read by the deserializer of cyclonedds, over DDS on loopback."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from manytouch.errors import ManytouchError
+from manytouch.sinks.publishers.dds import DdsParticipant, dds_type
+from manytouch.sinks.publishers.registry import open_outputs
+from manytouch.sinks.ros2.messages import CONTACT_FIELDS, RosMessage, RosMessages, typestore
+from manytouch.values import Phase, Tare
+from waiting import wait_until
+
+LOOPBACK = Path(__file__).parents[3] / "peers" / "loopback.xml"
+DOMAIN = 87
+
+
+@pytest.fixture(autouse=True)
+def on_loopback(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK.as_uri())
+
+
+@pytest.fixture
+def pressed(reading_of, contact_of):
+    one = contact_of(
+        3, force_N=np.array([0.1, 0.2, -3.0]), torque_Nmm=5.0, area_mm2=12.0, centre_mm=np.array([2.5, -1.25])
+    )
+    ended = contact_of(4, Phase.END, force_N=np.array([9.0, 9.0, -9.0]))
+    return reading_of(7, (one, ended), depth_mm=1.0)
+
+
+def samples_of(reader) -> list:
+    return reader.take(N=10)
+
+
+def test_a_reader_receives_the_wrench_and_the_contacts(session, pressed) -> None:
+    peer = DdsParticipant(DOMAIN)
+    wrench = peer.reader("/skin/wrench", "geometry_msgs/msg/WrenchStamped", is_reliable=False)
+    cloud = peer.reader("/skin/contacts", "sensor_msgs/msg/PointCloud2", is_reliable=False)
+    (output,) = open_outputs([f"ros2://skin?domain={DOMAIN}"], session)
+    found: dict[str, list] = {"wrench": [], "contacts": []}
+
+    def received() -> bool:
+        output.write(pressed)
+        found["wrench"] += samples_of(wrench)
+        found["contacts"] += samples_of(cloud)
+        return all(found.values())
+
+    wait_until(received)
+    message = found["wrench"][0]
+    force, torque = message.wrench.force, message.wrench.torque
+    assert (force.x, force.y, force.z) == (0.1, 0.2, -3.0)
+    # r x f of (2.5, -1.25, 0) mm and the force, plus 5 N mm about z, in N m
+    assert (torque.x, torque.y, torque.z) == pytest.approx((3.75e-3, 7.5e-3, 5.625e-3))
+    assert message.header.frame_id == "skin_sheet"
+    points = np.frombuffer(
+        bytes(found["contacts"][0].data),
+        np.dtype([("id", "<u4"), ("phase", "<u4"), *((name, "<f4") for name in CONTACT_FIELDS)]),
+    )
+    assert points["id"].tolist() == [3, 4]
+    assert points["phase"].tolist() == [1, 2]
+    assert points["x"][0] == pytest.approx(2.5e-3)
+    assert points["normal_force_std"].tolist() == pytest.approx([np.nan, np.nan], nan_ok=True)
+    assert points["area"][0] == pytest.approx(12e-6)
+    output.close()
+    peer.close()
+
+
+def test_a_message_on_the_topic_tare_requests_a_tare(session, pressed) -> None:
+    (output,) = open_outputs([f"ros2://skin?domain={DOMAIN}"], session)
+    peer = DdsParticipant(DOMAIN)
+    peer.declare("/skin/tare", "std_msgs/msg/Empty", is_latched=True)
+    empty = typestore().types["std_msgs/msg/Empty"]()
+
+    def is_tared() -> bool:
+        peer.write(RosMessage(topic="/skin/tare", type="std_msgs/msg/Empty", message=empty))
+        output.write(pressed)
+        return any(isinstance(command, Tare) for command in session.commands)
+
+    wait_until(is_tared)
+    output.close()
+    peer.close()
+
+
+def test_messages_without_a_reader_are_not_made(session, pressed, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> None:
+        raise AssertionError("nobody reads it")
+
+    monkeypatch.setattr(RosMessages, "surface", refuse)
+    (output,) = open_outputs([f"ros2://skin?domain={DOMAIN}"], session)
+    output.write(pressed)
+    wait_until(lambda: output.state.sent + output.state.dropped == 1)
+    assert output.state.status == "ok"
+    output.close()
+
+
+@pytest.mark.parametrize("url", ["ros2://my-robot", "ros2://a?domain=300", "ros2://1st"])
+def test_names_and_domains_that_ros_does_not_know_are_refused(url: str, session) -> None:
+    with pytest.raises(ManytouchError, match=r"not a name of ROS|number from 0 to 232"):
+        open_outputs([url], session)
+
+
+def test_every_message_is_what_another_deserializer_reads(sensor, pressed, session) -> None:
+    messages = RosMessages(sensor, "skin")
+    made = [
+        messages.wrench(pressed, 10**18),
+        messages.contacts(pressed, 10**18),
+        messages.surface(pressed, 10**18),
+        messages.markers(pressed, 10**18),
+        messages.image(b"\xff\xd8\xff", "jpeg", 10**18),
+        messages.camera_info(10**18),
+        messages.transform(10**18),
+        messages.diagnostics(session.health(), pressed.status, 10**18),
+    ]
+    for each in made:
+        data = bytes(typestore().serialize_cdr(each.message, each.type))
+        again = dds_type(each.type).deserialize(data)
+        assert type(again).__name__ == each.type.rpartition("/")[2]
+    arrow = dds_type("visualization_msgs/msg/MarkerArray").deserialize(
+        bytes(typestore().serialize_cdr(made[3].message, made[3].type))
+    )
+    assert [marker.action for marker in arrow.markers] == [3, 0]
+    transform = made[6].message.transforms[0].transform
+    assert transform.translation.z == pytest.approx(0.05)
+    values = {value.key: value.value for value in made[7].message.status[0].values}
+    assert values["fps"] == "30.0"
