@@ -1,7 +1,6 @@
 """The viewer in a browser: Chromium, controlled by Playwright, with WebGL in software."""
 
 import math
-import shutil
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -18,6 +17,7 @@ pytest.importorskip("playwright")
 from playwright.sync_api import Browser, Page, sync_playwright
 
 import manytouch
+from browser import CHROMIUM, FLAGS, TIMEOUT_MS, wait, wait_for_text
 from manytouch.session import Live, Playback, prepare, run
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.latest_only import LatestOnly
@@ -27,14 +27,6 @@ from manytouch.values import Comparison, Reading
 from manytouch.values.sensor_file import save_sensor
 from viewer_session import FakeSession, reading_of
 
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-FLAGS = [
-    *("--headless", "--no-sandbox", "--disable-gpu", "--use-gl=angle", "--use-angle=swiftshader"),
-    *("--enable-unsafe-swiftshader", "--ignore-gpu-blocklist", "--disable-quic", "--no-first-run"),
-    *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
-    "--js-flags=--expose-gc",
-]
-TIMEOUT_MS = 60_000
 AT_MM = (-20.0, 10.0)
 SCENE = """schema = 1
 name = "rest"
@@ -127,21 +119,6 @@ def opened(browser: Browser) -> Iterator[Callable[..., Page]]:
 
 def foreign(request: str, url: str) -> list[str]:
     return [] if request.startswith((url, f"blob:{url}", "data:")) else [request]
-
-
-def wait(page: Page, condition: str) -> None:
-    """Wait for a condition in the page, whose content security policy forbids Playwright's own waiting."""
-    for _ in range(TIMEOUT_MS // 50):
-        if page.evaluate(condition):
-            return
-        page.wait_for_timeout(50)
-    raise AssertionError(f"not met within {TIMEOUT_MS // 1000} s: {condition}; {page.inner_text('#state')}")
-
-
-def wait_for_text(page: Page, selector: str, *texts: str) -> None:
-    """Wait until an element contains texts; panes are drawn with the next frame of the display."""
-    found = f"document.querySelector('{selector}').innerText"
-    wait(page, f"{list(texts)}.every((text) => {found}.includes(text))")
 
 
 def press(page: Page, at_mm: tuple[float, float], depth_mm: float = 2.5) -> None:

@@ -45,6 +45,7 @@ from manytouch.values import (
     Tare,
     TrackedGrid,
     Tune,
+    UndoTare,
     UseMethod,
 )
 
@@ -101,6 +102,7 @@ class Live:
         self._next_index: int | None = None
         self._pace = Pace()
         self._tare_grids: list[TrackedGrid] | None = None
+        self._before_tares: list[Sensor] = []
         self._is_changed = False
 
     @property
@@ -164,6 +166,7 @@ class Live:
             recording=self._recorder.name,
             notes=self._commands.notes,
             can_press=can.press is not None,
+            can_untare=bool(self._before_tares),
             sensor_version=setup.version,
             is_preparing=self._setups.is_busy,
             outputs=tuple(output.state for output in self._outputs),
@@ -260,6 +263,8 @@ class Live:
                 self._is_held = True
             case Tare():
                 self._tare_grids = [] if self._tare_grids is None else self._tare_grids
+            case UndoTare():
+                self._undo_tare()
             case UseMethod(method=method):
                 pipeline = self._pipeline_for(method)
                 if method != self._newest_setup.method:
@@ -307,7 +312,14 @@ class Live:
             self._commands.note("not tared: fewer than half of the markers are seen")
             return
         note = "tared: the present marker positions are the reference"
+        self._before_tares.append(self._newest_setup.sensor)
         self._change(note, sensor=sensor, version=self._newest_setup.version + 1)
+
+    def _undo_tare(self) -> None:
+        if not self._before_tares:
+            raise ManytouchError("there is no tare to undo")
+        note = "tare undone: the reference is the one before"
+        self._change(note, sensor=self._before_tares.pop(), version=self._newest_setup.version + 1)
 
     @property
     def _newest_setup(self) -> Setup:

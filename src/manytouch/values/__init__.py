@@ -15,6 +15,7 @@ from manytouch.values.commands import (
     StopRecording,
     Tare,
     Tune,
+    UndoTare,
     UseMethod,
 )
 from manytouch.values.contacts import ESTIMATES, Contact, Contacts, ContactShape, OutlineRing, Phase
@@ -66,5 +67,6 @@ __all__ = [
     "TrackedGrid",
     "Truth",
     "Tune",
+    "UndoTare",
     "UseMethod",
 ]

@@ -20,6 +20,11 @@ class Tare:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class UndoTare:
+    """Take the reference before the last `Tare` again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class UseMethod:
     """Process with another method from the next frame on."""
 
@@ -93,7 +98,9 @@ class Play:
     speed: float
 
 
-Command = Start | Stop | Tare | UseMethod | Tune | Record | StopRecording | Press | Release | Seek | Play
+Command = (
+    Start | Stop | Tare | UndoTare | UseMethod | Tune | Record | StopRecording | Press | Release | Seek | Play
+)
 
 
 def command_kind(command: Command) -> tuple[str, int | str]:
@@ -101,6 +108,8 @@ def command_kind(command: Command) -> tuple[str, int | str]:
     match command:
         case Start() | Stop():
             return "run", ""
+        case Tare() | UndoTare():
+            return "tare", ""
         case Record() | StopRecording():
             return "record", ""
         case Press(finger=finger) | Release(finger=finger):

@@ -57,6 +57,7 @@ class Health:
         notes: messages of the session, newest last.
         frame, frame_count: position in a recording and its length; None if the source is not a recording.
         can_press: whether the source accepts `Press`.
+        can_untare: whether there is a `Tare` to undo.
         sensor_version: increases with every change of the sensor.
         is_preparing: whether a changed method, parameter or reference is being prepared.
         outputs: to other programs.
@@ -81,6 +82,7 @@ class Health:
     frame: int | None = None
     frame_count: int | None = None
     can_press: bool = False
+    can_untare: bool = False
     sensor_version: int = 0
     is_preparing: bool = False
     outputs: tuple[OutputState, ...] = ()

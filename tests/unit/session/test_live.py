@@ -5,9 +5,12 @@ import threading
 import time
 from collections.abc import Iterator
 from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
+from mcap.reader import make_reader
 
 from cameras import Driver
 from clips import picture
@@ -15,6 +18,8 @@ from drawn_source import DrawnSource
 from manytouch.errors import ManytouchError
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.pipeline import Controls
+from manytouch.recording import SESSION
+from manytouch.recording.messages import decode_session
 from manytouch.session import Live, pipeline_for, prepare, run
 from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.methods import choices_of, parameters_of, tune
@@ -37,6 +42,7 @@ from manytouch.values import (
     Stop,
     Tare,
     Tune,
+    UndoTare,
     UseMethod,
 )
 
@@ -46,17 +52,19 @@ WHOLE = next(name for name, value in parameters_of(pipeline_for()).items() if is
 class Seen:
     """A sink that keeps readings, sends commands after certain numbers of them, and waits for preparation."""
 
-    def __init__(self, live: Live | None = None, *, waits_at: int | None = None, **at: Command) -> None:
+    def __init__(
+        self, live: Live | None = None, *, waits_at: tuple[int, ...] | int = (), **at: Command
+    ) -> None:
         self.readings: list[Reading] = []
         self.is_closed = False
-        self._live, self._waits_at = live, waits_at
+        self._live, self._waits_at = live, (waits_at,) if isinstance(waits_at, int) else waits_at
         self._at = {int(name.removeprefix("at_")): command for name, command in at.items()}
 
     def write(self, reading: Reading) -> None:
         self.readings.append(reading)
         if self._live is not None and len(self.readings) in self._at:
             self._live.send(self._at[len(self.readings)])
-        if self._live is not None and len(self.readings) == self._waits_at:
+        if self._live is not None and len(self.readings) in self._waits_at:
             for _ in range(3000):
                 if not self._live.health().is_preparing:
                     return
@@ -67,7 +75,9 @@ class Seen:
         self.is_closed = True
 
 
-def run_live(source: DrawnSource, *, waits_at: int | None = None, **at: Command) -> tuple[Live, Seen]:
+def run_live(
+    source: DrawnSource, *, waits_at: tuple[int, ...] | int = (), **at: Command
+) -> tuple[Live, Seen]:
     live = Live(prepare(source))
     seen = Seen(live, waits_at=waits_at, **at)
     run(live, [seen])
@@ -162,6 +172,32 @@ def test_tare_makes_the_present_sheet_the_untouched_one() -> None:
     assert live.health().sensor_version == 1
     assert any("tared" in note for note in live.health().notes)
     assert len(seen.readings) == 70
+    assert live.health().can_untare
+
+
+def test_a_tare_is_undone_and_both_references_are_recorded(tmp_path: Path) -> None:
+    def moved(index: int, image: np.ndarray) -> np.ndarray:
+        return np.roll(image, 3 if index >= 20 else 0, axis=1)
+
+    source = DrawnSource(frames=90, is_touched=False, change=moved)
+    job = prepare(source)
+    live = Live(job, record=tmp_path / "tared.mcap")
+    seen = Seen(live, waits_at=(50, 65), at_25=Tare(), at_60=UndoTare())
+    run(live, [seen])
+    assert live.sensor.layout.rest_px is job.sensor.layout.rest_px
+    assert live.health().sensor_version == 2
+    assert not live.health().can_untare
+    assert [note for note in live.health().notes if "undone" in note]
+    with (tmp_path / "tared.mcap").open("rb") as file:
+        sessions = [decode_session(each.data)[0] for *_, each in make_reader(file).iter_messages([SESSION])]
+    rest_px = [float(np.median(sensor.layout.rest_px[:, 0])) for sensor in sessions]
+    shift_px = [round(each - rest_px[0]) for each in rest_px]
+    assert [one for one, before in pairwise([*shift_px, None]) if one != before] == [0, 3, 0]
+
+
+def test_without_a_tare_there_is_nothing_to_undo() -> None:
+    live, _ = run_live(DrawnSource(frames=20, is_touched=False), at_17=UndoTare())
+    assert any("no tare to undo" in note for note in live.health().notes)
 
 
 def test_a_parameter_changes_while_it_runs() -> None:

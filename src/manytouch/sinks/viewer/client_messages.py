@@ -17,6 +17,7 @@ from manytouch.values import (
     StopRecording,
     Tare,
     Tune,
+    UndoTare,
     UseMethod,
 )
 from manytouch.values.arrays import Points2, read_only
@@ -36,7 +37,7 @@ class _Message(BaseModel):
 class SimpleRequest(_Message):
     """A command without parameters."""
 
-    type: Literal["start", "stop", "tare", "record", "stop_recording"]
+    type: Literal["start", "stop", "tare", "untare", "record", "stop_recording"]
 
     def command(self) -> Command:
         match self.type:
@@ -46,6 +47,8 @@ class SimpleRequest(_Message):
                 return Stop()
             case "tare":
                 return Tare()
+            case "untare":
+                return UndoTare()
             case "record":
                 return Record(path=None)
             case "stop_recording":

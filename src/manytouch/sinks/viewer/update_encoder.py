@@ -12,6 +12,7 @@ from manytouch.geometry.surface_sampling import sampler_on
 from manytouch.sinks.contact_outlines import Polygon, outlines_px
 from manytouch.sinks.files.sensor_description import layout_of, rest_px
 from manytouch.sinks.surface_grid import SurfaceGrid, grid_corners
+from manytouch.sinks.viewer.derived import marker_support, total_load
 from manytouch.sinks.viewer.health import ImageQuality, residual_mm
 from manytouch.sinks.viewer.update_format import number, pack
 from manytouch.values import ESTIMATES, Comparison, Contact, Contacts, Layout, Reading, Sensor, Surface
@@ -47,6 +48,7 @@ class UpdateEncoder:
         self.sensor, self.layout = sensor, layout
         self._grid = viewer_grid(layout)
         self._rest_px = rest_px(sensor)
+        self._support = marker_support(layout, self._grid)
         self._image_quality = ImageQuality()
 
     def scene_info(self) -> dict[str, Any]:
@@ -88,6 +90,9 @@ class UpdateEncoder:
             "frame": reading.frame.index,
             "time_s": number(reading.frame.timestamp_ns * 1e-9),
             "status": reading.status,
+            "remedy": reading.status.remedy,
+            "is_qualitative": spline is None and (self.sensor.sheet is None or self.sensor.sheet.is_assumed),
+            "total": total_load(reading.contacts.touching),
             "milliseconds": number(reading.milliseconds, 2),
             "contacts": self._contacts(reading.contacts, reading.surface),
             "comparison": None
@@ -112,6 +117,9 @@ class UpdateEncoder:
             "depth": depth.astype("<f4"),
             "markers": reading.grid.position_px.astype("<f4"),
         }
+        support = self._support(reading.grid.is_seen)
+        if not support.all():
+            parts["support"] = support.astype(np.uint8)
         for layer in sorted(update.layers & {"strain", "pressure", "difference"}):
             values = self._layer(layer, reading.surface, update.comparison, depth)
             if values is not None:
@@ -171,6 +179,8 @@ def _contact(contact: Contact, outline_px: list[Polygon] | None) -> dict[str, An
         "force_N": number(-force_z),
         "force_std_N": number(contact.std("normal_force")),
         "shear_N": [number(shear_x), number(shear_y)],
+        "torque_Nmm": number(contact.torque_Nmm),
+        "slip": contact.slip,
         "area_mm2": number(contact.area_mm2, 2),
         "half_axes_mm": [number(contact.half_major_mm), number(contact.half_minor_mm)],
         "orientation_rad": number(contact.orientation_rad),

@@ -3,10 +3,12 @@
 /** An element from a description: a text, or [tag, { class, style }, ...children]. */
 export function build(description) {
   if (!Array.isArray(description)) return document.createTextNode(String(description));
-  const [tag, { class: className = "", style = {} }, ...children] = description;
+  const [tag, { class: className = "", style = {}, data = null, span = 1 }, ...children] = description;
   const element = document.createElement(tag);
   element.className = className;
   Object.assign(element.style, style);
+  if (data !== null) element.dataset.id = data;
+  if (span > 1) element.colSpan = span;
   element.append(...children.map(build));
   return element;
 }

@@ -5,7 +5,44 @@ import { inForce, inLength, niceCeiling, units } from "./numbers.js";
 import { plot } from "./plot.js";
 
 export const SPAN_S = 20;
-const SIZE = 1024, MOST = 24;
+const SIZE = 1024, MOST = 24, MOST_ROWS = 65536;
+const COLUMNS = {
+  x_mm: "x_mm", y_mm: "y_mm", depth_mm: "depth_mm", depth_std_mm: "depth_std_mm", normal_force_N: "force_N", force_std_N: "force_std_N",
+  shear_x_N: ({ shear_N }) => shear_N[0], shear_y_N: ({ shear_N }) => shear_N[1], torque_Nmm: "torque_Nmm", slip: ({ slip }) => slip === null ? null : Number(slip),
+};
+
+/** What the page has shown of all contacts, the newest rows, in memory of fixed size. */
+class Log {
+  constructor() {
+    this.count = 0;
+    this.time = new Float64Array(MOST_ROWS); this.id = new Int32Array(MOST_ROWS);
+    this.values = new Float32Array(MOST_ROWS * Object.keys(COLUMNS).length);
+  }
+
+  add(time, contact) {
+    const row = this.count++ % MOST_ROWS;
+    this.time[row] = time; this.id[row] = contact.id;
+    Object.values(COLUMNS).forEach((of, at, all) => {
+      const value = typeof of === "string" ? contact[of] : of(contact);
+      this.values[row * all.length + at] = value ?? NaN;
+    });
+  }
+
+  clear() { this.count = 0; }
+
+  /** As a table in the columns of contacts.csv, of one contact or of all (null). */
+  csv(id, unit) {
+    const names = Object.keys(COLUMNS).map((name) => (unit === "mm" ? name : name.replace(/_mm$/, `_${unit}`)));
+    const lines = [["time_s", "contact", ...names].join(",")], first = Math.max(0, this.count - MOST_ROWS);
+    for (let i = first; i < this.count; i++) {
+      const row = i % MOST_ROWS;
+      if (id !== null && this.id[row] !== id) continue;
+      const cells = names.map((_, at) => this.values[row * names.length + at]).map((value) => (Number.isNaN(value) ? "" : Number(value.toPrecision(6))));
+      lines.push([this.time[row].toFixed(6), this.id[row], ...cells].join(","));
+    }
+    return lines.join("\n") + "\n";
+  }
+}
 
 class Ring {
   constructor(id) {
@@ -23,13 +60,14 @@ class Ring {
 
 export class History {
   constructor(depthCanvas, forceCanvas) {
-    Object.assign(this, { depthCanvas, forceCanvas, rings: new Map(), now: 0, hasForce: false });
+    Object.assign(this, { depthCanvas, forceCanvas, rings: new Map(), now: 0, hasForce: false, log: new Log(), pinned: null });
   }
 
   add(head) {
-    if (head.time_s < this.now - 1e-6 || head.time_s > this.now + SPAN_S) this.rings.clear();
+    if (head.time_s < this.now - 1e-6 || head.time_s > this.now + SPAN_S) { this.rings.clear(); this.log.clear(); }
     this.now = head.time_s;
     this.keep("", head.contacts);
+    for (const contact of head.contacts) this.log.add(head.time_s, contact);
     if (head.comparison) this.keep("comparison ", head.comparison.contacts);
     for (const [key, ring] of this.rings) if (ring.last < this.now - SPAN_S) this.rings.delete(key);
     while (this.rings.size > MOST) this.rings.delete(this.rings.keys().next().value);
@@ -46,7 +84,8 @@ export class History {
   draw(showComparison) {
     const xs = [-SPAN_S, 0];
     const tickLabel = (x) => (Math.abs(x) < 0.5 ? "now" : `−${Math.round(-x)} s`);
-    const all = [...this.rings].filter(([key]) => showComparison || !key.startsWith("comparison"));
+    const all = [...this.rings].filter(([key]) => showComparison || !key.startsWith("comparison"))
+      .filter(([key]) => this.pinned === null || key === String(this.pinned));
     for (const [canvas, name, title, unit, convert] of [
       [this.depthCanvas, "depth", "depth", units.length, inLength],
       [this.forceCanvas, "force", "normal force", units.force, inForce],

@@ -3,6 +3,7 @@
 import { CameraPane } from "./camera.js";
 import { DIVERGING, MAPS, styled, table } from "./colours.js";
 import { Connection } from "./connection.js";
+import { FlatMarks, FlatPane } from "./flat.js";
 import { History } from "./history.js";
 import { Marks } from "./marks.js";
 import { fixed, inLength, length, lengthUnits, niceCeiling, niceStep, units } from "./numbers.js";
@@ -13,25 +14,38 @@ import { SurfacePane } from "./surface.js";
 
 const find = (id) => document.getElementById(id);
 const LAYERS = { depth: "depth", strain: "largest strain", pressure: "pressure" };
+const LIVE_CONTROLS = ["run", "tare", "untare", "record", "play", "seek", "speed", "method", "lift-all", "press-depth", "press-stay", "tare-yes"];
 const DECAY = 0.995; // of the colour range from one update to the next
 
 const state = {
   sceneInfo: null, health: null, update: null, measured: null, points: [], connected: false, ended: false,
   layer: "depth", map: "cividis", peak: 0, scale: "", holdRange: false, count: 0, paints: 0, isDirty: false, seeking: false,
 };
-const pane = new SurfacePane(find("scene"));
-const marks = new Marks(pane);
+const pane = surfacePane(find("scene"));
+const marks = pane.isFlat ? new FlatMarks(pane) : new Marks(pane);
 const camera = new CameraPane(find("camera"));
 const history = new History(find("depth-plot"), find("force-plot"));
 const connection = new Connection({ onMessage, onUpdate, onState: setConnected });
 const send = (type, fields = {}) => connection.send({ type, ...fields });
 const pointer = new Pointer(pane, { send, choose: choosePoint });
 
+/** The surface in three dimensions; without WebGL a flat map, and a note. */
+function surfacePane(stage) {
+  try {
+    return new SurfacePane(stage);
+  } catch {
+    stage.querySelectorAll(":scope > canvas, .labels").forEach((element) => element.remove());
+    document.body.classList.add("flat");
+    find("flat-note").hidden = false;
+    return new FlatPane(stage);
+  }
+}
+
 function onMessage(message) {
   const listeners = {
     scene_info: setSceneInfo, health: setHealth, note: ({ text }) => toast(text),
     measurement: (found) => { state.measured = found; state.isDirty = true; },
-    end: () => { state.ended = true; showState(); },
+    end: () => { state.ended = true; showState(); enableControls(); },
   };
   listeners[message.kind]?.(message);
 }
@@ -65,6 +79,7 @@ function setHealth(health) {
   document.querySelector("#run .glyph").className = `glyph ${health.is_running ? "pause" : "play"}`;
   find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
   find("timeline").hidden = health.frame_count === null;
+  find("untare").hidden = !health.can_untare;
   if (health.frame_count !== null && !state.seeking) {
     find("seek").max = Math.max(health.frame_count - 1, 0);
     find("seek").value = health.frame ?? 0;
@@ -80,8 +95,9 @@ function setHealth(health) {
 
 function setConnected(is, reason = "") {
   Object.assign(state, { connected: is, reason });
-  if (is) { show(); if (state.points.length) sendPoints(); }
+  if (is) { state.ended = false; show(); if (state.points.length) sendPoints(); }
   showState();
+  enableControls();
 }
 
 function showState() {
@@ -116,6 +132,7 @@ function paint() {
 }
 
 function draw() {
+  find("qualitative").hidden = !state.update?.head.is_qualitative;
   const { update, health } = state, head = update?.head, showComparison = find("show-comparison").checked;
   const name = head?.comparison?.name ?? "";
   find("comparison-toggle").hidden = !name;
@@ -125,7 +142,7 @@ function draw() {
   if (update) drawSurface(update);
   marks.update(contacts, others, state.points, state.measured);
   camera.draw(update?.parts.markers, contacts, others);
-  showContacts(contacts, others, name, pane.reach);
+  showContacts(contacts, others, { name, reach: pane.reach, head, pinned: history.pinned });
   showMeasure(state.points, state.measured);
   history.draw(showComparison);
   if (health) showHealth(health, head);
@@ -142,7 +159,7 @@ function drawSurface({ head, parts }) {
   const least = layer === "strain" ? 1 : layer === "pressure" ? 1 : isDifference ? 0.1 : 0.5;
   state.peak = state.holdRange ? state.peak || most : Math.max(most, least, state.peak * DECAY);
   const high = niceCeiling(state.peak), low = isDifference ? -high : 0, contour = niceStep(high, 6);
-  pane.update(parts.depth, percent === 1 ? value : value.map((v) => v * percent), low, high, contour);
+  pane.update(parts.depth, percent === 1 ? value : value.map((v) => v * percent), low, high, contour, parts.support);
   const isLength = layer === "depth" || isDifference;
   const unit = isLength ? units.length : layer === "strain" ? "%" : "kPa";
   drawScale(isDifference ? DIVERGING : state.map, low, high, contour, `${isDifference ? `estimate − ${head.comparison.name}` : LAYERS[layer]} (${unit})`, isLength ? inLength : (v) => v);
@@ -205,12 +222,13 @@ function setStretch(value) {
 
 function flipSide() {
   pane.setSide(-pane.side);
-  find("side").textContent = pane.side > 0 ? "camera side" : "finger side";
+  find("side").textContent = pane.side > 0 ? "show finger side" : "show camera side";
   state.isDirty = true;
 }
 
 function setTheme(theme) {
   document.documentElement.dataset.theme = theme;
+  find("theme").title = `Use the ${theme === "dark" ? "light" : "dark"} theme (D)`;
   localStorage.setItem("theme", theme);
   pane.recolour();
   state.isDirty = true;
@@ -222,9 +240,61 @@ function flipRecord() { send(state.health?.recording ? "stop_recording" : "recor
 function flip(id) { const box = find(id); box.checked = !box.checked; box.dispatchEvent(new Event("change")); }
 function seek(frame) { find("seek").value = frame; send("seek", { frame: Math.max(0, Math.round(frame)) }); }
 
+/** Tare at once if nothing touches the sheet; otherwise after a question. */
+function requestTare() {
+  if (find("tare").disabled) return;
+  const count = state.update?.head.contacts.length ?? 0;
+  if (!count) { send("tare"); return; }
+  find("tare-text").textContent = `${count === 1 ? "1 contact touches" : `${count} contacts touch`} the sheet now. Its present shape would become the rest position: `
+    + "the contacts disappear, and later depths are measured from there. Undo tare restores the present rest position.";
+  find("tare-question").showModal();
+}
+
+/** Follow one contact: only its history is plotted and saved; null: all. */
+function pin(id) {
+  history.pinned = id;
+  find("unpin").hidden = id === null;
+  find("plotted").textContent = id === null ? "last 20 s" : `contact #${id}, last 20 s`;
+  state.isDirty = true;
+}
+
+function saveTable() {
+  const blob = new Blob([history.log.csv(history.pinned, state.sceneInfo?.unit ?? "mm")], { type: "text/csv" });
+  const link = Object.assign(document.createElement("a"), { href: URL.createObjectURL(blob), download: history.pinned === null ? "contacts.csv" : `contact-${history.pinned}.csv` });
+  link.click();
+  setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+}
+
+function enlarge(name) {
+  for (const card of document.querySelectorAll(".card")) {
+    const isBig = name !== null && card.classList.contains(name) && !card.classList.contains("big");
+    card.classList.toggle("big", isBig);
+    const button = card.querySelector(".enlarge");
+    button.textContent = isBig ? "×" : "⤢"; button.title = isBig ? "Reduce this pane (Esc)" : "Enlarge this pane";
+  }
+  state.isDirty = true;
+}
+
+function escape() {
+  if (document.querySelector(".card.big")) enlarge(null);
+  else if (history.pinned !== null) pin(null);
+  else clearPoints();
+}
+
+/** What sends requests to the session is disabled while there is none. */
+function enableControls() {
+  const isOver = !state.connected || state.ended;
+  for (const id of LIVE_CONTROLS) find(id).disabled = isOver;
+  for (const input of find("parameters").querySelectorAll("input, select, button")) input.disabled = isOver;
+  find("mode").querySelector("[data-mode=press]").disabled = isOver;
+  if (isOver && pointer?.mode === "press") pointer.setMode("view");
+}
+
 function bind() {
-  const click = { run: flipRun, tare: () => send("tare"), record: flipRecord, theme: flipTheme, side: flipSide, play: flipRun,
+  const click = { run: flipRun, tare: requestTare, untare: () => send("untare"), record: flipRecord, theme: flipTheme, side: flipSide, play: flipRun,
     home: () => pane.home(), "measure-clear": clearPoints, "lift-all": () => pointer.liftAll(),
+    "tare-yes": () => { find("tare-question").close(); send("tare"); }, "tare-no": () => find("tare-question").close(),
+    download: saveTable, unpin: () => pin(null),
     "settings-open": () => find("settings").showModal(), "help-open": () => find("help").showModal() };
   for (const [id, act] of Object.entries(click)) find(id).addEventListener("click", act);
   for (const close of document.querySelectorAll("dialog .close")) close.addEventListener("click", () => close.closest("dialog").close());
@@ -239,7 +309,13 @@ function bind() {
   for (const [id, act] of Object.entries(change)) find(id).addEventListener("change", ({ target }) => { act(target); state.isDirty = true; });
   find("stretch").addEventListener("input", ({ target }) => setStretch(Number(target.value)));
   find("seek").addEventListener("input", ({ target }) => { state.seeking = true; seek(Number(target.value)); });
-  find("camera").addEventListener("click", () => { document.querySelector(".camera").classList.toggle("big"); state.isDirty = true; });
+  for (const button of document.querySelectorAll(".enlarge")) button.addEventListener("click", () => enlarge(button.dataset.pane));
+  find("camera").addEventListener("dblclick", () => enlarge("camera"));
+  find("camera").addEventListener("pointermove", () => { state.isDirty = true; });
+  find("contacts").addEventListener("click", ({ target }) => {
+    const id = target.closest("tr")?.dataset.id;
+    if (id !== undefined) pin(Number(id) === history.pinned ? null : Number(id));
+  });
   bindSettings(state, send, () => { state.scale = ""; state.isDirty = true; pointer.showDepth(); });
   addEventListener("keydown", onKey);
   addEventListener("resize", () => { state.isDirty = true; });
@@ -251,9 +327,9 @@ function onKey(event) {
   if (isOpen && event.key !== "?") return;
   const step = (by) => state.health?.frame_count != null && seek((state.health.frame ?? 0) + by);
   const keys = {
-    " ": flipRun, z: () => send("tare"), r: flipRecord, i: () => flip("show-ids"), a: () => flip("show-arrows"), v: () => pane.home(),
+    " ": flipRun, z: requestTare, r: flipRecord, i: () => flip("show-ids"), a: () => flip("show-arrows"), v: () => pane.home(),
     f: flipSide, c: () => setMap(MAPS[(MAPS.indexOf(state.map) + 1) % MAPS.length]), d: flipTheme, m: () => pointer.setMode(pointer.mode === "view" ? "press" : "view"),
-    s: () => find("settings").showModal(), "?": () => (isOpen ? find("help").close() : find("help").showModal()), Escape: clearPoints,
+    s: () => find("settings").showModal(), "?": () => (isOpen ? find("help").close() : find("help").showModal()), Escape: escape,
     "+": () => setStretch(pane.stretch + 1), "=": () => setStretch(pane.stretch + 1), "-": () => setStretch(pane.stretch - 1),
     1: () => setLayer("depth"), 2: () => setLayer("strain"), 3: () => setLayer("pressure"), 4: () => setLayer("difference"),
     ArrowLeft: () => step(-1), ArrowRight: () => step(1),

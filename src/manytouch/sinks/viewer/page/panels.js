@@ -10,20 +10,47 @@ const cell = (...content) => ["td", {}, ...content];
 const withSmallStd = (value, std, write) => (isKnown(std) ? cell(`${write(value)} `, ["small", {}, `± ${write(std)}`]) : cell(write(value)));
 
 /** One row per contact, followed by the nearest contact of the comparison. */
-export function showContacts(contacts, others, name, reach) {
+export function showContacts(contacts, others, { name, reach, head, pinned }) {
   const heading = (title, unit) => ["th", {}, title, ["br", {}], unit];
   render(find("contacts").tHead, [["tr", {}, ["th", {}], heading("x", units.length), heading("y", units.length), heading("depth", units.length), heading("force", units.force)]]);
   const rows = contacts.flatMap((contact) => {
-    const own = ["tr", {}, cell(["i", { style: { background: contactColour(contact.id) } }], ["b", {}, contact.id]), cell(length(contact.x_mm)), cell(length(contact.y_mm)),
+    const own = ["tr", { class: contact.id === pinned ? "own pinned" : "own", data: contact.id }, cell(["i", { style: { background: contactColour(contact.id) } }], ["b", {}, contact.id]), cell(length(contact.x_mm)), cell(length(contact.y_mm)),
       withSmallStd(contact.depth_mm, contact.depth_std_mm, length), withSmallStd(contact.force_N, contact.force_std_N, force)];
     const near = nearest(contact, others, 0.1 * reach);
-    if (!near) return [own];
-    return [own, ["tr", { class: "comparison" }, cell(name), cell(length(near.x_mm)), cell(length(near.y_mm)), cell(length(near.depth_mm)), cell(force(near.force_N))]];
+    const more = detail(contact);
+    const rows = more ? [own, ["tr", { class: "comparison", data: contact.id }, ["td", {}], ["td", { span: 4 }, more]]] : [own];
+    if (!near) return rows;
+    return [...rows, ["tr", { class: "comparison" }, cell(name), cell(length(near.x_mm)), cell(length(near.y_mm)), cell(length(near.depth_mm)), cell(force(near.force_N))]];
   });
   render(find("contacts").tBodies[0], rows);
   find("contacts").hidden = contacts.length === 0;
   find("contacts-empty").hidden = contacts.length > 0;
   find("contact-count").textContent = contacts.length;
+  const isValid = !head || head.status === "ok";
+  find("contacts-empty").textContent = isValid ? "No contacts." : `Not valid: ${head.status.replaceAll("_", " ")}. ${head.remedy}`;
+  find("contacts-empty").classList.toggle("warn", !isValid);
+  showTotal(head?.total);
+}
+
+/** Shear, torque and slip of a contact, as far as they are known. */
+function detail({ shear_N: [x, y], torque_Nmm, slip }) {
+  const parts = [];
+  if (isKnown(x) && isKnown(y)) parts.push(`shear ${force(Math.hypot(x, y))} ${units.force} at ${fixed((180 * Math.atan2(y, x)) / Math.PI, 0)}°`);
+  if (isKnown(torque_Nmm)) parts.push(`torque ${fixed(torque_Nmm, 1)} N·mm`);
+  if (slip) parts.push("slips");
+  return parts.join(" · ");
+}
+
+/** Force and torque on the whole sheet. */
+function showTotal(total) {
+  const line = find("total");
+  line.hidden = !total;
+  if (!total) return;
+  const { normal_N, normal_std_N, shear_N: [x, y], torque_Nmm } = total;
+  const parts = [`${withStd(normal_N, normal_std_N, force)} ${units.force}`];
+  if (isKnown(x) && isKnown(y)) parts.push(`shear ${force(Math.hypot(x, y))} ${units.force}`);
+  if (isKnown(torque_Nmm)) parts.push(`${fixed(torque_Nmm, 1)} N·mm`);
+  render(line, [["span", { class: "quiet" }, "total "], ["b", {}, parts.join(" · ")]]);
 }
 
 function nearest(contact, others, within) {

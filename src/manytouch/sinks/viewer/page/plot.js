@@ -24,7 +24,9 @@ export function sized(canvas) {
 export function plot(canvas, { lines, xs, ys, title, tickLabel, empty, marks = [] }) {
   const { context, width, height } = sized(canvas);
   if (width < 40 || height < 40) return;
-  const left = 46, right = lines.some((line) => line.label) ? 30 : 14, top = 24, bottom = 22;
+  context.font = "600 11.5px system-ui, sans-serif";
+  const named = lines.filter((line) => line.label).map((line) => context.measureText(line.label).width);
+  const left = 46, right = named.length ? Math.max(...named) + 10 : 14, top = 24, bottom = 22;
   const textColour = styled("--text"), quiet = styled("--quiet"), rule = styled("--line");
   const toX = (x) => left + ((x - xs[0]) / (xs[1] - xs[0])) * (width - left - right);
   const toY = (y) => height - bottom - ((y - ys[0]) / (ys[1] - ys[0])) * (height - top - bottom);

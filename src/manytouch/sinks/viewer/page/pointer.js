@@ -6,8 +6,10 @@ import { length, units } from "./numbers.js";
 const STILL_PX = 5;
 const HINTS = {
   view: "drag to rotate · wheel to zoom · right drag to pan · click to measure",
-  press: "press and drag with the mouse or your fingers · wheel to change the depth · right drag to rotate",
+  press: "press and drag with the mouse or your fingers · wheel changes the depth · Ctrl + wheel zooms · right drag to rotate",
 };
+
+const FLAT_HINTS = { view: "click to measure", press: "press and drag · wheel changes the depth" };
 
 export class Pointer {
   constructor(pane, { send, choose }) {
@@ -32,7 +34,7 @@ export class Pointer {
     for (const other of button.parentElement.children) other.classList.toggle("on", other === button);
     this.tools.hidden = mode !== "press";
     this.pane.stage.classList.toggle("press", mode === "press");
-    this.hint.textContent = HINTS[mode];
+    this.hint.textContent = (this.pane.isFlat ? FLAT_HINTS : HINTS)[mode];
     const { controls } = this.pane;
     controls.mouseButtons = mode === "press" ? { LEFT: null, MIDDLE: THREE.MOUSE.PAN, RIGHT: THREE.MOUSE.ROTATE }
       : { LEFT: THREE.MOUSE.ROTATE, MIDDLE: THREE.MOUSE.DOLLY, RIGHT: THREE.MOUSE.PAN };
@@ -77,7 +79,7 @@ export class Pointer {
   }
 
   onWheel(event) {
-    if (!this.fingers.size) return;
+    if (this.mode !== "press" || event.ctrlKey) return;
     event.preventDefault(); event.stopPropagation();
     this.depth.value = Number(this.depth.value) - Math.sign(event.deltaY) * 0.2;
     this.showDepth();

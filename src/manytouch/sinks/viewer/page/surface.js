@@ -5,39 +5,37 @@ import { CSS2DRenderer, OrbitControls, THREE } from "./three.js";
 import { styled, table } from "./colours.js";
 import { niceCeiling } from "./numbers.js";
 import { Axes } from "./axes.js";
+import { separate } from "./label_places.js";
 
 const VERTEX = `
   attribute float value; attribute float known;
-  varying float vValue; varying float vKnown; varying vec3 vNormal; varying vec3 vPlace; varying vec3 vEye;
+  varying float vValue; varying float vKnown; varying vec3 vPlace;
   void main() {
-    vValue = value; vKnown = known; vPlace = position; vNormal = normalMatrix * normal;
-    vec4 eye = modelViewMatrix * vec4(position, 1.0);
-    vEye = eye.xyz; gl_Position = projectionMatrix * eye;
+    vValue = value; vKnown = known; vPlace = position;
+    gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
   }`;
 const FRAGMENT = `
-  uniform sampler2D map; uniform float low; uniform float high; uniform float contour; uniform float pitch; uniform vec3 blank;
-  varying float vValue; varying float vKnown; varying vec3 vNormal; varying vec3 vPlace; varying vec3 vEye;
+  uniform sampler2D map; uniform float low; uniform float high; uniform float contour; uniform float pitch; uniform float hatching; uniform vec3 blank;
+  varying float vValue; varying float vKnown; varying vec3 vPlace;
+  vec3 mark_of(vec3 ground) { return dot(ground, vec3(0.3, 0.59, 0.11)) > 0.45 ? vec3(0.0) : vec3(1.0); }
   float line(float at, float width) { float w = fwidth(at); return 1.0 - smoothstep(0.0, width * w, abs(fract(at - 0.5) - 0.5)); }
   void main() {
     float share = clamp((vValue - low) / (high - low), 0.0, 1.0);
     vec3 colour = texture2D(map, vec2(share * 0.996 + 0.002, 0.5)).rgb;
     float iso = line(vValue / contour, 1.3) * step(0.5 * contour, abs(vValue));
     float grid = max(line(vPlace.x / pitch, 1.1), line(vPlace.z / pitch, 1.1));
-    float bright = dot(colour, vec3(0.3, 0.59, 0.11));
-    vec3 mark = bright > 0.45 ? vec3(0.0) : vec3(1.0);
+    vec3 mark = mark_of(colour);
     colour = mix(colour, mark, 0.10 * grid);
     colour = mix(colour, mark, 0.28 * iso);
-    colour = mix(blank, colour, step(0.99, vKnown));
-    vec3 n = normalize(vNormal); vec3 eye = normalize(-vEye);
-    n = faceforward(n, -eye, n);
-    float lit = max(dot(n, normalize(vec3(-0.45, 0.75, 0.55))), 0.0);
-    float shine = pow(max(dot(n, normalize(normalize(vec3(-0.45, 0.75, 0.55)) + eye)), 0.0), 36.0);
-    gl_FragColor = vec4(colour * (0.56 + 0.52 * lit) + 0.10 * shine, 1.0);
+    float hatch = step(0.6, fract((gl_FragCoord.x + gl_FragCoord.y) / hatching));
+    colour = mix(mix(blank, mark_of(blank), 0.35 * hatch), colour, step(0.99, vKnown));
+    gl_FragColor = vec4(colour, 1.0); // unlit: the same value has the same colour everywhere
   }`;
 
 export class SurfacePane {
   constructor(stage) {
     Object.assign(this, { stage, stretch: 6, side: 1, isDirty: true, depth: null, x: [], y: [], overlays: [] });
+    THREE.ColorManagement.enabled = false; // colours are those of the style sheet
     this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, powerPreference: "low-power" });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio || 1, 2));
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
@@ -54,7 +52,7 @@ export class SurfacePane {
     this.controls.addEventListener("change", () => { this.isDirty = true; });
     this.material = new THREE.ShaderMaterial({
       vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide,
-      uniforms: { map: { value: null }, low: { value: 0 }, high: { value: 1 }, contour: { value: 0.5 }, pitch: { value: 10 }, blank: { value: new THREE.Color() } },
+      uniforms: { map: { value: null }, low: { value: 0 }, high: { value: 1 }, contour: { value: 0.5 }, pitch: { value: 10 }, hatching: { value: 8 * Math.min(devicePixelRatio || 1, 2) }, blank: { value: new THREE.Color() } },
     });
     this.setMap("cividis");
     this.axes = new Axes(this.sheet);
@@ -69,13 +67,13 @@ export class SurfacePane {
     Object.assign(this, { x: x_mm, y: y_mm, unit });
     const nx = x_mm.length, ny = y_mm.length, count = nx * ny;
     const geometry = new THREE.BufferGeometry();
-    this.position = new Float32Array(3 * count); this.normal = new Float32Array(3 * count);
+    this.position = new Float32Array(3 * count);
     this.value = new Float32Array(count); this.known = new Float32Array(count).fill(1);
     for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
       const at = 3 * (j * nx + i);
-      this.position[at] = x_mm[i]; this.position[at + 2] = y_mm[j]; this.normal[at + 1] = 1;
+      this.position[at] = x_mm[i]; this.position[at + 2] = y_mm[j];
     }
-    for (const [name, array, size] of [["position", this.position, 3], ["normal", this.normal, 3], ["value", this.value, 1], ["known", this.known, 1]]) {
+    for (const [name, array, size] of [["position", this.position, 3], ["value", this.value, 1], ["known", this.known, 1]]) {
       geometry.setAttribute(name, new THREE.BufferAttribute(array, size).setUsage(THREE.DynamicDrawUsage));
     }
     const index = new Uint32Array(6 * (nx - 1) * (ny - 1));
@@ -95,23 +93,16 @@ export class SurfacePane {
     this.home();
   }
 
-  /** Show a new frame: `depth` gives the shape, `value` the colour, from `low` to `high` with lines every `contour`. */
-  update(depth, value, low, high, contour) {
-    const nx = this.x.length, ny = this.y.length, { position, normal, known } = this;
+  /** Show a new frame: `depth` gives the shape, `value` the colour, from `low` to `high` with lines every `contour`. Hatched where `support` is 0. */
+  update(depth, value, low, high, contour, support) {
+    const nx = this.x.length, ny = this.y.length, { position, known } = this;
     if (!this.mesh || depth.length !== nx * ny) return;
     this.depth = depth;
     for (let at = 0; at < depth.length; at++) {
       const isKnown = depth[at] === depth[at] && value[at] === value[at];
-      known[at] = isKnown ? 1 : 0;
+      known[at] = isKnown && (!support || support[at]) ? 1 : 0;
       this.value[at] = isKnown ? value[at] : 0;
       position[3 * at + 1] = depth[at] === depth[at] ? depth[at] * this.stretch : 0;
-    }
-    const dx = 1 / (this.x[1] - this.x[0]), dy = 1 / (this.y[1] - this.y[0]);
-    for (let j = 0; j < ny; j++) for (let i = 0; i < nx; i++) {
-      const at = j * nx + i, l = i > 0 ? at - 1 : at, r = i < nx - 1 ? at + 1 : at, u = j > 0 ? at - nx : at, d = j < ny - 1 ? at + nx : at;
-      normal[3 * at] = (position[3 * l + 1] - position[3 * r + 1]) * dx / (r - l || 1);
-      normal[3 * at + 1] = 1;
-      normal[3 * at + 2] = (position[3 * u + 1] - position[3 * d + 1]) * dy / ((d - u) / nx || 1);
     }
     Object.values(this.mesh.geometry.attributes).forEach((attribute) => { attribute.needsUpdate = true; });
     const { uniforms } = this.material;
@@ -228,6 +219,8 @@ export class SurfacePane {
     this.isDirty = false;
     this.renderer.render(this.scene, this.camera);
     this.labels.render(this.scene, this.camera);
+    const of = (name) => [...this.labels.domElement.getElementsByClassName(name)];
+    separate(this.stage, of("tag"), of("axis"), [...this.stage.querySelectorAll(".scale, .press-tools, .view-tools, .hint")]);
     return true;
   }
 }

@@ -1,0 +1,227 @@
+"""The page of the viewer with given readings: without WebGL, at two sizes, labels, questions, downloads."""
+
+import csv
+import io
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+pytest.importorskip("nicegui")
+pytest.importorskip("playwright")
+
+from playwright.sync_api import Browser, Page, sync_playwright
+
+from browser import CHROMIUM, FLAGS, wait, wait_for_text
+from manytouch.sinks.viewer import Viewer
+from manytouch.values import Reading, Status, Tare, UndoTare
+from viewer_session import FakeSession, reading_of
+
+PIXEL = """([x, y]) => {
+  const canvas = document.querySelector('#scene > canvas'), box = canvas.getBoundingClientRect();
+  const [left, top] = manytouch.pane.onScreen(x, y);
+  return [...canvas.getContext('2d').getImageData(left - box.left, top - box.top, 1, 1).data];
+}"""
+NO_WEBGL = [*(flag for flag in FLAGS if "gl" not in flag), "--disable-3d-apis"]
+IN_TIME = "manytouch.state.count >= 1 && manytouch.state.sceneInfo && manytouch.state.paints > 0"
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["webgl", "flat"])
+def browser(request: pytest.FixtureRequest) -> Iterator[Browser]:
+    with sync_playwright() as playwright:
+        flags = FLAGS if request.param else NO_WEBGL
+        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=flags)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def shown() -> Iterator[tuple[FakeSession, Viewer]]:
+    session = FakeSession()
+    viewer = Viewer(session)
+    viewer.write(reading_of(0))
+    yield session, viewer
+    viewer.close()
+
+
+def opened_page(browser: Browser, viewer: Viewer, size: tuple[int, int] = (1366, 768), **more: Any) -> Page:
+    page = browser.new_page(viewport={"width": size[0], "height": size[1]}, **more)
+    page.goto(viewer.url)
+    wait(page, IN_TIME)
+    return page
+
+
+def crowded(index: int = 0, count: int = 12) -> Reading:
+    """Contacts with ids of three digits, all close together."""
+    reading = reading_of(index)
+    (one,) = reading.contacts.contacts
+    contacts = tuple(
+        replace(
+            one,
+            id=100 + k,
+            centre_mm=np.array([-20.0 + 2.0 * k, 8.0]),
+            centre_px=np.array([90.0 + 4 * k, 90.0]),
+        )
+        for k in range(count)
+    )
+    return replace(reading, contacts=replace(reading.contacts, contacts=contacts))
+
+
+@pytest.mark.parametrize("size", [(1366, 768), (390, 844)])
+def test_surface_contacts_and_plots_are_shown_and_nothing_is_cut_off(
+    browser: Browser, shown: tuple[FakeSession, Viewer], size: tuple[int, int]
+) -> None:
+    page = opened_page(browser, shown[1], size)
+    assert page.inner_text("#state-label") == "live"
+    wait_for_text(page, "#contacts tbody", "7", "1.50")
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert page.evaluate("((box) => box.scrollWidth <= box.clientWidth)(document.querySelector('.scroll'))")
+    assert page.is_visible("#flat-note") == page.evaluate("Boolean(manytouch.pane.isFlat)")
+    if page.evaluate("Boolean(manytouch.pane.isFlat)"):
+        dent, sheet = (page.evaluate(PIXEL, at_mm) for at_mm in ([-17.0, 8.0], [50.0, -30.0]))
+        assert np.abs(np.subtract(dent, sheet)).max() > 50
+    page.close()
+
+
+def test_a_click_measures_with_and_without_webgl(browser: Browser, shown: tuple[FakeSession, Viewer]) -> None:
+    page = opened_page(browser, shown[1])
+    page.mouse.click(*page.evaluate("manytouch.pane.onScreen(-20, 8)"))
+    wait(page, "manytouch.state.points.length === 1")
+    assert page.evaluate("manytouch.state.points[0]") == pytest.approx([-20.0, 8.0], abs=1.5)
+    page.close()
+
+
+@pytest.mark.parametrize("size", [(1366, 768), (390, 844)])
+def test_labels_cover_neither_each_other_nor_the_colour_bar(
+    browser: Browser, shown: tuple[FakeSession, Viewer], size: tuple[int, int]
+) -> None:
+    shown[1].write(crowded(count=8))
+    page = opened_page(browser, shown[1], size)
+    if page.evaluate("Boolean(manytouch.pane.isFlat)"):
+        pytest.skip("labels are painted on the map; their places are those of label_places.js too")
+    wait(page, "document.querySelectorAll('#scene .tag').length === 8")
+    page.wait_for_timeout(300)
+    boxes = page.evaluate(
+        """[...document.querySelectorAll('#scene .tag, #scene .scale, #scene .axis')]
+        .filter((e) => e.style.visibility !== 'hidden').map((e) => e.getBoundingClientRect())
+        .map(({ left, top, right, bottom }) => [left, top, right, bottom])"""
+    )
+    for k, (left, top, right, bottom) in enumerate(boxes):
+        for other in boxes[k + 1 :]:
+            apart = (
+                left >= other[2] - 1 or other[0] >= right - 1 or top >= other[3] - 1 or other[1] >= bottom - 1
+            )
+            assert apart, (boxes[k], other)
+    page.close()
+
+
+def test_a_pane_is_enlarged_and_reduced(browser: Browser, shown: tuple[FakeSession, Viewer]) -> None:
+    page = opened_page(browser, shown[1])
+    for pane in ("camera", "surface", "contacts", "time", "measure", "health"):
+        page.click(f"[data-pane={pane}]")
+        box = page.locator(f".card.{pane}").bounding_box()
+        assert box is not None
+        assert (box["width"], box["height"]) == pytest.approx((1342, 744), abs=2)
+        page.keyboard.press("Escape")
+        assert page.locator(".card.big").count() == 0
+    page.close()
+
+
+def test_tare_while_touched_asks_first_and_can_be_undone(
+    browser: Browser, shown: tuple[FakeSession, Viewer]
+) -> None:
+    session, viewer = shown
+    page = opened_page(browser, viewer)
+    page.click("#tare")
+    assert "1 contact touches" in page.inner_text("#tare-question")
+    page.click("#tare-no")
+    assert session.commands == []
+    page.click("#tare")
+    page.click("#tare-yes")
+    wait_until(page, lambda: session.commands == [Tare()])
+    assert not page.is_visible("#untare")
+    session.now = replace(session.now, can_untare=True)
+    page.wait_for_selector("#untare:not([hidden])")
+    page.click("#untare")
+    wait_until(page, lambda: session.commands[-1] == UndoTare())
+    page.close()
+
+
+def wait_until(page: Page, is_met: Any) -> None:
+    for _ in range(200):
+        if is_met():
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError("not met within 10 s")
+
+
+def test_a_contact_is_followed_and_its_history_saved(
+    browser: Browser, shown: tuple[FakeSession, Viewer]
+) -> None:
+    _, viewer = shown
+    page = opened_page(browser, viewer)
+    for index in range(1, 4):
+        viewer.write(crowded(index, count=3))
+        wait(page, f"manytouch.state.update.head.frame === {index}")
+    page.click("#contacts tr[data-id='101']")
+    wait_for_text(page, "#plotted", "#101")
+    with page.expect_download() as saved:
+        page.click("#download")
+    assert saved.value.suggested_filename == "contact-101.csv"
+    rows = list(csv.DictReader(io.StringIO(saved.value.path().read_text(encoding="utf-8"))))
+    assert [row["contact"] for row in rows] == ["101"] * 3
+    assert [float(row["depth_mm"]) for row in rows] == pytest.approx([2.0] * 3)
+    assert [float(row["normal_force_N"]) for row in rows] == pytest.approx([1.5] * 3)
+    assert rows[0]["shear_x_N"] == ""
+    page.click("#unpin")
+    assert page.inner_text("#plotted") == "last 20 s"
+    page.close()
+
+
+def test_a_frame_that_is_not_valid_is_not_called_untouched(
+    browser: Browser, shown: tuple[FakeSession, Viewer]
+) -> None:
+    _, viewer = shown
+    page = opened_page(browser, viewer)
+    bad = reading_of(1)
+    grid = replace(bad.grid, status=Status.FEW_MARKERS)
+    viewer.write(replace(bad, grid=grid, contacts=replace(bad.contacts, contacts=())))
+    wait_for_text(page, ".contacts", "Not valid: few markers")
+    viewer.write(replace(reading_of(2), contacts=replace(bad.contacts, contacts=())))
+    wait_for_text(page, ".contacts", "No contacts.")
+    page.close()
+
+
+def test_the_surface_is_hatched_where_no_marker_is_seen_and_marked_as_qualitative(browser: Browser) -> None:
+    session = FakeSession()
+    sheet = session.sensor.sheet
+    assert sheet is not None
+    session.sensor = replace(session.sensor, sheet=replace(sheet, is_assumed=True))
+    viewer = Viewer(session)
+    reading = reading_of(0)
+    is_seen = reading.grid.is_seen.copy()
+    is_seen[[310, 311, 312, 340, 341, 342]] = False
+    viewer.write(replace(reading, grid=replace(reading.grid, is_seen=is_seen)))
+    page = opened_page(browser, viewer)
+    share = page.evaluate(
+        "((all) => 1 - all.reduce((a, b) => a + b, 0) / all.length)(manytouch.state.update.parts.support)"
+    )
+    assert 0.0005 < share < 0.01
+    page.wait_for_selector("#qualitative:not([hidden])")
+    page.close()
+    viewer.close()
+
+
+def test_nothing_stays_clickable_after_the_end(browser: Browser) -> None:
+    viewer = Viewer(FakeSession())
+    viewer.write(reading_of(0))
+    page = opened_page(browser, viewer)
+    assert page.is_enabled("#run")
+    viewer.close()
+    wait(page, "manytouch.state.ended || !manytouch.state.connected")
+    for control in ("#run", "#tare", "#record", "[data-mode=press]"):
+        assert page.is_disabled(control)
+    page.close()
