@@ -5,9 +5,9 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from jaxtyping import Float32, Float64
 
-from manytouch.geometry.camera import project
+from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.render.discs import Look, Spot, disc_coverage, image_from_coverage
-from manytouch.simulation.render.dot_images import CORNERS, dot_ellipses, outlines
+from manytouch.simulation.render.dot_images import CORNERS, outlines, polygon_ellipses
 from manytouch.simulation.render.optics import IN_FOCUS, Faults, ImagingSettings, draw_faults, shadows
 from manytouch.simulation.scene.deformation import TrueContact
 from manytouch.simulation.scene.moving_sheet import MovingSheet, PointMotion
@@ -23,7 +23,7 @@ from manytouch.values import (
     TrackedGrid,
     Truth,
 )
-from manytouch.values.arrays import Points2, Points3, read_only
+from manytouch.values.arrays import Covariances2, Points2, Points3, read_only
 
 DEMO_LOOK = Look(tilt_x=0.12, tilt_y=-0.08, vignetting=0.25, read_noise=1.2, shot_noise=0.02)
 SMEAR_PX = 0.5
@@ -107,7 +107,7 @@ class Simulator:
             covariance_mm2=read_only(np.zeros((count, 3, 3))),
             layout=layout,
         )
-        centre_px, _ = dot_ellipses(self.sensor.camera, self._outline_at(time_s)[: count * CORNERS])
+        centre_px, _ = self._dot_ellipses(self._outline_at(time_s)[: count * CORNERS])
         return Truth(
             frame_index=index,
             grid=self._grid(centre_px, index),
@@ -133,13 +133,21 @@ class Simulator:
     def _outline_at(self, time_s: float) -> Points3:
         return self._outline_mm + self._outline(time_s)
 
+    def _project(self, point_mm: Points3) -> Points2:
+        """Pixels of points of the sheet frame, through the window of a pad."""
+        return project_through_window(self.sensor.camera, self._sheet, point_mm)
+
+    def _dot_ellipses(self, outline_mm: Points3) -> tuple[Points2, Covariances2]:
+        """As `dot_images.dot_ellipses`, through the window of a pad."""
+        return polygon_ellipses(self._project(outline_mm).reshape(-1, CORNERS, 2))
+
     def _coverage(self, time_s: float) -> Float32[np.ndarray, "h w"]:
         """How much of each pixel's light comes from dots, over the exposure."""
         outline_mm = self._outline_at(time_s)
         if self.optics.exposure_s == 0.0:
             return self._covered(outline_mm)
         half_s = 0.5 * self.optics.exposure_s
-        ends = [project(self.sensor.camera, self._outline_at(time_s + s)) for s in (-half_s, half_s)]
+        ends = [self._project(self._outline_at(time_s + s)) for s in (-half_s, half_s)]
         count = int(np.clip(np.ceil(np.nanmax(np.abs(ends[1] - ends[0])) / SMEAR_PX), 1, MOST_SMEARS))
         shares = (2.0 * np.arange(count) + 1.0) / count - 1.0
         total = self._covered(self._outline_at(time_s + half_s * shares[0]))
@@ -150,7 +158,7 @@ class Simulator:
     def _covered(self, outline_mm: Points3) -> Float32[np.ndarray, "h w"]:
         camera, faults = self.sensor.camera, self._faults
         dust = len(faults.dust_mm)
-        centre_px, shape_px = dot_ellipses(camera, outline_mm)
+        centre_px, shape_px = self._dot_ellipses(outline_mm)
         return disc_coverage(
             centre_px,
             shape_px,
@@ -194,9 +202,10 @@ class Simulator:
         )
 
     def _shown_px(self, place_mm: Float64[np.ndarray, "n 2"], time_s: float) -> Points2:
-        """Where undeformed places show at a time."""
+        """Where undeformed places show at a time; those of a pad's face move as its marker plane does."""
         moved_mm = self.scene.motion_of(place_mm, self._layout.height_mm)(time_s)
-        return project(self.sensor.camera, np.column_stack([place_mm, np.zeros(len(place_mm))]) + moved_mm)
+        face_mm = np.full(len(place_mm), self._sheet.marker_depth_mm or 0.0)
+        return self._project(np.column_stack([place_mm, face_mm]) + moved_mm)
 
     def _shadows(self, time_s: float) -> tuple[Spot, ...]:
         contacts = list(self.scene.contacts(time_s).values())

@@ -21,7 +21,7 @@ import platformdirs
 from manytouch.errors import OutputError
 from manytouch.simulation.fem.elements.mesh import HexMesh
 from manytouch.simulation.fem.loading import Loading
-from manytouch.simulation.fem.sheet import SheetModel, sheet_solver
+from manytouch.simulation.fem.sheet import SolidModel, sheet_solver
 from manytouch.simulation.fem.solver.newton import NewtonSolver
 from manytouch.simulation.fem.state import ContactForce, SheetState
 from manytouch.values.arrays import read_only
@@ -40,7 +40,7 @@ class StateCache:
 
     folder: Path
 
-    def states(self, model: SheetModel, loading: Loading) -> Iterator[SheetState]:
+    def states(self, model: SolidModel, loading: Loading) -> Iterator[SheetState]:
         """The states of all steps, read where they are known, solved and kept where not.
 
         Raises:
@@ -68,12 +68,12 @@ class StateCache:
             raise OutputError(f"cannot keep a solved state in {self.folder}: {error.strerror}") from None
 
 
-def step_keys(model: SheetModel, loading: Loading) -> list[str]:
+def step_keys(model: SolidModel, loading: Loading) -> list[str]:
     """A name for each step of all that its state depends on: the problem, the solver's settings and code."""
     return [_hash(code_revision(), _text(_settings()), key) for key in problem_keys(model, loading)]
 
 
-def problem_keys(model: SheetModel, loading: Loading) -> list[str]:
+def problem_keys(model: SolidModel, loading: Loading) -> list[str]:
     """A name for each step of its problem: the sheet and the loading up to and with that step.
 
     Unlike `step_keys` it stays when the solver changes; files that are shipped are looked up by it.

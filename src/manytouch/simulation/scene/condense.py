@@ -1,36 +1,41 @@
 """The part of a solved state that images and ground truth need."""
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from manytouch.simulation.fem.contact.forces import TouchedFace, touched_face
 from manytouch.simulation.fem.contact.indenters import signed_distance
-from manytouch.simulation.fem.elements.mesh import HexMesh, Nodal, reference_nodes
+from manytouch.simulation.fem.elements.mesh import reference_nodes
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import FINE_POINTS, patch_shares
 from manytouch.simulation.fem.state import SheetState
-from manytouch.simulation.scene.deformation import Deformation, Lattice, TrueContact, fill_middles
+from manytouch.simulation.scene.deformation import Deformation, TrueContact, fill_middles
 from manytouch.values.arrays import Mask, read_only
 
 
-def condense(state: SheetState, loading: Loading) -> Deformation:
-    """The camera-side face and the contacts of a solved state of a loading.
+def condense(state: SheetState, loading: Loading, *, pad_markers_mm: float | None = None) -> Deformation:
+    """The face that carries the markers, and the contacts, of a solved state of a loading.
 
     A state that did not converge may have fewer contacts than the loading.
+
+    Args:
+        state: of a loading.
+        loading: the loading.
+        pad_markers_mm: of a pad, from its bonded face to its markers, a grid line of its mesh; the depth of a
+            contact is then that of the touched face. None: a clamped sheet, all of its camera-side face.
     """
-    x_mm, y_mm = (with_middles(line) for line in state.mesh.lines_mm[:2])
-    found = Deformation(
-        x_mm=x_mm,
-        y_mm=y_mm,
-        face_mm=_face(state.mesh, state.displacement_mm),
-        contacts=(),
-        status=state.status,
-    )
-    face = touched_face(state.mesh, points=FINE_POINTS, rule="middles")
+    mesh, level = state.mesh, 0
+    if pad_markers_mm is not None:
+        level = int(np.argmin(np.abs(mesh.lines_mm[2] - pad_markers_mm)))
+    found = plane(state, level)
+    face = touched_face(mesh, points=FINE_POINTS, rule="middles")
     contacts = []
     for touched, contact in zip(_touched(state, loading, face), state.contacts, strict=False):
         rest_mm = face.rest_mm.reshape(-1, 3)[touched, :2] if touched.any() else contact.centre_mm[None]
-        depth_mm = -found.displacement_mm(np.ascontiguousarray(rest_mm))[:, 2]
+        of_depth = found if pad_markers_mm is None else plane(state, len(mesh.lines_mm[2]) - 1)
+        depth_mm = -of_depth.displacement_mm(np.ascontiguousarray(rest_mm))[:, 2]
         contacts.append(
             TrueContact(
                 force_N=contact.force_N,
@@ -40,8 +45,25 @@ def condense(state: SheetState, loading: Loading) -> Deformation:
                 depth_mm=float(depth_mm.max()) if contact.force_N[2] != 0.0 else np.nan,
             )
         )
+    return replace(found, contacts=tuple(contacts))
+
+
+def plane(state: SheetState, level: int) -> Deformation:
+    """How the material between two layers moved: at the grid line of this number along z; no contacts."""
+    mesh = state.mesh
+    x_mm, y_mm = (with_middles(line) for line in mesh.lines_mm[:2])
+    cells = [len(line) - 1 for line in mesh.lines_mm]
+    layer = min(level, cells[2] - 1)
+    element = mesh.element[mesh.layer(layer)]
+    face_mm = np.zeros((2 * cells[0] + 1, 2 * cells[1] + 1, 3))
+    halves = np.rint(2 * reference_nodes()).astype(np.int64)
+    column, row = np.divmod(np.arange(len(element)), cells[1])
+    for node in np.flatnonzero(halves[:, 2] == 2 * (level - layer)):
+        at = (2 * column + halves[node, 0], 2 * row + halves[node, 1])
+        face_mm[at] = state.displacement_mm[element[:, node]]
+    fill_middles(face_mm)
     return Deformation(
-        x_mm=x_mm, y_mm=y_mm, face_mm=found.face_mm, contacts=tuple(contacts), status=state.status
+        x_mm=x_mm, y_mm=y_mm, face_mm=read_only(face_mm.astype(np.float32)), contacts=(), status=state.status
     )
 
 
@@ -50,19 +72,6 @@ def with_middles(line: np.ndarray) -> np.ndarray:
     out = np.empty(2 * len(line) - 1)
     out[::2], out[1::2] = line, 0.5 * (line[:-1] + line[1:])
     return read_only(out)
-
-
-def _face(mesh: HexMesh, displacement_mm: Nodal) -> Lattice:
-    """The camera-side face's displacements as a lattice."""
-    cells = [len(line) - 1 for line in mesh.lines_mm[:2]]
-    face_mm = np.zeros((2 * cells[0] + 1, 2 * cells[1] + 1, 3))
-    halves = np.rint(2 * reference_nodes()).astype(np.int64)
-    column, row = np.divmod(np.arange(len(mesh.camera_side)), cells[1])
-    for node in np.flatnonzero(halves[:, 2] == 0):
-        at = (2 * column + halves[node, 0], 2 * row + halves[node, 1])
-        face_mm[at] = displacement_mm[mesh.element[mesh.camera_side, node]]
-    fill_middles(face_mm)
-    return read_only(face_mm.astype(np.float32))
 
 
 def _touched(state: SheetState, loading: Loading, face: TouchedFace) -> list[Mask]:

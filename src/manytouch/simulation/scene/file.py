@@ -1,6 +1,7 @@
 """The scene file: TOML, checked key by key like the sensor file, every mistake named at once."""
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -21,6 +22,7 @@ from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, Spot
 from manytouch.simulation.render.optics import Faults, ImagingSettings, draw_faults
 from manytouch.simulation.scene.bodies import BodySection, Pair
 from manytouch.simulation.scene.motion import Body
+from manytouch.simulation.scene.pad import CONTACT_ELEMENT_MM, ELEMENT_MM, LAYERS
 from manytouch.values import Layout, Sensor, Sheet
 from manytouch.values.sensor_file import load_sensor
 from manytouch.values.sensor_file.sections import Count, NonNegative, Number, Positive, Section, all_mistakes
@@ -75,9 +77,20 @@ class _Faults(Section):
 
 
 class _Solid(Section):
-    element_mm: Positive = 2.0
-    layers: Annotated[int, Field(gt=0, le=16)] = 1
-    step_mm: Positive = 1.25
+    element_mm: Positive | None = None
+    contact_element_mm: Positive | None = None
+    layers: Annotated[int, Field(gt=0, le=16)] | None = None
+    step_mm: Positive | None = None
+
+    def settings(self, sheet: Sheet) -> "MeshSettings":
+        """With the defaults for a clamped sheet or a bonded pad where nothing is stated."""
+        is_pad = sheet.boundary == "bonded"
+        if self.contact_element_mm is not None and not is_pad:
+            raise SourceError(
+                "contact_element_mm of [solid] is for bonded pads: remove it, or choose element_mm"
+            )
+        usual = PAD_MESH if is_pad else SHEET_MESH
+        return replace(usual, **self.model_dump(exclude_none=True))
 
 
 class _File(Section):
@@ -115,13 +128,21 @@ class MeshSettings:
 
     Attributes:
         element_mm: largest width of the elements.
-        layers: of elements through the thickness.
+        layers: of elements through the thickness, of a pad the least number.
         step_mm: furthest way of a body from one equilibrium to the next.
+        contact_element_mm: of a pad, largest width of the elements that a body touches.
     """
 
     element_mm: float
     layers: int
     step_mm: float
+    contact_element_mm: float
+
+
+SHEET_MESH = MeshSettings(element_mm=2.0, layers=1, step_mm=1.25, contact_element_mm=math.inf)
+PAD_MESH = MeshSettings(
+    element_mm=ELEMENT_MM, layers=LAYERS, step_mm=0.25, contact_element_mm=CONTACT_ELEMENT_MM
+)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -202,10 +223,16 @@ def _scene(file: _File, folder: Path, width_px: int | None) -> SceneFile:
         raise SensorError(
             f"the sheet of the sensor {sensor.name!r} needs young_MPa and poisson to be pressed"
         )
-    elements = file.solid.layers * float((sensor.sheet.size_mm / file.solid.element_mm + 1.0).prod())
+    if file.mechanics == "shell" and sensor.sheet.boundary == "bonded":
+        raise SourceError(
+            f'mechanics = "shell" is for clamped sheets, but that of {sensor.name!r} is bonded: use "solid"'
+        )
+    mesh = file.solid.settings(sensor.sheet)
+    element_mm = min(mesh.element_mm, mesh.contact_element_mm)
+    elements = mesh.layers * float((sensor.sheet.size_mm / element_mm + 1.0).prod())
     if elements > MAX_SCENE_ELEMENTS:
         raise SourceError(
-            f"a sheet of elements of {file.solid.element_mm:g} mm has {elements:.3g} of them: at most "
+            f"a sheet of elements of {element_mm:g} mm has {elements:.3g} of them: at most "
             f"{MAX_SCENE_ELEMENTS} are allowed, choose a larger element_mm"
         )
     faults, count = file.faults, int((~sensor.layout.is_missing).sum())
@@ -221,7 +248,7 @@ def _scene(file: _File, folder: Path, width_px: int | None) -> SceneFile:
         seed=file.seed,
         sensor=sensor,
         mechanics=file.mechanics,
-        mesh=MeshSettings(**file.solid.model_dump()),
+        mesh=mesh,
         bodies=tuple(body for section in file.bodies for body in section.bodies(folder)),
         look=_look(file.light, sensor.layout.polarity),
         optics=ImagingSettings(

@@ -8,14 +8,14 @@ from pathlib import Path
 
 from manytouch.errors import SourceError
 from manytouch.simulation.fem.cache import StateCache, problem_keys, user_cache
-from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading
-from manytouch.simulation.fem.sheet import SheetModel
+from manytouch.simulation.fem.sheet import SheetModel, SolidModel
 from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation, flat
 from manytouch.simulation.scene.deformation_file import read_deformations
 from manytouch.simulation.scene.file import SceneFile
 from manytouch.simulation.scene.motion import keyframe_times, loading, poses
+from manytouch.simulation.scene.pad import markers_mm, pad_solid, rubber
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.shell.energy import PosedIndenter
 from manytouch.simulation.shell.live_sheet import LiveSheet
@@ -42,42 +42,48 @@ class SolidProblem:
         time_s: (k,) of the keyframes.
         loading: its steps are the keyframes; None where nothing ever presses.
         keys: one name for each keyframe, under which it is kept.
+        pad_markers_mm: from the bonded face to the markers; None for a clamped sheet.
     """
 
-    model: SheetModel
+    model: SolidModel
     time_s: Scalars
     loading: Loading | None
     keys: tuple[str, ...]
+    pad_markers_mm: float | None
 
     def states(self, folder: Path) -> Iterator[Deformation]:
         """Every keyframe in turn, solved where it is not yet in the folder."""
         if self.loading is None:
             return
         for state in StateCache(folder=folder).states(self.model, self.loading):
-            yield condense(state, self.loading)
+            yield condense(state, self.loading, pad_markers_mm=self.pad_markers_mm)
 
 
 def solid_problem(scene: SceneFile) -> SolidProblem:
     """The problem of a scene that the finite elements solve."""
     sheet, mesh = scene.sheet, scene.mesh
-    assert sheet.young_MPa is not None
-    assert sheet.poisson is not None
-    material = NeoHooke(
-        young_MPa=sheet.young_MPa, poisson=sheet.poisson, density_kg_m3=sheet.density_kg_m3 or 960.0
-    )
-    model = SheetModel(
-        size_mm=(float(sheet.size_mm[0]), float(sheet.size_mm[1])),
-        thickness_mm=sheet.thickness_mm,
-        material=material,
-        pretension_N_per_mm=sheet.pretension_N_per_mm or 0.0,
-        element_mm=mesh.element_mm,
-        layers=mesh.layers,
-    )
     time_s = keyframe_times(scene.bodies, scene.duration_s, step_mm=mesh.step_mm)
-    if not scene.bodies:
-        return SolidProblem(model=model, time_s=time_s, loading=None, keys=())
-    load = loading(scene.bodies, time_s, thickness_mm=sheet.thickness_mm)
-    return SolidProblem(model=model, time_s=time_s, loading=load, keys=tuple(problem_keys(model, load)))
+    load = loading(scene.bodies, time_s, thickness_mm=sheet.thickness_mm) if scene.bodies else None
+    model: SolidModel
+    if sheet.boundary == "bonded":
+        model = pad_solid(
+            sheet,
+            load,
+            element_mm=mesh.element_mm,
+            contact_element_mm=mesh.contact_element_mm,
+            layers=mesh.layers,
+        )
+    else:
+        model = SheetModel(
+            size_mm=(float(sheet.size_mm[0]), float(sheet.size_mm[1])),
+            thickness_mm=sheet.thickness_mm,
+            material=rubber(sheet),
+            pretension_N_per_mm=sheet.pretension_N_per_mm or 0.0,
+            element_mm=mesh.element_mm,
+            layers=mesh.layers,
+        )
+    keys = () if load is None else tuple(problem_keys(model, load))
+    return SolidProblem(model=model, time_s=time_s, loading=load, keys=keys, pad_markers_mm=markers_mm(sheet))
 
 
 def shipped_states(name: str, keys: tuple[str, ...]) -> tuple[Deformation, ...] | None:

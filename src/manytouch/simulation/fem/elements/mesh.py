@@ -52,6 +52,10 @@ class HexMesh:
         """From the camera-side face to the touched face."""
         return float(self.lines_mm[2][-1] - self.lines_mm[2][0])
 
+    def layer(self, number: int) -> Int64[np.ndarray, " f"]:
+        """(f,) elements of a layer, ordered like `touched`; layer 0 is on the camera-side face."""
+        return np.asarray(self.camera_side + number)
+
     @property
     def is_on_outline(self) -> Bool[np.ndarray, " n"]:
         """(n,) nodes on the four side faces."""
