@@ -14,6 +14,7 @@ from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensErr
 import manytouch
 from manytouch.blas_threads import request_one_blas_thread
 from manytouch.cli import (
+    batch,
     calibrate,
     demo,
     design,
@@ -50,6 +51,7 @@ app = App(
 )
 app.command(demo.demo)
 app.command(process.process)
+app.command(batch.batch)
 app.command(run.run)
 app.command(view.view)
 app.command(recording.app)

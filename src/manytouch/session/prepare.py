@@ -46,6 +46,7 @@ class Job:
         pipeline, method: what processes the frames.
         roi_px: the part of the image that is processed; None for all of it.
         request: the arguments of `prepare`.
+        files_stamp: of the input where its files are copies, such as of an object store; see `files_stamp`.
     """
 
     text: str
@@ -57,6 +58,7 @@ class Job:
     method: str
     roi_px: Roi | None = None
     request: Request
+    files_stamp: str | None = None
 
     @property
     def frame_count(self) -> int | None:

@@ -1,5 +1,6 @@
 """Hashes of what a result is computed from, known before anything is processed."""
 
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -63,6 +64,48 @@ def request_hashes(source: Source, text: str, request: Request) -> Mapping[str, 
         "parameters": values_hash(options),
         "version": manytouch.__version__,
     }
+
+
+def request_hash(request: Request) -> str:
+    """SHA-256 of what was requested and of the version, without the input."""
+    values = {name: to_json(getattr(request, name)) for name in Request.__slots__}
+    return values_hash({**values, "version": manytouch.__version__})
+
+
+def files_stamp(text: str) -> str | None:
+    """SHA-256 of names, sizes and times of the files of an input, none of which is read.
+
+    Args:
+        text: path of a file or of a folder, or the name of a simulated source.
+
+    Returns:
+        None where it does not exist.
+    """
+    path = Path(text.removeprefix("sim:")).expanduser()
+    try:
+        if path.is_dir():
+            with os.scandir(path) as entries:
+                found = sorted(_file_stamp(entry.name, entry.stat()) for entry in entries if entry.is_file())
+        elif text.startswith("sim:") and not path.is_file():
+            found = [(text, 0, 0)]
+        else:
+            found = [_file_stamp(path.name, path.stat())]
+    except OSError:
+        return None
+    return values_hash(found)
+
+
+def result_stamp(files: str | None, requested: str) -> str | None:
+    """The `stamp` in summary.json, from `files_stamp` and `request_hash`.
+
+    While it and `complete` are equal to those of a new request, the result is current and no file has to be
+    read. Where it differs, only `hash` decides.
+    """
+    return None if files is None else text_hash(f"{files} {requested}")
+
+
+def _file_stamp(name: str, found: os.stat_result) -> tuple[str, int, int]:
+    return name, found.st_size, found.st_mtime_ns
 
 
 def _input_hash(source: Source, text: str) -> str:

@@ -9,7 +9,7 @@ from manytouch.errors import OutputError, SourceError, require_type
 from manytouch.pipeline import Sink
 from manytouch.session.methods import Value
 from manytouch.session.prepare import Job, prepare
-from manytouch.session.result_hashes import Pitch, request_hashes
+from manytouch.session.result_hashes import Pitch, files_stamp, request_hash, request_hashes, result_stamp
 from manytouch.session.run import Observer, StopCondition, run
 from manytouch.sinks.files.regions import RegionTable
 from manytouch.sinks.files.result_folder import ResultFolder, folder_bytes, is_disk_full
@@ -158,6 +158,7 @@ class ResultFiles:
         self.is_complete = False
         self._job = job
         self.is_repeatable = is_repeatable
+        self.stamp = result_stamp(job.files_stamp or files_stamp(job.text), request_hash(job.request))
         self.hashes = dict(request_hashes(job.source, job.text, job.request))
         self.summary = Summary(
             sensor=job.sensor, pipeline=job.pipeline, method=job.method, recording=job.input_info
@@ -209,6 +210,7 @@ class ResultFiles:
                     self.folder.partial_path,
                     is_complete=self.is_complete and error is None,
                     hashes=self.hashes if self.is_repeatable else {**self.hashes, "input": None},
+                    stamp=self.stamp if self.is_repeatable else None,
                 )
                 self.folder.commit()
             except OutputError as failed:

@@ -13,6 +13,10 @@ from manytouch.errors import OutputError
 LOCKED_BYTE = 2**30  # Windows locks bytes; beyond the text, which others read
 
 
+class FolderInUseError(OutputError):
+    """Another process writes the folder."""
+
+
 class FolderLock:
     """Exclusive use of a folder's name by one process.
 
@@ -29,7 +33,7 @@ class FolderLock:
             purpose: what is locked, for the message.
 
         Raises:
-            OutputError: another process has it.
+            FolderInUseError: another process has it.
             OSError: the file cannot be written.
         """
         self._path = path
@@ -40,7 +44,7 @@ class FolderLock:
                 _lock(self._handle)
             except (BlockingIOError, PermissionError) as error:
                 os.close(self._handle)
-                raise OutputError(
+                raise FolderInUseError(
                     f"{purpose} is being written by {_holder(path)}: wait until it has ended, or choose "
                     "another folder"
                 ) from error

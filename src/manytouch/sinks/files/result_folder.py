@@ -14,7 +14,7 @@ from types import TracebackType
 
 from manytouch.errors import OutputError
 from manytouch.sinks.files.atomic_output import flush, output_errors, remove
-from manytouch.sinks.files.folder_lock import FolderLock
+from manytouch.sinks.files.folder_lock import FolderInUseError, FolderLock
 
 PARTIAL, OLD = "partial", "old"
 REMOVALS = 40
@@ -50,10 +50,7 @@ class ResultFolder:
         self._results = tuple(results)
         self._final = path.resolve()
         self._parent = self._final.parent
-        label = self._final.name
-        if len(os.fsencode(label)) > LONGEST_LABEL:
-            label = hashlib.sha256(os.fsencode(label)).hexdigest()[:16]
-        self._prefix = f".{label}."
+        self._prefix = _prefix(self._final)
         _require_replaceable(path, self._final)
         token = secrets.token_hex(4)
         self.partial_path = self._parent / f"{self._prefix}{token}.{PARTIAL}"
@@ -148,6 +145,24 @@ class ResultFolder:
             elif not kept.exists():
                 entry.rename(kept)
         old.rmdir()
+
+
+def is_in_use(path: Path) -> bool:
+    """Whether another process writes a folder of results now."""
+    final = path.resolve()
+    try:
+        FolderLock(final.parent / f"{_prefix(final)}lock", path).release()
+    except FolderInUseError:
+        return True
+    return False
+
+
+def _prefix(final: Path) -> str:
+    """Of the hidden names that belong to a folder."""
+    label = final.name
+    if len(os.fsencode(label)) > LONGEST_LABEL:
+        label = hashlib.sha256(os.fsencode(label)).hexdigest()[:16]
+    return f".{label}."
 
 
 def _require_replaceable(path: Path, final: Path) -> None:

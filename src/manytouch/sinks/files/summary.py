@@ -72,13 +72,21 @@ class Summary:
     def close(self) -> None:
         """Nothing to complete: the file is written by `save`, after all others."""
 
-    def save(self, folder: Path, *, is_complete: bool, hashes: Mapping[str, str | None]) -> None:
+    def save(
+        self,
+        folder: Path,
+        *,
+        is_complete: bool,
+        hashes: Mapping[str, str | None],
+        stamp: str | None = None,
+    ) -> None:
         """Write summary.json.
 
         Args:
             folder: of the file.
             is_complete: whether all frames of the input were processed.
             hashes: of input, sensor, parameters and version; None where not known.
+            stamp: by which a result is known to be current without reading the input; None where not known.
 
         Raises:
             OutputError: it cannot be written.
@@ -89,6 +97,7 @@ class Summary:
             "complete": is_complete,
             "hash": result_hash(hashes),
             "hashes": dict(hashes),
+            "stamp": stamp,
             **self.to_dict(),
         }
         with output_errors(path):

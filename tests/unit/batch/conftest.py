@@ -1,0 +1,48 @@
+"""Short recordings, and a batch of them in this process."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from batch_work import Notes, Serial, never
+from clips import picture, write_video
+from manytouch.batch.inputs import tasks_of
+from manytouch.batch.run_batch import Report, run_batch
+from manytouch.batch.settings import settings_for
+from manytouch.session import Request
+
+FRAMES = 18
+
+
+@pytest.fixture
+def recordings(tmp_path: Path) -> Path:
+    """A folder with three recordings."""
+    folder = tmp_path / "recordings"
+    folder.mkdir()
+    for number in range(3):
+        write_video(folder / f"press{number}.mp4", (picture(seed=each) for each in range(FRAMES + number)))
+    return folder
+
+
+@pytest.fixture
+def batch(tmp_path: Path) -> Callable[..., tuple[Report, Notes]]:
+    """Runs a batch into `tmp_path / "out"`."""
+
+    def run(
+        *words: object,
+        engine: Any = None,
+        out: str | Path | None = None,
+        shard: tuple[int, int] | None = None,
+        stop: Callable[[], bool] = never,
+        **options: Any,
+    ) -> tuple[Report, Notes]:
+        kept = {name: options.pop(name) for name in ("surface", "is_verifying") if name in options}
+        settings = settings_for(str(out or tmp_path / "out"), Request(**options), **kept)
+        notes, tasks = Notes(), tasks_of([str(word) for word in words])
+        tasks = tasks if shard is None else tasks[shard[0] :: shard[1]]
+        report = run_batch(tasks, settings, engine or Serial(), observer=notes, stop=stop, shard=shard)
+        return report, notes
+
+    return run
