@@ -1,6 +1,7 @@
 """`manytouch batch`: many recordings, of which only those that are missing or changed are processed."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -135,17 +136,30 @@ def batch(
         settings = replace(settings, out=absolute(out))
     if dry_run:
         return _print_plan(tasks, settings, slurm)
-    return _run(tasks, settings, _engine(len(tasks), workers, memory_GB, scheduler, slurm), shard)
+    with _engine(len(tasks), workers, memory_GB, scheduler, slurm) as engine:
+        return _run(tasks, settings, engine, shard)
 
 
+@contextmanager
 def _engine(
     tasks: int, workers: int | None, memory_GB: float | None, scheduler: str | None, slurm: Path | None
-) -> "Engine":
+) -> Iterator["Engine"]:
+    if scheduler is not None:
+        from manytouch.batch.engines.dask_scheduler import connect
+
+        yield connect(scheduler)
+        return
+    if slurm is not None:
+        from manytouch.batch.engines.slurm_jobs import read_options, slurm_jobs
+
+        with slurm_jobs(read_options(slurm)) as engine:
+            yield engine
+        return
     from manytouch.batch.engines.local_processes import LocalProcesses, memory_per_worker, processors
 
     processes = max(min(workers or processors(), tasks), 1)
     limit = memory_per_worker(processes) if memory_GB is None else int(memory_GB * 1e9)
-    return LocalProcesses(processes=processes, memory_bytes=limit)
+    yield LocalProcesses(processes=processes, memory_bytes=limit)
 
 
 def _run(
@@ -169,4 +183,9 @@ def _print_plan(tasks: "Sequence[Task]", settings: "Settings", slurm: Path | Non
     for task in to_do:
         print(f"{task.name}: {task.input} ({task.reason})")
     print(f"{len(to_do)} of {len(tasks)} recordings would be processed")
+    if slurm is not None:
+        from manytouch.batch.engines.slurm_jobs import job_script, read_options
+
+        found = read_options(slurm)
+        print(f"by {found.jobs} jobs with this script:\n{job_script(found)}")
     return 0
