@@ -69,6 +69,9 @@ class DaskScheduler:
                 except queue.Empty:
                     self._require_connection()
                     continue
+                if finished.status in ("lost", "pending"):  # its worker died, so that it is done again
+                    finished.add_done_callback(done.put)
+                    continue
                 task, _ = in_work.pop(finished.key)
                 yield task, self._outcome(task, finished)
         finally:
@@ -95,7 +98,7 @@ class DaskScheduler:
             outcome = future.result()
             assert isinstance(outcome, Outcome)
             return outcome
-        if future.status != "error":  # cancelled or lost, with its scheduler
+        if future.status != "error":  # cancelled, with its scheduler
             raise _lost(None)
         error = future.exception()
         if type(error).__name__ == "KilledWorker":
