@@ -21,6 +21,7 @@ from manytouch.cli import (
     doctor,
     evaluate,
     explain,
+    export,
     process,
     recording,
     run,
@@ -58,6 +59,7 @@ app.command(recording.app)
 app.command(doctor.doctor)
 app.command(evaluate.evaluate)
 app.command(explain.explain)
+app.command(export.export)
 app.command(simulate.simulate)
 app.command(calibrate.app)
 app.command(design.design)

@@ -189,7 +189,7 @@ class RosMessages:
     def transform(self, stamp_ns: int) -> RosMessage:
         """Pose of the sheet in the camera frame, for /tf_static."""
         camera = self.sensor.camera
-        x, y, z, w = Rotation.from_rotvec(camera.rotation_vector).as_quat().tolist()
+        x, y, z, w = Rotation.from_rotvec(np.array(camera.rotation_vector)).as_quat().tolist()
         transform = self._new(
             "geometry_msgs/msg/Transform",
             translation=self._vector(camera.translation_mm * M_PER_MM),

@@ -1,0 +1,44 @@
+"""`manytouch export`: recordings in the formats of other programs."""
+
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from manytouch.cli.terminal import options
+from manytouch.cli.terminal.failures import usage_error
+
+
+def export(
+    recordings: Annotated[
+        list[Path] | None,
+        Parameter(name="RECORDING", negative=(), help="Recordings (.mcap)."),
+    ] = None,
+    /,
+    *,
+    ros2bag: Annotated[Path | None, options.folder("A ROS 2 bag (MCAP) per recording.")] = None,
+    lerobot: Annotated[Path | None, options.folder("A LeRobot data set v3.0, an episode each.")] = None,
+    hdf5: Annotated[Path | None, options.folder("An HDF5 file per recording.")] = None,
+    parquet: Annotated[Path | None, options.folder("Parquet tables, a folder per recording.")] = None,
+) -> int:
+    """Write recordings in the formats of other programs; without an option, list the formats.
+
+    Several formats may be given. An existing result is never replaced.
+
+    Example: manytouch export press.mcap --hdf5 exported --ros2bag bags
+    """
+    from manytouch.sinks.exports.registry import FORMATS
+    from manytouch.sinks.exports.registry import export as export_recordings
+
+    wanted = {"ros2bag": ros2bag, "lerobot": lerobot, "hdf5": hdf5, "parquet": parquet}
+    folders = {name: folder for name, folder in wanted.items() if folder is not None}
+    if not folders:
+        for name, each in FORMATS.items():
+            print(f"--{name} DIR".ljust(14), f"{each.purpose}: DIR/{each.result}")
+        return 0
+    if not recordings:
+        raise usage_error("export", "no recording is given: list one or more .mcap files")
+    for name, folder in folders.items():
+        for path in export_recordings(recordings, name, folder):
+            print(path)
+    return 0

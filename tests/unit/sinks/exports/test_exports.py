@@ -1,0 +1,99 @@
+"""Exports as programs of other authors read them: mcap-ros2-support, rosbags, xarray, h5py, pyarrow."""
+
+import json
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import xarray
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
+from rosbags.highlevel import AnyReader
+
+from manytouch.errors import OutputError, SourceError
+from manytouch.sinks.exports.registry import FORMATS, export
+
+FRAMES = 5
+
+
+def test_a_bag_opens_in_readers_of_others_with_the_recorded_values(record, tmp_path: Path) -> None:
+    (bag,) = export([record(tmp_path / "press.mcap")], "ros2bag", tmp_path / "bags")
+    (file,) = bag.glob("*.mcap")
+    assert file.name == "press.mcap"
+    found: dict[str, list] = {}
+    with file.open("rb") as opened:
+        reader = make_reader(opened, decoder_factories=[DecoderFactory()])
+        for _, channel, _, decoded in reader.iter_decoded_messages():
+            found.setdefault(channel.topic, []).append(decoded)
+    assert {topic: len(each) for topic, each in found.items()} == {
+        "/tf_static": 1,
+        "/manytouch/image/compressed": FRAMES,
+        "/manytouch/camera_info": FRAMES,
+        "/manytouch/wrench": FRAMES,
+        "/manytouch/contacts": FRAMES,
+        "/manytouch/surface": FRAMES,
+        "/manytouch/contact_markers": FRAMES,
+    }
+    forces = [(m.wrench.force.x, m.wrench.force.y, m.wrench.force.z) for m in found["/manytouch/wrench"]]
+    assert forces == [(0.125, 0.25, -1.0 - index) for index in range(FRAMES)]
+    cloud = found["/manytouch/surface"][2]
+    points = np.frombuffer(cloud.data, "<f4").reshape(cloud.width, -1)
+    assert points[0] == pytest.approx([-12.4e-3, -6.2e-3, -2.5e-3, 2.5e-3, np.nan], nan_ok=True, rel=1e-3)
+    stamps = [m.header.stamp.sec * 10**9 + m.header.stamp.nanosec for m in found["/manytouch/wrench"]]
+    assert np.diff(stamps).tolist() == [40_000_000] * (FRAMES - 1)
+    with AnyReader([bag]) as bag_reader:
+        assert bag_reader.message_count == 1 + 6 * FRAMES
+
+
+def test_xarray_opens_the_surface_with_units_and_coordinates(record, tmp_path: Path) -> None:
+    (path,) = export([record(tmp_path / "press.mcap")], "hdf5", tmp_path / "out")
+    with xarray.open_dataset(path, group="surface", engine="h5netcdf") as surface:
+        depth = surface["depth_mm"]
+        assert depth.dims == ("time_s", "y_mm", "x_mm")
+        assert depth.attrs["units"] == "mm"
+        assert depth["time_s"].values.tolist() == pytest.approx([0.0, 0.04, 0.08, 0.12, 0.16])
+        deepest = depth.max(dim=("y_mm", "x_mm")).values
+    assert deepest == pytest.approx([0.5, 1.5, 2.5, 3.5, 4.5], rel=1e-2)
+    with h5py.File(path) as file:
+        assert file["contacts/normal_force_N"][:].tolist() == [1.0, 2.0, 3.0, 4.0, 5.0]
+        assert file["contacts/normal_force_N"].attrs["units"] == "N"
+        assert file["contacts/phase"].asstr()[0] == "start"
+        assert file["markers/depth_mm"].attrs["frame"] == "sheet"
+        assert bytes(file["images/encoded"][0][:4]) == b"\x89PNG"
+        assert json.loads(file.attrs["manytouch"])["method"] == "perimeter"
+
+
+def test_parquet_tables_have_units_and_every_line(record, tmp_path: Path) -> None:
+    (folder,) = export([record(tmp_path / "press.mcap")], "parquet", tmp_path / "out")
+    contacts = pq.read_table(folder / "contacts.parquet")
+    assert contacts["depth_mm"].to_pylist() == [0.5, 1.5, 2.5, 3.5, 4.5]
+    assert contacts["slip"].to_pylist() == [None] * FRAMES
+    assert contacts.schema.field("depth_mm").metadata == {b"unit": b"mm", b"frame": b"sheet"}
+    assert contacts.schema.field("x_px").metadata == {b"unit": b"px", b"frame": b"image"}
+    assert pq.read_table(folder / "markers.parquet").num_rows == 23 * FRAMES
+    assert pq.read_table(folder / "regions.parquet").num_rows == FRAMES
+    assert pq.read_table(folder / "frames.parquet")["status"].to_pylist() == ["ok"] * FRAMES
+    assert sorted(path.name for path in folder.iterdir()) == [
+        *("contacts.parquet", "frames.parquet", "markers.parquet", "regions.parquet")
+    ]
+
+
+def test_an_existing_result_is_never_replaced_and_a_failed_one_leaves_nothing(record, tmp_path: Path) -> None:
+    recording = record(tmp_path / "press.mcap")
+    for name in FORMATS:
+        folder = tmp_path / name
+        (result,) = export([recording], name, folder)
+        with pytest.raises(OutputError, match="exists: remove it"):
+            export([recording], name, folder)
+        assert result.exists()
+    with pytest.raises(SourceError):
+        export([tmp_path / "missing.mcap"], "parquet", tmp_path / "nothing")
+    assert not (tmp_path / "nothing").exists()
+
+
+def test_recordings_with_the_same_name_get_numbers(record, tmp_path: Path) -> None:
+    paths = [record(tmp_path / "a" / "press.mcap"), record(tmp_path / "b" / "press.mcap")]
+    results = export(paths, "parquet", tmp_path / "out")
+    assert [path.name for path in results] == ["press", "press-2"]
