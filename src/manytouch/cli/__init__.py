@@ -21,13 +21,12 @@ from manytouch.cli import (
     doctor,
     evaluate,
     explain,
-    export,
     process,
-    recording,
     run,
     simulate,
     view,
 )
+from manytouch.cli.recordings import export, recording
 from manytouch.cli.terminal.failures import DEBUG_FLAG, one_line, report
 from manytouch.cli.terminal.interrupt import TERMINATED, StopOnSignal
 

@@ -1,0 +1,1 @@
+"""The commands about recordings themselves: check, repair, export."""
