@@ -9,6 +9,7 @@ from manytouch.estimation.load.contact_finder import LoadContactFinder
 from manytouch.estimation.load.displacement_load import LoadModel
 from manytouch.estimation.load.load_peaks import LoadPeakFinder
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
+from manytouch.estimation.pad.estimator import PadEstimator
 from manytouch.estimation.perimeter.estimator import PerimeterEstimator
 from manytouch.estimation.perimeter.marker_surface import MarkerSurface
 from manytouch.estimation.perimeter.view_motion import RigidMotionEstimator
@@ -22,6 +23,7 @@ __all__ = [
     "MarkerMotion",
     "MarkerSurface",
     "MechanicsEstimator",
+    "PadEstimator",
     "PerimeterEstimator",
     "RigidMotionEstimator",
 ]

@@ -284,7 +284,7 @@ def test_the_default_method_is_mechanics_where_the_sheet_is_known() -> None:
     assert prepare(source).method == "mechanics"
     assert prepare(source, method="paper").method == "paper"
     bonded = replace(source.sensor.sheet, boundary="bonded", marker_depth_mm=1.0, pretension_N_per_mm=None)
-    assert default_method(replace(source.sensor, sheet=bonded)) == "perimeter"
+    assert default_method(replace(source.sensor, sheet=bonded)) == "mechanics"
 
 
 def test_a_pretension_that_no_file_states_is_an_assumption() -> None:

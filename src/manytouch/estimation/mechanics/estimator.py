@@ -7,11 +7,13 @@ have the surface and the contacts of `perimeter` (`assumed_sheet`).
 """
 
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.errors import SensorError
+from manytouch.estimation.bonded import BondedEstimator
 from manytouch.estimation.contact_tracker import ContactTracker
 from manytouch.estimation.mechanics.assumed_sheet import AssumedSheetRules, WithoutSheet
 from manytouch.estimation.mechanics.clusters.evidence import ForcePosterior
@@ -70,6 +72,7 @@ class MechanicsEstimator:
         reference_drift: update of the reference while nothing touches the sheet.
         slip_detector: flags contacts that slide.
         assumed_sheet: frames of a sheet that was assumed.
+        pad: the estimator of sheets with boundary = "bonded"; None refuses them.
     """
 
     nominal_sheet: NominalSheet = field(default_factory=NominalSheet)
@@ -88,8 +91,9 @@ class MechanicsEstimator:
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
     slip_detector: SlipDetector = field(default_factory=SlipDetector)
     assumed_sheet: AssumedSheetRules = field(default_factory=AssumedSheetRules)
+    pad: BondedEstimator | None = None
 
-    def start(self, sensor: Sensor) -> MechanicsState:
+    def start(self, sensor: Sensor) -> Any:
         """Computes everything that depends on the sensor only, and limits BLAS to one thread.
 
         Raises:
@@ -100,10 +104,12 @@ class MechanicsEstimator:
         layout = checked_layout(sensor)
         sheet = assumed_sheet(layout) if sensor.sheet is None else sensor.sheet
         if sheet.boundary == "bonded":
-            raise SensorError(
-                f'the sheet of sensor {sensor.name!r} is a pad with boundary = "bonded", but the method '
-                "mechanics computes clamped sheets only: choose --method perimeter or --method paper"
-            )
+            if self.pad is None:
+                raise SensorError(
+                    f'the sheet of sensor {sensor.name!r} is a pad with boundary = "bonded": use '
+                    "MechanicsEstimator(pad=PadEstimator()), or the method perimeter or paper"
+                )
+            return self.pad.start(sensor)
         model = self.nominal_sheet(replace(sensor, sheet=sheet))
         pretension = self.pretension.start(model, sheet)
         if pretension.is_estimated:
@@ -137,8 +143,10 @@ class MechanicsEstimator:
             without_sheet=self.assumed_sheet.start(sensor) if model.is_assumed else None,
         )
 
-    def step(self, state: MechanicsState, grid: TrackedGrid) -> tuple[MechanicsState, Surface, Contacts]:
+    def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]:
         """Surface and contacts of the next frame. It never raises; an unusable frame has a status."""
+        if self.pad is not None and not isinstance(state, MechanicsState):
+            return self.pad.step(state, grid)
         if grid.is_seen.sum() < MIN_MARKERS:
             return self._step_without_markers(state, grid)
         usual_std_px, rules = state.model_std_px, self.assumed_sheet

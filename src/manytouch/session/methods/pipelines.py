@@ -6,7 +6,7 @@ from pathlib import Path
 
 from manytouch.detection import DotSearch
 from manytouch.errors import ManytouchError
-from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
+from manytouch.estimation import MechanicsEstimator, PadEstimator, PerimeterEstimator
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
@@ -40,8 +40,8 @@ def kernels() -> dict[str, bool]:
 
 
 def default_method(sensor: Sensor) -> str:
-    """The best method for a sensor: mechanics where its scale is known and its sheet may be clamped."""
-    if sensor.sheet is None or sensor.sheet.boundary != "clamped" or not sensor.scale_is_known:
+    """The best method for a sensor: mechanics where its scale and its sheet are known."""
+    if sensor.sheet is None or not sensor.scale_is_known:
         return DEFAULT
     return "mechanics"
 
@@ -68,7 +68,7 @@ def _default_pipeline(method: str, roi_px: Roi | None) -> Pipeline:
             return Pipeline(
                 detect=DotSearch(roi_px=roi_px),
                 track=MarkerTracker(roi_px=roi_px),
-                estimate=MechanicsEstimator(),
+                estimate=MechanicsEstimator(pad=PadEstimator()),
                 interpolation=SPLINE,
             )
         case "perimeter":

@@ -377,7 +377,7 @@ def test_a_sensor_without_enough_markers_is_refused() -> None:
 
 def test_a_bonded_pad_is_refused_with_the_methods_that_work() -> None:
     bonded = replace(sensor_of().sheet, boundary="bonded", marker_depth_mm=2.0)
-    with pytest.raises(SensorError, match=r"boundary = \"bonded\".*--method perimeter or --method paper"):
+    with pytest.raises(SensorError, match=r"boundary = \"bonded\".*PadEstimator.*perimeter or paper"):
         ESTIMATE.start(replace(sensor_of(), sheet=bonded))
     PerimeterEstimator().start(replace(sensor_of(), sheet=bonded))
 

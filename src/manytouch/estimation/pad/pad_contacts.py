@@ -1,0 +1,268 @@
+"""Shape of a pad and contacts with deviations, from fitted patches."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.regions.footprints import Footprints
+from manytouch.estimation.pad.pad_model import PadModel
+from manytouch.estimation.pad.patch_fit import MOTIONS, OWN, PatchFit, tractions
+from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.geometry.refraction import project_through_window
+from manytouch.geometry.spline.patch import Nodal
+from manytouch.values import ESTIMATES, Contact, Phase
+from manytouch.values.arrays import Covariances3, Mask, Points3, Scalars, read_only
+
+_AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
+_FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
+_STEP_MM = 1e-3  # of the shapes in `PatchImages`
+_ELEMENT_ROOT = 0.245  # so that the depth under a Gaussian load of .75 elements agrees with the layer
+_RINGS = np.array([[0.0, 0.0]] + [[np.cos(angle), np.sin(angle)] for angle in 2.0 * np.pi * np.arange(8) / 8])
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PadShape:
+    """The pad in a frame.
+
+    Attributes:
+        nodal_mm2: (n, 3) nodal forces over E.
+        coefficient_mm: (n, 3) of the displacement of the contact face.
+        linear_mm: (n, 3) the same without `large_strain`.
+        face_mm: (m, 3) displacement of the contact face over each marker.
+    """
+
+    nodal_mm2: Nodal
+    coefficient_mm: Nodal
+    linear_mm: Nodal
+    face_mm: Points3
+
+
+def large_strain(depth_mm: Scalars, thickness_mm: float) -> Scalars:
+    """Depth of a pad under the load that gives a linear one this depth.
+
+    A pad stiffens as it becomes thinner. Logarithmic strain, h (1 - exp(-d / h)), is below it, a
+    neo-Hookean column with (l^-2 - l) / 3 = d / h for its stretch l above it; their mean is within 3 % of 3-D
+    solutions for a ball with the radius of the thickness, to depths of .4 thicknesses.
+    """
+    strain = np.maximum(depth_mm, 0.0) / thickness_mm
+    stretch = np.exp(-strain)
+    for _ in range(6):  # Newton's method
+        off = (stretch**-2 - stretch) / 3.0 - strain
+        stretch = stretch + off / ((2.0 * stretch**-3 + 1.0) / 3.0)
+    pressed = thickness_mm * (1.0 - 0.5 * (np.exp(-strain) + stretch))
+    return np.where(depth_mm > 0.0, pressed, depth_mm)
+
+
+def pad_shape(model: PadModel, fit: PatchFit) -> PadShape:
+    """The pad under fitted patches."""
+    nodal_mm2 = fit.nodal_mm2(model)
+    node = np.flatnonzero(nodal_mm2.any(axis=1))
+    rows = model.face[node].reshape(3 * len(node), 3 * len(nodal_mm2))
+    linear_mm = (nodal_mm2[node].ravel() @ rows).reshape(-1, 3)
+    coefficient_mm = linear_mm.copy()
+    coefficient_mm[:, 2] = -large_strain(-coefficient_mm[:, 2], model.thickness_mm)
+    return PadShape(
+        nodal_mm2=nodal_mm2,
+        coefficient_mm=coefficient_mm,
+        linear_mm=linear_mm,
+        face_mm=model.over_marker.displacement(coefficient_mm),
+    )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PadContacts:
+    """Computes contacts from fitted patches.
+
+    Attributes:
+        footprints: regions of the contacts.
+        position_pitch, position_root: standard deviations of a centre along each axis that the model does not
+            explain, in pitches and in roots of the contact's second moment.
+        depth_share, depth_pitch: of the depth, over the depth and in pitches.
+        force_share: of the normal force, over it; and the same times depth over thickness, for
+        force_strain: large strains.
+        shear_share: of the shear along each axis, over the normal force.
+        torque_share: of the torque, over the normal force times the radius.
+        area_share: of the area.
+    """
+
+    footprints: Footprints = field(default_factory=Footprints)
+    position_pitch: float = 0.02
+    position_root: float = 0.08
+    depth_share: float = 0.08
+    depth_pitch: float = 0.002
+    force_share: float = 0.05
+    force_strain: float = 0.3
+    shear_share: float = 0.02
+    torque_share: float = 0.05
+    area_share: float = 0.25
+
+    def __call__(self, model: PadModel, fit: PatchFit, shape: PadShape) -> list[Contact]:
+        """Contacts of a fit, without identity (id -1)."""
+        if len(fit.contact) == 0:
+            return []
+        clusters = _clusters(model, fit)
+        return [self._contact(model, fit, shape, clusters, number) for number in range(len(fit.contact))]
+
+    def surface_covariance(
+        self, model: PadModel, fit: PatchFit, shape: PadShape, is_seen: Mask
+    ) -> Covariances3:
+        """(m, 3, 3) covariances of the contact face over the markers, mm^2."""
+        noise_mm = model.pitch_mm / model.pitch_px * _noise_px(fit)
+        share = np.full(1, self.depth_share)
+        if len(fit.contact) > 0:
+            total = fit.force_std_mm2 / fit.force_mm2
+            share = np.hypot(self.depth_share, total.min())
+        growth = np.where(is_seen, 1.0, 2.0)[:, None]
+        std_mm = growth * np.hypot(noise_mm, share * np.abs(shape.face_mm))
+        covariance = np.zeros((len(std_mm), 3, 3))
+        covariance[:, range(3), range(3)] = std_mm**2
+        return covariance
+
+    def _contact(
+        self, model: PadModel, fit: PatchFit, shape: PadShape, clusters: Clusters, number: int
+    ) -> Contact:
+        own = fit.contact[number]
+        centre_mm, press_mm2 = own[:2], float(own[SHAPE])
+        depth_mm, slope, moved_mm = _depth(model, fit, shape, number)
+        part = slice(OWN * number, OWN * (number + 1))
+        total = (_misfit_scale(fit) * fit.covariance + fit.sheet_covariance)[part, part]
+        covariance = slope @ total @ slope.T
+        footprint = self.footprints(clusters, number, model.pitch_mm)
+        area_mm2 = footprint.area_mm2
+        trace = float(np.sqrt(own[2] ** 2 + own[3] ** 2 + own[4] ** 2))
+        place_mm = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * trace)
+        std = np.zeros(len(ESTIMATES))
+        std[:2] = place_mm
+        std[_DEPTH] = np.hypot(self.depth_share * depth_mm, self.depth_pitch * model.pitch_mm)
+        std[_FORCES] = (
+            self.shear_share * press_mm2,
+            self.shear_share * press_mm2,
+            press_mm2 * np.hypot(self.force_share, self.force_strain * depth_mm / model.thickness_mm),
+            self.torque_share * press_mm2 * trace,
+        )
+        covariance += np.diag(std**2)
+        covariance[_AREA, _AREA] = footprint.area_std_mm2**2 + (self.area_share * area_mm2) ** 2
+        is_unclear = bool(covariance[_AREA, _AREA] > area_mm2**2)
+        if is_unclear:
+            area_mm2 = np.nan
+            covariance[_AREA, :] = covariance[:, _AREA] = np.nan
+        common = np.zeros(len(ESTIMATES))
+        common[_FORCES] = own[[6, 7, 5, 8]]
+        covariance = covariance + (model.young_std**2 + model.scale_std**2) * np.outer(common, common)
+        young_MPa = np.nan if model.young_MPa is None else model.young_MPa
+        unit = np.ones(len(ESTIMATES))
+        unit[_FORCES] = young_MPa
+        face_mm = np.array([*centre_mm, model.sheet.marker_depth_mm or 0.0]) + moved_mm
+        centre_px = project_through_window(model.camera, model.sheet, face_mm[None])[0]
+        return Contact(
+            id=-1,
+            phase=Phase.MOVE,
+            centre_mm=read_only(centre_mm.copy()),
+            centre_px=read_only(centre_px),
+            depth_mm=depth_mm,
+            force_N=read_only(young_MPa * np.array([own[6], own[7], -press_mm2])),
+            torque_Nmm=float(young_MPa * own[8]),
+            area_mm2=area_mm2,
+            covariance=read_only(covariance * np.outer(unit, unit)),
+            normal_force_over_E_mm2=press_mm2,
+            shear_over_E_mm2=(float(own[6]), float(own[7])),
+            half_major_mm=footprint.half_major_mm,
+            half_minor_mm=footprint.half_minor_mm,
+            orientation_rad=footprint.orientation_rad,
+            shape=footprint.shape,
+            shape_probability=footprint.shape_probability,
+            outline=None if is_unclear else footprint.outline,
+        )
+
+
+def _depth(
+    model: PadModel, fit: PatchFit, shape: PadShape, number: int
+) -> tuple[float, Float64[np.ndarray, "8 10"], Float64[np.ndarray, "3"]]:
+    """Largest depth of a contact; derivatives of `ESTIMATES` by its parameters; displacement of its centre.
+
+    Areas have no derivatives.
+    """
+    own, images = fit.contact[number], fit.images[number]
+    root = np.array([[own[2], 0.0], [own[3], own[4]]])
+    at = model.patch.at(own[:2] + _RINGS @ root.T)
+    moved_mm = at.displacement(shape.coefficient_mm)
+    deepest = int(np.argmin(moved_mm[:, 2]))
+    linear_mm = -float(at.displacement(shape.linear_mm)[deepest, 2])
+    if deepest == 0:
+        linear_mm += _unresolved_depth(model, own)
+    depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
+    by_node = at.value[deepest] @ model.face[at.node[deepest], 2].reshape(16, -1)  # the face is symmetric
+    by_node = by_node.reshape(-1, 3)
+
+    def linear_depth(changed: np.ndarray, which: int) -> float:
+        return -float((model.by_node(tractions(images, changed, which)) * by_node).sum())
+
+    plain_mm = linear_depth(own, 0)
+    slope = np.zeros((len(ESTIMATES), OWN))
+    for parameter in range(OWN):
+        changed = own.copy()
+        step = _STEP_MM if parameter < SHAPE else 1e-3 * max(abs(float(own[SHAPE])), 1e-9)
+        changed[parameter] += step
+        local_mm = _unresolved_depth(model, changed) - _unresolved_depth(model, own)
+        which = 1 + parameter if parameter < SHAPE else 0
+        slope[_DEPTH, parameter] = (linear_depth(changed, which) + local_mm - plain_mm) / step
+    slope[_DEPTH] *= depth_mm / max(linear_mm, 1e-9)
+    for parameter, estimate in enumerate(("normal_force", "shear_x", "shear_y", "torque"), SHAPE):
+        slope[ESTIMATES.index(estimate), parameter] = 1.0
+    slope[0, 0] = slope[1, 1] = 1.0
+    return depth_mm, slope, moved_mm[0]
+
+
+def _unresolved_depth(model: PadModel, own: np.ndarray) -> float:
+    """Depth at the centre of a dome that its nodes cannot show, after that of a half-space.
+
+    The centre of a dome of radius a on a half-space is 8 (1 - nu^2) F / (3 pi a E) deep. The elements widen
+    the root of a second moment to the root of its square plus that of `_ELEMENT_ROOT` elements.
+    """
+    root_mm = float(np.sqrt(abs(own[2] * own[4])))
+    wide_mm = float(np.hypot(root_mm, _ELEMENT_ROOT * max(model.grid.step_x, model.grid.step_y)))
+    share = 8.0 * (1.0 - model.poisson**2) / (3.0 * np.pi * np.sqrt(6.0))
+    return float(share * own[SHAPE] * (1.0 / root_mm - 1.0 / wide_mm))
+
+
+def _noise_px(fit: PatchFit) -> float:
+    """Median standard deviation of the marker images of a frame."""
+    used = fit.weight[fit.weight > 0.0]
+    return float(1.0 / np.sqrt(np.median(used))) if len(used) else np.nan
+
+
+def _misfit_scale(fit: PatchFit) -> float:
+    """Misfit per degree of freedom, at least 1."""
+    freedom = int((fit.weight > 0.0).sum()) - OWN * len(fit.contact) - MOTIONS
+    return max(1.0, float(fit.weight @ fit.residual_px**2) / max(freedom, 1))
+
+
+def _clusters(model: PadModel, fit: PatchFit) -> Clusters:
+    """The patches as what `Footprints` computes regions of."""
+    count = len(fit.contact)
+    spread, covariance = np.empty((count, 2, 2)), np.empty((count, 6, 6))
+    by_sheet = np.empty((count, 6, 6))
+    scale = _misfit_scale(fit)
+    order = [SHAPE, 0, 1, 2, 3, 4]
+    for number, (xx, yx, yy) in enumerate(fit.contact[:, 2:SHAPE]):
+        spread[number] = [[xx * xx, xx * yx], [xx * yx, yx * yx + yy * yy]]
+        change = np.eye(6)
+        change[3:, 3:] = [[2.0 * xx, 0.0, 0.0], [yx, xx, 0.0], [0.0, 2.0 * yx, 2.0 * yy]]
+        at = OWN * number + np.array(order)
+        covariance[number] = scale * change @ fit.covariance[np.ix_(at, at)] @ change.T
+        by_sheet[number] = change @ fit.sheet_covariance[np.ix_(at, at)] @ change.T
+    return Clusters(
+        centre_mm=fit.contact[:, :2],
+        force_mm2=np.column_stack([fit.contact[:, 6:8], -fit.force_mm2]),
+        torque_mm3=fit.contact[:, 8],
+        spread_mm2=spread,
+        covariance=covariance,
+        sheet_covariance=by_sheet,
+        label=np.full(model.patch.node_count, -1, dtype=np.int64),
+        is_face=np.zeros(count, dtype=np.bool_),
+        corner_points_mm=tuple(np.zeros((0, 2)) for _ in range(count)),
+        shape_probability=np.full((count, 4), np.nan),
+        fitted_mm2=np.full(model.patch.node_count, np.nan),
+    )

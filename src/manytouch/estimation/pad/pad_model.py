@@ -1,0 +1,255 @@
+"""Everything about a bonded pad that stays the same between frames."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation.pad.patch_kernels import LayerTable, Markers, PadGrid
+from manytouch.geometry.camera import mm_per_px
+from manytouch.geometry.refraction import project_through_window
+from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
+from manytouch.mechanics.pad.elasticity import node_response, pad_response
+from manytouch.mechanics.pad.layer import radial_table
+from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
+from manytouch.values.arrays import Points2, Points3, read_only
+from manytouch.values.sensor_file.default_std import camera_std, sheet_std
+
+MIN_MARKERS = 12
+FACE_THICKNESS_MM = 1e-3
+"""Thickness in the `SheetSpline` of a pad, whose spline is the contact face itself."""
+_REACH = 3.0  # distance in thicknesses beyond which a layer does not move
+_DISTANCES = 300  # of the table of the layer
+_ROOTS = (0.05, 0.6, 14)  # of its Gaussians, in thicknesses: least, largest, number
+_STEP_MM = 1e-4  # of the derivative of the projection
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PadModel:
+    """A bonded pad as its markers show it. Forces are over E, images in px.
+
+    Attributes:
+        camera, layout, sheet: of the sensor.
+        patch: nodes of the contact face.
+        grid: the same for compiled functions.
+        table: response of an unbounded layer at the depth of the markers.
+        by_sides: (3, nx, ny, 2 m) change of the marker images per nodal force along x, y, z by the free sides
+            of the pad; the splines are counted along x and y.
+        by_parameter: (p, 3, nx, ny, 2 m) its change for one standard deviation of Poisson's ratio and of the
+            thickness.
+        marker: (n, 3, m, 3) displacement of the markers per nodal force.
+        face: (n, 3, n, 3) coefficients of the contact face per nodal force.
+        over_marker: basis functions of the contact face over the markers.
+        slope_px: (m, 2, 3) derivative of the marker images by their positions.
+        markers: places at rest and the same derivative, for compiled functions.
+        rest_px: (m, 2) projection of the markers at rest.
+        pitch_mm, pitch_px: geometric mean of the pitches.
+        poisson: Poisson's ratio.
+        young_MPa: None if forces are relative.
+        young_std, scale_std: relative standard deviations of Young's modulus and of the scale of the image.
+    """
+
+    camera: Camera
+    layout: Layout
+    sheet: Sheet
+    patch: SplinePatch
+    grid: PadGrid
+    table: LayerTable
+    by_sides: Float64[np.ndarray, "3 nx ny r"]
+    by_parameter: Float64[np.ndarray, "p 3 nx ny r"]
+    marker: Float64[np.ndarray, "nodes 3 m 3"]
+    face: Float64[np.ndarray, "nodes 3 nodes 3"]
+    over_marker: PointBasis
+    slope_px: Float64[np.ndarray, "m 2 3"]
+    markers: Markers
+    rest_px: Points2
+    pitch_mm: float
+    pitch_px: float
+    poisson: float
+    young_MPa: float | None
+    young_std: float
+    scale_std: float
+
+    @property
+    def thickness_mm(self) -> float:
+        """Of the pad."""
+        return self.sheet.thickness_mm
+
+    def by_node(self, along: Float64[np.ndarray, "nx ny *k"]) -> Float64[np.ndarray, "nodes *k"]:
+        """Values that are counted along x and y, in the order of the nodes."""
+        ordered = along if self.patch.is_x_slow else along.swapaxes(0, 1)
+        return np.ascontiguousarray(ordered.reshape(self.patch.node_count, *along.shape[2:]))
+
+    def project(self, displacement_mm: Points3) -> Points2:
+        """(m, 2) marker images for displacements (m, 3) of the markers."""
+        return project_through_window(self.camera, self.sheet, self.layout.rest_mm + displacement_mm)
+
+    def spline(self, coefficient_mm: Nodal, force_mm2: Nodal) -> SheetSpline:
+        """The contact face (n, 3) and nodal forces over E (n, 3) as a value."""
+        return SheetSpline(
+            size_mm=self.patch.size_mm,
+            centre_mm=self.patch.centre_mm,
+            elements=self.patch.elements,
+            is_clamped=False,
+            thickness_mm=FACE_THICKNESS_MM,
+            poisson=self.poisson,
+            coefficient_mm=read_only(coefficient_mm),
+            force_over_E_mm2=read_only(force_mm2),
+            young_MPa=self.young_MPa,
+        )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class NominalPad:
+    """Nominal properties of a pad, and the size of its elements.
+
+    Attributes:
+        poisson: Poisson's ratio if the sensor does not state it; that of silicone.
+        element_thickness: length of an element, in thicknesses. In-plane motion by loads of this width is
+            within 3 % of that of a layer.
+        max_elements: largest number of elements along a side; beyond, elements are longer.
+    """
+
+    poisson: float = 0.48
+    element_thickness: float = 1.0 / 3.0
+    max_elements: int = 27
+
+    def __call__(self, sensor: Sensor) -> PadModel:
+        """The model of a sensor's pad.
+
+        Raises:
+            SensorError: the sensor has no layout or no sheet.
+            LayoutError: it has too few markers.
+        """
+        layout, sheet = sensor.layout, sensor.sheet
+        if layout is None or sheet is None:
+            raise SensorError(
+                f"sensor {sensor.name!r} has no [markers] or no [sheet], "
+                "which the mechanics of a bonded pad needs"
+            )
+        if len(layout.rest_mm) < MIN_MARKERS:
+            raise LayoutError(
+                f"sensor {sensor.name!r} has {len(layout.rest_mm)} markers; a pad needs {MIN_MARKERS} or more"
+            )
+        poisson = self.poisson if sheet.poisson is None else sheet.poisson
+        stds = sheet_std(sheet)
+        patch = self._patch(sheet)
+        response = pad_response(
+            patch, sheet.thickness_mm, poisson, layout.rest_mm[:, :2], sheet.marker_depth_mm or 0.0
+        )
+        rest_px, slope_px = _projection(sensor.camera, sheet, layout)
+
+        def image(marker: np.ndarray) -> np.ndarray:
+            """(3, nx, ny, 2 m) of a response of the markers."""
+            moved = np.einsum("mij,mjnc->cnmi", slope_px, marker)
+            grid = moved.reshape(3, *patch.shape, -1)
+            return np.ascontiguousarray(grid if patch.is_x_slow else grid.swapaxes(1, 2))
+
+        poisson_std = 0.02 if stds.poisson is None else stds.poisson
+        # a step up to an incompressible pad would leave the range of the linear derivative
+        poisson_std = min(poisson_std, 0.5 * (0.5 - poisson) + 0.005)
+        cameras = camera_std(sensor.camera)
+        focal = cameras.fx_px / sensor.camera.fx_px
+        distance = float(cameras.translation_mm[2] / abs(sensor.camera.translation_mm[2]))
+        pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
+        return PadModel(
+            camera=sensor.camera,
+            layout=layout,
+            sheet=sheet,
+            patch=patch,
+            grid=_grid(patch),
+            table=layer_table(sheet.thickness_mm, poisson, sheet.marker_depth_mm or 0.0),
+            by_sides=read_only(image(response.marker - self._layer(patch, sheet, poisson, layout))),
+            by_parameter=read_only(
+                np.stack(
+                    [
+                        poisson_std * image(response.by_poisson),
+                        stds.thickness_mm * image(response.by_thickness),
+                    ]
+                )
+            ),
+            marker=read_only(np.ascontiguousarray(response.marker.transpose(2, 3, 0, 1))),
+            face=response.face,  # symmetric
+            over_marker=patch.at(layout.rest_mm[:, :2]),
+            slope_px=read_only(slope_px),
+            markers=Markers(place=np.ascontiguousarray(layout.rest_mm[:, :2]), slope=slope_px),
+            rest_px=read_only(rest_px),
+            pitch_mm=pitch_mm,
+            pitch_px=pitch_mm / mm_per_px(sensor.camera),
+            poisson=poisson,
+            young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
+            young_std=0.0
+            if sheet.young_MPa is None or stds.young_MPa is None
+            else stds.young_MPa / sheet.young_MPa,
+            scale_std=float(np.hypot(focal, distance)),
+        )
+
+    def _patch(self, sheet: Sheet) -> SplinePatch:
+        """The contact face, with odd numbers of elements."""
+        wanted = np.floor(sheet.size_mm / (self.element_thickness * sheet.thickness_mm))
+        count = 2 * (np.clip(wanted, 5, self.max_elements).astype(int) // 2) + 1
+        return SplinePatch(
+            size_mm=(float(sheet.size_mm[0]), float(sheet.size_mm[1])),
+            elements=(int(count[0]), int(count[1])),
+            boundary="soft",
+        )
+
+    def _layer(
+        self, patch: SplinePatch, sheet: Sheet, poisson: float, layout: Layout
+    ) -> Float64[np.ndarray, "m 3 nodes 3"]:
+        """The response of the markers if the pad had no sides, on the same nodes."""
+        element_mm = np.array(patch.size_mm) / np.array(patch.elements)
+        half = np.ceil(_REACH * sheet.thickness_mm / element_mm).astype(int)
+        wide = SplinePatch(
+            size_mm=(float((2 * half[0] + 1) * element_mm[0]), float((2 * half[1] + 1) * element_mm[1])),
+            elements=(int(2 * half[0] + 1), int(2 * half[1] + 1)),
+            boundary="soft",
+        )
+        node = int(np.argmin(np.linalg.norm(wide.place_mm, axis=1)))
+        depth_mm = sheet.marker_depth_mm or 0.0
+        coefficient = node_response(wide, sheet.thickness_mm, poisson, node, depth_mm)
+        away_mm = layout.rest_mm[:, None, :2] - patch.place_mm
+        is_near = (np.linalg.norm(away_mm, axis=2) < _REACH * sheet.thickness_mm).ravel()
+        at = wide.at(away_mm.reshape(-1, 2)[is_near] + wide.place_mm[node])
+        found = np.zeros((is_near.size, 3, 3))
+        for load in range(3):
+            found[is_near, :, load] = at.displacement(np.ascontiguousarray(coefficient[:, :, load]))
+        return found.reshape(*away_mm.shape[:2], 3, 3).transpose(0, 2, 1, 3)
+
+
+def _grid(patch: SplinePatch) -> PadGrid:
+    """The nodes for compiled functions."""
+    (x_mm, y_mm), (wide_mm, high_mm), (columns, rows) = patch.corner_mm, patch.size_mm, patch.elements
+    return PadGrid(
+        corner_x=float(x_mm),
+        corner_y=float(y_mm),
+        step_x=wide_mm / columns,
+        step_y=high_mm / rows,
+        count_x=columns,
+        count_y=rows,
+    )
+
+
+def layer_table(thickness_mm: float, poisson: float, depth_mm: float) -> LayerTable:
+    """The response of an unbounded layer at a depth below its face."""
+    distance_mm = np.linspace(0.0, _REACH * thickness_mm, _DISTANCES)
+    root_mm = thickness_mm * np.geomspace(*_ROOTS)
+    value = radial_table(distance_mm, root_mm, thickness_mm, poisson, depth_mm)
+    return LayerTable(
+        value=read_only(np.ascontiguousarray(value)), step=float(distance_mm[1]), root=read_only(root_mm)
+    )
+
+
+def _projection(camera: Camera, sheet: Sheet, layout: Layout) -> tuple[Points2, np.ndarray]:
+    """(m, 2) images of the markers at rest and (m, 2, 3) their derivatives by the positions."""
+    rest_px = project_through_window(camera, sheet, layout.rest_mm)
+    slope = [
+        (
+            project_through_window(camera, sheet, layout.rest_mm + step)
+            - project_through_window(camera, sheet, layout.rest_mm - step)
+        )
+        / (2.0 * _STEP_MM)
+        for step in _STEP_MM * np.eye(3)
+    ]
+    return rest_px, np.stack(slope, axis=-1)

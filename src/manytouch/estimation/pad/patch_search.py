@@ -1,0 +1,87 @@
+"""Where a pad may be pressed: small patches that explain what the fitted contacts do not."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.pad.pad_model import PadModel
+from manytouch.estimation.pad.patch_fit import OWN, PatchFitter
+from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.values.arrays import Points2, read_only
+
+_COLUMNS = 3  # normal force, shear x, shear y
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Candidates:
+    """Small patches on a lattice.
+
+    Attributes:
+        centre_mm: (k, 2) of each.
+        column: (3 k, 2 m) marker images by unit loads: normal force, shear x, shear y.
+        inverse: (k, 3, 3) inverse matrices of their products.
+        root_mm: root of their second moment.
+    """
+
+    centre_mm: Points2
+    column: Float64[np.ndarray, "c r"]
+    inverse: Float64[np.ndarray, "k 3 3"]
+    root_mm: float
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PatchSearch:
+    """Finds the patch that reduces a misfit most.
+
+    Attributes:
+        step, root: distance of candidates and root of their second moment, in thicknesses; the distance is at
+            most one pitch.
+        max_shear: largest ratio of shear to normal force of a candidate.
+    """
+
+    step: float = 0.4
+    root: float = 0.25
+    max_shear: float = 1.0
+
+    def start(self, model: PadModel, fitter: PatchFitter) -> Candidates:
+        """The candidates of a pad."""
+        root_mm = self.root * model.thickness_mm
+        half_mm = 0.5 * np.array(model.patch.size_mm) - 0.5 * root_mm
+        step_mm = max(min(self.step * model.thickness_mm, model.pitch_mm), 0.04 * float(half_mm.max()))
+        along = [np.linspace(-half, half, max(int(np.rint(2.0 * half / step_mm)), 1) + 1) for half in half_mm]
+        centre_mm = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 2)
+        column = [
+            fitter.images(model, np.array([*centre, root_mm, 0.0, root_mm])).column[0, :_COLUMNS]
+            for centre in centre_mm
+        ]
+        every = np.stack(column)
+        return Candidates(
+            centre_mm=read_only(centre_mm),
+            column=read_only(np.concatenate(column)),
+            root_mm=root_mm,
+            inverse=read_only(np.linalg.inv(every @ every.transpose(0, 2, 1))),
+        )
+
+    def __call__(
+        self,
+        candidates: Candidates,
+        residual_px: Float64[np.ndarray, " r"],
+        weight: Float64[np.ndarray, " r"],
+    ) -> tuple[np.ndarray | None, float]:
+        """The guess (OWN,) with the largest reduction of the misfit, and this; None if nothing presses."""
+        # one weight for all markers that are seen; what is not seen counts as unmoved
+        usual = float(np.median(weight[weight > 0.0])) if (weight > 0.0).any() else 0.0
+        pull = (candidates.column @ (weight * residual_px)).reshape(-1, _COLUMNS)
+        load = np.einsum("kij,kj->ki", candidates.inverse, pull)
+        load /= max(usual, 1e-300)
+        gain = (load * pull).sum(axis=1)
+        is_press = (load[:, 0] > 0.0) & (np.hypot(load[:, 1], load[:, 2]) <= self.max_shear * load[:, 0])
+        if not is_press.any():
+            return None, 0.0
+        best = int(np.argmax(np.where(is_press, gain, -1.0)))
+        root_mm = candidates.root_mm
+        guess = np.zeros(OWN)
+        guess[:SHAPE] = *candidates.centre_mm[best], root_mm, 0.0, root_mm
+        guess[SHAPE : SHAPE + _COLUMNS] = load[best]
+        return guess, float(gain[best])

@@ -1,0 +1,326 @@
+"""A linear elastic pad that is bonded to a rigid window, with free sides, by Galerkin's method.
+
+Displacements are products of bicubic B-splines over the outline and of polynomials through the thickness that
+are 0 on the bonded face. The stiffness is a sum of Kronecker products of matrices along the three axes. A
+rectangle has two mirror planes, so it falls apart into four smaller ones, for displacements that are even or
+odd about each of them. The response to tractions on the contact face is computed once per sensor. In the
+limit of a wide pad it is that of a layer (`mechanics.pad.layer`).
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64, Int64
+from scipy.linalg import cho_factor, cho_solve
+from scipy.sparse import csr_array, kron
+
+from manytouch.geometry.spline import basis
+from manytouch.geometry.spline.patch import SplinePatch
+from manytouch.values.arrays import Points2, read_only
+
+DEGREE_Z = 5
+"""Degree of the polynomials through the thickness."""
+_QUADRATURE = 5  # Gauss points per element
+_REACH = 3  # nodes along an axis with common elements
+_STEP = 1e-6  # of Poisson's ratio, and relative step of the thickness, in derivatives
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PadResponse:
+    """Displacements of the markers and of the contact face by nodal forces on that face, both over E.
+
+    Nodal forces are those of `SplinePatch.load`: int t B_j of a traction t.
+
+    Attributes:
+        marker: (m, 3, n, 3) displacement of each marker per nodal force over E, 1/mm.
+        face: (n, 3, n, 3) spline coefficients of the displacement of the contact face, 1/mm.
+        by_poisson, by_thickness: (m, 3, n, 3) derivatives of `marker` by Poisson's ratio and by the thickness
+            (per mm); the markers keep their depth below the contact face.
+    """
+
+    marker: Float64[np.ndarray, "m 3 nodes 3"]
+    face: Float64[np.ndarray, "nodes 3 nodes 3"]
+    by_poisson: Float64[np.ndarray, "m 3 nodes 3"]
+    by_thickness: Float64[np.ndarray, "m 3 nodes 3"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Axis:
+    """Integrals along one axis: of values, of slopes, and of slopes (rows) with values (columns)."""
+
+    value: Float64[np.ndarray, "k k"]
+    slope: Float64[np.ndarray, "k k"]
+    mixed: Float64[np.ndarray, "k k"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Part:
+    """Displacements with one symmetry, in the order slow node, fast node, polynomial, component.
+
+    Attributes:
+        stiffness: two matrices, to be multiplied by the Lame constants over E.
+        thicker: their derivatives by the thickness, per mm.
+        unfold: (unknowns of the pad, unknowns of the part) coefficients of the pad.
+        unfold_face: (3 n, face unknowns of the part) the same of the contact face.
+        on_face: (face unknowns,) numbers of the face's unknowns in the part.
+        block: number of unknowns that depend on each other and on those of the next block only.
+    """
+
+    stiffness: Float64[np.ndarray, "2 k k"]
+    thicker: Float64[np.ndarray, "2 k k"]
+    unfold: csr_array
+    unfold_face: csr_array
+    on_face: Int64[np.ndarray, " f"]
+    block: int
+
+
+def pad_response(
+    patch: SplinePatch,
+    thickness_mm: float,
+    poisson: float,
+    marker_mm: Points2,
+    marker_depth_mm: float = 0.0,
+) -> PadResponse:
+    """The response of a pad.
+
+    Args:
+        patch: outline and nodes of the pad, with a free boundary and odd numbers of elements.
+        thickness_mm: of the pad.
+        poisson: its Poisson's ratio, below 1/2.
+        marker_mm: (m, 2) places of the markers at rest.
+        marker_depth_mm: of the markers below the contact face.
+
+    Raises:
+        ValueError: an even number of elements.
+    """
+    if patch.elements[0] % 2 == 0 or patch.elements[1] % 2 == 0:
+        raise ValueError(f"a pad needs odd numbers of elements, not {patch.elements}")
+    lame, raised = np.array(_lame(poisson)), np.array(_lame(poisson + _STEP))
+    slope = (raised - lame) / _STEP
+    share = 1.0 - marker_depth_mm / thickness_mm
+    at = _values_at(patch, marker_mm, share)
+    moved = (_values_at(patch, marker_mm, share + _STEP) - at) * (marker_depth_mm / thickness_mm**2 / _STEP)
+    count, nodes = len(marker_mm), patch.node_count
+    marker, by_poisson, by_thickness = (np.zeros((3 * count, 3 * nodes)) for _ in range(3))
+    face = np.zeros((3 * nodes, 3 * nodes))
+    for part in _parts(patch, thickness_mm):
+        own_at, own_moved = csr_array(at @ part.unfold), csr_array(moved @ part.unfold)
+        load = np.zeros((own_at.shape[1], len(part.on_face)))
+        load[part.on_face, np.arange(len(part.on_face))] = 1.0
+        whole = np.tensordot(lame, part.stiffness, axes=1)
+        both = _solve(whole, np.hstack([load, own_at.toarray().T]), part.block)
+        answer, reciprocal = both[:, : load.shape[1]], both[:, load.shape[1] :]
+        fold = csr_array(part.unfold_face.T)
+        face += (fold.T @ (fold.T @ answer[part.on_face]).T).T
+        marker += (fold.T @ (own_at @ answer).T).T
+        change = np.tensordot(slope, part.stiffness, axes=1)
+        by_poisson -= (fold.T @ (reciprocal.T @ (change @ answer)).T).T
+        change = np.tensordot(lame, part.thicker, axes=1)
+        by_thickness += (fold.T @ (own_moved @ answer - reciprocal.T @ (change @ answer)).T).T
+    shape = (count, 3, nodes, 3)
+    return PadResponse(
+        marker=read_only(marker.reshape(shape)),
+        face=read_only(face.reshape(nodes, 3, nodes, 3)),
+        by_poisson=read_only(by_poisson.reshape(shape)),
+        by_thickness=read_only(by_thickness.reshape(shape)),
+    )
+
+
+def node_response(
+    patch: SplinePatch, thickness_mm: float, poisson: float, node: int, depth_mm: float = 0.0
+) -> Float64[np.ndarray, "nodes 3 3"]:
+    """Spline coefficients of the displacement at a depth below the face, per force over E on one node, 1/mm.
+
+    Args:
+        patch, thickness_mm, poisson: as in `pad_response`.
+        node: number of the node.
+        depth_mm: below the contact face.
+
+    Returns:
+        (n, 3, 3) components of the displacement by components of the force.
+    """
+    lame = np.array(_lame(poisson))
+    through = _polynomials(np.array([1.0 - depth_mm / thickness_mm]))[0][0]
+    total = np.zeros((patch.node_count, 3, 3))
+    for part in _parts(patch, thickness_mm):
+        load = np.zeros((part.unfold.shape[1], 3))
+        load[part.on_face] = part.unfold_face[3 * node : 3 * node + 3].toarray().T
+        answer = _solve(np.tensordot(lame, part.stiffness, axes=1), load, part.block)
+        whole = (part.unfold @ answer).reshape(patch.node_count, DEGREE_Z, 3, 3)
+        total += np.einsum("p,npij->nij", through, whole)
+    return total
+
+
+def _lame(poisson: float) -> tuple[float, float]:
+    """Both Lame constants over Young's modulus."""
+    return poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), 0.5 / (1.0 + poisson)
+
+
+def _parts(patch: SplinePatch, thickness_mm: float) -> Iterator[_Part]:
+    """The four symmetries of a rectangular pad."""
+    splines = [_spline_axis(patch, axis) for axis in patch.axes]
+    through = [_depth_axis(thickness_mm * (1.0 + side)) for side in (0.0, _STEP)]
+    x_number = patch.axes.index(0)
+    order = (x_number, 1 - x_number, 2)  # number of the axis of x, y, z among slow, fast, through
+    half = [count // 2 for count in patch.shape]
+    degree = np.eye(DEGREE_Z)
+    on_face = 3 * DEGREE_Z * np.arange(half[0] * half[1])[:, None] + np.arange(3)
+    for is_odd in ((False, False), (False, True), (True, False), (True, True)):
+        # the component along an axis is even about its mirror plane where the others are odd
+        mirrors = [
+            [
+                _mirror(patch.shape[number], is_odd[number] != (order[component] == number))
+                for number in range(2)
+            ]
+            + [csr_array(degree)]
+            for component in range(3)
+        ]
+        dense = [[each.toarray() for each in mirror] for mirror in mirrors]
+        stiffness, stretched = (_stiffness((*splines, axis), order, dense) for axis in through)
+        yield _Part(
+            stiffness=stiffness,
+            thicker=(stretched - stiffness) / (_STEP * thickness_mm),
+            unfold=_interleaved([csr_array(kron(kron(each[0], each[1]), each[2])) for each in mirrors]),
+            unfold_face=_interleaved([csr_array(kron(each[0], each[1])) for each in mirrors]),
+            on_face=on_face.ravel(),
+            block=_REACH * half[1] * DEGREE_Z * 3,
+        )
+
+
+def _mirror(count: int, is_odd: bool) -> csr_array:
+    """(count, count / 2) orthonormal even or odd combinations of functions and their mirror images."""
+    half, value = np.arange(count // 2), np.sqrt(0.5)
+    mirrored = -value if is_odd else value
+    row, column = np.concatenate([half, count - 1 - half]), np.tile(half, 2)
+    data = np.repeat([value, mirrored], count // 2)
+    return csr_array((data, (row, column)), shape=(count, count // 2))
+
+
+def _interleaved(block: Sequence[csr_array]) -> csr_array:
+    """One matrix of those of the three components, the component counting fastest."""
+    total = csr_array((3 * block[0].shape[0], 3 * block[0].shape[1]))
+    for component in range(3):
+        unit = np.zeros((3, 3))
+        unit[component, component] = 1.0
+        total = total + kron(block[component], unit)
+    return csr_array(total)
+
+
+def _spline_axis(patch: SplinePatch, axis: int) -> _Axis:
+    """Integrals of the B-splines along x (0) or y (1)."""
+    length, elements = patch.size_mm[axis], patch.elements[axis]
+    place, weight = np.polynomial.legendre.leggauss(_QUADRATURE)
+    size_mm = length / elements
+    at_mm = ((np.arange(elements)[:, None] + 0.5 + 0.5 * place) * size_mm).ravel()
+    first, table = basis.values(length, elements, at_mm)
+    value, slope = (np.zeros((len(at_mm), elements + basis.DEGREE)) for _ in range(2))
+    chosen = first[:, None] + np.arange(basis.DEGREE + 1)
+    np.put_along_axis(value, chosen, table[:, 0], axis=1)
+    np.put_along_axis(slope, chosen, table[:, 1], axis=1)
+    return _products(value, slope, np.tile(0.5 * size_mm * weight, elements))
+
+
+def _depth_axis(thickness_mm: float) -> _Axis:
+    """Integrals of the polynomials through the thickness."""
+    place, weight = np.polynomial.legendre.leggauss(DEGREE_Z + 1)
+    value, slope = _polynomials(0.5 * (place + 1.0))
+    return _products(value, slope / thickness_mm, 0.5 * thickness_mm * weight)
+
+
+def _products(value: np.ndarray, slope: np.ndarray, weight: np.ndarray) -> _Axis:
+    return _Axis(
+        value=value.T @ (weight[:, None] * value),
+        slope=slope.T @ (weight[:, None] * slope),
+        mixed=slope.T @ (weight[:, None] * value),
+    )
+
+
+def _polynomials(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(k, DEGREE_Z) values at shares of the thickness above the bonded face, and slopes by the share.
+
+    Integrated Legendre polynomials: only the first one is not 0 on the contact face.
+    """
+    legendre = [
+        np.polynomial.legendre.Legendre.basis(degree, domain=(0.0, 1.0)) for degree in range(DEGREE_Z)
+    ]
+    value = np.stack([each.integ(lbnd=0.0)(share) for each in legendre], axis=-1)
+    return value, np.stack([each(share) for each in legendre], axis=-1)
+
+
+def _stiffness(
+    axes: Sequence[_Axis], order: Sequence[int], mirrors: Sequence[Sequence[np.ndarray]]
+) -> Float64[np.ndarray, "2 k k"]:
+    """The two stiffness matrices of a part, to be multiplied by the Lame constants.
+
+    Args:
+        axes: along the slow and the fast axis and through the thickness.
+        order: number of the axis in `axes` of x, y and z.
+        mirrors: for each component and axis, the functions of the part.
+    """
+    sizes = [mirrors[0][number].shape[1] for number in range(3)]
+
+    def product(row: int, column: int, along_row: int, along_column: int) -> np.ndarray:
+        """Integral of a derivative of the functions of one component times one of those of another."""
+        parts = []
+        for number, axis in enumerate(axes):
+            by_row, by_column = order[along_row] == number, order[along_column] == number
+            if by_row:
+                matrix = axis.slope if by_column else axis.mixed
+            else:
+                matrix = axis.mixed.T if by_column else axis.value
+            parts.append(mirrors[row][number].T @ matrix @ mirrors[column][number])
+        in_plane = np.einsum("ab,cd->acbd", parts[0], parts[1])
+        return np.asarray(in_plane[:, :, None, :, :, None] * parts[2][:, None, None, :])
+
+    total = np.zeros((2, *sizes, 3, *sizes, 3))
+    for row in range(3):
+        for column in range(3):
+            total[0, :, :, :, row, :, :, :, column] = product(row, column, row, column)
+            second = product(row, column, column, row)
+            if row == column:
+                second = second + sum(product(row, row, along, along) for along in range(3))
+            total[1, :, :, :, row, :, :, :, column] = second
+    unknowns = 3 * int(np.prod(sizes))
+    return total.reshape(2, unknowns, unknowns)
+
+
+def _solve(
+    matrix: Float64[np.ndarray, "k k"], right: Float64[np.ndarray, "k r"], block: int
+) -> Float64[np.ndarray, "k r"]:
+    """Solution of equations with a block tridiagonal, positive definite matrix."""
+    starts = range(0, len(matrix), block)
+    factors: list[tuple[np.ndarray, bool]] = []
+    links: list[np.ndarray] = []
+    part = right.copy()
+    for start in starts:
+        own = slice(start, start + block)
+        diagonal = matrix[own, own].copy()
+        if start > 0:
+            before = slice(start - block, start)
+            link = matrix[own, before]
+            carried = cho_solve(factors[-1], link.T, check_finite=False)
+            diagonal -= link @ carried
+            part[own] -= carried.T @ part[before]
+            links.append(carried)
+        factors.append(cho_factor(diagonal, lower=True, check_finite=False))
+    for number, start in reversed(list(enumerate(starts))):
+        own = slice(start, start + block)
+        part[own] = cho_solve(factors[number], part[own], check_finite=False)
+        if number + 1 < len(factors):
+            part[own] -= links[number] @ part[start + block : start + 2 * block]
+    return part
+
+
+def _values_at(patch: SplinePatch, point_mm: Points2, share: float) -> csr_array:
+    """(3 m, unknowns) displacement of points at a share of the thickness above the bonded face."""
+    found = patch.at(point_mm)
+    through = _polynomials(np.array([share]))[0][0]
+    count = len(point_mm)
+    column = (found.node[:, :, None] * DEGREE_Z + np.arange(DEGREE_Z))[..., None] * 3 + np.arange(3)
+    row = np.broadcast_to(3 * np.arange(count)[:, None, None, None] + np.arange(3), column.shape)
+    value = np.broadcast_to((found.value[:, :, None] * through)[..., None], column.shape)
+    return csr_array(
+        (value.ravel(), (row.ravel(), column.ravel())),
+        shape=(3 * count, patch.node_count * DEGREE_Z * 3),
+    )

@@ -1,0 +1,123 @@
+"""The response of an unbounded elastic layer that is bonded to a rigid base, exact for each wave number.
+
+For tractions exp(i k x) on the face z = h of a layer with u = 0 at z = 0, displacements along the wave vector
+are i U(z) and normal ones W(z) with
+
+    W = (A + B z) e^(k z) + (C + D z) e^(-k z)
+    U = (A + (3 - 4 nu) B / k + B z) e^(k z) + (-C + (3 - 4 nu) D / k - D z) e^(-k z)
+
+which satisfy Navier's equations; those across it are sinh(k z) / (mu k cosh(k h)). On the face this is the
+closed form of R. Merkel et al. 2007 (doi:10.1529/biophysj.107.107904).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.special import jv
+
+from manytouch.values.arrays import Scalars
+
+_WAVES = 700  # of the quadrature of `radial_table`
+_LARGEST = 7.0  # wave number times root, beyond which a Gaussian has no part
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LayerResponse:
+    """Displacements at a depth for tractions on the face with wave numbers (k,), times Young's modulus, mm.
+
+    Attributes:
+        across: of shear across the wave vector.
+        along, normal: of shear along it, and of normal traction, each in its own direction.
+        squeezed: displacement along the wave vector over i, by a normal traction.
+        lifted: normal displacement over -i, by shear along the wave vector.
+    """
+
+    across: Scalars
+    along: Scalars
+    normal: Scalars
+    squeezed: Scalars
+    lifted: Scalars
+
+
+def layer_response(
+    wave_per_mm: Scalars, thickness_mm: float, poisson: float, depth_mm: float = 0.0
+) -> LayerResponse:
+    """The response at a depth below the face.
+
+    Args:
+        wave_per_mm: (k,) wave numbers, positive.
+        thickness_mm: of the layer.
+        poisson: its Poisson's ratio, below 1/2.
+        depth_mm: below the face.
+    """
+    k, high, kappa = wave_per_mm, thickness_mm, 3.0 - 4.0 * poisson
+    shear = 0.5 / (1.0 + poisson)
+    first = 2.0 * shear * poisson / (1.0 - 2.0 * poisson)
+
+    def rows(z: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """U, W, U', W' of the four solutions, the first two over e^(k h)."""
+        up, down, one = np.exp(k * (z - high)), np.exp(-k * z), np.ones_like(k)
+        w = np.stack([up, z * up, down, z * down], axis=-1)
+        u = np.stack([up, (kappa / k + z) * up, -down, (kappa / k - z) * down], axis=-1)
+        dw = np.stack([k * up, (one + k * z) * up, -k * down, (one - k * z) * down], axis=-1)
+        du = np.stack([k * up, (kappa + one + k * z) * up, k * down, (-kappa - one + k * z) * down], axis=-1)
+        return u, w, du, dw
+
+    u, w, _, _ = rows(0.0)
+    u_face, w_face, du_face, dw_face = rows(high)
+    normal = first * (dw_face - k[:, None] * u_face) + 2.0 * shear * dw_face
+    tangential = shear * (du_face + k[:, None] * w_face)
+    matrix = np.stack([u, w, tangential, normal], axis=1)
+    right = np.zeros((len(k), 4, 2))
+    right[:, 2, 0] = right[:, 3, 1] = 1.0
+    solution = np.linalg.solve(matrix, right)
+    u, w, _, _ = rows(high - depth_mm)
+    found_u, found_w = (np.einsum("ks,kst->kt", each, solution) for each in (u, w))
+    z = high - depth_mm
+    across = (np.exp(k * (z - high)) - np.exp(-k * (z + high))) / (1.0 + np.exp(-2.0 * k * high))
+    return LayerResponse(
+        across=across / (shear * k),
+        along=found_u[:, 0],
+        normal=found_w[:, 1],
+        squeezed=found_u[:, 1],
+        lifted=found_w[:, 0],
+    )
+
+
+def radial_table(
+    distance_mm: Float64[np.ndarray, " n"],
+    root_mm: Float64[np.ndarray, " g"],
+    thickness_mm: float,
+    poisson: float,
+    depth_mm: float = 0.0,
+) -> Float64[np.ndarray, "g n 5"]:
+    """Displacements around Gaussian tractions with unit force, times Young's modulus, 1/mm.
+
+    The last axis: radial and normal displacement by a normal traction along z; even part and part with
+    cos 2 phi of the displacement along a shear traction; normal displacement over cos phi by it.
+
+    Args:
+        distance_mm: (n,) from the centre.
+        root_mm: (g,) roots of the second moments along each axis.
+        thickness_mm, poisson: of the layer.
+        depth_mm: below the face.
+    """
+    most = _LARGEST / float(root_mm.min())
+    place, weight = np.polynomial.legendre.leggauss(_WAVES)
+    k = most * (0.5 * (place + 1.0)) ** 2  # denser where k is small
+    dk = 0.5 * most * (place + 1.0) * weight
+    response = layer_response(k, thickness_mm, poisson, depth_mm)
+    part = np.exp(-0.5 * (k * root_mm[:, None]) ** 2) * (k * dk / (2.0 * np.pi))
+    zero, one, two = (jv(order, np.outer(distance_mm, k)) for order in range(3))
+    mean, half = 0.5 * (response.along + response.across), 0.5 * (response.along - response.across)
+    return np.stack(
+        [
+            -(response.squeezed * part) @ one.T,
+            (response.normal * part) @ zero.T,
+            (mean * part) @ zero.T,
+            -(half * part) @ two.T,
+            (response.lifted * part) @ one.T,
+        ],
+        axis=-1,
+    )

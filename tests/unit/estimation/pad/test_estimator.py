@@ -1,0 +1,168 @@
+"""Contacts on a pad from the images of its own model, and from frames that are not usable."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonded_pad import YOUNG_MPA, pad_sensor, seen_px
+from layouts import grid_at
+from manytouch.errors import LayoutError, SensorError
+from manytouch.estimation.mechanics.estimator import MechanicsEstimator
+from manytouch.estimation.pad.estimator import PadEstimator, PadState
+from manytouch.estimation.pad.pad_contacts import large_strain
+from manytouch.estimation.pad.patch_fit import tractions
+from manytouch.values import Contacts, Phase, Sensor, Status, Surface, TrackedGrid
+
+ESTIMATE = PadEstimator()
+ONE = np.array([[1.3, -0.7, 0.9, 0.1, 0.8, 2.0, 0.3, -0.1, 0.2, 0.05]])
+"""Centre, root of the second moment, normal force, shear, torque over E, radial shear."""
+
+
+def pressed_px(state: PadState, contact: np.ndarray) -> np.ndarray:
+    """(m, 2) marker images under contacts (c, 10), without the free sides' share of the curvature."""
+    model = state.model
+    image, moved_mm = np.zeros(2 * len(model.rest_px)), np.zeros((len(model.rest_px), 3))
+    for own in contact:
+        images = ESTIMATE.fitter.images(model, own[:5])
+        load = np.array([*own[5:9], own[5] * own[9]])
+        image += load @ images.column[0]
+        nodal = model.by_node(tractions(images, own, 0))
+        moved_mm += np.tensordot(nodal, model.marker, axes=2)
+    curved_px = model.project(moved_mm) - model.rest_px - np.einsum("mij,mj->mi", model.slope_px, moved_mm)
+    return model.rest_px + image.reshape(-1, 2) + curved_px
+
+
+def steps(state: PadState, position_px: np.ndarray, count: int = 3) -> tuple[PadState, Surface, Contacts]:
+    for seed in range(count):
+        state, surface, contacts = ESTIMATE.step(state, grid_at(position_px, noise_px=0.01, seed=seed))
+    return state, surface, contacts
+
+
+def test_nothing_touches_a_pad_at_rest(pad_state: PadState) -> None:
+    _, surface, contacts = steps(pad_state, seen_px(pad_sensor()))
+    assert not contacts.contacts
+    assert np.abs(surface.displacement_mm).max() < 1e-3
+
+
+def test_a_contact_is_found_with_force_shear_and_torque(pad_state: PadState) -> None:
+    _, surface, contacts = steps(pad_state, pressed_px(pad_state, ONE))
+    (found,) = contacts.touching
+    np.testing.assert_allclose(found.centre_mm, ONE[0, :2], atol=0.1)
+    press_N = YOUNG_MPA * ONE[0, 5]
+    assert -found.force_N[2] == pytest.approx(press_N, abs=2.0 * found.std("normal_force"))
+    assert found.std("normal_force") < 0.3 * press_N
+    np.testing.assert_allclose(found.force_N[:2], YOUNG_MPA * ONE[0, 6:8], atol=0.03 * press_N)
+    assert found.torque_Nmm == pytest.approx(YOUNG_MPA * ONE[0, 8], abs=3.0 * found.std("torque"))
+    assert found.normal_force_over_E_mm2 == pytest.approx(-found.force_N[2] / YOUNG_MPA)
+    assert 0.0 < found.depth_mm < 1.0
+    assert np.linalg.eigvalsh(found.covariance[:7, :7]).min() > 0.0
+    assert -surface.displacement_mm[:, 2].min() == pytest.approx(found.depth_mm, rel=0.3)
+    assert found.outline is not None
+
+
+def test_the_pressure_of_the_surface_adds_up_to_the_force(pad_state: PadState) -> None:
+    _, surface, contacts = steps(pad_state, pressed_px(pad_state, ONE))
+    assert surface.spline is not None
+    total = surface.spline.force_over_E_mm2.sum(axis=0)
+    assert -total[2] == pytest.approx(contacts.touching[0].normal_force_over_E_mm2, rel=1e-6)
+
+
+def test_two_contacts_are_two(pad_state: PadState) -> None:
+    two = np.vstack([ONE, [-5.0, 2.0, 0.7, 0.0, 0.7, 1.2, 0.0, 0.1, 0.0, 0.0]])
+    _, _, contacts = steps(pad_state, pressed_px(pad_state, two))
+    centres = np.array([contact.centre_mm for contact in contacts.touching])
+    assert len(centres) == 2
+    away = np.linalg.norm(two[:, None, :2] - centres, axis=2)
+    assert away.min(axis=1).max() < 0.4
+
+
+def test_a_contact_keeps_its_identity_and_ends(pad_state: PadState) -> None:
+    state, _, first = steps(pad_state, pressed_px(pad_state, ONE))
+    moved = ONE.copy()
+    moved[0, 0] += 0.5
+    state, _, second = steps(state, pressed_px(pad_state, moved))
+    assert [each.id for each in second.contacts] == [each.id for each in first.touching]
+    _, _, last = steps(state, pad_state.model.rest_px, count=1)
+    assert [each.phase for each in last.contacts] == [Phase.END]
+
+
+def test_interleaved_states_give_the_same_bits(pad_state: PadState) -> None:
+    position_px = pressed_px(pad_state, ONE)
+    alone, _, one = steps(pad_state, position_px)
+    steps(pad_state, pressed_px(pad_state, ONE * 1.1))
+    again, _, two = steps(pad_state, position_px)
+    np.testing.assert_array_equal(alone.contact, again.contact)
+    np.testing.assert_array_equal(one.touching[0].covariance, two.touching[0].covariance)
+
+
+def test_an_unknown_poisson_ratio_and_thickness_widen_the_force(pad_state: PadState) -> None:
+    exact = ESTIMATE.start(pad_sensor(poisson_std=1e-4, thickness_std_mm=1e-3, young_std_MPa=1e-3))
+    position_px = pressed_px(pad_state, ONE)
+    wide, narrow = (steps(state, position_px)[2].touching[0] for state in (pad_state, exact))
+    assert wide.std("normal_force") > 1.3 * narrow.std("normal_force")
+
+
+def test_wrong_parameters_move_the_force_within_its_deviation(pad_state: PadState) -> None:
+    state = ESTIMATE.start(pad_sensor(poisson=0.47, poisson_std=0.01, thickness_mm=4.2))
+    found = steps(state, pressed_px(pad_state, ONE))[2].touching[0]
+    assert abs(-found.force_N[2] - YOUNG_MPA * ONE[0, 5]) < 2.5 * found.std("normal_force")
+
+
+def test_few_markers_are_a_status(pad_state: PadState) -> None:
+    position_px = seen_px(pad_sensor())
+    position_px[11:] = np.nan
+    _, surface, contacts = ESTIMATE.step(pad_state, grid_at(position_px))
+    assert contacts.status is surface.status is Status.FEW_MARKERS
+
+
+def test_missing_markers_do_not_press(pad_state: PadState) -> None:
+    position_px = pressed_px(pad_state, ONE)
+    position_px[::3] = np.nan
+    (found,) = steps(pad_state, position_px)[2].touching
+    assert np.linalg.norm(found.centre_mm - ONE[0, :2]) < 4.0 * found.std("x")
+
+
+def test_large_strain_lies_between_both_columns() -> None:
+    linear_mm = np.array([-0.2, 0.0, 0.05, 1.0, 2.5])
+    found_mm = large_strain(linear_mm, 4.0)
+    np.testing.assert_array_equal(found_mm[:2], linear_mm[:2])
+    assert found_mm[2] == pytest.approx(0.05, rel=0.01)
+    logarithmic_mm = 4.0 * (1.0 - np.exp(-linear_mm[3:] / 4.0))
+    assert np.all(found_mm[3:] < logarithmic_mm)
+    assert np.all(found_mm[3:] > 0.8 * logarithmic_mm)
+
+
+def test_the_method_mechanics_chooses_by_the_boundary(pad_state: PadState) -> None:
+    class Started:
+        def start(self, sensor: Sensor) -> PadState:
+            return pad_state
+
+        def step(self, state: PadState, grid: TrackedGrid) -> tuple[PadState, Surface, Contacts]:
+            return ESTIMATE.step(state, grid)
+
+    method = MechanicsEstimator(pad=Started())
+    assert method.start(pad_sensor()) is pad_state
+    _, _, contacts = method.step(pad_state, grid_at(pressed_px(pad_state, ONE)))
+    assert contacts.touching
+
+
+def without(sensor: Sensor, **parts: None) -> Sensor:
+    return replace(sensor, **parts)
+
+
+def test_a_pad_without_layout_or_with_few_markers_is_refused() -> None:
+    sensor = pad_sensor()
+    with pytest.raises(SensorError, match=r"no \[markers\]"):
+        ESTIMATE.start(without(sensor, layout=None))
+    layout = sensor.layout
+    assert layout is not None
+    few = replace(
+        layout,
+        rest_mm=layout.rest_mm[:6],
+        row_column=None,
+        radius_mm=layout.radius_mm[:6],
+        is_missing=layout.is_missing[:6],
+    )
+    with pytest.raises(LayoutError, match="6 markers; a pad needs 12"):
+        ESTIMATE.start(replace(sensor, layout=few))
