@@ -118,4 +118,6 @@ def run(
 
 def is_playback(source: str, *options_given: object) -> bool:
     """Whether the stored readings of a recording are shown, because no option requires processing."""
-    return source.lower().endswith(".mcap") and not any(options_given)
+    from manytouch.sources.files.log import is_log
+
+    return source.lower().endswith(".mcap") and not any(options_given) and not is_log(Path(source))

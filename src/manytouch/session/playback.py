@@ -62,7 +62,9 @@ class Playback:
         source = open_source(path)
         timeline = source.capabilities.seek
         if timeline is None:
-            raise SourceError(f"{str(path)!r} is not a recording: manytouch run shows other sources")
+            raise SourceError(
+                f"{str(path)!r} is not a recording of manytouch: manytouch run shows other sources"
+            )
         self._timeline: Timeline = timeline
         self._is_processed = method is not None or sensor is not None
         known = method or (timeline.method if timeline.method in METHODS else None)

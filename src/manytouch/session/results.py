@@ -20,6 +20,7 @@ from manytouch.sinks.pictures.annotate import AnnotatedPictures
 from manytouch.sinks.pictures.surface_picture import SelectedFrames
 from manytouch.sources import Source
 from manytouch.sources.cameras.camera import without_password
+from manytouch.sources.files.log import split_topic
 from manytouch.sources.opening import is_camera
 from manytouch.values import Roi, Sensor
 
@@ -245,7 +246,7 @@ def result_name(text: str) -> str:
     if text.startswith("sim:"):
         scene = text.removeprefix("sim:")
         return f"sim-{Path(scene).stem}" if scene else "sim"
-    path = Path(text).resolve()
+    path = Path(split_topic(text)[0]).resolve()
     name = path.name if path.is_dir() else path.stem
     return name or "input"
 

@@ -10,13 +10,14 @@ from types import NoneType
 from manytouch.errors import SourceError, require_type
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.files.images import IMAGE_SUFFIXES, folder_source, image_source
+from manytouch.sources.files.log import is_log, log_source, split_topic
 from manytouch.sources.files.video import VIDEO_SUFFIXES, video_source
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import Source
 
 SUPPORTED = (
     "a camera's number or device, the address of a stream, a video file, an image, a folder of images, "
-    "an .mcap recording, or sim: for the simulated sensor"
+    "an .mcap recording, an MCAP file or ROS 2 bag with images (PATH#TOPIC), or sim: for the simulated sensor"
 )
 
 
@@ -26,7 +27,8 @@ def open_source(
     """Open a source of frames by its name; only its first image is read.
 
     Args:
-        text: path of a video, an image, a folder of images or an .mcap recording; number, device or address
+        text: path of a video, an image, a folder of images, an .mcap recording, or an MCAP file or ROS 2 bag
+            of another program, with `#TOPIC` if it has images on several topics; number, device or address
             of a camera; `sim:` or `sim:SCENE`.
         fps: rate in frames per second that timestamps follow instead of the source's own; the rate to request
         of
@@ -47,6 +49,10 @@ def open_source(
         return simulated_source(text.removeprefix("sim:"), fps=fps)
     if not text.strip():
         raise SourceError(f"The name of the source is empty: give {SUPPORTED}.")
+    bare, topic = split_topic(text)
+    path = Path(bare).expanduser()
+    if topic is not None and (path.is_dir() or path.suffix.lower() == ".mcap") and path.exists():
+        return log_source(path, topic, fps)
     path = Path(text).expanduser()
     if is_camera(text):
         from manytouch.sources.cameras.camera import camera_source
@@ -77,6 +83,8 @@ def is_camera(text: str) -> bool:
 
 
 def _file_source(text: str, path: Path, fps: float | None) -> Source:
+    if is_log(path):
+        return log_source(path, None, fps)
     if path.is_dir():
         return _folder_source(path, fps)
     if not path.is_file():
