@@ -1,9 +1,12 @@
-"""The sensor of the demo: a clamped sheet with 20 x 30 light dots before one camera."""
+"""Built-in sensors: the demo sheet of 20 x 30 light dots, clamped, and a bonded pad of 7 x 9 dark ones."""
+
+from collections.abc import Callable, Mapping
 
 import numpy as np
 
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
+from manytouch.values.sensor import Polarity
 
 ROWS, COLUMNS, PITCH_MM, RADIUS_MM = 20, 30, 4.0, 1.0
 PRETENSION_N_PER_MM = 0.4  # stretched on its frame by 2.4 %
@@ -30,18 +33,7 @@ def demo_sensor(width_px: int = DESIGNED_WIDTH_PX) -> Sensor:
         rotation_vector=read_only(np.zeros(3)),
         translation_mm=read_only(np.array([0.0, 0.0, 116.3])),
     )
-    row, column = (index.ravel() for index in np.indices((ROWS, COLUMNS)))
-    rest_mm = np.zeros((ROWS * COLUMNS, 3))
-    rest_mm[:, 0] = (column - (COLUMNS - 1) / 2) * PITCH_MM
-    rest_mm[:, 1] = (row - (ROWS - 1) / 2) * PITCH_MM
-    layout = Layout(
-        rest_mm=read_only(rest_mm),
-        row_column=read_only(np.column_stack([row, column]).astype(np.int64)),
-        pitch_mm=read_only(np.array([PITCH_MM, PITCH_MM])),
-        radius_mm=read_only(np.full(len(rest_mm), RADIUS_MM)),
-        polarity="light",
-        is_missing=read_only(np.zeros(len(rest_mm), dtype=bool)),
-    )
+    layout = _lattice(ROWS, COLUMNS, PITCH_MM, radius_mm=RADIUS_MM, polarity="light")
     sheet = Sheet(
         size_mm=read_only(np.array([120.0, 80.0])),
         thickness_mm=3.0,
@@ -59,3 +51,64 @@ def demo_sensor(width_px: int = DESIGNED_WIDTH_PX) -> Sensor:
         centre_noise_px=0.03,
         provenance={"origin": "designed, for the simulated sensor"},
     )
+
+
+PAD_WIDTH_PX = 640
+
+
+def pad_sensor(width_px: int = PAD_WIDTH_PX) -> Sensor:
+    """A pad of 25 x 21 x 4 mm on a window, the size of common commercial ones; 4:3, 640 x 480 as designed.
+
+    The dark dots lie 0.5 mm below the contact face and are seen through silicone and 3 mm of acrylic glass.
+    """
+    share = width_px / PAD_WIDTH_PX
+    camera = Camera(
+        width_px=width_px,
+        height_px=round(480 * share),
+        fx_px=598.0 * share,
+        fy_px=598.0 * share,
+        cx_px=320.0 * share - 0.5,
+        cy_px=240.0 * share - 0.5,
+        distortion=read_only(np.array([-0.05, 0.01, 2e-4, -3e-4, 0.0])),
+        rotation_vector=read_only(np.zeros(3)),
+        translation_mm=read_only(np.array([0.0, 0.0, 25.0])),
+    )
+    sheet = Sheet(
+        size_mm=read_only(np.array([25.0, 21.0])),
+        thickness_mm=4.0,
+        young_MPa=0.3,
+        poisson=0.48,
+        boundary="bonded",
+        marker_depth_mm=0.5,
+        window_mm=3.0,
+        window_index=1.49,
+        pad_index=1.41,
+    )
+    return Sensor(
+        name="pad",
+        camera=camera,
+        layout=_lattice(7, 9, 2.0, radius_mm=0.25, polarity="dark"),
+        sheet=sheet,
+        centre_noise_px=0.03,
+        provenance={"origin": "designed, for the simulated sensor"},
+    )
+
+
+def _lattice(rows: int, columns: int, pitch_mm: float, *, radius_mm: float, polarity: Polarity) -> Layout:
+    """Markers around the origin."""
+    row, column = (index.ravel() for index in np.indices((rows, columns)))
+    rest_mm = np.zeros((rows * columns, 3))
+    rest_mm[:, 0] = (column - (columns - 1) / 2) * pitch_mm
+    rest_mm[:, 1] = (row - (rows - 1) / 2) * pitch_mm
+    return Layout(
+        rest_mm=read_only(rest_mm),
+        row_column=read_only(np.column_stack([row, column]).astype(np.int64)),
+        pitch_mm=read_only(np.array([pitch_mm, pitch_mm])),
+        radius_mm=read_only(np.full(len(rest_mm), radius_mm)),
+        polarity=polarity,
+        is_missing=read_only(np.zeros(len(rest_mm), dtype=bool)),
+    )
+
+
+BUILT_IN_SENSORS: Mapping[str, Callable[[int], Sensor]] = {"demo": demo_sensor, "pad": pad_sensor}
+DESIGNED_WIDTHS_PX = {"demo": DESIGNED_WIDTH_PX, "pad": PAD_WIDTH_PX}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from manytouch.geometry.camera import project
+from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.render.discs import Look
 from manytouch.sources.simulated import simulated_source
@@ -35,6 +36,44 @@ def test_truth_is_where_the_picture_shows_the_dots() -> None:
         rows, columns = np.indices(window.shape)
         found = np.array([(columns * window).sum(), (rows * window).sum()]) / window.sum() + [x - 15, y - 15]
         assert found == pytest.approx(truth.grid.position_px[marker], abs=0.01)
+
+
+PAD = simulated_source("pad", width_px=640).simulator
+TURNED = 48
+
+
+def test_dots_of_a_pad_are_seen_through_its_window() -> None:
+    """Dark dots of the solved pad: centroids of the picture against the truth."""
+    plain = replace(PAD, look=Look(ground=255.0, dot=0.0))
+    for index in (0, TURNED):
+        image, truth = plain.frame(index).image, plain.truth(index)
+        assert image is not None
+        assert truth.grid.is_seen.all()
+        for marker in range(0, 63, 5):
+            x, y = np.rint(truth.grid.position_px[marker]).astype(int)
+            window = 255.0 - image[y - 15 : y + 16, x - 15 : x + 16].astype(float)
+            rows, columns = np.indices(window.shape)
+            found = np.array([(columns * window).sum(), (rows * window).sum()]) / window.sum() + [
+                x - 15,
+                y - 15,
+            ]
+            assert found == pytest.approx(truth.grid.position_px[marker], abs=0.02)
+    assert PAD.sensor.sheet is not None
+    seen_px = project_through_window(PAD.sensor.camera, PAD.sensor.sheet, truth.surface.position_mm)
+    np.testing.assert_allclose(seen_px, truth.grid.position_px, atol=0.3)
+    assert np.abs(project(PAD.sensor.camera, truth.surface.position_mm) - seen_px).max() > 15.0
+
+
+def test_truth_of_a_pad_refers_to_its_contact_face() -> None:
+    ball, punch = PAD.truth(TURNED).contacts.touching
+    assert 0.75 < ball.depth_mm < 0.8  # of the body 0.8, less what the penalty lets it enter
+    assert -PAD.truth(TURNED).surface.displacement_mm[:, 2].min() < 0.95 * ball.depth_mm
+    assert ball.force_N[0] > 0.1  # dragged along x, and turned
+    assert ball.torque_Nmm > 0.05
+    assert punch.force_N[2] < 0.0
+    assert ball.centre_mm == pytest.approx([-3.0, -1.0], abs=0.2)
+    around_px = PAD.truth(TURNED).grid.position_px[[20, 21, 29, 30]]  # at (-4, -2) mm to (-2, 0) mm
+    assert ball.centre_px == pytest.approx(around_px.mean(axis=0), abs=8.0)
 
 
 def test_nothing_moves_at_rest() -> None:

@@ -80,7 +80,7 @@ def test_seeds_differ_in_their_noise_alone() -> None:
     assert not np.array_equal(one.simulator.frame(90).image, other.simulator.frame(90).image)
 
 
-@pytest.mark.parametrize("name", ["fingers", "one"])
+@pytest.mark.parametrize("name", ["fingers", "one", "pad"])
 def test_what_is_shipped_answers_the_scenes_question(name: str) -> None:
     scene = load_scene(BUILT_IN / f"{name}.toml")
     states = shipped_states(name, solid_problem(scene).keys)
@@ -121,7 +121,7 @@ def test_a_scene_of_ones_own_is_solved_and_kept(tmp_path: Path, monkeypatch: pyt
 
 
 def test_an_unknown_scene_lists_those_there_are() -> None:
-    with pytest.raises(SourceError, match="fingers, one, rest"):
+    with pytest.raises(SourceError, match="fingers, one, pad, rest"):
         simulated_source("two")
 
 

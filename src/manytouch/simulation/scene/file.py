@@ -17,7 +17,7 @@ from manytouch.limits import (
     MAX_SCENE_FRAMES,
     size_mistake,
 )
-from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.simulation.demo_sensor import BUILT_IN_SENSORS, DESIGNED_WIDTHS_PX
 from manytouch.simulation.render.discs import DARK_DOTS, LIGHT_DOTS, Look, Spot
 from manytouch.simulation.render.optics import Faults, ImagingSettings, draw_faults
 from manytouch.simulation.scene.bodies import BodySection, Pair
@@ -195,7 +195,7 @@ def load_scene(path: str | Path | Traversable, *, width_px: int | None = None) -
 
     Args:
         path: the file.
-        width_px: of the pictures of the demo sensor, instead of the file's.
+        width_px: of the pictures of a built-in sensor, instead of the file's.
 
     Raises:
         SourceError: the file is missing, is not TOML, or has unknown keys, wrong types or impossible
@@ -267,12 +267,12 @@ def _scene(file: _File, folder: Path, width_px: int | None) -> SceneFile:
 
 
 def _sensor(text: str, folder: Path, width_px: int | None) -> Sensor:
-    if text == "demo":
-        return demo_sensor() if width_px is None else demo_sensor(width_px)
+    if text in BUILT_IN_SENSORS:
+        return BUILT_IN_SENSORS[text](width_px or DESIGNED_WIDTHS_PX[text])
     sensor = load_sensor(folder / text)
     if width_px not in {None, sensor.camera.width_px}:
         raise SensorError(
-            f"width_px = {width_px} is for the demo sensor; the camera of {text} has "
+            f"width_px = {width_px} is for the built-in sensors; the camera of {text} has "
             f"{sensor.camera.width_px} px"
         )
     return sensor

@@ -162,6 +162,46 @@ def test_a_mistake_is_reported(tmp_path: Path, old: str, new: str, words: str) -
         load_scene(written(tmp_path, EVERYTHING.replace(old, new)))
 
 
+PAD = """
+schema = 1
+seconds = 1.0
+sensor = "pad"
+
+[[bodies]]
+shape = { kind = "sphere", radius_mm = 3.0 }
+motions = [{ kind = "press", at_mm = [4.0, 0.0], depth_mm = 0.5, start_s = 0.2, end_s = 0.8 }]
+"""
+
+
+def test_a_pad_is_meshed_finely_where_bodies_touch(tmp_path: Path) -> None:
+    scene = load_scene(written(tmp_path, PAD))
+    assert (scene.sensor.camera.width_px, scene.sensor.camera.height_px) == (640, 480)
+    assert scene.mesh.step_mm == 0.25
+    problem = solid_problem(scene)
+    x_mm, _, z_mm = (np.array(line) for line in problem.model.lines_mm)  # type: ignore[union-attr]
+    middle_mm, width_mm = 0.5 * (x_mm[1:] + x_mm[:-1]), np.diff(x_mm)
+    assert width_mm[np.abs(middle_mm - 4.0) < 1.5].max() <= 0.6
+    assert width_mm.max() > 1.5
+    assert z_mm[0] == 0.0
+    assert problem.pad_markers_mm == 3.5
+    assert 3.5 in z_mm
+    finer = load_scene(written(tmp_path, PAD + "[solid]\nlayers = 6\nelement_mm = 0.5\n"))
+    assert len(solid_problem(finer).model.lines_mm[2]) == 8  # type: ignore[union-attr]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (PAD.replace("seconds", 'mechanics = "shell"\nseconds'), 'use "solid"'),
+        (PAD.replace('"pad"', '"demo"') + "[solid]\ncontact_element_mm = 1.0\n", "is for bonded pads"),
+        (PAD + "[solid]\ncontact_element_mm = 0.01\n", "elements of 0.01 mm"),
+    ],
+)
+def test_settings_of_a_pad_that_do_not_fit_are_refused(tmp_path: Path, text: str, words: str) -> None:
+    with pytest.raises(SourceError, match=words):
+        load_scene(written(tmp_path, text))
+
+
 def test_no_file_no_scene(tmp_path: Path) -> None:
     with pytest.raises(SourceError, match="no scene file"):
         load_scene(tmp_path / "none.toml")
@@ -195,7 +235,7 @@ def test_meshes_of_both_kinds_of_stl(tmp_path: Path, is_binary: bool) -> None:
 
 
 def test_built_in_scenes_are_there_and_sound() -> None:
-    assert built_in_scenes() == ("fingers", "one", "rest")
+    assert built_in_scenes() == ("fingers", "one", "pad", "rest")
     for name in built_in_scenes():
         scene = load_scene(BUILT_IN / f"{name}.toml", width_px=1280)
         assert scene.name == name
