@@ -137,7 +137,7 @@ class Simulator:
         """Pixels of points of the sheet frame, through the window of a pad."""
         return project_through_window(self.sensor.camera, self._sheet, point_mm)
 
-    def _dot_ellipses(self, outline_mm: Points3) -> tuple[Points2, Covariances2]:
+    def _dot_ellipses(self, outline_mm: Float64[np.ndarray, "corners 3"]) -> tuple[Points2, Covariances2]:
         """As `dot_images.dot_ellipses`, through the window of a pad."""
         return polygon_ellipses(self._project(outline_mm).reshape(-1, CORNERS, 2))
 
