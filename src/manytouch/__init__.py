@@ -45,6 +45,7 @@ _NAMES = {
         "process",
         "run",
     ),
+    "manytouch.session.stream": ("Stream", "stream"),
     "manytouch.sources": (
         "Capabilities",
         "Source",

@@ -30,6 +30,7 @@ from manytouch.session import (
     process as process,
     run as run,
 )
+from manytouch.session.stream import Stream as Stream, stream as stream
 from manytouch.sources import Capabilities as Capabilities, Source as Source, open_source as open_source
 from manytouch.values import (
     Camera as Camera,

@@ -113,6 +113,9 @@ class Contact:
 class Contacts:
     """All contacts of one frame (may be none), and the status of their estimation.
 
+    pandas, polars and others take it as a table, in the columns of contacts.csv:
+    `polars.DataFrame(contacts)`.
+
     Attributes:
         contacts: in the order of their ids, including those that end in this frame.
         status: `OK`, or why the contacts of this frame could not be estimated.
@@ -125,6 +128,11 @@ class Contacts:
     def touching(self) -> tuple[Contact, ...]:
         """The contacts that are present in this frame, without those that just ended."""
         return tuple(contact for contact in self.contacts if contact.phase is not Phase.END)
+
+    def __arrow_c_stream__(self, requested_schema: object = None) -> object:
+        from manytouch.values.tabular.rows import arrow_stream, contact_columns
+
+        return arrow_stream(contact_columns(self), requested_schema)
 
     def __repr__(self) -> str:
         return f"Contacts({count_of(len(self.touching), 'contact')}, {self.status})"

@@ -1,7 +1,7 @@
 """All results of one frame, and its ground truth in simulation."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Optional
+from typing import TYPE_CHECKING, Any, Optional
 
 from manytouch.values.arrays import count_of
 from manytouch.values.contacts import Contacts
@@ -14,6 +14,8 @@ from manytouch.values.surface import Surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+    from manytouch.values.tabular.rows import ArrowTable
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -38,6 +40,19 @@ class Reading:
         """Status of the first stage that has one other than `OK`."""
         found = (self.detections.status, self.grid.status, self.surface.status, self.contacts.status)
         return next((each for each in found if each is not Status.OK), Status.OK)
+
+    @property
+    def markers(self) -> "ArrowTable":
+        """The markers as a table for pandas, polars and others, in the columns of markers.parquet."""
+        from manytouch.values.tabular.rows import ArrowTable, marker_columns
+
+        return ArrowTable(marker_columns(self))
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain numbers, texts and lists, which `json.dumps` takes; None where a value is unknown."""
+        from manytouch.values.tabular.rows import reading_dict
+
+        return reading_dict(self)
 
     def draw(self, axes: Optional["Axes"] = None, *, magnification: float = 3.0) -> "Axes":
         """Draw the camera image with markers, displacements since rest and contacts.

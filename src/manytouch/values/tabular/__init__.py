@@ -1,0 +1,1 @@
+"""Values as plain dictionaries, and as tables for pandas, polars and others."""
