@@ -1,11 +1,17 @@
 """`manytouch run`: live processing of a source."""
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from manytouch.cli.terminal import method_options, options
+
+if TYPE_CHECKING:
+    from manytouch.cli.terminal.console import Reporter
+    from manytouch.cli.terminal.viewing import ViewerAddress
+    from manytouch.session import Playback, StopCondition
 
 
 def run(
@@ -47,8 +53,9 @@ def run(
     reports are printed. If processing is too slow, frames of a camera are dropped
     and counted. Files and the simulated sensor run at their own rate, or at --fps,
     and every frame is processed. A recording is played back; with any option about
-    processing or files its frames are processed again. Ctrl-C ends the run with
-    complete files.
+    processing or files its frames are processed again. In the viewer, a video,
+    images or a recording stay open with a timeline until Ctrl-C, unless --out or
+    --record write files of it. Ctrl-C ends the run with complete files.
 
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
@@ -64,18 +71,15 @@ def run(
     from manytouch.session.diagnosis.camera import describe_latency, describe_settings
     from manytouch.sinks.publishers.registry import check_addresses, open_outputs
     from manytouch.sources.cameras.capture import CameraRequest
+    from manytouch.sources.files.frame_timeline import frame_timeline
 
     reporter = Reporter(bar=False)
     address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
     with StopOnSignal() as stop:
         check_addresses(to)
         if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps, parameters):
-            playback = Playback(Path(source))
-            playback.attach(open_outputs(to, playback))
-            log = ContactLog(playback.sensor, reporter.print)
-            run_loop(playback, [log, *viewers(playback, address, reporter.print)], reporter, stop)
-            print_outputs(playback.health(), reporter.print)
-            return 0
+            playback = Playback(Path(source), stays=address is not None)
+            return show_playback(playback, to, address, reporter, stop)
         job = prepare(
             source,
             sensor=sensor,
@@ -95,6 +99,8 @@ def run(
             ),
             observer=reporter,
         )
+        if address is not None and out is None and record is None and frame_timeline(job.source) is not None:
+            return show_playback(Playback(job, stays=True), to, address, reporter, stop)
         log = ContactLog(job.sensor, reporter.print, job.source.capabilities.truth)
         live = Live(job, record=record)
         live.attach(open_outputs(to, live))
@@ -113,6 +119,27 @@ def run(
     reporter.print(describe_latency(live.health()))
     print_outputs(live.health(), reporter.print)
     reporter.finish(files.summary, folder, is_complete=files.is_complete)
+    return 0
+
+
+def show_playback(
+    playback: "Playback",
+    to: Sequence[str],
+    address: "ViewerAddress | None",
+    reporter: "Reporter",
+    stop: "StopCondition",
+) -> int:
+    """Show a recording, a video or images with a timeline; with a viewer until Ctrl-C."""
+    from manytouch.cli.terminal.contact_log import ContactLog
+    from manytouch.cli.terminal.outputs import print_outputs
+    from manytouch.cli.terminal.viewing import viewers
+    from manytouch.session import run as run_loop
+    from manytouch.sinks.publishers.registry import open_outputs
+
+    playback.attach(open_outputs(to, playback))
+    log = ContactLog(playback.sensor, reporter.print)
+    run_loop(playback, [log, *viewers(playback, address, reporter.print)], reporter, stop)
+    print_outputs(playback.health(), reporter.print)
     return 0
 
 

@@ -1,4 +1,4 @@
-"""`manytouch view`: playback of a recording in the viewer."""
+"""`manytouch view`: playback of a recording, a video or images in the viewer."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,32 +9,55 @@ from manytouch.cli.terminal import options
 
 
 def view(
-    recording: Annotated[Path, Parameter(metavar="FILE.mcap", help="Recording of manytouch run --record.")],
+    recording: Annotated[
+        Path,
+        Parameter(
+            metavar="FILE", help="Recording of manytouch run --record, a video, or a folder of images."
+        ),
+    ],
     /,
     *,
     sensor: options.SensorFile = None,
     method: options.MethodName = None,
+    pitch_mm: options.PitchMm = None,
+    hfov_deg: options.HfovDeg = None,
+    roi: options.RoiPx = None,
+    fps: options.Fps = None,
     host: options.Host = "127.0.0.1",
     port: options.Port = 0,
     token: options.ViewToken = None,
     max_clients: options.MaxClients = 16,
 ) -> int:
-    """Play back a recording in the viewer, with a timeline, until Ctrl-C.
+    """Play back a recording, a video or images in the viewer, with a timeline, until Ctrl-C.
 
-    With --method or --sensor its frames are processed again, and the viewer shows
-    the recorded readings for comparison.
+    With --method or another option about processing, the frames of a recording are
+    processed again, and the viewer shows the recorded readings for comparison.
 
     Example: manytouch view press.mcap --method paper
     """
+    options.refuse_two_scales("view", sensor, pitch_mm, hfov_deg)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.cli.terminal.viewing import ViewerAddress, viewers
     from manytouch.errors import MissingExtraError
-    from manytouch.session import Playback, run
+    from manytouch.session import Playback, prepare, run
 
     reporter = Reporter(bar=False)
     with StopOnSignal() as stop:
-        playback = Playback(recording, method=method, sensor=sensor, stays=True)
+        if any(option is not None for option in (pitch_mm, hfov_deg, roi, fps)):
+            job = prepare(
+                recording,
+                sensor=sensor,
+                method=method,
+                pitch_mm=pitch_mm,
+                hfov_deg=hfov_deg,
+                roi_px=roi,
+                fps=fps,
+                observer=reporter,
+            )
+            playback = Playback(job, stays=True)
+        else:
+            playback = Playback(recording, method=method, sensor=sensor, stays=True)
         shown = viewers(
             playback,
             ViewerAddress(host=host, port=port, token=token, max_clients=max_clients),

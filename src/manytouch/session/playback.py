@@ -1,4 +1,4 @@
-"""Playback of a recording: its stored readings, or its frames processed again."""
+"""Playback of a recording, a video or images: stored readings, or frames that are processed (again)."""
 
 import time
 from collections.abc import Generator, Iterator, Sequence
@@ -9,13 +9,14 @@ from manytouch.errors import SourceError
 from manytouch.pipeline import Output, Sink
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
-from manytouch.session.methods import METHODS, choices_of, parameters_of, pipeline_for
+from manytouch.session.methods import METHODS, choices_of, parameter_info, parameters_of, pipeline_for, tune
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.prepare import Job, prepare
 from manytouch.session.run import Observer, StopCondition
 from manytouch.session.throughput import ThroughputMeter
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.sources import open_source
+from manytouch.sources.files.frame_timeline import frame_timeline
 from manytouch.sources.source import Timeline
 from manytouch.values import (
     Command,
@@ -27,6 +28,7 @@ from manytouch.values import (
     Sensor,
     Start,
     Stop,
+    Tune,
     UseMethod,
 )
 
@@ -42,34 +44,36 @@ class Playback:
 
     def __init__(
         self,
-        path: Path,
+        given: Path | Job,
         *,
         method: str | None = None,
         sensor: str | Path | Sensor | None = None,
         stays: bool = False,
     ) -> None:
-        """Open a recording.
+        """Open a recording, a video or images.
 
         Args:
-            path: the file.
-            method, sensor: to process it again with.
+            given: the file, or a job of it. Frames of a job, and of a file without readings, are processed.
+            method, sensor: to process it again with; of a job, those of the job are used.
             stays: wait at the end for a `Seek` command, instead of ending.
 
         Raises:
-            SourceError: it does not exist, or is not a recording that can be replayed.
+            SourceError: it does not exist, or its frames cannot be read in any order.
             ManytouchError: see `prepare`.
         """
-        source = open_source(path)
-        timeline = source.capabilities.seek
+        source = given.source if isinstance(given, Job) else open_source(given)
+        timeline = source.capabilities.seek or frame_timeline(source)
         if timeline is None:
+            name = given.text if isinstance(given, Job) else str(given)
             raise SourceError(
-                f"{str(path)!r} is not a recording of manytouch: manytouch run shows other sources"
+                f"{name!r} has no timeline: manytouch run shows cameras and the simulated sensor"
             )
         self._timeline: Timeline = timeline
-        self._is_processed = method is not None or sensor is not None
+        is_stored = source.capabilities.seek is not None and not isinstance(given, Job)
+        self._is_processed = method is not None or sensor is not None or not is_stored
         known = method or (timeline.method if timeline.method in METHODS else None)
-        self._job: Job = prepare(source, sensor=sensor, method=known)
-        self._method = known or timeline.method
+        self._job = given if isinstance(given, Job) else prepare(source, sensor=sensor, method=known)
+        self._method = self._job.method if self._is_processed else known or timeline.method
         self._stays = stays
         self._commands = CommandQueue()
         self._jobs: BackgroundPreparation[Job] = BackgroundPreparation(_warmed_up, self._refuse)
@@ -78,6 +82,7 @@ class Playback:
         self._is_held = False
         self._place = 0
         self._sought: int | None = None
+        self._is_at_end = False
         self._outputs: tuple[Output, ...] = ()
 
     @property
@@ -122,7 +127,7 @@ class Playback:
         middle, late = self._meter.latency_ms
         layout = self.sensor.layout
         return Health(
-            is_running=not self._is_held,
+            is_running=not (self._is_held or self._is_at_end),
             source=self._timeline.warning or "ok",
             fps=self._meter.fps,
             latency_ms_p50=middle,
@@ -135,6 +140,7 @@ class Playback:
             methods=METHODS,
             parameters=parameters_of(self._job.pipeline),
             choices=choices_of(self._job.pipeline),
+            parameter_info=parameter_info(self._job.method),
             notes=self._commands.notes,
             frame=self._place,
             frame_count=len(self._timeline),
@@ -165,10 +171,12 @@ class Playback:
 
     def _next_begin(self, stop: StopCondition) -> int | None:
         """The place to continue at; None at the end."""
+        self._is_at_end = True
         while not stop():
             self._serve_commands()
             if self._sought is not None:
                 begin, self._sought = self._sought, None
+                self._is_at_end = False
                 return begin
             if not self._stays:
                 return None
@@ -219,6 +227,8 @@ class Playback:
         match command:
             case Start():
                 self._is_held = False
+                if self._is_at_end and self._sought is None:
+                    self._sought = 0
             case Stop():
                 self._is_held = True
             case Seek(frame=frame):
@@ -236,6 +246,11 @@ class Playback:
                 pipeline, requested = pipeline_for(method), self._jobs.requested()
                 if requested is not None or not self._is_processed or method != self._method:
                     self._jobs.request(replace(self._job, pipeline=pipeline, method=method))
+            case Tune(parameter=parameter, value=value):
+                job = self._jobs.requested() or self._job
+                pipeline = tune(job.pipeline, parameter, value)
+                if pipeline != job.pipeline:
+                    self._jobs.request(replace(job, pipeline=pipeline))
             case _:
                 self._commands.note(f"{type(command).__name__} is not possible with a recording")
 

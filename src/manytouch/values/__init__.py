@@ -22,7 +22,7 @@ from manytouch.values.contacts import ESTIMATES, Contact, Contacts, ContactShape
 from manytouch.values.detections import Detections
 from manytouch.values.frame import Frame
 from manytouch.values.grid import TrackedGrid
-from manytouch.values.health import Health, OutputState, Setting
+from manytouch.values.health import Health, OutputState, ParameterInfo, Setting
 from manytouch.values.reading import Comparison, Reading, Truth
 from manytouch.values.roi import Roi
 from manytouch.values.sensor import Camera, Layout, LengthUnit, Polarity, Sensor, Sheet
@@ -45,6 +45,7 @@ __all__ = [
     "LengthUnit",
     "OutlineRing",
     "OutputState",
+    "ParameterInfo",
     "Phase",
     "Play",
     "Polarity",

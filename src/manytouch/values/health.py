@@ -37,6 +37,25 @@ class OutputState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ParameterInfo:
+    """What a settings page shows of a parameter.
+
+    Attributes:
+        label: in words.
+        unit: of its value; empty for a number without unit, or a choice.
+        help: what it does.
+        default: its value if it was not changed; None: determined automatically.
+        is_essential: whether it is one of the few that users change.
+    """
+
+    label: str
+    unit: str
+    help: str
+    default: int | float | str | None
+    is_essential: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Health:
     """State of a session at one time.
 
@@ -52,6 +71,7 @@ class Health:
         method, methods: the method in use, and those available.
         parameters: that `Tune` can change, by stage and field; None: determined automatically.
         choices: the words to choose from, of the parameters that are a choice.
+        parameter_info: label, unit, help and default of the parameters, those that matter most first.
         settings: of the camera.
         recording: name of the file, or None.
         notes: messages of the session, newest last.
@@ -76,6 +96,7 @@ class Health:
     methods: tuple[str, ...]
     parameters: Mapping[str, int | float | str | None]
     choices: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    parameter_info: Mapping[str, ParameterInfo] = field(default_factory=dict)
     settings: tuple[Setting, ...] = ()
     recording: str | None = None
     notes: tuple[str, ...] = ()

@@ -1,5 +1,6 @@
 """The methods: which stages each one has, and their parameters by name."""
 
+from manytouch.session.methods.parameter_info import parameter_info
 from manytouch.session.methods.parameters import Value, choices_of, parameters_of, tune, with_parameters
 from manytouch.session.methods.pipelines import DEFAULT, METHODS, default_method, kernels, pipeline_for
 
@@ -10,6 +11,7 @@ __all__ = [
     "choices_of",
     "default_method",
     "kernels",
+    "parameter_info",
     "parameters_of",
     "pipeline_for",
     "tune",

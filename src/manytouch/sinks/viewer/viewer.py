@@ -3,7 +3,7 @@
 import asyncio
 import threading
 from collections import deque
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 import numpy as np
@@ -134,10 +134,12 @@ class Viewer:
         self._controls.send(request.command())
 
     async def _serve_client(self, socket: WebSocket) -> None:
-        greeting = [self._scene_info(), self._health(self._controls.health())]
+        health = self._controls.health()
+        greeting = [self._scene_info(), _parameters(health), self._health(health)]
         await self._clients.serve(socket, greeting)
 
     async def _broadcast_health(self) -> None:
+        described: object = None
         while True:
             await asyncio.sleep(HEALTH_INTERVAL_S)
             if not self._clients:
@@ -146,6 +148,9 @@ class Viewer:
             if health.sensor_version != self._sensor_version:
                 await asyncio.to_thread(self._replace_encoder, health.sensor_version)
                 self._clients.broadcast(self._scene_info())
+            if health.parameter_info is not described:
+                described = health.parameter_info
+                self._clients.broadcast(_parameters(health))
             self._clients.broadcast(self._health(health))
 
     def _replace_encoder(self, version: int) -> None:
@@ -159,7 +164,7 @@ class Viewer:
     def _health(self, health: Health) -> dict[str, Any]:
         numbers = {
             name: number(value, 6) if isinstance(value, float) else value
-            for name, value in asdict(health).items()
+            for name, value in asdict(replace(health, parameter_info={})).items()
         }
         latency = np.percentile(self._latency_ms, (50, 99)) if self._latency_ms else (np.nan, np.nan)
         return {
@@ -173,3 +178,11 @@ class Viewer:
             "message_ms_p50": number(float(latency[0]), 1),
             "message_ms_p99": number(float(latency[1]), 1),
         }
+
+
+def _parameters(health: Health) -> dict[str, Any]:
+    """What does not change about the parameters while a method is used."""
+    return {
+        "kind": "parameters",
+        "parameters": {name: asdict(info) for name, info in health.parameter_info.items()},
+    }

@@ -9,7 +9,7 @@ import { Marks } from "./marks.js";
 import { fixed, inLength, length, lengthUnits, niceCeiling, niceStep, units } from "./numbers.js";
 import { showContacts, showHealth, showMeasure } from "./panels.js";
 import { Pointer } from "./pointer.js";
-import { bindSettings, fillSettings } from "./settings.js";
+import { bindSettings, fillSettings, refreshParameters } from "./settings.js";
 import { SurfacePane } from "./surface.js";
 
 const find = (id) => document.getElementById(id);
@@ -44,6 +44,7 @@ function surfacePane(stage) {
 function onMessage(message) {
   const listeners = {
     scene_info: setSceneInfo, health: setHealth, note: ({ text }) => toast(text),
+    parameters: ({ parameters }) => { state.parameters = parameters; fillSettings(state); },
     measurement: (found) => { state.measured = found; state.isDirty = true; },
     end: () => { state.ended = true; showState(); enableControls(); },
   };
@@ -80,6 +81,7 @@ function setHealth(health) {
   find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
   find("timeline").hidden = health.frame_count === null;
   find("untare").hidden = !health.can_untare;
+  find("tare").hidden = find("record").hidden = health.frame_count !== null;
   if (health.frame_count !== null && !state.seeking) {
     find("seek").max = Math.max(health.frame_count - 1, 0);
     find("seek").value = health.frame ?? 0;
@@ -89,6 +91,7 @@ function setHealth(health) {
   const note = health.notes.at(-1);
   if (before && note && note !== before.notes.at(-1)) toast(note);
   if (!before || before.method !== health.method || before.methods.length !== health.methods.length) fillSettings(state);
+  else if (find("settings").open) refreshParameters(state);
   showState();
   state.isDirty = true;
 }
@@ -236,13 +239,13 @@ function setTheme(theme) {
 
 function flipTheme() { setTheme(document.documentElement.dataset.theme === "dark" ? "light" : "dark"); }
 function flipRun() { send(state.health?.is_running ? "stop" : "start"); }
-function flipRecord() { send(state.health?.recording ? "stop_recording" : "record"); }
+function flipRecord() { if (!find("record").hidden) send(state.health?.recording ? "stop_recording" : "record"); }
 function flip(id) { const box = find(id); box.checked = !box.checked; box.dispatchEvent(new Event("change")); }
 function seek(frame) { find("seek").value = frame; send("seek", { frame: Math.max(0, Math.round(frame)) }); }
 
 /** Tare at once if nothing touches the sheet; otherwise after a question. */
 function requestTare() {
-  if (find("tare").disabled) return;
+  if (find("tare").disabled || find("tare").hidden) return;
   const count = state.update?.head.contacts.length ?? 0;
   if (!count) { send("tare"); return; }
   find("tare-text").textContent = `${count === 1 ? "1 contact touches" : `${count} contacts touch`} the sheet now. Its present shape would become the rest position: `

@@ -95,15 +95,15 @@ function drawProfile({ length_mm, depth_mm, std_mm }) {
 /** The short form in the header, and the pane: image quality and speed. */
 export function showHealth(health, head) {
   const seen = health.markers ? health.markers_seen / health.markers : 1;
-  const quality = head?.image_quality;
+  const quality = head?.image_quality, isLive = health.frame_count === null;
   const latency = health.message_ms_p50 ?? health.latency_ms_p50, latest = health.message_ms_p99 ?? health.latency_ms_p99;
-  const vitals = [[fixed(health.fps, 0), " fps"], [fixed(latency, 0), " ms latency"], [health.dropped, " dropped"], [health.markers_seen, ` of ${health.markers} markers`]];
+  const vitals = [[fixed(health.fps, 0), " fps"], ...(isLive ? [[fixed(latency, 0), " ms latency"], [health.dropped, " dropped"]] : []), [health.markers_seen, ` of ${health.markers} markers`]];
   render(find("vitals"), vitals.map(([value, name]) => ["span", {}, ["b", {}, value], name]));
   const rows = [
     ["method", health.method, ""],
     ["time per frame", `${fixed(head?.milliseconds, 1)} ms`, ""],
-    ["latency, median and p99", `${fixed(latency, 0)}, ${fixed(latest, 0)} ms`, latest > 120 ? "warn" : ""],
-    ["frames dropped", `${health.dropped} of ${health.frames + health.dropped}`, health.dropped > 0.02 * (health.frames + 1) ? "warn" : ""],
+    ...(isLive ? [["latency, median and p99", `${fixed(latency, 0)}, ${fixed(latest, 0)} ms`, latest > 120 ? "warn" : ""],
+      ["frames dropped", `${health.dropped} of ${health.frames + health.dropped}`, health.dropped > 0.02 * (health.frames + 1) ? "warn" : ""]] : []),
     ["markers seen", `${health.markers_seen} of ${health.markers}`, seen < 0.8 ? "bad" : seen < 0.95 ? "warn" : ""],
     ["focus", quality ? `${fixed(100 * quality.focus, 0)} % of best` : "–", quality && quality.focus < 0.6 ? "warn" : ""],
     ["exposure", quality ? `${fixed(100 * quality.level, 0)} %, ${fixed(100 * quality.clipped, 1)} % clipped` : "–", quality && quality.clipped > 0.3 ? "warn" : ""],

@@ -1,0 +1,41 @@
+"""Labels, help and defaults of the parameters of every method."""
+
+import pytest
+
+from manytouch.session.methods import METHODS, parameter_info, parameters_of, pipeline_for
+from manytouch.session.methods.parameter_info import ESSENTIAL, attribute_docs
+
+
+def test_texts_of_attributes_are_joined_and_shared() -> None:
+    docstring = """Title.
+
+    More.
+
+    Attributes:
+        first, second: of two
+            lines: here.
+        third: alone.
+
+    Raises:
+        other: not an attribute.
+    """
+    import inspect
+
+    texts = attribute_docs(inspect.cleandoc(docstring))
+    assert texts == {"first": "Of two lines: here.", "second": "Of two lines: here.", "third": "Alone."}
+    assert attribute_docs("Without attributes.") == {}
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_every_parameter_has_help_and_its_default(method: str) -> None:
+    info = parameter_info(method)
+    assert {name: each.default for name, each in info.items()} == parameters_of(pipeline_for(method))
+    assert [name for name, each in info.items() if not each.help] == []
+    essential = [name for name, each in info.items() if each.is_essential]
+    assert 5 <= len(essential) <= 7
+    assert list(info)[: len(essential)] == essential
+
+
+def test_every_essential_parameter_exists() -> None:
+    known = {name for method in METHODS for name in parameter_info(method)}
+    assert set(ESSENTIAL) <= known
