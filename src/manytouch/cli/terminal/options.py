@@ -143,7 +143,8 @@ OutputUrls = Annotated[
         negative=(),
         metavar="URL",
         show_default=False,
-        help="Also send the readings to another program: ros2://, tuio://, osc://, midi://; may be repeated.",
+        help="Also send the readings to another program: ros2://, foxglove://, tuio://, osc://, midi://; "
+        "may be repeated.",
     ),
 ]
 NoView = Annotated[bool, switch("Do not start the viewer.")]

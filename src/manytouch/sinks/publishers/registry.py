@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Controls
 from manytouch.sinks.publishers.address import OutputAddress, parse_address
+from manytouch.sinks.publishers.foxglove_live import FoxglovePublisher
 from manytouch.sinks.publishers.midi import MidiPublisher, MpeEncoder
 from manytouch.sinks.publishers.osc import encode_osc
 from manytouch.sinks.publishers.queued import Publisher, QueuedOutput
@@ -59,6 +60,12 @@ SCHEMES: Mapping[str, Scheme] = {
         purpose="nodes of ROS 2, which need not be installed here",
         options=("domain",),
         open_publisher=Ros2Publisher,
+    ),
+    "foxglove": Scheme(
+        example="foxglove://127.0.0.1:8765",
+        purpose="Foxglove and Lichtblick",
+        options=(),
+        open_publisher=FoxglovePublisher,
     ),
     "tuio": Scheme(
         example="tuio://127.0.0.1:3333",

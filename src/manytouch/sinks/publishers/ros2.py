@@ -12,9 +12,10 @@ from manytouch.errors import OutputError
 from manytouch.pipeline import Controls
 from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.sinks.publishers.dds import DdsParticipant
+from manytouch.sinks.publishers.images import encoded_image
 from manytouch.sinks.recorder import started_unix_ns
-from manytouch.sinks.ros2.messages import JPEG_QUALITY, RosMessage, RosMessages
-from manytouch.values import Frame, Reading, Tare
+from manytouch.sinks.ros2.messages import RosMessage, RosMessages
+from manytouch.values import Reading, Tare
 
 NAME = "manytouch"
 DIAGNOSTICS_INTERVAL_S = 1.0
@@ -94,22 +95,6 @@ class Ros2Publisher:
     def _send(self, topic: str, make: Callable[[], RosMessage]) -> None:
         if self._dds.is_read(self._messages.topic(topic)):
             self._dds.write(make())
-
-
-def encoded_image(frame: Frame) -> tuple[bytes, str]:
-    """The image of a frame as the camera sent it, else as JPEG, and the format: "jpeg" or "png"."""
-    if frame.encoded is not None:
-        return frame.encoded, "png" if frame.encoded.startswith(b"\x89PNG") else "jpeg"
-    import cv2
-    import numpy as np
-
-    image = frame.image
-    if image is None:
-        return b"", "jpeg"
-    if image.dtype != np.uint8:
-        image = (image >> 8).astype(np.uint8)
-    _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
-    return encoded.tobytes(), "jpeg"
 
 
 def _domain_of_environment() -> float:
