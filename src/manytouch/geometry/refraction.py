@@ -13,7 +13,7 @@ import numpy as np
 
 from manytouch.errors import SensorError
 from manytouch.geometry.camera import cam_from_sheet, project, ray
-from manytouch.values import Camera, Sheet
+from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import Points2, Points3, Scalars
 
 MAX_STEPS = 30
@@ -46,6 +46,19 @@ def project_through_window(camera: Camera, sheet: Sheet, point_mm: Points3) -> P
         SensorError: the camera lies inside the window or in front of it.
     """
     return project(camera, apparent_mm(camera, sheet, point_mm))
+
+
+def rest_px(sensor: Sensor, layout: Layout) -> Points2:
+    """(m, 2) where the markers of a layout show at rest: as measured, else as projected.
+
+    Raises:
+        SensorError: the camera lies inside the window or in front of it.
+    """
+    if layout.rest_px is not None:
+        return layout.rest_px
+    if sensor.sheet is None:
+        return project(sensor.camera, layout.rest_mm)
+    return project_through_window(sensor.camera, sensor.sheet, layout.rest_mm)
 
 
 def apparent_mm(camera: Camera, sheet: Sheet, point_mm: Points3) -> Points3:

@@ -12,6 +12,7 @@ from jaxtyping import Float64, Int64
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.geometry.camera import onto_plane, project
+from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_on
 from manytouch.paper.aligned_view import optical_centre_mm
 from manytouch.paper.perimeters import (
@@ -121,8 +122,8 @@ class PaperEstimation:
                 f"the layout of sensor {sensor.name!r} is {found}, but the paper's perimeters need rows and "
                 "columns, 3 x 3 at least: use `--method perimeter`"
             )
-        rest_px = project(camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
-        rest_plane_mm = onto_plane(camera, rest_px)[:, :2]
+        at_rest_px = rest_px(sensor, layout)
+        rest_plane_mm = onto_plane(camera, at_rest_px)[:, :2]
         quads = marker_quads(layout.row_column, self.formula, self.padding)
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
         low_mm, high_mm = layout.rest_mm[:, :2].min(axis=0), layout.rest_mm[:, :2].max(axis=0)
@@ -133,9 +134,9 @@ class PaperEstimation:
             layout=layout,
             distance_mm=-float(optical_centre_mm(camera)[2]),
             quads=quads,
-            rest_px=rest_px,
+            rest_px=at_rest_px,
             rest_plane_mm=rest_plane_mm,
-            plane_from_px=_plane_from_px(camera, rest_px),
+            plane_from_px=_plane_from_px(camera, at_rest_px),
             initial_mm=measure(corner_values(rest_plane_mm, quads), self.formula)[0],
             formula=self.formula,
             padding=self.padding,

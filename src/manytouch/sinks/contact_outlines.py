@@ -6,22 +6,23 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.geometry.camera import project
+from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.surface_sampling import sampler_at
-from manytouch.values import Camera, Contact, Surface
+from manytouch.values import Contact, Sensor, Surface
 from manytouch.values.arrays import Points2, Points3
 
 Polygon = Float64[np.ndarray, "_ 2"]
 """Corners in px; the last one is joined to the first."""
 
 
-def outlines_px(camera: Camera, surface: Surface, contacts: Iterable[Contact]) -> dict[int, list[Polygon]]:
+def outlines_px(sensor: Sensor, surface: Surface, contacts: Iterable[Contact]) -> dict[int, list[Polygon]]:
     """Rings of the outline of each contact with a known region, as pixels of the image, by its id.
 
-    The outline lies on the camera-side face. Where the displacement of the face is unknown, that of the
-    nearest corner with a known one is used; without any, the face is at rest.
+    The outline lies on the camera-side face, of a bonded pad on its contact face. Where the displacement of
+    the face is unknown, that of the nearest corner with a known one is used; without any, it is at rest.
 
     Args:
-        camera: of the sensor.
+        sensor: its camera and sheet.
         surface: of the same frame, with its layout.
         contacts: their outlines are in undeformed sheet coordinates.
     """
@@ -29,10 +30,16 @@ def outlines_px(camera: Camera, surface: Surface, contacts: Iterable[Contact]) -
     if not rings:
         return {}
     rest_mm = np.concatenate([point_mm for _, point_mm in rings])
-    place_mm = np.column_stack([rest_mm, np.zeros(len(rest_mm))])
+    sheet = sensor.sheet
+    height_mm = 0.0 if sheet is None or sheet.marker_depth_mm is None else sheet.marker_depth_mm
+    place_mm = np.column_stack([rest_mm, np.full(len(rest_mm), height_mm)])
     if surface.layout is not None:
         place_mm += _filled(rest_mm, sampler_at(surface.layout, rest_mm).displacement(surface))
-    shown_px = np.split(project(camera, place_mm), np.cumsum([len(point_mm) for _, point_mm in rings])[:-1])
+    if sheet is None:
+        place_px = project(sensor.camera, place_mm)
+    else:
+        place_px = project_through_window(sensor.camera, sheet, place_mm)
+    shown_px = np.split(place_px, np.cumsum([len(point_mm) for _, point_mm in rings])[:-1])
     found: dict[int, list[Polygon]] = {}
     for (number, _), ring_px in zip(rings, shown_px, strict=True):
         found.setdefault(number, []).append(ring_px)

@@ -13,7 +13,7 @@ import numpy as np
 
 from manytouch.compilation import plain
 from manytouch.errors import SensorError
-from manytouch.geometry.camera import project
+from manytouch.geometry.refraction import rest_px
 from manytouch.tracking.lattice_graph import (
     EXTERIOR_HIDDEN,
     EXTERIOR_VISIBLE,
@@ -129,7 +129,7 @@ class MarkerTracker:
             raise SensorError(
                 f"the sensor {sensor.name!r} has no markers to track: use a sensor file with [markers]"
             )
-        rest = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
+        rest = rest_px(sensor, layout)
         graph = build_lattice_graph(
             rest,
             layout.is_missing,

@@ -12,6 +12,7 @@ from manytouch.estimation.load.displacement_load import DisplacementLoad
 from manytouch.estimation.load.load_peaks import LoadPeakFinder, LoadPeaks
 from manytouch.estimation.load.load_source import LoadSource
 from manytouch.geometry.camera import onto_plane, project
+from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.sampling import GridSampling, sampling_on
 from manytouch.values import ESTIMATES, Camera, Contact, Contacts, Phase, Sensor, Status, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
@@ -72,8 +73,8 @@ class LoadContactFinder:
         tracks = self.tracker.start(sensor)
         layout, camera = sensor.layout, sensor.camera
         assert layout is not None  # the tracker has raised otherwise
-        rest_px = project(camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
-        plane_mm = onto_plane(camera, rest_px)[:, :2]
+        at_rest_px = rest_px(sensor, layout)
+        plane_mm = onto_plane(camera, at_rest_px)[:, :2]
         load = self.load.start(sensor, plane_mm)
         load_map = self.load.load_map(load)
         return LoadContactState(

@@ -41,8 +41,9 @@ from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
-from manytouch.geometry.camera import mm_per_px, project
+from manytouch.geometry.camera import mm_per_px
 from manytouch.geometry.neighbours import nearest_neighbours
+from manytouch.geometry.refraction import rest_px
 from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, Mask, Points2, read_only
 from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
@@ -114,7 +115,7 @@ class MechanicsEstimator:
         pretension = self.pretension.start(model, sheet)
         if pretension.is_estimated:
             model = model.with_pretension(pretension.mean_mm)
-        rest_px = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
+        at_rest_px = rest_px(sensor, layout)
         pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
         model_std_px = self.marker_noise.model_std_px(pitch_px)
         rest_mm = read_only(np.zeros((model.patch.node_count, 3)))
@@ -127,8 +128,8 @@ class MechanicsEstimator:
             deviation=self.surface_error.start(model, weight_mm4, std_px),
             local=local_deflection(model.shell),
             is_at_clamp=read_only(self.view_motion.is_used(model)),
-            initial_reference_px=read_only(rest_px.copy()),
-            reference_px=read_only(rest_px.copy()),
+            initial_reference_px=read_only(at_rest_px.copy()),
+            reference_px=read_only(at_rest_px.copy()),
             pitch_px=pitch_px,
             model_std_px=model_std_px,
             shape=SheetShape.at(model, rest_mm),

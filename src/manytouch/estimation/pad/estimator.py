@@ -23,6 +23,7 @@ from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
+from manytouch.geometry.refraction import rest_px
 from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Mask, Points2, Points3, Scalars, read_only
 
@@ -121,13 +122,13 @@ class PadEstimator:
         limit_blas_threads()
         model = self.nominal_pad(sensor)
         layout = model.layout
-        rest_px = model.rest_px if layout.rest_px is None else layout.rest_px
+        at_rest_px = rest_px(sensor, layout)
         return PadState(
             model=model,
             candidates=self.search.start(model, self.fitter),
             neighbours=nearest_neighbours(layout.rest_mm[:, :2]),
-            initial_reference_px=read_only(rest_px.copy()),
-            reference_px=read_only(rest_px.copy()),
+            initial_reference_px=read_only(at_rest_px.copy()),
+            reference_px=read_only(at_rest_px.copy()),
             contact=read_only(np.zeros((0, OWN))),
             displacement_mm=read_only(np.zeros((len(layout.rest_mm), 3))),
             slip=SlipState(),

@@ -90,7 +90,7 @@ class PadContacts:
     footprints: Footprints = field(default_factory=Footprints)
     position_pitch: float = 0.02
     position_root: float = 0.08
-    depth_share: float = 0.08
+    depth_share: float = 0.12
     depth_pitch: float = 0.002
     force_share: float = 0.05
     force_strain: float = 0.3

@@ -119,7 +119,8 @@ class PatchFitter:
         root_spread: and the standard deviation of its logarithm.
         stretch_spread: standard deviation of the difference of both principal moments over their sum.
         friction: standard deviation of shear over normal force,
-        radial_friction: and of radial shear over normal force.
+        radial_mean, radial_friction: mean and standard deviation of radial shear over normal force; it is
+            negative where an object sticks to a pad that spreads under it.
         shift_px, growth, turn_rad: standard deviations of the motion of the image.
         max_steps: of the iteration.
     """
@@ -127,9 +128,10 @@ class PatchFitter:
     usual_radius: float = 1.0
     root_limits: tuple[float, float] = (0.08, 0.35)
     root_spread: float = 0.6
-    stretch_spread: float = 0.35
+    stretch_spread: float = 0.5
     friction: float = 1.0
-    radial_friction: float = 0.1
+    radial_mean: float = -0.06
+    radial_friction: float = 0.12
     shift_px: float = 0.03
     growth: float = 3e-4
     turn_rad: float = 3e-4
@@ -290,7 +292,7 @@ class PatchFitter:
         std = np.array([self.friction * press, self.friction * press, self.friction * press * arm])
         value[3:6] = own[SHAPE + 1 : SHAPE + 4] / std
         jacobian[range(3, 6), range(SHAPE + 1, SHAPE + 4)] = 1.0 / std
-        value[6] = own[OWN - 1] / self.radial_friction
+        value[6] = (own[OWN - 1] - self.radial_mean) / self.radial_friction
         jacobian[6, OWN - 1] = 1.0 / self.radial_friction
         return value, jacobian
 

@@ -21,9 +21,10 @@ from manytouch.estimation.perimeter.interpolation import MarkerInterpolation
 from manytouch.estimation.perimeter.law import PerimeterLaw, perimeter_law
 from manytouch.estimation.perimeter.law_inputs import LawErrors
 from manytouch.estimation.perimeter.view_motion import MotionHypotheses, RigidMotionEstimator
-from manytouch.geometry.camera import cam_from_sheet, onto_plane, project
+from manytouch.geometry.camera import cam_from_sheet, onto_plane
 from manytouch.geometry.neighbours import Neighbours, lattice_cells, nearest_neighbours, triangle_cells
 from manytouch.geometry.plane_table import PlaneTable, plane_from_px, plane_table
+from manytouch.geometry.refraction import rest_px
 from manytouch.values import Layout, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Covariances2, read_only
 
@@ -93,8 +94,8 @@ class MarkerSurface:
                 f"the layout of sensor {sensor.name!r} has {len(layout.rest_mm)} markers, but depth needs at "
                 f"least {MIN_MARKERS}: select a region with more of them"
             )
-        rest_px = project(camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
-        plane_mm = onto_plane(camera, rest_px)[:, :2]
+        at_rest_px = rest_px(sensor, layout)
+        plane_mm = onto_plane(camera, at_rest_px)[:, :2]
         rotation, translation = cam_from_sheet(camera)
         eye_mm = -translation @ rotation
         cells = triangle_cells(plane_mm) if layout.row_column is None else lattice_cells(layout.row_column)
@@ -108,7 +109,7 @@ class MarkerSurface:
             errors=self._law_errors(law, neighbours, lever_mm, scale_std),
             neighbours=neighbours,
             plane=plane_table(camera),
-            plane_from_px=read_only(plane_from_px(camera, rest_px)),
+            plane_from_px=read_only(plane_from_px(camera, at_rest_px)),
             hypotheses=self.view_motion.hypotheses(plane_mm),
             layout=layout,
             pitch_mm=pitch_mm,

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.geometry.camera import project
+from manytouch.geometry.refraction import rest_px
 from manytouch.values import Sensor, TrackedGrid
 from manytouch.values.arrays import read_only
 
@@ -28,12 +28,12 @@ def tare_sensor(sensor: Sensor, grids: Sequence[TrackedGrid]) -> Sensor | None:
     layout = sensor.layout
     if layout is None or not grids:
         return None
-    before_px = project(sensor.camera, layout.rest_mm) if layout.rest_px is None else layout.rest_px
+    before_px = rest_px(sensor, layout)
     place_px = np.stack([grid.position_px for grid in grids])
     seen = np.isfinite(place_px[..., 0]).any(axis=0)
     if seen.sum() < _LEAST_SHARE * (~layout.is_missing).sum():
         return None
-    rest_px = np.array(before_px)
-    rest_px[seen] = np.nanmedian(place_px[:, seen], axis=0)
-    rest_px[~seen] += np.median(rest_px[seen] - before_px[seen], axis=0)
-    return replace(sensor, layout=replace(layout, rest_px=read_only(rest_px)))
+    after_px = np.array(before_px)
+    after_px[seen] = np.nanmedian(place_px[:, seen], axis=0)
+    after_px[~seen] += np.median(after_px[seen] - before_px[seen], axis=0)
+    return replace(sensor, layout=replace(layout, rest_px=read_only(after_px)))

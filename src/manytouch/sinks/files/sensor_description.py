@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.errors import SensorError
-from manytouch.geometry.camera import project
+from manytouch.geometry import refraction
 from manytouch.values import Layout, Sensor
 from manytouch.values.arrays import Points2
 
@@ -27,8 +27,7 @@ def layout_of(sensor: Sensor) -> Layout:
 
 def rest_px(sensor: Sensor) -> Points2:
     """(m, 2) positions of the markers in the image at rest."""
-    layout = layout_of(sensor)
-    return layout.rest_px if layout.rest_px is not None else project(sensor.camera, layout.rest_mm)
+    return refraction.rest_px(sensor, layout_of(sensor))
 
 
 def pitch_px(sensor: Sensor) -> Float64[np.ndarray, "2"]:

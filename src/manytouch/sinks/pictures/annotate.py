@@ -101,7 +101,7 @@ class Annotator:
     def _draw_contacts(self, picture: np.ndarray, reading: Reading) -> None:
         width = max(2, round(self._long_side / 500))
         occupied: list[Rectangle] = []
-        outlines = outlines_px(self._sensor.camera, reading.surface, reading.contacts.touching)
+        outlines = outlines_px(self._sensor, reading.surface, reading.contacts.touching)
         for contact in reading.contacts.touching:
             if not np.isfinite(contact.centre_px).all():
                 continue

@@ -108,7 +108,7 @@ class UpdateEncoder:
 
     def _contacts(self, contacts: Contacts, surface: Surface) -> list[dict[str, Any]]:
         """The contacts that are not over yet, as plain numbers; None where not known."""
-        shown_px = outlines_px(self.sensor.camera, surface, contacts.touching)
+        shown_px = outlines_px(self.sensor, surface, contacts.touching)
         return [_contact(contact, shown_px.get(contact.id)) for contact in contacts.touching]
 
     def _parts(self, update: ViewerUpdate, depth: np.ndarray) -> dict[str, np.ndarray | bytes]:
