@@ -68,8 +68,9 @@ def request_hashes(source: Source, text: str, request: Request) -> Mapping[str, 
 
 def request_hash(request: Request) -> str:
     """SHA-256 of what was requested and of the version, without the input."""
-    values = {name: to_json(getattr(request, name)) for name in Request.__slots__}
-    return values_hash({**values, "version": manytouch.__version__})
+    values = {name: to_json(getattr(request, name)) for name in Request.__slots__ if name != "roi_px"}
+    roi = None if request.roi_px is None else str(request.roi_px)
+    return values_hash({**values, "roi_px": roi, "version": manytouch.__version__})
 
 
 def files_stamp(text: str) -> str | None:
