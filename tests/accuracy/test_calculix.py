@@ -10,7 +10,7 @@ if not BENCHMARKS.is_dir():
     pytest.skip("the benchmarks are not part of a wheel", allow_module_level=True)
 sys.path.append(str(BENCHMARKS))
 
-from check_calculix import calculix, compare  # noqa: E402
+from check_calculix import calculix, compare, pad, sheet  # noqa: E402
 
 pytest.importorskip("skfem")
 
@@ -18,8 +18,18 @@ pytest.importorskip("skfem")
 @pytest.mark.slow
 @pytest.mark.skipif(calculix() is None, reason="CalculiX is not installed: apt-get install calculix-ccx")
 def test_calculix_comes_to_the_same_shape_as_its_mesh_gets_finer(tmp_path: Path) -> None:
-    coarse, fine = (compare("C3D20R", element_mm=size, folder=tmp_path) for size in (2.5, 1.25))
+    coarse, fine = (compare(sheet(size), "C3D20R", folder=tmp_path) for size in (2.5, 1.25))
     assert coarse.depth_mm[0] == pytest.approx(fine.depth_mm[0], rel=3e-3)  # ours is there already
     assert abs(fine.percent) < 1.0
     assert fine.apart_mm < 0.05
     assert coarse.apart_mm > 2.5 * fine.apart_mm  # what is left is CalculiX's mesh
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(calculix() is None, reason="CalculiX is not installed: apt-get install calculix-ccx")
+def test_calculix_comes_to_the_same_shape_of_a_pad(tmp_path: Path) -> None:
+    """Pressed by a ninth of its thickness and sheared."""
+    coarse, fine = (compare(pad(size), "C3D20R", folder=tmp_path) for size in (1.4, 1.0))
+    assert abs(fine.percent) < 1.0
+    assert fine.apart_mm < 0.02
+    assert coarse.apart_mm > 2.5 * fine.apart_mm
