@@ -1,0 +1,103 @@
+"""`manytouch batch` while its workers and itself are killed, and two of them on one folder."""
+
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+from clips import picture, press_of, write_video
+from manytouch.session import process
+from same_results import differences
+
+MOST_RUNS = 40
+linux_only = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="finds workers in /proc")
+
+
+def start(folder: Path, out: Path) -> subprocess.Popen:
+    return subprocess.Popen(
+        [sys.executable, "-m", "manytouch", "batch", str(folder), "--out", str(out), "--workers", "2"],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
+def workers_of(program: subprocess.Popen) -> list[int]:
+    """Process numbers of the children, without the one that only watches shared memory."""
+    try:
+        children = Path(f"/proc/{program.pid}/task/{program.pid}/children").read_text().split()
+        return [
+            int(child) for child in children if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes()
+        ]
+    except OSError:
+        return []
+
+
+def recordings_in(folder: Path, count: int) -> list[Path]:
+    """Recordings with different contents, some of which are equal copies."""
+    folder.mkdir()
+    paths = []
+    for number in range(count):
+        path = folder / f"r{number:03d}.mp4"
+        if number < 5:
+            write_video(path, (picture(press_of(each + 5), seed=each) for each in range(20 + 5 * number)))
+        else:
+            shutil.copy(paths[number % 5], path)
+        paths.append(path)
+    return paths
+
+
+def run_with_kills(folder: Path, out: Path, kills: int, seed: int) -> int:
+    """Call the batch until it ends with status 0, killing at random; how often something was killed."""
+    random, killed = np.random.default_rng(seed), 0
+    for _ in range(MOST_RUNS):
+        program = start(folder, out)
+        while program.poll() is None:
+            time.sleep(random.uniform(0.1, 1.0))
+            if killed >= kills or not (workers := workers_of(program)):
+                continue
+            victim = program.pid if random.random() < 0.2 or killed == 1 else int(random.choice(workers))
+            try:
+                os.kill(victim, signal.SIGKILL)
+                killed += 1
+            except ProcessLookupError:
+                pass
+        if program.returncode == 0:
+            return killed
+    raise AssertionError("the batch does not come to its end")
+
+
+def check_all(paths: list[Path], out: Path, expected: Path) -> None:
+    """Every result is there once, in the folder and in the tables, as `process` makes it."""
+    names = [path.stem for path in paths]
+    assert sorted(path.name for path in out.iterdir() if path.is_dir()) == names
+    assert [line for line in out.iterdir() if line.name.endswith((".partial", ".old"))] == []
+    table = pq.read_table(out / "results.parquet").to_pydict()
+    assert table["name"] == names
+    assert set(table["state"]) == {"complete"}
+    for path in paths:
+        assert differences(out / path.stem, process(path, out=expected)) == []
+
+
+@linux_only
+@pytest.mark.parametrize(
+    ("count", "kills"), [(4, 2), pytest.param(100, 25, marks=pytest.mark.slow)], ids=["few", "hundred"]
+)
+def test_kills_cost_time_and_no_result(tmp_path: Path, count: int, kills: int) -> None:
+    paths, out = recordings_in(tmp_path / "in", count), tmp_path / "out"
+    assert run_with_kills(tmp_path / "in", out, kills, seed=count) >= 2
+    check_all(paths, out, tmp_path / "expected")
+
+
+@pytest.mark.slow
+def test_two_batches_on_one_folder_make_every_result_once(tmp_path: Path) -> None:
+    paths, out = recordings_in(tmp_path / "in", 30), tmp_path / "out"
+    programs = [start(tmp_path / "in", out) for _ in range(2)]
+    assert [program.wait() for program in programs] == [0, 0]
+    check_all(paths, out, tmp_path / "expected")
