@@ -57,8 +57,16 @@ def run(
     images or a recording stay open with a timeline until Ctrl-C, unless --out or
     --record write files of it. Ctrl-C ends the run with complete files.
 
+    A rig file (.toml) names several sensors, each of which runs in its own process.
+
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
+    if source.lower().endswith(".toml") and "://" not in source and not source.startswith("sim:"):
+        from manytouch.cli.terminal.rig_run import run_rig_file
+
+        given = {"--sensor": sensor, "--method": method, "--pitch-mm": pitch_mm, "--hfov-deg": hfov_deg}
+        given |= {"--roi": roi, "--fps": fps, "--size": size, "--to": to, "--token": token}
+        return run_rig_file(Path(source), given, out=out, record=record, is_viewing=not no_view, port=port)
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
     parameters = between.parameters("run", method) | paper.parameters("run", method)
     from manytouch.cli.terminal.console import Reporter
@@ -148,3 +156,6 @@ def is_playback(source: str, *options_given: object) -> bool:
     from manytouch.sources.files.log import is_log
 
     return source.lower().endswith(".mcap") and not any(options_given) and not is_log(Path(source))
+    return source.lower().rpartition("#")[0 if ".mcap#" in source.lower() else 2].endswith(
+        ".mcap"
+    ) and not any(options_given)

@@ -53,6 +53,7 @@ class Recording:
 
     Attributes:
         path: the file.
+        rig_sensor: which sensor of a rig it is; None for the recording of one sensor.
         is_complete: whether the file was closed; a truncated file is read up to its last whole message.
         about: of the first session: source, method, parameters, versions.
         sensor: of the first session.
@@ -62,11 +63,16 @@ class Recording:
         damaged_readings: number of readings of other frames that are lost with it.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, sensor: str | None = None) -> None:
         """Check and index a file.
 
+        Args:
+            path: the file.
+            sensor: which sensor of the recording of a rig.
+
         Raises:
-            SourceError: it is not an MCAP file, or no session or no frame in it is whole.
+            SourceError: the sensor is not in it, or none is given for a rig; it is not
+                an MCAP file, or no session or no frame in it is whole.
             MissingExtraError: the packages for recordings are not installed.
         """
         try:
@@ -75,14 +81,15 @@ class Recording:
         except ImportError as error:
             raise MissingExtraError("playback", "mcap") from error
         self._image = CompressedImage
-        self.path = path
+        self.path, self.rig_sensor = path, sensor
         found = scan(path)
+        prefix = _prefix(path, found.sensors, sensor)
         self.is_complete = found.is_complete
         self.damaged_bytes = sum(end - begin for begin, end in found.damaged)
         self._cached: tuple[ChunkLocation | None, bytes] = (None, b"")
-        self.sensor, self.about = self._first_session(found.topic(SESSION))
+        self.sensor, self.about = self._first_session(found.topic(prefix + SESSION))
         self._started_ns: int = self.about["started_unix_ns"]
-        camera, readings = self._by_sequence(found.topic(CAMERA)), self._by_sequence(found.topic(READING))
+        camera, readings = (self._by_sequence(found.topic(prefix + each)) for each in (CAMERA, READING))
         if not camera:
             raise self._is_empty()
         self._readings = {place.sequence: place for place in readings}
@@ -204,6 +211,18 @@ class Recording:
             data = read_chunk(content, ChunkLocation(0, len(content)))
             self._cached = location.chunk, data
         return data[location.offset : location.offset + location.length]
+
+
+def _prefix(path: Path, sensors: Sequence[str], sensor: str | None) -> str:
+    """Of the topics of a sensor of a rig; empty for the recording of one sensor."""
+    if sensor is None and not sensors:
+        return ""
+    if sensor in sensors:
+        return f"/{sensor}"
+    raise SourceError(
+        f"{str(path)!r} has the sensors {', '.join(sensors) or '(only one, without a name)'}: give one as in "
+        f"{path.name}#{sensors[0] if sensors else ''}"
+    )
 
 
 def _lost_frames(camera: Sequence[FramePlace], damaged: Sequence[tuple[int, int]]) -> list[FramePlace]:

@@ -79,6 +79,12 @@ class Scan:
     is_complete: bool = False
     has_index: bool = False
 
+    @property
+    def sensors(self) -> list[str]:
+        """Names of the sensors of a rig, whose topics begin with them; empty for one sensor."""
+        topics = (channel[1] for channel in self.channels.values())
+        return sorted({topic.split("/")[1] for topic in topics if topic.count("/") == 2})
+
     def topic(self, name: str) -> list[MessageLocation]:
         """Messages of all channels with a topic."""
         numbers = [number for number, channel in self.channels.items() if channel[1] == name]
@@ -138,6 +144,19 @@ def read_chunk(content: bytes | mmap.mmap, location: ChunkLocation) -> bytes:
     if crc != 0 and zlib.crc32(data) != crc:
         raise ValueError("the checksum of the chunk")
     return data
+
+
+def message_data(path: Path, place: MessageLocation) -> bytes:
+    """The data of a message of a file.
+
+    Raises:
+        ValueError: the file has changed.
+    """
+    with path.open("rb") as file:
+        file.seek(place.chunk.begin)
+        content = file.read(place.chunk.end - place.chunk.begin)
+    found = read_chunk(content, ChunkLocation(0, len(content)))
+    return found[place.offset : place.offset + place.length]
 
 
 def records(data: bytes | mmap.mmap, at: int, end: int) -> Iterator[tuple[int, int, int]]:

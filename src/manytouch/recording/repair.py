@@ -9,7 +9,7 @@ from manytouch.errors import SourceError
 from manytouch.recording import CAMERA, PROFILE, READING, SESSION
 from manytouch.recording.messages import decode_session
 from manytouch.recording.reader import Recording
-from manytouch.recording.records import ChunkLocation, MessageLocation, Scan, read_chunk, scan
+from manytouch.recording.records import MessageLocation, Scan, message_data, scan
 from manytouch.recording.writer import EACH_MESSAGE, require_mcap
 
 MOST_LISTED = 20
@@ -144,7 +144,7 @@ def repair(path: Path, repaired: Path) -> int:
                     channel_id=channels[number],
                     log_time=message.log_ns,
                     publish_time=message.publish_ns,
-                    data=_data(path, message),
+                    data=message_data(path, message),
                     sequence=message.sequence,
                 )
                 copied += 1
@@ -167,15 +167,7 @@ def _in_order(found: Scan, first: MessageLocation) -> Iterator[tuple[int, Messag
 
 def _is_session(path: Path, place: MessageLocation) -> bool:
     try:
-        decode_session(_data(path, place))
+        decode_session(message_data(path, place))
     except SourceError:
         return False
     return True
-
-
-def _data(path: Path, place: MessageLocation) -> bytes:
-    with path.open("rb") as file:
-        file.seek(place.chunk.begin)
-        content = file.read(place.chunk.end - place.chunk.begin)
-    records = read_chunk(content, ChunkLocation(0, len(content)))
-    return records[place.offset : place.offset + place.length]

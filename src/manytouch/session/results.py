@@ -247,6 +247,10 @@ def result_name(text: str) -> str:
         scene = text.removeprefix("sim:")
         return f"sim-{Path(scene).stem}" if scene else "sim"
     path = Path(split_topic(text)[0]).resolve()
+    file, _, sensor = text.rpartition("#")
+    if file.lower().endswith(".mcap") and not Path(text).exists():
+        return f"{Path(file).stem}-{sensor}"  # a sensor of a rig
+    path = Path(text).resolve()
     name = path.name if path.is_dir() else path.stem
     return name or "input"
 

@@ -85,6 +85,11 @@ def is_camera(text: str) -> bool:
 def _file_source(text: str, path: Path, fps: float | None) -> Source:
     if is_log(path):
         return log_source(path, None, fps)
+    file, _, sensor = str(path).rpartition("#")
+    if file.lower().endswith(".mcap") and not path.exists() and Path(file).is_file():
+        from manytouch.sources.files.replay import replay_source
+
+        return replay_source(Path(file), fps, sensor)
     if path.is_dir():
         return _folder_source(path, fps)
     if not path.is_file():

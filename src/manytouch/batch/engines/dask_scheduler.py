@@ -10,7 +10,7 @@ from manytouch.batch.tasks import Outcome, Result, Task, Work
 from manytouch.errors import ManytouchError, MissingExtraError
 
 RETRIES = 2
-WAITING_PER_THREAD, LEAST_WAITING, MOST_WAITING = 4, 16, 10_000
+WAITING_PER_THREAD, LEAST_WAITING, MOST_WAITING = 4, 100, 10_000
 CONNECT_S = 30.0
 POLL_S = 0.2
 DEADLY = (

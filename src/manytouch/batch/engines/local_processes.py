@@ -8,7 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -238,8 +238,9 @@ def _serve(connection: Connection, work: Work, memory_bytes: int | None) -> None
             connection.send(stoppable(connection.recv()))
 
 
+@cache
 def use_one_thread() -> None:
-    """One thread for each library that computes, in this process."""
+    """One thread for each library that computes, in this process, from the first call on."""
     os.environ["NUMBA_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = "1"
     os.environ["OPENCV_FFMPEG_THREADS"] = "1"
     from manytouch.blas_threads import limit_blas_threads

@@ -49,7 +49,8 @@ class ReplaySource:
 
     @property
     def name(self) -> str:
-        return self.recording.path.stem
+        sensor = self.recording.rig_sensor
+        return self.recording.path.stem if sensor is None else f"{self.recording.path.stem}-{sensor}"
 
     @property
     def fps(self) -> float | None:
@@ -110,11 +111,11 @@ class ReplaySource:
         return self.recording.reading(bare)
 
 
-def replay_source(path: Path, fps: float | None = None) -> ReplaySource:
-    """A recording as a source.
+def replay_source(path: Path, fps: float | None = None, sensor: str | None = None) -> ReplaySource:
+    """A recording as a source; of a rig, one of its sensors.
 
     Raises:
         SourceError: it is not a recording, or none of its frames can be decoded.
         MissingExtraError: the packages for recordings are not installed.
     """
-    return ReplaySource(Recording(path), fps)
+    return ReplaySource(Recording(path, sensor), fps)

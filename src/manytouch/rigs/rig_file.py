@@ -1,0 +1,164 @@
+"""The rig file (TOML): names, sources and poses of the sensors, with all mistakes reported at once."""
+
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+import numpy as np
+from pydantic import Field, ValidationError, field_validator, model_validator
+from scipy.spatial.transform import Rotation
+
+from manytouch.errors import SourceError
+from manytouch.values.arrays import Floats, read_only
+from manytouch.values.sensor_file.sections import Number, Positive, Section, all_mistakes
+from manytouch.values.sensor_file.toml_file import read_toml
+
+BY_ID = Path("/dev/v4l/by-id")
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
+Text = Annotated[str, Field(min_length=1, max_length=1000)]
+Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
+Side = Annotated[int, Field(gt=0, le=32_768)]
+
+
+class PoseSection(Section):
+    """Pose of a sensor: x_rig = R x_sheet + t; `rotation_vector` in rad (Rodrigues)."""
+
+    rotation_vector: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
+    translation_mm: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
+
+
+class SensorSection(Section):
+    """A sensor; its camera by `source` (path, address, file) or by `serial` number."""
+
+    name: Name
+    source: Text | None = None
+    serial: Text | None = None
+    sensor: Text | None = None
+    method: Literal["mechanics", "perimeter", "paper"] | None = None
+    fps: Positive | None = None
+    size_px: Annotated[list[Side], Field(min_length=2, max_length=2)] | None = None
+    pose: PoseSection = Field(default_factory=PoseSection)
+
+    @field_validator("source")
+    @classmethod
+    def _is_no_index(cls, source: str | None) -> str | None:
+        if source is not None and (source.isdecimal() or source.startswith("/dev/video")):
+            raise ValueError(
+                "the number of a camera changes when it is plugged in again; give serial = or a path in "
+                "/dev/v4l/by-id"
+            )
+        return source
+
+    @model_validator(mode="after")
+    def _has_one_source(self) -> "SensorSection":
+        if (self.source is None) == (self.serial is None):
+            raise ValueError(f"sensor {self.name} needs either source or serial")
+        return self
+
+
+class RigFile(Section):
+    """Content of a rig file."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    name: Name
+    sensors: Annotated[list[SensorSection], Field(min_length=1, max_length=64)]
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> "RigFile":
+        names = [sensor.name.casefold() for sensor in self.sensors]
+        twice = sorted({name for name in names if names.count(name) > 1})
+        if twice:
+            raise ValueError(f"several sensors are named {', '.join(twice)}")
+        return self
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class RigSensor:
+    """A sensor of a rig.
+
+    Attributes:
+        name: in the rig.
+        source: what `open_source` takes.
+        sensor: path of the sensor file; None: the layout is found in the first frames.
+        method, fps, size_px: see `manytouch.session.prepare`.
+        rotation, translation_mm: x_rig = rotation @ x_sheet + translation_mm.
+    """
+
+    name: str
+    source: str
+    sensor: str | None
+    method: str | None
+    fps: float | None
+    size_px: tuple[int, int] | None
+    rotation: Floats
+    translation_mm: Floats
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Rig:
+    """Several sensors in one frame."""
+
+    name: str
+    sensors: tuple[RigSensor, ...]
+
+
+def load_rig(path: Path) -> Rig:
+    """Read a rig file; paths in it are relative to it.
+
+    Raises:
+        SourceError: it does not exist, is wrong, or a camera with a serial number is not connected.
+    """
+    try:
+        file = RigFile.model_validate(read_toml(path, "a rig file", SourceError))
+    except FileNotFoundError:
+        raise SourceError(f"the rig file {path} does not exist: give the path of an existing one") from None
+    except ValidationError as error:
+        raise SourceError(all_mistakes(f"rig file {path}", error)) from None
+    return Rig(name=file.name, sensors=tuple(_sensor(each, path.parent) for each in file.sensors))
+
+
+def camera_with_serial(serial: str, folder: Path = BY_ID) -> str:
+    """Path of the camera whose name by the system ends in a serial number.
+
+    Raises:
+        SourceError: there is none, there are several, or this system does not list them.
+    """
+    found = sorted(
+        each
+        for each in (folder.iterdir() if folder.is_dir() else ())
+        if f"_{serial}-video-index0" in each.name
+    )
+    if len(found) == 1:
+        return str(found[0])
+    if not sys.platform.startswith("linux"):
+        raise SourceError(f"cameras have no serial numbers on this system: give source instead of {serial!r}")
+    names = ", ".join(sorted(each.name for each in folder.iterdir())) if folder.is_dir() else ""
+    raise SourceError(
+        f"{len(found)} cameras have the serial number {serial!r}, expected one; {folder} contains: "
+        f"{names or 'nothing'}"
+    )
+
+
+def _sensor(section: SensorSection, folder: Path) -> RigSensor:
+    source = section.source
+    size = section.size_px
+    return RigSensor(
+        name=section.name,
+        source=camera_with_serial(section.serial or "") if source is None else _relative(source, folder),
+        sensor=None if section.sensor is None else _relative(section.sensor, folder),
+        method=section.method,
+        fps=section.fps,
+        size_px=None if size is None else (size[0], size[1]),
+        rotation=read_only(Rotation.from_rotvec(section.pose.rotation_vector).as_matrix()),
+        translation_mm=read_only(np.array(section.pose.translation_mm)),
+    )
+
+
+def _relative(text: str, folder: Path) -> str:
+    """A path from the folder of the rig file, if there is such a file; else the text."""
+    if "://" in text or (text.startswith("sim:") and not text.endswith(".toml")):
+        return text
+    scheme, path = ("sim:", text[4:]) if text.startswith("sim:") else ("", text)
+    inner = folder / path.partition("#")[0]
+    return f"{scheme}{folder / path}" if inner.exists() else text

@@ -1,0 +1,270 @@
+"""Runs a rig: starts the process of each sensor, starts it again when it dies, and joins what they send."""
+
+import csv
+import multiprocessing
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from typing import Any, Protocol, runtime_checkable
+
+from manytouch.recording.merge import merge_recordings
+from manytouch.rigs.rig_file import Rig, RigSensor
+from manytouch.rigs.sensor_process import (
+    ContactsMessage,
+    HealthMessage,
+    NoteMessage,
+    RigContact,
+    SensorOptions,
+    run_sensor,
+)
+from manytouch.sinks.files.atomic_output import atomic_file
+from manytouch.sinks.files.tables import six_digits
+
+COLUMNS = (
+    *("time_s", "sensor", "frame", "contact", "phase", "x_mm", "y_mm", "z_mm", "depth_mm"),
+    *("force_x_N", "force_y_N", "force_z_N"),
+)
+POLL_S, END_S = 0.2, 15.0
+FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0
+MOST_FAILURES = 5  # in a row, before any frame
+_CONTEXT = multiprocessing.get_context("spawn")
+
+
+@dataclass(eq=False)
+class SensorState:
+    """A sensor of a running rig.
+
+    Attributes:
+        sensor: of the rig file.
+        health: counts of its present process.
+        frames, dropped: counts of its earlier processes.
+        restarts: how often its process was started again.
+        viewer: address of its viewer.
+        parts: its recordings, one per process.
+        is_over: its source has ended, or it failed for good.
+        failure: the last sentence of a failure.
+        pid: number of its process.
+    """
+
+    sensor: RigSensor
+    process: SpawnProcess | None = None
+    connection: Connection | None = None
+    health: HealthMessage = field(
+        default_factory=lambda: HealthMessage(frames=0, dropped=0, fps=0.0, source="starting")
+    )
+    frames: int = 0
+    dropped: int = 0
+    restarts: int = 0
+    failures: int = 0
+    viewer: str | None = None
+    parts: list[Path] = field(default_factory=list)
+    is_over: bool = False
+    failure: str | None = None
+    start_at_s: float = 0.0
+
+    @property
+    def pid(self) -> int | None:
+        return None if self.process is None else self.process.pid
+
+
+@runtime_checkable
+class RigObserver(Protocol):
+    """An object that is notified of what happens in a rig."""
+
+    def on_note(self, sensor: str, sentence: str) -> None:
+        """A sentence about a sensor."""
+
+    def on_contacts(self, sensor: str, time_s: float, contacts: tuple[RigContact, ...]) -> None:
+        """Contacts of a frame in the frame of the rig; seconds since the rig began."""
+
+
+def run_rig(
+    rig: Rig,
+    observer: RigObserver,
+    stop: Callable[[], bool],
+    *,
+    out: Path | None = None,
+    record: Path | None = None,
+    viewer_host: str | None = None,
+    on_states: Callable[[Mapping[str, SensorState]], None] | None = None,
+) -> Mapping[str, SensorState]:
+    """Run all sensors until their sources end or `stop` returns True.
+
+    Args:
+        rig: the sensors.
+        observer: notified of contacts and notes.
+        stop: ends the run; files are completed.
+        out: a folder that gets contacts.csv of the rig, and a result folder per sensor.
+        record: a file that gets one set of channels per sensor; while the rig runs, each process writes a
+            file of its own next to it.
+        viewer_host: address of the viewers; None: none.
+        on_states: gets the states before the first process is started.
+
+    Returns:
+        The state of each sensor by name.
+
+    Raises:
+        OutputError: contacts.csv cannot be written.
+    """
+    states = {sensor.name: SensorState(sensor) for sensor in rig.sensors}
+    if on_states is not None:
+        on_states(states)
+    began_ns = time.monotonic_ns()
+    with ExitStack() as closing:
+        rows: Any = None
+        if out is not None:
+            path = closing.enter_context(atomic_file(out / "contacts.csv"))
+            rows = csv.writer(closing.enter_context(path.open("w", newline="", encoding="utf-8")))
+            rows.writerow(COLUMNS)
+        try:
+            while not stop() and not all(state.is_over for state in states.values()):
+                _start_due(states, out, record, viewer_host)
+                for state, message in _messages(states):
+                    _take(state, message, observer, rows, began_ns)
+                _bury_dead(states, observer)
+        finally:
+            _end(states, lambda state, message: _take(state, message, observer, rows, began_ns))
+    if record is not None:
+        _merge(states, record)
+    return states
+
+
+def _start_due(
+    states: Mapping[str, SensorState], out: Path | None, record: Path | None, viewer_host: str | None
+) -> None:
+    """Start the processes that do not run and are due."""
+    for name, state in states.items():
+        if state.is_over or state.process is not None or time.monotonic() < state.start_at_s:
+            continue
+        part = None
+        if record is not None:
+            part = record.with_name(f"{record.stem}.{name}.{len(state.parts)}{record.suffix}")
+            part.unlink(missing_ok=True)
+            state.parts.append(part)
+        suffix = f"-{state.restarts}" if state.restarts else ""
+        options = SensorOptions(
+            record=part, out=None if out is None else out / f"{name}{suffix}", viewer_host=viewer_host
+        )
+        here, there = _CONTEXT.Pipe()
+        process = _CONTEXT.Process(target=run_sensor, args=(there, state.sensor, options), name=name)
+        process.start()
+        there.close()
+        state.process, state.connection = process, here
+
+
+def _messages(states: Mapping[str, SensorState]) -> Iterator[tuple[SensorState, Any]]:
+    """What the processes have sent."""
+    by_handle: dict[Any, SensorState] = {}
+    for state in states.values():
+        if state.process is not None and state.connection is not None:
+            by_handle[state.process.sentinel] = by_handle[state.connection] = state
+    if not by_handle:
+        time.sleep(POLL_S)
+    found = dict.fromkeys(by_handle[handle] for handle in wait(list(by_handle), timeout=POLL_S))
+    for state in found:
+        yield from ((state, message) for message in _received(state))
+
+
+def _received(state: SensorState) -> Iterator[Any]:
+    try:
+        while state.connection is not None and state.connection.poll():
+            yield state.connection.recv()
+    except (EOFError, OSError):
+        if state.connection is not None:
+            state.connection.close()
+        state.connection = None
+
+
+def _take(state: SensorState, message: Any, observer: RigObserver, rows: Any, began_ns: int) -> None:
+    name = state.sensor.name
+    if isinstance(message, HealthMessage):
+        state.health = message
+        if message.frames:
+            state.failures = 0
+    elif isinstance(message, NoteMessage):
+        state.viewer = message.viewer or state.viewer
+        state.failure = message.sentence if message.is_failure else state.failure
+        observer.on_note(name, message.sentence)
+    elif isinstance(message, ContactsMessage):
+        time_s = (message.arrived_ns - began_ns) * 1e-9
+        observer.on_contacts(name, time_s, message.contacts)
+        if rows is not None:
+            rows.writerows(_row(name, time_s, contact) for contact in message.contacts)
+
+
+def _row(name: str, time_s: float, contact: RigContact) -> list[object]:
+    numbers = (*contact.position_mm, contact.depth_mm, *contact.force_N)
+    texts = [six_digits(value) for value in numbers]
+    return [f"{time_s:.6f}", name, contact.frame, contact.id, contact.phase, *texts]
+
+
+def _bury_dead(states: Mapping[str, SensorState], observer: RigObserver) -> None:
+    """Note which processes have ended; those that did not end by themselves are started again."""
+    for name, state in states.items():
+        process = state.process
+        if process is None or process.is_alive() or (state.connection and state.connection.poll()):
+            continue
+        process.join()
+        code = process.exitcode
+        _forget_process(state)
+        if code == 0:
+            state.is_over = True
+            continue
+        state.failures += 1
+        if state.failures >= MOST_FAILURES:
+            state.is_over = True
+            observer.on_note(name, f"given up after {MOST_FAILURES} failures: {state.failure or code}")
+            continue
+        state.restarts += 1
+        pause_s = min(FIRST_PAUSE_S * 2 ** (state.failures - 1), LONGEST_PAUSE_S)
+        state.start_at_s = time.monotonic() + pause_s
+        observer.on_note(name, f"its process ended (exit status {code}); started again in {pause_s:g} s")
+
+
+def _forget_process(state: SensorState) -> None:
+    if state.connection is not None:
+        state.connection.close()
+    state.frames += state.health.frames
+    state.dropped += state.health.dropped
+    state.health = HealthMessage(frames=0, dropped=0, fps=0.0, source="ended")
+    state.process = state.connection = state.viewer = None
+
+
+def _end(states: Mapping[str, SensorState], take: Callable[[SensorState, Any], None]) -> None:
+    """End all processes, which complete their files, and take what they still send."""
+    running = [state for state in states.values() if state.process is not None]
+    for state in running:
+        assert state.process is not None
+        state.process.terminate()
+    limit_s = time.monotonic() + END_S
+    for state in running:
+        process = state.process
+        assert process is not None
+        while process.is_alive() and time.monotonic() < limit_s:
+            for message in _received(state):
+                take(state, message)
+            process.join(POLL_S / 4)
+        if process.is_alive():
+            process.kill()
+            process.join()
+        for message in _received(state):
+            take(state, message)
+        _forget_process(state)
+
+
+def _merge(states: Mapping[str, SensorState], record: Path) -> None:
+    """Join the recordings of the processes, which are removed then."""
+    parts = {
+        name: [part for part in state.parts if part.is_file() and part.stat().st_size > 0]
+        for name, state in states.items()
+    }
+    if not any(parts.values()):
+        return
+    with atomic_file(record) as merged:
+        merge_recordings(parts, merged)
+    for part in (part for paths in parts.values() for part in paths):
+        part.unlink()

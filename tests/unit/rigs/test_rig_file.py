@@ -1,0 +1,105 @@
+"""The rig file: what it states, and its mistakes."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from manytouch.errors import SourceError
+from manytouch.rigs.rig_file import camera_with_serial, load_rig
+from manytouch.rigs.sensor_process import in_rig
+from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.values import Contact, Phase
+
+GOOD = """
+schema = 1
+name = "hand"
+
+[[sensors]]
+name = "index"
+source = "press.mp4"
+sensor = "gelsight-mini"
+
+[[sensors]]
+name = "thumb"
+source = "sim:one"
+fps = 10.0
+size_px = [640, 480]
+[sensors.pose]
+rotation_vector = [0.0, 0.0, 1.5707963267948966]
+translation_mm = [10.0, 20.0, 30.0]
+"""
+
+
+def written(folder: Path, text: str) -> Path:
+    path = folder / "rig.toml"
+    path.write_text(text)
+    return path
+
+
+def test_paths_are_relative_to_the_rig_file_where_they_exist(tmp_path: Path) -> None:
+    (tmp_path / "press.mp4").touch()
+    index, thumb = load_rig(written(tmp_path, GOOD)).sensors
+    assert (index.source, index.sensor) == (str(tmp_path / "press.mp4"), "gelsight-mini")
+    assert (thumb.source, thumb.fps, thumb.size_px) == ("sim:one", 10.0, (640, 480))
+
+
+def test_a_contact_is_turned_and_moved_into_the_frame_of_the_rig(tmp_path: Path) -> None:
+    thumb = load_rig(written(tmp_path, GOOD)).sensors[1]
+    contact = Contact(
+        id=3,
+        phase=Phase.START,
+        centre_mm=np.array([1.0, 2.0]),
+        centre_px=np.array([0.0, 0.0]),
+        depth_mm=0.5,
+        force_N=np.array([1.0, 0.0, -4.0]),
+        torque_Nmm=0.0,
+        area_mm2=1.0,
+        covariance=np.zeros((8, 8)),
+    )
+    found = in_rig(contact, demo_sensor(640), thumb, frame=7)
+    assert found.position_mm == pytest.approx((10.0 - 2.0, 20.0 + 1.0, 30.0 - 0.5))
+    assert found.force_N == pytest.approx((0.0, 1.0, -4.0))
+    assert (found.id, found.phase, found.frame, found.depth_mm) == (3, "start", 7, 0.5)
+
+
+def test_all_mistakes_are_listed_at_once(tmp_path: Path) -> None:
+    text = """
+schema = 2
+name = "my hand"
+[[sensors]]
+name = "a"
+source = "0"
+colour = "red"
+[[sensors]]
+name = "b"
+[sensors.pose]
+translation_mm = [1.0]
+"""
+    with pytest.raises(SourceError) as caught:
+        load_rig(written(tmp_path, text))
+    for words in ("schema", "name = 'my hand'", "plugged in again", "unknown key", "translation_mm"):
+        assert words in str(caught.value), words
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (('name = "thumb"', 'name = "Index"'), "several sensors are named index"),
+        (('source = "sim:one"', 'source = "sim:one"\nserial = "7"'), "either source or serial"),
+        (('source = "sim:one"', 'source = "/dev/video2"'), "plugged in again"),
+    ],
+)
+def test_a_rig_that_cannot_be_meant_is_refused(tmp_path: Path, change: tuple[str, str], words: str) -> None:
+    with pytest.raises(SourceError, match=words):
+        load_rig(written(tmp_path, GOOD.replace(*change)))
+    with pytest.raises(SourceError, match="does not exist"):
+        load_rig(tmp_path / "none.toml")
+
+
+def test_a_camera_is_found_by_its_serial_number(tmp_path: Path) -> None:
+    for name in ("usb-Maker_Cam_A1-video-index0", "usb-Maker_Cam_A1-video-index1", "usb-Cam_B2-video-index0"):
+        (tmp_path / name).touch()
+    assert camera_with_serial("A1", tmp_path) == str(tmp_path / "usb-Maker_Cam_A1-video-index0")
+    with pytest.raises(SourceError, match="0 cameras have the serial number 'A'"):
+        camera_with_serial("A", tmp_path)

@@ -1,0 +1,119 @@
+"""A running rig: one process per sensor, one of which is killed."""
+
+import os
+import signal
+import threading
+import urllib.error
+import urllib.request
+from collections.abc import Mapping
+from pathlib import Path
+
+import pytest
+
+from manytouch.errors import SourceError
+from manytouch.recording.reader import Recording
+from manytouch.rigs.overview_page import OverviewPage
+from manytouch.rigs.rig_file import load_rig
+from manytouch.rigs.run_rig import SensorState, run_rig
+from manytouch.rigs.sensor_process import RigContact
+from manytouch.session import Playback
+from manytouch.sources import open_source
+from results import rows_of
+
+NAMES = ("index", "middle", "ring", "thumb")
+KILLED = "ring"
+
+
+class Notes:
+    def __init__(self) -> None:
+        self.sentences: list[tuple[str, str]] = []
+        self.times: dict[str, list[float]] = {name: [] for name in NAMES}
+
+    def on_note(self, sensor: str, sentence: str) -> None:
+        self.sentences.append((sensor, sentence))
+
+    def on_contacts(self, sensor: str, time_s: float, contacts: tuple[RigContact, ...]) -> None:
+        self.times[sensor].append(time_s)
+
+
+def four_sensors(folder: Path) -> Path:
+    sections = [
+        f'[[sensors]]\nname = "{name}"\nsource = "sim:one"\nfps = 5.0\nmethod = "perimeter"\n'
+        f"[sensors.pose]\ntranslation_mm = [{100.0 * number}, 0.0, 0.0]\n"
+        for number, name in enumerate(NAMES)
+    ]
+    path = folder / "rig.toml"
+    path.write_text('schema = 1\nname = "hand"\n' + "".join(sections))
+    return path
+
+
+def test_four_sensors_of_which_one_is_killed(tmp_path: Path) -> None:
+    rig, notes, over = load_rig(four_sensors(tmp_path)), Notes(), threading.Event()
+    pages: list[str] = []
+
+    def attack(states: Mapping[str, SensorState]) -> None:
+        def wait_and_kill() -> None:
+            state = states[KILLED]
+            while state.health.frames < 3 and not over.wait(0.05):
+                pass
+            if state.pid is not None:
+                os.kill(state.pid, signal.SIGKILL)
+            page = OverviewPage("hand", states)
+            with urllib.request.urlopen(page.url, timeout=5) as answer:
+                pages.append(answer.read().decode())
+            request = urllib.request.Request(page.url, headers={"Host": "example.org:80"})
+            with pytest.raises(urllib.error.HTTPError):
+                urllib.request.urlopen(request, timeout=5)
+            page.close()
+
+        threading.Thread(target=wait_and_kill, daemon=True).start()
+
+    states = run_rig(
+        rig,
+        notes,
+        lambda: False,
+        out=tmp_path / "out",
+        record=tmp_path / "hand.mcap",
+        on_states=attack,
+    )
+    over.set()
+    assert [state.restarts for state in states.values()] == [name == KILLED for name in NAMES]
+    assert any(sensor == KILLED and "started again" in sentence for sensor, sentence in notes.sentences)
+    assert all(f"<td>{name}<td>" in pages[0] for name in NAMES)
+
+    rows = rows_of(tmp_path / "out" / "contacts.csv")
+    for number, name in enumerate(NAMES):
+        own = [float(row["x_mm"]) for row in rows if row["sensor"] == name]
+        assert own, name
+        assert all(100.0 * number - 60.0 < x < 100.0 * number + 60.0 for x in own)
+        assert len([row for row in rows if row["sensor"] == name and row["phase"] == "start"]) >= 1
+        assert notes.times[name] == sorted(notes.times[name])
+    assert (tmp_path / "out" / "index" / "contacts.csv").is_file()
+
+    assert sorted(path.name for path in tmp_path.glob("*.mcap")) == ["hand.mcap"]
+    with pytest.raises(SourceError, match="has the sensors index, middle, ring, thumb"):
+        Recording(tmp_path / "hand.mcap")
+    counts = {}
+    for name in NAMES:
+        source = open_source(f"{tmp_path / 'hand.mcap'}#{name}")
+        assert source.name == f"hand-{name}"
+        counts[name] = source.frame_count
+        times = [source.timestamp_ns(place) for place in range(len(source))]
+        assert times == sorted(times)
+        playback = Playback(Path(f"{tmp_path / 'hand.mcap'}#{name}"))
+        assert playback.frame_count == counts[name]
+        assert sum(source.reading(place) is not None for place in range(len(source))) >= counts[name] - 2
+    assert counts["index"] == counts["middle"] == counts["thumb"] < counts[KILLED]
+
+
+def test_a_sensor_that_never_works_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from manytouch.rigs import run_rig as module
+
+    monkeypatch.setattr(module, "MOST_FAILURES", 2)
+    path = tmp_path / "rig.toml"
+    path.write_text('schema = 1\nname = "hand"\n[[sensors]]\nname = "index"\nsource = "gone.mp4"\n')
+    notes = Notes()
+    states = run_rig(load_rig(path), notes, lambda: False)
+    assert states["index"].is_over
+    assert any("There is no" in sentence for _, sentence in notes.sentences)
+    assert any("given up after 2 failures" in sentence for _, sentence in notes.sentences)
