@@ -153,9 +153,9 @@ def show_playback(
 
 def is_playback(source: str, *options_given: object) -> bool:
     """Whether the stored readings of a recording are shown, because no option requires processing."""
-    from manytouch.sources.files.log import is_log
+    from manytouch.sources.files.log import is_log, split_topic
 
-    return source.lower().endswith(".mcap") and not any(options_given) and not is_log(Path(source))
-    return source.lower().rpartition("#")[0 if ".mcap#" in source.lower() else 2].endswith(
-        ".mcap"
-    ) and not any(options_given)
+    bare, topic = split_topic(source)
+    is_recording = bare.lower().endswith(".mcap") and not is_log(Path(bare))
+    is_topic = topic is not None and topic.startswith("/")  # else a sensor of a rig
+    return is_recording and not is_topic and not any(options_given)

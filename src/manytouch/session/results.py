@@ -246,11 +246,10 @@ def result_name(text: str) -> str:
     if text.startswith("sim:"):
         scene = text.removeprefix("sim:")
         return f"sim-{Path(scene).stem}" if scene else "sim"
-    path = Path(split_topic(text)[0]).resolve()
-    file, _, sensor = text.rpartition("#")
-    if file.lower().endswith(".mcap") and not Path(text).exists():
-        return f"{Path(file).stem}-{sensor}"  # a sensor of a rig
-    path = Path(text).resolve()
+    bare, topic = split_topic(text)
+    path = Path(bare).resolve()
+    if topic is not None and not topic.startswith("/"):
+        return f"{path.stem}-{topic}"  # a sensor of a rig
     name = path.name if path.is_dir() else path.stem
     return name or "input"
 

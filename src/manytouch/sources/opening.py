@@ -27,9 +27,9 @@ def open_source(
     """Open a source of frames by its name; only its first image is read.
 
     Args:
-        text: path of a video, an image, a folder of images, an .mcap recording, or an MCAP file or ROS 2 bag
-            of another program, with `#TOPIC` if it has images on several topics; number, device or address
-            of a camera; `sim:` or `sim:SCENE`.
+        text: path of a video, an image, a folder of images, an .mcap recording (of a rig with `#SENSOR`), or
+            an MCAP file or ROS 2 bag of another program, with `#TOPIC` if it has images on several topics;
+            number, device or address of a camera; `sim:` or `sim:SCENE`.
         fps: rate in frames per second that timestamps follow instead of the source's own; the rate to request
         of
             a camera.
@@ -52,7 +52,11 @@ def open_source(
     bare, topic = split_topic(text)
     path = Path(bare).expanduser()
     if topic is not None and (path.is_dir() or path.suffix.lower() == ".mcap") and path.exists():
-        return log_source(path, topic, fps)
+        if topic.startswith("/") or is_log(path):
+            return log_source(path, topic, fps)
+        from manytouch.sources.files.replay import replay_source
+
+        return replay_source(path, fps, topic)  # a sensor of a rig
     path = Path(text).expanduser()
     if is_camera(text):
         from manytouch.sources.cameras.camera import camera_source
@@ -85,11 +89,6 @@ def is_camera(text: str) -> bool:
 def _file_source(text: str, path: Path, fps: float | None) -> Source:
     if is_log(path):
         return log_source(path, None, fps)
-    file, _, sensor = str(path).rpartition("#")
-    if file.lower().endswith(".mcap") and not path.exists() and Path(file).is_file():
-        from manytouch.sources.files.replay import replay_source
-
-        return replay_source(Path(file), fps, sensor)
     if path.is_dir():
         return _folder_source(path, fps)
     if not path.is_file():
