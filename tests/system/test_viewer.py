@@ -263,7 +263,7 @@ def test_record_and_replay_with_a_timeline(
     playback = Playback(session.recordings / name, stays=True)
     playback.send(Stop())  # before it has reached its end
     replay = ServedSession(playback)
-    again = opened(replay.viewer.url)
+    again = opened(replay.viewer.url, minimum_updates=1)
     try:
         assert again.is_visible("#timeline")
         total = again.evaluate("manytouch.state.health.frame_count")

@@ -9,6 +9,7 @@ from typing import Any
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.calibration import register_rest, sensor_from_rest
+from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import DEFAULT, Value, default_method, kernels, pipeline_for
@@ -262,7 +263,8 @@ def _determine_sensor(
     if not first:
         raise SourceError(f"{text} contains no frame: give a video or images that show the dotted sheet")
     if given is not None:
-        found = register_rest(given, first, roi_px=roi_px)
+        register = register_nominal if is_nominal(given) else register_rest
+        found = register(given, first, roi_px=roi_px)
     elif own is not None:
         found = own
     else:

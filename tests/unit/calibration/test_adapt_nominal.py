@@ -1,0 +1,59 @@
+"""Nominal sensor files on recordings with other rows and columns."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from clips import COLUMNS, HEIGHT_PX, PITCH_PX, ROWS, WIDTH_PX, picture
+from layouts import lattice_layout
+from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
+from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.values import Frame, Sensor
+from manytouch.values.sensor_file import known_sensors, load_sensor
+from straight import straight_camera
+
+PITCH_MM = (1.6, 1.7)
+FOCAL_PX, DISTANCE_MM = 300.0, 15.0  # 20 px per mm
+
+
+def frames() -> list[Frame]:
+    return [
+        Frame(index=index, timestamp_ns=index, camera="drawn", image=picture(seed=index))
+        for index in range(6)
+    ]
+
+
+def nominal(rows: int, columns: int) -> Sensor:
+    return Sensor(
+        name="kind of sensor",
+        camera=straight_camera(WIDTH_PX, HEIGHT_PX, focal_px=FOCAL_PX, distance_mm=DISTANCE_MM),
+        layout=lattice_layout(rows, columns, PITCH_MM, radius_mm=0.35, polarity="dark"),
+        provenance={"nominal": True},
+    )
+
+
+@pytest.mark.parametrize("shape", [(ROWS, COLUMNS - 2), (ROWS - 2, COLUMNS), (ROWS + 2, COLUMNS + 1)])
+def test_rows_columns_and_pose_are_those_of_the_frames(shape: tuple[int, int]) -> None:
+    given = nominal(*shape)
+    found = register_nominal(given, frames())
+    assert found.layout is not None
+    assert found.layout.shape == (ROWS, COLUMNS)
+    assert found.layout.pitch_mm.tolist() == list(PITCH_MM)
+    assert np.ptp(found.layout.rest_px[:, 0]) == pytest.approx((COLUMNS - 1) * PITCH_PX[0], abs=0.5)
+    assert found.camera.fx_px == given.camera.fx_px
+    assert found.camera.translation_mm[2] == pytest.approx(DISTANCE_MM, rel=0.02)
+    assert f"{shape[0]} x {shape[1]} markers, but {ROWS} x {COLUMNS} were found" in found.assumptions[0]
+
+
+def test_a_nominal_file_that_fits_is_used_as_it_is() -> None:
+    given = nominal(ROWS, COLUMNS)
+    found, usual = register_nominal(given, frames()), register_rest(given, frames())
+    np.testing.assert_array_equal(found.layout.rest_px, usual.layout.rest_px)
+    assert found.camera is given.camera
+    assert found.assumptions == usual.assumptions
+
+
+def test_the_files_of_the_package_are_nominal_and_others_are_not() -> None:
+    assert all(is_nominal(load_sensor(name)) for name in known_sensors())
+    assert not is_nominal(replace(nominal(ROWS, COLUMNS), provenance={}))
