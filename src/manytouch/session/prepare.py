@@ -238,6 +238,7 @@ def _lacks_pretension(sensor: Sensor, method: str) -> bool:
         method == "mechanics"
         and sheet is not None
         and not sheet.is_assumed
+        and sheet.boundary == "clamped"
         and sheet.pretension_N_per_mm is None
     )
 

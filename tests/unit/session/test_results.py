@@ -293,7 +293,9 @@ def test_a_pretension_that_no_file_states_is_an_assumption() -> None:
     slack_source = replace(source, simulator=replace(source.simulator, sensor=slack))
     stated = prepare(slack_source, method="mechanics").sensor.assumptions
     assert sum("no pretension" in sentence for sentence in stated) == 1
-    for each, method in ((source, "mechanics"), (slack_source, "perimeter")):
+    bonded = replace(slack.sheet, boundary="bonded", marker_depth_mm=1.0)
+    pad_source = replace(source, simulator=replace(source.simulator, sensor=replace(slack, sheet=bonded)))
+    for each, method in ((source, "mechanics"), (slack_source, "perimeter"), (pad_source, "mechanics")):
         found = prepare(each, method=method).sensor
         assert not any("pretension" in sentence for sentence in found.assumptions)
 
