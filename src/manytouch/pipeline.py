@@ -23,6 +23,7 @@ from manytouch.values import (
     OutputState,
     Reading,
     Sensor,
+    Status,
     Surface,
     TrackedGrid,
 )
@@ -201,6 +202,8 @@ class Pipeline:
         for each in tracked:
             begin_s = time.perf_counter()
             state, surface, contacts = self.estimate.step(state, each.grid)
+            if sensor.rest_is_doubtful and contacts.status is Status.OK:
+                contacts = replace(contacts, status=Status.REST_DOUBTFUL)
             if self.interpolation is not None:
                 surface = replace(surface, interpolation=self.interpolation)
             yield Reading(

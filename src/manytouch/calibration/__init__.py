@@ -9,5 +9,6 @@ sheet (`sheet`). Reading results of a calibrated sensor is not: that is estimati
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.layout_report import LayoutReport, examine
 from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.calibration.rest.whole_recording import rest_of_recording
 
-__all__ = ["LayoutReport", "examine", "register_rest", "sensor_from_rest"]
+__all__ = ["LayoutReport", "examine", "register_rest", "rest_of_recording", "sensor_from_rest"]

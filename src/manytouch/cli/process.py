@@ -74,6 +74,7 @@ def process(
                         roi_px=roi,
                         fps=fps,
                         parameters=parameters,
+                        whole_recording=True,
                         observer=reporter,
                     )
                     if stop():

@@ -15,6 +15,7 @@ from manytouch.detection.dot_appearance import (
 )
 from manytouch.detection.images import crop, level_scale
 from manytouch.detection.measurement.centroid import measure_rows
+from manytouch.detection.measurement.records import AREA, CXX, CYY
 from manytouch.detection.measurement.sampling_pattern import SamplingPatterns, sampling_patterns
 from manytouch.detection.noise import estimate_noise
 from manytouch.detection.selection import (
@@ -46,6 +47,7 @@ class DotSearchState:
         level: grey levels of 255 per level of the image; None before the first image.
         reference: properties of the first good image; None before.
         buffers: memory for the search of whole images, one for each scale; empty before.
+        is_before_scene: whether other things are seen between the markers.
     """
 
     appearance: Appearance
@@ -57,6 +59,7 @@ class DotSearchState:
     level: float | None = None
     reference: ReferenceImage | None = None
     buffers: tuple[DogBuffers, ...] = ()
+    is_before_scene: bool = False
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -67,11 +70,17 @@ class DotSearch:
         roi_px: x, y, width, height of the region of interest; None for the whole image.
         least_share: contrast of the weakest dots over that of typical ones.
         least_snr: contrast of the weakest dots over the noise of a pixel.
+        steady_radius: change of the radius of a dot, as a share of it, that is no sign of another thing
+            behind a transparent skin.
+        scene_std: standard deviation that such a thing adds to the centre, over the further change of the
+            radius.
     """
 
     roi_px: Roi | None = None
     least_share: float = 0.09
     least_snr: float = 1.5
+    steady_radius: float = 0.05
+    scene_std: float = 3.0
 
     def start(self, sensor: Sensor) -> DotSearchState:
         """State before the first frame.
@@ -92,6 +101,7 @@ class DotSearch:
             patterns=sampling_patterns(radius_px),
             scales_px=scales_px,
             scale_patterns=sampling_patterns(scales_px),
+            is_before_scene=layout.is_before_scene,
         )
 
     def step(
@@ -119,6 +129,8 @@ class DotSearch:
             rows, radius_px = self._search_image(state, image, weights, noise)
         else:
             rows, radius_px = _search_windows(state, image, weights, noise, expected_px - corner)
+        if state.is_before_scene and expected_px is not None:
+            rows = self._with_scene(rows, radius_px)
         found, edge_px = self._select(rows, radius_px, state.markers, noise, corner)
         status = find_condition(
             state.reference, frame.image, found, edge_px, level=level, markers=state.markers
@@ -154,6 +166,15 @@ class DotSearch:
             contrast=selected.contrast[:number],
         )
         return found, selected.edge[:number]
+
+    def _with_scene(self, rows: Float64[np.ndarray, "n 9"], radius_px: Scalars) -> Float64[np.ndarray, "n 9"]:
+        """Rows with larger variances where a dot has another size than at rest: something is behind it."""
+        with np.errstate(invalid="ignore"):
+            change = np.abs(np.sqrt(rows[:, AREA] / np.pi) / radius_px - 1.0)
+        std_px = self.scene_std * radius_px * np.maximum(change - self.steady_radius, 0.0)
+        rows = rows.copy()
+        rows[:, [CXX, CYY]] += std_px[:, None] ** 2
+        return rows
 
     def _search_image(
         self, state: DotSearchState, image: np.ndarray, weights: Float64[np.ndarray, " c"], noise: float

@@ -1,15 +1,17 @@
 """Opens an input, determines its sensor and selects the pipeline that processes it."""
 
-from collections.abc import Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from itertools import chain, islice
 from pathlib import Path
 from types import NoneType
 from typing import Any
 
 from manytouch.blas_threads import limit_blas_threads
-from manytouch.calibration import register_rest, sensor_from_rest
+from manytouch.calibration import register_rest, rest_of_recording, sensor_from_rest
 from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
+from manytouch.calibration.rest.whole_recording import is_still, with_doubt_of_start
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import DEFAULT, Value, default_method, kernels, pipeline_for
@@ -25,6 +27,8 @@ from manytouch.values.sensor_file import load_sensor
 
 REST_FRAMES = 15
 INPUT = "the path of a video or image, the number of a camera, or what manytouch.open_source returns"
+SPREAD_FRAMES = 16
+STILL_TRIES = 8  # times `REST_FRAMES`, for a live source to be still at its start
 NO_PRETENSION = (
     "The sheet has no pretension, since its file states none. If it has one, forces are too small and "
     "spurious contacts are possible near the clamp (manytouch calibrate sheet determines it)."
@@ -134,6 +138,7 @@ def prepare(
     fps: float | None = None,
     parameters: Mapping[str, Value] | None = None,
     camera: CameraRequest | None = None,
+    whole_recording: bool = False,
     observer: Observer | None = None,
 ) -> Job:
     """Open an input and determine its sensor.
@@ -148,6 +153,8 @@ def prepare(
         fps: frame rate to use instead of the source's own.
         parameters: of the method, other than the defaults; see `pipeline_for`.
         camera: what to request of a camera; the size is the sensor's unless it is requested.
+        whole_recording: without a sensor, take the stillest and most common positions of the markers in the
+            whole of a video as rest instead of those in its first frames; it is then read twice.
         observer: gets messages.
 
     Returns:
@@ -180,9 +187,12 @@ def prepare(
     try:
         known = source.capabilities.sensor if given is None else given
         warm_up_kernels(method or (DEFAULT if known is None else default_method(known)))
+        spread = partial(_spread_frames, source) if whole_recording and _can_be_read_twice(source) else None
         found, first, frames = _determine_sensor(
-            source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px
+            source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, spread=spread
         )
+        if spread is not None and known is None and not source.capabilities.is_images:
+            found = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
     except BaseException:
         close(source)
         raise
@@ -223,6 +233,16 @@ def require_region(source: Source, text: str, roi_px: Roi | None) -> None:
         roi_px.require_inside(source.width_px, source.height_px, text)
 
 
+def _can_be_read_twice(source: Source) -> bool:
+    return not source.is_live and source.frame_count != 1
+
+
+def _spread_frames(source: Source) -> list[Frame]:
+    """Frames spread evenly over a recording."""
+    step = max(1, (source.frame_count or SPREAD_FRAMES) // SPREAD_FRAMES)
+    return list(islice(source, 0, step * SPREAD_FRAMES, step))
+
+
 def _report_delays(source: Source, observer: Observer) -> None:
     timeline = source.capabilities.seek
     if timeline is not None and timeline.warning is not None:
@@ -251,6 +271,7 @@ def _determine_sensor(
     pitch_mm: Pitch | None,
     hfov_deg: float | None,
     roi_px: Roi | None,
+    spread: Callable[[], Sequence[Frame]] | None = None,
 ) -> tuple[Sensor, tuple[Frame, ...], Iterator[Frame]]:
     """The sensor according to the first frames, these, and the frames after them."""
     require_region(source, text, roi_px)
@@ -269,7 +290,18 @@ def _determine_sensor(
     elif own is not None:
         found = own
     else:
-        found = sensor_from_rest(first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px)
+        found = sensor_from_rest(
+            first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, spread=spread
+        )
+        for _ in range(STILL_TRIES if source.is_live else 0):
+            if is_still(found, len(first)):
+                break
+            first = tuple(islice(frames, REST_FRAMES)) or first
+            found = sensor_from_rest(
+                first, name=source.name, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px
+            )
+        if source.is_live:
+            found = with_doubt_of_start(found, len(first))
     if device is not None:
         device.is_colour = found.layout is not None and found.layout.colour_weights is not None
     return found, first, frames

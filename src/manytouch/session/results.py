@@ -76,6 +76,7 @@ def process(
         roi_px=roi_px,
         fps=fps,
         parameters=parameters,
+        whole_recording=True,
         observer=observer,
     )
     folder = Path(out) / result_name(str(input))

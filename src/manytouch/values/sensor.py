@@ -70,6 +70,8 @@ class Layout:
             the first frames.
         colour_weights: (3,) weights of B, G, R with the best contrast of the markers; None: plain grey.
         is_missing: (m,) whether the marker is known to be absent; such a marker is never seen.
+        is_before_scene: whether other things are seen between the markers, as through a transparent skin: a
+            marker whose area has changed is then measured together with them.
         rest_px: (m, 2) centres measured at rest (the reference of displacements); None: the reference is the
             projection of `rest_mm`.
     """
@@ -82,6 +84,7 @@ class Layout:
     polarity: Polarity | Literal["auto"]
     colour_weights: Float64[np.ndarray, "3"] | None = None
     is_missing: Bool[np.ndarray, " m"]
+    is_before_scene: bool = False
     rest_px: Float64[np.ndarray, "m 2"] | None = None
 
     @property
@@ -162,6 +165,7 @@ class Sensor:
         scale_is_known: false if nothing gives the scale. The pitch (geometric mean of the lattice's two) is
             then assumed to be 1 mm, so that every length in mm is also a number of pitches.
         centre_noise_px: noise of a marker's centre, from calibration; None if not measured.
+        rest_is_doubtful: whether the reference positions may be those of a touched sheet.
         assumptions: sentences on what had to be assumed; printed and recorded.
         provenance: free keys: who made this, when, from what, residuals.
     """
@@ -172,6 +176,7 @@ class Sensor:
     sheet: Sheet | None = None
     scale_is_known: bool = True
     centre_noise_px: float | None = None
+    rest_is_doubtful: bool = False
     assumptions: tuple[str, ...] = ()
     provenance: Mapping[str, object] = field(default_factory=dict)
 

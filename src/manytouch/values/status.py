@@ -20,6 +20,7 @@ class Status(StrEnum):
     MANY_MARKERS = "many_markers"
     AMBIGUOUS_SHIFT = "ambiguous_shift"
     NOT_CONVERGED = "not_converged"
+    REST_DOUBTFUL = "rest_doubtful"
 
     @property
     def remedy(self) -> str:
@@ -38,4 +39,5 @@ _REMEDY = {
     Status.MANY_MARKERS: "Remove what looks like a marker, or limit the region of interest to the markers.",
     Status.AMBIGUOUS_SHIFT: "Release the sheet until markers are identified again; raise the frame rate.",
     Status.NOT_CONVERGED: "Where this is frequent, check that the sensor file describes this sheet.",
+    Status.REST_DOUBTFUL: "Tare while nothing touches the sheet, or record its start and end untouched.",
 }

@@ -4,14 +4,19 @@ The camera is assumed to be a pinhole without distortion whose optical axis is n
 on the sheet are pixels times one scale. The sensor's `assumptions` list what the image does not determine.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from types import NoneType
 
 import numpy as np
 
-from manytouch.calibration.rest.first_frames import arrange_rest_dots, find_rest_dots, image_size
-from manytouch.calibration.rest.flatness import bulge_in_pitches
+from manytouch.calibration.rest.first_frames import (
+    BEFORE_A_SCENE,
+    arrange_rest_dots,
+    find_rest_dots,
+    image_size,
+)
+from manytouch.calibration.rest.flatness import PRESSED_START, bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.rest_frames import RestDots
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
@@ -36,6 +41,7 @@ def sensor_from_rest(
     pitch_mm: float | tuple[float, float] | None = None,
     hfov_deg: float | None = None,
     roi_px: Roi | None = None,
+    spread: Callable[[], Sequence[Frame]] | None = None,
 ) -> Sensor:
     """Build a sensor from the first frames of any recording of a sheet with dots.
 
@@ -46,6 +52,7 @@ def sensor_from_rest(
             lengths in pitches.
         hfov_deg: horizontal field of view of the camera; 60 degrees when not given.
         roi_px: x, y, width, height of the region of interest.
+        spread: returns frames of the whole recording, used where the first ones show no clear pattern.
 
     Returns:
         A sensor whose layout holds the measured `rest_px`, `rest_mm` being their back-projection.
@@ -61,7 +68,7 @@ def sensor_from_rest(
         require_type("one of the frames", frame, Frame, expected)
     _check_numbers(pitch_mm, hfov_deg)
     width, height = image_size(frames, roi_px)
-    appearance, still, notes = find_rest_dots(frames, roi_px)
+    appearance, still, notes = find_rest_dots(frames, roi_px, spread)
     sensor = sensor_from_dots(
         still,
         name=name,
@@ -73,7 +80,9 @@ def sensor_from_rest(
         hfov_deg=hfov_deg,
         roi_px=roi_px,
     )
-    return replace(sensor, assumptions=sensor.assumptions + notes)
+    assert sensor.layout is not None
+    layout = replace(sensor.layout, is_before_scene=BEFORE_A_SCENE in notes)
+    return replace(sensor, layout=layout, assumptions=sensor.assumptions + notes)
 
 
 def sensor_from_dots(
@@ -233,8 +242,8 @@ def _shape_assumptions(arrangement: Arrangement) -> list[str]:
     bulge = bulge_in_pitches(arrangement)
     if bulge > _PRESSED_PITCHES:
         sentences.append(
-            f"The markers depart from a regular lattice by {bulge:.2f} pitches at one place at the start, as "
-            "if the sheet were pressed there; the start of the recording is taken as rest."
+            f"The markers depart from a regular lattice by {bulge:.2f} pitches at one place at the start: "
+            f"{PRESSED_START}."
         )
     if arrangement.row_column is None:
         sentences.append(

@@ -1,20 +1,25 @@
 """Dots of the first frames of a recording, and the layout that they form."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from manytouch.calibration.rest.rest_frames import RestDots, confirm_rest_dots, merge_rest_dots
+from manytouch.calibration.sparse_dots import find_sparse_dots
 from manytouch.errors import LayoutError, SourceError
 from manytouch.tracking.lattice.arrange import Arrangement, arrange
-from manytouch.values import Camera, Detections, Frame, Layout, Roi, Sensor
+from manytouch.values import Camera, Detections, Frame, Layout, Polarity, Roi, Sensor
 from manytouch.values.arrays import Mask, read_only
 
 if TYPE_CHECKING:
     from manytouch.detection import Appearance
 
 MOST_FRAMES = 24
+BEFORE_A_SCENE = (
+    "The dots are few, or other things are seen between them; those that stay in place on smooth lines are "
+    "the markers."
+)
 _LEAST_DOTS = 4
 _DISTANT = 1e6
 
@@ -43,19 +48,46 @@ def image_size(frames: Sequence[Frame], roi_px: Roi | None = None) -> tuple[int,
 
 
 def find_rest_dots(
-    frames: Sequence[Frame], roi_px: Roi | None
+    frames: Sequence[Frame], roi_px: Roi | None, spread: Callable[[], Sequence[Frame]] | None = None
 ) -> tuple["Appearance", RestDots, tuple[str, ...]]:
-    """Appearance and rest positions of the dots of an unknown recording, and warnings."""
+    """Appearance and rest positions of the dots of an unknown recording, and warnings.
+
+    Args:
+        frames: the first ones.
+        roi_px: x, y, width, height of the region of interest.
+        spread: returns frames of the whole recording, used where the first ones show no clear pattern.
+
+    Raises:
+        LayoutError: there are no dots.
+    """
     from manytouch.detection import survey
 
     few = frames[:MOST_FRAMES]
-    surveyed = survey(few, roi_px=roi_px)
+    try:
+        surveyed = survey(few, roi_px=roi_px)
+    except LayoutError:
+        found = find_sparse_dots(few if spread is None else spread(), roi_px)
+        if found is None:
+            raise
+        return _sparse_appearance(*found), found[1], (BEFORE_A_SCENE,)
     known = merge_rest_dots([surveyed.detections])
     width, height = image_size(few, roi_px)
     sensor = _sensor_for_search(known, surveyed.appearance, width, height)
     still = merge_rest_dots(detect_in_frames(sensor, few, roi_px))
     is_same_time = surveyed.frame_index in {few[k].index for k in still.frames} or not still.frames
     return surveyed.appearance, confirm_rest_dots(still, known, is_same_time=is_same_time), surveyed.notes
+
+
+def _sparse_appearance(polarity: Polarity, dots: RestDots) -> "Appearance":
+    from manytouch.detection import Appearance
+
+    radius_px = np.sqrt(dots.area_px2 / np.pi)
+    return Appearance(
+        polarity=polarity,
+        radius_min_px=float(np.quantile(radius_px, 0.05)),
+        radius_max_px=float(np.quantile(radius_px, 0.95)),
+        contrast=float(np.median(dots.contrast)),
+    )
 
 
 def _sensor_for_search(known: RestDots, appearance: "Appearance", width_px: int, height_px: int) -> Sensor:

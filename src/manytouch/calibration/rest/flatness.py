@@ -5,6 +5,9 @@ from scipy.ndimage import median_filter
 
 from manytouch.tracking.lattice.arrange import Arrangement
 
+PRESSED_START = (
+    "the pattern is uneven there, or the sheet was touched; the start of the recording is taken as rest"
+)
 _LEAST_LINES = 5
 _ROUNDS = 8
 _TUKEY = 4.685

@@ -1,17 +1,45 @@
 """The channel, of grey, single colours and combinations of them, that shows the dots of an image best."""
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from jaxtyping import Float64
+from scipy.spatial import cKDTree
 
 from manytouch.detection.appearance.colour import fit_weights, trial_weights
-from manytouch.detection.appearance.outline import trace_outlines
+from manytouch.detection.appearance.outline import Outlines, trace_outlines
 from manytouch.detection.appearance.pattern import Pattern, find_pattern
+from manytouch.detection.appearance.regularity import keep_single
 from manytouch.detection.appearance.scale_space import find_blobs
 from manytouch.detection.dot_appearance import GREY_OF_BGR
 from manytouch.detection.noise import estimate_noise
+from manytouch.values import Polarity
+from manytouch.values.arrays import Mask
 
 SMALL_PX = 640  # size at which channels are tried
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoundLimits:
+    """Limits of the outline of a round spot; see `Outlines`.
+
+    Attributes:
+        openness, aspect, roughness: largest ones.
+        fill, visible: smallest ones.
+        least_noises: smallest contrast over the noise of a pixel.
+    """
+
+    openness: float = 0.13
+    aspect: float = 2.5
+    roughness: float = 0.13
+    fill: float = 0.7
+    visible: float = 0.6
+    least_noises: float = 10.0
+
+
+ROUND = RoundLimits()
+ROUGHLY_ROUND = RoundLimits(openness=0.3, aspect=3.5, roughness=0.35, fill=0.5, least_noises=5.0)
 
 
 def best_pattern(image: np.ndarray, level: float) -> Pattern | None:
@@ -83,6 +111,40 @@ def find_channel_pattern(image: np.ndarray, weights: Float64[np.ndarray, " c"]) 
         if found is not None and (best is None or found.seed_score > best.seed_score):
             best = found
     return best
+
+
+def find_spots(image: np.ndarray, level: float, polarity: Polarity) -> tuple[Outlines, Mask]:
+    """Roughly round spots of any size in grey, whatever their arrangement, and which (n,) are well outlined.
+
+    Of spots that overlap only one is kept, well outlined ones first.
+
+    Args:
+        image: (h, w) or (h, w, c).
+        level: number of grey levels of 255 per level of the image.
+        polarity: of the spots.
+    """
+    weights = np.array([level]) if image.ndim == 2 else GREY_OF_BGR * level
+    noise, sign = estimate_noise(image, weights), 1.0 if polarity == "light" else -1.0
+    blobs, pyramid = find_blobs(_channel(image, weights), noise=noise)
+    of_sign = blobs.contrast * sign > 0
+    spots = trace_outlines(pyramid, blobs.place_px[of_sign], blobs.radius_px[of_sign], sign)
+    is_round = _within(spots, ROUND, noise)
+    single = keep_single(spots, is_round)
+    rough = _within(spots, ROUGHLY_ROUND, noise) & ~is_round
+    if single.any() and rough.any():
+        distance, nearest = cKDTree(spots.place_px[single]).query(spots.place_px[rough])
+        reach = np.maximum(spots.radius_px[single][nearest], spots.radius_px[rough])
+        rough[np.flatnonzero(rough)[distance < reach]] = False
+    chosen = np.flatnonzero(single | keep_single(spots, rough))
+    return spots.at(chosen), single[chosen]
+
+
+def _within(spots: Outlines, limits: RoundLimits, noise: float) -> Mask:
+    """(n,) outlines within limits."""
+    inside = np.isfinite(spots.radius_px) & (spots.contrast > max(limits.least_noises * noise, 1.5))
+    inside &= (spots.openness <= limits.openness) & (spots.aspect < limits.aspect)
+    inside &= (spots.roughness < limits.roughness) & (spots.fill > limits.fill)
+    return np.asarray(inside & (spots.visible > limits.visible))
 
 
 def _channel(image: np.ndarray, weights: Float64[np.ndarray, " c"]) -> np.ndarray:

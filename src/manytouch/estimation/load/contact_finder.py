@@ -1,5 +1,6 @@
 """Contacts at the peaks of a load, followed from frame to frame."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -9,13 +10,14 @@ from jaxtyping import Float64
 from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.load.displacement_load import DisplacementLoad
-from manytouch.estimation.load.load_peaks import LoadPeakFinder, LoadPeaks
-from manytouch.estimation.load.load_source import LoadSource
+from manytouch.estimation.load.load_peaks import LoadPeakFinder, LoadPeaks, chosen_peaks
+from manytouch.estimation.load.load_source import Load, LoadSource
+from manytouch.estimation.load.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.geometry.camera import onto_plane, project
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.sampling import GridSampling, sampling_on
 from manytouch.values import ESTIMATES, Camera, Contact, Contacts, Phase, Sensor, Status, TrackedGrid
-from manytouch.values.arrays import Points2, read_only
+from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 
 _DEPTH = ESTIMATES.index("depth")
 
@@ -33,6 +35,8 @@ class LoadContactState:
         rest_frames: frames at rest so far.
         recent_load: strongest load of the frames before, fading.
         tracks: of the contacts.
+        groups: of neighbouring markers; None where the load alone decides.
+        touch: local motions of the frames before.
     """
 
     camera: Camera
@@ -43,6 +47,25 @@ class LoadContactState:
     rest_frames: int
     recent_load: float
     tracks: ContactTrackerState
+    groups: MarkerGroups | None = None
+    touch: TouchMemory = field(default_factory=TouchMemory)
+
+
+def _nowhere(point_mm: Points2) -> Mask:
+    return np.zeros(len(point_mm), dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Evidence:
+    """What the local motion of a frame shows in addition to the peaks of its load.
+
+    Attributes:
+        has_moved: of points (k, 2), whether markers near them have moved as under a touch.
+        may_drift: whether the frame may change the rest: not if it shows a touch, or nearly.
+    """
+
+    has_moved: Callable[[Points2], Mask] = _nowhere
+    may_drift: bool = True
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -56,6 +79,9 @@ class LoadContactFinder:
         drift: share of the remaining displacement that a frame without contacts adds to `rest_mm`.
         assumed_centre_std_pitch: standard deviation of a centre along each axis added because view
             or sheet are assumed, in pitches.
+        most_depth_std_pitch: largest standard deviation of a depth that is not two of them away from zero, in
+            pitches: a touch of unknown depth reaches about one. None: any.
+        local_motion: decides whether the sheet is touched at all; None: the load alone decides.
     """
 
     load: LoadSource = field(default_factory=DisplacementLoad)
@@ -63,6 +89,8 @@ class LoadContactFinder:
     tracker: ContactTracker = field(default_factory=ContactTracker)
     drift: float = 0.01
     assumed_centre_std_pitch: float = 0.0
+    most_depth_std_pitch: float | None = None
+    local_motion: LocalMotion | None = None
 
     def start(self, sensor: Sensor) -> LoadContactState:
         """Everything that depends on the sensor only.
@@ -86,6 +114,7 @@ class LoadContactFinder:
             rest_frames=0,
             recent_load=0.0,
             tracks=tracks,
+            groups=None if self.local_motion is None else marker_groups(plane_mm, load_map.pitch_mm),
         )
 
     def step(
@@ -100,18 +129,20 @@ class LoadContactFinder:
             state = replace(state, load=self.load.update_rest(state.load, grid, 0))
         displacement_mm = motion.displacement_mm - state.rest_mm
         load = self.load.load(state.load, grid, displacement_mm, motion.std_mm)
-        peaks = self.peaks(load, state.recent_load)
+        state, peaks, evidence = self._peaks(state, grid, load, displacement_mm, motion.std_mm)
         if len(peaks.load):
             peaks = replace(peaks, centre_mm=self.load.refine(state.load, load, peaks.centre_mm))
+        # Where the strongest place jumps, the contact lasts until the new place is confirmed.
+        has_moved = evidence.has_moved if _has_jumped(state.tracks, peaks) else _nowhere
         tracks, contacts = self.tracker.step(
             state.tracks,
             self._contacts(state, peaks, motion),
             may_start=peaks.may_start.tolist(),
-            is_loaded=lambda point_mm: load.at(point_mm) > peaks.floor,
+            is_loaded=lambda point_mm: (load.at(point_mm) > peaks.floor) | has_moved(point_mm),
             status=grid.status,
         )
         state = replace(state, tracks=tracks, recent_load=self.peaks.fade(peaks, state.recent_load))
-        if grid.status is Status.OK and not tracks.tracks and len(peaks.load) == 0:
+        if evidence.may_drift and grid.status is Status.OK and not tracks.tracks and len(peaks.load) == 0:
             state = replace(
                 state,
                 rest_mm=read_only(state.rest_mm + self.drift * displacement_mm),
@@ -124,8 +155,40 @@ class LoadContactFinder:
         """Was a contact found in the last frame, or one that is not confirmed yet?"""
         return bool(state.tracks.tracks)
 
+    def _peaks(
+        self, state: LoadContactState, grid: TrackedGrid, load: Load, displacement_mm: Points2, std_mm: float
+    ) -> tuple[LoadContactState, LoadPeaks, _Evidence]:
+        """The peaks that are contacts, and the state that remembers the local motion of the frame."""
+        motion, groups = self.local_motion, state.groups
+        if motion is None or groups is None:
+            return state, self.peaks(load, state.recent_load), _Evidence()
+        local = motion(groups, displacement_mm, grid.is_seen, std_mm * _relative_std(grid))
+        least, touch = motion.limits(state.touch, std_mm / groups.pitch_mm)
+        largest = float(local.max())
+        if grid.status is Status.OK:
+            state = replace(state, touch=motion.remember(state.touch, largest))
+        if largest <= least:
+            return state, self.peaks.none(load), _Evidence(may_drift=largest <= 0.5 * least)
+        if largest <= touch:
+            return state, self.peaks(load, state.recent_load), _Evidence()
+        evidence = _Evidence(
+            has_moved=lambda point_mm: groups.near(local, point_mm, motion.contact_reach) > touch,
+            may_drift=False,
+        )
+        peaks = self.peaks(load, state.recent_load, is_touched=True)
+        near = groups.near(local, peaks.centre_mm, motion.contact_reach)
+        is_contact = near > np.where(np.arange(len(near)) == 0, least, touch)
+        if is_contact.any():
+            return state, chosen_peaks(peaks, is_contact), evidence
+        at_mm = np.stack(np.meshgrid(load.load_map.x_mm, load.load_map.y_mm), axis=-1)
+        moved = groups.at(np.where(local > touch, local, 0.0), at_mm)
+        return state, self.peaks(load, state.recent_load, is_touched=True, moved=moved), evidence
+
     def _contacts(self, state: LoadContactState, peaks: LoadPeaks, motion: MarkerMotion) -> list[Contact]:
-        """Contacts without identity; the depth is the largest one of the surface within the region."""
+        """Contacts without identity; the depth is the largest one of the surface within the region.
+
+        It is NaN where its deviation exceeds half of it and `most_depth_std_pitch`.
+        """
         if len(peaks.load) == 0:
             return []
         surface, sampling = motion.surface, state.sampling
@@ -138,6 +201,9 @@ class LoadContactFinder:
         depth_std = sampling.at(np.sqrt(surface.covariance_mm2[:, 2, 2]), row[deepest], column[deepest])
         now_mm = peaks.centre_mm + _displacement_at(sampling, motion.displacement_mm, peaks.centre_mm)
         centre_px = project(state.camera, np.column_stack([now_mm, np.zeros(len(now_mm))]))
+        most_mm = (self.most_depth_std_pitch or np.inf) * self.load.load_map(state.load).pitch_mm
+        is_unknown = (depth_std > most_mm) & (np.abs(depth_at[deepest]) < 2.0 * depth_std)
+        depth_mm, depth_std = (np.where(is_unknown, np.nan, each) for each in (depth_at[deepest], depth_std))
         contacts = []
         for peak in range(len(peaks.load)):
             covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
@@ -149,7 +215,7 @@ class LoadContactFinder:
                     phase=Phase.MOVE,
                     centre_mm=read_only(peaks.centre_mm[peak].copy()),
                     centre_px=read_only(centre_px[peak].copy()),
-                    depth_mm=float(depth_at[deepest[peak]]),
+                    depth_mm=float(depth_mm[peak]),
                     force_N=read_only(np.full(3, np.nan)),
                     torque_Nmm=float("nan"),
                     area_mm2=float(peaks.area_mm2[peak]),
@@ -157,6 +223,22 @@ class LoadContactFinder:
                 )
             )
         return contacts
+
+
+def _has_jumped(tracks: ContactTrackerState, peaks: LoadPeaks) -> bool:
+    """Whether no peak is near enough to a contact of the last frame to continue it."""
+    if not tracks.touching or not len(peaks.load):
+        return False
+    before_mm = np.array([contact.centre_mm for contact in tracks.touching])
+    distance_mm = np.linalg.norm(peaks.centre_mm[:, None] - before_mm, axis=2)
+    return bool(distance_mm.min() > tracks.gate_mm)
+
+
+def _relative_std(grid: TrackedGrid) -> Scalars:
+    """(m,) standard deviation of each position over the median of those that are seen; 1 where not seen."""
+    std_px = np.sqrt(np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 0.0))
+    middle = float(np.median(std_px[grid.is_seen]))
+    return np.asarray(np.where(grid.is_seen & (middle > 0.0), std_px / max(middle, 1e-12), 1.0))
 
 
 def _displacement_at(

@@ -1,6 +1,6 @@
 """Peaks of a load map that are contacts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
@@ -70,22 +70,38 @@ class LoadPeakFinder:
     model_std_pitch: float = 0.15
     model_std_radius: float = 0.15
 
-    def __call__(self, load: Load, recent_load: float = 0.0) -> LoadPeaks:
+    def __call__(
+        self,
+        load: Load,
+        recent_load: float = 0.0,
+        *,
+        is_touched: bool = False,
+        moved: Float64[np.ndarray, "ny nx"] | None = None,
+    ) -> LoadPeaks:
         """The peaks of a load that are contacts.
 
         Args:
             load: of the frame.
             recent_load: strongest load of the frames before, from `fade`.
+            is_touched: whether it is known that something touches the sheet: the strongest peak is then a
+                contact, whatever its load.
+            moved: (ny, nx) how far markers have moved near each point of the map, to be used instead of the
+                load. None: the load.
         """
         from manytouch.estimation.watershed import watershed
 
         load_map = load.load_map
         value = load_map.load(load.coefficients)
+        if moved is not None:
+            value = self.stay_load / float(moved.max()) * moved
         strongest = float(value.max())
         crept = self.creep_share * recent_load
-        floor = max(self.stay_load, crept, self.stay_share * strongest)
+        least = max(self.stay_load, crept)
+        floor = max(least, self.stay_share * strongest)
+        if is_touched:
+            floor = min(floor, 0.99 * strongest)
         if not strongest > floor:
-            return _no_peaks(value, max(self.stay_load, crept))
+            return _no_peaks(value, least)
         label, peak = watershed(np.ascontiguousarray(value), floor / 2.0, self.merge)
         height = value.ravel()[peak]
         column, row = peak % len(load_map.x_mm), peak // len(load_map.x_mm)
@@ -95,25 +111,34 @@ class LoadPeakFinder:
         std = np.full(len(peak), np.inf)
         std[:count] = load_map.load_std(peak_mm[:count], load.variance)
         stays = height > np.maximum(floor, 0.5 * self.noise_stds * std)
+        stays[0] |= is_touched
         if not stays.any():
-            return _no_peaks(value, max(self.stay_load, crept))
+            return _no_peaks(value, least)
         centre_mm, area_mm2, region = self._shapes(load_map, value, label, height, stays)
         height, std, peak_mm = height[stays], std[stays], peak_mm[stays]
         model_mm = np.hypot(
             self.model_std_pitch * load_map.pitch_mm, self.model_std_radius * np.sqrt(area_mm2 / np.pi)
         )
-        noise_mm2 = load_map.centre_covariance(peak_mm, load.variance, load.coefficients)
+        covariance_mm2 = model_mm[:, None, None] ** 2 * np.eye(2)
+        if moved is None:
+            covariance_mm2 += load_map.centre_covariance(peak_mm, load.variance, load.coefficients)
         start = max(self.start_load, crept, self.start_share * strongest)
+        may_start = (height > start) & (height > self.noise_stds * std)
+        may_start[0] |= is_touched
         return LoadPeaks(
             centre_mm=centre_mm,
-            covariance_mm2=noise_mm2 + model_mm[:, None, None] ** 2 * np.eye(2),
+            covariance_mm2=covariance_mm2,
             load=height,
             load_std=std,
             area_mm2=area_mm2,
-            may_start=(height > start) & (height > self.noise_stds * std),
-            floor=max(self.stay_load, crept),
+            may_start=may_start,
+            floor=min(least, floor),
             region=region,
         )
+
+    def none(self, load: Load) -> LoadPeaks:
+        """No contacts: nothing on the sheet has moved."""
+        return _no_peaks(load.load_map.divisor, float("inf"))
 
     def fade(self, peaks: LoadPeaks, recent_load: float) -> float:
         """The strongest load of this frame and of those before, which fades."""
@@ -140,8 +165,23 @@ class LoadPeakFinder:
         return np.column_stack([x_mm, y_mm]), area_mm2, region
 
 
+def chosen_peaks(peaks: LoadPeaks, keep: Mask) -> LoadPeaks:
+    """Some of the peaks, by a mask (c,)."""
+    number = np.append(np.where(keep, np.cumsum(keep) - 1, -1), -1)
+    return replace(
+        peaks,
+        centre_mm=peaks.centre_mm[keep],
+        covariance_mm2=peaks.covariance_mm2[keep],
+        load=peaks.load[keep],
+        load_std=peaks.load_std[keep],
+        area_mm2=peaks.area_mm2[keep],
+        may_start=peaks.may_start[keep],
+        region=number[peaks.region],
+    )
+
+
 def _no_peaks(load: np.ndarray, floor: float) -> LoadPeaks:
-    """No contacts on a map."""
+    """No contacts on a map (ny, nx)."""
     return LoadPeaks(
         centre_mm=np.zeros((0, 2)),
         covariance_mm2=np.zeros((0, 2, 2)),

@@ -9,6 +9,7 @@ from manytouch.estimation.load.displacement_load import LoadModel
 from manytouch.estimation.load.load_map import LoadMap
 from manytouch.estimation.load.load_peaks import LoadPeakFinder
 from manytouch.estimation.load.load_source import Load
+from manytouch.estimation.load.local_motion import LocalMotion
 from manytouch.estimation.uncalibrated.dot_area import DotAreaChange
 from manytouch.estimation.uncalibrated.marker_spacing import MarkerSpacing, marker_spacing
 from manytouch.estimation.uncalibrated.swelling import SwellingMap, SwellingModel
@@ -107,4 +108,6 @@ def uncalibrated_contact_finder() -> LoadContactFinder:
         load=SwellingLoad(),
         peaks=LoadPeakFinder(start_load=0.0125, stay_load=0.01, start_share=0.4, stay_share=0.35),
         assumed_centre_std_pitch=0.5,
+        most_depth_std_pitch=1.0,
+        local_motion=LocalMotion(),
     )

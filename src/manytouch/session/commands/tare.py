@@ -36,4 +36,4 @@ def tare_sensor(sensor: Sensor, grids: Sequence[TrackedGrid]) -> Sensor | None:
     after_px = np.array(before_px)
     after_px[seen] = np.nanmedian(place_px[:, seen], axis=0)
     after_px[~seen] += np.median(after_px[seen] - before_px[seen], axis=0)
-    return replace(sensor, layout=replace(layout, rest_px=read_only(after_px)))
+    return replace(sensor, layout=replace(layout, rest_px=read_only(after_px)), rest_is_doubtful=False)

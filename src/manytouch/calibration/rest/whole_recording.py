@@ -1,0 +1,247 @@
+"""The rest of a recording that may begin touched: the stillest and most common of its arrangements.
+
+Frames between which no group of markers has moved show one arrangement. What a sheet returns to is its rest,
+so an arrangement counts by its frames times its separate visits. Of two that are about as common, the one is
+pressed in which the markers of one place have spread apart: an incompressible pad swells sideways under a
+press, and what comes nearer to the camera grows. The first frames stay the rest unless another arrangement
+differs by more than what a soft sheet keeps of a press.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from itertools import islice, pairwise
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.calibration.rest.flatness import PRESSED_START
+from manytouch.estimation.load.local_motion import LocalMotion, marker_groups
+from manytouch.estimation.uncalibrated.marker_spacing import marker_spacing
+from manytouch.geometry.neighbours import nearest_neighbours
+from manytouch.pipeline import track_frames
+from manytouch.tracking import MarkerTracker
+from manytouch.tracking.lattice.find import local_spacing
+from manytouch.values import Frame, Roi, Sensor, Status, TrackedGrid
+from manytouch.values.arrays import Points2, read_only
+
+DOUBTFUL = (
+    "The rest is doubtful: {reason}. Contacts are relative to it: use a recording that begins and ends "
+    "untouched, or tare while nothing touches the sheet."
+)
+MOST_READ = 20_000  # frames
+MOST_TRACKED = 400
+_FEWEST_MARKERS = 6
+_MOST_FRAMES = 48  # of which every pair is compared
+_STILL = (
+    0.005  # pitches that most markers may move from one frame to the next, or a group within an arrangement
+)
+_STILL_SHARE = 0.8  # of the first frames of a live source
+_RIVAL = 0.15  # of the score of the most common arrangement
+_CLEAR = 0.2  # skewness of the spread from which on one arrangement is known to be pressed
+_EVEN = 0.5  # of the score of the chosen arrangement: another one of it that cannot be excluded causes doubt
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Arrangement:
+    """Frames that show the markers at the same positions.
+
+    Attributes:
+        frames: places of the frames.
+        score: their number times that of their separate visits.
+        position_px: (m, 2) median, NaN where not seen.
+    """
+
+    frames: tuple[int, ...]
+    score: int
+    position_px: Points2
+
+
+class _Comparison:
+    """Differences between arrangements of the markers of one layout."""
+
+    def __init__(self, rest_px: Points2) -> None:
+        self._pitch_px = float(np.median(local_spacing(rest_px)))
+        self._motion = LocalMotion(refinements=4)
+        self._groups = marker_groups(rest_px, self._pitch_px)
+        self._spacing = marker_spacing(rest_px, rest_px.mean(axis=0), nearest_neighbours(rest_px))
+        self.floor = self._motion.floor_pitch
+        self.creep_share = self._motion.creep_share
+
+    def step(self, before_px: Points2, after_px: Points2) -> float:
+        """Distance in pitches within which most markers have moved; infinite where too few are seen."""
+        moved = np.linalg.norm(after_px - before_px, axis=1)
+        moved = moved[np.isfinite(moved)] / self._pitch_px
+        return float(np.quantile(moved, 0.8)) if len(moved) >= _FEWEST_MARKERS else float("inf")
+
+    def motion(self, before_px: Points2, after_px: Points2) -> float:
+        """Largest motion of a group of markers in pitches; infinite where too few are seen."""
+        moved = after_px - before_px
+        is_seen = np.isfinite(moved[:, 0])
+        if is_seen.sum() < _FEWEST_MARKERS:
+            return float("inf")
+        return float(self._motion(self._groups, moved, is_seen).max())
+
+    def spread(self, before_px: Points2, after_px: Points2) -> float:
+        """From -1 to 1: positive if markers have spread at one place, negative if they have contracted."""
+        moved = np.nan_to_num(after_px - before_px)
+        area, _ = self._spacing(moved)
+        area = area - np.median(area)
+        return float((area.max() + area.min()) / max(float(area.max() - area.min()), 1e-12))
+
+
+def rest_of_recording(
+    sensor: Sensor, frames: Iterable[Frame], *, frame_count: int | None = None, roi_px: Roi | None = None
+) -> Sensor:
+    """The sensor with the rest positions that a whole recording shows.
+
+    Pairs of consecutive frames, spread evenly over the first `MOST_READ` frames, are searched for markers.
+
+    Args:
+        sensor: from the first frames.
+        frames: of the recording from its beginning.
+        frame_count: expected number of frames; None when not known.
+        roi_px: x, y, width, height of the region of interest.
+    """
+    from manytouch.detection import DotSearch
+
+    stride = 2 * max(1, -(-min(frame_count or MOST_READ, MOST_READ) // MOST_TRACKED))
+    spread = (frame for k, frame in enumerate(islice(frames, MOST_READ)) if k % stride < 2)
+    tracked = track_frames(DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px), spread, sensor)
+    found = [(each.frame.index, each.grid) for each in tracked]
+    return settle_rest(sensor, [grid for _, grid in found], [index for index, _ in found])
+
+
+def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[int]) -> Sensor:
+    """The sensor with the rest positions that a whole recording shows.
+
+    Args:
+        sensor: from the first frames, with `rest_px`.
+        grids: of frames spread over the recording, with pairs of consecutive ones among them.
+        indices: of these frames.
+    """
+    layout = sensor.layout
+    if layout is None or layout.rest_px is None or len(layout.rest_px) < _FEWEST_MARKERS:
+        return sensor
+    place_px = [np.where(each.is_seen[:, None], each.position_px, np.nan) for each in grids]
+    usable = [k for k, each in enumerate(grids) if each.status is Status.OK]
+    compare = _Comparison(layout.rest_px)
+    still = [
+        k
+        for k, after in pairwise(usable)
+        if indices[after] == indices[k] + 1 and compare.step(place_px[k], place_px[after]) < _STILL
+    ]
+    if len(still) < 2:
+        return _doubtful(sensor, "the markers are not still in any part of the recording")
+    chosen = np.unique(np.linspace(0, len(still) - 1, _MOST_FRAMES).round().astype(int))
+    sample = np.stack([place_px[still[k]] for k in chosen])
+    first_px = layout.rest_px
+    from_first = np.array([compare.motion(first_px, each) for each in sample])
+    if np.mean(from_first < _STILL) > 0.9:
+        return sensor
+    found = _arrangements(sample, compare)
+    best, doubt = _least_pressed(found, compare)
+    if best is None:
+        return _doubtful(sensor, "no arrangement of the markers is seen twice")
+    farthest = max(
+        compare.motion(best.position_px, place_px[k]) for k in usable[:: max(1, len(usable) // 200)]
+    )
+    away = compare.motion(best.position_px, first_px)
+    is_crept = compare.floor < away <= compare.creep_share * farthest
+    if is_crept and compare.spread(best.position_px, first_px) < _CLEAR:
+        return sensor
+    frames = [indices[still[chosen[k]]] for k in best.frames]
+    settled = _with_rest(sensor, best.position_px, frames)
+    return _doubtful(settled, "two arrangements of the markers are about as common") if doubt else settled
+
+
+def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) -> list[Arrangement]:
+    """The arrangements of the frames, the one with the highest score first."""
+    count = len(sample)
+    motion = np.zeros((count, count))
+    for a in range(count):
+        for b in range(a):
+            motion[a, b] = motion[b, a] = compare.motion(sample[a], sample[b])
+    left, found = np.ones(count, dtype=np.bool_), []
+    while True:
+        agrees = (motion < _STILL) & left & left[:, None]
+        members = agrees[np.argmax(agrees.sum(axis=1))]
+        if members.sum() < 2:
+            break
+        visits = int(members[0]) + int(np.count_nonzero(members[1:] & ~members[:-1]))
+        found.append(
+            Arrangement(
+                frames=tuple(np.flatnonzero(members).tolist()),
+                score=int(members.sum()) * visits,
+                position_px=_median(sample[members]),
+            )
+        )
+        left &= ~members
+    return sorted(found, key=lambda each: -each.score)
+
+
+def _least_pressed(found: list[Arrangement], compare: _Comparison) -> tuple[Arrangement | None, bool]:
+    """The arrangement that is the rest, and whether another one may be it as well."""
+    if not found:
+        return None, False
+    best, doubt = found[0], False
+    for rival in found[1:]:
+        if rival.score < _RIVAL * found[0].score:
+            break
+        spread = compare.spread(best.position_px, rival.position_px)
+        if spread < -_CLEAR:
+            best, doubt = rival, False
+        elif spread < _CLEAR and rival.score > _EVEN * best.score:
+            doubt = True
+    return best, doubt
+
+
+def _median(position_px: Float64[np.ndarray, "f m 2"]) -> Points2:
+    """(m, 2) medians over frames; NaN for a marker that none shows."""
+    seen = np.isfinite(position_px[..., 0]).any(axis=0)
+    middle = np.full(position_px.shape[1:], np.nan)
+    middle[seen] = np.nanmedian(position_px[:, seen], axis=0)
+    return middle
+
+
+def _with_rest(sensor: Sensor, position_px: Points2, frames: Sequence[int]) -> Sensor:
+    """The sensor with other rest positions; a marker without one is moved as the others are."""
+    layout = sensor.layout
+    assert layout is not None
+    assert layout.rest_px is not None
+    seen = np.isfinite(position_px[:, 0])
+    rest_px = np.where(seen[:, None], position_px, layout.rest_px)
+    rest_px[~seen] += np.median(rest_px[seen] - layout.rest_px[seen], axis=0)
+    sentence = (
+        f"The sheet is at rest in {len(frames)} of the frames {min(frames)} to {max(frames)}, in which the "
+        "markers are stillest and most often in the same places."
+    )
+    kept = tuple(each for each in sensor.assumptions if not each.startswith("The sheet is at rest in"))
+    return replace(
+        sensor,
+        layout=replace(layout, rest_px=read_only(rest_px)),
+        assumptions=(*kept, sentence),
+        provenance={**sensor.provenance, "from": "whole recording", "still_frames": list(frames)},
+    )
+
+
+def _doubtful(sensor: Sensor, reason: str) -> Sensor:
+    sentence = DOUBTFUL.format(reason=reason)
+    return replace(sensor, rest_is_doubtful=True, assumptions=(*sensor.assumptions, sentence))
+
+
+def is_still(sensor: Sensor, frames: int) -> bool:
+    """Whether the markers did not move in the frames that a sensor was found in."""
+    still = sensor.provenance.get("still_frames")
+    return isinstance(still, list) and len(still) >= _STILL_SHARE * frames
+
+
+def with_doubt_of_start(sensor: Sensor, frames: int) -> Sensor:
+    """The sensor, with a doubtful rest if the markers moved at the start, or are uneven."""
+    reason = ""
+    if not is_still(sensor, frames):
+        reason = "the markers moved at the start"
+    elif any(PRESSED_START in sentence for sentence in sensor.assumptions):
+        reason = "the markers are uneven at one place, by their pattern or by a touch"
+    if not reason:
+        return sensor
+    return _doubtful(sensor, reason)

@@ -1,0 +1,157 @@
+"""How far groups of neighbouring markers have moved, compared with all others: whether the sheet is touched.
+
+A touch moves several neighbouring markers; an error of measurement moves one, and the camera moves all. The
+motion of the view (a homography, linear in its change) is fitted with weights that leave out markers that
+move differently (A. E. Beaton, J. W. Tukey 1974, doi:10.1080/00401706.1974.10489171). The local motion at a
+marker is a length that most of the group of it and its neighbours exceed. It is compared with the noise, and
+with what a soft sheet keeps of earlier presses while it creeps back.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+from scipy.spatial import cKDTree
+
+from manytouch.geometry.neighbours import nearest_neighbours
+from manytouch.values.arrays import Mask, Points2, Scalars, read_only
+
+_AROUND = 5  # neighbours of a marker in its group
+_FEWEST = 12  # markers for a motion of the view with eight parameters; fewer only shift
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class MarkerGroups:
+    """What a local motion needs of the layout.
+
+    Attributes:
+        rest_mm: (m, 2) markers in the plane of the sheet.
+        group: (m, k) each marker and its nearest neighbours, the nearest first.
+        view: (2, m, p) displacements of the markers along x and y for each parameter of a motion of the view.
+        pitch_mm: geometric mean of the pitches.
+    """
+
+    rest_mm: Points2
+    group: np.ndarray
+    view: Float64[np.ndarray, "2 m p"]
+    pitch_mm: float
+
+    def at(self, local: Scalars, point_mm: Float64[np.ndarray, "... 2"]) -> Float64[np.ndarray, "..."]:
+        """The local motion (m,) of the marker that is nearest to each point (..., 2)."""
+        return np.asarray(local[cKDTree(self.rest_mm).query(point_mm)[1]])
+
+    def near(
+        self, local: Scalars, point_mm: Float64[np.ndarray, "c 2"], reach: float
+    ) -> Float64[np.ndarray, " c"]:
+        """The largest of the local motions (m,) within some pitches of each point (c, 2)."""
+        distance_mm = np.linalg.norm(point_mm[:, None] - self.rest_mm, axis=2)
+        return np.asarray(np.where(distance_mm <= reach * self.pitch_mm, local, 0.0).max(axis=1, initial=0.0))
+
+
+def marker_groups(rest_mm: Points2, pitch_mm: float) -> MarkerGroups:
+    """For markers at rest (m, 2) in the plane of the sheet; any unit of length, the same for both."""
+    neighbours = nearest_neighbours(rest_mm).index[:, :_AROUND]
+    x, y = ((rest_mm - rest_mm.mean(axis=0)) / max(float(rest_mm.std()), 1e-12)).T
+    one, zero = np.ones(len(rest_mm)), np.zeros(len(rest_mm))
+    if len(rest_mm) < _FEWEST:
+        view = [np.column_stack([one, zero]), np.column_stack([zero, one])]
+    else:
+        view = [
+            np.column_stack([one, zero, x, y, zero, zero, x * x, x * y]),
+            np.column_stack([zero, one, zero, zero, x, y, x * y, y * y]),
+        ]
+    return MarkerGroups(
+        rest_mm=rest_mm,
+        group=read_only(np.concatenate([np.arange(len(rest_mm))[:, None], neighbours], axis=1)),
+        view=read_only(np.stack(view)),
+        pitch_mm=pitch_mm,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TouchMemory:
+    """Local motions of the frames before, in pitches.
+
+    Attributes:
+        strongest: the largest one.
+        lowest: the smallest one since the last press of at least half of that.
+    """
+
+    strongest: float = 0.0
+    lowest: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class LocalMotion:
+    """Motion of groups of markers, and whether it is a touch.
+
+    Attributes:
+        floor_pitch: no local motion below this is a touch, in pitches. Untouched rubber and gel show
+            up to half of it.
+        noise_stds: nor what is left of the motion of a marker without this many standard deviations of it.
+        creep_share: share of the strongest press that a sheet may keep after it.
+        creep_growth: largest ratio of what it keeps to the smallest local motion since that press.
+        exceeded_by: share of a group that moves at least as far as its local motion.
+        reach: residual over the median residual at which a marker has no weight in the motion of the view.
+        refinements: rounds of weighting.
+        contact_reach: distance from a contact within which it moves markers, in pitches.
+    """
+
+    floor_pitch: float = 0.006
+    noise_stds: float = 3.0
+    creep_share: float = 0.2
+    creep_growth: float = 2.0
+    exceeded_by: float = 0.66
+    reach: float = 3.0
+    refinements: int = 6
+    contact_reach: float = 1.5
+
+    def __call__(
+        self, groups: MarkerGroups, displacement_mm: Points2, is_seen: Mask, std_mm: Scalars | None = None
+    ) -> Scalars:
+        """(m,) local motion at each marker in pitches; 0 where fewer than half of the group are seen.
+
+        Args:
+            groups: of the layout.
+            displacement_mm: (m, 2); those of markers that are not seen are not used.
+            is_seen: (m,) at least one.
+            std_mm: (m,) standard deviations of the displacements along an axis; None: not known.
+        """
+        moved = np.where(is_seen[:, None], displacement_mm, 0.0) / groups.pitch_mm
+        size = self._without_view(groups.view, moved, is_seen)
+        if std_mm is not None:
+            beyond = std_mm - np.median(std_mm[is_seen])
+            size = np.maximum(size - self.noise_stds * np.maximum(beyond, 0.0) / groups.pitch_mm, 0.0)
+        size[~is_seen] = np.nan
+        of_group = np.sort(size[groups.group], axis=1)  # NaN last
+        seen = np.isfinite(of_group).sum(axis=1)
+        place = ((1.0 - self.exceeded_by) * seen).astype(np.int64)
+        local = of_group[np.arange(len(of_group)), place]
+        return np.asarray(np.where(2 * seen >= of_group.shape[1], np.nan_to_num(local), 0.0))
+
+    def _without_view(self, view: Float64[np.ndarray, "2 m p"], moved: Points2, is_seen: Mask) -> Scalars:
+        """(m,) lengths of displacements in pitches without the motion of the view."""
+        weight = is_seen.astype(np.float64)
+        size = np.zeros(len(moved))
+        negligible = 1e-9 * len(moved) * np.eye(view.shape[2])
+        for _ in range(self.refinements):
+            weighted = view * weight[:, None]
+            gram = np.tensordot(weighted, view, axes=([0, 1], [0, 1])) + negligible
+            motion = np.linalg.solve(gram, np.tensordot(weighted, moved.T, axes=([0, 1], [0, 1])))
+            residual = moved.T - view @ motion
+            size = np.hypot(residual[0], residual[1])
+            scale = self.reach * float(np.median(size[is_seen])) + 1e-3
+            weight = np.where(is_seen & (size < scale), (1.0 - (size / scale) ** 2) ** 2, 0.0)
+        return size
+
+    def limits(self, memory: TouchMemory, std_pitch: float) -> tuple[float, float]:
+        """Local motions in pitches above which anything has moved, and above which the sheet is touched."""
+        least = max(self.floor_pitch, self.noise_stds * std_pitch)
+        kept = min(self.creep_share * memory.strongest, self.creep_growth * memory.lowest)
+        return least, max(least, kept)
+
+    def remember(self, memory: TouchMemory, largest: float) -> TouchMemory:
+        """The memory after a frame with this largest local motion."""
+        strongest = max(memory.strongest, largest)
+        lowest = largest if largest >= 0.5 * strongest else min(memory.lowest, largest)
+        return TouchMemory(strongest=strongest, lowest=lowest)

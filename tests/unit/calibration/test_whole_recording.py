@@ -1,0 +1,81 @@
+"""The rest of recordings that do not begin untouched."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from flat_sensor import flat_sensor, rectangle_px
+from layouts import grid_at, rows_and_columns
+from manytouch.calibration.rest.whole_recording import settle_rest
+from manytouch.session.commands.tare import tare_sensor
+from manytouch.values import Sensor
+
+PITCH_PX = 44.0
+REST_PX = rectangle_px(5, 7, (PITCH_PX, PITCH_PX), (28.0, 32.0))
+NOISE_PX = 0.04
+
+
+def pressed(at_px: tuple[float, float], most_px: float) -> np.ndarray:
+    """(m, 2) displacement of a gel that is squeezed outward and dragged a little."""
+    offset = (REST_PX - at_px) / 60.0
+    spread = np.exp(0.5 - 0.5 * (offset**2).sum(axis=1, keepdims=True))
+    return most_px * spread * (offset + np.array([0.2, 0.1]))
+
+
+FREE = np.zeros_like(REST_PX)
+GRIP = pressed((130.0, 100.0), 8.0)
+FAINT = pressed((280.0, 40.0), 2.5)
+
+
+def settled(arrangements: list[tuple[np.ndarray, int]], begins: np.ndarray) -> Sensor:
+    """The sensor after a recording of arrangements for so many frames each; the first one defines it."""
+    sensor = flat_sensor(
+        REST_PX, width_px=320, height_px=240, pitch_px=PITCH_PX, row_column=rows_and_columns(5, 7)
+    )
+    assert sensor.layout is not None
+    sensor = replace(sensor, layout=replace(sensor.layout, rest_px=REST_PX + begins))
+    moved = [each for each, frames in arrangements for _ in range(frames)]
+    grids = [grid_at(REST_PX + each, noise_px=NOISE_PX, seed=k) for k, each in enumerate(moved)]
+    return settle_rest(sensor, grids, range(len(grids)))
+
+
+def error_px(sensor: Sensor) -> float:
+    assert sensor.layout is not None
+    assert sensor.layout.rest_px is not None
+    return float(np.abs(sensor.layout.rest_px - REST_PX).max())
+
+
+@pytest.mark.parametrize("touch", [GRIP, FAINT])
+def test_a_recording_that_begins_pressed_has_the_rest_that_follows(touch: np.ndarray) -> None:
+    """Also where the touch lasts longer than anything else."""
+    found = settled([(touch, 60), (FREE, 25), (0.7 * GRIP, 10), (FREE, 15)], touch)
+    assert error_px(found) < 4.0 * NOISE_PX
+    assert not found.rest_is_doubtful
+
+
+@pytest.mark.parametrize("touch", [GRIP, FAINT])
+def test_a_touch_that_is_never_interrupted_is_pressed_because_it_spreads(touch: np.ndarray) -> None:
+    assert error_px(settled([(touch, 60), (FREE, 25)], touch)) < 4.0 * NOISE_PX
+    assert error_px(settled([(FREE, 25), (touch, 60)], FREE)) < 4.0 * NOISE_PX
+
+
+def test_what_a_soft_sheet_keeps_of_a_press_does_not_change_the_rest_at_the_start() -> None:
+    crept = 0.1 * np.roll(GRIP, 1, axis=1) * [1.0, -1.0]  # turned: it neither spreads nor contracts
+    found = settled([(FREE, 15), (GRIP, 20), (crept, 60)], FREE)
+    assert error_px(found) == 0.0
+    assert not found.rest_is_doubtful
+
+
+def test_a_sheet_that_never_rests_makes_the_rest_doubtful() -> None:
+    found = settled([(share * GRIP, 1) for share in np.linspace(0.0, 6.0, 60)], FREE)
+    assert found.rest_is_doubtful
+    assert "tare" in found.assumptions[-1]
+    tared = tare_sensor(found, [grid_at(REST_PX)] * 3)
+    assert tared is not None
+    assert not tared.rest_is_doubtful
+
+
+def test_two_arrangements_as_common_as_each_other_are_a_doubt() -> None:
+    turned = 0.5 * np.roll(GRIP, 1, axis=1) * [1.0, -1.0]
+    assert settled([(FREE, 30), (turned, 30)], FREE).rest_is_doubtful
