@@ -62,10 +62,14 @@ def camera(
     from manytouch.calibration.camera.named_images import named_images
     from manytouch.calibration.camera.report import calibrated_camera, describe, write_report
     from manytouch.cli.terminal.interrupt import StopOnSignal
+    from manytouch.sinks.files.atomic_output import check_file_writable, check_writable
     from manytouch.values.sensor_file import save_sensor
 
     console = Console(highlight=False, soft_wrap=True)
     wanted = parse_board(board, square_mm)
+    check_file_writable(out)
+    if report is not None:
+        check_writable(report)
     with StopOnSignal() as stop:
         look = _ViewProgress(console.print, stop, is_live=any(not Path(text).exists() for text in images))
         found = calibrate_camera(named_images(images), wanted, model=model, on_view=look)
@@ -122,6 +126,7 @@ def rest(
 
     from manytouch.calibration.rest.calibrate import calibrate_rest
     from manytouch.calibration.rest.report import describe, with_provenance
+    from manytouch.sinks.files.atomic_output import check_file_writable
     from manytouch.sources import open_source, read_frames
     from manytouch.values import Sheet
     from manytouch.values.sensor_file import load_sensor, save_sensor
@@ -132,6 +137,7 @@ def rest(
     sheet = None
     if sheet_mm is not None and thickness_mm is not None:
         sheet = Sheet(size_mm=np.array(sheet_mm), thickness_mm=float(thickness_mm))
+    check_file_writable(out)
     frames = read_frames(open_source(source), REST_FRAMES)
     found = calibrate_rest(
         load_sensor(sensor), frames, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
@@ -183,6 +189,7 @@ def sheet(
     from manytouch.calibration.sheet.protocol import probing_gcode, weight_table
     from manytouch.calibration.sheet.report import describe, with_provenance
     from manytouch.calibration.sheet.typed_presses import read_typed_presses
+    from manytouch.sinks.files.atomic_output import check_file_writable
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     if plan is None and (presses is None or out is None):
@@ -193,6 +200,8 @@ def sheet(
         )
     console = Console(highlight=False, soft_wrap=True, markup=False)
     known = load_sensor(sensor)
+    if out is not None:
+        check_file_writable(out)
     if plan is not None:
         plan.mkdir(parents=True, exist_ok=True)
         (plan / "presses.csv").write_text(weight_table(known), encoding="utf-8")

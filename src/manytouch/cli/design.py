@@ -84,9 +84,15 @@ def design(
     if paper:
         return _paper(out, parts)
     from manytouch.design.choose import design_sensor
-    from manytouch.design.requirements import Optics, Printer, Requirements
+    from manytouch.design.requirements import Optics, Printer, Requirements, require_packages, require_plots
     from manytouch.design.write import explain_design, write_design, write_prediction
+    from manytouch.sinks.files.atomic_output import check_writable
 
+    check_writable(out)
+    if parts != "none":
+        require_packages(step=parts == "step")
+    if predict:
+        require_plots()
     console = Console(highlight=False, soft_wrap=True, markup=False)
     requirements = Requirements(
         area_mm=area_mm,

@@ -2,8 +2,11 @@
 
 import math
 from dataclasses import dataclass, fields
+from importlib.util import find_spec
 
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, MissingExtraError
+
+PART_PACKAGES = ("manifold3d", "trimesh", "lxml", "networkx", "matplotlib")
 
 
 class DesignError(ManytouchError):
@@ -101,3 +104,24 @@ def _numbers(value: object, prefix: str = "") -> list[tuple[str, float]]:
         elif isinstance(here, Printer | Optics):
             found += _numbers(here, f"{item.name}.")
     return found
+
+
+def require_packages(*, step: bool) -> None:
+    """Check, before anything is computed or written, that parts can be written.
+
+    Raises:
+        MissingExtraError: a package of the extra `parts` is missing.
+    """
+    for package in (*PART_PACKAGES, *(("build123d",) if step else ())):
+        if find_spec(package) is None:
+            raise MissingExtraError("writing the parts", package, "parts")
+
+
+def require_plots() -> None:
+    """Check that plots can be drawn.
+
+    Raises:
+        MissingExtraError: matplotlib is missing.
+    """
+    if find_spec("matplotlib") is None:
+        raise MissingExtraError("the plot of the predicted accuracy", "matplotlib", "lab")

@@ -48,6 +48,17 @@ def check_writable(folder: Path) -> None:
             each.rmdir()
 
 
+def check_file_writable(path: Path) -> None:
+    """Check, before a long computation, that a file can be written; leaves no trace.
+
+    Raises:
+        OutputError: its folder cannot be written, or the path is a folder.
+    """
+    if path.is_dir():
+        raise OutputError(f"cannot write {path}: it is a folder; give the path of a file in it")
+    check_writable(path.absolute().parent)
+
+
 def remove(path: Path) -> None:
     """Remove a file or a folder, if it exists."""
     if path.is_dir() and not path.is_symlink():

@@ -1,0 +1,42 @@
+"""Output paths and packages are checked before anything is computed."""
+
+from pathlib import Path
+
+import pytest
+
+from manytouch.cli import main
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["calibrate", "camera", "absent.png", "--board", "chessboard:9x6", "--square-mm", "25", "--out"],
+        ["calibrate", "rest", "absent.mp4", "--sensor", "gelsight-mini", "--out"],
+        ["calibrate", "sheet", "absent.csv", "--sensor", "gelsight-mini", "--out"],
+        ["design", "--area-mm", "60,40", "--force-N", "0.2,6", "--out"],
+    ],
+)
+def test_a_path_that_cannot_be_written_is_refused_first(
+    words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    assert main([*words, str(tmp_path / "file" / "out.toml")]) == 1
+    assert "cannot write" in capsys.readouterr().err
+    assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_folder_is_not_a_sensor_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    words = ["calibrate", "rest", "absent.mp4", "--sensor", "gelsight-mini", "--out", str(tmp_path)]
+    assert main(words) == 1
+    assert "it is a folder" in capsys.readouterr().err
+
+
+def test_design_without_its_packages_leaves_nothing_behind(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(
+        "manytouch.design.requirements.find_spec", lambda name: None if name == "trimesh" else name
+    )
+    assert main(["design", "--area-mm", "60,40", "--force-N", "0.2,6", "--out", str(tmp_path / "my")]) == 1
+    assert "manytouch[parts]" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
