@@ -1,5 +1,6 @@
 """Lines of text about cameras: their settings, their frame rate, and the latency of a live session."""
 
+import re
 import sys
 import time
 from collections.abc import Iterator, Sequence
@@ -56,11 +57,43 @@ def describe_frame_rate(source: Source) -> str:
 
 
 def describe_cameras(devices: Path = _DEVICES) -> str:
-    """The cameras that the operating system lists."""
+    """The cameras that the operating system lists; further nodes of one camera are not named."""
     if not sys.platform.startswith("linux"):
         return "cameras: not listed by this system; try manytouch doctor 0, then 1"
     found = []
-    for device in sorted(devices.glob("video*"), key=lambda path: int(path.name.removeprefix("video") or 0)):
-        name = device / "name"
-        found.append(f"/dev/{device.name} ({name.read_text().strip() if name.is_file() else 'no name'})")
+    for device in _camera_nodes(devices):
+        name, bus = device / "name", _usb_bus(device)
+        on = "" if bus is None else f", USB bus {bus}"
+        found.append(f"/dev/{device.name} ({name.read_text().strip() if name.is_file() else 'no name'}{on})")
     return f"cameras: {', '.join(found) or 'none found'}"
+
+
+def describe_usb_buses(devices: Path = _DEVICES) -> Iterator[str]:
+    """A warning for each USB bus that several cameras share."""
+    by_bus: dict[str, list[str]] = {}
+    for device in _camera_nodes(devices) if sys.platform.startswith("linux") else ():
+        bus = _usb_bus(device)
+        if bus is not None:
+            by_bus.setdefault(bus, []).append(f"/dev/{device.name}")
+    for bus, names in sorted(by_bus.items()):
+        if len(names) > 1:
+            yield (
+                f"warning: {', '.join(names)} share USB bus {bus} and its bandwidth: use Motion JPEG, "
+                "smaller images or fewer frames per second, or ports of different controllers"
+            )
+
+
+def _camera_nodes(devices: Path) -> list[Path]:
+    """The first node of each camera: drivers add nodes for its metadata, with the same parent."""
+    nodes = sorted(devices.glob("video*"), key=lambda path: int(path.name.removeprefix("video") or 0))
+    first: dict[Path, Path] = {}
+    for node in nodes:
+        parent = node / "device"
+        first.setdefault(parent.resolve() if parent.exists() else node, node)
+    return list(first.values())
+
+
+def _usb_bus(device: Path) -> str | None:
+    """Number of the USB bus of a node; None if it is not on one."""
+    found = re.search(r"/usb(\d+)/", (device / "device").resolve().as_posix())
+    return None if found is None else found[1]

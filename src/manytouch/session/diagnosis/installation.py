@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 import manytouch
-from manytouch.session.diagnosis.camera import describe_cameras
+from manytouch.session.diagnosis.camera import describe_cameras, describe_usb_buses
 from manytouch.session.methods import kernels
 from manytouch.sinks.files.summary import installed
 from manytouch.sources.quiet_opencv import cv2
@@ -40,6 +40,7 @@ def describe_installation() -> Iterator[str]:
         remedy = f"{', '.join(missing)} not installed: run pip install 'manytouch[{extra}]'"
         yield f"extra {extra} ({purpose}): {remedy if missing else found}"
     yield describe_cameras()
+    yield from describe_usb_buses()
     yield _describe_kernels()
     yield from _describe_codecs()
 

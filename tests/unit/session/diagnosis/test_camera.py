@@ -7,7 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from manytouch.session.diagnosis.camera import describe_cameras, describe_frame_rate, describe_settings
+from manytouch.session.diagnosis.camera import (
+    describe_cameras,
+    describe_frame_rate,
+    describe_settings,
+    describe_usb_buses,
+)
 from manytouch.sources import Capabilities
 from manytouch.values import Frame, Setting
 
@@ -66,3 +71,23 @@ def test_cameras_are_listed(tmp_path: Path) -> None:
         (tmp_path / f"video{number}").mkdir()
         (tmp_path / f"video{number}" / "name").write_text(name)
     assert describe_cameras(tmp_path) == "cameras: /dev/video2 (First), /dev/video10 (Second)"
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems do not list cameras")
+def test_nodes_of_one_camera_are_folded_and_a_shared_bus_is_a_warning(tmp_path: Path) -> None:
+    listed = tmp_path / "class"
+    listed.mkdir()
+    places = ["usb1/1-1/1-1:1.0", "usb1/1-1/1-1:1.0", "usb1/1-2/1-2:1.0", "usb2/2-1/2-1:1.0"]
+    for number, place in enumerate(places):
+        interface = tmp_path / "devices" / place
+        node = interface / f"video{number}"
+        node.mkdir(parents=True)
+        (node / "name").write_text(f"Camera {place[3]}\n")
+        (node / "device").symlink_to(interface)
+        (listed / node.name).symlink_to(node)
+    assert describe_cameras(listed) == (
+        "cameras: /dev/video0 (Camera 1, USB bus 1), /dev/video2 (Camera 1, USB bus 1), "
+        "/dev/video3 (Camera 2, USB bus 2)"
+    )
+    (warning,) = describe_usb_buses(listed)
+    assert warning.startswith("warning: /dev/video0, /dev/video2 share USB bus 1")

@@ -1,0 +1,56 @@
+"""`manytouch batch` from the command line."""
+
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from clips import picture, write_video
+from command_line import run_command
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    for name in ("a", "b"):
+        write_video(tmp_path / f"{name}.mp4", (picture(seed=each) for each in range(18)))
+    (tmp_path / "c.mp4").write_bytes(b"no video" * 50)
+    return tmp_path
+
+
+def test_a_batch_prints_what_it_does_and_why(folder: Path) -> None:
+    done = run_command("batch", "*.mp4", "--out", "out", folder=folder)
+    assert done.returncode == 1
+    assert "a: 18 frames in " in done.stdout
+    assert "(no result yet)" in done.stdout
+    assert "c: failed: " in done.stdout
+    assert "2 recordings processed, 0 unchanged, 1 failed (failures.csv)" in done.stdout
+    (folder / "c.mp4").unlink()
+    again = run_command("batch", "a.mp4", "b.mp4", "--out", "out", folder=folder)
+    assert (again.returncode, again.stderr) == (0, "")
+    assert "0 recordings processed, 2 unchanged" in again.stdout
+    plan = run_command("batch", "*.mp4", "--out", "out", "--fps", "50", "--dry-run", folder=folder)
+    assert "2 of 2 recordings would be processed" in plan.stdout
+
+
+def test_shards_are_merged(folder: Path) -> None:
+    (folder / "c.mp4").unlink()
+    for shard in ("1/2", "2/2"):
+        run = run_command("batch", ".", "--out", "out", "--workers", "1", "--shard", shard, folder=folder)
+        assert run.returncode == 0, run.stderr
+    merged = run_command("batch", "--merge", "--out", "out", folder=folder)
+    assert (merged.returncode, merged.stdout) == (0, "tables of 2 shards joined in out\n")
+    assert pq.read_table(folder / "out" / "results.parquet")["name"].to_pylist() == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("words", "reason"),
+    [
+        (["--out", "out"], "give inputs, or --merge"),
+        (["a.mp4", "--out", "out", "--shard", "3/2"], "expected I/N"),
+        (["a.mp4", "--out", "out", "--scheduler", "tcp://h:1", "--slurm", "s.toml"], "exclude each other"),
+    ],
+)
+def test_a_wrong_command_line_is_refused(folder: Path, words: list[str], reason: str) -> None:
+    done = run_command("batch", *words, folder=folder)
+    assert done.returncode == 2
+    assert reason in done.stderr
