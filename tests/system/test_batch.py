@@ -32,6 +32,7 @@ def test_a_batch_prints_what_it_does_and_why(folder: Path) -> None:
     assert "2 of 2 recordings would be processed" in plan.stdout
 
 
+@pytest.mark.slow
 def test_shards_are_merged(folder: Path) -> None:
     (folder / "c.mp4").unlink()
     for shard in ("1/2", "2/2"):

@@ -60,6 +60,7 @@ def scheduler(tmp_path: Path) -> Iterator[tuple[str, subprocess.Popen]]:
             end(scheduling)
 
 
+@pytest.mark.slow
 def test_a_batch_on_a_scheduler_has_the_results_of_process_and_isolates_what_kills_workers(
     scheduler: tuple[str, subprocess.Popen],
     recordings: Path,
