@@ -185,6 +185,7 @@ def sheet(
     from rich.console import Console
 
     from manytouch.calibration.sheet.calibrate import calibrate_sheet
+    from manytouch.calibration.sheet.pad import calibrate_pad
     from manytouch.calibration.sheet.press_table import PressRow, measure_presses, read_press_table
     from manytouch.calibration.sheet.protocol import probing_gcode, weight_table
     from manytouch.calibration.sheet.report import describe, with_provenance
@@ -218,7 +219,8 @@ def sheet(
         rows = read_typed_presses(known, presses, table, report=lambda text: console.print(f"  {text}"))
     if rows is None:
         return 0
-    found = calibrate_sheet(known, measure_presses(known, rows, table.parent))
+    is_pad = known.sheet is not None and known.sheet.boundary == "bonded"
+    found = (calibrate_pad if is_pad else calibrate_sheet)(known, measure_presses(known, rows, table.parent))
     for line in describe(found):
         console.print(f"  {line}")
     save_sensor(with_provenance(known, found, table.name), out)

@@ -11,8 +11,10 @@ from manytouch.values import Sensor
 def describe(calibration: SheetCalibration) -> Iterator[str]:
     """Lines about parameters with standard deviations, residuals, undetermined parameters and warnings."""
     sheet, std = calibration.sheet, calibration.std
-    yield f"thickness {sheet.thickness_mm:.3f} ± {std['thickness_mm']:.3f} mm"
-    yield f"bending factor {sheet.bending_factor:.3f} ± {std['bending_factor']:.3f}"
+    if "thickness_mm" in std:
+        yield f"thickness {sheet.thickness_mm:.3f} ± {std['thickness_mm']:.3f} mm"
+    if "bending_factor" in std:
+        yield f"bending factor {sheet.bending_factor:.3f} ± {std['bending_factor']:.3f}"
     if sheet.pretension_N_per_mm is not None:
         yield f"pretension {sheet.pretension_N_per_mm:.4f} ± {std['pretension_N_per_mm']:.4f} N/mm"
     if "young_MPa" in std:

@@ -1,0 +1,98 @@
+"""Young's modulus of a bonded pad from presses with known forces.
+
+Each press is estimated as in use, by `PadEstimator`; its normal force over E and the reading of the scale
+give E. What Poisson's ratio and the thickness change of the normal force is thus part of E.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from manytouch.calibration.sheet.calibrate import SheetCalibration
+from manytouch.calibration.sheet.fit import KnownPress
+from manytouch.errors import SensorError
+from manytouch.estimation import PadEstimator
+from manytouch.geometry.refraction import rest_px
+from manytouch.values import Contact, Sensor, TrackedGrid
+
+LEAST_FORCES = 2
+MODEL_SHARE = 0.05
+"""Relative standard deviation of a force that the model does not explain, common to all presses."""
+MAX_OFFSET_MM = 2.0
+"""A press whose centre of force lies farther than this from its named place gives a warning."""
+
+
+def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibration:
+    """Fit Young's modulus to presses.
+
+    Args:
+        sensor: with layout and a bonded sheet.
+        presses: at least `LEAST_FORCES` with a force.
+
+    Raises:
+        SensorError: too few forces, or a press that shows no contact.
+    """
+    sheet, layout = sensor.sheet, sensor.layout
+    if sheet is None or layout is None:
+        raise SensorError(f"the sensor {sensor.name!r} has no [sheet] or no [markers]")
+    if sum(press.force_N is not None for press in presses) < LEAST_FORCES:
+        raise SensorError(
+            f"a pad needs {LEAST_FORCES} presses or more with a force in N: "
+            "add force_N to the table of presses"
+        )
+    estimator = PadEstimator()
+    state = estimator.start(sensor)
+    at_rest_px = rest_px(sensor, layout)
+    found, residual_px = [], []
+    for press in presses:
+        grid = _grid(press, at_rest_px)
+        fit = estimator.fit_frame(state, grid)
+        _, _, contacts = estimator.step(state, grid)
+        if not contacts.touching:
+            raise SensorError(
+                f"{press.name} shows no contact: press harder, or check that its time and recording are right"
+            )
+        found.append(
+            min(contacts.touching, key=lambda each: float(np.linalg.norm(each.centre_mm - press.place_mm)))
+        )
+        residual_px.append(float(np.sqrt(np.mean(fit.residual_px[np.repeat(press.is_seen, 2)] ** 2))))
+    over_E_mm2 = np.array([contact.normal_force_over_E_mm2 for contact in found])
+    read = np.array([np.nan if press.force_N is None else press.force_N for press in presses])
+    log_young = np.log(read / over_E_mm2)
+    known = np.flatnonzero(np.isfinite(log_young))
+    mean = float(log_young[known].mean())
+    left_out = np.full(len(presses), np.nan)
+    without = (log_young[known].sum() - log_young[known]) / (len(known) - 1)
+    left_out[known] = np.exp(without - log_young[known]) - 1.0
+    std = float(np.hypot(log_young[known].std(ddof=1) / np.sqrt(len(known)), MODEL_SHARE))
+    young_MPa = float(np.exp(mean))
+    return SheetCalibration(
+        sheet=replace(sheet, young_MPa=young_MPa, young_std_MPa=std * young_MPa),
+        std={"young_MPa": std * young_MPa},
+        undetermined=(),
+        warnings=tuple(_warnings(presses, found)),
+        force_over_E_mm2=over_E_mm2,
+        residual_px=np.array(residual_px),
+        left_out=left_out,
+    )
+
+
+def _grid(press: KnownPress, at_rest_px: np.ndarray) -> TrackedGrid:
+    """The markers during a press."""
+    seen = press.is_seen
+    return TrackedGrid(
+        position_px=np.where(seen[:, None], at_rest_px + press.displacement_px, np.nan),
+        covariance_px2=np.where(seen[:, None, None], press.noise_px**2 * np.eye(2), np.nan),
+        is_seen=seen,
+        frames_unseen=np.where(seen, 0, 1).astype(np.int64),
+    )
+
+
+def _warnings(presses: Sequence[KnownPress], found: Sequence[Contact]) -> list[str]:
+    sentences = []
+    for press, contact in zip(presses, found, strict=True):
+        away_mm = float(np.linalg.norm(contact.centre_mm - press.place_mm))
+        if away_mm > MAX_OFFSET_MM:
+            sentences.append(f"{press.name}: the force acts {away_mm:.1f} mm from the named place")
+    return sentences

@@ -1,0 +1,74 @@
+"""Young's modulus of a pad from presses with known forces."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from bonded_pad import YOUNG_MPA, pad_sensor
+from manytouch.calibration.sheet.fit import KnownPress
+from manytouch.calibration.sheet.pad import calibrate_pad
+from manytouch.calibration.sheet.report import describe
+from manytouch.errors import SensorError
+from manytouch.estimation import PadEstimator
+from manytouch.values import Sensor
+
+PLACES_MM = ((1.3, -0.7), (-4.0, 2.0), (3.0, 3.5))
+FORCES_N = (0.6, 1.0, 0.4)
+
+
+def presses(sensor: Sensor) -> list[KnownPress]:
+    """Images of patches that a pad of 0.3 MPa shows under known forces."""
+    estimator = PadEstimator()
+    model = estimator.nominal_pad(sensor)
+    found = []
+    for number, (place_mm, force_N) in enumerate(zip(PLACES_MM, FORCES_N, strict=True)):
+        shape = np.array([*place_mm, 0.9, 0.0, 0.9])
+        column = estimator.fitter.images(model, shape).column[0, 0]
+        noise_px = np.random.default_rng(number).normal(0.0, 0.01, (len(column) // 2, 2))
+        found.append(
+            KnownPress(
+                name=f"press {number + 1}",
+                place_mm=np.array(place_mm),
+                radius_mm=2.2,
+                displacement_px=(force_N / YOUNG_MPA * column).reshape(-1, 2) + noise_px,
+                is_seen=np.ones(len(column) // 2, dtype=bool),
+                noise_px=0.02,
+                force_N=force_N,
+            )
+        )
+    return found
+
+
+def test_known_forces_give_the_modulus_with_its_deviation() -> None:
+    sensor = pad_sensor(young_MPa=0.5)
+    held = presses(sensor)
+    moved = [replace(held[0], place_mm=np.array([8.0, 8.0])), *held[1:]]  # places are for messages only
+    found = calibrate_pad(sensor, moved)
+    assert found.sheet.young_MPa is not None
+    assert found.sheet.young_std_MPa is not None
+    assert abs(found.sheet.young_MPa - YOUNG_MPA) < 2.0 * found.sheet.young_std_MPa
+    assert found.sheet.young_std_MPa < 0.12 * YOUNG_MPA
+    assert np.abs(found.left_out).max() < 0.2
+    assert any("stiffness E" in line for line in describe(found))
+    (warning,) = found.warnings
+    assert "press 1: the force acts" in warning
+    still = [replace(held[0], displacement_px=0.0 * held[0].displacement_px), *held[1:]]
+    with pytest.raises(SensorError, match="press 1 shows no contact"):
+        calibrate_pad(sensor, still)
+
+
+def test_presses_without_forces_are_refused() -> None:
+    silent = [
+        KnownPress(
+            name=f"press {number}",
+            place_mm=np.zeros(2),
+            radius_mm=2.0,
+            displacement_px=np.zeros((63, 2)),
+            is_seen=np.ones(63, dtype=bool),
+            noise_px=0.02,
+        )
+        for number in range(3)
+    ]
+    with pytest.raises(SensorError, match="2 presses or more with a force in N"):
+        calibrate_pad(pad_sensor(), silent)
