@@ -1,7 +1,9 @@
 """Each example runs, and prints one number that must be right."""
 
+import json
 import runpy
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -18,3 +20,23 @@ def test_read_the_simulated_sensor(capsys: pytest.CaptureFixture[str]) -> None:
     error_mm = example("read_the_simulated_sensor")["main"]()
     assert error_mm < 1.0
     assert "truth" in capsys.readouterr().out
+
+
+def test_the_notebook_runs_from_its_first_cell_to_its_last(capsys: pytest.CaptureFixture[str]) -> None:
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("Agg")
+    path = EXAMPLES / "contacts_on_a_sheet.ipynb"
+    if not path.is_file():
+        pytest.skip("the examples come with the repository, not with the wheel")
+    names: dict[str, Any] = {}
+    for number, cell in enumerate(json.loads(path.read_text(encoding="utf-8"))["cells"]):
+        if cell["cell_type"] == "code":
+            assert cell["outputs"] == []
+            exec(compile("".join(cell["source"]), f"cell {number}", "exec"), names)
+    contact, results = names["contact"], names["results"]
+    assert contact.centre_mm == pytest.approx([-20.0, 10.0], abs=0.5)
+    assert -contact.force_N[2] > 0.5
+    assert len(results.frames) == 30
+    assert "depth" in capsys.readouterr().out
+    assert names["force_axes"].get_ylabel() == "normal force (N)"
+    pyplot.close("all")
