@@ -10,6 +10,7 @@ from manytouch.values import OutputState, Reading
 
 LENGTH = 8
 RETRY_S = 1.0
+CLOSE_S = 5.0
 
 
 @runtime_checkable
@@ -37,6 +38,7 @@ class QueuedOutput:
         *,
         length: int = LENGTH,
         retry_s: float = RETRY_S,
+        close_s: float = CLOSE_S,
     ) -> None:
         """Open the publisher and start its thread.
 
@@ -45,6 +47,7 @@ class QueuedOutput:
             open_publisher: opens it, also again after an error.
             length: readings that may wait.
             retry_s: time from an error to the next attempt.
+            close_s: longest time that closing waits for what is still queued.
 
         Raises:
             ManytouchError: it cannot be opened.
@@ -53,6 +56,7 @@ class QueuedOutput:
         self._open = open_publisher
         self._length = length
         self._retry_s = retry_s
+        self._close_s = close_s
         self._publisher: Publisher | None = open_publisher()
         self._change = threading.Condition()
         self._queue: deque[Reading] = deque()
@@ -78,11 +82,11 @@ class QueuedOutput:
             self._change.notify()
 
     def close(self) -> None:
-        """Send what waits, and close the publisher."""
+        """Send what waits, and close the publisher; one that is stuck is left behind."""
         with self._change:
             self._is_closing = True
             self._change.notify()
-        self._thread.join()
+        self._thread.join(self._close_s)
 
     def _run(self) -> None:
         while (reading := self._next()) is not None:

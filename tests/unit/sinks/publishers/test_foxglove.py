@@ -2,6 +2,7 @@
 
 import json
 import struct
+import time
 from dataclasses import replace
 
 import numpy as np
@@ -35,17 +36,16 @@ def received(publisher: FoxglovePublisher, reading, topics: tuple[str, ...]) -> 
                 known |= {channel["id"]: channel["topic"] for channel in decoded["channels"]}
         wanted = [{"id": number, "channelId": number} for number, topic in known.items() if topic in topics]
         socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-        for _ in range(200):
-            publisher.publish(reading)
+        end_s = time.monotonic() + 20.0
+        while len(found) < len(topics) and time.monotonic() < end_s:
             try:
                 message = socket.recv(timeout=0.05)
-            except TimeoutError:
+            except TimeoutError:  # everything that was sent is read
+                publisher.publish(reading)
                 continue
             if isinstance(message, bytes) and message[0] == 1:
                 number, _ = struct.unpack_from("<IQ", message, 1)
                 found.setdefault(known[number], message[13:])
-            if len(found) == len(topics):
-                break
     return found
 
 

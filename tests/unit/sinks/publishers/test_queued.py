@@ -75,6 +75,16 @@ def test_a_failed_publisher_is_opened_again_and_the_reason_is_shown(reading_of) 
     assert output.state.dropped >= 2
 
 
+def test_a_publisher_that_is_stuck_does_not_keep_the_session_from_ending(reading_of) -> None:
+    publisher = Slow()
+    output = QueuedOutput("stuck", lambda: publisher, close_s=0.05)
+    output.write(reading_of(0))
+    output.close()
+    assert output.state.sent == 0
+    publisher.may_go.release()
+    wait_until(lambda: publisher.is_closed)
+
+
 def test_an_output_that_cannot_be_opened_at_first_is_an_error() -> None:
     def refuse() -> Slow:
         raise OutputError("there is no such port")
