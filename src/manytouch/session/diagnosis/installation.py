@@ -20,7 +20,7 @@ EXTRAS = {
     "lab": (("matplotlib", "jinja2", "zarr"), "plots, reports, depth maps"),
     "parts": (("manifold3d", "trimesh", "build123d"), "parts to print"),
     "connect": (
-        ("rosbags", "cyclonedds", "foxglove-sdk", "python-osc", "mido", "av", "h5py"),
+        ("rosbags", "cyclonedds", "foxglove-sdk", "python-osc", "mido", "h5py"),
         "outputs to other programs, exports",
     ),
 }

@@ -63,7 +63,7 @@ class _Video:
             import av
             from av.error import FFmpegError
         except ImportError:
-            raise MissingExtraError("compressed video", "av", "connect") from None
+            raise MissingExtraError("compressed video", "av") from None
         message = _foxglove("CompressedVideo").FromString(data)
         name = CODECS.get(str(message.format).lower())
         stamp_ns = message.timestamp.ToNanoseconds()
