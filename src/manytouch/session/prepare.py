@@ -11,7 +11,11 @@ from typing import Any
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.calibration import register_rest, rest_of_recording, sensor_from_rest
 from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
-from manytouch.calibration.rest.whole_recording import is_still, with_doubt_of_start
+from manytouch.calibration.rest.whole_recording import (
+    is_still,
+    with_doubt_of_start,
+    with_unrelated_pictures,
+)
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import DEFAULT, Value, default_method, kernels, pipeline_for
@@ -191,7 +195,9 @@ def prepare(
         found, first, frames = _determine_sensor(
             source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, spread=spread
         )
-        if spread is not None and known is None and not source.capabilities.is_images:
+        if spread is not None and known is None and source.capabilities.is_images:
+            found = with_unrelated_pictures(found, spread(), roi_px)
+        elif spread is not None and known is None:
             found = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
     except BaseException:
         close(source)

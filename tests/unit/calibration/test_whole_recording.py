@@ -5,11 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+import clips
 from flat_sensor import flat_sensor, rectangle_px
 from layouts import grid_at, rows_and_columns
-from manytouch.calibration.rest.whole_recording import settle_rest
+from manytouch.calibration import sensor_from_rest
+from manytouch.calibration.rest.whole_recording import settle_rest, with_unrelated_pictures
 from manytouch.session.commands.tare import tare_sensor
-from manytouch.values import Sensor
+from manytouch.values import Frame, Sensor
 
 PITCH_PX = 44.0
 REST_PX = rectangle_px(5, 7, (PITCH_PX, PITCH_PX), (28.0, 32.0))
@@ -79,3 +81,16 @@ def test_a_sheet_that_never_rests_makes_the_rest_doubtful() -> None:
 def test_two_arrangements_as_common_as_each_other_are_a_doubt() -> None:
     turned = 0.5 * np.roll(GRIP, 1, axis=1) * [1.0, -1.0]
     assert settled([(FREE, 30), (turned, 30)], FREE).rest_is_doubtful
+
+
+def test_pictures_of_different_sheets_in_a_folder_are_stated() -> None:
+    def frame(index: int, image: np.ndarray) -> Frame:
+        return Frame(index=index, timestamp_ns=index * 10**9, camera="folder", image=image)
+
+    alike = [frame(k, clips.picture(seed=k)) for k in range(8)]
+    sensor = sensor_from_rest(alike[:1], name="folder")
+    assert with_unrelated_pictures(sensor, alike) is sensor
+    random = np.random.default_rng(2)
+    others = [frame(8 + k, random.integers(0, 256, alike[0].image.shape, dtype=np.uint8)) for k in range(10)]
+    stated = with_unrelated_pictures(sensor, [alike[0], *others])
+    assert "Only 1 of 11 pictures" in stated.assumptions[-1]

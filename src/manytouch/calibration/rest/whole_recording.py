@@ -36,6 +36,7 @@ _STILL = (
     0.005  # pitches that most markers may move from one frame to the next, or a group within an arrangement
 )
 _STILL_SHARE = 0.8  # of the first frames of a live source
+_SHOWN = 0.5  # of the markers, in a picture of the same sensor
 _RIVAL = 0.15  # of the score of the most common arrangement
 _CLEAR = 0.2  # skewness of the spread from which on one arrangement is known to be pressed
 _EVEN = 0.5  # of the score of the chosen arrangement: another one of it that cannot be excluded causes doubt
@@ -109,6 +110,21 @@ def rest_of_recording(
     tracked = track_frames(DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px), spread, sensor)
     found = [(each.frame.index, each.grid) for each in tracked]
     return settle_rest(sensor, [grid for _, grid in found], [index for index, _ in found])
+
+
+def with_unrelated_pictures(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None = None) -> Sensor:
+    """The sensor, with a sentence if most of some pictures of a folder do not show its markers."""
+    from manytouch.detection import DotSearch
+
+    tracked = track_frames(DotSearch(roi_px=roi_px), MarkerTracker(roi_px=roi_px), frames, sensor)
+    shown = sum(each.grid.status is Status.OK and each.grid.is_seen.mean() >= _SHOWN for each in tracked)
+    if shown > 0.5 * len(frames):
+        return sensor
+    sentence = (
+        f"Only {shown} of {len(frames)} pictures spread over the folder show the markers of the first "
+        "ones: they seem to be of different sensors or views; process each kind in a folder of its own."
+    )
+    return replace(sensor, assumptions=(*sensor.assumptions, sentence))
 
 
 def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[int]) -> Sensor:
