@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import manytouch
+from manytouch.geometry.camera import project
 from manytouch.session.results import process_job
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources.simulated import simulated_source
@@ -143,6 +144,12 @@ def test_a_reading_is_drawn_with_its_markers_and_contacts(processed: tuple) -> N
     assert np.array_equal(markers.get_xydata(), reading.grid.position_px[reading.grid.is_seen])
     assert [text.get_text() for text in axes.texts] == [str(each.id) for each in reading.contacts.touching]
     assert axes.images
+    (arrows,) = axes.collections
+    true_px = project(demo_sensor(640).camera, demo_sensor(640).layout.rest_mm)[reading.grid.is_seen]
+    moved_px = np.column_stack([arrows.U, arrows.V]) / 3.0
+    expected_px = reading.grid.position_px[reading.grid.is_seen] - true_px
+    assert np.abs(expected_px).max() > 1.0
+    assert np.abs(moved_px - expected_px).max() < 0.35 * np.abs(expected_px).max()
     assert reading.draw(axes) is axes
     undecoded = replace(reading, frame=replace(reading.frame, image=None)).draw()
     assert undecoded.yaxis_inverted()

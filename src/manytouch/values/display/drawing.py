@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any, Optional
 import numpy as np
 
 from manytouch.errors import MissingExtraError, require_type
+from manytouch.values.arrays import Points2
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -46,9 +47,9 @@ def draw_reading(reading: "Reading", axes: Optional["Axes"], magnification: floa
         axes.imshow(scaled if is_grey else scaled[..., ::-1], cmap="gray" if is_grey else None)
     seen_px = grid.position_px[grid.is_seen]
     axes.plot(*seen_px.T, "o", markersize=4, markerfacecolor="none", markeredgecolor=MARKER, label="marker")
-    layout = reading.surface.layout
-    if layout is not None and layout.rest_px is not None:
-        rest_px = layout.rest_px[grid.is_seen]
+    rest_px = _rest_px(reading)
+    if rest_px is not None:
+        rest_px = rest_px[grid.is_seen]
         moved = magnification * (seen_px - rest_px)
         axes.quiver(
             *rest_px.T,
@@ -79,3 +80,24 @@ def draw_reading(reading: "Reading", axes: Optional["Axes"], magnification: floa
         xlabel="x (px)", ylabel="y (px)", title=f"frame {frame.index}, {frame.timestamp_ns * 1e-9:.2f} s"
     )
     return axes
+
+
+def _rest_px(reading: "Reading") -> Points2 | None:
+    """Where the markers are at rest in the image, (m, 2): as measured, else from the estimated displacement.
+
+    A reading does not contain the camera: that is fitted to the markers, with the terms of a perspective view
+    of a nearly flat sheet.
+    """
+    surface, grid = reading.surface, reading.grid
+    layout = surface.layout
+    if layout is not None and layout.rest_px is not None:
+        return layout.rest_px
+    x, y, z = surface.position_mm.T
+    known = grid.is_seen & np.isfinite(surface.displacement_mm).all(axis=1)
+    if known.sum() < 12:
+        return None
+    terms = np.column_stack([x, y, z, x * z, y * z, np.ones_like(x)])
+    camera, *_ = np.linalg.lstsq(terms[known], grid.position_px[known], rcond=None)
+    x0, y0, z0 = (surface.position_mm - surface.displacement_mm).T
+    at_rest = np.column_stack([x0, y0, z0, x0 * z0, y0 * z0, np.ones_like(x)])
+    return np.asarray(grid.position_px - (terms - at_rest) @ camera)
