@@ -120,6 +120,10 @@ class Steps:
         self._bar.remove_task(task)
 
 
+LEAST_VALID = 0.5
+"""Share of frames with the status `ok` below which a recording without contacts is not called untouched."""
+
+
 def describe_results(summary: Summary) -> Sequence[str]:
     """Lines about frames, contacts and noise, and the warnings."""
     counts, noise = summary.counts, summary.noise_px
@@ -129,6 +133,8 @@ def describe_results(summary: Summary) -> Sequence[str]:
             f"{_many(counts['contacts'], 'contact')}, at most {counts['contacts_at_once']} at once, "
             f"in {_many(counts['frames_with_contact'], 'frame')}"
         )
+    elif counts["status"].get("ok", 0) < LEAST_VALID * counts["frames"]:
+        sentences.append("contacts are not valid: too few frames could be evaluated")
     else:
         sentences.append("no contact in any frame")
     if noise["median"] is None:
