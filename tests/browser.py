@@ -11,7 +11,7 @@ FLAGS = [
     *("--disable-background-networking", "--disable-component-update", "--disable-sync"),
     "--js-flags=--expose-gc",
 ]
-TIMEOUT_MS = 25_000
+TIMEOUT_MS = 60_000
 
 
 def wait(page: Page, condition: str) -> None:
