@@ -81,7 +81,8 @@ class PadContacts:
             explain, in pitches and in roots of the contact's second moment.
         depth_share, depth_pitch: of the depth, over the depth and in pitches.
         force_share: of the normal force, over it; and the same times depth over thickness, for
-        force_strain: large strains.
+        force_strain: large strains; and the same times the square of the root of the second moment over the
+        force_width: thickness. Markers hardly show the pressure in the middle of a wide contact.
         shear_share: of the shear along each axis, over the normal force.
         torque_share: of the torque, over the normal force times the radius.
         area_share: of the area.
@@ -94,6 +95,7 @@ class PadContacts:
     depth_pitch: float = 0.002
     force_share: float = 0.05
     force_strain: float = 0.3
+    force_width: float = 0.8
     shear_share: float = 0.02
     torque_share: float = 0.05
     area_share: float = 0.25
@@ -104,6 +106,11 @@ class PadContacts:
             return []
         clusters = _clusters(model, fit)
         return [self._contact(model, fit, shape, clusters, number) for number in range(len(fit.contact))]
+
+    def _force_error(self, strain: float, root: float) -> float:
+        """Relative deviation of a force that the model does not explain, for lengths in thicknesses."""
+        parts = (self.force_share, self.force_strain * strain, 0.5 * self.force_width * root**2)
+        return float(np.linalg.norm(parts))
 
     def surface_covariance(
         self, model: PadModel, fit: PatchFit, shape: PadShape, is_seen: Mask
@@ -139,7 +146,7 @@ class PadContacts:
         std[_FORCES] = (
             self.shear_share * press_mm2,
             self.shear_share * press_mm2,
-            press_mm2 * np.hypot(self.force_share, self.force_strain * depth_mm / model.thickness_mm),
+            press_mm2 * self._force_error(depth_mm / model.thickness_mm, trace / model.thickness_mm),
             self.torque_share * press_mm2 * trace,
         )
         covariance += np.diag(std**2)
