@@ -168,7 +168,8 @@ def test_whatever_a_reading_may_hold_can_be_recorded() -> None:
     from manytouch.recording import json_codec
 
     commands = {kind.__name__ for kind in typing.get_args(values.Command)}
-    others = {"Frame", "Reading", "Truth", "Comparison", "Health", "Setting", "Roi"}
+    of_sessions = {"Health", "OutputState", "ParameterInfo", "Setting"}
+    others = {"Frame", "Reading", "Truth", "Comparison", "Roi"} | of_sessions
     recorded_names = (
         {name for name in values.__all__ if is_dataclass(getattr(values, name))} - commands - others
     )
