@@ -119,6 +119,7 @@ def _prepared(settings: Settings, local: str) -> Job:
         roi_px=request.roi_px,
         fps=request.fps,
         parameters=request.parameters,
+        whole_recording=True,
     )
 
 

@@ -98,7 +98,7 @@ def find_sparse_dots(frames: Sequence[Frame], roi_px: Roi | None) -> tuple[Polar
     )
 
 
-def _lasting_spots(tables: list[Float64[np.ndarray, "n 5"]]) -> _Spots:
+def _lasting_spots(tables: list[Float64[np.ndarray, "_ 5"]]) -> _Spots:
     """The well outlined spots that most of the pictures show, then others that are not at the same places."""
     sure = _lasting([table[table[:, 4] > 0] for table in tables])
     every = _lasting(tables)
@@ -114,7 +114,7 @@ def _lasting_spots(tables: list[Float64[np.ndarray, "n 5"]]) -> _Spots:
     )
 
 
-def _lasting(tables: list[Float64[np.ndarray, "n 5"]]) -> _Spots:
+def _lasting(tables: list[Float64[np.ndarray, "_ 5"]]) -> _Spots:
     """The spots that most of the pictures show; each table has x, y, radius, contrast, is round."""
     every = np.concatenate(tables)
     picture = np.repeat(np.arange(len(tables)), [len(table) for table in tables])

@@ -227,7 +227,7 @@ def test_a_missing_package_is_named_with_its_extra(package: str, monkeypatch: py
 
     monkeypatch.setattr(report, "find_spec", found)
     monkeypatch.setattr(svg_theme, "find_spec", found)
-    with pytest.raises(MissingExtraError, match=rf"{package}.*manytouch\[report\]"):
+    with pytest.raises(MissingExtraError, match=rf"{package}.*manytouch\[lab\]"):
         report.require_packages()
 
 
