@@ -3,7 +3,7 @@
 3-D solids with free sides are pressed by balls, a lying cylinder, flat punches and an edge, at several
 depths, in the middle and near a side, with and without friction. The method `mechanics` gets the true images
 of the markers with 0.02 px of noise and the true sensor file. Each depth is a new start from rest, or, with
---path, follows the one before. Cases marked "held out" were not looked at while the method was made.
+--path, follows the one before. Cases marked "held out" were looked at once, when the method was made.
 
     .venv/bin/python benchmarks/pads.py            # solves the solids once: about half an hour
     .venv/bin/python benchmarks/pads.py --only ball
