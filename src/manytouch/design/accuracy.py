@@ -1,7 +1,7 @@
 """Predicted accuracy of a designed sensor, once it is built and calibrated.
 
-It has two parts: the noise of the centres, propagated by the method `mechanics`, and the error of the method
-on a solid sheet that was calibrated by the usual protocol (`prototype`).
+It is the error of the method `mechanics` on a solid sheet that was calibrated by the usual protocol
+(`prototype`), over several draws of the noise of the centres.
 """
 
 from collections.abc import Sequence
@@ -13,31 +13,18 @@ from jaxtyping import Float64
 from manytouch.design.choose import lattice
 from manytouch.design.dimensions import Design
 from manytouch.design.prototype import CENTRE_NOISE_PX, FINGERTIP, ObservedPress, OnMessage, Prototype
-from manytouch.estimation.mechanics.contacts import ContactEstimator, ModelError
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.values import Contact, Sensor, TrackedGrid
 from manytouch.values.arrays import Points2, read_only
 
-NO_MODEL_ERROR = ModelError(
-    position_pitch=0.0,
-    position_radius=0.0,
-    position_clamp=0.0,
-    depth_share=0.0,
-    depth_pitch=0.0,
-    force_share=0.0,
-    force_least=0.0,
-    shear_share=0.0,
-    torque_share=0.0,
-    area_share=0.0,
-    area_force=0.0,
-)
-"""The error of the model is measured on the prototype instead."""
 SETTLING_STEPS = 6
 RAMP = (0.1, 0.4, 1.0)
 PLACES = (4, 3)  # along half the length and half the width
 FEW_PLACES = (2, 2)
 SEED = 7
+DRAWS = 3
+"""Draws of the noise per press."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -91,7 +78,7 @@ def predicted_accuracy(
     calibrated = prototype.calibrate(random, on_message)
     x, y = (np.linspace(0.0, side / 2, count) for side, count in zip(area_mm, places, strict=True))
     place_mm = np.column_stack([part.ravel() for part in np.meshgrid(x, y)])
-    method = MechanicsEstimator(contact_estimator=ContactEstimator(error=NO_MODEL_ERROR))
+    method = MechanicsEstimator()
     initial = method.start(calibrated)
     rows = []
     for place, depth_mm in zip(place_mm, prototype.fingertip_depths_mm(place_mm, force_N), strict=True):
@@ -120,18 +107,25 @@ def press_deviations(
     press: ObservedPress | None,
     random: np.random.Generator,
 ) -> Sequence[float]:
-    """Force and depth of a press, and the standard deviations of position, depth and force."""
+    """Force and depth of a press, and RMS errors of position (along an axis), depth and force."""
     if press is None:
         return (np.nan,) * 5
     true = press.contact
-    estimate = _estimate(method, initial, press, random)
-    if estimate is None:
-        return (true.normal_force_N, true.depth_mm, np.nan, np.nan, np.nan)
-    off_mm = estimate.centre_mm - true.centre_mm
-    position = np.sqrt(0.5 * (off_mm @ off_mm + estimate.std("x") ** 2 + estimate.std("y") ** 2))
-    depth = np.hypot(estimate.depth_mm - true.depth_mm, estimate.std("depth"))
-    force = np.hypot(-estimate.force_N[2] - true.normal_force_N, estimate.std("normal_force"))
-    return (true.normal_force_N, true.depth_mm, float(position), float(depth), float(force))
+    off = []
+    for _ in range(DRAWS):
+        estimate = _estimate(method, initial, press, random)
+        if estimate is None:
+            return (true.normal_force_N, true.depth_mm, np.nan, np.nan, np.nan)
+        depth_mm, force_N = estimate.depth_mm - true.depth_mm, -estimate.force_N[2] - true.normal_force_N
+        off.append([*(estimate.centre_mm - true.centre_mm), depth_mm, force_N])
+    x, y, depth, force = np.sqrt(np.mean(np.square(off), axis=0))
+    return (
+        true.normal_force_N,
+        true.depth_mm,
+        float(np.hypot(x, y) / np.sqrt(2.0)),
+        float(depth),
+        float(force),
+    )
 
 
 def _estimate(

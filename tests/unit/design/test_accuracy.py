@@ -9,7 +9,6 @@ import pytest
 
 from exact_sheet import EXACT
 from manytouch.design.accuracy import (
-    NO_MODEL_ERROR,
     predicted_accuracy,
     press_deviations,
     scale_design,
@@ -20,7 +19,6 @@ from manytouch.design.deflection import fingertip
 from manytouch.design.prototype import FINGERTIP, TIP, ObservedPress, Prototype, observe_press
 from manytouch.design.requirements import Requirements
 from manytouch.design.write import write_prediction
-from manytouch.estimation.mechanics.contacts import ContactEstimator
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.simulation.scene.deformation import contact_from_row
@@ -109,8 +107,8 @@ def _shape(fresh, place_mm, force_N):
     return equilibrium(model.shell, load).coefficient_mm
 
 
-def test_errors_of_the_method_are_added_to_the_noise(found):
-    method = MechanicsEstimator(contact_estimator=ContactEstimator(error=NO_MODEL_ERROR))
+def test_errors_are_those_of_the_method_with_noise(found):
+    method = MechanicsEstimator()
     sheet = replace(stress_free(found.sensor.sheet), **EXACT)
     fresh = method.start(replace(found.sensor, sheet=sheet))
     shape = _shape(fresh, np.zeros(2), 1.0)
