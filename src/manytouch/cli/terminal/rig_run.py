@@ -44,10 +44,14 @@ def run_rig_file(
         CycloptsError: an option is given that the rig file states for each sensor.
         SourceError: the rig file is wrong.
     """
-    wrong = [name for name, value in given.items() if value]
+    wrong = [
+        name for name, value in given.items() if not (value is None or value is False or value in ((), {}))
+    ]
     if wrong:
         raise usage_error(
-            "run", f"{', '.join(wrong)} cannot be used with a rig file, which states it per sensor"
+            "run",
+            f"{', '.join(wrong)} cannot be used with a rig file: write what belongs to a sensor into the rig "
+            "file or the sensor's own file, and omit the rest",
         )
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.rigs.overview_page import OverviewPage

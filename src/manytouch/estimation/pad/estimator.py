@@ -81,7 +81,6 @@ class PadEstimator:
         contact_tracker: identities of contacts.
         reference_drift: update of the reference while nothing touches the pad.
         slip_detector: flags contacts that slide.
-        default_centre_noise_px: noise of centres if the sensor does not state it.
         model_std_pitch: standard deviation of a marker image that the model does not explain, in pitches.
         model_share: the same over the displacement of the marker.
         max_contacts: largest number of contacts.
@@ -101,7 +100,6 @@ class PadEstimator:
     contact_tracker: ContactTracker = field(default_factory=lambda: ContactTracker(confirm_frames=1))
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
     slip_detector: SlipDetector = field(default_factory=SlipDetector)
-    default_centre_noise_px: float = 0.05
     model_std_pitch: float = 5e-4
     model_share: float = 0.06
     max_contacts: int = 8
@@ -207,7 +205,6 @@ class PadEstimator:
         moved_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         linear_px = np.einsum("mij,mj->mi", state.model.slope_px, state.displacement_mm)
         noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
-        noise_px2 = np.where(noise_px2 > 0.0, noise_px2, self.default_centre_noise_px**2)
         gate = self.outlier_gate(
             moved_px - linear_px, np.sqrt(noise_px2), grid.is_seen, state.neighbours.index
         )

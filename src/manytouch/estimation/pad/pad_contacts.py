@@ -115,12 +115,17 @@ class PadContacts:
     def surface_covariance(
         self, model: PadModel, fit: PatchFit, shape: PadShape, is_seen: Mask
     ) -> Covariances3:
-        """(m, 3, 3) covariances of the contact face over the markers, mm^2."""
+        """(m, 3, 3) covariances of the contact face over the markers, mm^2.
+
+        The displacement has the relative deviation of the strongest force, and that of the depth.
+        """
         noise_mm = model.pitch_mm / model.pitch_px * _noise_px(fit)
-        share = np.full(1, self.depth_share)
+        share = self.depth_share
         if len(fit.contact) > 0:
-            total = fit.force_std_mm2 / fit.force_mm2
-            share = np.hypot(self.depth_share, total.min())
+            strongest = int(np.argmax(fit.force_mm2))
+            at = OWN * strongest + SHAPE
+            variance = _misfit_scale(fit) * fit.covariance[at, at] + fit.sheet_covariance[at, at]
+            share = float(np.hypot(share, np.sqrt(variance) / fit.force_mm2[strongest]))
         growth = np.where(is_seen, 1.0, 2.0)[:, None]
         std_mm = growth * np.hypot(noise_mm, share * np.abs(shape.face_mm))
         covariance = np.zeros((len(std_mm), 3, 3))

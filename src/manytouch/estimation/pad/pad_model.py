@@ -14,7 +14,7 @@ from manytouch.mechanics.pad.elasticity import node_response, pad_response
 from manytouch.mechanics.pad.layer import radial_table
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Points2, Points3, read_only
-from manytouch.values.sensor_file.default_std import camera_std, sheet_std
+from manytouch.values.sensor_file.default_std import POISSON_STD, camera_std, sheet_std
 
 MIN_MARKERS = 12
 FACE_THICKNESS_MM = 1e-3
@@ -36,8 +36,8 @@ class PadModel:
         table: response of an unbounded layer at the depth of the markers.
         by_sides: (3, nx, ny, 2 m) change of the marker images per nodal force along x, y, z by the free sides
             of the pad; the splines are counted along x and y.
-        by_parameter: (p, 3, nx, ny, 2 m) its change for one standard deviation of Poisson's ratio and of the
-            thickness.
+        by_parameter: (p, 3, nx, ny, 2 m) change of the marker images per nodal force for one standard
+            deviation of Poisson's ratio, of the thickness, and of the depth of the markers.
         marker: (n, 3, m, 3) displacement of the markers per nodal force.
         face: (n, 3, n, 3) coefficients of the contact face per nodal force.
         over_marker: basis functions of the contact face over the markers.
@@ -146,9 +146,7 @@ class NominalPad:
             grid = moved.reshape(3, *patch.shape, -1)
             return np.ascontiguousarray(grid if patch.is_x_slow else grid.swapaxes(1, 2))
 
-        poisson_std = 0.02 if stds.poisson is None else stds.poisson
-        # a step up to an incompressible pad would leave the range of the linear derivative
-        poisson_std = min(poisson_std, 0.5 * (0.5 - poisson) + 0.005)
+        poisson_std = POISSON_STD if stds.poisson is None else stds.poisson
         cameras = camera_std(sensor.camera)
         focal = cameras.fx_px / sensor.camera.fx_px
         distance = float(cameras.translation_mm[2] / abs(sensor.camera.translation_mm[2]))
@@ -166,6 +164,7 @@ class NominalPad:
                     [
                         poisson_std * image(response.by_poisson),
                         stds.thickness_mm * image(response.by_thickness),
+                        (stds.marker_depth_mm or 0.0) * image(response.by_marker_depth),
                     ]
                 )
             ),

@@ -37,12 +37,14 @@ class PadResponse:
         face: (n, 3, n, 3) spline coefficients of the displacement of the contact face, 1/mm.
         by_poisson, by_thickness: (m, 3, n, 3) derivatives of `marker` by Poisson's ratio and by the thickness
             (per mm); the markers keep their depth below the contact face.
+        by_marker_depth: (m, 3, n, 3) derivative by that depth, per mm.
     """
 
     marker: Float64[np.ndarray, "m 3 nodes 3"]
     face: Float64[np.ndarray, "nodes 3 nodes 3"]
     by_poisson: Float64[np.ndarray, "m 3 nodes 3"]
     by_thickness: Float64[np.ndarray, "m 3 nodes 3"]
+    by_marker_depth: Float64[np.ndarray, "m 3 nodes 3"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -100,12 +102,12 @@ def pad_response(
     slope = (raised - lame) / _STEP
     share = 1.0 - marker_depth_mm / thickness_mm
     at = _values_at(patch, marker_mm, share)
-    moved = (_values_at(patch, marker_mm, share + _STEP) - at) * (marker_depth_mm / thickness_mm**2 / _STEP)
+    by_share = (at - _values_at(patch, marker_mm, share - _STEP)) / _STEP
     count, nodes = len(marker_mm), patch.node_count
-    marker, by_poisson, by_thickness = (np.zeros((3 * count, 3 * nodes)) for _ in range(3))
+    marker, by_poisson, by_thickness, raised_by = (np.zeros((3 * count, 3 * nodes)) for _ in range(4))
     face = np.zeros((3 * nodes, 3 * nodes))
     for part in _parts(patch, thickness_mm):
-        own_at, own_moved = csr_array(at @ part.unfold), csr_array(moved @ part.unfold)
+        own_at, own_raised = csr_array(at @ part.unfold), csr_array(by_share @ part.unfold)
         load = np.zeros((own_at.shape[1], len(part.on_face)))
         load[part.on_face, np.arange(len(part.on_face))] = 1.0
         whole = np.tensordot(lame, part.stiffness, axes=1)
@@ -117,13 +119,17 @@ def pad_response(
         change = np.tensordot(slope, part.stiffness, axes=1)
         by_poisson -= (fold.T @ (reciprocal.T @ (change @ answer)).T).T
         change = np.tensordot(lame, part.thicker, axes=1)
-        by_thickness += (fold.T @ (own_moved @ answer - reciprocal.T @ (change @ answer)).T).T
+        by_thickness -= (fold.T @ (reciprocal.T @ (change @ answer)).T).T
+        raised_by += (fold.T @ (own_raised @ answer).T).T
+    # the share 1 - depth / thickness of the markers' height depends on both
+    by_thickness += marker_depth_mm / thickness_mm**2 * raised_by
     shape = (count, 3, nodes, 3)
     return PadResponse(
         marker=read_only(marker.reshape(shape)),
         face=read_only(face.reshape(nodes, 3, nodes, 3)),
         by_poisson=read_only(by_poisson.reshape(shape)),
         by_thickness=read_only(by_thickness.reshape(shape)),
+        by_marker_depth=read_only((-raised_by / thickness_mm).reshape(shape)),
     )
 
 

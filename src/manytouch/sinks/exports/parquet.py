@@ -20,7 +20,6 @@ from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.values import Sensor
 
 UNITS = ("mm2", "pitch2", "Nmm", "mm", "pitch", "px", "rad", "N", "s")
-IMAGE_COLUMNS = ("x_px", "y_px")
 TEXTS = ("phase", "shape", "status")
 
 

@@ -31,7 +31,7 @@ CONTACT_FIELDS = (
 SURFACE_FIELDS = ("x", "y", "z", "depth", "pressure")
 PHASES = {Phase.START: 0, Phase.MOVE: 1, Phase.END: 2}
 ARROW_M_PER_N, ARROW_SHAFT_M, ARROW_HEAD_M = 0.01, 0.001, 0.002
-UINT8, UINT32, FLOAT32 = 2, 6, 7  # sensor_msgs/PointField
+UINT32, FLOAT32 = 6, 7  # sensor_msgs/PointField
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
