@@ -6,6 +6,7 @@ that of the contact face, with `large_strain`. Identities, slip, reference drift
 clamped sheets.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -24,7 +25,7 @@ from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.geometry.refraction import rest_px
-from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
+from manytouch.values import Contact, Contacts, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Mask, Points2, Points3, Scalars, read_only
 
 
@@ -83,6 +84,7 @@ class PadEstimator:
         slip_detector: flags contacts that slide.
         model_std_pitch: standard deviation of a marker image that the model does not explain, in pitches.
         model_share: the same over the displacement of the marker.
+        model_reach: distance in thicknesses within which markers have this error in common.
         max_contacts: largest number of contacts.
         start_gain: least reduction of the misfit by a new contact.
         start_stds, last_stds: least normal force of a contact that starts and of one that lasts, in standard
@@ -102,6 +104,7 @@ class PadEstimator:
     slip_detector: SlipDetector = field(default_factory=SlipDetector)
     model_std_pitch: float = 5e-4
     model_share: float = 0.06
+    model_reach: float = 0.5
     max_contacts: int = 8
     start_gain: float = 40.0
     start_stds: float = 3.0
@@ -168,7 +171,7 @@ class PadEstimator:
                 state.reference_px, state.initial_reference_px, grid, model.pitch_px
             )
             after = replace(after, reference_px=reference_px)
-        return after, self._surface(model, fit, shape, grid), contacts
+        return after, self._surface(model, fit, found, shape, grid), contacts
 
     def fit_frame(self, state: PadState, grid: TrackedGrid) -> PatchFit:
         """The contacts of the next frame."""
@@ -187,7 +190,8 @@ class PadEstimator:
                 longer = self._if_better(model, fit, _halved(fit.contact, widest), measured)
             if longer is None:
                 break
-            fit = longer
+            # what the first fit leaves is no sign of another contact: its weights are those before it
+            fit = self._fit(model, longer.contact, measured, longer.marker_mm(model))
         return fit
 
     def _if_better(
@@ -205,10 +209,22 @@ class PadEstimator:
         moved_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
         linear_px = np.einsum("mij,mj->mi", state.model.slope_px, state.displacement_mm)
         noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
-        gate = self.outlier_gate(
-            moved_px - linear_px, np.sqrt(noise_px2), grid.is_seen, state.neighbours.index
+        larger_px2 = np.maximum((moved_px**2).sum(axis=1), (linear_px**2).sum(axis=1))
+        std_px = np.sqrt(noise_px2 + self._model_error_px2(state.model, larger_px2))
+        # a marker that moves like its neighbours is no outlier, also where the model does not explain it:
+        # else those under a contact would be lost first
+        gate = np.maximum(
+            *(
+                self.outlier_gate(innovation_px, std_px, grid.is_seen, state.neighbours.index)
+                for innovation_px in (moved_px - linear_px, moved_px)
+            )
         )
         return _Measured(moved_px=moved_px, gate=gate, noise_px2=noise_px2)
+
+    def _model_error_px2(self, model: PadModel, moved_px2: Scalars) -> Scalars:
+        """(m,) variances of marker images that the model does not explain, by their squared displacements."""
+        shared = max(1.0, (self.model_reach * model.thickness_mm / model.pitch_mm) ** 2)
+        return shared * ((self.model_std_pitch * model.pitch_px) ** 2 + self.model_share**2 * moved_px2)
 
     def _linear_px(
         self, model: PadModel, measured: _Measured, moved_mm: Points3
@@ -221,12 +237,12 @@ class PadEstimator:
     def _fit(self, model: PadModel, contact: np.ndarray, measured: _Measured, moved_mm: Points3) -> PatchFit:
         """Patches for guesses, with the error of the model by the displacements (m, 3) of the markers."""
         fit = None
-        for _ in range(2):
-            linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
-            error_px2 = (self.model_std_pitch * model.pitch_px) ** 2
-            error_px2 = error_px2 + self.model_share**2 * (linear_px**2).sum(axis=1)
+        for is_sheet_known in (True, True, False):
+            expected_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
+            error_px2 = self._model_error_px2(model, (expected_px**2).sum(axis=1))
             weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
-            fit = self.fitter(model, contact, self._linear_px(model, measured, moved_mm), weight)
+            linear_px = self._linear_px(model, measured, moved_mm)
+            fit = self.fitter(model, contact, linear_px, weight, is_sheet_known=is_sheet_known)
             contact, moved_mm = fit.contact, fit.marker_mm(model)
             if len(contact) == 0:
                 break
@@ -263,11 +279,14 @@ class PadEstimator:
         first, second = np.unravel_index(int(np.argmin(overlap)), overlap.shape)
         return None if overlap[first, second] > 3.0 else (int(first), int(second))
 
-    def _surface(self, model: PadModel, fit: PatchFit, shape: PadShape, grid: TrackedGrid) -> Surface:
+    def _surface(
+        self, model: PadModel, fit: PatchFit, found: Sequence[Contact], shape: PadShape, grid: TrackedGrid
+    ) -> Surface:
+        covariance_mm2 = self.pad_contacts.surface_covariance(model, fit, found, shape, grid.is_seen)
         return Surface(
             position_mm=read_only(model.layout.rest_mm + shape.face_mm),
             displacement_mm=read_only(shape.face_mm),
-            covariance_mm2=read_only(self.pad_contacts.surface_covariance(model, fit, shape, grid.is_seen)),
+            covariance_mm2=read_only(covariance_mm2),
             layout=model.layout,
             spline=model.spline(shape.coefficient_mm, shape.nodal_mm2),
             status=grid.status,

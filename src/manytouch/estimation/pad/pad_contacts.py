@@ -1,5 +1,6 @@
 """Shape of a pad and contacts with deviations, from fitted patches."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -61,6 +62,8 @@ def pad_shape(model: PadModel, fit: PatchFit) -> PadShape:
     node = np.flatnonzero(nodal_mm2.any(axis=1))
     rows = model.face[node].reshape(3 * len(node), 3 * len(nodal_mm2))
     linear_mm = (nodal_mm2[node].ravel() @ rows).reshape(-1, 3)
+    by_parameter = model.depth_by_parameter[:, :, node] @ nodal_mm2[node, 2]
+    linear_mm[:, 2] += fit.sheet[: len(by_parameter)] @ by_parameter
     coefficient_mm = linear_mm.copy()
     coefficient_mm[:, 2] = -large_strain(-coefficient_mm[:, 2], model.thickness_mm)
     return PadShape(
@@ -113,19 +116,17 @@ class PadContacts:
         return float(np.linalg.norm(parts))
 
     def surface_covariance(
-        self, model: PadModel, fit: PatchFit, shape: PadShape, is_seen: Mask
+        self, model: PadModel, fit: PatchFit, found: Sequence[Contact], shape: PadShape, is_seen: Mask
     ) -> Covariances3:
         """(m, 3, 3) covariances of the contact face over the markers, mm^2.
 
-        The displacement has the relative deviation of the strongest force, and that of the depth.
+        The displacement has the relative deviation of the depth of the strongest of the contacts `found`.
         """
         noise_mm = model.pitch_mm / model.pitch_px * _noise_px(fit)
         share = self.depth_share
-        if len(fit.contact) > 0:
-            strongest = int(np.argmax(fit.force_mm2))
-            at = OWN * strongest + SHAPE
-            variance = _misfit_scale(fit) * fit.covariance[at, at] + fit.sheet_covariance[at, at]
-            share = float(np.hypot(share, np.sqrt(variance) / fit.force_mm2[strongest]))
+        if found:
+            strongest = max(found, key=lambda contact: contact.normal_force_over_E_mm2)
+            share = strongest.std("depth") / max(strongest.depth_mm, 1e-9)
         growth = np.where(is_seen, 1.0, 2.0)[:, None]
         std_mm = growth * np.hypot(noise_mm, share * np.abs(shape.face_mm))
         covariance = np.zeros((len(std_mm), 3, 3))
@@ -138,9 +139,10 @@ class PadContacts:
         own = fit.contact[number]
         centre_mm, press_mm2 = own[:2], float(own[SHAPE])
         depth_mm, slope, moved_mm = _depth(model, fit, shape, number)
-        part = slice(OWN * number, OWN * (number + 1))
-        total = (_misfit_scale(fit) * fit.covariance + fit.sheet_covariance)[part, part]
-        covariance = slope @ total @ slope.T
+        part = np.r_[
+            OWN * number : OWN * (number + 1), OWN * len(fit.contact) + MOTIONS : len(fit.covariance)
+        ]
+        covariance = _misfit_scale(fit) * slope @ fit.covariance[np.ix_(part, part)] @ slope.T
         footprint = self.footprints(clusters, number, model.pitch_mm)
         area_mm2 = footprint.area_mm2
         trace = float(np.sqrt(own[2] ** 2 + own[3] ** 2 + own[4] ** 2))
@@ -191,10 +193,10 @@ class PadContacts:
 
 def _depth(
     model: PadModel, fit: PatchFit, shape: PadShape, number: int
-) -> tuple[float, Float64[np.ndarray, "8 10"], Float64[np.ndarray, "3"]]:
-    """Largest depth of a contact; derivatives of `ESTIMATES` by its parameters; displacement of its centre.
+) -> tuple[float, Float64[np.ndarray, "8 p"], Float64[np.ndarray, "3"]]:
+    """Largest depth of a contact; derivatives of `ESTIMATES`; displacement of its centre.
 
-    Areas have no derivatives.
+    The derivatives are by the parameters of the contact, then by those of the pad. Areas have none.
     """
     own, images = fit.contact[number], fit.images[number]
     root = np.array([[own[2], 0.0], [own[3], own[4]]])
@@ -212,7 +214,7 @@ def _depth(
         return -float((model.by_node(tractions(images, changed, which)) * by_node).sum())
 
     plain_mm = linear_depth(own, 0)
-    slope = np.zeros((len(ESTIMATES), OWN))
+    slope = np.zeros((len(ESTIMATES), OWN + len(fit.sheet)))
     for parameter in range(OWN):
         changed = own.copy()
         step = _STEP_MM if parameter < SHAPE else 1e-3 * max(abs(float(own[SHAPE])), 1e-9)
@@ -220,6 +222,8 @@ def _depth(
         local_mm = _unresolved_depth(model, changed) - _unresolved_depth(model, own)
         which = 1 + parameter if parameter < SHAPE else 0
         slope[_DEPTH, parameter] = (linear_depth(changed, which) + local_mm - plain_mm) / step
+    around = model.depth_by_parameter[:, at.node[deepest]] @ -shape.nodal_mm2[:, 2]
+    slope[_DEPTH, OWN : OWN + len(around)] = around @ at.value[deepest]
     slope[_DEPTH] *= depth_mm / max(linear_mm, 1e-9)
     for parameter, estimate in enumerate(("normal_force", "shear_x", "shear_y", "torque"), SHAPE):
         slope[ESTIMATES.index(estimate), parameter] = 1.0
@@ -255,7 +259,6 @@ def _clusters(model: PadModel, fit: PatchFit) -> Clusters:
     """The patches as what `Footprints` computes regions of."""
     count = len(fit.contact)
     spread, covariance = np.empty((count, 2, 2)), np.empty((count, 6, 6))
-    by_sheet = np.empty((count, 6, 6))
     scale = _misfit_scale(fit)
     order = [SHAPE, 0, 1, 2, 3, 4]
     for number, (xx, yx, yy) in enumerate(fit.contact[:, 2:SHAPE]):
@@ -264,14 +267,13 @@ def _clusters(model: PadModel, fit: PatchFit) -> Clusters:
         change[3:, 3:] = [[2.0 * xx, 0.0, 0.0], [yx, xx, 0.0], [0.0, 2.0 * yx, 2.0 * yy]]
         at = OWN * number + np.array(order)
         covariance[number] = scale * change @ fit.covariance[np.ix_(at, at)] @ change.T
-        by_sheet[number] = change @ fit.sheet_covariance[np.ix_(at, at)] @ change.T
     return Clusters(
         centre_mm=fit.contact[:, :2],
         force_mm2=np.column_stack([fit.contact[:, 6:8], -fit.force_mm2]),
         torque_mm3=fit.contact[:, 8],
         spread_mm2=spread,
         covariance=covariance,
-        sheet_covariance=by_sheet,
+        sheet_covariance=np.zeros((count, 6, 6)),
         label=np.full(model.patch.node_count, -1, dtype=np.int64),
         is_face=np.zeros(count, dtype=np.bool_),
         corner_points_mm=tuple(np.zeros((0, 2)) for _ in range(count)),

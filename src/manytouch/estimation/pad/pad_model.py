@@ -38,6 +38,8 @@ class PadModel:
             of the pad; the splines are counted along x and y.
         by_parameter: (p, 3, nx, ny, 2 m) change of the marker images per nodal force for one standard
             deviation of Poisson's ratio, of the thickness, and of the depth of the markers.
+        depth_by_parameter: (2, n, n) change of the depths of the contact face per normal force, for the same
+            of the first two; the depth of the markers does not change it.
         marker: (n, 3, m, 3) displacement of the markers per nodal force.
         face: (n, 3, n, 3) coefficients of the contact face per nodal force.
         over_marker: basis functions of the contact face over the markers.
@@ -58,6 +60,7 @@ class PadModel:
     table: LayerTable
     by_sides: Float64[np.ndarray, "3 nx ny r"]
     by_parameter: Float64[np.ndarray, "p 3 nx ny r"]
+    depth_by_parameter: Float64[np.ndarray, "2 nodes nodes"]
     marker: Float64[np.ndarray, "nodes 3 m 3"]
     face: Float64[np.ndarray, "nodes 3 nodes 3"]
     over_marker: PointBasis
@@ -166,6 +169,11 @@ class NominalPad:
                         stds.thickness_mm * image(response.by_thickness),
                         (stds.marker_depth_mm or 0.0) * image(response.by_marker_depth),
                     ]
+                )
+            ),
+            depth_by_parameter=read_only(
+                np.stack(
+                    [poisson_std * response.depth_by_poisson, stds.thickness_mm * response.depth_by_thickness]
                 )
             ),
             marker=read_only(np.ascontiguousarray(response.marker.transpose(2, 3, 0, 1))),

@@ -54,8 +54,9 @@ class PatchFit:
         misfit: squared whitened residual with the priors.
         residual_px: (2 m,) measured minus fitted.
         weight: (2 m,) inverse variances of the measurement, 0 where not seen.
-        covariance: (OWN c + MOTIONS, ...) of all parameters by noise and priors.
-        sheet_covariance: the same by the parameters of the pad.
+        sheet: (k,) Poisson's ratio, thickness and depth of the markers, in standard deviations from those
+            of the sensor.
+        covariance: (OWN c + MOTIONS + k, ...) of all parameters by noise and priors.
     """
 
     contact: Float64[np.ndarray, "c 10"]
@@ -64,8 +65,8 @@ class PatchFit:
     misfit: float
     residual_px: Float64[np.ndarray, " r"]
     weight: Float64[np.ndarray, " r"]
+    sheet: Float64[np.ndarray, " k"]
     covariance: Float64[np.ndarray, "p p"]
-    sheet_covariance: Float64[np.ndarray, "p p"]
 
     @property
     def force_mm2(self) -> Scalars:
@@ -135,7 +136,7 @@ class PatchFitter:
     shift_px: float = 0.03
     growth: float = 3e-4
     turn_rad: float = 3e-4
-    max_steps: int = 8
+    max_steps: int = 20
 
     def __call__(
         self,
@@ -143,6 +144,8 @@ class PatchFitter:
         contact: Float64[np.ndarray, "c 10"],
         measured_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
+        *,
+        is_sheet_known: bool = False,
     ) -> PatchFit:
         """The patches that explain the images best, from guesses.
 
@@ -151,10 +154,13 @@ class PatchFitter:
             contact: (c, OWN) guesses.
             measured_px: (2 m,) displacements of the marker images, without what is not linear in them.
             weight: (2 m,) inverse variances, 0 where not seen.
+            is_sheet_known: keep the parameters of the pad.
         """
-        motion_column = self._motion_columns(model)
-        theta = np.concatenate([contact.ravel(), np.zeros(MOTIONS)])
-        now = self._evaluate(model, theta, measured_px, weight, motion_column)
+        columns = _Columns(
+            motion=self._motion_columns(model), sheet=tuple(_by_sheet(model, own[:SHAPE]) for own in contact)
+        )
+        theta = np.concatenate([contact.ravel(), np.zeros(MOTIONS + len(model.by_parameter))])
+        now = self._evaluate(model, theta, measured_px, weight, columns)
         damping = 1e-4
         for _ in range(self.max_steps):
             pull, curved = now.gradient(weight)
@@ -162,26 +168,28 @@ class PatchFitter:
             for _ in range(4):
                 damped = curved + damping * np.diag(np.diag(curved))
                 moved = self._limited(model, theta, theta + np.linalg.solve(damped, pull))
-                tried = self._evaluate(model, moved, measured_px, weight, motion_column)
+                if is_sheet_known:
+                    _parts(moved, len(contact))[2][:] = 0.0
+                tried = self._evaluate(model, moved, measured_px, weight, columns)
                 if tried.misfit <= now.misfit:
                     theta, now, damping = moved, tried, 0.1 * damping
                     break
                 damping = max(10.0 * damping, 1e-3)
-            if before - now.misfit < 1e-3 * before + 0.02:
+            if before - now.misfit < 1e-4 * before + 0.02:
                 break
         _, curved = now.gradient(weight)
         size = np.sqrt(np.diag(curved))
         covariance = np.linalg.inv(curved / np.outer(size, size)) / np.outer(size, size)
-        found = theta[:-MOTIONS].reshape(-1, OWN)
+        contacts, motion, sheet = _parts(theta, len(contact))
         return PatchFit(
-            contact=found,
-            motion=theta[-MOTIONS:],
+            contact=contacts,
+            motion=motion,
+            sheet=sheet,
             images=now.images,
             misfit=now.misfit,
             residual_px=now.residual_px,
             weight=weight,
             covariance=covariance,
-            sheet_covariance=self._sheet_covariance(model, found, now, weight, covariance),
         )
 
     def images(self, model: PadModel, shape: Float64[np.ndarray, "5"]) -> PatchImages:
@@ -196,22 +204,13 @@ class PatchFitter:
                 moved[number - 1] += _STEP_MM
             add_dome(moved, grid, DOME, nodal[number])
             add_layer_images(moved, model.table, DOME, model.markers, column[number])
-            trace = moved[2] ** 2 + moved[3] ** 2 + moved[4] ** 2
-            scale[number] = trace, np.sqrt(0.5 * trace)
-        used_x, used_y = (
-            np.flatnonzero(nodal[:, 0].any(axis=(0, 2))),
-            np.flatnonzero(nodal[:, 0].any(axis=(0, 1))),
-        )
-        window = (slice(used_x[0], used_x[-1] + 1), slice(used_y[0], used_y[-1] + 1))
+            scale[number] = _load_scale(moved)
+        window = _window(np.asarray(nodal[:, 0].any(axis=0)))
         load = nodal[:, :, *window].reshape((1 + SHAPE) * SPREADS, -1)
         rows = column.shape[-1]
         x, y, z = (model.by_sides[axis][window].reshape(-1, rows) for axis in range(3))
         by_x, by_y = ((load @ axis).reshape(1 + SHAPE, SPREADS, rows) for axis in (x, y))
-        column[:, 0] -= load.reshape(1 + SHAPE, SPREADS, -1)[:, 0] @ z
-        column[:, 1] += by_x[:, 0]
-        column[:, 2] += by_y[:, 0]
-        column[:, 3] += by_y[:, 1] - by_x[:, 2]
-        column[:, 4] += by_x[:, 1] + by_y[:, 2]
+        column += _unit_loads(by_x, by_y, load.reshape(1 + SHAPE, SPREADS, -1)[:, 0] @ z)
         column[:, 3:] /= scale[:, :, None]
         return PatchImages(nodal=nodal, column=column, scale=scale)
 
@@ -221,25 +220,29 @@ class PatchFitter:
         theta: np.ndarray,
         measured_px: np.ndarray,
         weight: np.ndarray,
-        motion_column: np.ndarray,
+        columns: "_Columns",
     ) -> "_Evaluation":
-        contact = theta[:-MOTIONS].reshape(-1, OWN)
+        contact, motion, sheet = _parts(theta, len(columns.sheet))
         slope = np.empty((len(theta), len(measured_px)))
-        slope[-MOTIONS:] = motion_column
-        residual_px = measured_px - theta[-MOTIONS:] @ motion_column
+        after = contact.size + MOTIONS
+        slope[contact.size : after] = columns.motion
+        slope[after:] = 0.0
+        residual_px = measured_px - motion @ columns.motion
         images, prior = [], []
-        for number, own in enumerate(contact):
+        for number, (own, by_sheet) in enumerate(zip(contact, columns.sheet, strict=True)):
             found = self.images(model, own[:SHAPE])
             images.append(found)
             press, radial = own[SHAPE], own[OWN - 1]
             load = np.array([*own[SHAPE : OWN - 1], press * radial])
             fitted = load @ found.column
+            changed = load @ by_sheet
             part = slope[OWN * number : OWN * (number + 1)]
             part[:SHAPE] = (fitted[1:] - fitted[0]) / _STEP_MM
-            part[SHAPE:] = found.column[0]
-            part[SHAPE] += radial * found.column[0, LOADS - 1]
+            part[SHAPE:] = found.column[0] + np.tensordot(sheet, by_sheet, axes=1)
+            part[SHAPE] += radial * part[OWN - 1]
             part[OWN - 1] *= press
-            residual_px -= fitted[0]
+            slope[after:] += changed
+            residual_px -= fitted[0] + sheet @ changed
             prior.append(self._prior(model, own))
         own_pull = np.zeros(len(theta))
         own_curved = np.zeros((len(theta), len(theta)))
@@ -249,10 +252,11 @@ class PatchFitter:
             own_pull[own_slice] = -jacobian.T @ value
             own_curved[own_slice, own_slice] = jacobian.T @ jacobian
             misfit += float(value @ value)
-        motion = 1.0 / np.square([self.shift_px, self.shift_px, self.growth, self.turn_rad])
-        own_pull[-MOTIONS:] = -motion * theta[-MOTIONS:]
-        own_curved[range(-MOTIONS, 0), range(-MOTIONS, 0)] = motion
-        misfit += float(motion @ theta[-MOTIONS:] ** 2)
+        motion_std = [self.shift_px, self.shift_px, self.growth, self.turn_rad]
+        common, stiffness = theta[contact.size :], 1.0 / np.square([*motion_std, *np.ones(len(sheet))])
+        own_pull[contact.size :] = -stiffness * common
+        own_curved[range(contact.size, len(theta)), range(contact.size, len(theta))] = stiffness
+        misfit += float(stiffness @ common**2)
         return _Evaluation(
             misfit=misfit,
             residual_px=residual_px,
@@ -298,8 +302,8 @@ class PatchFitter:
 
     def _limited(self, model: PadModel, before: np.ndarray, theta: np.ndarray) -> np.ndarray:
         """Parameters with moments that are not 0, and centres on the pad, near those before."""
-        contact = theta[:-MOTIONS].reshape(-1, OWN)
-        old = before[:-MOTIONS].reshape(-1, OWN)
+        count = len(theta) // OWN
+        contact, old = _parts(theta, count)[0], _parts(before, count)[0]
         least_mm, most_mm = _MIN_ROOT * model.thickness_mm, 0.5 * min(model.patch.size_mm)
         half_mm = 0.5 * np.array(model.patch.size_mm)
         step_mm = 0.7 * model.thickness_mm
@@ -320,29 +324,55 @@ class PatchFitter:
             [np.tile([1.0, 0.0], count), np.tile([0.0, 1.0], count), away_px.ravel(), turned_px.ravel()]
         )
 
-    def _sheet_covariance(
-        self,
-        model: PadModel,
-        contact: np.ndarray,
-        found: "_Evaluation",
-        weight: np.ndarray,
-        covariance: np.ndarray,
-    ) -> Float64[np.ndarray, "p p"]:
-        """Covariance of the parameters by those of the pad that are not exactly known."""
-        total = np.zeros_like(covariance)
-        if len(contact) == 0:
-            return total
-        nodal = np.sum(
-            [tractions(images, own, 0) for own, images in zip(contact, found.images, strict=True)], axis=0
-        )
-        used_x, used_y = np.flatnonzero(nodal.any(axis=(1, 2))), np.flatnonzero(nodal.any(axis=(0, 2)))
-        window = (slice(used_x[0], used_x[-1] + 1), slice(used_y[0], used_y[-1] + 1))
-        load = np.ascontiguousarray(nodal[window].transpose(2, 0, 1)).ravel()
-        for by_parameter in model.by_parameter:
-            changed_px = load @ by_parameter[:, *window].reshape(len(load), -1)
-            moved = covariance @ (found.slope @ (weight * changed_px))
-            total += np.outer(moved, moved)
-        return total
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class _Columns:
+    """Marker images by what all contacts have in common.
+
+    Attributes:
+        motion: (MOTIONS, 2 m) by the motion of the image.
+        sheet: of each contact (k, LOADS, 2 m), by unit loads for one standard deviation of each parameter of
+            the pad, for the shape that the contact begins with.
+    """
+
+    motion: Float64[np.ndarray, "4 r"]
+    sheet: tuple[Float64[np.ndarray, "k 5 r"], ...]
+
+
+def _parts(theta: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Views of the parameters: (count, OWN) of contacts, (MOTIONS,) of the image, (k,) of the pad."""
+    own = OWN * count
+    return theta[:own].reshape(count, OWN), theta[own : own + MOTIONS], theta[own + MOTIONS :]
+
+
+def _window(is_used: np.ndarray) -> tuple[slice, slice]:
+    """The rectangle of nodes (nx, ny) that are used."""
+    used_x, used_y = np.flatnonzero(is_used.any(axis=1)), np.flatnonzero(is_used.any(axis=0))
+    return slice(used_x[0], used_x[-1] + 1), slice(used_y[0], used_y[-1] + 1)
+
+
+def _unit_loads(by_x: np.ndarray, by_y: np.ndarray, by_z: np.ndarray) -> Float64[np.ndarray, "s 5 r"]:
+    """(s, LOADS, r) images from those by forces along x, y (s, SPREADS, r) and z (s, r) as in `SPREADS`."""
+    return np.stack([-by_z, by_x[:, 0], by_y[:, 0], by_y[:, 1] - by_x[:, 2], by_x[:, 1] + by_y[:, 2]], axis=1)
+
+
+def _by_sheet(model: PadModel, shape: Float64[np.ndarray, "5"]) -> Float64[np.ndarray, "k 5 r"]:
+    """(k, LOADS, 2 m) changes of the images of a shape by the parameters of the pad."""
+    nodal = np.zeros((SPREADS, model.grid.count_x + 3, model.grid.count_y + 3))
+    add_dome(shape, model.grid, DOME, nodal)
+    window = _window(nodal[0].astype(np.bool_))
+    load = nodal[:, *window].reshape(SPREADS, -1)
+    count, rows = len(model.by_parameter), model.by_parameter.shape[-1]
+    x, y, z = (model.by_parameter[:, axis, *window].reshape(count, -1, rows) for axis in range(3))
+    column = _unit_loads(load @ x, load @ y, load[0] @ z)
+    column[:, 3:] /= _load_scale(shape)[:, None]
+    return column
+
+
+def _load_scale(shape: np.ndarray) -> Float64[np.ndarray, "2"]:
+    """What the torque and the radial shear of a shape are divided by."""
+    trace = shape[2] ** 2 + shape[3] ** 2 + shape[4] ** 2
+    return np.array([trace, np.sqrt(0.5 * trace)])
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

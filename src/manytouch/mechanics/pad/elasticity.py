@@ -38,6 +38,7 @@ class PadResponse:
         by_poisson, by_thickness: (m, 3, n, 3) derivatives of `marker` by Poisson's ratio and by the thickness
             (per mm); the markers keep their depth below the contact face.
         by_marker_depth: (m, 3, n, 3) derivative by that depth, per mm.
+        depth_by_poisson, depth_by_thickness: (n, n) derivatives of the depths in `face` per normal force.
     """
 
     marker: Float64[np.ndarray, "m 3 nodes 3"]
@@ -45,6 +46,8 @@ class PadResponse:
     by_poisson: Float64[np.ndarray, "m 3 nodes 3"]
     by_thickness: Float64[np.ndarray, "m 3 nodes 3"]
     by_marker_depth: Float64[np.ndarray, "m 3 nodes 3"]
+    depth_by_poisson: Float64[np.ndarray, "nodes nodes"]
+    depth_by_thickness: Float64[np.ndarray, "nodes nodes"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -106,6 +109,7 @@ def pad_response(
     count, nodes = len(marker_mm), patch.node_count
     marker, by_poisson, by_thickness, raised_by = (np.zeros((3 * count, 3 * nodes)) for _ in range(4))
     face = np.zeros((3 * nodes, 3 * nodes))
+    depth_by_poisson, depth_by_thickness = np.zeros((nodes, nodes)), np.zeros((nodes, nodes))
     for part in _parts(patch, thickness_mm):
         own_at, own_raised = csr_array(at @ part.unfold), csr_array(by_share @ part.unfold)
         load = np.zeros((own_at.shape[1], len(part.on_face)))
@@ -116,10 +120,14 @@ def pad_response(
         fold = csr_array(part.unfold_face.T)
         face += (fold.T @ (fold.T @ answer[part.on_face]).T).T
         marker += (fold.T @ (own_at @ answer).T).T
-        change = np.tensordot(slope, part.stiffness, axes=1)
-        by_poisson -= (fold.T @ (reciprocal.T @ (change @ answer)).T).T
-        change = np.tensordot(lame, part.thicker, axes=1)
-        by_thickness -= (fold.T @ (reciprocal.T @ (change @ answer)).T).T
+        pressed, upright = answer[:, 2::3], csr_array(part.unfold_face[2::3, 2::3])
+        for change, by_marker, by_depth in (
+            (np.tensordot(slope, part.stiffness, axes=1), by_poisson, depth_by_poisson),
+            (np.tensordot(lame, part.thicker, axes=1), by_thickness, depth_by_thickness),
+        ):
+            changed = change @ answer
+            by_marker[:] -= (fold.T @ (reciprocal.T @ changed).T).T
+            by_depth[:] -= (upright @ (upright @ (pressed.T @ changed[:, 2::3])).T).T
         raised_by += (fold.T @ (own_raised @ answer).T).T
     # the share 1 - depth / thickness of the markers' height depends on both
     by_thickness += marker_depth_mm / thickness_mm**2 * raised_by
@@ -130,6 +138,8 @@ def pad_response(
         by_poisson=read_only(by_poisson.reshape(shape)),
         by_thickness=read_only(by_thickness.reshape(shape)),
         by_marker_depth=read_only((-raised_by / thickness_mm).reshape(shape)),
+        depth_by_poisson=read_only(depth_by_poisson),
+        depth_by_thickness=read_only(depth_by_thickness),
     )
 
 

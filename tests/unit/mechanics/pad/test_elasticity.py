@@ -48,16 +48,25 @@ def test_one_node_is_a_column_of_the_face() -> None:
 
 
 @pytest.mark.parametrize("depth_mm", [0.0, 0.7])
-def test_derivatives_by_poisson_s_ratio_and_thickness(depth_mm: float) -> None:
-    def marker(thickness_mm: float, poisson: float) -> np.ndarray:
-        return pad_response(SMALL, thickness_mm, poisson, MARKER_MM, depth_mm).marker
+def test_derivatives_by_the_parameters_of_the_pad(depth_mm: float) -> None:
+    def response(thickness_mm: float, poisson: float, depth_mm: float) -> PadResponse:
+        return pad_response(SMALL, thickness_mm, poisson, MARKER_MM, depth_mm)
 
-    found = pad_response(SMALL, THICKNESS_MM, POISSON, MARKER_MM, depth_mm)
+    found = response(THICKNESS_MM, POISSON, depth_mm)
     step = 1e-4
-    by_poisson = (marker(THICKNESS_MM, POISSON + step) - marker(THICKNESS_MM, POISSON - step)) / (2.0 * step)
-    np.testing.assert_allclose(found.by_poisson, by_poisson, atol=1e-3 * np.abs(by_poisson).max())
-    thicker = (marker(THICKNESS_MM + step, POISSON) - marker(THICKNESS_MM - step, POISSON)) / (2.0 * step)
-    np.testing.assert_allclose(found.by_thickness, thicker, atol=1e-3 * np.abs(thicker).max())
+    for by_marker, by_depth, change in (
+        (found.by_poisson, found.depth_by_poisson, (0.0, step, 0.0)),
+        (found.by_thickness, found.depth_by_thickness, (step, 0.0, 0.0)),
+        (found.by_marker_depth, np.zeros_like(found.depth_by_poisson), (0.0, 0.0, step)),
+    ):
+        more, less = (
+            response(THICKNESS_MM + sign * change[0], POISSON + sign * change[1], depth_mm + sign * change[2])
+            for sign in (1.0, -1.0)
+        )
+        marker = (more.marker - less.marker) / (2.0 * step)
+        np.testing.assert_allclose(by_marker, marker, atol=2e-3 * np.abs(marker).max())
+        depth = (more.face - less.face)[:, 2, :, 2] / (2.0 * step)
+        np.testing.assert_allclose(by_depth, depth, atol=max(1e-3 * np.abs(depth).max(), 1e-9))
 
 
 def test_even_numbers_of_elements_are_refused() -> None:
