@@ -24,7 +24,7 @@ def presses(sensor: Sensor) -> list[KnownPress]:
     found = []
     for number, (place_mm, force_N) in enumerate(zip(PLACES_MM, FORCES_N, strict=True)):
         shape = np.array([*place_mm, 0.9, 0.0, 0.9])
-        column = estimator.fitter.images(model, shape).column[0, 0]
+        column = estimator.fitter.images(model, shape[None]).column[0, 0]
         noise_px = np.random.default_rng(number).normal(0.0, 0.01, (len(column) // 2, 2))
         found.append(
             KnownPress(

@@ -17,8 +17,9 @@ from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerS
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, PadModel
-from manytouch.estimation.pad.patch_fit import OWN, PatchFit, PatchFitter
+from manytouch.estimation.pad.patch_fit import PatchFit, PatchFitter
 from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.estimation.pad.patch_prior import OWN
 from manytouch.estimation.pad.patch_search import Candidates, PatchSearch
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
@@ -40,6 +41,7 @@ class PadState:
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         contact: (c, OWN) parameters of the patches of the last frame.
         displacement_mm: (m, 3) of the markers in the last frame.
+        refused_misfit: misfit of the frame in which another contact was last tried in vain; 0 if none was.
         slip, tracks: of the contacts.
     """
 
@@ -50,6 +52,7 @@ class PadState:
     reference_px: Points2
     contact: np.ndarray
     displacement_mm: np.ndarray
+    refused_misfit: float
     slip: SlipState
     tracks: ContactTrackerState
 
@@ -86,10 +89,13 @@ class PadEstimator:
         model_share: the same over the displacement of the marker.
         model_reach: distance in thicknesses within which markers have this error in common.
         max_contacts: largest number of contacts.
-        start_gain: least reduction of the misfit by a new contact.
+        start_gain: least reduction of the misfit by a new contact, with the model's error for it,
+        sure_gain: or without that error.
         start_stds, last_stds: least normal force of a contact that starts and of one that lasts, in standard
             deviations.
         least_depth: least depth of a contact, in thicknesses.
+        retry_misfit: growth of the misfit after which another contact is tried again,
+        refusal_lasts: which falls by this factor in each frame.
         split_misfit: misfit per image coordinate above which the widest contact may be two.
         merge_gain: least increase of the misfit if two near contacts were one.
     """
@@ -107,9 +113,12 @@ class PadEstimator:
     model_reach: float = 0.5
     max_contacts: int = 8
     start_gain: float = 40.0
+    sure_gain: float = 400.0
     start_stds: float = 3.0
     last_stds: float = 2.0
     least_depth: float = 0.002
+    retry_misfit: float = 1.3
+    refusal_lasts: float = 0.97
     split_misfit: float = 2.0
     merge_gain: float = 15.0
 
@@ -132,6 +141,7 @@ class PadEstimator:
             reference_px=read_only(at_rest_px.copy()),
             contact=read_only(np.zeros((0, OWN))),
             displacement_mm=read_only(np.zeros((len(layout.rest_mm), 3))),
+            refused_misfit=0.0,
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
         )
@@ -143,7 +153,7 @@ class PadEstimator:
             status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
             tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
             return replace(state, tracks=tracks), unknown_surface(model.layout, status), contacts
-        fit = self.fit_frame(state, grid)
+        fit, refused_misfit = self._frame(state, grid)
         shape = pad_shape(model, fit)
         found = self.pad_contacts(model, fit, shape)
         least_mm = self.least_depth * model.thickness_mm
@@ -163,6 +173,7 @@ class PadEstimator:
             state,
             contact=read_only(fit.contact),
             displacement_mm=read_only(fit.marker_mm(model)),
+            refused_misfit=refused_misfit,
             slip=slip,
             tracks=tracks,
         )
@@ -175,32 +186,52 @@ class PadEstimator:
 
     def fit_frame(self, state: PadState, grid: TrackedGrid) -> PatchFit:
         """The contacts of the next frame."""
+        return self._frame(state, grid)[0]
+
+    def _frame(self, state: PadState, grid: TrackedGrid) -> tuple[PatchFit, float]:
+        """The contacts of the next frame, and `PadState.refused_misfit`."""
         model, measured = state.model, self._measured(state, grid)
-        fit = self._fit(model, state.contact, measured, state.displacement_mm)
-        for _ in range(self.max_contacts):
+        fit = self._fit_once(model, state.contact, measured, state.displacement_mm)
+        refused_misfit = state.refused_misfit
+        for _ in range(self.max_contacts - len(fit.contact)):
             fit = self._pruned(model, fit, measured)
-            guess, gain = self.search(state.candidates, fit.residual_px, fit.weight)
-            if len(fit.contact) >= self.max_contacts:
+            if len(fit.contact) != len(state.contact):
+                refused_misfit = 0.0
+            if 0.0 < fit.misfit < self.retry_misfit * refused_misfit:
+                refused_misfit *= self.refusal_lasts
                 break
-            longer = None
-            if guess is not None and gain >= self.start_gain:
-                longer = self._if_better(model, fit, np.vstack([fit.contact, guess]), measured)
-            if longer is None and fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum()):
-                widest = int(np.argmax((fit.contact[:, 2:SHAPE] ** 2).sum(axis=1)))
-                longer = self._if_better(model, fit, _halved(fit.contact, widest), measured)
+            longer = self._longer(state, fit, measured)
             if longer is None:
+                refused_misfit = fit.misfit
                 break
             # what the first fit leaves is no sign of another contact: its weights are those before it
             fit = self._fit(model, longer.contact, measured, longer.marker_mm(model))
-        return fit
+        return fit, refused_misfit
+
+    def _longer(self, state: PadState, fit: PatchFit, measured: _Measured) -> PatchFit | None:
+        """The fit with one contact more, where that explains the images better."""
+        model = state.model
+        guess, gain = self.search(state.candidates, fit.residual_px, fit.weight)
+        longer = None
+        if guess is not None and gain >= self.start_gain:
+            longer = self._if_better(model, fit, np.vstack([fit.contact, guess]), measured)
+        is_poor = fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum())
+        if longer is None and is_poor and len(fit.contact) > 0:
+            widest = int(np.argmax((fit.contact[:, 2:SHAPE] ** 2).sum(axis=1)))
+            longer = self._if_better(model, fit, _halved(fit.contact, widest), measured)
+        return longer
 
     def _if_better(
         self, model: PadModel, fit: PatchFit, contact: np.ndarray, measured: _Measured
     ) -> PatchFit | None:
         """The fit of guesses, unless a contact is not clear or the misfit does not fall by enough."""
-        found = self._fit(model, contact, measured, fit.marker_mm(model))
+        first = self._fit_once(model, contact, measured, fit.marker_mm(model), is_sheet_known=True)
+        found = self._fit(model, first.contact, measured, first.marker_mm(model))
         if np.any(found.force_mm2 <= self.last_stds * found.force_std_mm2):
             return None
+        # with the weights before the contact, which lack the model's error for it, the gain must be clear
+        if fit.misfit - first.misfit >= self.sure_gain:
+            return found
         linear_px = self._linear_px(model, measured, found.marker_mm(model))
         same = self.fitter(model, fit.contact, linear_px, found.weight)
         return found if same.misfit - found.misfit >= self.start_gain else None
@@ -235,19 +266,33 @@ class PadEstimator:
         return np.asarray((measured.moved_px - curved_px).ravel())
 
     def _fit(self, model: PadModel, contact: np.ndarray, measured: _Measured, moved_mm: Points3) -> PatchFit:
-        """Patches for guesses, with the error of the model by the displacements (m, 3) of the markers."""
-        fit = None
-        for is_sheet_known in (True, True, False):
-            expected_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
-            error_px2 = self._model_error_px2(model, (expected_px**2).sum(axis=1))
-            weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
-            linear_px = self._linear_px(model, measured, moved_mm)
-            fit = self.fitter(model, contact, linear_px, weight, is_sheet_known=is_sheet_known)
-            contact, moved_mm = fit.contact, fit.marker_mm(model)
-            if len(contact) == 0:
+        """Patches for guesses.
+
+        The parameters of the pad are fitted last: before, they would explain what is wrong with the guesses.
+        """
+        fit = self._fit_once(model, contact, measured, moved_mm, is_sheet_known=True)
+        for is_sheet_known in (True, False):
+            if len(fit.contact) == 0:
                 break
-        assert fit is not None
+            moved_mm = fit.marker_mm(model)
+            fit = self._fit_once(model, fit.contact, measured, moved_mm, is_sheet_known=is_sheet_known)
         return fit
+
+    def _fit_once(
+        self,
+        model: PadModel,
+        contact: np.ndarray,
+        measured: _Measured,
+        moved_mm: Points3,
+        *,
+        is_sheet_known: bool = False,
+    ) -> PatchFit:
+        """Patches for guesses, with the error of the model by the displacements (m, 3) of the markers."""
+        expected_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
+        error_px2 = self._model_error_px2(model, (expected_px**2).sum(axis=1))
+        weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
+        linear_px = self._linear_px(model, measured, moved_mm)
+        return self.fitter(model, contact, linear_px, weight, is_sheet_known=is_sheet_known)
 
     def _pruned(self, model: PadModel, fit: PatchFit, measured: _Measured) -> PatchFit:
         """The fit without contacts that are not significant, and with near ones as one if that is enough."""

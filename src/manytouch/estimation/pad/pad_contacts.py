@@ -9,8 +9,9 @@ from jaxtyping import Float64
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.regions.footprints import Footprints
 from manytouch.estimation.pad.pad_model import PadModel
-from manytouch.estimation.pad.patch_fit import MOTIONS, OWN, PatchFit, tractions
+from manytouch.estimation.pad.patch_fit import MOTIONS, STEP_MM, PatchFit, tractions
 from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.estimation.pad.patch_prior import OWN
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import ESTIMATES, Contact, Phase
@@ -18,7 +19,6 @@ from manytouch.values.arrays import Covariances3, Mask, Points3, Scalars, read_o
 
 _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
-_STEP_MM = 1e-3  # of the shapes in `PatchImages`
 _ELEMENT_ROOT = 0.245  # so that the depth under a Gaussian load of .75 elements agrees with the layer
 _RINGS = np.array([[0.0, 0.0]] + [[np.cos(angle), np.sin(angle)] for angle in 2.0 * np.pi * np.arange(8) / 8])
 
@@ -83,9 +83,10 @@ class PadContacts:
         position_pitch, position_root: standard deviations of a centre along each axis that the model does not
             explain, in pitches and in roots of the contact's second moment.
         depth_share, depth_pitch: of the depth, over the depth and in pitches.
-        force_share: of the normal force, over it; and the same times depth over thickness, for
-        force_strain: large strains; and the same times the square of the root of the second moment over the
-        force_width: thickness. Markers hardly show the pressure in the middle of a wide contact.
+        force_share: of the normal force, over it.
+        large_strain: of both, over them, times depth over thickness.
+        wide: the same times the square of the root of the second moment over the thickness. Markers hardly
+            show the pressure in the middle of a wide contact.
         shear_share: of the shear along each axis, over the normal force.
         torque_share: of the torque, over the normal force times the radius.
         area_share: of the area.
@@ -97,8 +98,8 @@ class PadContacts:
     depth_share: float = 0.12
     depth_pitch: float = 0.002
     force_share: float = 0.05
-    force_strain: float = 0.3
-    force_width: float = 0.8
+    large_strain: float = 0.3
+    wide: float = 0.8
     shear_share: float = 0.02
     torque_share: float = 0.05
     area_share: float = 0.25
@@ -110,10 +111,9 @@ class PadContacts:
         clusters = _clusters(model, fit)
         return [self._contact(model, fit, shape, clusters, number) for number in range(len(fit.contact))]
 
-    def _force_error(self, strain: float, root: float) -> float:
-        """Relative deviation of a force that the model does not explain, for lengths in thicknesses."""
-        parts = (self.force_share, self.force_strain * strain, 0.5 * self.force_width * root**2)
-        return float(np.linalg.norm(parts))
+    def _unexplained(self, share: float, strain: float, root: float) -> float:
+        """Relative deviation that the model does not explain, for lengths in thicknesses."""
+        return float(np.linalg.norm((share, self.large_strain * strain, 0.5 * self.wide * root**2)))
 
     def surface_covariance(
         self, model: PadModel, fit: PatchFit, found: Sequence[Contact], shape: PadShape, is_seen: Mask
@@ -149,11 +149,13 @@ class PadContacts:
         place_mm = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * trace)
         std = np.zeros(len(ESTIMATES))
         std[:2] = place_mm
-        std[_DEPTH] = np.hypot(self.depth_share * depth_mm, self.depth_pitch * model.pitch_mm)
+        strain, root = depth_mm / model.thickness_mm, trace / model.thickness_mm
+        depth_share = self._unexplained(self.depth_share, strain, root)
+        std[_DEPTH] = np.hypot(depth_share * depth_mm, self.depth_pitch * model.pitch_mm)
         std[_FORCES] = (
             self.shear_share * press_mm2,
             self.shear_share * press_mm2,
-            press_mm2 * self._force_error(depth_mm / model.thickness_mm, trace / model.thickness_mm),
+            press_mm2 * self._unexplained(self.force_share, strain, root),
             self.torque_share * press_mm2 * trace,
         )
         covariance += np.diag(std**2)
@@ -217,7 +219,7 @@ def _depth(
     slope = np.zeros((len(ESTIMATES), OWN + len(fit.sheet)))
     for parameter in range(OWN):
         changed = own.copy()
-        step = _STEP_MM if parameter < SHAPE else 1e-3 * max(abs(float(own[SHAPE])), 1e-9)
+        step = STEP_MM if parameter < SHAPE else 1e-3 * max(abs(float(own[SHAPE])), 1e-9)
         changed[parameter] += step
         local_mm = _unresolved_depth(model, changed) - _unresolved_depth(model, own)
         which = 1 + parameter if parameter < SHAPE else 0

@@ -7,40 +7,48 @@ that sticks to the pad while the pad spreads. Broad normal priors state what the
 Parameters are found by Gauss-Newton steps, damped as by D. W. Marquardt 1963 (doi:10.1137/0111030).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.pad.pad_model import PadModel
 from manytouch.estimation.pad.patch_kernels import DOME, SHAPE, SPREADS, add_dome, add_layer_images
+from manytouch.estimation.pad.patch_prior import LOADS, OWN, PatchPrior
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points3, Scalars
 
-LOADS = 5
-"""Loads of a contact: normal force, shear x, y and torque, over E; radial shear over the normal force."""
-OWN = SHAPE + LOADS
-"""Parameters of a contact: those of its shape, then its loads."""
 MOTIONS = 4
 """Motion of the whole image: shift x, y in px; growth and turn about the middle, as ratio and in rad."""
-_STEP_MM = 1e-3
+STEP_MM = 1e-3
+_FITTED = 2
+"""Parameters of the pad that are fitted: the first two. The depth of the markers looks like the shape of a
+contact; it counts in the covariance only, as a consider parameter (S. F. Schmidt 1966)."""
+_KEPT_STD = 1e-6  # of a parameter that is not fitted
 _MIN_ROOT = 0.05  # least root of a second moment, in thicknesses
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PatchImages:
-    """Images of one contact.
+    """Images of some shapes of a contact.
 
     Attributes:
-        nodal: (1 + SHAPE, SPREADS, nx, ny) nodal forces of the pressure with unit force, and the same with
-            each parameter of the shape moved by `_STEP_MM`.
-        column: (1 + SHAPE, LOADS, 2 m) marker images by unit loads, for the same shapes.
-        scale: (1 + SHAPE, 2) what the torque and the radial shear are divided by.
+        nodal: (s, SPREADS, nx, ny) nodal forces of the pressure with unit force.
+        column: (s, LOADS, 2 m) marker images by unit loads.
+        scale: (s, 2) what the torque and the radial shear are divided by.
     """
 
-    nodal: Float64[np.ndarray, "6 3 nx ny"]
-    column: Float64[np.ndarray, "6 5 r"]
-    scale: Float64[np.ndarray, "6 2"]
+    nodal: Float64[np.ndarray, "s 3 nx ny"]
+    column: Float64[np.ndarray, "s 5 r"]
+    scale: Float64[np.ndarray, "s 2"]
+
+    def with_more(self, other: "PatchImages") -> "PatchImages":
+        """These shapes, then the others."""
+        return PatchImages(
+            nodal=np.concatenate([self.nodal, other.nodal]),
+            column=np.concatenate([self.column, other.column]),
+            scale=np.concatenate([self.scale, other.scale]),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -50,7 +58,7 @@ class PatchFit:
     Attributes:
         contact: (c, OWN) parameters.
         motion: (MOTIONS,) of the image.
-        images: of each contact.
+        images: of each contact, for its shape and the `SHAPE` shapes that differ by `STEP_MM`.
         misfit: squared whitened residual with the priors.
         residual_px: (2 m,) measured minus fitted.
         weight: (2 m,) inverse variances of the measurement, 0 where not seen.
@@ -114,25 +122,12 @@ class PatchFitter:
     """Fits patches to marker images.
 
     Attributes:
-        usual_radius: radius of a rigid ball, in thicknesses, whose contact on a half-space with the same
-            force (H. Hertz 1882) has the root of the second moment that the prior expects,
-        root_limits: within these limits, in thicknesses,
-        root_spread: and the standard deviation of its logarithm.
-        stretch_spread: standard deviation of the difference of both principal moments over their sum.
-        friction: standard deviation of shear over normal force,
-        radial_mean, radial_friction: mean and standard deviation of radial shear over normal force; it is
-            negative where an object sticks to a pad that spreads under it.
+        prior: of a contact.
         shift_px, growth, turn_rad: standard deviations of the motion of the image.
         max_steps: of the iteration.
     """
 
-    usual_radius: float = 1.0
-    root_limits: tuple[float, float] = (0.08, 0.35)
-    root_spread: float = 0.6
-    stretch_spread: float = 0.5
-    friction: float = 1.0
-    radial_mean: float = -0.06
-    radial_friction: float = 0.12
+    prior: PatchPrior = field(default_factory=PatchPrior)
     shift_px: float = 0.03
     growth: float = 3e-4
     turn_rad: float = 3e-4
@@ -156,20 +151,22 @@ class PatchFitter:
             weight: (2 m,) inverse variances, 0 where not seen.
             is_sheet_known: keep the parameters of the pad.
         """
+        still = np.zeros((len(model.by_parameter), LOADS, len(measured_px)))
         columns = _Columns(
-            motion=self._motion_columns(model), sheet=tuple(_by_sheet(model, own[:SHAPE]) for own in contact)
+            motion=self._motion_columns(model),
+            sheet=tuple(still if is_sheet_known else _by_sheet(model, own[:SHAPE]) for own in contact),
         )
+        count = len(contact)
         theta = np.concatenate([contact.ravel(), np.zeros(MOTIONS + len(model.by_parameter))])
         now = self._evaluate(model, theta, measured_px, weight, columns)
         damping = 1e-4
         for _ in range(self.max_steps):
-            pull, curved = now.gradient(weight)
+            pull, curved, _ = self._slopes(model, theta, now, weight, columns)
             before = now.misfit
             for _ in range(4):
                 damped = curved + damping * np.diag(np.diag(curved))
-                moved = self._limited(model, theta, theta + np.linalg.solve(damped, pull))
-                if is_sheet_known:
-                    _parts(moved, len(contact))[2][:] = 0.0
+                moved = theta + np.linalg.solve(damped, pull)
+                self._limit(model, _parts(theta, count)[0], _parts(moved, count)[0])
                 tried = self._evaluate(model, moved, measured_px, weight, columns)
                 if tried.misfit <= now.misfit:
                     theta, now, damping = moved, tried, 0.1 * damping
@@ -177,40 +174,41 @@ class PatchFitter:
                 damping = max(10.0 * damping, 1e-3)
             if before - now.misfit < 1e-4 * before + 0.02:
                 break
-        _, curved = now.gradient(weight)
+        _, curved, images = self._slopes(model, theta, now, weight, columns)
         size = np.sqrt(np.diag(curved))
         covariance = np.linalg.inv(curved / np.outer(size, size)) / np.outer(size, size)
-        contacts, motion, sheet = _parts(theta, len(contact))
+        for number in range(count * OWN + MOTIONS + _FITTED, len(theta)):
+            change = -covariance @ curved[:, number]
+            change[number] = 1.0
+            covariance += np.outer(change, change)
+        contacts, motion, sheet = _parts(theta, count)
         return PatchFit(
             contact=contacts,
             motion=motion,
             sheet=sheet,
-            images=now.images,
+            images=images,
             misfit=now.misfit,
             residual_px=now.residual_px,
             weight=weight,
             covariance=covariance,
         )
 
-    def images(self, model: PadModel, shape: Float64[np.ndarray, "5"]) -> PatchImages:
-        """Images of a contact with a shape."""
-        grid = model.grid
-        nodal = np.zeros((1 + SHAPE, SPREADS, grid.count_x + 3, grid.count_y + 3))
-        scale = np.empty((1 + SHAPE, 2))
-        column = np.zeros((1 + SHAPE, LOADS, 2 * len(model.rest_px)))
-        for number in range(1 + SHAPE):
-            moved = shape.copy()
-            if number > 0:
-                moved[number - 1] += _STEP_MM
-            add_dome(moved, grid, DOME, nodal[number])
-            add_layer_images(moved, model.table, DOME, model.markers, column[number])
-            scale[number] = _load_scale(moved)
+    def images(self, model: PadModel, shapes: Float64[np.ndarray, "s 5"]) -> PatchImages:
+        """Images of a contact with each of the shapes (s, SHAPE)."""
+        grid, count = model.grid, len(shapes)
+        nodal = np.zeros((count, SPREADS, grid.count_x + 3, grid.count_y + 3))
+        scale = np.empty((count, 2))
+        column = np.zeros((count, LOADS, 2 * len(model.rest_px)))
+        for number, shape in enumerate(shapes):
+            add_dome(shape, grid, DOME, nodal[number])
+            add_layer_images(shape, model.table, DOME, model.markers, column[number])
+            scale[number] = _load_scale(shape)
         window = _window(np.asarray(nodal[:, 0].any(axis=0)))
-        load = nodal[:, :, *window].reshape((1 + SHAPE) * SPREADS, -1)
+        load = nodal[:, :, *window].reshape(count * SPREADS, -1)
         rows = column.shape[-1]
         x, y, z = (model.by_sides[axis][window].reshape(-1, rows) for axis in range(3))
-        by_x, by_y = ((load @ axis).reshape(1 + SHAPE, SPREADS, rows) for axis in (x, y))
-        column += _unit_loads(by_x, by_y, load.reshape(1 + SHAPE, SPREADS, -1)[:, 0] @ z)
+        by_x, by_y = ((load @ axis).reshape(count, SPREADS, rows) for axis in (x, y))
+        column += _unit_loads(by_x, by_y, load[::SPREADS] @ z)
         column[:, 3:] /= scale[:, :, None]
         return PatchImages(nodal=nodal, column=column, scale=scale)
 
@@ -222,88 +220,64 @@ class PatchFitter:
         weight: np.ndarray,
         columns: "_Columns",
     ) -> "_Evaluation":
+        """The misfit of parameters."""
         contact, motion, sheet = _parts(theta, len(columns.sheet))
-        slope = np.empty((len(theta), len(measured_px)))
+        residual_px = measured_px - motion @ columns.motion
+        misfit = float(np.sum(np.square(theta[contact.size :] / self._common_std(len(sheet)))))
+        images = []
+        for own, by_sheet in zip(contact, columns.sheet, strict=True):
+            found = self.images(model, own[None, :SHAPE])
+            images.append(found)
+            residual_px -= _load(own) @ (found.column[0] + np.tensordot(sheet, by_sheet, axes=1))
+            misfit += float(np.sum(self.prior(model, own)[0] ** 2))
+        misfit += float(weight @ residual_px**2)
+        return _Evaluation(misfit=misfit, residual_px=residual_px, images=tuple(images))
+
+    def _slopes(
+        self,
+        model: PadModel,
+        theta: np.ndarray,
+        now: "_Evaluation",
+        weight: np.ndarray,
+        columns: "_Columns",
+    ) -> tuple[np.ndarray, np.ndarray, tuple[PatchImages, ...]]:
+        """Pull towards smaller misfits, its curvature, and the images with those of the moved shapes."""
+        contact, _, sheet = _parts(theta, len(columns.sheet))
+        slope = np.empty((len(theta), len(now.residual_px)))
         after = contact.size + MOTIONS
         slope[contact.size : after] = columns.motion
         slope[after:] = 0.0
-        residual_px = measured_px - motion @ columns.motion
-        images, prior = [], []
+        pull, curved = np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
+        images = []
         for number, (own, by_sheet) in enumerate(zip(contact, columns.sheet, strict=True)):
-            found = self.images(model, own[:SHAPE])
-            images.append(found)
-            press, radial = own[SHAPE], own[OWN - 1]
-            load = np.array([*own[SHAPE : OWN - 1], press * radial])
-            fitted = load @ found.column
-            changed = load @ by_sheet
-            part = slope[OWN * number : OWN * (number + 1)]
-            part[:SHAPE] = (fitted[1:] - fitted[0]) / _STEP_MM
-            part[SHAPE:] = found.column[0] + np.tensordot(sheet, by_sheet, axes=1)
-            part[SHAPE] += radial * part[OWN - 1]
-            part[OWN - 1] *= press
-            slope[after:] += changed
-            residual_px -= fitted[0] + sheet @ changed
-            prior.append(self._prior(model, own))
-        own_pull = np.zeros(len(theta))
-        own_curved = np.zeros((len(theta), len(theta)))
-        misfit = float(weight @ residual_px**2)
-        for number, (value, jacobian) in enumerate(prior):
-            own_slice = slice(OWN * number, OWN * (number + 1))
-            own_pull[own_slice] = -jacobian.T @ value
-            own_curved[own_slice, own_slice] = jacobian.T @ jacobian
-            misfit += float(value @ value)
-        motion_std = [self.shift_px, self.shift_px, self.growth, self.turn_rad]
-        common, stiffness = theta[contact.size :], 1.0 / np.square([*motion_std, *np.ones(len(sheet))])
-        own_pull[contact.size :] = -stiffness * common
-        own_curved[range(contact.size, len(theta)), range(contact.size, len(theta))] = stiffness
-        misfit += float(stiffness @ common**2)
-        return _Evaluation(
-            misfit=misfit,
-            residual_px=residual_px,
-            slope=slope,
-            images=tuple(images),
-            prior_pull=own_pull,
-            prior_curved=own_curved,
-        )
+            one, load = now.images[number], _load(own)
+            moved = self.images(model, own[:SHAPE] + STEP_MM * np.eye(SHAPE))
+            images.append(one.with_more(moved))
+            at = slice(OWN * number, OWN * (number + 1))
+            part = slope[at]
+            part[:SHAPE] = (load @ moved.column - load @ one.column[0]) / STEP_MM
+            part[SHAPE:] = one.column[0] + np.tensordot(sheet, by_sheet, axes=1)
+            part[SHAPE] += own[OWN - 1] * part[OWN - 1]
+            part[OWN - 1] *= own[SHAPE]
+            slope[after:] += load @ by_sheet
+            value, jacobian = self.prior(model, own)
+            pull[at] = -jacobian.T @ value
+            curved[at, at] = jacobian.T @ jacobian
+        common = np.arange(contact.size, len(theta))
+        stiffness = 1.0 / self._common_std(len(sheet)) ** 2
+        pull[common] = -stiffness * theta[common]
+        curved[common, common] = stiffness
+        weighted = slope * weight
+        return weighted @ now.residual_px + pull, weighted @ slope.T + curved, tuple(images)
 
-    def _prior(self, model: PadModel, own: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Whitened deviations of a contact from the prior, and their derivatives (7, OWN)."""
-        xx, yx, yy = own[2:SHAPE]
-        press = max(abs(own[SHAPE]), 1e-9)
-        radius_mm = self.usual_radius * model.thickness_mm
-        hertz_mm = (0.75 * press * (1.0 - model.poisson**2) * radius_mm) ** (1.0 / 3.0)
-        least_mm, most_mm = (limit * model.thickness_mm for limit in self.root_limits)
-        usual_mm = min(max(hertz_mm / np.sqrt(5.0), least_mm), most_mm)
+    def _common_std(self, parameters: int) -> Scalars:
+        """Standard deviations of the motion of the image and of the parameters of the pad."""
+        sheet = np.ones(parameters)
+        sheet[_FITTED:] = _KEPT_STD
+        return np.array([self.shift_px, self.shift_px, self.growth, self.turn_rad, *sheet])
 
-        def shape_terms(root: np.ndarray) -> np.ndarray:
-            trace = float(root @ root)
-            return np.array(
-                [
-                    np.log(np.sqrt(abs(root[0] * root[2])) / usual_mm) / self.root_spread,
-                    (root[0] ** 2 - root[1] ** 2 - root[2] ** 2) / trace / self.stretch_spread,
-                    2.0 * root[0] * root[1] / trace / self.stretch_spread,
-                ]
-            )
-
-        root = np.array([xx, yx, yy])
-        value, jacobian = np.zeros(7), np.zeros((7, OWN))
-        value[:3] = shape_terms(root)
-        for number in range(3):
-            moved = root.copy()
-            moved[number] += 1e-5
-            jacobian[:3, 2 + number] = (shape_terms(moved) - value[:3]) / 1e-5
-        arm = np.sqrt(xx**2 + yx**2 + yy**2)
-        std = np.array([self.friction * press, self.friction * press, self.friction * press * arm])
-        value[3:6] = own[SHAPE + 1 : SHAPE + 4] / std
-        jacobian[range(3, 6), range(SHAPE + 1, SHAPE + 4)] = 1.0 / std
-        value[6] = (own[OWN - 1] - self.radial_mean) / self.radial_friction
-        jacobian[6, OWN - 1] = 1.0 / self.radial_friction
-        return value, jacobian
-
-    def _limited(self, model: PadModel, before: np.ndarray, theta: np.ndarray) -> np.ndarray:
-        """Parameters with moments that are not 0, and centres on the pad, near those before."""
-        count = len(theta) // OWN
-        contact, old = _parts(theta, count)[0], _parts(before, count)[0]
+    def _limit(self, model: PadModel, old: np.ndarray, contact: np.ndarray) -> None:
+        """Keep contacts (c, OWN) near the old ones, their moments above 0, their centres on the pad."""
         least_mm, most_mm = _MIN_ROOT * model.thickness_mm, 0.5 * min(model.patch.size_mm)
         half_mm = 0.5 * np.array(model.patch.size_mm)
         step_mm = 0.7 * model.thickness_mm
@@ -313,7 +287,6 @@ class PatchFitter:
         contact[:, [2, 4]] = np.clip(contact[:, [2, 4]], least_mm, most_mm)
         contact[:, 3] = np.clip(contact[:, 3], -most_mm, most_mm)
         contact[:, OWN - 1] = np.clip(contact[:, OWN - 1], -1.0, 1.0)
-        return theta
 
     def _motion_columns(self, model: PadModel) -> Float64[np.ndarray, "4 r"]:
         """Marker images by the motion of the image."""
@@ -377,16 +350,13 @@ def _load_scale(shape: np.ndarray) -> Float64[np.ndarray, "2"]:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Evaluation:
-    """The misfit of parameters and its derivatives."""
+    """The misfit of parameters, with the images of the shapes."""
 
     misfit: float
     residual_px: np.ndarray
-    slope: np.ndarray
     images: tuple[PatchImages, ...]
-    prior_pull: np.ndarray
-    prior_curved: np.ndarray
 
-    def gradient(self, weight: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Pull towards smaller misfits, and its curvature."""
-        weighted = self.slope * weight
-        return weighted @ self.residual_px + self.prior_pull, weighted @ self.slope.T + self.prior_curved
+
+def _load(own: np.ndarray) -> Scalars:
+    """(LOADS,) of a contact; the radial shear as a force."""
+    return np.array([*own[SHAPE : OWN - 1], own[SHAPE] * own[OWN - 1]])

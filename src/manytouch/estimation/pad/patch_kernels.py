@@ -151,38 +151,6 @@ def _spread_points(
 
 @kernel()
 @no_type_check
-def _add_shear(
-    field: Float64[np.ndarray, "5"],
-    direction: tuple[float, float],
-    load: tuple[float, float],
-    total: Float64[np.ndarray, "3"],
-) -> None:
-    """Add the displacement by a shear traction `load` (x, y), in a direction (x, y) from it, to `total`."""
-    c, s = direction
-    double_c, double_s = c * c - s * s, 2.0 * s * c
-    total[0] += load[0] * (field[2] + field[3] * double_c) + load[1] * field[3] * double_s
-    total[1] += load[0] * field[3] * double_s + load[1] * (field[2] - field[3] * double_c)
-    total[2] += field[4] * (load[0] * c + load[1] * s)
-
-
-@kernel()
-@no_type_check
-def _field_at(table: LayerTable, place: float, distance: float, field: Float64[np.ndarray, "5"]) -> bool:
-    """Interpolate the table at a place among its roots and at a distance, into `field`; False beyond it."""
-    first = int(distance / table.step)
-    if first >= table.value.shape[1] - 1:
-        return False
-    low = min(int(place), len(table.root) - 2)
-    above, share = place - low, distance / table.step - first
-    for j in range(5):
-        near = (1.0 - above) * table.value[low, first, j] + above * table.value[low + 1, first, j]
-        far = (1.0 - above) * table.value[low, first + 1, j] + above * table.value[low + 1, first + 1, j]
-        field[j] = (1.0 - share) * near + share * far
-    return True
-
-
-@kernel()
-@no_type_check
 def add_layer_images(
     shape: Float64[np.ndarray, "5"],
     table: LayerTable,
@@ -202,24 +170,51 @@ def add_layer_images(
     """
     blob, away = _spread_points(shape, table.root[0], table.root[-1], points)
     place = np.log(blob / table.root[0]) / np.log(table.root[1] / table.root[0])
-    field = np.empty(5)
+    low = min(int(place), len(table.root) - 2)
+    above = place - low
+    count = table.value.shape[1]
+    along = np.empty((count, 5))
+    for n in range(count):
+        for j in range(5):
+            along[n, j] = (1.0 - above) * table.value[low, n, j] + above * table.value[low + 1, n, j]
+    per_step = 1.0 / table.step
+    total = np.empty((5, 3))
     for m in range(len(markers.place)):
-        total = np.zeros((5, 3))
+        out_x = out_y = up = 0.0
+        xx = xy = yy = xz = yz = 0.0
+        x_xx = x_xy = x_yy = x_xz = x_yz = 0.0
+        y_xx = y_xy = y_yy = y_xz = y_yz = 0.0
         for k in range(len(points)):
             dx = markers.place[m, 0] - shape[0] - away[k, 0]
             dy = markers.place[m, 1] - shape[1] - away[k, 1]
             distance = np.sqrt(dx * dx + dy * dy)
-            if not _field_at(table, place, distance, field):
+            first = int(distance * per_step)
+            if first >= count - 1:
                 continue
-            field *= away[k, 2]
-            direction = (dx / max(distance, 1e-12), dy / max(distance, 1e-12))
-            total[0, 0] -= field[0] * direction[0]
-            total[0, 1] -= field[0] * direction[1]
-            total[0, 2] -= field[1]
-            _add_shear(field, direction, (1.0, 0.0), total[1])
-            _add_shear(field, direction, (0.0, 1.0), total[2])
-            _add_shear(field, direction, (-away[k, 1], away[k, 0]), total[3])
-            _add_shear(field, direction, (away[k, 0], away[k, 1]), total[4])
+            share = distance * per_step - first
+            near, far = away[k, 2] * (1.0 - share), away[k, 2] * share
+            c, s = dx / max(distance, 1e-12), dy / max(distance, 1e-12)
+            press_out = near * along[first, 0] + far * along[first + 1, 0]
+            out_x += press_out * c
+            out_y += press_out * s
+            up += near * along[first, 1] + far * along[first + 1, 1]
+            even = near * along[first, 2] + far * along[first + 1, 2]
+            turned = near * along[first, 3] + far * along[first + 1, 3]
+            shear_up = near * along[first, 4] + far * along[first + 1, 4]
+            double_c = (c * c - s * s) * turned
+            by_xx, by_xy, by_yy = even + double_c, 2.0 * s * c * turned, even - double_c
+            by_xz, by_yz = shear_up * c, shear_up * s
+            ax, ay = away[k, 0], away[k, 1]
+            xx, xy, yy, xz, yz = xx + by_xx, xy + by_xy, yy + by_yy, xz + by_xz, yz + by_yz
+            x_xx, x_xy, x_yy = x_xx + ax * by_xx, x_xy + ax * by_xy, x_yy + ax * by_yy
+            y_xx, y_xy, y_yy = y_xx + ay * by_xx, y_xy + ay * by_xy, y_yy + ay * by_yy
+            x_xz, x_yz = x_xz + ax * by_xz, x_yz + ax * by_yz
+            y_xz, y_yz = y_xz + ay * by_xz, y_yz + ay * by_yz
+        total[0, 0], total[0, 1], total[0, 2] = -out_x, -out_y, -up
+        total[1, 0], total[1, 1], total[1, 2] = xx, xy, xz
+        total[2, 0], total[2, 1], total[2, 2] = xy, yy, yz
+        total[3, 0], total[3, 1], total[3, 2] = x_xy - y_xx, x_yy - y_xy, x_yz - y_xz
+        total[4, 0], total[4, 1], total[4, 2] = x_xx + y_xy, x_xy + y_yy, x_xz + y_yz
         for load in range(5):
             for axis in range(2):
                 for j in range(3):

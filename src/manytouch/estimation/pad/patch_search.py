@@ -6,8 +6,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.pad.pad_model import PadModel
-from manytouch.estimation.pad.patch_fit import OWN, PatchFitter
+from manytouch.estimation.pad.patch_fit import PatchFitter
 from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.estimation.pad.patch_prior import OWN
 from manytouch.values.arrays import Points2, read_only
 
 _COLUMNS = 3  # normal force, shear x, shear y
@@ -52,7 +53,7 @@ class PatchSearch:
         along = [np.linspace(-half, half, max(int(np.rint(2.0 * half / step_mm)), 1) + 1) for half in half_mm]
         centre_mm = np.stack(np.meshgrid(*along, indexing="ij"), axis=-1).reshape(-1, 2)
         column = [
-            fitter.images(model, np.array([*centre, root_mm, 0.0, root_mm])).column[0, :_COLUMNS]
+            fitter.images(model, np.array([[*centre, root_mm, 0.0, root_mm]])).column[0, :_COLUMNS]
             for centre in centre_mm
         ]
         every = np.stack(column)

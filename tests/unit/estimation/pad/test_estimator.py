@@ -25,7 +25,7 @@ def pressed_px(state: PadState, contact: np.ndarray) -> np.ndarray:
     model = state.model
     image, moved_mm = np.zeros(2 * len(model.rest_px)), np.zeros((len(model.rest_px), 3))
     for own in contact:
-        images = ESTIMATE.fitter.images(model, own[:5])
+        images = ESTIMATE.fitter.images(model, own[None, :5])
         load = np.array([*own[5:9], own[5] * own[9]])
         image += load @ images.column[0]
         nodal = model.by_node(tractions(images, own, 0))
