@@ -7,7 +7,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PLACES = ("src", "docs", "benchmarks", "examples", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
+PLACES = (
+    "src",
+    "docs",
+    "benchmarks",
+    "examples",
+    "README.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "CODE_OF_CONDUCT.md",
+)
 SUFFIXES = {".py", ".md", ".js", ".html", ".css"}
 LIST = ROOT / "docs" / "word-list.toml"
 

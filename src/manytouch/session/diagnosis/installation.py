@@ -23,6 +23,10 @@ EXTRAS = {
         ("rosbags", "cyclonedds", "foxglove-sdk", "python-osc", "mido", "h5py"),
         "outputs to other programs, exports",
     ),
+    "batch": (
+        ("distributed", "dask-jobqueue", "fsspec", "s3fs", "gcsfs", "aiohttp"),
+        "clusters, object stores",
+    ),
 }
 CODECS = {"MPEG-4": ("mp4v", ".mp4"), "Xvid": ("XVID", ".avi"), "Motion JPEG": ("MJPG", ".avi")}
 CODECS |= {"FFV1": ("FFV1", ".avi")}
