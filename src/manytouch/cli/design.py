@@ -85,7 +85,7 @@ def design(
         return _paper(out, parts)
     from manytouch.design.choose import design_sensor
     from manytouch.design.requirements import Optics, Printer, Requirements, require_packages, require_plots
-    from manytouch.design.write import explain_design, write_design, write_prediction
+    from manytouch.design.write import write_design, write_prediction, write_sensor
     from manytouch.sinks.files.atomic_output import check_writable
 
     check_writable(out)
@@ -117,11 +117,7 @@ def design(
         if explain:
             console.print(f"      {reason.why}")
     if parts == "none":
-        from manytouch.values.sensor_file import save_sensor
-
-        out.mkdir(parents=True, exist_ok=True)
-        save_sensor(found.sensor, out / "sensor.toml")
-        (out / "design.md").write_text(explain_design(found), encoding="utf-8")
+        write_sensor(found, out)
         against: tuple[str, ...] = ()
     else:
         against = write_design(

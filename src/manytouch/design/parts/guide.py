@@ -7,6 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, WEIGHTS_G
 from manytouch.design.dimensions import Design
+from manytouch.design.parts.boards import PATTERNS, fitting_board
 from manytouch.design.parts.casing import CasingChoices, Part, height_mm, ledge_mm, screw_places
 from manytouch.design.parts.meshing import PartMesh
 
@@ -45,6 +46,7 @@ def assembly(found: Design, choices: CasingChoices) -> str:
     sheet, layout = sensor.sheet, sensor.layout
     assert sheet is not None and layout is not None  # noqa: PT018 - a design has both
     screws = len(screw_places(sensor, choices))
+    board = fitting_board(PATTERNS[0], sensor.camera)
     how = (
         f"Print `sheet.3mf` in two colours, with the camera side up. The markers reach "
         f"{choices.flush_mm:g} mm deep into the face."
@@ -66,8 +68,10 @@ def assembly(found: Design, choices: CasingChoices) -> str:
         "of the camera through the hole. Cover the strip with white paper to diffuse the light.",
         "Paint the inside matt black, or line it with black flock, so that only the markers are bright.",
         "Lay the printed marker pattern on the rim, markers down, and focus the camera on it. Lock focus, "
-        "exposure and white balance. Remove the pattern and run `manytouch calibrate camera` with a printed "
-        "board; this is not possible after the sheet is mounted.",
+        "exposure and white balance. Remove the pattern and run `manytouch calibrate camera --board "
+        f"{board} --square-mm {board.square_mm:g}` with images of the printed "
+        f"`patterns/{str(board).replace(':', '-')}.pdf`; "
+        "this is not possible after the sheet is mounted.",
         f"Insert {screws} M3 nuts into the flange from below. Lay the sheet on the rim, markers down, "
         "without "
         "stretching it. Lay the clamp on it and tighten the screws crosswise, a little at a time.",
