@@ -6,7 +6,7 @@ KERNELS := $(shell grep -rlE --include='*.py' '^@(inlined_)?kernel|^@intrinsic|n
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test slow faults soak check lock clean
+.PHONY: help setup demo test slow faults soak check docs lock clean
 
 help:
 	@echo "make setup    make .venv with everything the tests use"
@@ -16,6 +16,7 @@ help:
 	@echo "make faults   try 10 000 damaged and hostile inputs, floods of messages, kills"
 	@echo "make soak     a live session of a million frames: memory, threads, latency"
 	@echo "make check    ruff, mypy and the import rules"
+	@echo "make docs     build the documentation site in docs/_build/html"
 	@echo "make lock     renew requirements.lock (needs uv)"
 
 setup: .venv/ready
@@ -61,6 +62,9 @@ check: setup
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+docs: .venv/compiled
+	$(BIN)/sphinx-build --builder html --fresh-env --fail-on-warning --keep-going --quiet docs docs/_build/html
 
 lock:
 	uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --generate-hashes \

@@ -52,7 +52,8 @@ def offences(text: str) -> list[str]:
 def files() -> list[Path]:
     roots = [ROOT / place for place in PLACES if (ROOT / place).exists()]
     found = [path for root in roots for path in ([root] if root.is_file() else sorted(root.rglob("*")))]
-    return [path for path in found if path.suffix in SUFFIXES]
+    built = {ROOT / "docs" / "_build", ROOT / "docs" / "generated"}
+    return [path for path in found if path.suffix in SUFFIXES and not built & set(path.parents)]
 
 
 @pytest.mark.skipif(not LIST.exists(), reason="the documentation is not there (tests of the wheel)")

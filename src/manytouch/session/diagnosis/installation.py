@@ -12,6 +12,7 @@ import numpy as np
 import manytouch
 from manytouch.session.diagnosis.camera import describe_cameras, describe_usb_buses
 from manytouch.session.methods import kernels
+from manytouch.simulation.scene.solve import states_folder
 from manytouch.sinks.files.summary import installed
 from manytouch.sources.quiet_opencv import cv2
 
@@ -46,6 +47,7 @@ def describe_installation() -> Iterator[str]:
     yield describe_cameras()
     yield from describe_usb_buses()
     yield _describe_kernels()
+    yield f"solved simulations in {states_folder()}"
     yield from _describe_codecs()
 
 
