@@ -182,7 +182,8 @@ class PadEstimator:
             longer = None
             if guess is not None and gain >= self.start_gain:
                 longer = self._if_better(model, fit, np.vstack([fit.contact, guess]), measured)
-            if longer is None and fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum()):
+            is_poor = fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum())
+            if longer is None and is_poor and len(fit.contact) > 0:
                 widest = int(np.argmax((fit.contact[:, 2:SHAPE] ** 2).sum(axis=1)))
                 longer = self._if_better(model, fit, _halved(fit.contact, widest), measured)
             if longer is None:
