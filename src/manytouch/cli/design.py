@@ -72,10 +72,10 @@ def design(
 ) -> int:
     """Choose sheet, markers and camera position; write a sensor file and printable parts.
 
-    Writes sensor.toml, design.md with the reason for each choice, parts/ (STL,
-    3MF), parts.png, patterns/ (SVG and PDF in true size, calibration boards),
-    bill_of_materials.csv and assembly.md; with --predict also accuracy.csv,
-    accuracy.png and tradeoff.png.
+    Writes sensor.toml, design.md with the reason for each choice, scenes/ that
+    simulate the design, parts/ (STL, 3MF), parts.png, patterns/ (SVG and PDF in
+    true size, calibration boards), bill_of_materials.csv, assembly.md and
+    assembly.png; with --predict also accuracy.csv, accuracy.png and tradeoff.png.
 
     Example: manytouch design --area-mm 100,60 --force-N 0.1,10 --out my-sensor --explain
     """

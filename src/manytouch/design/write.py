@@ -5,9 +5,11 @@ from pathlib import Path
 
 from manytouch.design.accuracy import PredictedAccuracy, predicted_accuracy, typical_force_N
 from manytouch.design.dimensions import Design
+from manytouch.design.parts.bill import bill_of_materials, screw_length_mm
 from manytouch.design.parts.boards import PATTERNS, fitting_board
 from manytouch.design.parts.casing import CasingChoices, Part, make_parts
-from manytouch.design.parts.guide import assembly, bill_of_materials
+from manytouch.design.parts.exploded import draw_exploded
+from manytouch.design.parts.guide import assembly
 from manytouch.design.parts.meshing import PartMesh, make_mesh, write_3mf, write_stl
 from manytouch.design.parts.patterns import write_board, write_marker_pattern
 from manytouch.design.parts.pictures import draw_parts
@@ -52,6 +54,8 @@ def write_design(
         write_sensor(found, folder)
         meshes = _write_parts(parts, folder / "parts", step=step, on_message=on_message)
         draw_parts(parts, meshes, folder / "parts.png")
+        screw_mm = screw_length_mm(found, choices)
+        draw_exploded(found.sensor, parts, meshes, choices, folder / "assembly.png", screw_mm=screw_mm)
         write_marker_pattern(found.sensor, folder / "patterns" / "markers")
         for pattern in PATTERNS:
             board = fitting_board(pattern, found.sensor.camera)
