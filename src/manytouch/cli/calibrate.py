@@ -117,15 +117,19 @@ def rest(
 
     Reports the residual from a flat lattice, missing markers, noise, the clamp
     line, and warnings such as a sheet that is not flat, markers that are cut off,
-    or a wrong scale.
+    or a wrong scale. A bonded pad is measured through its window: its pose with
+    the tilt by the glue, and its outline where the image shows it.
 
     Example: manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm 4 --out sensor.toml
     """
+    from dataclasses import replace
+
     import numpy as np
     from rich.console import Console
 
     from manytouch.calibration.rest.calibrate import calibrate_rest
     from manytouch.calibration.rest.report import describe, with_provenance
+    from manytouch.calibration.sheet.pad_outline import pad_of
     from manytouch.sinks.files.atomic_output import check_file_writable
     from manytouch.sources import open_source, read_frames
     from manytouch.values import Sheet
@@ -134,13 +138,18 @@ def rest(
     console = Console(highlight=False, soft_wrap=True, markup=False)
     if sheet_mm is not None and thickness_mm is None:
         raise usage_error("calibrate rest", "--sheet-mm requires --thickness-mm")
-    sheet = None
-    if sheet_mm is not None and thickness_mm is not None:
+    known = load_sensor(sensor)
+    sheet = pad_of(known)
+    if sheet is not None:
+        given_mm = sheet.size_mm if sheet_mm is None else np.array(sheet_mm, dtype=np.float64)
+        given_thickness_mm = sheet.thickness_mm if thickness_mm is None else float(thickness_mm)
+        sheet = replace(sheet, size_mm=given_mm, thickness_mm=given_thickness_mm)
+    elif sheet_mm is not None and thickness_mm is not None:
         sheet = Sheet(size_mm=np.array(sheet_mm), thickness_mm=float(thickness_mm))
     check_file_writable(out)
     frames = read_frames(open_source(source), REST_FRAMES)
     found = calibrate_rest(
-        load_sensor(sensor), frames, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
+        known, frames, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
     )
     for line in describe(found):
         console.print(f"  {line}")
