@@ -364,6 +364,7 @@ def api() -> str:
         ),
         "Results and plots": ("manytouch.analysis.read_results", "manytouch.analysis.plots"),
         "Sensors": ("manytouch.values.sensor_file", "manytouch.calibration"),
+        "Simulation": ("manytouch.simulation.contacts",),
         "Values": ("manytouch.values", "manytouch.geometry.surface_sampling"),
         "Parts of a pipeline": ("manytouch.pipeline",),
         "Errors": ("manytouch.errors",),
