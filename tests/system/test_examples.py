@@ -40,3 +40,22 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last(capsys: pytest.Captur
     assert "depth" in capsys.readouterr().out
     assert names["force_axes"].get_ylabel() == "normal force (N)"
     pyplot.close("all")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_the_environment_of_gymnasium_and_mujoco(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("mujoco")
+    checker = pytest.importorskip("gymnasium.utils.env_checker")
+    names = example("press_with_mujoco")
+    environment: Any = names["PressEnv"](render_mode="rgb_array")
+    checker.check_env(environment)
+    environment.action_space.seed(0)
+    environment.reset(seed=0)
+    for _ in range(150):
+        observation, reward, *_ = environment.step(environment.action_space.sample())
+        assert environment.observation_space.contains(observation)
+        assert reward <= 0.0
+    assert environment.render().shape == (720, 1280, 3)
+    assert names["main"]() < 0.6
+    assert capsys.readouterr().out.count("requested") == 3
