@@ -54,7 +54,9 @@ def process(
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.session import prepare, process_job
     from manytouch.session.results import require_finite, result_names
+    from manytouch.sinks.files.atomic_output import check_writable
 
+    check_writable(out)
     failed = 0
     with StopOnSignal() as stop:
         for text, name in zip(inputs, result_names(inputs), strict=True):

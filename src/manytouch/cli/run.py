@@ -61,6 +61,9 @@ def run(
 
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
+    from manytouch.cli.terminal.outputs import check_outputs
+
+    check_outputs(out, record)
     if source.lower().endswith(".toml") and "://" not in source and not source.startswith("sim:"):
         from manytouch.cli.terminal.rig_run import run_rig_file
 

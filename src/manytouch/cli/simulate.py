@@ -23,10 +23,11 @@ def simulate(
     """Simulate a scene file; write images, sensor file and ground truth.
 
     Writes frames/000000.png and so on, sensor.toml, truth/contacts.csv,
-    truth/markers.parquet and, for presses that are held, truth/presses.csv, a table
-    for `calibrate sheet`. The sheet is solved with 3-D finite elements at keyframes,
-    which takes some seconds each. Solved states are saved, so that the same command
-    continues after Ctrl-C. A scene with [board] gives views for `calibrate camera`.
+    truth/markers.parquet and, for presses that are held, truth/presses.csv, a
+    table for `calibrate sheet`. The sheet is solved with 3-D finite elements at
+    keyframes, which takes some seconds each. Solved states are saved, so that
+    the same command continues after Ctrl-C. A scene with a table `board` shows
+    a calibration board.
 
     Example: manytouch simulate two_fingers.toml --out simulated
     """

@@ -2,7 +2,7 @@
 
 import csv
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -104,7 +104,7 @@ def write_press_table(rows: Sequence[PressRow], path: Path) -> None:
         raise OutputError(f"cannot write the table of presses {path}: {error.strerror}") from None
 
 
-def measure_presses(sensor: Sensor, rows: Sequence[PressRow], folder: Path) -> tuple[KnownPress, ...]:
+def measure_presses(sensor: Sensor, rows: Iterable[PressRow], folder: Path) -> tuple[KnownPress, ...]:
     """Measure the marker displacements of each press.
 
     Args:
