@@ -190,9 +190,11 @@ def sheet(
     The table has the columns input, time_s, x_mm, y_mm, radius_mm, normal_force_N.
     Each recording starts with the untouched sheet; time_s is the time at which a
     press is held (empty: the end of the recording). The stiffness requires at least
-    one force in N. --plan writes such a table for weights of 50, 100 and 200 g.
-    For a recording or a camera the presses are entered at prompts, and are saved as
-    a table next to the new sensor file.
+    one force in N. A weight on a tilted sensor has weight_N, tilt_x_deg and
+    tilt_y_deg (of the axes below the horizontal) instead of normal_force_N.
+    --plan writes such a table for weights of 50, 100 and 200 g. For a recording or
+    a camera the presses are entered at prompts, and are saved as a table next to
+    the new sensor file.
 
     Example: manytouch calibrate sheet presses.csv --sensor sensor.toml --out calibrated.toml
     Example: manytouch calibrate sheet presses.mp4 --sensor sensor.toml --out calibrated.toml
