@@ -6,7 +6,7 @@ KERNELS := $(shell grep -rlE --include='*.py' '^@(inlined_)?kernel|^@intrinsic|n
 WORKERS ?= 2
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test slow faults soak check docs lock clean
+.PHONY: help setup demo test slow faults soak check docs gallery lock clean
 
 help:
 	@echo "make setup    make .venv with everything the tests use"
@@ -17,6 +17,7 @@ help:
 	@echo "make soak     a live session of a million frames: memory, threads, latency"
 	@echo "make check    ruff, mypy and the import rules"
 	@echo "make docs     build the documentation site in docs/_build/html"
+	@echo "make gallery  make the pictures of the gallery again         ARGS=\"slip shear\""
 	@echo "make lock     renew requirements.lock (needs uv)"
 
 setup: .venv/ready
@@ -65,6 +66,9 @@ check: setup
 
 docs: .venv/compiled
 	$(BIN)/sphinx-build --builder html --fresh-env --fail-on-warning --keep-going --quiet docs docs/_build/html
+
+gallery: .venv/compiled
+	$(BIN)/python examples/gallery/make.py $(ARGS)
 
 lock:
 	uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --generate-hashes \
