@@ -38,8 +38,8 @@ def process(
 ) -> int:
     """Process every frame of recordings of a dotted sheet; write contacts, markers and a summary.
 
-    Polarity, size and layout of the markers are found in the first frames, in which
-    nothing may touch the sheet. No option is required.
+    Polarity, size and layout of the markers are found automatically, and their rest
+    positions where the sheet is still. No option is required.
 
     Example: manytouch process press.mp4 --out results --annotate
 

@@ -153,7 +153,10 @@ def show_playback(
 
     playback.attach(open_outputs(to, playback))
     log = ContactLog(playback.sensor, reporter.print)
-    run_loop(playback, [log, *viewers(playback, address, reporter.print)], reporter, stop)
+    shown = viewers(playback, address, reporter.print)
+    if shown:
+        reporter.print("it stays open with a timeline until Ctrl-C")
+    run_loop(playback, [log, *shown], reporter, stop)
     print_outputs(playback.health(), reporter.print)
     return 0
 

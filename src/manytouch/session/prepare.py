@@ -203,6 +203,8 @@ def prepare(
         if spread is not None and known is None and source.capabilities.is_images:
             found = with_unrelated_pictures(found, spread(), roi_px)
         elif spread is not None and known is None:
+            if observer is not None:
+                observer.on_message("reading the whole recording once, for the rest positions of its markers")
             found = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
     except BaseException:
         close(source)
