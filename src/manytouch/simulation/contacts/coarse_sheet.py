@@ -18,7 +18,7 @@ from manytouch.values import Sheet
 
 CELLS = 1536  # of the grid, about: 2.5 mm on a sheet of 120 x 80 mm
 TOLERANCE = 2e-5  # share of the energy that a further step would gain: forces are then within 0.5 %
-MOST_EVALUATIONS = 400
+MOST_EVALUATIONS = 2000  # of the energy; usually 30 are enough, thin slack sheets wrinkle and need hundreds
 LARGEST_STEP = 0.75  # by which a ball enters at once, in radii
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.errors import ContactError, SensorError, require_type
-from manytouch.simulation.contacts.coarse_sheet import CoarseSheet, DeadLoad, Pressed
+from manytouch.simulation.contacts.coarse_sheet import MOST_EVALUATIONS, CoarseSheet, DeadLoad, Pressed
 from manytouch.simulation.contacts.kinds import (
     STEEPEST,
     Ball,
@@ -194,10 +194,15 @@ class _Solver:
             pressed = self._coarse.press(ball_mm.reshape(-1, 4).astype(np.float64), dead)
         moved_mm = float(np.abs(pressed.face.face_mm[..., 2]).max())
         most_mm = STEEPEST * 0.5 * float(self._sheet.size_mm.min())
-        if not (pressed.has_converged and moved_mm <= most_mm):
+        if moved_mm > most_mm:
             raise ContactError(
                 f"{where}the sheet would move by {moved_mm:.3g} mm or more, further than {most_mm:.3g} mm: "
                 "press with less force, or on a larger area"
+            )
+        if not pressed.has_converged:
+            raise ContactError(
+                f"{where}no equilibrium was found after {MOST_EVALUATIONS} steps, as of a thin sheet that "
+                "wrinkles: press less deep, or give the sheet more pretension"
             )
         return pressed
 

@@ -177,6 +177,31 @@ def test_a_deep_ball_comes_in_steps() -> None:
     assert np.all(np.diff(forces_N, n=2) > 0.0)
 
 
+def test_many_balls_of_any_size_find_an_equilibrium() -> None:
+    chance = np.random.default_rng(4)
+    presses = [
+        [
+            ball(
+                chance.uniform(-40.0, 40.0),
+                chance.uniform(-24.0, 24.0),
+                chance.uniform(-1.0, 8.0),
+                chance.uniform(2.6, 20.0),
+            )
+            for _ in range(6)
+        ]
+        for _ in range(12)
+    ]
+    deepest_mm = -simulate_contacts(SENSOR, presses)[..., 2].min(axis=1)
+    wanted_mm = [max(each.depth_mm for each in press) for press in presses]
+    assert np.all(deepest_mm > 0.6 * np.array(wanted_mm))
+
+
+def test_a_press_without_an_equilibrium_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("manytouch.simulation.contacts.coarse_sheet.MOST_EVALUATIONS", 3)
+    with pytest.raises(ContactError, match="press 1: no equilibrium was found"):
+        simulate_contacts(SENSOR, [[], [ball()]])
+
+
 @pytest.mark.parametrize(
     ("contacts", "message"),
     [
