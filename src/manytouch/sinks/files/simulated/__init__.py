@@ -1,4 +1,1 @@
-"""What a run writes into its result folder: tables, surface.zarr and summary.json, each complete or absent.
-
-The format of recordings is in `manytouch.recording`.
-"""
+"""What a simulation writes: frames, sensor file, ground truth, and the table of its presses."""
