@@ -10,6 +10,7 @@ Its arguments are numbers, arrays and `typing.NamedTuple`s of these.
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -60,18 +61,24 @@ def kernel(**options: Any) -> Callable[[Function], Function]:
     the code of its callers and has none of its own (`kernel_libraries`).
     """
     common = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
-    compile_part = njit(**{**common, "cache": False, "no_cpython_wrapper": True})
     compile_whole = njit(**{"cache": True, "pipeline_class": KernelCompiler, **common})
 
     def compiled(function: Function) -> Function:
-        whole, part = compile_whole(function), compile_part(function)
+        whole: Any = compile_whole(function)
+
+        @cache
+        def part() -> Any:  # made once it is needed: most programs load all code and compile nothing
+            return njit(**{**common, "cache": False, "no_cpython_wrapper": True})(function)
 
         def call_template(arguments: Any, named: Any) -> Any:
             # a specialisation for True and one for False would be compiled in addition to that for a variable
             kinds = [types.boolean if isinstance(kind, types.BooleanLiteral) else kind for kind in arguments]
-            return part.get_call_template(tuple(kinds), named)
+            return part().get_call_template(tuple(kinds), named)
 
-        whole.get_call_template, whole.get_overload = call_template, part.get_overload
+        def overload(signature: Any) -> Any:
+            return part().get_overload(signature)
+
+        whole.get_call_template, whole.get_overload, whole.part = call_template, overload, part
         return cast(Function, whole)
 
     return compiled

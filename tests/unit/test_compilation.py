@@ -29,13 +29,6 @@ def replaceable_functions(caller: Callable[..., float]) -> list[str]:
     ]
 
 
-def parts_of(function: Callable[..., float]) -> list[Any]:
-    """What was compiled of a function for its callers."""
-    cells = function.get_call_template.__closure__
-    part, *_ = (cell.cell_contents for cell in cells if hasattr(cell.cell_contents, "overloads"))
-    return list(part.overloads.values())
-
-
 def compiled_pair() -> Callable[..., float]:
     """A function that calls another one, which is too large to be inlined."""
 
@@ -75,7 +68,9 @@ def test_what_only_compiled_functions_call_has_no_machine_code() -> None:
     outer(np.linspace(0.0, 1.0, 7))
     inner = dict(zip(outer.py_func.__code__.co_freevars, outer.py_func.__closure__, strict=True))["inner"]
     assert not inner.cell_contents.overloads, "it was compiled for Python too"
-    for part in parts_of(inner.cell_contents):
+    parts = inner.cell_contents.part().overloads.values()
+    assert parts
+    for part in parts:
         assert isinstance(part.library, PartLibrary)
         assert part.library.get_pointer_to_function(part.fndesc.llvm_func_name) == 0
 
