@@ -77,7 +77,7 @@ check: setup
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-docs: .venv/compiled
+docs: .venv/ready .venv/compiled
 	$(BIN)/sphinx-build --builder html --fresh-env --fail-on-warning --keep-going --quiet docs docs/_build/html
 
 gallery: .venv/ready .venv/compiled
