@@ -1,6 +1,5 @@
 """Contacts that can be simulated, and what is refused of them."""
 
-import math
 from dataclasses import dataclass
 from typing import Literal
 
@@ -89,34 +88,22 @@ def require_possible(contact: object, where: str, sheet: Sheet, spacing_mm: floa
     """
     match contact:
         case Ball():
-            names = "x_mm, y_mm, depth_mm and radius_mm"
-            _require_finite(where, names, contact.x_mm, contact.y_mm, contact.depth_mm, contact.radius_mm)
-            place_mm = np.array([[contact.x_mm, contact.y_mm]])
-            _require_inside(where, place_mm, sheet)
+            for name in ("x_mm", "y_mm", "depth_mm", "radius_mm"):
+                _numbers(where, name, getattr(contact, name), ())
+            _require_inside(where, np.array([[contact.x_mm, contact.y_mm]]), sheet)
             _require_ball(where, contact, sheet, spacing_mm)
         case Patch():
-            names = "x_mm, y_mm, force_N and size_mm"
-            _require_finite(where, names, contact.x_mm, contact.y_mm, *contact.force_N, *contact.size_mm)
-            if len(contact.force_N) != 3 or len(contact.size_mm) != 2 or min(contact.size_mm) <= 0.0:
-                raise ContactError(
-                    f"{where} has force_N {contact.force_N} and size_mm {contact.size_mm}: a patch "
-                    "takes three components of force and two positive lengths"
-                )
+            shapes = {"x_mm": (), "y_mm": (), "force_N": (3,), "size_mm": (2,)}
+            for name, shape in shapes.items():
+                _numbers(where, name, getattr(contact, name), shape)
+            if min(contact.size_mm) <= 0.0:
+                raise ContactError(f"{where} has the size {contact.size_mm} mm: give two positive lengths")
             if contact.outline not in {"ellipse", "rectangle"}:
                 raise ContactError(f"{where} has the outline {contact.outline!r}: give ellipse or rectangle")
             _require_inside(where, contact.places_mm(), sheet)
         case PointForces():
-            place_mm, force_N = np.asarray(contact.place_mm), np.asarray(contact.force_N)
-            if (
-                place_mm.shape != (len(force_N), 2)
-                or force_N.shape != (len(place_mm), 3)
-                or not len(place_mm)
-            ):
-                raise ContactError(
-                    f"{where} has place_mm of shape {place_mm.shape} and force_N of shape {force_N.shape}: "
-                    "give (n, 2) and (n, 3) with n of 1 or more"
-                )
-            _require_finite(where, "place_mm and force_N", *place_mm.flat, *force_N.flat)
+            force_N = _numbers(where, "force_N", contact.force_N, (None, 3))
+            place_mm = _numbers(where, "place_mm", contact.place_mm, (len(force_N), 2))
             _require_inside(where, place_mm, sheet)
         case _:
             raise ContactError(
@@ -125,13 +112,21 @@ def require_possible(contact: object, where: str, sheet: Sheet, spacing_mm: floa
             )
 
 
-def _require_finite(where: str, names: str, *numbers: float) -> None:
+def _numbers(where: str, name: str, value: object, shape: tuple[int | None, ...]) -> np.ndarray:
+    """A value as an array of finite numbers; None in the shape is any length."""
+    wanted = f"finite numbers of shape {shape}".replace("None", "n") if shape else "a finite number"
     try:
-        is_finite = all(math.isfinite(number) for number in numbers)
-    except TypeError:
-        is_finite = False
-    if not is_finite:
-        raise ContactError(f"{where} has a value that is not a finite number: check its {names}")
+        array = np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ContactError(f"{where} has a {name} of type {type(value).__name__}: give {wanted}") from None
+    fits = array.ndim == len(shape) and all(
+        length in {None, count} for length, count in zip(shape, array.shape, strict=True)
+    )
+    if not fits:
+        raise ContactError(f"{where} has a {name} of shape {array.shape}: give {wanted}")
+    if not np.isfinite(array).all():
+        raise ContactError(f"{where} has a {name} that is not finite: give {wanted}")
+    return array
 
 
 def _require_inside(where: str, place_mm: Points2, sheet: Sheet) -> None:

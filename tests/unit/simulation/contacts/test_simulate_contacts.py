@@ -1,11 +1,13 @@
 """Contacts that are given: laws of the sheet, the 3-D states that are shipped, and what is refused."""
 
+import os
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-import manytouch
 from manytouch import Ball, ContactError, Patch, PointForces, SensorError, simulate_contacts
 from manytouch.simulation.contacts.coarse_sheet import CoarseSheet, DeadLoad
 from manytouch.simulation.demo_sensor import demo_sensor, pad_sensor
@@ -208,17 +210,11 @@ def test_a_press_without_an_equilibrium_is_refused(monkeypatch: pytest.MonkeyPat
         ([ball(70.0)], r"contact 0 reaches \(70, -6\) mm, outside of the sheet, which ends at x = ±60 mm"),
         ([ball(), ball(55.0, depth_mm=3.0)], "contact 1 is 3 mm deep at 5 mm .* at most 2.5 mm there"),
         ([ball(radius_mm=1.0)], "radius of 1 mm, too small .* at least 2.5 mm, or a Patch"),
-        ([ball(depth_mm=float("nan"))], "contact 0 has a value that is not a finite number"),
+        ([ball(depth_mm=float("nan"))], "contact 0 has a depth_mm that is not finite: give a finite number"),
         ([patch(-59.0)], "outside of the sheet"),
+        ([patch(size=0.0)], "give two positive lengths"),
         ([patch(force_N=(0.0, 0.0, -500.0))], "further than 20 mm: press with less force"),
-        ([patch(force_N=(0.0, -1.0))], "three components of force"),
-        ([replace(patch(), outline="ring")], "outline 'ring': give ellipse or rectangle"),
-        (
-            [PointForces(place_mm=np.zeros((3, 2)), force_N=np.zeros((2, 3)))],
-            r"place_mm of shape \(3, 2\) and force_N of shape \(2, 3\)",
-        ),
-        ([3], "contact 0 is of type int: give a Ball, a Patch or PointForces"),
-        ([[ball()], [3]], "press 1: contact 0 is of type int"),
+        ([[ball()], [ball(), ball(99.0)]], "press 1: contact 1 reaches"),
     ],
 )
 def test_what_cannot_be_simulated_is_refused_in_a_sentence(contacts: list, message: str) -> None:
@@ -226,14 +222,57 @@ def test_what_cannot_be_simulated_is_refused_in_a_sentence(contacts: list, messa
         simulate_contacts(SENSOR, contacts)
 
 
-def test_wrong_arguments_are_refused() -> None:
-    with pytest.raises(manytouch.ArgumentError, match="contacts is of type int"):
-        simulate_contacts(SENSOR, 5)
-    with pytest.raises(manytouch.ArgumentError, match="the sensor is of type str"):
-        simulate_contacts("demo", [])
-    with pytest.raises(ValueError, match="give one of markers, image, reading"):
-        simulate_contacts(SENSOR, [], output="video")
+def test_sensors_that_cannot_be_simulated_are_refused() -> None:
     with pytest.raises(SensorError, match=r"needs \[markers\]"):
         simulate_contacts(replace(SENSOR, layout=None), [])
     with pytest.raises(SensorError, match='boundary = "clamped"'):
         simulate_contacts(pad_sensor(), [])
+
+
+WRONG = {
+    "simulate(sensor, 5)": "contacts is of type int: give a list of contacts",
+    "simulate('demo', [])": "the sensor is of type str: give a Sensor",
+    "simulate(sensor, [], output='video')": "the output is 'video': give one of markers, image, reading",
+    "simulate(sensor, [3])": "contact 0 is of type int: give a Ball, a Patch or PointForces",
+    "simulate(sensor, [[], [3]])": "press 1: contact 0 is of type int",
+    "simulate(sensor, [[], 3])": "press 1: contacts is of type int: give a list of contacts",
+    "patch(force_N=(0, -1))": "force_N of shape (2,): give finite numbers of shape (3,)",
+    "patch(size_mm=5.0)": "size_mm of shape (): give finite numbers of shape (2,)",
+    "patch(x_mm='left')": "x_mm of type str: give a finite number",
+    "patch(outline='ring')": "outline 'ring': give ellipse or rectangle",
+    "forces([[0, 0]] * 3, [[0, 0, -1]] * 2)": "place_mm of shape (3, 2): give finite numbers of shape (2, 2)",
+    "forces(1.0, 2.0)": "force_N of shape (): give finite numbers of shape (n, 3)",
+}
+PROGRAM = f"""
+from manytouch import ManytouchError, Patch, PointForces, simulate_contacts as simulate
+from manytouch.simulation.demo_sensor import demo_sensor
+
+sensor = demo_sensor(640)
+valid = dict(x_mm=0, y_mm=0, force_N=(0, 0, -1), size_mm=(5, 5))
+
+def patch(**wrong):
+    return simulate(sensor, [Patch(**valid | wrong)])
+
+def forces(place_mm, force_N):
+    return simulate(sensor, [PointForces(place_mm=place_mm, force_N=force_N)])
+
+for call in {list(WRONG)!r}:
+    try:
+        eval(call)
+        print("accepted")
+    except (ManytouchError, ValueError) as error:
+        print(error)
+patch(x_mm=1)
+forces([[0, 0]], [[0, 0, -1]])
+"""
+
+
+def test_values_of_wrong_types_are_refused_in_a_sentence() -> None:
+    """In a process in which no types are checked, as of users."""
+    without = {name: value for name, value in os.environ.items() if name != "CHECK_TYPES"}
+    done = subprocess.run(
+        [sys.executable, "-c", PROGRAM], capture_output=True, text=True, check=False, env=without
+    )
+    assert done.returncode == 0, done.stderr
+    for message, wanted in zip(done.stdout.splitlines(), WRONG.values(), strict=True):
+        assert wanted in message
