@@ -21,7 +21,7 @@ from manytouch.design.parts.solids import Solid, block, pins
 from manytouch.errors import MissingExtraError
 from manytouch.values import Sensor
 
-RISE_DEG = 24.0
+RISE_DEG, ACROSS_PX = 24.0, 700
 GAP_SHARE = 0.28
 """Gap between two layers over the length of the sheet's longer side."""
 BOARD_MARGIN_MM, BOARD_MM = 4.0, 1.6
@@ -74,8 +74,10 @@ def draw_exploded(
         shown += raised
         points.append(np.concatenate([part.reshape(-1, 3) for part in raised]))
         z_mm = float(points[-1][:, 2].max()) + gap_mm
-    image = render_meshes(shown, [one for layer in layers for one in layer.colours], rise_deg=RISE_DEG)
-    outlines_px = [places_px(shown, point_mm, rise_deg=RISE_DEG) for point_mm in points]
+    image = render_meshes(
+        shown, [one for layer in layers for one in layer.colours], rise_deg=RISE_DEG, across_px=ACROSS_PX
+    )
+    outlines_px = [places_px(shown, point_mm, rise_deg=RISE_DEG, across_px=ACROSS_PX) for point_mm in points]
     at_px = [outline[np.argmax(outline[:, 0])].tolist() for outline in outlines_px]
     height, width = image.shape[:2]
     figure = Figure(figsize=(10.0, min(12.0, 6.2 * height / width + 0.2)), layout="constrained")
