@@ -10,7 +10,7 @@ DEMO := hatchling hatch-fancy-pypi-readme editables matplotlib
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup install demo test slow faults soak check docs gallery lock clean
+.PHONY: help setup install demo test slow faults soak check docs gallery figures lock clean
 
 help:
 	@echo "make setup    make .venv with everything the tests use"
@@ -22,6 +22,7 @@ help:
 	@echo "make check    ruff, mypy and the import rules"
 	@echo "make docs     build the documentation site in docs/_build/html"
 	@echo "make gallery  make the pictures of the gallery again         ARGS=\"slip shear\""
+	@echo "make figures  make the pictures of README and pages again"
 	@echo "make lock     renew requirements.lock and requirements-demo.lock (needs uv)"
 
 setup: .venv/ready
@@ -82,6 +83,9 @@ docs: .venv/ready .venv/compiled
 
 gallery: .venv/ready .venv/compiled
 	$(BIN)/python examples/gallery/make.py $(ARGS)
+
+figures: .venv/compiled
+	$(BIN)/python docs/extensions/figures.py
 
 lock:
 	uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --generate-hashes \
