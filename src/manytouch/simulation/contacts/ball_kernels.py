@@ -31,12 +31,13 @@ def touch_balls(
         value: (5, a, b) displacements in mm and tilts.
         spacing: (2,) of the grid, mm.
         bed: of the touched face.
-        ball_mm: (n, 4) centres and radii, z from the middle surface at rest.
+        ball_mm: (n, 5) centres, z from the middle surface at rest, radii, and stiffness of the face there
+            (MPa/mm).
         buffers: of `elastic`, whose derivatives by the fibres are added to.
         out: (5, a, b), whose derivatives by displacement are added to.
         loads: filled; `body_at` has `POINTS` places for each cell along each axis.
     """
-    fibre, by_fibre, half, stiffness = buffers.fibre, buffers.by_fibre, bed.half_mm, bed.stiffness_MPa_per_mm
+    fibre, by_fibre, half = buffers.fibre, buffers.by_fibre, bed.half_mm
     columns, rows = value.shape[1] - 1, value.shape[2] - 1
     low_x, low_y = -0.5 * columns * spacing[0], -0.5 * rows * spacing[1]
     weight = spacing[0] * spacing[1] / POINTS**2
@@ -46,7 +47,7 @@ def touch_balls(
     total = 0.0
     for ball in range(ball_mm.shape[0]):
         x, y, z, radius = ball_mm[ball, 0], ball_mm[ball, 1], ball_mm[ball, 2], ball_mm[ball, 3]
-        reach = radius + MARGIN_MM
+        stiffness, reach = ball_mm[ball, 4], radius + MARGIN_MM
         first_i = max(int((x - reach - low_x) / spacing[0]), 0)
         last_i = min(int((x + reach - low_x) / spacing[0]) + 1, columns)
         first_j = max(int((y - reach - low_y) / spacing[1]), 0)

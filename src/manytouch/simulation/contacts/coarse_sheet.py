@@ -19,6 +19,7 @@ from manytouch.values import Sheet
 CELLS = 1536  # of the grid, about: 2.5 mm on a sheet of 120 x 80 mm
 TOLERANCE = 2e-5  # share of the energy that a further step would gain: forces are then within 0.5 %
 MOST_EVALUATIONS = 2000  # of the energy; usually 30 are enough, thin slack sheets wrinkle and need hundreds
+MOST_HERTZ = 4.0  # stiffest face under a ball, in shares of that of the live sheet
 LARGEST_STEP = 0.75  # by which a ball enters at once, in radii
 
 
@@ -79,7 +80,7 @@ class _Grid:
     def descend(
         self, value: np.ndarray, stretch: np.ndarray, ball_mm: np.ndarray, dead_N: np.ndarray
     ) -> tuple[BodyLoads, bool]:
-        """Bring unknowns (5, a, b) to equilibrium with balls (n, 4) and nodal forces (3, a, b).
+        """Bring unknowns (5, a, b) to equilibrium with balls (n, 5) and nodal forces (3, a, b).
 
         Returns:
             What the balls do, and whether equilibrium was reached.
@@ -148,20 +149,40 @@ class CoarseSheet:
         deepest = float((ball_mm[:, 2] / ball_mm[:, 3]).max(initial=0.0))
         steps = max(math.ceil(deepest / LARGEST_STEP), 1)
         for step in range(1, steps + 1):
-            self._coarse.descend(value, stretch, self._posed(ball_mm, step / steps), dead_N)
+            posed = self._posed(ball_mm, step / steps)
+            loads, _ = self._coarse.descend(value, stretch, posed, dead_N)
         along_x, along_y = self._to_fine
         stretch = along_x @ energy.thickness_ratio() @ along_y.T
         value = np.ascontiguousarray(along_x @ value @ along_y.T)
         for line in (value[:, 0], value[:, -1], value[:, :, 0], value[:, :, -1]):
             line[:] = 0.0
-        dead_N = self._fine.nodal(dead)
-        loads, has_converged = self._fine.descend(value, stretch, self._posed(ball_mm, 1.0), dead_N)
+        dead_N, posed = self._fine.nodal(dead), self._posed(ball_mm, 1.0)
+        posed[:, 4] = np.maximum(posed[:, 4], self._hertz(-loads.resultant[:, 2], ball_mm[:, 3]))
+        loads, has_converged = self._fine.descend(value, stretch, posed, dead_N)
         face = camera_side_face(self._fine.energy, value, stretch)
         return Pressed(face=face, energy=self._fine.energy, loads=loads, has_converged=has_converged)
 
     def _posed(self, ball_mm: np.ndarray, share: float) -> np.ndarray:
-        """(n, 4) centres, z from the middle surface, and radii of balls at a share of their depth."""
+        """(n, 5) centres, z from the middle surface, radii, stiffness; of balls at a share of their depth."""
         x_mm, y_mm, depth_mm, radius_mm = ball_mm.T
         there_mm = depth_mm - (1.0 - share) * np.maximum(depth_mm, 0.0)
         height_mm = self._fine.energy.half_mm - there_mm + radius_mm
-        return np.column_stack([x_mm, y_mm, height_mm, radius_mm])
+        stiffness = np.full(len(ball_mm), self._bed)
+        return np.column_stack([x_mm, y_mm, height_mm, radius_mm, stiffness])
+
+    def _hertz(self, force_N: np.ndarray, radius_mm: np.ndarray) -> np.ndarray:
+        """(n,) stiffness of a bed (MPa/mm) that balls enter as deep as a half-space under the same force.
+
+        Contacts that are small against the thickness are stiffer than the bed of the live sheet.
+        """
+        sheet = self._fine.energy.sheet
+        assert sheet.young_MPa is not None
+        assert sheet.poisson is not None
+        plane_MPa = sheet.young_MPa / (1.0 - sheet.poisson**2)
+        force_N = np.maximum(force_N, 1e-9)
+        depth_mm = (9.0 * force_N**2 / (16.0 * radius_mm * plane_MPa**2)) ** (1.0 / 3.0)
+        return np.asarray(np.minimum(force_N / (np.pi * radius_mm * depth_mm**2), MOST_HERTZ * self._bed))
+
+    @property
+    def _bed(self) -> float:
+        return float(self._fine.energy.bed.stiffness_MPa_per_mm)

@@ -61,7 +61,7 @@ class Load(NamedTuple):
     """What acts on the sheet.
 
     Attributes:
-        ball_mm: (n, 4) centres and radii of balls, z from the middle surface at rest.
+        ball_mm: (n, 5) centres of balls, z from the middle surface, radii, stiffness of the face there.
         balls: what they do to the sheet, filled.
         dead_N: (3, a, b) forces on the touched face that keep their direction.
     """

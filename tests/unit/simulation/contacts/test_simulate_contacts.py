@@ -116,7 +116,7 @@ def test_the_outline_holds_what_presses() -> None:
     forces_N = np.array([[0.3, 0.1, -1.0], [0.0, -0.4, -2.0]])
     dead_N = grid.nodal(DeadLoad(place_mm=np.array([[-20.3, 3.1], [10.9, 11.0]]), force_N=forces_N))
     assert dead_N.sum(axis=(1, 2)) == pytest.approx(forces_N.sum(axis=0))
-    ball_mm = np.array([[25.0, -20.0, 1.5 - 3.0 + 6.0, 6.0]])
+    ball_mm = np.array([[25.0, -20.0, 1.5 - 3.0 + 6.0, 6.0, 1.5]])
     loads, has_converged = grid.descend(value, stretch, ball_mm, dead_N)
     assert has_converged
     _, slope = grid.energy.elastic(value, stretch)
