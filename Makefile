@@ -84,7 +84,7 @@ docs: .venv/ready .venv/compiled
 gallery: .venv/ready .venv/compiled
 	$(BIN)/python examples/gallery/make.py $(ARGS)
 
-figures: .venv/compiled
+figures: .venv/ready .venv/compiled
 	$(BIN)/python docs/extensions/figures.py
 
 lock:
