@@ -12,6 +12,10 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
+import cv2
+import numpy as np
+import pyarrow
+import pyarrow.parquet
 import pytest
 from cyclopts import MissingArgumentError
 
@@ -103,6 +107,9 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     pressed_video(tmp_path / "press.mp4")
     job = manytouch.prepare(str(tmp_path / "press.mp4"), pitch_mm=4.0)
     manytouch.save_sensor(job.sensor, tmp_path / "my-sensor.toml")
+    picture = cv2.imencode(".png", np.zeros((4, 4), dtype=np.uint8))[1].tobytes()
+    images = pyarrow.table({"image": [{"bytes": picture, "path": "a.png"}] * 2})
+    pyarrow.parquet.write_table(images, tmp_path / "data.parquet")
     (tmp_path / "day1").mkdir()
     (tmp_path / "day1" / "press.mp4").write_bytes((tmp_path / "press.mp4").read_bytes())
     monkeypatch.chdir(tmp_path)

@@ -9,7 +9,7 @@ import pytest
 
 from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.calibrate import RestCalibration, calibrate_rest
-from manytouch.calibration.rest.report import describe
+from manytouch.calibration.rest.report import describe, with_provenance
 from manytouch.cli import main
 from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.demo_sensor import pad_sensor
@@ -130,6 +130,11 @@ def test_rows_that_a_nominal_file_lacks_are_placed_through_the_window() -> None:
     )
     adapted = register_nominal(fewer, frames)
     np.testing.assert_allclose(adapted.camera.translation_mm, SHIFT_MM, atol=0.1)
+    found = calibrate_rest(fewer, frames)
+    assert found.sensor.layout is not None
+    assert found.sensor.layout.shape == (7, 9)
+    np.testing.assert_allclose(found.sensor.camera.translation_mm, SHIFT_MM, atol=0.02)
+    assert "nominal" not in with_provenance(found, "rest.mp4").provenance
 
 
 def test_the_verb_takes_the_thickness_of_a_pad_and_keeps_the_rest(tmp_path: Path) -> None:

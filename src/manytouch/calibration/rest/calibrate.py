@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
+from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose
 from manytouch.calibration.rest.register_rest import register_rest
@@ -99,7 +100,13 @@ def calibrate_rest(
     if sensor.layout is not None and pitch_mm is not None:
         layout = _rescale(layout, pitch_mm)
     laid = replace(laid, layout=layout)
-    seen = track_markers(register_rest(laid, frames, roi_px=roi_px), frames, roi_px)
+    if is_nominal(sensor):
+        laid = registered = register_nominal(laid, frames, roi_px=roi_px)
+        assert registered.layout is not None
+        layout = registered.layout
+    else:
+        registered = register_rest(laid, frames, roi_px=roi_px)
+    seen = track_markers(registered, frames, roi_px)
     share = seen.is_seen.mean(axis=0)
     is_missing = share < SEEN_SHARE
     if int((~is_missing).sum()) < 6:

@@ -50,10 +50,9 @@ def part(evaluation: Evaluation, method: str, name: str = "all") -> MethodErrors
 
     Pads are in no other part than their own, unless there is nothing else.
     """
-    sheets = [trial for trial in evaluation.trials if not is_pad(trial)]
     some = [
         one
-        for trial in (evaluation.trials if name in PAD_GROUPS else sheets or evaluation.trials)
+        for trial in (evaluation.trials if name in PAD_GROUPS else main_trials(evaluation))
         if belongs(trial, name)
         for one in trial.comparisons
         if one.method == method
@@ -80,9 +79,12 @@ def unit_of(evaluation: Evaluation) -> str:
     return evaluation.trials[0].comparisons[0].unit if evaluation.trials else "mm"
 
 
-def is_pad(trial: Trial) -> bool:
-    """Is it a bonded pad of the suite?"""
-    return trial.case is not None and trial.case.group in PAD_GROUPS
+def main_trials(evaluation: Evaluation) -> tuple[Trial, ...]:
+    """The recordings without the bonded pads of the suite, unless there is nothing else."""
+    sheets = [
+        trial for trial in evaluation.trials if trial.case is None or trial.case.group not in PAD_GROUPS
+    ]
+    return tuple(sheets) or evaluation.trials
 
 
 def belongs(trial: Trial, name: str) -> bool:
