@@ -74,3 +74,13 @@ def test_files_of_the_forge_follow_their_schemas(schema: str) -> None:
         check=False,
     )
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+def test_the_demo_installs_a_part_of_what_the_tests_use() -> None:
+    demo, tests = (
+        set(re.findall(r"^[a-z0-9-]+==\S+", (ROOT / name).read_text(encoding="utf-8"), re.MULTILINE))
+        for name in ("requirements-demo.lock", "requirements.lock")
+    )
+    assert demo < tests, f"run make lock: {sorted(demo - tests)}"
+    base = {re.split(r"[<>=]", each)[0] for each in PROJECT["dependencies"]}
+    assert base <= {each.partition("==")[0] for each in demo}
