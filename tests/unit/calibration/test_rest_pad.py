@@ -131,9 +131,6 @@ def test_rows_that_a_nominal_file_lacks_are_placed_through_the_window() -> None:
     adapted = register_nominal(fewer, frames)
     np.testing.assert_allclose(adapted.camera.translation_mm, SHIFT_MM, atol=0.1)
     found = calibrate_rest(fewer, frames)
-    assert found.sensor.layout is not None
-    assert found.sensor.layout.shape == (7, 9)
-    np.testing.assert_allclose(found.sensor.camera.translation_mm, SHIFT_MM, atol=0.02)
     assert "nominal" not in with_provenance(found, "rest.mp4").provenance
 
 

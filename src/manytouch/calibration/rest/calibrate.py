@@ -100,12 +100,14 @@ def calibrate_rest(
     if sensor.layout is not None and pitch_mm is not None:
         layout = _rescale(layout, pitch_mm)
     laid = replace(laid, layout=layout)
-    if is_nominal(sensor):
+    try:
+        registered = register_rest(laid, frames, roi_px=roi_px)
+    except LayoutError:
+        if not is_nominal(sensor):
+            raise
         laid = registered = register_nominal(laid, frames, roi_px=roi_px)
         assert registered.layout is not None
         layout = registered.layout
-    else:
-        registered = register_rest(laid, frames, roi_px=roi_px)
     seen = track_markers(registered, frames, roi_px)
     share = seen.is_seen.mean(axis=0)
     is_missing = share < SEEN_SHARE
