@@ -5,8 +5,9 @@
 Drawn frames of 600 dots are kept in memory and read by a live session, as fast as it can and at --fps. The
 outputs are TUIO 1.1 and 2.0, OSC, a MIDI file, ROS 2 on loopback and Foxglove. A process of its own reads all
 topics of ROS 2 and of Foxglove, so that all messages are made and sent. Sessions without and with them take
-turns. Rates and latencies of a busy machine differ from round to round; the processor time of each output per
-reading, which is printed first, does so less.
+turns. Rates and latencies of a busy machine differ from round to round; processor times do so less: of each
+output per reading, which is printed first, and of a session per reading, of all its threads and of the thread
+that estimates contacts.
 """
 
 import argparse
@@ -103,11 +104,13 @@ class Counter:
     def __init__(self) -> None:
         self.at_s: list[float] = []
         self.latency_ms: list[float] = []
+        self.spent_s: list[tuple[float, float]] = []
 
     def write(self, reading: Reading) -> None:
         if reading.frame.index < FRAMES or reading.frame.arrived_ns is None:
             return
         self.at_s.append(time.monotonic())
+        self.spent_s.append((time.process_time(), time.thread_time()))
         self.latency_ms.append((time.monotonic_ns() - reading.frame.arrived_ns) * 1e-6)
 
     def close(self) -> None:
@@ -188,11 +191,14 @@ def measured(
             reader.terminate()
             reader.wait()
     span_s = counter.at_s[-1] - counter.at_s[0]
+    all_ms, own_ms = 1e3 * (np.array(counter.spent_s[-1]) - counter.spent_s[0]) / (len(counter.at_s) - 1)
     outputs = {each.name: (each.sent, each.dropped) for each in live.health().outputs}
     return {
         "fps": (len(counter.at_s) - 1) / span_s,
         "p50_ms": float(np.percentile(counter.latency_ms, 50)),
         "p99_ms": float(np.percentile(counter.latency_ms, 99)),
+        "all_ms": float(all_ms),
+        "own_ms": float(own_ms),
         "outputs": outputs,
     }
 
@@ -220,11 +226,13 @@ def main() -> None:
         print(f"frames at {fps:g} per second, medians of {options.rounds} sessions")
         for name in ("without", "with"):
             figures = {
-                key: np.median([each[name][key] for each in rounds]) for key in ("fps", "p50_ms", "p99_ms")
+                key: np.median([each[name][key] for each in rounds])
+                for key in ("fps", "p50_ms", "p99_ms", "all_ms", "own_ms")
             }
             print(
                 f"  {name:8} {figures['fps']:7.1f} readings/s, "
-                f"latency {figures['p50_ms']:.2f} ms, {figures['p99_ms']:.2f} ms (99th percentile)"
+                f"latency {figures['p50_ms']:.2f} ms, {figures['p99_ms']:.2f} ms (99th percentile), "
+                f"processor {figures['all_ms']:.2f} ms, estimation {figures['own_ms']:.2f} ms"
             )
         print(f"  sent, dropped: {json.dumps(rounds[-1]['with']['outputs'])}")
 

@@ -22,6 +22,7 @@ _NAMES = {
     "manytouch.calibration": ("sensor_from_rest",),
     "manytouch.errors": (
         "ArgumentError",
+        "ContactError",
         "LayoutError",
         "ManytouchError",
         "MissingExtraError",
@@ -46,6 +47,7 @@ _NAMES = {
         "run",
     ),
     "manytouch.session.stream": ("Stream", "stream"),
+    "manytouch.simulation.contacts": ("Ball", "Patch", "PointForces", "simulate_contacts"),
     "manytouch.sources": (
         "Capabilities",
         "Source",

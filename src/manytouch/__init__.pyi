@@ -7,6 +7,7 @@ from manytouch.analysis.read_results import Results as Results, read_results as 
 from manytouch.calibration import sensor_from_rest as sensor_from_rest
 from manytouch.errors import (
     ArgumentError as ArgumentError,
+    ContactError as ContactError,
     LayoutError as LayoutError,
     ManytouchError as ManytouchError,
     MissingExtraError as MissingExtraError,
@@ -31,6 +32,12 @@ from manytouch.session import (
     run as run,
 )
 from manytouch.session.stream import Stream as Stream, stream as stream
+from manytouch.simulation.contacts import (
+    Ball as Ball,
+    Patch as Patch,
+    PointForces as PointForces,
+    simulate_contacts as simulate_contacts,
+)
 from manytouch.sources import Capabilities as Capabilities, Source as Source, open_source as open_source
 from manytouch.values import (
     Camera as Camera,

@@ -10,17 +10,22 @@ Its arguments are numbers, arrays and `typing.NamedTuple`s of these.
 """
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any, TypeVar, cast
 
 import numpy as np
 from llvmlite import ir
-from llvmlite.binding import Linkage
 from numba import config, njit, types
-from numba.core.codegen import CPUCodeLibrary
 from numba.core.options import DefaultOptions
 from numba.extending import intrinsic
 
 from manytouch.kernel_cache import provide_folder
+from manytouch.kernel_libraries import (
+    KernelCompiler,
+    bind_calls_within_modules,
+    compare_flags_quickly,
+    compile_parts_without_code,
+)
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 Named = TypeVar("Named", bound=tuple[Any, ...])
@@ -34,58 +39,6 @@ f32 = cast(Callable[[float], float], np.float32)
 f64 = cast(Callable[[float], float], np.float64)
 i64 = cast(Callable[[int], int], np.int64)
 u64 = cast(Callable[[int], int], np.uint64)
-
-
-OWN_NAMES = "9manytouch"
-"""Part of the mangled names of the functions of this package."""
-
-
-def bind_calls_within_modules() -> bool:
-    """Let a compiled function call the copies of others that were optimised with it, fresh or cached.
-
-    The machine code of a function contains the functions that it calls. numba marks them as replaceable by a
-    function of the same name that is loaded already, whose code may be optimised otherwise: its sums are then
-    rounded otherwise. What is loaded already depends on what was compiled, what came from the cache, and in
-    which order, so the run that compiled had other bits than later ones.
-
-    Returns:
-        Whether it was possible; it uses an internal method of numba, without which all else works.
-    """
-    finalize = getattr(CPUCodeLibrary, "_finalize_final_module", None)
-    if finalize is None or not hasattr(CPUCodeLibrary, "_get_module_for_linking"):
-        return False
-    if not getattr(finalize, "binds_calls", False):
-
-        def finalize_bound(library: Any) -> None:
-            _bind_calls(library)
-            finalize(library)
-
-        finalize_bound.binds_calls = True  # type: ignore[attr-defined]
-        CPUCodeLibrary._finalize_final_module = finalize_bound  # type: ignore[method-assign]
-    return True
-
-
-def _bind_calls(library: Any) -> None:
-    """Make replaceable functions of a module of this package local, except in the copy for its callers."""
-    module = library._final_module
-    replaceable = [
-        function
-        for function in module.functions
-        if not function.is_declaration
-        and function.linkage == Linkage.linkonce_odr
-        and not function.name.startswith("NRT_")
-    ]
-    if not replaceable or not any(OWN_NAMES in function.name for function in module.functions):
-        return
-    library._finalized = True
-    try:
-        is_shared = library._get_module_for_linking() is module
-    finally:
-        library._finalized = False
-    if is_shared:
-        library._shared_module = module.clone()
-    for function in replaceable:
-        function.linkage = Linkage.internal
 
 
 def kernels_folder() -> str:
@@ -102,9 +55,33 @@ def no_type_check(function: Function) -> Function:
 
 
 def kernel(**options: Any) -> Callable[[Function], Function]:
-    """Decorator that compiles a function without the interpreter lock and caches the machine code."""
-    compile_function = njit(**{"cache": True, "nogil": True, "error_model": "numpy", **options})
-    return cast(Callable[[Function], Function], compile_function)
+    """Decorator that compiles a function without the interpreter lock and caches the machine code.
+
+    What Python calls, and what other compiled functions call, are compiled separately: the latter is part of
+    the code of its callers and has none of its own (`kernel_libraries`).
+    """
+    common = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True, **options}
+    compile_whole = njit(**{"cache": True, "pipeline_class": KernelCompiler, **common})
+
+    def compiled(function: Function) -> Function:
+        whole: Any = compile_whole(function)
+
+        @cache
+        def part() -> Any:  # made once it is needed: most programs load all code and compile nothing
+            return njit(**{**common, "cache": False, "no_cpython_wrapper": True})(function)
+
+        def call_template(arguments: Any, named: Any) -> Any:
+            # a specialisation for True and one for False would be compiled in addition to that for a variable
+            kinds = [types.boolean if isinstance(kind, types.BooleanLiteral) else kind for kind in arguments]
+            return part().get_call_template(tuple(kinds), named)
+
+        def overload(signature: Any) -> Any:
+            return part().get_overload(signature)
+
+        whole.get_call_template, whole.get_overload, whole.part = call_template, overload, part
+        return cast(Function, whole)
+
+    return compiled
 
 
 def inlined_kernel(**options: Any) -> Callable[[Function], Function]:
@@ -151,3 +128,5 @@ def prefetch(typing: Any, array: Any, index: Any) -> Any:
 _config: Any = config  # numba sets its attributes while it runs
 _config.CACHE_DIR = provide_folder(_config.CACHE_DIR)
 bind_calls_within_modules()
+compile_parts_without_code()
+compare_flags_quickly()

@@ -9,6 +9,7 @@ and what to do.
     ├── SensorError        a sensor file is wrong, or does not match the recording
     ├── LayoutError        no dots, or no usable arrangement of dots, were found
     ├── OutputError        results cannot be written to the requested place
+    ├── ContactError       a contact cannot be simulated on the sheet
     ├── ArgumentError      an argument of a function has a wrong type; also a TypeError
     └── MissingExtraError  an optional package that the request needs is not installed
 """
@@ -32,6 +33,10 @@ class LayoutError(ManytouchError):
 
 class OutputError(ManytouchError):
     """Results cannot be written to the requested place."""
+
+
+class ContactError(ManytouchError):
+    """A contact cannot be simulated on the sheet."""
 
 
 class MissingExtraError(ManytouchError):

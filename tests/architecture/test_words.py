@@ -7,7 +7,16 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-PLACES = ("src", "docs", "benchmarks", "examples", "README.md", "CHANGELOG.md", "CONTRIBUTING.md")
+PLACES = (
+    "src",
+    "docs",
+    "benchmarks",
+    "examples",
+    "README.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "CODE_OF_CONDUCT.md",
+)
 SUFFIXES = {".py", ".md", ".js", ".html", ".css"}
 LIST = ROOT / "docs" / "word-list.toml"
 
@@ -43,7 +52,8 @@ def offences(text: str) -> list[str]:
 def files() -> list[Path]:
     roots = [ROOT / place for place in PLACES if (ROOT / place).exists()]
     found = [path for root in roots for path in ([root] if root.is_file() else sorted(root.rglob("*")))]
-    return [path for path in found if path.suffix in SUFFIXES]
+    built = {ROOT / "docs" / "_build", ROOT / "docs" / "generated"}
+    return [path for path in found if path.suffix in SUFFIXES and not built & set(path.parents)]
 
 
 @pytest.mark.skipif(not LIST.exists(), reason="the documentation is not there (tests of the wheel)")

@@ -22,7 +22,7 @@ from manytouch.calibration.sheet.press_table import read_press_table
 from manytouch.errors import ManytouchError
 from manytouch.geometry.camera import project
 from manytouch.session import pipeline_for, prepare
-from manytouch.session.warm_up import poor_images
+from manytouch.session.methods.compile_stage import poor_images
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
 from manytouch.simulation.scene.solve import solid_problem

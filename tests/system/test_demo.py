@@ -66,6 +66,7 @@ def test_doctor_without_a_source_describes_the_machine() -> None:
         "extra lab",
         "extra connect",
         "kernels",
+        "solved simulations in",
         "videos",
     ):
         assert words in output

@@ -40,3 +40,64 @@ def test_the_notebook_runs_from_its_first_cell_to_its_last(capsys: pytest.Captur
     assert "depth" in capsys.readouterr().out
     assert names["force_axes"].get_ylabel() == "normal force (N)"
     pyplot.close("all")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("default")
+def test_the_environment_of_gymnasium_and_mujoco(capsys: pytest.CaptureFixture[str]) -> None:
+    pytest.importorskip("mujoco")
+    checker = pytest.importorskip("gymnasium.utils.env_checker")
+    names = example("press_with_mujoco")
+    environment: Any = names["PressEnv"](render_mode="rgb_array")
+    checker.check_env(environment)
+    environment.action_space.seed(0)
+    environment.reset(seed=0)
+    for _ in range(150):
+        observation, reward, *_ = environment.step(environment.action_space.sample())
+        assert environment.observation_space.contains(observation)
+        assert reward <= 0.0
+    assert environment.render().shape == (720, 1280, 3)
+    assert names["main"]() < 0.6
+    assert capsys.readouterr().out.count("requested") == 3
+
+
+GALLERY = {  # what each example returns, from and to
+    "calibrate": (0.0, 0.01),  # error of the focal length
+    "data_set": (20.0, 40.0),  # rows
+    "design": (2.0, 8.0),  # pitch, mm
+    "first_video": (0.0, 1.5),  # distance from the truth, mm
+    "rig": (4.0, 20.0),  # contacts
+    "ros2": (7.0, 9.0),  # N
+    "shear": (0.0, 0.03),  # N
+    "slip": (0.26, 0.36),  # coefficient of friction
+    "soft_object": (1.4, 2.2),  # ratio of the radii
+    "two_fingers": (0.0, 0.3),  # mm
+}
+QUICK = {"calibrate"}
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[] if name in QUICK else [pytest.mark.slow]) for name in GALLERY]
+)
+def test_an_example_of_the_gallery_draws_its_picture_and_is_right(name: str, tmp_path: Path) -> None:
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    pyplot.switch_backend("Agg")
+    picture = tmp_path / f"{name}.png"
+    least, most = GALLERY[name]
+    assert least <= example(f"gallery/{name}")["main"](str(picture)) <= most
+    drawn = pyplot.imread(picture)
+    assert min(drawn.shape[:2]) > 300
+    assert drawn[..., :3].std() > 0.05
+    pyplot.close("all")
+
+
+def test_the_gallery_shows_every_example_with_its_picture() -> None:
+    page = EXAMPLES.parent / "docs" / "gallery.md"
+    if not page.is_file():
+        pytest.skip("the pages come with the repository, not with the wheel")
+    scripts = {path.stem for path in (EXAMPLES / "gallery").glob("*.py")} - {"make"}
+    assert scripts == set(GALLERY)
+    for name in scripts:
+        assert f"(images/gallery/{name}.png)" in page.read_text(encoding="utf-8")
+        assert f"literalinclude}} ../examples/gallery/{name}.py" in page.read_text(encoding="utf-8")
+        assert (page.parent / "images" / "gallery" / f"{name}.png").is_file()

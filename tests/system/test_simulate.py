@@ -10,8 +10,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import pyarrow.parquet as pq
+import pytest
 
 from command_line import Done, run_command
+from manytouch.calibration.sheet.press_table import read_press_table
+from manytouch.cli import main
 from manytouch.sinks.files.tables import contact_columns, marker_columns
 from manytouch.values.sensor_file import load_sensor
 from results import rows_of
@@ -66,6 +69,23 @@ start_s = 0.2
 end_s = 0.85
 ramp_s = 0.2
 """
+PRESSES = """
+schema = 1
+seconds = 1.6
+fps = 10.0
+sensor = "sensor.toml"
+mechanics = "shell"
+[[bodies]]
+shape = { kind = "sphere", radius_mm = 5.0 }
+motions = [
+    { kind = "press", at_mm = [-6, 2], depth_mm = 1.0, start_s = 0.3, end_s = 0.9, ramp_s = 0.2 },
+    { kind = "slide", from_mm = [0, 0], to_mm = [1, 1], depth_mm = 1.0, start_s = 2.0, end_s = 2.6 },
+    { kind = "tap", at_mm = [0, 0], depth_mm = 1.0, start_s = 3.0, touch_s = 0.2 },
+]
+[[bodies]]
+shape = { kind = "sphere", radius_mm = 5.0 }
+motions = [{ kind = "press", at_mm = [5, -3], depth_mm = 1.0, start_s = 0.9, end_s = 1.5, ramp_s = 0.2 }]
+"""
 FILES = {"frames", "sensor.toml", "truth"}
 
 
@@ -109,6 +129,21 @@ def test_it_leaves_pictures_sensor_and_truth_and_solves_nothing_twice(tmp_path: 
     assert simulate(tmp_path).returncode == 0
     assert {path: path.stat().st_mtime_ns for path in (tmp_path / "states").iterdir()} == still
     assert (out / "frames" / "000007.png").read_bytes() == first
+
+
+def test_presses_that_are_held_are_listed_as_a_table_for_the_calibration(tmp_path: Path) -> None:
+    (tmp_path / "sensor.toml").write_text(SENSOR)
+    (tmp_path / "presses.toml").write_text(PRESSES)
+    assert main(["simulate", str(tmp_path / "presses.toml"), "--out", str(tmp_path / "out")]) == 0
+    rows = read_press_table(tmp_path / "out" / "truth" / "presses.csv")
+    assert [(row.x_mm, row.y_mm) for row in rows] == [(-6.0, 2.0), (5.0, -3.0)]
+    # images are read at 30 frames per second, the scene has 10
+    assert [row.time_s for row in rows] == [0.2, 0.4]
+    contacts = rows_of(tmp_path / "out" / "truth" / "contacts.csv")
+    for row, frame in zip(rows, ("6", "12"), strict=True):
+        true = next(one for one in contacts if one["frame"] == frame)
+        assert row.force_N == pytest.approx(float(true["normal_force_N"]), rel=1e-3)
+        assert row.radius_mm == pytest.approx(np.sqrt(float(true["area_mm2"]) / np.pi), rel=1e-3)
 
 
 def test_ctrl_c_leaves_what_is_whole_and_the_same_command_goes_on(tmp_path: Path) -> None:

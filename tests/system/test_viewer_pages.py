@@ -86,6 +86,26 @@ def test_surface_contacts_and_plots_are_shown_and_nothing_is_cut_off(
     page.close()
 
 
+def test_the_timeline_and_the_buttons_fit_a_phone(
+    browser: Browser, shown: tuple[FakeSession, Viewer]
+) -> None:
+    session, viewer = shown
+    session.now = replace(session.now, frame=1000, frame_count=12000)
+    page = opened_page(browser, viewer, (390, 844))
+    page.wait_for_selector("#timeline:not([hidden])")
+    card = page.locator(".card.surface").bounding_box()
+    speed = page.locator("#speed").bounding_box()
+    assert card is not None
+    assert speed is not None
+    assert speed["x"] + speed["width"] <= card["x"] + card["width"]
+    tops = page.evaluate(
+        """[...document.querySelectorAll('.bar .buttons button:not([hidden])')]
+        .map((e) => e.getBoundingClientRect().top)"""
+    )
+    assert max(tops) - min(tops) < 10, "the buttons are in one row"
+    page.close()
+
+
 def test_a_click_measures_with_and_without_webgl(browser: Browser, shown: tuple[FakeSession, Viewer]) -> None:
     page = opened_page(browser, shown[1])
     page.mouse.click(*page.evaluate("manytouch.pane.onScreen(-20, 8)"))

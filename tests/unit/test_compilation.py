@@ -9,9 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from llvmlite.binding import Linkage
+from numba.core.compiler import Flags
 
-from manytouch import compilation
-from manytouch.compilation import REORDER, bind_calls_within_modules, kernel
+from manytouch import kernel_libraries
+from manytouch.compilation import REORDER, kernel
+from manytouch.kernel_libraries import PartLibrary, bind_calls_within_modules, compile_parts_without_code
 
 
 def replaceable_functions(caller: Callable[..., float]) -> list[str]:
@@ -53,10 +55,59 @@ def test_calls_are_bound_within_the_machine_code_of_a_function(monkeypatch: pyte
     values = np.linspace(0.0, 1.0, 7)
     result = bound(values)
     assert replaceable_functions(bound) == []
-    monkeypatch.setattr(compilation, "_bind_calls", lambda _: None)
+    monkeypatch.setattr(kernel_libraries, "bind_calls", lambda _: None)
     free = compiled_pair()
     assert free(values) == pytest.approx(result)
     assert replaceable_functions(free), "the test shows nothing: the inner function was inlined"
+
+
+def test_what_only_compiled_functions_call_has_no_machine_code() -> None:
+    assert compile_parts_without_code()
+    outer = compiled_pair()
+    outer(np.linspace(0.0, 1.0, 7))
+    inner = dict(zip(outer.py_func.__code__.co_freevars, outer.py_func.__closure__, strict=True))["inner"]
+    assert not inner.cell_contents.overloads, "it was compiled for Python too"
+    parts = inner.cell_contents.part().overloads.values()
+    assert parts
+    for part in parts:
+        assert isinstance(part.library, PartLibrary)
+        assert part.library.get_pointer_to_function(part.fndesc.llvm_func_name) == 0
+
+
+def test_a_part_can_be_called_by_python_all_the_same() -> None:
+    outer = compiled_pair()
+    values = np.linspace(0.0, 1.0, 7)
+    inner = dict(zip(outer.py_func.__code__.co_freevars, outer.py_func.__closure__, strict=True))["inner"]
+    called = inner.cell_contents
+    total = outer(values)
+    parts = called(values, 2) + 3.0 * called(values[1:], 3) + called(values[::2], 5)
+    assert parts == pytest.approx(total, rel=1e-13)
+
+
+def test_errors_of_parts_reach_python() -> None:
+    def inner(value: int) -> int:
+        if value < 0:
+            raise ValueError("a negative value")
+        return value
+
+    def outer(value: int) -> int:
+        return inner(value) + 1
+
+    inner.__module__ = outer.__module__ = "manytouch.probe"
+    inner = kernel(cache=False)(inner)
+    outer = kernel(cache=False)(outer)
+    assert outer(2) == 3
+    with pytest.raises(ValueError, match="a negative value"):
+        outer(-1)
+
+
+def test_flags_are_compared_as_numba_does() -> None:
+    plain, other, same = (Flags() for _ in range(3))
+    other.fastmath = True
+    same.fastmath = False
+    assert plain != other
+    assert plain == same, "a value that equals the default"
+    assert hash(plain) == hash(same)
 
 
 @pytest.mark.slow

@@ -62,6 +62,7 @@ app.command(export.export)
 app.command(simulate.simulate)
 app.command(calibrate.app)
 app.command(design.design)
+app.register_install_completion_command(help="Install completion for the shell that calls this.")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

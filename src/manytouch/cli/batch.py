@@ -111,10 +111,14 @@ def batch(
         print(f"tables of {merge_shards(out)} shards joined in {out}")
         return 0
     from manytouch.batch.inputs import absolute, shard_of, tasks_of
+    from manytouch.batch.remote import is_remote
     from manytouch.batch.settings import settings_for
     from manytouch.session import Request
+    from manytouch.sinks.files.atomic_output import check_writable
     from manytouch.values.sensor_file import load_sensor
 
+    if not is_remote(out):
+        check_writable(Path(out))
     tasks = shard_of(tasks_of(inputs or ()), shard)
     settings = settings_for(
         out,

@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Callable
+from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -61,6 +62,7 @@ def camera(
     from manytouch.calibration.camera.calibrate import calibrate_camera
     from manytouch.calibration.camera.named_images import named_images
     from manytouch.calibration.camera.report import calibrated_camera, describe, write_report
+    from manytouch.cli.terminal.console import Steps
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.sinks.files.atomic_output import check_file_writable, check_writable
     from manytouch.values.sensor_file import save_sensor
@@ -70,9 +72,10 @@ def camera(
     check_file_writable(out)
     if report is not None:
         check_writable(report)
-    with StopOnSignal() as stop:
-        look = _ViewProgress(console.print, stop, is_live=any(not Path(text).exists() for text in images))
-        found = calibrate_camera(named_images(images), wanted, model=model, on_view=look)
+    with StopOnSignal() as stop, Steps() as steps:
+        look = _ViewProgress(steps.print, stop, is_live=any(not Path(text).exists() for text in images))
+        views = steps.count("images", named_images(images), None)
+        found = calibrate_camera(views, wanted, model=model, on_view=look)
     for line in describe(found):
         console.print(f"  {line}", markup=False)
     if report is not None:
@@ -117,31 +120,43 @@ def rest(
 
     Reports the residual from a flat lattice, missing markers, noise, the clamp
     line, and warnings such as a sheet that is not flat, markers that are cut off,
-    or a wrong scale.
+    or a wrong scale. A bonded pad is measured through its window: its pose with
+    the tilt by the glue, and its outline where the image shows it.
 
     Example: manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm 4 --out sensor.toml
     """
+    from dataclasses import replace
+
     import numpy as np
     from rich.console import Console
 
     from manytouch.calibration.rest.calibrate import calibrate_rest
     from manytouch.calibration.rest.report import describe, with_provenance
+    from manytouch.calibration.sheet.pad_outline import pad_of
+    from manytouch.cli.terminal.console import Steps
     from manytouch.sinks.files.atomic_output import check_file_writable
-    from manytouch.sources import open_source, read_frames
+    from manytouch.sources import closing_source, open_source
     from manytouch.values import Sheet
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
     if sheet_mm is not None and thickness_mm is None:
         raise usage_error("calibrate rest", "--sheet-mm requires --thickness-mm")
-    sheet = None
-    if sheet_mm is not None and thickness_mm is not None:
+    known = load_sensor(sensor)
+    sheet = pad_of(known)
+    if sheet is not None:
+        given_mm = sheet.size_mm if sheet_mm is None else np.array(sheet_mm, dtype=np.float64)
+        given_thickness_mm = sheet.thickness_mm if thickness_mm is None else float(thickness_mm)
+        sheet = replace(sheet, size_mm=given_mm, thickness_mm=given_thickness_mm)
+    elif sheet_mm is not None and thickness_mm is not None:
         sheet = Sheet(size_mm=np.array(sheet_mm), thickness_mm=float(thickness_mm))
     check_file_writable(out)
-    frames = read_frames(open_source(source), REST_FRAMES)
-    found = calibrate_rest(
-        load_sensor(sensor), frames, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
-    )
+    with Steps() as steps, closing_source(open_source(source)) as frames:
+        first = list(steps.count("frames", islice(frames, REST_FRAMES), REST_FRAMES))
+        steps.follow()("finding the markers and the pose of the sheet")
+        found = calibrate_rest(
+            known, first, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
+        )
     for line in describe(found):
         console.print(f"  {line}")
     save_sensor(with_provenance(found, Path(source).name), out)
@@ -175,9 +190,11 @@ def sheet(
     The table has the columns input, time_s, x_mm, y_mm, radius_mm, normal_force_N.
     Each recording starts with the untouched sheet; time_s is the time at which a
     press is held (empty: the end of the recording). The stiffness requires at least
-    one force in N. --plan writes such a table for weights of 50, 100 and 200 g.
-    For a recording or a camera the presses are entered at prompts, and are saved as
-    a table next to the new sensor file.
+    one force in N. A weight on a tilted sensor has weight_N, tilt_x_deg and
+    tilt_y_deg (of the axes below the horizontal) instead of normal_force_N.
+    --plan writes such a table for weights of 50, 100 and 200 g. For a recording or
+    a camera the presses are entered at prompts, and are saved as a table next to
+    the new sensor file.
 
     Example: manytouch calibrate sheet presses.csv --sensor sensor.toml --out calibrated.toml
     Example: manytouch calibrate sheet presses.mp4 --sensor sensor.toml --out calibrated.toml
@@ -190,7 +207,8 @@ def sheet(
     from manytouch.calibration.sheet.protocol import probing_gcode, weight_table
     from manytouch.calibration.sheet.report import describe, with_provenance
     from manytouch.calibration.sheet.typed_presses import read_typed_presses
-    from manytouch.sinks.files.atomic_output import check_file_writable
+    from manytouch.cli.terminal.console import Steps
+    from manytouch.sinks.files.atomic_output import check_file_writable, check_writable, output_errors
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     if plan is None and (presses is None or out is None):
@@ -204,9 +222,12 @@ def sheet(
     if out is not None:
         check_file_writable(out)
     if plan is not None:
-        plan.mkdir(parents=True, exist_ok=True)
-        (plan / "presses.csv").write_text(weight_table(known), encoding="utf-8")
-        (plan / "probing.gcode").write_text(probing_gcode(known), encoding="utf-8")
+        check_writable(plan)
+        texts = {"presses.csv": weight_table(known), "probing.gcode": probing_gcode(known)}
+        with output_errors(plan):
+            plan.mkdir(parents=True, exist_ok=True)
+            for name, text in texts.items():
+                (plan / name).write_text(text, encoding="utf-8")
         console.print(f"  plan in {plan}")
         return 0
     assert presses is not None
@@ -220,7 +241,10 @@ def sheet(
     if rows is None:
         return 0
     is_pad = known.sheet is not None and known.sheet.boundary == "bonded"
-    found = (calibrate_pad if is_pad else calibrate_sheet)(known, measure_presses(known, rows, table.parent))
+    with Steps() as steps:
+        measured = measure_presses(known, steps.count("presses", rows, len(rows)), table.parent)
+        steps.follow()("fitting the sheet")
+        found = (calibrate_pad if is_pad else calibrate_sheet)(known, measured)
     for line in describe(found):
         console.print(f"  {line}")
     save_sensor(with_provenance(known, found, table.name), out)

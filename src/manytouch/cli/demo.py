@@ -46,7 +46,9 @@ def demo(
     Example: manytouch demo --seconds 5
     """
     from manytouch.cli.terminal.console import Reporter
+    from manytouch.sinks.files.atomic_output import check_writable
 
+    check_writable(out)
     reporter = Reporter(bar=False)
     reporter.print("simulated sensor, pressed by several fingers at once", heading=True)
     if not no_view and find_spec("nicegui") is None:

@@ -72,20 +72,19 @@ def design(
 ) -> int:
     """Choose sheet, markers and camera position; write a sensor file and printable parts.
 
-    Writes sensor.toml, design.md with the reason for each choice, parts/ (STL,
-    3MF), parts.png, patterns/ (SVG and PDF in true size, calibration boards),
-    bill_of_materials.csv and assembly.md; with --predict also accuracy.csv,
-    accuracy.png and tradeoff.png.
+    Writes sensor.toml, design.md with the reason for each choice, scenes/ that
+    simulate the design, parts/ (STL, 3MF), parts.png, patterns/ (SVG and PDF in
+    true size, calibration boards), bill_of_materials.csv, assembly.md and
+    assembly.png; with --predict also accuracy.csv, accuracy.png and tradeoff.png.
 
     Example: manytouch design --area-mm 100,60 --force-N 0.1,10 --out my-sensor --explain
     """
-    from rich.console import Console
-
     if paper:
         return _paper(out, parts)
+    from manytouch.cli.terminal.console import Steps
     from manytouch.design.choose import design_sensor
     from manytouch.design.requirements import Optics, Printer, Requirements, require_packages, require_plots
-    from manytouch.design.write import explain_design, write_design, write_prediction
+    from manytouch.design.write import write_design, write_prediction, write_sensor
     from manytouch.sinks.files.atomic_output import check_writable
 
     check_writable(out)
@@ -93,7 +92,6 @@ def design(
         require_packages(step=parts == "step")
     if predict:
         require_plots()
-    console = Console(highlight=False, soft_wrap=True, markup=False)
     requirements = Requirements(
         area_mm=area_mm,
         deepest_mm=deepest_mm,
@@ -111,57 +109,53 @@ def design(
         material=material,
         thickness_mm=thickness_mm,
     )
-    found = design_sensor(requirements, on_message=lambda text: console.print(f"  {text}"))
-    for reason in found.reasons:
-        console.print(f"  {reason.about}: {reason.chosen}")
-        if explain:
-            console.print(f"      {reason.why}")
-    if parts == "none":
-        from manytouch.values.sensor_file import save_sensor
-
-        out.mkdir(parents=True, exist_ok=True)
-        save_sensor(found.sensor, out / "sensor.toml")
-        (out / "design.md").write_text(explain_design(found), encoding="utf-8")
+    with Steps() as steps:
+        found = design_sensor(requirements, on_message=steps.follow())
+        for reason in found.reasons:
+            steps.print(f"  {reason.about}: {reason.chosen}")
+            if explain:
+                steps.print(f"      {reason.why}")
         against: tuple[str, ...] = ()
-    else:
-        against = write_design(
-            found, out, step=parts == "step", on_message=lambda text: console.print(f"  {text}")
-        )
-    if predict:
-        predicted = write_prediction(found, out, on_message=lambda text: console.print(f"  {text}"))
-        position_mm, depth_um, force_percent = predicted.rms
-        console.print(
-            f"  predicted error after calibration: position {position_mm:.2f} mm, depth {depth_um:.0f} µm, "
-            f"force {force_percent:.1f} % (RMS over the area)"
-        )
-    for sentence in against:
-        console.print(f"  warning: {sentence}")
-    console.print(f"  design in {out}")
+        if parts == "none":
+            write_sensor(found, out)
+        else:
+            against = write_design(found, out, step=parts == "step", on_message=steps.follow())
+        if predict:
+            predicted = write_prediction(found, out, on_message=steps.follow())
+            position_mm, depth_um, force_percent = predicted.rms
+            steps.print(
+                f"  predicted error after calibration: position {position_mm:.2f} mm, "
+                f"depth {depth_um:.0f} µm, force {force_percent:.1f} % (RMS over the area)"
+            )
+        for sentence in against:
+            steps.print(f"  warning: {sentence}")
+        steps.print(f"  design in {out}")
     return 0
 
 
 def _paper(out: Path, parts: str) -> int:
-    from rich.console import Console
-
+    from manytouch.cli.terminal.console import Steps
     from manytouch.design.paper.numbers import paper_design
     from manytouch.design.paper.write import equation_1, table_1, write_numbers, write_paper_design
+    from manytouch.design.requirements import require_packages, require_plots
+    from manytouch.sinks.files.atomic_output import check_writable
 
-    console = Console(highlight=False, soft_wrap=True, markup=False)
-
-    def report(text: str) -> None:
-        console.print(f"  {text}")
-
-    found = paper_design(on_message=report)
-    for reason in found.design.reasons:
-        report(f"{reason.about}: {reason.chosen}")
-        report(f"    {reason.why}")
-    for line in ("", *table_1(found.moduli), "", *equation_1(found.spacings), ""):
-        report(line)
-    if parts == "none":
-        out.mkdir(parents=True, exist_ok=True)
-        write_numbers(found, out)
-    else:
-        for sentence in write_paper_design(found, out, step=parts == "step", on_message=report):
-            report(f"warning: {sentence}")
-    report(f"design in {out}")
+    check_writable(out)
+    require_plots()
+    if parts != "none":
+        require_packages(step=parts == "step")
+    with Steps() as steps:
+        found = paper_design(on_message=steps.follow())
+        for reason in found.design.reasons:
+            steps.print(f"  {reason.about}: {reason.chosen}")
+            steps.print(f"      {reason.why}")
+        for line in ("", *table_1(found.moduli), "", *equation_1(found.spacings), ""):
+            steps.print(f"  {line}")
+        if parts == "none":
+            out.mkdir(parents=True, exist_ok=True)
+            write_numbers(found, out)
+        else:
+            for sentence in write_paper_design(found, out, step=parts == "step", on_message=steps.follow()):
+                steps.print(f"  warning: {sentence}")
+        steps.print(f"  design in {out}")
     return 0

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from manytouch.evaluation.suite.cases import Case
     from manytouch.evaluation.suite.runner import Evaluation
 
-Group = Literal["nominal", "separation", "stress"]
+Group = Literal["nominal", "separation", "stress", "pads", "pads_nominal"]
 GROUPS: tuple[Group, ...] = get_args(Group)
 
 
@@ -31,7 +31,7 @@ def evaluate(
     *,
     out: Annotated[Path, options.folder("Folder for report.html and report.json.")],
     quick: Annotated[
-        bool, Parameter(negative=(), help="Run only a dozen cases of the suite (two or three minutes).")
+        bool, Parameter(negative=(), help="Run only 18 cases of the suite (some minutes).")
     ] = False,
     method: Annotated[
         list[options.Method] | None,
@@ -212,7 +212,9 @@ class _Progress:
 
 
 def _describe_results(evaluation: "Evaluation") -> list[str]:
-    """One line per method, of all recordings."""
+    """One line per method, of all recordings; for bonded pads with their goals."""
+    from manytouch.evaluation.report.pad_goals import goal_sentences
     from manytouch.evaluation.report.report_data import in_short
 
-    return [f"{method}: {in_short(evaluation, method)}" for method in evaluation.methods]
+    lines = [f"{method}: {in_short(evaluation, method)}" for method in evaluation.methods]
+    return [*lines, *goal_sentences(evaluation)]

@@ -38,8 +38,8 @@ def process(
 ) -> int:
     """Process every frame of recordings of a dotted sheet; write contacts, markers and a summary.
 
-    Polarity, size and layout of the markers are found in the first frames, in which
-    nothing may touch the sheet. No option is required.
+    Polarity, size and layout of the markers are found automatically, and their rest
+    positions where the sheet is still. No option is required.
 
     Example: manytouch process press.mp4 --out results --annotate
 
@@ -54,7 +54,9 @@ def process(
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.session import prepare, process_job
     from manytouch.session.results import require_finite, result_names
+    from manytouch.sinks.files.atomic_output import check_writable
 
+    check_writable(out)
     failed = 0
     with StopOnSignal() as stop:
         for text, name in zip(inputs, result_names(inputs), strict=True):

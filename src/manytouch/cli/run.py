@@ -61,6 +61,9 @@ def run(
 
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
+    from manytouch.cli.terminal.outputs import check_outputs
+
+    check_outputs(out, record)
     if source.lower().endswith(".toml") and "://" not in source and not source.startswith("sim:"):
         from manytouch.cli.terminal.rig_run import run_rig_file
 
@@ -150,7 +153,10 @@ def show_playback(
 
     playback.attach(open_outputs(to, playback))
     log = ContactLog(playback.sensor, reporter.print)
-    run_loop(playback, [log, *viewers(playback, address, reporter.print)], reporter, stop)
+    shown = viewers(playback, address, reporter.print)
+    if shown:
+        reporter.print("it stays open with a timeline until Ctrl-C")
+    run_loop(playback, [log, *shown], reporter, stop)
     print_outputs(playback.health(), reporter.print)
     return 0
 

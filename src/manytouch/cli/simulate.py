@@ -22,25 +22,32 @@ def simulate(
 ) -> int:
     """Simulate a scene file; write images, sensor file and ground truth.
 
-    Writes frames/000000.png and so on, sensor.toml, truth/contacts.csv and
-    truth/markers.parquet. The sheet is solved with 3-D finite elements at
-    keyframes, which takes some seconds each. Solved states are saved, so that the
-    same command continues after Ctrl-C.
+    Writes frames/000000.png and so on, sensor.toml, truth/contacts.csv,
+    truth/markers.parquet and, for presses that are held, truth/presses.csv, a
+    table for `calibrate sheet`. The sheet is solved with 3-D finite elements at
+    keyframes, which takes some seconds each. Solved states are saved, so that
+    the same command continues after Ctrl-C. A scene with a table `board` shows
+    a calibration board.
 
     Example: manytouch simulate two_fingers.toml --out simulated
     """
+    from manytouch.calibration.camera.simulated_views import is_board_scene
     from manytouch.cli.terminal.console import Steps
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.simulation.scene.file import load_scene
+    from manytouch.simulation.scene.motion import held_presses
     from manytouch.simulation.scene.solve import simulator, solve_scene, state_count, states_folder
     from manytouch.sinks.files.atomic_output import check_writable
-    from manytouch.sinks.files.simulated_folder import SimulatedFolder
+    from manytouch.sinks.files.simulated.simulated_folder import SimulatedFolder
+    from manytouch.values.arrays import count_of
 
+    if is_board_scene(scene):
+        return _simulate_views(scene, out)
     loaded = load_scene(scene)
     check_writable(out)
     with StopOnSignal() as stop, Steps() as steps:
         steps.print(
-            f"scene {loaded.name}: {len(loaded.bodies)} indenters, {loaded.duration_s:g} s, "
+            f"scene {loaded.name}: {count_of(len(loaded.bodies), 'indenter')}, {loaded.duration_s:g} s, "
             f"sensor {loaded.sensor.name}"
         )
         count, found = state_count(loaded), []
@@ -55,7 +62,7 @@ def simulate(
                 return 0
         sensor = simulator(loaded, tuple(found))
         written = 0
-        with SimulatedFolder(out, sensor.sensor) as sink:
+        with SimulatedFolder(out, sensor.sensor, held_presses(loaded.bodies)) as sink:
             for index in steps.count("frames", range(sensor.frame_count), sensor.frame_count):
                 sink.write(sensor.frame(index), sensor.truth(index))
                 written += 1
@@ -63,4 +70,21 @@ def simulate(
                     break
         of_all = "" if written == sensor.frame_count else f" of {sensor.frame_count}"
         steps.print(f"{written}{of_all} frames and their ground truth in {out}")
+    return 0
+
+
+def _simulate_views(scene: Path, out: Path) -> int:
+    from manytouch.calibration.camera.simulated_views import load_board_scene, write_views
+    from manytouch.cli.terminal.console import Steps
+    from manytouch.sinks.files.atomic_output import check_writable
+
+    loaded = load_board_scene(scene)
+    check_writable(out)
+    with Steps() as steps:
+        steps.print(
+            f"scene {loaded.name}: {loaded.views} views of {loaded.board}, {loaded.board.square_mm:g} mm"
+        )
+        for _ in steps.count("views", write_views(loaded, out), loaded.views):
+            pass
+        steps.print(f"{loaded.views} views and their poses in {out}")
     return 0

@@ -65,5 +65,6 @@ def view(
         )
         if not shown:
             raise MissingExtraError("the viewer", "nicegui")
+        reporter.print("it stays open with a timeline until Ctrl-C")
         run(playback, shown, reporter, stop)
     return 0

@@ -3,22 +3,23 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from manytouch.calibration.camera.board import parse_board
 from manytouch.design.accuracy import PredictedAccuracy, predicted_accuracy, typical_force_N
 from manytouch.design.dimensions import Design
+from manytouch.design.parts.bill import bill_of_materials, screw_length_mm
+from manytouch.design.parts.boards import PATTERNS, fitting_board
 from manytouch.design.parts.casing import CasingChoices, Part, make_parts
-from manytouch.design.parts.guide import assembly, bill_of_materials
+from manytouch.design.parts.exploded import draw_exploded
+from manytouch.design.parts.guide import assembly
 from manytouch.design.parts.meshing import PartMesh, make_mesh, write_3mf, write_stl
 from manytouch.design.parts.patterns import write_board, write_marker_pattern
 from manytouch.design.parts.pictures import draw_parts
 from manytouch.design.parts.printability import printability_warnings
+from manytouch.design.parts.scenes import write_scenes
 from manytouch.design.parts.step import write_step
 from manytouch.design.plots import draw_accuracy, draw_tradeoff
 from manytouch.errors import OutputError
+from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.values.sensor_file import save_sensor
-
-BOARDS = {"chessboard:9x6": 25.0, "charuco:10x7": 25.0, "circles-asymmetric:4x11": 16.0}
-"""Calibration boards of a design, with the sizes of their squares in mm."""
 
 
 def write_design(
@@ -29,7 +30,7 @@ def write_design(
     step: bool = False,
     on_message: Callable[[str], object] | None = None,
 ) -> tuple[str, ...]:
-    """Write sensor.toml, design.md, parts/, parts.png, patterns/, bill_of_materials.csv and assembly.md.
+    """Write what `write_sensor` does, parts/ with pictures, patterns/, bill_of_materials.csv and assembly.md.
 
     Args:
         found: from `design_sensor`.
@@ -50,19 +51,34 @@ def write_design(
     try:
         for name in ("parts", "patterns"):
             (folder / name).mkdir(parents=True, exist_ok=True)
-        save_sensor(found.sensor, folder / "sensor.toml")
-        (folder / "design.md").write_text(explain_design(found), encoding="utf-8")
+        write_sensor(found, folder)
         meshes = _write_parts(parts, folder / "parts", step=step, on_message=on_message)
         draw_parts(parts, meshes, folder / "parts.png")
+        screw_mm = screw_length_mm(found, choices)
+        draw_exploded(found.sensor, parts, meshes, choices, folder / "assembly.png", screw_mm=screw_mm)
         write_marker_pattern(found.sensor, folder / "patterns" / "markers")
-        for text, square_mm in BOARDS.items():
-            write_board(parse_board(text, square_mm), folder / "patterns" / text.replace(":", "-"))
+        for pattern in PATTERNS:
+            board = fitting_board(pattern, found.sensor.camera)
+            write_board(board, folder / "patterns" / pattern.replace(":", "-"))
         bill = bill_of_materials(found, parts, meshes, choices)
         (folder / "bill_of_materials.csv").write_text(bill, encoding="utf-8")
         (folder / "assembly.md").write_text(assembly(found, choices), encoding="utf-8")
     except OSError as error:
         raise OutputError(f"cannot write the design into {folder}: {error.strerror}") from None
     return printability_warnings(found.sensor, found.requirements.printer, choices, meshes)
+
+
+def write_sensor(found: Design, folder: Path) -> None:
+    """Write sensor.toml, design.md and the scenes that simulate the design, scenes/.
+
+    Raises:
+        OutputError: a file cannot be written.
+    """
+    with output_errors(folder):
+        (folder / "scenes").mkdir(parents=True, exist_ok=True)
+        save_sensor(found.sensor, folder / "sensor.toml")
+        (folder / "design.md").write_text(explain_design(found), encoding="utf-8")
+        write_scenes(found, fitting_board(PATTERNS[0], found.sensor.camera), folder / "scenes")
 
 
 def write_prediction(

@@ -182,7 +182,7 @@ class Live:
             OutputError: the recording cannot be written.
         """
         self._commands.on_note = observer.on_message
-        self._job.warm_up()
+        self._job.warm_up(self._commands.note)
         if self._record_path is not None:
             self._begin_recording(self._record_path)
         switch_interval_s = sys.getswitchinterval()
@@ -339,7 +339,7 @@ class Live:
             ManytouchError: it cannot.
         """
         job = replace(self._job, pipeline=setup.pipeline, sensor=setup.sensor, method=setup.method)
-        return replace(setup, estimation=job.warm_up())
+        return replace(setup, estimation=job.warm_up(self._commands.note))
 
     def _refuse(self, reason: str) -> None:
         self._commands.note(f"not changed: {reason}")

@@ -158,7 +158,7 @@ class Playback:
         if self._timeline.warning is not None:
             self._commands.note(self._timeline.warning)
         if self._is_processed:
-            self._job.warm_up()
+            self._job.warm_up(self._commands.note)
         begin: int | None = 0
         while begin is not None:
             yield from self._readings(begin, stop)

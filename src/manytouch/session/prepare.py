@@ -18,7 +18,7 @@ from manytouch.calibration.rest.whole_recording import (
 )
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type
 from manytouch.pipeline import Pipeline, Sink
-from manytouch.session.methods import DEFAULT, Value, default_method, kernels, pipeline_for
+from manytouch.session.methods import DEFAULT, Value, default_method, pipeline_for
 from manytouch.session.result_hashes import Pitch, Request
 from manytouch.session.run import Observer, StopCondition
 from manytouch.session.warm_up import warm_up_kernels
@@ -94,8 +94,11 @@ class Job:
             "warning": None if timeline is None else timeline.warning,
         }
 
-    def warm_up(self) -> Any:
+    def warm_up(self, on_message: Callable[[str], object] | None = None) -> Any:
         """Compile by processing two frames, and a simulated contact where the method is new on this machine.
+
+        Args:
+            on_message: gets the progress of compiling.
 
         Returns:
             The state of the estimation before the first frame.
@@ -103,7 +106,7 @@ class Job:
         Raises:
             ManytouchError: the frames cannot be processed with this pipeline and sensor.
         """
-        warm_up_kernels(self.method)
+        warm_up_kernels(self.method, on_message)
         try:
             estimation = self.pipeline.estimate.start(self.sensor)
             tracked = self.pipeline.track_frames(self.samples, self.sensor)
@@ -123,7 +126,7 @@ class Job:
         Raises:
             ManytouchError: the first frames cannot be processed.
         """
-        self.warm_up()
+        self.warm_up(observer.on_message)
         yield from self.readings()
 
     def close(self) -> None:
@@ -190,7 +193,9 @@ def prepare(
         _report_delays(source, observer)
     try:
         known = source.capabilities.sensor if given is None else given
-        warm_up_kernels(method or (DEFAULT if known is None else default_method(known)))
+        if given is not None or known is None:
+            chosen = method or (DEFAULT if known is None else default_method(known))
+            warm_up_kernels(chosen, None if observer is None else observer.on_message)
         spread = partial(_spread_frames, source) if whole_recording and _can_be_read_twice(source) else None
         found, first, frames = _determine_sensor(
             source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, spread=spread
@@ -198,6 +203,8 @@ def prepare(
         if spread is not None and known is None and source.capabilities.is_images:
             found = with_unrelated_pictures(found, spread(), roi_px)
         elif spread is not None and known is None:
+            if observer is not None:
+                observer.on_message("reading the whole recording once, for the rest positions of its markers")
             found = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
     except BaseException:
         close(source)
@@ -253,8 +260,6 @@ def _report_delays(source: Source, observer: Observer) -> None:
     timeline = source.capabilities.seek
     if timeline is not None and timeline.warning is not None:
         observer.on_message(timeline.warning)
-    if not any(kernels().values()):
-        observer.on_message("compiling, once: this takes some seconds now, and none in later runs")
 
 
 def _lacks_pretension(sensor: Sensor, method: str) -> bool:

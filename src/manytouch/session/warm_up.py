@@ -1,47 +1,51 @@
 """Compiles the kernels of a method before a live contact would have to wait for it."""
 
 import hashlib
+import os
+import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import suppress
-from dataclasses import replace
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, suppress
 from importlib import import_module
 from pathlib import Path
+from queue import SimpleQueue
+from threading import Thread
 
-import cv2
 import numba
-import numpy as np
 from llvmlite.binding import get_host_cpu_name
 from platformdirs import user_cache_path
 
-from manytouch.calibration import sensor_from_rest
 from manytouch.compilation import kernels_folder
-from manytouch.errors import ManytouchError
 from manytouch.kernel_cache import compiling, is_writable
-from manytouch.session.methods import kernels, pipeline_for
-from manytouch.sources.simulated import simulated_source
-from manytouch.values.arrays import Image, read_only
+from manytouch.session.methods import kernels
 
 SOURCES = Path(__file__).parents[1]
-REST_FRAMES = 2
-SCENE, WIDTH_PX = "one", 640
-FRAMES = (0, 1, *range(38, 44), *range(50, 75, 5), *range(130, 150, 5), 170)  # at rest, in contact, released
+STAGES = ("pixels", "contacts")
 OWN_KERNELS = {
     "mechanics": "manytouch.mechanics.solver.band_kernels",
     "perimeter": "manytouch.estimation.perimeter.law_kernels",
 }
 """A module of compiled functions that only one method needs."""
+FUNCTIONS = {"mechanics": 46, "perimeter": 40}
+"""About how many functions a method compiles, for the progress."""
+MESSAGE_EVERY_S = 3.0
+CODE = "import sys; from manytouch.session.methods.compile_stage import main; main(*sys.argv[1:])"
+
+OnMessage = Callable[[str], object]
 
 
-def warm_up_kernels(method: str) -> bool:
-    """Find a simulated layout and process a contact, unless this has been done with the present sources.
+def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
+    """Compile what a simulated contact needs, unless this has been done with the present sources.
 
     Frames at rest do not need all kernels; without this a live session would stop until they are compiled,
-    at the first contact, and where markers are lost for the first time. Of several processes that begin at
-    once, one compiles and the others wait for it.
+    at the first contact, and where markers are lost for the first time. Two processes compile, one for
+    detection and tracking, one for the contacts. Of several processes that begin at once, one has it
+    compiled and the others wait for it.
 
     Args:
         method: that will be used.
+        on_message: gets the progress.
 
     Returns:
         Whether it was necessary.
@@ -52,31 +56,64 @@ def warm_up_kernels(method: str) -> bool:
     with compiling():
         if _is_compiled(method, own):
             return False
-        simulator = simulated_source(SCENE, width_px=WIDTH_PX).simulator
-        frames = [replace(simulator.frame(shown), index=index) for index, shown in enumerate(FRAMES)]
-        with suppress(ManytouchError):
-            sensor_from_rest(frames[:REST_FRAMES], name=SCENE)
-        image = frames[0].image
-        assert image is not None
-        lost = [
-            replace(frames[0], index=len(FRAMES) + number, image=poor)
-            for number, poor in enumerate(poor_images(image))
-        ]
-        for _ in pipeline_for(method).run([*frames, *lost], simulator.sensor):
-            pass
-        with suppress(OSError):
-            mark = compiled_mark(method)
-            mark.parent.mkdir(parents=True, exist_ok=True)
-            mark.touch()
+        if compile_in_processes(method, on_message or (lambda _: None)):
+            with suppress(OSError):
+                mark = compiled_mark(method)
+                mark.parent.mkdir(parents=True, exist_ok=True)
+                mark.touch()
     return True
 
 
-def poor_images(image: Image) -> Iterator[Image]:
-    """Images in which markers are lost: moved partly out of view, without any marker, and blurred."""
-    height, width = image.shape[:2]
-    yield read_only(np.roll(image, (height // 12, width // 12), axis=(0, 1)))
-    yield read_only(np.random.default_rng(0).integers(0, 256, image.shape, dtype=np.uint8))
-    yield read_only(cv2.blur(image, (width // 30, width // 30)))
+def compile_in_processes(method: str, on_message: OnMessage) -> bool:
+    """Compile each stage in a process of its own.
+
+    Returns:
+        Whether all ended well. Otherwise kernels are compiled when they are needed.
+    """
+    expected, done, printed_s = FUNCTIONS[method], 0, time.monotonic()
+    on_message("compiling, once only: this takes up to a minute now, and no time in later runs")
+    with ExitStack() as running:
+        processes = [running.enter_context(_compiler(method, stage)) for stage in STAGES]
+        for process in processes:
+            running.callback(process.kill)
+        for _ in _lines(processes):
+            done += 1
+            if time.monotonic() - printed_s > MESSAGE_EVERY_S:
+                printed_s = time.monotonic()
+                on_message(f"compiling {done} of {max(expected, done)}, once only")
+        return all(process.wait() == 0 for process in processes)
+
+
+def _compiler(method: str, stage: str) -> "subprocess.Popen[str]":
+    surroundings = dict(os.environ)
+    if kernels_folder():
+        surroundings["NUMBA_CACHE_DIR"] = kernels_folder()
+    surroundings["PYTHONPATH"] = os.pathsep.join(sys.path)
+    return subprocess.Popen(
+        [sys.executable, "-c", CODE, method, stage],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env=surroundings,
+        text=True,
+    )
+
+
+def _lines(processes: "list[subprocess.Popen[str]]") -> Iterator[str]:
+    """What the processes print, as it comes."""
+    found: SimpleQueue[str | None] = SimpleQueue()
+
+    def read(process: "subprocess.Popen[str]") -> None:
+        assert process.stdout is not None
+        for line in process.stdout:
+            found.put(line)
+        found.put(None)
+
+    for process in processes:
+        Thread(target=read, args=(process,), name="manytouch-compiling", daemon=True).start()
+    for _ in processes:
+        while (line := found.get()) is not None:
+            yield line
 
 
 def compiled_mark(method: str) -> Path:

@@ -31,6 +31,14 @@ def read_only(array: Array) -> Array:
     return array
 
 
+def read_only_view(array: Array) -> Array:
+    """The same numbers in another array, which is not writable.
+
+    A compiled function that gets an array sometimes so, sometimes writable, is compiled twice.
+    """
+    return read_only(array.view())
+
+
 def count_of(count: int, noun: str) -> str:
     """A count with its noun, such as "1 contact" or "2 contacts"."""
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

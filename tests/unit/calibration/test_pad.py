@@ -15,26 +15,29 @@ from manytouch.values import Sensor
 
 PLACES_MM = ((1.3, -0.7), (-4.0, 2.0), (3.0, 3.5))
 FORCES_N = (0.6, 1.0, 0.4)
+SHEARS_N = ((0.15, 0.0), (0.0, -0.25), (0.08, 0.08))
 
 
 def presses(sensor: Sensor) -> list[KnownPress]:
-    """Images of patches that a pad of 0.3 MPa shows under known forces."""
+    """Images of patches that a pad of 0.3 MPa shows under known weights on a tilted sensor."""
     estimator = PadEstimator()
     model = estimator.nominal_pad(sensor)
     found = []
-    for number, (place_mm, force_N) in enumerate(zip(PLACES_MM, FORCES_N, strict=True)):
+    loads = zip(PLACES_MM, FORCES_N, SHEARS_N, strict=True)
+    for number, (place_mm, force_N, shear_N) in enumerate(loads):
         shape = np.array([*place_mm, 0.9, 0.0, 0.9])
-        column = estimator.fitter.images(model, shape[None]).column[0, 0]
+        column = np.array([force_N, *shear_N]) @ estimator.fitter.images(model, shape[None]).column[0, :3]
         noise_px = np.random.default_rng(number).normal(0.0, 0.01, (len(column) // 2, 2))
         found.append(
             KnownPress(
                 name=f"press {number + 1}",
                 place_mm=np.array(place_mm),
                 radius_mm=2.2,
-                displacement_px=(force_N / YOUNG_MPA * column).reshape(-1, 2) + noise_px,
+                displacement_px=(column / YOUNG_MPA).reshape(-1, 2) + noise_px,
                 is_seen=np.ones(len(column) // 2, dtype=bool),
                 noise_px=0.02,
                 force_N=force_N,
+                shear_N=np.array(shear_N),
             )
         )
     return found
@@ -53,6 +56,13 @@ def test_known_forces_give_the_modulus_with_its_deviation() -> None:
     assert any("stiffness E" in line for line in describe(found))
     (warning,) = found.warnings
     assert "press 1: the force acts" in warning
+    odd = [
+        replace(held[0], shear_N=np.array([0.0, 0.15])),
+        *(replace(each, shear_N=1.6 * np.array(each.shear_N)) for each in held[1:]),
+    ]
+    first, second = calibrate_pad(sensor, odd).warnings
+    assert "press 1: the shear points 9" in first
+    assert "the shear forces give E = 0.4" in second
     still = [replace(held[0], displacement_px=0.0 * held[0].displacement_px), *held[1:]]
     with pytest.raises(SensorError, match="press 1 shows no contact"):
         calibrate_pad(sensor, still)

@@ -121,7 +121,7 @@ def test_unequal_pitches_given_as_equal_leave_a_residual(tilted_frames):
 def test_markers_outside_the_clamp_are_odd(tilted_frames):
     small = Sheet(size_mm=np.array([100.0, 80.0]), thickness_mm=3.0)
     found = calibrate_rest(tilted_sensor(), tilted_frames, sheet=small)
-    assert any("lie outside the clamped outline of 100 x 80 mm" in sentence for sentence in found.warnings)
+    assert any("lie outside the outline of 100 x 80 mm" in sentence for sentence in found.warnings)
     assert found.sensor.sheet is small
 
 

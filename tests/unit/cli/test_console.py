@@ -5,7 +5,7 @@ from collections import Counter
 import pytest
 
 from layouts import lattice_layout
-from manytouch.cli.terminal.console import describe_results
+from manytouch.cli.terminal.console import Steps, describe_results
 from manytouch.session import pipeline_for
 from manytouch.sinks.files.summary import Summary
 from manytouch.values import Sensor, Status
@@ -24,3 +24,22 @@ def test_few_valid_frames_are_not_called_untouched(ok: int, words: str) -> None:
     summary = Summary(sensor=sensor, pipeline=pipeline_for("paper"), method="paper", recording={})
     summary._status = Counter({Status.OK: ok, Status.FEW_MARKERS: 100 - ok})
     assert any(words in line for line in describe_results(summary))
+
+
+def test_steps_are_lines_without_a_terminal_and_a_bar_on_one(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for is_terminal in (False, True):
+        steps = Steps()
+        monkeypatch.setattr(type(steps._console), "is_terminal", is_terminal)
+        if is_terminal:
+            steps = Steps()  # with a bar that is shown
+        with steps:
+            show = steps.follow(total=2)
+            show("first")
+            show("second")
+            (task,) = steps._bar.tasks
+            assert (task.completed, task.total) == ((2, 2) if is_terminal else (0, 2))
+            assert list(steps.count("frames", iter("abc"), None)) == ["a", "b", "c"]
+        printed = capsys.readouterr().out
+        assert ("  first\n  second\n" in printed) is not is_terminal

@@ -13,16 +13,33 @@ from manytouch.cli import main
         ["calibrate", "camera", "absent.png", "--board", "chessboard:9x6", "--square-mm", "25", "--out"],
         ["calibrate", "rest", "absent.mp4", "--sensor", "gelsight-mini", "--out"],
         ["calibrate", "sheet", "absent.csv", "--sensor", "gelsight-mini", "--out"],
+        ["calibrate", "sheet", "--sensor", "gelsight-mini", "--plan"],
         ["design", "--area-mm", "60,40", "--force-N", "0.2,6", "--out"],
+        ["design", "--paper", "--out"],
+        ["process", "absent.mp4", "--out"],
+        ["run", "absent.mp4", "--no-view", "--out"],
+        ["run", "absent.toml", "--no-view", "--out"],
+        ["batch", "absent.mp4", "--out"],
+        ["demo", "--no-view", "--out"],
+        ["evaluate", "--quick", "--out"],
+        ["explain", "absent.mp4", "--out"],
+        ["export", "absent.mcap", "--hdf5"],
     ],
 )
-def test_a_path_that_cannot_be_written_is_refused_first(
+def test_a_path_that_cannot_be_written_is_refused_before_anything_is_read(
     words: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "file").write_text("", encoding="utf-8")
     assert main([*words, str(tmp_path / "file" / "out.toml")]) == 1
-    assert "cannot write" in capsys.readouterr().err
+    assert "file is a file, not a folder" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir()] == ["file"]
+
+
+def test_recordings_are_refused_first_too(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    path = str(tmp_path / "file" / "out.mcap")
+    assert main(["run", "absent.mp4", "--no-view", "--record", path]) == 1
+    assert "file is a file, not a folder" in capsys.readouterr().err
 
 
 def test_a_folder_is_not_a_sensor_file(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

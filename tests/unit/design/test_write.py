@@ -3,6 +3,8 @@
 import csv
 from pathlib import Path
 
+import cv2
+import numpy as np
 import pytest
 import trimesh
 
@@ -22,7 +24,7 @@ def test_a_design_is_written_with_all_its_files(found, tmp_path: Path):
     assert write_design(found, tmp_path, choices=FEW_SCREWS, step=True) == ()
     names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert names >= {
-        *("sensor.toml", "design.md", "assembly.md", "bill_of_materials.csv", "parts.png"),
+        *("sensor.toml", "design.md", "assembly.md", "bill_of_materials.csv", "parts.png", "assembly.png"),
         *(f"parts/{name}" for name in ("sheet.stl", "markers.stl", "clamp.stl", "casing.stl", "sheet.3mf")),
         *(
             "parts/casing.step",
@@ -33,6 +35,9 @@ def test_a_design_is_written_with_all_its_files(found, tmp_path: Path):
         ),
     }
     assert load_sensor(tmp_path / "sensor.toml").layout.shape == found.sensor.layout.shape
+    blue, green, red = np.moveaxis(cv2.imread(str(tmp_path / "assembly.png")).astype(int), -1, 0)
+    is_strip, is_board = (red > blue + 60) & (green > blue + 40), (green > red + 15) & (green > blue + 10)
+    assert min(is_strip.mean(), is_board.mean()) > 1e-3, "LED strip and camera board are in the picture"
     read = trimesh.load(tmp_path / "parts" / "sheet.3mf")
     assert sorted(read.geometry) == ["markers", "sheet"]
     assert read.units == "millimeter"

@@ -11,6 +11,7 @@ from manytouch.evaluation.records.record import EvaluationError
 from manytouch.evaluation.suite.cases import (
     GROUPS,
     HOLD_FRAMES,
+    PAD_GROUPS,
     REST_FRAMES,
     Case,
     SensorPerturbation,
@@ -40,8 +41,10 @@ def test_the_suite_is_the_same_every_time_and_has_no_name_twice() -> None:
 
 def test_half_of_each_group_is_held_out() -> None:
     counts = Counter((case.group, case.looked_at) for case in cases())
-    for group in GROUPS:
+    for group in set(GROUPS) - set(PAD_GROUPS):
         assert counts[group, True] == counts[group, False]
+    for group in PAD_GROUPS:
+        assert (counts[group, True], counts[group, False]) == (6, 3)
     assert {case.looked_at for case in cases(tuning=True)} == {True}
 
 
@@ -86,7 +89,7 @@ def test_stress_goes_to_the_limits() -> None:
 
 def test_quick_takes_some_of_each_group_from_both_halves() -> None:
     found = cases(quick=True)
-    assert len(found) == 12
+    assert len(found) == 18
     assert {case.group for case in found} == set(GROUPS)
     assert len({case.looked_at for case in found}) == 2
 

@@ -278,7 +278,7 @@ def test_the_old_method_goes_on_until_the_new_one_is_ready(monkeypatch: pytest.M
     go_on, warmed = threading.Event(), []
     warm_up = Job.warm_up
 
-    def slow(job: Job) -> object:
+    def slow(job: Job, on_message: object = None) -> object:
         if job.method == "paper":
             assert go_on.wait(30)
         warmed.append((job.method, threading.current_thread().name))
@@ -309,7 +309,7 @@ def test_the_old_method_goes_on_until_the_new_one_is_ready(monkeypatch: pytest.M
 def test_a_flood_of_commands_is_carried_out_once_per_kind(monkeypatch: pytest.MonkeyPatch) -> None:
     warmed: list[str] = []
     warm_up = Job.warm_up
-    monkeypatch.setattr(Job, "warm_up", lambda job: (warmed.append(job.method), warm_up(job))[1])
+    monkeypatch.setattr(Job, "warm_up", lambda job, _=None: (warmed.append(job.method), warm_up(job))[1])
     live = Live(prepare(DrawnSource(frames=60, is_touched=False)))
 
     class Flooding(Seen):

@@ -2,45 +2,90 @@
 
 import subprocess
 import sys
-from dataclasses import replace
+from collections.abc import Iterator
+from dataclasses import fields
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import numba
+import numpy as np
 import pytest
 
+from manytouch.pipeline import TrackedFrame
 from manytouch.session import warm_up
-from manytouch.session.methods import kernels, pipeline_for
-from manytouch.values import Reading, Status
+from manytouch.session.methods import compile_stage, kernels, pipeline_for
+from manytouch.sources.simulated import simulated_source
+from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
 
 
-def test_the_contact_is_processed_from_its_beginning_to_its_end(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    readings: list[Reading] = []
+def test_the_contact_is_processed_from_its_beginning_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    contacts: list[Contacts] = []
+    tracked: list[TrackedFrame] = []
 
     class Observed:
         def __init__(self, method: str) -> None:
             self._pipeline = pipeline_for(method)
+            self.estimate = self
 
-        def run(self, *arguments):
-            for reading in self._pipeline.run(*arguments):
-                readings.append(reading)
-                yield reading
+        def start(self, sensor: Sensor) -> Any:
+            return self._pipeline.estimate.start(sensor)
 
-    monkeypatch.setattr(warm_up, "kernels", dict)
-    monkeypatch.setattr(warm_up, "compiled_mark", lambda _: tmp_path / "mark")
-    monkeypatch.setattr(warm_up, "pipeline_for", Observed)
-    assert warm_up.warm_up_kernels("perimeter")
-    lost = [reading.status for reading in readings[len(warm_up.FRAMES) :]]
-    assert lost == [Status.OK, Status.FEW_MARKERS, Status.BLURRED]
-    assert not readings[len(warm_up.FRAMES)].grid.is_seen.all(), "partly out of view"
-    readings = readings[: len(warm_up.FRAMES)]
-    touched = [bool(reading.contacts.touching) for reading in readings]
+        def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]:
+            found = self._pipeline.estimate.step(state, grid)
+            contacts.append(found[2])
+            return found
+
+        def track_frames(self, *arguments: Any) -> Iterator[TrackedFrame]:
+            for each in self._pipeline.track_frames(*arguments):
+                tracked.append(each)
+                yield each
+
+    monkeypatch.setattr(compile_stage, "pipeline_for", Observed)
+    compile_stage.compile_stage("perimeter", "contacts")
+    compile_stage.compile_stage("perimeter", "pixels")
+    touched = [bool(each.touching) for each in contacts]
     assert not touched[0]
     assert any(touched)
     assert not touched[-1]
-    assert all(reading.status == "ok" for reading in readings)
+    lost = [each.grid.status for each in tracked[len(compile_stage.FRAMES) :]]
+    assert lost == [Status.OK, Status.FEW_MARKERS, Status.BLURRED]
+    assert not tracked[len(compile_stage.FRAMES)].grid.is_seen.all(), "partly out of view"
+    assert all(each.grid.status == "ok" for each in tracked[: len(compile_stage.FRAMES)])
+
+
+def test_true_positions_are_of_the_same_kinds_as_tracked_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other kinds, read-only or of another layout, would be compiled again."""
+    grids = []
+
+    class Observed:
+        estimate = property(lambda self: self)
+
+        def start(self, sensor: Sensor) -> None: ...
+
+        def step(self, state: None, grid: TrackedGrid) -> tuple[None, None, None]:
+            grids.append(grid)
+            return None, None, None
+
+    monkeypatch.setattr(compile_stage, "pipeline_for", lambda _: Observed())
+    monkeypatch.setattr(compile_stage, "FRAMES", (0,))
+    compile_stage.compile_stage("perimeter", "contacts")
+    source = simulated_source(compile_stage.SCENE, width_px=compile_stage.WIDTH_PX)
+    (tracked,) = pipeline_for("perimeter").track_frames([source.simulator.frame(0)], source.sensor)
+    for field in fields(TrackedGrid):
+        one, other = getattr(grids[0], field.name), getattr(tracked.grid, field.name)
+        if isinstance(one, np.ndarray):
+            assert numba.typeof(one) == numba.typeof(other), field.name
+
+
+def test_progress_and_failures_of_the_compiling_processes(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(warm_up, "MESSAGE_EVERY_S", 0.0)
+    monkeypatch.setattr(warm_up, "CODE", "print('a', flush=True); print('b')")
+    sentences: list[str] = []
+    assert warm_up.compile_in_processes("mechanics", sentences.append)
+    assert sentences[-1] == f"compiling 4 of {warm_up.FUNCTIONS['mechanics']}, once only"
+    monkeypatch.setattr(warm_up, "CODE", "import sys; sys.exit(2 if sys.argv[-1] == 'pixels' else 0)")
+    assert not warm_up.compile_in_processes("mechanics", sentences.append)
 
 
 @pytest.mark.parametrize(
@@ -67,10 +112,8 @@ def test_only_what_was_never_compiled_is_warmed_up(
     known: dict[str, bool],
     is_needed: bool,
 ) -> None:
-    simulated = replace(pipeline_for("perimeter"))
     monkeypatch.setattr(warm_up, "kernels", lambda: known)
-    monkeypatch.setattr(warm_up, "pipeline_for", lambda _: simulated)
-    monkeypatch.setattr(warm_up, "FRAMES", (0,))
+    monkeypatch.setattr(warm_up, "compile_in_processes", lambda *_: True)
     monkeypatch.setattr(warm_up, "compiled_mark", lambda _: tmp_path / "marks" / "mark")
     (tmp_path / "marks").mkdir()
     assert warm_up.warm_up_kernels(method) is (method != "paper"), "it was never done to the end"

@@ -9,6 +9,7 @@ import pytest
 
 from manytouch.errors import OutputError, SensorError
 from manytouch.geometry.camera import project
+from manytouch.geometry.refraction import rest_px
 from manytouch.values import Sensor
 from manytouch.values.sensor_file import known_sensors, load_sensor, save_sensor
 
@@ -261,16 +262,19 @@ def test_a_missing_file_raises(tmp_path: Path) -> None:
 
 
 def test_a_known_sensor_loads_by_its_name_and_lists_its_assumptions() -> None:
-    assert known_sensors() == ["a4-dots", "gelsight-fots", "gelsight-mini"]
+    assert known_sensors() == ["a4-dots", "fingervision-um", "gelsight-fots", "gelsight-mini"]
     for name in known_sensors():
         sensor = load_sensor(name)
         assert sensor.layout is not None
-        place = project(sensor.camera, sensor.layout.rest_mm)
+        place = rest_px(sensor, sensor.layout)
+        is_tilted = bool(sensor.camera.rotation_vector.any())
         middle = place.mean(axis=0)
-        assert middle == pytest.approx([sensor.camera.cx_px, sensor.camera.cy_px], abs=0.01)
+        if not is_tilted:
+            assert middle == pytest.approx([sensor.camera.cx_px, sensor.camera.cy_px], abs=0.01)
         assert (place > 0).all()
         assert (place < [sensor.camera.width_px, sensor.camera.height_px]).all()
-        assert (sensor.sheet is not None) == (name == "gelsight-mini")
+        is_pad = name in ("fingervision-um", "gelsight-mini")
+        assert (sensor.sheet is not None) == is_pad
         assert sensor.provenance["sources"]
         assert sensor.provenance["assumed"]
 
@@ -291,7 +295,7 @@ def test_a_file_goes_before_a_known_name(written: Path, tmp_path: Path, monkeypa
     (tmp_path / "gelsight-mini").write_text(written.read_text())
     monkeypatch.chdir(tmp_path)
     assert load_sensor("gelsight-mini").name != "GelSight Mini with markers (nominal)"
-    with pytest.raises(SensorError, match=r"known sensors a4-dots, gelsight-fots, gelsight-mini"):
+    with pytest.raises(SensorError, match=r"a4-dots, fingervision-um, gelsight-fots, gelsight-mini"):
         load_sensor("gelsight-maxi")
 
 

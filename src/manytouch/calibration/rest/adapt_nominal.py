@@ -8,6 +8,7 @@ import numpy as np
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose
 from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.calibration.sheet.pad_outline import pad_of
 from manytouch.errors import LayoutError
 from manytouch.values import Frame, Roi, Sensor
 from manytouch.values.arrays import read_only
@@ -44,7 +45,7 @@ def register_nominal(sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | N
     rest_mm = np.zeros((len(layout.rest_mm), 3))
     rest_mm[:, :2] = (layout.row_column - middle)[:, ::-1] * nominal.pitch_mm
     there = ~layout.is_missing & np.isfinite(layout.rest_px[:, 0])
-    camera, _ = fit_pose(sensor.camera, rest_mm[there], layout.rest_px[there])
+    camera, _ = fit_pose(sensor.camera, rest_mm[there], layout.rest_px[there], pad_of(sensor))
     adapted = replace(
         layout,
         rest_mm=read_only(rest_mm),

@@ -3,21 +3,23 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import cv2
 import numpy as np
 from jaxtyping import Float64
 
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
+from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.calibration.sheet.clamp_line import ClampLine, clamp_line, clamp_warnings
+from manytouch.calibration.sheet.pad_outline import pad_of, with_origin_at, with_seen_outline
 from manytouch.detection import expected_appearance
 from manytouch.detection.dot_appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import project
 from manytouch.geometry.centre_noise import LEAST_FRAMES, centre_noise_px
+from manytouch.geometry.refraction import onto_plane_through_window, project_through_window
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
 from manytouch.values.arrays import Points2, read_only
 
@@ -75,6 +77,9 @@ def calibrate_rest(
 ) -> RestCalibration:
     """Estimate pose, layout and noise from some seconds of the untouched sheet.
 
+    A bonded pad is seen through its window: the pose is that of its markers, with the tilt by the glue, and
+    sides of the outline that the image shows replace those of the sensor file (`sheet.pad_outline`).
+
     Args:
         sensor: with a calibrated camera; its layout is used if it has one, and found otherwise.
         frames: of one recording of the untouched sheet.
@@ -88,13 +93,22 @@ def calibrate_rest(
             the frames.
         LayoutError: no markers, no lattice, or fewer than half of those of the layout were found.
     """
+    sensor = replace(sensor, sheet=sheet if sheet is not None else sensor.sheet)
     laid = sensor if sensor.layout is not None else _with_found_layout(sensor, frames, pitch_mm, roi_px)
-    layout = laid.layout
+    layout, pad = laid.layout, pad_of(sensor)
     assert layout is not None
     if sensor.layout is not None and pitch_mm is not None:
         layout = _rescale(layout, pitch_mm)
     laid = replace(laid, layout=layout)
-    seen = track_markers(register_rest(laid, frames, roi_px=roi_px), frames, roi_px)
+    try:
+        registered = register_rest(laid, frames, roi_px=roi_px)
+    except LayoutError:
+        if not is_nominal(sensor):
+            raise
+        laid = registered = register_nominal(laid, frames, roi_px=roi_px)
+        assert registered.layout is not None
+        layout = registered.layout
+    seen = track_markers(registered, frames, roi_px)
     share = seen.is_seen.mean(axis=0)
     is_missing = share < SEEN_SHARE
     if int((~is_missing).sum()) < 6:
@@ -105,22 +119,24 @@ def calibrate_rest(
         )
     place_px = seen.median_px(np.ones(len(seen.timestamp_ns), dtype=np.bool_))
     there = ~is_missing & np.isfinite(place_px[:, 0])
-    camera, std = fit_pose(laid.camera, layout.rest_mm[there], place_px[there])
+    camera, std = fit_pose(laid.camera, layout.rest_mm[there], place_px[there], pad)
+    px_per_mm = _px_per_mm(camera, sensor.sheet, place_px[there])
     if sensor.layout is None:
-        layout = _with_measured_radius(layout, camera, seen, there)
+        layout = _with_measured_radius(layout, px_per_mm, seen, there)
     residual = np.full(place_px.shape, np.nan)
-    residual[there] = place_px[there] - project(camera, layout.rest_mm[there])
+    residual[there] = place_px[there] - _images(camera, sensor.sheet, layout.rest_mm[there])
     noise = _noise_px(seen, there)
     found = replace(
         laid,
         camera=camera,
         layout=replace(layout, is_missing=read_only(~there), rest_px=read_only(place_px)),
-        sheet=sheet if sheet is not None else sensor.sheet,
         centre_noise_px=noise,
         assumptions=(),
     )
-    seen_clamp = clamp_line(camera, layout, frames)
-    if thickness_mm is not None and sheet is None:
+    seen_clamp = clamp_line(camera, layout, frames, pad)
+    if pad is not None:
+        found, seen_clamp = with_seen_outline(found, seen_clamp)
+    elif thickness_mm is not None and sheet is None:
         found, seen_clamp = _with_measured_outline(found, seen_clamp, thickness_mm)
     return RestCalibration(
         sensor=found,
@@ -131,7 +147,7 @@ def calibrate_rest(
         frames=len(seen.timestamp_ns),
         clamp=seen_clamp,
         warnings=(
-            *_warnings(sensor, found, residual, seen, there),
+            *_warnings(sensor, found, residual, seen, px_per_mm),
             *clamp_warnings(seen_clamp, found.sheet),
             *_focus_warnings(found, frames, roi_px),
         ),
@@ -150,16 +166,8 @@ def _with_measured_outline(found: Sensor, seen: ClampLine, thickness_mm: float) 
             f"outline "
             "of the sheet by --sheet-mm X,Y"
         )
-    assert found.layout is not None
-    middle_mm = np.array([*seen.middle_mm, 0.0])
-    rotation, _ = cv2.Rodrigues(found.camera.rotation_vector)
-    camera = replace(
-        found.camera, translation_mm=read_only(found.camera.translation_mm + rotation @ middle_mm)
-    )
-    layout = replace(found.layout, rest_mm=read_only(found.layout.rest_mm - middle_mm))
     sheet = Sheet(size_mm=read_only(seen.size_mm.copy()), thickness_mm=thickness_mm)
-    moved = ClampLine(side_mm=seen.side_mm - np.repeat(seen.middle_mm, 2))
-    return replace(found, camera=camera, layout=layout, sheet=sheet), moved
+    return with_origin_at(replace(found, sheet=sheet), seen)
 
 
 def _with_found_layout(
@@ -190,7 +198,7 @@ def _with_found_layout(
     rest = np.zeros((len(layout.rest_mm), 3))
     rest[:, :2] = ((layout.row_column - middle) * pitch[::-1])[:, ::-1]
     there = ~layout.is_missing & np.isfinite(layout.rest_px[:, 0])
-    posed, _ = fit_pose(camera, rest[there], layout.rest_px[there])
+    posed, _ = fit_pose(camera, rest[there], layout.rest_px[there], pad_of(sensor))
     laid = replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()), rest_px=None)
     return replace(sensor, camera=posed, layout=laid)
 
@@ -202,9 +210,26 @@ def _rescale(layout: Layout, pitch_mm: float | tuple[float, float]) -> Layout:
     return replace(layout, rest_mm=read_only(rest), pitch_mm=read_only(pitch.copy()))
 
 
-def _with_measured_radius(layout: Layout, camera: Camera, seen: MarkerTracks, there: np.ndarray) -> Layout:
+def _images(camera: Camera, sheet: Sheet | None, rest_mm: np.ndarray) -> Points2:
+    """(n, 2) images of the markers of a flat sheet or of a pad behind its window."""
+    return project(camera, rest_mm) if sheet is None else project_through_window(camera, sheet, rest_mm)
+
+
+def _px_per_mm(camera: Camera, sheet: Sheet | None, place_px: Points2) -> float:
+    """Scale of the image at the sheet; for a pad the median over its markers, through the window."""
+    if sheet is None or sheet.window_mm is None:
+        return float(np.sqrt(camera.fx_px * camera.fy_px)) / float(camera.translation_mm[2])
+    x_mm, y_mm = (
+        onto_plane_through_window(camera, sheet, place_px + step)[:, :2]
+        - onto_plane_through_window(camera, sheet, place_px - step)[:, :2]
+        for step in 0.5 * np.eye(2)
+    )
+    area_mm2 = np.abs(x_mm[:, 0] * y_mm[:, 1] - x_mm[:, 1] * y_mm[:, 0])
+    return float(np.median(1.0 / np.sqrt(area_mm2)))
+
+
+def _with_measured_radius(layout: Layout, px_per_mm: float, seen: MarkerTracks, there: np.ndarray) -> Layout:
     """The layout with the marker radius that follows from the areas of the dots."""
-    px_per_mm = float(np.sqrt(camera.fx_px * camera.fy_px)) / float(camera.translation_mm[2])
     areas = seen.area_px2[:, there]
     if not np.isfinite(areas).any():
         return layout
@@ -224,12 +249,12 @@ def _noise_px(seen: MarkerTracks, there: np.ndarray) -> float:
 
 
 def _warnings(
-    given: Sensor, found: Sensor, residual: np.ndarray, seen: MarkerTracks, there: np.ndarray
+    given: Sensor, found: Sensor, residual: np.ndarray, seen: MarkerTracks, px_per_mm: float
 ) -> Sequence[str]:
     """Warnings about the sheet, the markers and the light."""
+    there = np.isfinite(residual[:, 0])
     layout, camera = found.layout, found.camera
     assert layout is not None
-    px_per_mm = float(np.sqrt(camera.fx_px * camera.fy_px)) / float(camera.translation_mm[2])
     pitch_px = float(np.sqrt(np.prod(layout.pitch_mm))) * px_per_mm
     sentences = []
     left = np.sqrt(np.nanmean(np.square(residual).sum(axis=1)))
@@ -280,7 +305,7 @@ def _border_warnings(found: Sensor, px_per_mm: float) -> list[str]:
     """Warnings about markers at the border of the image or outside the clamp."""
     layout, camera, sheet = found.layout, found.camera, found.sheet
     assert layout is not None
-    place = project(camera, layout.rest_mm[~layout.is_missing])
+    place = _images(camera, sheet, layout.rest_mm[~layout.is_missing])
     room = np.minimum(place, np.array([camera.width_px, camera.height_px]) - 1 - place).min(axis=1)
     cut = int((room < layout.radius_mm[0] * px_per_mm).sum())
     sentences = [f"{cut} markers are cut by the border of the image"] if cut else []
@@ -288,7 +313,7 @@ def _border_warnings(found: Sensor, px_per_mm: float) -> list[str]:
         over = np.abs(layout.rest_mm[:, :2]) > sheet.size_mm / 2
         if over.any():
             sentences.append(
-                f"{int(over.any(axis=1).sum())} markers lie outside the clamped outline of "
+                f"{int(over.any(axis=1).sum())} markers lie outside the outline of "
                 f"{sheet.size_mm[0]:g} x {sheet.size_mm[1]:g} mm: check size_mm and offset_mm"
             )
     return sentences

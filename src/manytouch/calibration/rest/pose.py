@@ -1,4 +1,4 @@
-"""Pose of a flat sheet in the view of a camera, and its standard deviations."""
+"""Pose of a flat sheet or of a pad behind its window in the view of a camera, and its standard deviations."""
 
 from dataclasses import replace
 
@@ -6,13 +6,18 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.geometry.camera import camera_matrix, project
-from manytouch.values import Camera
+from manytouch.errors import SensorError
+from manytouch.geometry.camera import cam_from_sheet, camera_matrix, project
+from manytouch.geometry.refraction import project_through_window
+from manytouch.values import Camera, Sheet
 from manytouch.values.arrays import Points2, read_only
+
+_INSIDE_PX = 1e4
+"""Residual of a pose whose camera is inside of the window."""
 
 
 def fit_pose(
-    camera: Camera, rest_mm: np.ndarray, place_px: Points2
+    camera: Camera, rest_mm: np.ndarray, place_px: Points2, sheet: Sheet | None = None
 ) -> tuple[Camera, Float64[np.ndarray, "6"]]:
     """Fit the pose of the camera to the markers of a flat sheet; returns the camera and the pose
     deviations (6,).
@@ -21,6 +26,7 @@ def fit_pose(
         camera: its intrinsic parameters are used, its pose is not.
         rest_mm: (n, 3) markers in the sheet frame.
         place_px: (n, 2) their measured positions in the image.
+        sheet: a pad that is seen through its window; None or no window: nothing refracts.
     """
     if camera.model == "fisheye":
         straight = cv2.fisheye.undistortPoints(
@@ -34,34 +40,65 @@ def fit_pose(
         rest_mm, straight, camera_matrix(camera), lens, flags=cv2.SOLVEPNP_IPPE
     )
     candidates = [
-        _refine_pose(camera, rest_mm, place_px, rotations[k], translations[k]) for k in range(count)
+        _refine_pose(
+            _behind_window(_posed(camera, np.append(rotations[k], translations[k])), sheet),
+            rest_mm,
+            place_px,
+            sheet,
+        )
+        for k in range(count)
     ]
-    best = min(candidates, key=lambda posed: float(np.square(project(posed, rest_mm) - place_px).sum()))
-    return best, _pose_std(best, rest_mm, place_px)
+    best = min(candidates, key=lambda posed: float(np.square(_seen(posed, sheet, rest_mm) - place_px).sum()))
+    return best, _pose_std(best, rest_mm, place_px, sheet)
 
 
-def _refine_pose(
-    camera: Camera, rest_mm: np.ndarray, place_px: Points2, turn: np.ndarray, shift: np.ndarray
-) -> Camera:
-    """Least-squares pose, starting from a given one."""
+def _seen(camera: Camera, sheet: Sheet | None, rest_mm: np.ndarray) -> Points2:
+    """(n, 2) images of the markers; far outside the image if the camera is inside of the window."""
+    if sheet is None or sheet.window_mm is None:
+        return project(camera, rest_mm)
+    try:
+        return project_through_window(camera, sheet, rest_mm)
+    except SensorError:
+        return np.full((len(rest_mm), 2), _INSIDE_PX)
+
+
+def _behind_window(camera: Camera, sheet: Sheet | None) -> Camera:
+    """The camera so much farther away that markers appear as near as without refraction (near the axis)."""
+    if sheet is None or sheet.window_mm is None:
+        return camera
+    pad_mm = sheet.thickness_mm - (sheet.marker_depth_mm or 0.0)
+    apparent_mm = pad_mm / (sheet.pad_index or 1.0) + sheet.window_mm / (sheet.window_index or 1.0)
+    rotation, translation = cam_from_sheet(camera)
+    farther_mm = (pad_mm + sheet.window_mm - apparent_mm) * rotation[:, 2]
+    return replace(camera, translation_mm=read_only(translation + farther_mm))
+
+
+def _posed(camera: Camera, pose: np.ndarray) -> Camera:
+    """The camera with a rotation vector and a translation (6,)."""
+    return replace(
+        camera, rotation_vector=read_only(pose[:3].copy()), translation_mm=read_only(pose[3:].copy())
+    )
+
+
+def _refine_pose(first: Camera, rest_mm: np.ndarray, place_px: Points2, sheet: Sheet | None) -> Camera:
+    """Least-squares pose, starting from that of the camera."""
     from scipy.optimize import least_squares
 
-    def posed(pose: np.ndarray) -> Camera:
-        return replace(
-            camera, rotation_vector=read_only(pose[:3].copy()), translation_mm=read_only(pose[3:].copy())
-        )
-
     def residual(pose: np.ndarray) -> np.ndarray:
-        return np.asarray((project(posed(pose), rest_mm) - place_px).ravel())
+        return np.asarray((_seen(_posed(first, pose), sheet, rest_mm) - place_px).ravel())
 
     found = least_squares(
-        residual, np.concatenate([np.ravel(turn), np.ravel(shift)]), x_scale=[0.01] * 3 + [1.0] * 3
+        residual,
+        np.concatenate([first.rotation_vector, first.translation_mm]),
+        x_scale=[0.01] * 3 + [1.0] * 3,
     )
-    return posed(found.x)
+    return _posed(first, found.x)
 
 
-def _pose_std(camera: Camera, rest_mm: np.ndarray, place_px: Points2) -> Float64[np.ndarray, "6"]:
-    here = project(camera, rest_mm)
+def _pose_std(
+    camera: Camera, rest_mm: np.ndarray, place_px: Points2, sheet: Sheet | None
+) -> Float64[np.ndarray, "6"]:
+    here = _seen(camera, sheet, rest_mm)
     columns = []
     for number, step in enumerate((1e-6, 1e-6, 1e-6, 1e-4, 1e-4, 1e-4)):
         change = np.zeros(6)
@@ -71,7 +108,7 @@ def _pose_std(camera: Camera, rest_mm: np.ndarray, place_px: Points2) -> Float64
             rotation_vector=camera.rotation_vector + change[:3],
             translation_mm=camera.translation_mm + change[3:],
         )
-        columns.append((project(moved, rest_mm) - here).ravel() / step)
+        columns.append((_seen(moved, sheet, rest_mm) - here).ravel() / step)
     slope = np.array(columns).T
     variance = float(np.square(here - place_px).sum()) / max(here.size - 6, 1)
     return np.sqrt(variance * np.diag(np.linalg.inv(slope.T @ slope)))

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from manytouch.calibration.rest.adapt_nominal import NOMINAL
 from manytouch.calibration.rest.calibrate import RestCalibration
 from manytouch.calibration.sheet.clamp_line import describe as describe_clamp
 from manytouch.values import Sensor
@@ -35,10 +36,10 @@ def describe(calibration: RestCalibration) -> Iterator[str]:
 
 
 def with_provenance(calibration: RestCalibration, source_name: str) -> Sensor:
-    """The calibrated sensor; its provenance names the source and the residuals."""
+    """The calibrated sensor; its provenance names source and residuals. It is not nominal any more."""
     sensor = calibration.sensor
     provenance = {
-        **sensor.provenance,
+        **{name: value for name, value in sensor.provenance.items() if name != NOMINAL},
         "rest": f"calibrated from {calibration.frames} frames of {source_name}",
         "rest_rms_px": round(calibration.rms_px, 4),
         "rest_warnings": list(calibration.warnings),

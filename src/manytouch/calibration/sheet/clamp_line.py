@@ -1,4 +1,4 @@
-"""Measurement of the clamp line: the edge of the illuminated sheet in the image.
+"""Measurement of the clamp line: the edge of the illuminated sheet, or of a bonded pad, in the image.
 
 Beyond the outermost markers the image is sampled along lines normal to each side, in mm on the sheet. The
 first brightness step that extends along most of a side is the clamp line of that side; ledge and casing lie
@@ -14,6 +14,7 @@ from jaxtyping import Float64
 
 from manytouch.detection.images import level_scale
 from manytouch.geometry.camera import project
+from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
@@ -70,13 +71,16 @@ class ClampLine:
         return np.asarray(0.5 * (self.side_mm[1::2] + self.side_mm[::2]))
 
 
-def clamp_line(camera: Camera, layout: Layout, frames: Sequence[Frame]) -> ClampLine:
+def clamp_line(
+    camera: Camera, layout: Layout, frames: Sequence[Frame], pad: Sheet | None = None
+) -> ClampLine:
     """Measure the edge of the sheet beyond each outermost row and column of markers.
 
     Args:
         camera: with the pose of the sheet.
         layout: of the markers.
         frames: of the untouched sheet.
+        pad: a bonded pad, whose contact face is seen through its window.
     """
     image = _mean_grey(frames)
     pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
@@ -91,7 +95,7 @@ def clamp_line(camera: Camera, layout: Layout, frames: Sequence[Frame]) -> Clamp
         away = np.arange(0.0, 3.0 * pitch_mm, step_mm)
         place = np.empty((LINES, len(away), 2))
         place[..., axis], place[..., 1 - axis] = begin_mm + outward * away, along[:, None]
-        grey = _read(image, camera, place)
+        grey = _read(image, camera, place, pad)
         away_mm = _first_step(grey, away, window=max(2, round(STEP_SHARE * pitch_mm / step_mm)))
         found[number] = begin_mm + outward * away_mm
     return ClampLine(side_mm=found)
@@ -100,6 +104,11 @@ def clamp_line(camera: Camera, layout: Layout, frames: Sequence[Frame]) -> Clamp
 def describe(seen: ClampLine, sheet: Sheet | None) -> str:
     """One line: position of the clamp line, its origin, and the effect of an error on forces."""
     where = "" if np.isnan(seen.size_mm).any() else f"{seen.size_mm[0]:.1f} x {seen.size_mm[1]:.1f} mm"
+    if sheet is not None and sheet.boundary == "bonded":
+        given = f"{sheet.size_mm[0]:.1f} x {sheet.size_mm[1]:.1f} mm"
+        sides = "all sides" if not seen.unseen else "no side" if len(seen.unseen) == 4 else "not all sides"
+        missing = f" ({', '.join(seen.unseen)} missing)" if 0 < len(seen.unseen) < 4 else ""
+        return f"outline of the pad: visible on {sides}{missing}; {given} is used"
     if sheet is None:
         return f"clamp line: the sheet ends at {where or 'no side'} in the image; its thickness is not known"
     change = (
@@ -168,10 +177,11 @@ def _mean_grey(frames: Sequence[Frame]) -> np.ndarray:
     return np.asarray(total if total.ndim == 2 else total.mean(axis=2), dtype=np.float32)
 
 
-def _read(image: np.ndarray, camera: Camera, place_mm: np.ndarray) -> np.ndarray:
-    """Grey levels at (..., 2) places of the sheet; NaN outside the image."""
-    flat = np.column_stack([place_mm.reshape(-1, 2), np.zeros(place_mm[..., 0].size)])
-    where: Points2 = project(camera, flat)
+def _read(image: np.ndarray, camera: Camera, place_mm: np.ndarray, pad: Sheet | None) -> np.ndarray:
+    """Grey levels at (..., 2) places of the sheet or of the contact face of a pad; NaN outside the image."""
+    z_mm = 0.0 if pad is None else pad.marker_depth_mm or 0.0
+    flat = np.column_stack([place_mm.reshape(-1, 2), np.full(place_mm[..., 0].size, z_mm)])
+    where: Points2 = project(camera, flat) if pad is None else project_through_window(camera, pad, flat)
     x, y = (where[:, axis].reshape(place_mm.shape[:-1]).astype(np.float32) for axis in (0, 1))
     return cv2.remap(image, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=np.nan)
 

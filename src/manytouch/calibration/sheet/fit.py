@@ -48,6 +48,7 @@ class KnownPress:
         is_seen: (m,).
         noise_px: standard deviation of a displacement.
         force_N: reading of a scale, positive; None without reading.
+        shear_N: (2,) force along x and y, of a weight on a tilted sensor; None if not known.
     """
 
     name: str
@@ -57,6 +58,7 @@ class KnownPress:
     is_seen: Bool[np.ndarray, " m"]
     noise_px: float
     force_N: float | None = None
+    shear_N: Float64[np.ndarray, "2"] | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -1,7 +1,8 @@
 """Young's modulus of a bonded pad from presses with known forces.
 
 Each press is estimated as in use, by `PadEstimator`; its normal force over E and the reading of the scale
-give E. What Poisson's ratio and the thickness change of the normal force is thus part of E.
+give E. What Poisson's ratio and the thickness change of the normal force is thus part of E. Shear hardly
+depends on Poisson's ratio, so that weights on a tilted sensor show whether both forces have the same E.
 """
 
 from collections.abc import Sequence
@@ -19,6 +20,12 @@ from manytouch.values import Contact, Sensor, TrackedGrid
 LEAST_FORCES = 2
 MODEL_SHARE = 0.05
 """Relative standard deviation of a force that the model does not explain, common to all presses."""
+SHEAR_SHARE = 0.05
+"""The same of a shear force."""
+MAX_ANGLE_RAD = 0.2
+"""A shear force that points farther away from the weight gives a warning."""
+LEAST_SHEAR = 0.1
+"""Shear over the normal force from which a press gives the modulus of shear."""
 MAX_OFFSET_MM = 2.0
 """A press whose centre of force lies farther than this from its named place gives a warning."""
 
@@ -71,7 +78,7 @@ def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibra
         sheet=replace(sheet, young_MPa=young_MPa, young_std_MPa=std * young_MPa),
         std={"young_MPa": std * young_MPa},
         undetermined=(),
-        warnings=tuple(_warnings(presses, found)),
+        warnings=(*_warnings(presses, found), *_shear_warnings(presses, found, young_MPa, std)),
         force_over_E_mm2=over_E_mm2,
         residual_px=np.array(residual_px),
         left_out=left_out,
@@ -95,4 +102,34 @@ def _warnings(presses: Sequence[KnownPress], found: Sequence[Contact]) -> list[s
         away_mm = float(np.linalg.norm(contact.centre_mm - press.place_mm))
         if away_mm > MAX_OFFSET_MM:
             sentences.append(f"{press.name}: the force acts {away_mm:.1f} mm from the named place")
+    return sentences
+
+
+def _shear_warnings(
+    presses: Sequence[KnownPress], found: Sequence[Contact], young_MPa: float, std: float
+) -> list[str]:
+    """Where shear has another direction or gives another modulus than the normal forces."""
+    sentences, log_ratio = [], []
+    for press, contact in zip(presses, found, strict=True):
+        if press.shear_N is None or press.force_N is None:
+            continue
+        known_N, shear_mm2 = press.shear_N, np.array(contact.shear_over_E_mm2)
+        amount_N = float(np.linalg.norm(known_N))
+        if amount_N < LEAST_SHEAR * press.force_N:
+            continue
+        cross = float(known_N[0] * shear_mm2[1] - known_N[1] * shear_mm2[0])
+        away_rad = abs(float(np.arctan2(cross, known_N @ shear_mm2)))
+        if away_rad > MAX_ANGLE_RAD:
+            sentences.append(
+                f"{press.name}: the shear points {np.rad2deg(away_rad):.0f} degrees away from that of the "
+                "weight: check tilt_x_deg and tilt_y_deg"
+            )
+            continue
+        log_ratio.append(np.log(amount_N / np.linalg.norm(shear_mm2) / young_MPa))
+    ratio = float(np.exp(np.mean(log_ratio))) if log_ratio else 1.0
+    if abs(np.log(ratio)) > 2.0 * np.hypot(std, SHEAR_SHARE):
+        sentences.append(
+            f"the shear forces give E = {ratio * young_MPa:.3g} MPa, the normal forces {young_MPa:.3g} MPa: "
+            "Poisson's ratio or the thickness differs from [sheet], and shear forces are wrong by as much"
+        )
     return sentences

@@ -1,8 +1,9 @@
 """Presses at known places, from a table and the recordings that it lists."""
 
 import csv
+import math
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,7 +20,10 @@ from manytouch.sources import open_source
 from manytouch.values import Sensor
 
 COLUMNS = ("input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N")
+TILTED = ("weight_N", "tilt_x_deg", "tilt_y_deg")
+"""Columns of weights that stand on a tilted sensor, instead of `normal_force_N`."""
 REQUIRED = ("input", "x_mm", "y_mm")
+MAX_TILT_DEG = 60.0
 REST_FRAMES = 10
 HELD_S = 0.2
 LEAST_NOISE_PX = 0.01
@@ -35,7 +39,8 @@ class PressRow:
         time_s: when the press is held; None for the end of the recording.
         x_mm, y_mm: its centre on the undeformed sheet.
         radius_mm: of the contact area.
-        force_N: reading of a scale, or None.
+        force_N: normal force, the reading of a scale, or None.
+        shear_N: force along x and y, of a weight on a tilted sensor; None if not known.
     """
 
     line: int
@@ -45,10 +50,23 @@ class PressRow:
     y_mm: float
     radius_mm: float
     force_N: float | None
+    shear_N: tuple[float, float] | None = None
+
+
+def weight_components(weight_N: float, tilt_x_deg: float, tilt_y_deg: float) -> tuple[float, float, float]:
+    """Forces of a weight along x, along y, and on the sensor, N.
+
+    Args:
+        weight_N: its mass times gravity.
+        tilt_x_deg, tilt_y_deg: angles of the sheet's x axis and y axis below the horizontal, as a level
+            along them shows.
+    """
+    down_x, down_y = math.sin(math.radians(tilt_x_deg)), math.sin(math.radians(tilt_y_deg))
+    return weight_N * down_x, weight_N * down_y, weight_N * math.sqrt(1.0 - down_x**2 - down_y**2)
 
 
 def read_press_table(path: Path) -> tuple[PressRow, ...]:
-    """Read a CSV table with the columns `COLUMNS`; those not in `REQUIRED` may be absent or empty.
+    """Read a CSV table with the columns `COLUMNS` and `TILTED`; only those in `REQUIRED` must have values.
 
     Raises:
         SourceError: the file cannot be read, or a column is missing or unknown.
@@ -74,11 +92,11 @@ def read_press_table(path: Path) -> tuple[PressRow, ...]:
 
 def _rows(path: Path, table: "csv.DictReader[str]") -> tuple[PressRow, ...]:
     missing = [name for name in REQUIRED if name not in (table.fieldnames or ())]
-    unknown = [name for name in table.fieldnames or () if name not in COLUMNS]
+    unknown = [name for name in table.fieldnames or () if name not in COLUMNS + TILTED]
     if missing or unknown:
         raise SourceError(
             f"the table {path} must have the columns {', '.join(COLUMNS)} ({', '.join(REQUIRED)} are "
-            "required)"
+            f"required), and may have {', '.join(TILTED)}"
             + (f"; missing: {', '.join(missing)}" if missing else "")
             + (f"; unknown: {', '.join(unknown)[:200]}" if unknown else "")
         )
@@ -104,7 +122,7 @@ def write_press_table(rows: Sequence[PressRow], path: Path) -> None:
         raise OutputError(f"cannot write the table of presses {path}: {error.strerror}") from None
 
 
-def measure_presses(sensor: Sensor, rows: Sequence[PressRow], folder: Path) -> tuple[KnownPress, ...]:
+def measure_presses(sensor: Sensor, rows: Iterable[PressRow], folder: Path) -> tuple[KnownPress, ...]:
     """Measure the marker displacements of each press.
 
     Args:
@@ -146,6 +164,7 @@ def _press(
         is_seen=is_seen,
         noise_px=max(noise_px, LEAST_NOISE_PX),
         force_N=row.force_N,
+        shear_N=None if row.shear_N is None else np.array(row.shear_N),
     )
 
 
@@ -169,6 +188,11 @@ def _row(path: Path, number: int, row: dict[str, str | None]) -> PressRow:
     radius, force = _number(row, "radius_mm"), _number(row, "normal_force_N")
     x, y = _number(row, "x_mm"), _number(row, "y_mm")
     assert x is not None and y is not None  # noqa: PT018 - checked above
+    weight, shear = _number(row, "weight_N"), None
+    if weight is not None:
+        tilts = (_number(row, name) or 0.0 for name in TILTED[1:])
+        shear_x, shear_y, force = weight_components(weight, *tilts)
+        shear = (shear_x, shear_y)
     return PressRow(
         line=number,
         input=(row["input"] or "").strip(),
@@ -177,6 +201,7 @@ def _row(path: Path, number: int, row: dict[str, str | None]) -> PressRow:
         y_mm=y,
         radius_mm=TOUCHED_RADIUS_MM if radius is None else radius,
         force_N=force,
+        shear_N=shear,
     )
 
 
@@ -185,9 +210,10 @@ def _errors_in(row: dict[str, str | None]) -> Iterator[str]:
         yield "input is empty, expected a recording"
     if None in row:
         yield "it has more values than there are columns"
-    for name in COLUMNS[1:]:
+    known = {}
+    for name in COLUMNS[1:] + TILTED:
         try:
-            value = _number(row, name)
+            value = known[name] = _number(row, name)
         except ValueError:
             yield f"{name} = {str(row[name])[:40]!r} is not a number"
             continue
@@ -195,8 +221,17 @@ def _errors_in(row: dict[str, str | None]) -> Iterator[str]:
             yield f"{name} = {value:g}, expected a number of at most {LARGEST_NUMBER:g}"
         if value is None and name in REQUIRED:
             yield f"{name} is empty"
-        if value is not None and name in ("radius_mm", "normal_force_N") and value <= 0:
+        if value is not None and name in ("radius_mm", "normal_force_N", "weight_N") and value <= 0:
             yield f"{name} = {value:g}, expected a positive number"
+        if value is not None and name in TILTED[1:] and not abs(value) <= MAX_TILT_DEG:
+            yield f"{name} = {value:g}, expected at most {MAX_TILT_DEG:g} degrees"
+    if known.get("weight_N") is not None and known.get("normal_force_N") is not None:
+        yield "both weight_N and normal_force_N are given: leave one of them empty"
+    tilts = [known.get(name) for name in TILTED[1:]]
+    if known.get("weight_N") is None and any(tilts):
+        yield "a tilt needs weight_N, the mass in kg times 9.81"
+    if sum(math.sin(math.radians(tilt or 0.0)) ** 2 for tilt in tilts) >= 1.0:
+        yield "tilt_x_deg and tilt_y_deg together are steeper than upright"
 
 
 def _number(row: dict[str, str | None], name: str) -> float | None:

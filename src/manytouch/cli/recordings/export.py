@@ -29,6 +29,7 @@ def export(
     """
     from manytouch.sinks.exports.registry import FORMATS
     from manytouch.sinks.exports.registry import export as export_recordings
+    from manytouch.sinks.files.atomic_output import check_writable
 
     wanted = {"ros2bag": ros2bag, "lerobot": lerobot, "hdf5": hdf5, "parquet": parquet}
     folders = {name: folder for name, folder in wanted.items() if folder is not None}
@@ -38,6 +39,8 @@ def export(
         return 0
     if not recordings:
         raise usage_error("export", "no recording is given: list one or more .mcap files")
+    for folder in folders.values():
+        check_writable(folder)
     for name, folder in folders.items():
         for path in export_recordings(recordings, name, folder):
             print(path)

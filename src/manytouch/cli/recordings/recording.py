@@ -53,11 +53,12 @@ def repair(
     """
     from manytouch.errors import OutputError
     from manytouch.recording.repair import repair as repair_recording
-    from manytouch.sinks.files.atomic_output import atomic_file
+    from manytouch.sinks.files.atomic_output import atomic_file, check_file_writable
     from manytouch.sources.opening import require_file
 
     require_file(file)
     repaired = out or file.with_name(f"{file.stem}-repaired{file.suffix}")
+    check_file_writable(repaired)
     if repaired.exists():
         raise OutputError(f"{repaired} exists already: choose another name with --out")
     with atomic_file(repaired) as partial:

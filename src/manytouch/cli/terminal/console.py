@@ -1,7 +1,7 @@
 """Progress and results on the console: a bar on a terminal, plain lines elsewhere."""
 
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import TypeVar
@@ -108,14 +108,31 @@ class Steps:
         """Print a line."""
         self._console.print(sentence, markup=False)
 
-    def count(self, noun: str, steps: Iterable[Step], total: int) -> Iterator[Step]:
-        """Iterate over the steps and show how many are done."""
+    def follow(self, total: int | None = None) -> Callable[[str], None]:
+        """A function that shows a message as the present step: in the bar on a terminal, as a line elsewhere.
+
+        Args:
+            total: number of messages, if known.
+        """
+        task = self._bar.add_task("", total=total)
+
+        def show(sentence: str) -> None:
+            if self._console.is_terminal:
+                done = self._bar.tasks[self._bar.task_ids.index(task)].completed
+                self._bar.update(task, description=sentence, completed=done + 1)
+            else:
+                self.print(f"  {sentence}")
+
+        return show
+
+    def count(self, noun: str, steps: Iterable[Step], total: int | None) -> Iterator[Step]:
+        """Iterate over the steps and show how many are done, of a total that may not be known."""
         task, printed_s = self._bar.add_task(noun, total=total), time.monotonic()
         for number, step in enumerate(steps, start=1):
             self._bar.advance(task)
             if not self._console.is_terminal and time.monotonic() - printed_s > PLAIN_EVERY_S:
                 printed_s = time.monotonic()
-                self.print(f"  {number} of {total} {noun}")
+                self.print(f"  {number} {noun}" if total is None else f"  {number} of {total} {noun}")
             yield step
         self._bar.remove_task(task)
 

@@ -10,6 +10,7 @@ from jaxtyping import Float64
 from manytouch.design.parts.casing import Part
 from manytouch.design.parts.meshing import PartMesh
 from manytouch.errors import MissingExtraError
+from manytouch.values.arrays import Points2, Points3
 
 TOGETHER = ("sheet", "markers")
 TURN_DEG, RISE_DEG = 28.0, 38.0
@@ -44,20 +45,26 @@ def draw_parts(parts: Sequence[Part], meshes: Mapping[str, PartMesh], path: Path
     figure.savefig(path, dpi=110)
 
 
-def render_meshes(corners: Sequence[Float64[np.ndarray, "_ 3 3"]], colours: Sequence[str]) -> np.ndarray:
+def render_meshes(
+    corners: Sequence[Float64[np.ndarray, "_ 3 3"]],
+    colours: Sequence[str],
+    *,
+    rise_deg: float = RISE_DEG,
+    across_px: int = ACROSS_PX,
+) -> np.ndarray:
     """(h, w, 3) uint8 RGB picture of meshes, by a depth buffer of random points on their triangles.
 
     Args:
         corners: (t, 3, 3) triangles of each mesh, mm.
         colours: of each mesh.
+        rise_deg: elevation of the viewer above the horizon.
+        across_px: width of the meshes in the picture.
     """
     from matplotlib.colors import to_rgb
 
-    view = _view()
+    view = _view(rise_deg)
     rotated = [part @ view.T for part in corners]
-    everything = np.concatenate([part.reshape(-1, 3) for part in rotated])
-    low, high = everything.min(axis=0), everything.max(axis=0)
-    px_per_mm = ACROSS_PX / float((high - low)[0])
+    low, high, px_per_mm = _extent(rotated, across_px)
     width, height = (int(np.ceil(side * px_per_mm)) + 3 for side in (high - low)[:2])
     nearest = np.full((height, width), -np.inf)
     picture = np.ones((height, width, 3))
@@ -86,9 +93,26 @@ def render_meshes(corners: Sequence[Float64[np.ndarray, "_ 3 3"]], colours: Sequ
     return np.asarray(cv2.medianBlur((255 * picture).astype(np.uint8), 3))
 
 
-def _view() -> np.ndarray:
+def places_px(
+    corners: Sequence[Float64[np.ndarray, "_ 3 3"]], point_mm: Points3, *, rise_deg: float, across_px: int
+) -> Points2:
+    """(n, 2) column and row of points in the picture of `render_meshes` with the same arguments."""
+    view = _view(rise_deg)
+    low, high, px_per_mm = _extent([part @ view.T for part in corners], across_px)
+    x, y, _ = view @ point_mm.T
+    return np.column_stack([(x - low[0]) * px_per_mm + 1, (high[1] - y) * px_per_mm + 1])
+
+
+def _extent(rotated: Sequence[np.ndarray], across_px: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """Smallest and largest coordinates of all meshes, and the pixels per mm."""
+    everything = np.concatenate([part.reshape(-1, 3) for part in rotated])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    return low, high, across_px / float((high - low)[0])
+
+
+def _view(rise_deg: float) -> np.ndarray:
     """(3, 3) rotation to x right, y up, z towards the viewer."""
-    turn, rise = np.deg2rad([TURN_DEG, 90.0 - RISE_DEG])
+    turn, rise = np.deg2rad([TURN_DEG, 90.0 - rise_deg])
     about_z = np.array(
         [[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]
     )

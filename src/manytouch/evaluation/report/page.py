@@ -13,8 +13,9 @@ from manytouch.errors import MissingExtraError
 from manytouch.evaluation.metrics.comparison import MethodErrors, uncertainty_calibrations
 from manytouch.evaluation.metrics.separation import RATIOS
 from manytouch.evaluation.report import charts, maps
+from manytouch.evaluation.report.pad_goals import goal_rows
 from manytouch.evaluation.report.ratings import case_rows, halves_rows, rate_methods, table
-from manytouch.evaluation.report.report_data import contents, part, unit_of
+from manytouch.evaluation.report.report_data import contents, main_trials, part, unit_of
 from manytouch.evaluation.report.svg_theme import require_matplotlib
 from manytouch.evaluation.suite.runner import Evaluation
 from manytouch.sinks.files.atomic_output import atomic_file
@@ -72,6 +73,7 @@ def rendered(evaluation: Evaluation, data: dict[str, Any]) -> str:
         ratings=rate_methods(data),
         table=lambda section: table(data, section),
         halves=halves_rows(data),
+        pads=goal_rows(evaluation),
         cases=case_rows(data),
         drawn={name: [Markup(item) for item in items] for name, items in drawn.items()},
         worst=_worst(evaluation, unit, Markup),
@@ -89,7 +91,7 @@ def _drawings(evaluation: Evaluation, compared: dict[str, MethodErrors], unit: s
     is_force = any(np.isfinite(one.force_N - one.true_force_N).any() for one in forces)
     depth = [charts.depth_error_chart(compared)]
     if len(evaluation.trials) > 1:
-        depth.append(charts.rmse_chart(evaluation.trials, evaluation.methods))
+        depth.append(charts.rmse_chart(main_trials(evaluation), evaluation.methods))
     return {
         "maps": maps.error_maps(compared),
         "depth": depth,
@@ -104,7 +106,8 @@ def _drawings(evaluation: Evaluation, compared: dict[str, MethodErrors], unit: s
 def _worst(evaluation: Evaluation, unit: str, markup: Any) -> list[dict[str, Any]]:
     shown = []
     for method in evaluation.methods:
-        everything = [one for trial in evaluation.trials for one in trial.comparisons if one.method == method]
+        trials = main_trials(evaluation)
+        everything = [one for trial in trials for one in trial.comparisons if one.method == method]
         for worst_frame in maps.worst_frames(everything, WORST_PER_METHOD):
             shown.append(
                 {

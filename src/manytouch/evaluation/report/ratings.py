@@ -122,6 +122,8 @@ def halves_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
         "stress": "stress",
         "looked_at": "half that may be looked at",
         "held_out": "half that is held out",
+        "pads": "bonded pads, true sensor file",
+        "pads_nominal": "bonded pads, nominal sensor file",
     }
     keys = (
         *(("depth", "rmse_median_mm"), ("depth", "rmse_worst_mm"), ("depth", "peak_percent")),

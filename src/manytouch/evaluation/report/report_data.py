@@ -13,10 +13,11 @@ from manytouch.evaluation.metrics.comparison import (
     uncertainty_calibrations,
 )
 from manytouch.evaluation.metrics.metric_specs import METRICS, found, verdict, written
+from manytouch.evaluation.suite.cases import PAD_GROUPS
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 
 SCHEMA = 1
-PARTS = ("all", "nominal", "separation", "stress", "looked_at", "held_out")
+PARTS = ("all", "nominal", "separation", "stress", "looked_at", "held_out", *PAD_GROUPS)
 
 
 def contents(evaluation: Evaluation) -> dict[str, Any]:
@@ -45,10 +46,13 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
 
 
 def part(evaluation: Evaluation, method: str, name: str = "all") -> MethodErrors | None:
-    """A method's errors on one of `PARTS` of the recordings, pooled; None when there are none."""
+    """A method's errors on one of `PARTS` of the recordings, pooled; None when there are none.
+
+    Pads are in no other part than their own, unless there is nothing else.
+    """
     some = [
         one
-        for trial in evaluation.trials
+        for trial in (evaluation.trials if name in PAD_GROUPS else main_trials(evaluation))
         if belongs(trial, name)
         for one in trial.comparisons
         if one.method == method
@@ -73,6 +77,14 @@ def in_short(evaluation: Evaluation, method: str) -> str:
 def unit_of(evaluation: Evaluation) -> str:
     """The unit of all lengths."""
     return evaluation.trials[0].comparisons[0].unit if evaluation.trials else "mm"
+
+
+def main_trials(evaluation: Evaluation) -> tuple[Trial, ...]:
+    """The recordings without the bonded pads of the suite, unless there is nothing else."""
+    sheets = [
+        trial for trial in evaluation.trials if trial.case is None or trial.case.group not in PAD_GROUPS
+    ]
+    return tuple(sheets) or evaluation.trials
 
 
 def belongs(trial: Trial, name: str) -> bool:

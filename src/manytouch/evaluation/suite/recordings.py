@@ -6,6 +6,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, REST_FRAMES, Case
+from manytouch.evaluation.suite.pads import PadCase, simulate_pad
 from manytouch.evaluation.suite.sensors import true_sensor
 from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.simulation.render.discs import Look
@@ -64,16 +65,22 @@ class FemSimulation:
             "A clamped sheet of nearly incompressible rubber (neo-Hooke) under pretension as a 3-D solid: "
             "quadratic finite elements with large deformation, pressed by rigid balls, with friction where "
             "a case has it; the camera shows the bent dots through its lens, in uneven light and with "
-            "noise. Not in it: creep, sag, uneven thickness, shadows of the fingers"
+            "noise. Not in it: creep, sag, uneven thickness, shadows of the fingers. Bonded pads stand "
+            "apart: the same solid, fixed below with free sides, seen through its window"
         )
 
     def refusal(self, case: Case) -> str | None:
+        if isinstance(case, PadCase):
+            return None
         states = self.solutions.known(case)
         if states is None:
             return "it is not solved yet"
         return None if len(states) == RAMP_FRAMES else "no equilibrium was found"
 
     def simulate(self, case: Case) -> SimulatedRecording:
+        if isinstance(case, PadCase):
+            sensor, frames, truths = simulate_pad(case)
+            return SimulatedRecording(sensor=sensor, frames=frames, truths=truths)
         states = self.solutions.known(case) or self.solutions.solve(case)
         return simulate_case(case, states)
 

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from manytouch.evaluation.suite.cases import Case
+from manytouch.evaluation.suite.pads import PadCase, given_pad
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
 
@@ -58,6 +59,8 @@ def lattice(case: Case) -> Layout:
 
 def nominal_sensor(case: Case) -> Sensor:
     """The sensor as given to the methods: with all dots printed, and with the perturbation of the case."""
+    if isinstance(case, PadCase):
+        return given_pad(case)
     true, given = true_sensor(case), case.perturbation
     assert true.layout is not None
     assert true.sheet is not None

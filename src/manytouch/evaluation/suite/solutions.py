@@ -14,6 +14,7 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.evaluation.suite import pressing
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case
+from manytouch.evaluation.suite.pads import PadCase
 from manytouch.evaluation.suite.pressing import sheet_model, solve_presses
 from manytouch.evaluation.suite.workers import RunObserver, run_tasks
 from manytouch.simulation.fem.cache import code_revision
@@ -71,13 +72,14 @@ def solve_missing(
     stop: Callable[[], bool] | None = None,
     processes: int = 1,
 ) -> None:
-    """Solve the cases that are not known; one that was begun is kept when it is whole.
+    """Solve the cases that are not known; one that was begun is kept when it is whole. Pads all ship.
 
     Raises:
         OutputError: the folder cannot be written.
         MissingExtraError: scikit-fem is not installed.
     """
-    missing = [case for case in cases if solutions.known(case) is None]
+    sheets = [case for case in cases if not isinstance(case, PadCase)]
+    missing = [case for case in sheets if solutions.known(case) is None]
     if not missing:
         return
     reference_nodes()  # raises here what is missing, before other processes begin

@@ -1,16 +1,18 @@
-"""The cases of the accuracy suite: nominal, separation, stress.
+"""The cases of the accuracy suite: nominal, separation, stress; bonded pads are in `pads`.
 
 They are drawn from fixed seeds, so every run has the same ones. Every second case of a group is not
 to be looked at while a method is tuned; its figures stand apart in the report.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import product
 
 import numpy as np
 
 from manytouch.evaluation.records.record import EvaluationError
-from manytouch.evaluation.suite.cases import GROUPS, Case, SensorPerturbation, Touch
+from manytouch.evaluation.suite.cases import GROUPS, PAD_GROUPS, Case, SensorPerturbation, Touch
+from manytouch.evaluation.suite.pads import pads
 
 SHEETS_MM = ((120.0, 80.0), (160.0, 100.0), (70.0, 70.0))
 APART_MM = 13.0
@@ -26,7 +28,7 @@ def cases(groups: Sequence[str] = GROUPS, *, quick: bool = False, tuning: bool =
 
     Args:
         groups: of `GROUPS`.
-        quick: only the dozen cases of the short run.
+        quick: only those of the short run.
         tuning: only those that may be looked at while a method is tuned.
 
     Raises:
@@ -35,7 +37,12 @@ def cases(groups: Sequence[str] = GROUPS, *, quick: bool = False, tuning: bool =
     for group in groups:
         if group not in GROUPS:
             raise EvaluationError(f"there is no group {group!r} of cases; there are: {', '.join(GROUPS)}")
-    every = {"nominal": nominal, "separation": separation, "stress": stress}
+    every: dict[str, Callable[[], Iterator[Case]]] = {
+        "nominal": nominal,
+        "separation": separation,
+        "stress": stress,
+        **{name: partial(pads, name) for name in PAD_GROUPS},
+    }
     found = tuple(
         case
         for group in groups

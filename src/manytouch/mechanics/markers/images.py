@@ -11,6 +11,7 @@ from manytouch.mechanics.markers import kernels as marker_kernels
 from manytouch.mechanics.markers.projection import CameraModel, camera_model
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera
+from manytouch.values.arrays import read_only_view
 
 OUTLINE_POINTS = 12
 OUTLINE_RADIUS = float(np.sqrt(3.0 / (2.0 + np.cos(2.0 * np.pi / OUTLINE_POINTS))))
@@ -155,7 +156,7 @@ def _places(patch: SplinePatch, point_mm: Float64[np.ndarray, "k 2"]) -> marker_
 
 
 def _spline_field(patch: SplinePatch, coefficient_mm: Nodal) -> marker_kernels.SplineField:
-    return marker_kernels.SplineField(coefficient_mm, patch.shape[1], patch.is_x_slow)
+    return marker_kernels.SplineField(read_only_view(coefficient_mm), patch.shape[1], patch.is_x_slow)
 
 
 def _layer(shell: Shell, height_mm: float) -> marker_kernels.Layer:

@@ -9,6 +9,7 @@ from jaxtyping import Float, Float64
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell import tangent_assembly, tangent_kernels
+from manytouch.values.arrays import read_only, read_only_view
 
 SUPPORT_PER_MM = 1e-3
 """Stiffness of the springs along a soft boundary, over E and area: a displacement of 1 mm gives 0.001 E."""
@@ -100,13 +101,13 @@ class Shell:
     def energy(self, coefficient_mm: Nodal) -> float:
         """Energy over E (mm^3), 0 at rest."""
         springs = 0.5 * float((self._spring_mm[:, None] * coefficient_mm**2).sum())
-        elastic = float(shell_kernels.energy(coefficient_mm, self._elements, self._stiffness))
+        elastic = float(shell_kernels.energy(read_only_view(coefficient_mm), self._elements, self._stiffness))
         return elastic + springs - float((self._rest_force * coefficient_mm).sum())
 
     def forces(self, coefficient_mm: Nodal) -> Nodal:
         """External forces over E (mm^2) in equilibrium with this shape: dW/dc, 0 for fixed unknowns."""
         force = np.empty_like(coefficient_mm)
-        shell_kernels.forces(coefficient_mm, self._elements, self._stiffness, force)
+        shell_kernels.forces(read_only_view(coefficient_mm), self._elements, self._stiffness, force)
         force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
         force[~self.patch.is_free] = 0.0
         return force
@@ -117,7 +118,9 @@ class Shell:
         tangent[p, i, j, a, b] = d force[p, i] / d coefficient[q, j], where node q lies a - 3 further
         along the slow and b - 3 further along the fast axis.
         """
-        tangent_assembly.forces_and_tangent(coefficient_mm, self._elements, self._stiffness, force, tangent)
+        tangent_assembly.forces_and_tangent(
+            read_only_view(coefficient_mm), self._elements, self._stiffness, force, tangent
+        )
         force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
         middle = tangent_kernels.REACH
         for i in range(3):
@@ -142,7 +145,7 @@ class Shell:
     def _rest_force(self) -> Nodal:
         """Forces of the sheet beyond a free outline, which balance the pretension at rest."""
         force = np.empty((self.patch.node_count, 3))
-        shell_kernels.forces(np.zeros_like(force), self._elements, self._stiffness, force)
+        shell_kernels.forces(read_only(np.zeros_like(force)), self._elements, self._stiffness, force)
         return force
 
     @cached_property

@@ -12,6 +12,7 @@ import numpy as np
 import manytouch
 from manytouch.session.diagnosis.camera import describe_cameras, describe_usb_buses
 from manytouch.session.methods import kernels
+from manytouch.simulation.scene.solve import states_folder
 from manytouch.sinks.files.summary import installed
 from manytouch.sources.quiet_opencv import cv2
 
@@ -22,6 +23,10 @@ EXTRAS = {
     "connect": (
         ("rosbags", "cyclonedds", "foxglove-sdk", "python-osc", "mido", "h5py"),
         "outputs to other programs, exports",
+    ),
+    "batch": (
+        ("distributed", "dask-jobqueue", "fsspec", "s3fs", "gcsfs", "aiohttp"),
+        "clusters, object stores",
     ),
 }
 CODECS = {"MPEG-4": ("mp4v", ".mp4"), "Xvid": ("XVID", ".avi"), "Motion JPEG": ("MJPG", ".avi")}
@@ -42,6 +47,7 @@ def describe_installation() -> Iterator[str]:
     yield describe_cameras()
     yield from describe_usb_buses()
     yield _describe_kernels()
+    yield f"solved simulations in {states_folder()}"
     yield from _describe_codecs()
 
 

@@ -16,6 +16,7 @@ from manytouch.session.prepare import REST_FRAMES, require_region
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import close
 from manytouch.values import Detections, Frame, Roi
+from manytouch.values.arrays import count_of
 
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
@@ -72,7 +73,10 @@ def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[
 
 def _describe_source(source: Source) -> str:
     rate = "frame rate unknown" if source.fps is None else f"{source.fps:g} frames per second"
-    count = "" if source.frame_count is None else f", {source.frame_count} frames according to its header"
+    if source.capabilities.is_images:
+        count = f", {count_of(source.frame_count or 0, 'image')}"
+    else:
+        count = "" if source.frame_count is None else f", {source.frame_count} frames according to its header"
     return f"{source.width_px} x {source.height_px} px, {rate}{count}"
 
 

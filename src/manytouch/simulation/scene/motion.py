@@ -71,6 +71,35 @@ class Body:
     pivot_mm: float = 0.0
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeldPress:
+    """A time at which a body rests on the sheet.
+
+    Attributes:
+        time_s: the middle of the rest.
+        x_mm, y_mm: its place.
+    """
+
+    time_s: float
+    x_mm: float
+    y_mm: float
+
+
+def held_presses(bodies: tuple[Body, ...]) -> tuple[HeldPress, ...]:
+    """The times at which bodies rest pressed between two waypoints, in order."""
+    found = []
+    for body in bodies:
+        way = body.way
+        for before, after in pairwise(range(len(way.time_s))):
+            place = way.place_mm[before]
+            is_same = np.array_equal(place, way.place_mm[after])
+            is_same = is_same and np.array_equal(way.rotation_vector[before], way.rotation_vector[after])
+            if is_same and place[2] > 0.0:
+                middle_s = float(way.time_s[before] + way.time_s[after]) / 2
+                found.append(HeldPress(time_s=round(middle_s, 6), x_mm=float(place[0]), y_mm=float(place[1])))
+    return tuple(sorted(found, key=lambda press: press.time_s))
+
+
 def press_trajectory(
     start_s: float,
     end_s: float,

@@ -84,13 +84,13 @@ class ShellEnergy:
         self.prestretch = prestretch(sheet)
         assert sheet.young_MPa is not None
         stiffness = BED * sheet.young_MPa / sheet.thickness_mm
-        self._bed = body_kernels.Bed(half_mm=self.half_mm, stiffness_MPa_per_mm=stiffness)
-        self._law = shell_law(sheet, self.prestretch, float(np.prod(self.spacing_mm)))
+        self.bed = body_kernels.Bed(half_mm=self.half_mm, stiffness_MPa_per_mm=stiffness)
+        self.law = shell_law(sheet, self.prestretch, float(np.prod(self.spacing_mm)))
         corners = np.full(self.shape, 8.0)
         corners[[0, -1]] *= 0.5
         corners[:, [0, -1]] *= 0.5
         self._corners = corners
-        self._buffers = kernels.ElasticBuffers(
+        self.buffers = kernels.ElasticBuffers(
             fibre=np.empty((3, *self.shape)),
             by_fibre=np.empty((3, *self.shape)),
             tangent=np.zeros((2, 6, *self.shape)),
@@ -109,7 +109,7 @@ class ShellEnergy:
             spacing_mm=(float(self.spacing_mm[0]), float(self.spacing_mm[1])),
             stretching=stretching,
             bending=stretching * sheet.thickness_mm**2 / 12.0,
-            shear=self._law.shear_N_per_mm,
+            shear=self.law.shear_N_per_mm,
             poisson=sheet.poisson,
             tension=sheet.pretension_N_per_mm or 0.0,
         )
@@ -117,7 +117,7 @@ class ShellEnergy:
     def elastic(self, value: np.ndarray, stretch: np.ndarray) -> tuple[float, np.ndarray]:
         """Energy of the sheet alone in N mm, and its derivatives by displacement in out[:3] of (5, a, b)."""
         out = np.empty_like(value)
-        return float(kernels.elastic(value, stretch, self.spacing_mm, self._law, self._buffers, out)), out
+        return float(kernels.elastic(value, stretch, self.spacing_mm, self.law, self.buffers, out)), out
 
     def __call__(
         self, value: np.ndarray, stretch: np.ndarray, bodies: ContactBodies
@@ -130,19 +130,19 @@ class ShellEnergy:
             bodies: that press; their loads are filled.
         """
         energy, out = self.elastic(value, stretch)
-        arguments = (self._bed, bodies.arrays, self._buffers, out, bodies.loads)
+        arguments = (self.bed, bodies.arrays, self.buffers, out, bodies.loads)
         energy += body_kernels.touch(value, self.spacing_mm, *arguments)
-        kernels.finish_slope(value, stretch, out, self._buffers.by_fibre)
+        kernels.finish_slope(value, stretch, out, self.buffers.by_fibre)
         return energy, out
 
     def fibres(self, value: np.ndarray, stretch: np.ndarray) -> np.ndarray:
         """(3, a, b) directors of the sheet, as long as it is thick for 1; valid until the next call."""
-        kernels.fibres(value, stretch, self._buffers.fibre)
-        return self._buffers.fibre
+        kernels.fibres(value, stretch, self.buffers.fibre)
+        return self.buffers.fibre
 
     def thickness_ratio(self) -> np.ndarray:
         """(a, b) thickness over that at rest, of the sheet as last evaluated: stretched, it is thinner."""
-        return np.asarray((self._buffers.determinant / self._corners) ** (-0.5 * self._law.exponent))
+        return np.asarray((self.buffers.determinant / self._corners) ** (-0.5 * self.law.exponent))
 
 
 def prestretch(sheet: Sheet) -> float:

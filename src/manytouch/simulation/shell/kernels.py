@@ -238,12 +238,12 @@ def elastic(
 @no_type_check
 def finish_slope(value: np.ndarray, stretch: np.ndarray, out: np.ndarray, by_fibre: np.ndarray) -> None:
     """Fill the derivatives by the tilts (out[3:]) from those by the fibres; all are 0 on the outline."""
-    rows, columns = value.shape[1], value.shape[2]
-    for i in range(rows):
-        for j in range(columns):
-            if i in {0, rows - 1} or j in {0, columns - 1}:
-                out[:, i, j] = 0.0
-                continue
+    out[:, 0] = 0.0
+    out[:, -1] = 0.0
+    out[:, :, 0] = 0.0
+    out[:, :, -1] = 0.0
+    for i in range(1, value.shape[1] - 1):
+        for j in range(1, value.shape[2] - 1):
             p, q = value[3, i, j], value[4, i, j]
             size = 1.0 + p * p + q * q
             scale = stretch[i, j] / math.sqrt(size)

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
+from manytouch.simulation.shell.body_kernels import BodyLoads
 from manytouch.simulation.shell.energy import ContactBodies, PosedIndenter, ShellEnergy
 from manytouch.simulation.shell.minimisation import EnergyMinimiser
 from manytouch.values import Sheet
@@ -73,39 +74,45 @@ class LiveSheet:
 
     def deformation(self) -> Deformation:
         """The present camera-side face, and the contacts of the bodies, in their order."""
-        energy = self.energy
-        face_mm = self.value[:3] - energy.half_mm * energy.fibres(self.value, self.stretch)
-        face_mm[2] += energy.half_mm
-        found = Deformation(
-            x_mm=energy.x_mm,
-            y_mm=energy.y_mm,
-            face_mm=read_only(np.ascontiguousarray(np.moveaxis(face_mm, 0, -1), dtype=np.float32)),
-            contacts=(),
-            status="ok",
-        )
-        contacts = tuple(self._contact(number, found) for number in range(len(self._bodies.loads.resultant)))
+        found = camera_side_face(self.energy, self.value, self.stretch)
+        bodies = range(len(self._bodies.loads.resultant))
+        contacts = tuple(body_contact(self.energy, self._bodies.loads, number, found) for number in bodies)
         return replace(found, contacts=contacts)
 
     def _evaluate(self, value: np.ndarray) -> tuple[float, np.ndarray]:
         return self.energy(value, self.stretch, self._bodies)
 
-    def _contact(self, body: int, face: Deformation) -> TrueContact:
-        resultant, energy = self._bodies.loads.resultant[body], self.energy
-        if resultant[2] == 0.0:
-            return NO_CONTACT
-        centre_mm = resultant[4:6] / resultant[2]
-        start_mm = np.array([energy.x_mm[0], energy.y_mm[0]])
-        place_mm = (
-            start_mm + (np.argwhere(self._bodies.loads.body_at == body) + 0.5) * 0.5 * energy.spacing_mm
-        )
-        about_mm = centre_mm + face.displacement_mm(centre_mm[None])[0, :2]
-        return TrueContact(
-            force_N=read_only(resultant[:3].copy()),
-            torque_Nmm=float(resultant[3] - about_mm[0] * resultant[1] + about_mm[1] * resultant[0]),
-            area_mm2=float(resultant[6]),
-            centre_mm=read_only(centre_mm),
-            depth_mm=-float(face.displacement_mm(place_mm)[:, 2].min()),
-        )
+
+def camera_side_face(energy: ShellEnergy, value: np.ndarray, stretch: np.ndarray) -> Deformation:
+    """The camera-side face, without contacts, of a sheet with unknowns (5, a, b) and thickness (a, b)."""
+    face_mm = value[:3] - energy.half_mm * energy.fibres(value, stretch)
+    face_mm[2] += energy.half_mm
+    return Deformation(
+        x_mm=energy.x_mm,
+        y_mm=energy.y_mm,
+        face_mm=read_only(np.ascontiguousarray(np.moveaxis(face_mm, 0, -1), dtype=np.float32)),
+        contacts=(),
+        status="ok",
+    )
+
+
+def body_contact(energy: ShellEnergy, loads: BodyLoads, number: int, face: Deformation) -> TrueContact:
+    """What a body does to the sheet whose camera-side face and loads are given."""
+    resultant = loads.resultant[number]
+    if resultant[2] == 0.0:
+        return NO_CONTACT
+    centre_mm = resultant[4:6] / resultant[2]
+    start_mm = np.array([energy.x_mm[0], energy.y_mm[0]])
+    step_mm = energy.spacing_mm * (energy.shape[0] - 1) / loads.body_at.shape[0]
+    place_mm = start_mm + (np.argwhere(loads.body_at == number) + 0.5) * step_mm
+    about_mm = centre_mm + face.displacement_mm(centre_mm[None])[0, :2]
+    return TrueContact(
+        force_N=read_only(resultant[:3].copy()),
+        torque_Nmm=float(resultant[3] - about_mm[0] * resultant[1] + about_mm[1] * resultant[0]),
+        area_mm2=float(resultant[6]),
+        centre_mm=read_only(centre_mm),
+        depth_mm=-float(face.displacement_mm(place_mm)[:, 2].min()),
+    )
 
 
 NO_CONTACT = TrueContact(

@@ -53,6 +53,21 @@ class Preconditioner:
         object.__setattr__(self, "_sines", (sines[0].astype(np.float32), sines[1].astype(np.float32)))
         object.__setattr__(self, "_soft", (1.0 / (area * stiff)).astype(np.float32))
 
+    @property
+    def sines(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sine transforms (a', a') and (b', b') of the inner nodes along x and y."""
+        return self._sines
+
+    @property
+    def soft(self) -> np.ndarray:
+        """(5, a', b') compliance of the waves of displacements and tilts."""
+        return self._soft
+
+    @property
+    def coupling(self) -> np.ndarray:
+        """(2,) coupling of the tilts to the difference of depth of their neighbours along x and y."""
+        return np.array([self._coupling(0), self._coupling(1)])
+
     def __call__(self, force: np.ndarray) -> np.ndarray:
         """Displacements and tilts (5, a, b) under forces and moments (5, a, b); zero on the outline."""
         out = np.zeros_like(force)

@@ -39,8 +39,13 @@ def check_writable(folder: Path) -> None:
         OutputError: the folder cannot be written.
     """
     probe = folder / f".{os.getpid()}.probe"
-    created = [each for each in (folder, *folder.parents) if not each.exists()]
     with output_errors(folder):
+        created = [each for each in (folder, *folder.parents) if not each.exists()]
+        existing = next((each for each in (folder, *folder.parents) if each.exists()), Path())
+        if not existing.is_dir():
+            raise OutputError(
+                f"cannot write {folder}: {existing} is a file, not a folder; choose another folder"
+            )
         folder.mkdir(parents=True, exist_ok=True)
         probe.touch()
         probe.unlink()

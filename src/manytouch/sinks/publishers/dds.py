@@ -4,11 +4,15 @@ ROS 2 maps the topic /a/b to the DDS topic rt/a/b, and geometry_msgs/msg/Wrench 
 geometry_msgs::msg::dds_::Wrench_ (design.ros2.org, "Topic and Service name mapping to DDS").
 """
 
+import time
 from functools import cache
 from typing import Any, cast
 
 from manytouch.errors import MissingExtraError
 from manytouch.sinks.ros2.messages import RosMessage, typestore
+
+MATCHES_S = 0.1
+"""How often readers are looked for, which takes as long as a message."""
 
 
 @cache
@@ -65,6 +69,8 @@ class DdsParticipant:
         except DDSException as error:
             raise OSError(f"DDS domain {domain} cannot be joined ({error})") from error
         self._writers: dict[str, Any] = {}
+        self._is_read: dict[str, bool] = {}
+        self._next_match_s: dict[str, float] = {}
 
     def declare(self, topic: str, type_name: str, *, is_latched: bool = False) -> None:
         """Announce a topic of sensor data (best effort, newest five), or a latched one (for late readers)."""
@@ -75,8 +81,12 @@ class DdsParticipant:
         )
 
     def is_read(self, topic: str) -> bool:
-        """Whether there is a reader of a topic."""
-        return bool(self._writers[topic].get_matched_subscriptions())
+        """Whether there was a reader of a topic within the last `MATCHES_S`."""
+        now_s = time.monotonic()
+        if now_s >= self._next_match_s.get(topic, 0.0):
+            self._next_match_s[topic] = now_s + MATCHES_S
+            self._is_read[topic] = bool(self._writers[topic].get_matched_subscriptions())
+        return self._is_read[topic]
 
     def write(self, message: RosMessage) -> None:
         """Send a message on a topic that was announced."""

@@ -33,6 +33,41 @@ def test_damaged_tables_are_refused(tmp_path: Path, content: str | bytes, words:
         read_press_table(path)
 
 
+TILTED = "input,x_mm,y_mm,weight_N,tilt_x_deg,tilt_y_deg,normal_force_N\n"
+
+
+def test_a_weight_on_a_tilted_sensor_pulls_along_gravity(tmp_path: Path) -> None:
+    path = tmp_path / "presses.csv"
+    path.write_text(TILTED + "a.mp4,0,0,2,30,0,\na.mp4,0,0,2,15,-15,\na.mp4,0,0,2,,,\na.mp4,0,0,,,,1.5\n")
+    steep, skew, level, scale = read_press_table(path)
+    assert steep.shear_N == pytest.approx((1.0, 0.0))
+    assert steep.force_N == pytest.approx(3.0**0.5)
+    assert skew.shear_N is not None
+    assert skew.force_N is not None
+    assert skew.shear_N[0] == pytest.approx(-skew.shear_N[1])
+    assert skew.shear_N[0] ** 2 + skew.shear_N[1] ** 2 + skew.force_N**2 == pytest.approx(4.0)
+    assert (level.shear_N, level.force_N) == ((0.0, 0.0), 2.0)
+    assert (scale.shear_N, scale.force_N) == (None, 1.5)
+
+
+@pytest.mark.parametrize(
+    ("row", "words"),
+    [
+        ("a.mp4,0,0,2,30,0,1", "both weight_N and normal_force_N"),
+        ("a.mp4,0,0,,30,0,1", "a tilt needs weight_N"),
+        ("a.mp4,0,0,2,70,0,", "at most 60 degrees"),
+        ("a.mp4,0,0,2,50,50,", "steeper than upright"),
+        ("a.mp4,0,0,-2,5,5,", "weight_N = -2, expected a positive"),
+        ("a.mp4,0,0,2,x,0,", "tilt_x_deg = 'x' is not a number"),
+    ],
+)
+def test_impossible_weights_are_refused(tmp_path: Path, row: str, words: str) -> None:
+    path = tmp_path / "presses.csv"
+    path.write_text(TILTED + row + "\n")
+    with pytest.raises(SensorError, match=words):
+        read_press_table(path)
+
+
 def test_large_tables_are_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "presses.csv"
     path.write_text(HEAD + "a.mp4,0,0,1\n" * 11)

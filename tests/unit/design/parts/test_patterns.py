@@ -10,7 +10,6 @@ from pypdf import PdfReader
 
 from manytouch.calibration.camera.board import find_board, parse_board
 from manytouch.design.parts.patterns import A4_MM, MARGIN_MM, board_page, write_board, write_marker_pattern
-from manytouch.design.write import BOARDS
 from manytouch.errors import OutputError
 
 POINTS_PER_MM = 72 / 25.4
@@ -64,6 +63,9 @@ def test_a_chessboard_has_true_squares_and_fits_the_page(tmp_path: Path):
     assert black == 35
     with pytest.raises(OutputError, match="does not fit an A4 page"):
         write_board(parse_board("chessboard:12x9", 25.0), tmp_path / "board")
+
+
+BOARDS = {"chessboard:9x6": 25.0, "charuco:10x7": 25.0, "circles-asymmetric:4x11": 16.0}
 
 
 @pytest.mark.parametrize("text", BOARDS)

@@ -46,6 +46,14 @@ def test_nothing_touches_a_pad_at_rest(pad_state: PadState) -> None:
     assert np.abs(surface.displacement_mm).max() < 1e-3
 
 
+@pytest.mark.parametrize("moved_px", [(0.5, 0.5), (3.0, 0.0)])
+def test_an_image_that_shifts_as_a_whole_shows_no_contact(
+    pad_state: PadState, moved_px: tuple[float, float]
+) -> None:
+    _, _, contacts = steps(pad_state, seen_px(pad_sensor()) + np.array(moved_px))
+    assert not contacts.touching
+
+
 def test_a_contact_is_found_with_force_shear_and_torque(pad_state: PadState) -> None:
     _, surface, contacts = steps(pad_state, pressed_px(pad_state, ONE))
     (found,) = contacts.touching

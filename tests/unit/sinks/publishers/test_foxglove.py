@@ -62,8 +62,10 @@ def test_a_client_receives_image_cloud_mesh_and_numbers(publisher, reading_of, c
     (shape,) = SceneUpdate.FromString(found["/mesh"]).entities[0].triangles
     assert len(shape.points) == 61 * 41
     assert len(shape.indices) == 60 * 40 * 6
-    depth_mm = -np.array([point.z for point in shape.points])
-    assert depth_mm.max() == pytest.approx(1.5, abs=0.01)
+    mesh_mm = np.array([(point.x, point.y, point.z) for point in shape.points]).reshape(41, 61, 3)
+    assert -mesh_mm[:, :, 2].min() == pytest.approx(1.5, abs=0.01)
+    assert mesh_mm[0, -1] - mesh_mm[0, 0] == pytest.approx([30.0, 0.0, 0.0], abs=0.01)
+    assert mesh_mm[-1, 0] - mesh_mm[0, 0] == pytest.approx([0.0, 16.0, 0.0], abs=0.01)
 
 
 def test_a_client_that_comes_again_receives_what_follows(publisher, reading_of) -> None:

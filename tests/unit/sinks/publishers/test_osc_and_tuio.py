@@ -1,6 +1,5 @@
 """OSC and TUIO as clients of other authors receive them: python-osc and python-tuio."""
 
-import socket
 import threading
 from collections.abc import Iterator
 
@@ -18,12 +17,6 @@ LOW, SIZE = (
     np.array([-15.0, -8.0]),
     np.array([30.0, 16.0]),
 )  # of the markers of the sensor, half a pitch beyond
-
-
-def free_port() -> int:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
-        bound.bind(("127.0.0.1", 0))
-        return int(bound.getsockname()[1])
 
 
 class Receiver:
@@ -93,9 +86,8 @@ def test_osc_has_every_number_of_the_contacts(receiver, pressed, session) -> Non
 
 
 def test_tuio_1_1_for_a_client_of_another_author(pressed, session, capsys) -> None:
-    port = free_port()
-    client = pythontuio.TuioClient(("127.0.0.1", port))
-    added, removed, cursors = [], [], {}
+    client = pythontuio.TuioClient(("127.0.0.1", 0))
+    added, removed, cursors, bundles = [], [], {}, []
 
     class Listener(pythontuio.TuioListener):
         def add_tuio_cursor(self, cursor):
@@ -106,16 +98,17 @@ def test_tuio_1_1_for_a_client_of_another_author(pressed, session, capsys) -> No
 
         def refresh(self, time):
             cursors.update({each.session_id: (each.position, each.velocity) for each in client.cursors})
+            bundles.append(time)
 
     client.add_listener(Listener())
     thread = threading.Thread(target=client.start, daemon=True)
     thread.start()
-    wait_until(lambda: hasattr(client, "socket"))
-    (output,) = open_outputs([f"tuio://127.0.0.1:{port}"], session)
+    wait_until(lambda: client.server_address[1] != 0)  # it has its port only once it is bound
+    (output,) = open_outputs([f"tuio://127.0.0.1:{client.server_address[1]}"], session)
     for reading in pressed:
         output.write(reading)
     output.close()
-    wait_until(lambda: removed)
+    wait_until(lambda: len(bundles) == 4)  # of 2Dcur and 2Dblb, of two readings
     client.shutdown()
     thread.join()
     client.server_close()

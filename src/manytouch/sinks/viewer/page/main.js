@@ -11,6 +11,7 @@ import { showContacts, showHealth, showMeasure } from "./panels.js";
 import { Pointer } from "./pointer.js";
 import { bindSettings, fillSettings, refreshParameters } from "./settings.js";
 import { SurfacePane } from "./surface.js";
+import { Tour } from "./tour.js";
 
 const find = (id) => document.getElementById(id);
 const LAYERS = { depth: "depth", strain: "largest strain", pressure: "pressure" };
@@ -27,6 +28,7 @@ const camera = new CameraPane(find("camera"));
 const history = new History(find("depth-plot"), find("force-plot"));
 const connection = new Connection({ onMessage, onUpdate, onState: setConnected });
 const send = (type, fields = {}) => connection.send({ type, ...fields });
+const tour = new Tour();
 const pointer = new Pointer(pane, { send, choose: choosePoint });
 
 /** The surface in three dimensions; without WebGL a flat map, and a note. */
@@ -79,6 +81,7 @@ function setHealth(health) {
   find("run-label").textContent = health.is_running ? "Pause" : "Resume";
   document.querySelector("#run .glyph").className = `glyph ${health.is_running ? "pause" : "play"}`;
   find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
+  if (health.can_press) tour.begin();
   find("timeline").hidden = health.frame_count === null;
   find("untare").hidden = !health.can_untare;
   find("tare").hidden = find("record").hidden = health.frame_count !== null;
@@ -326,6 +329,8 @@ function bind() {
 
 function onKey(event) {
   if (event.ctrlKey || event.metaKey || event.altKey || /^(INPUT|SELECT|TEXTAREA)$/.test(event.target.tagName)) return;
+  const isByKeyboard = event.target.matches("button:focus-visible");
+  if (isByKeyboard && event.key === " ") return;  // it presses the button
   const isOpen = document.querySelector("dialog[open]");
   if (isOpen && event.key !== "?") return;
   const step = (by) => state.health?.frame_count != null && seek((state.health.frame ?? 0) + by);
@@ -340,7 +345,7 @@ function onKey(event) {
   const act = keys[event.key.length === 1 ? event.key.toLowerCase() : event.key];
   if (!act) return;
   event.preventDefault();
-  if (event.target.tagName === "BUTTON") event.target.blur();
+  if (event.target.tagName === "BUTTON" && !isByKeyboard) event.target.blur();
   act();
 }
 

@@ -14,7 +14,7 @@ export function showContacts(contacts, others, { name, reach, head, pinned }) {
   const heading = (title, unit) => ["th", {}, title, ["br", {}], unit];
   render(find("contacts").tHead, [["tr", {}, ["th", {}], heading("x", units.length), heading("y", units.length), heading("depth", units.length), heading("force", units.force)]]);
   const rows = contacts.flatMap((contact) => {
-    const own = ["tr", { class: contact.id === pinned ? "own pinned" : "own", data: contact.id }, cell(["i", { style: { background: contactColour(contact.id) } }], ["b", {}, contact.id]), cell(length(contact.x_mm)), cell(length(contact.y_mm)),
+    const own = ["tr", { class: contact.id === pinned ? "own pinned" : "own", data: contact.id }, cell(["i", { style: { background: contactColour(contact.id) } }], ["b", {}, `#${contact.id}`]), cell(length(contact.x_mm)), cell(length(contact.y_mm)),
       withSmallStd(contact.depth_mm, contact.depth_std_mm, length), withSmallStd(contact.force_N, contact.force_std_N, force)];
     const near = nearest(contact, others, 0.1 * reach);
     const more = detail(contact);

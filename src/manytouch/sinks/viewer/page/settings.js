@@ -70,7 +70,12 @@ export function fillSettings({ sceneInfo, health, parameters }) {
     const dd = Object.assign(document.createElement("dd"), { textContent: `${found ?? "not reported"}${requested && requested !== found ? ` (requested: ${requested})` : ""}` });
     return [dt, dd];
   });
-  find("camera-settings").replaceChildren(...(settings.length ? settings : [Object.assign(document.createElement("dd"), { textContent: "this source has no camera settings" })]));
+  find("camera-settings").replaceChildren(...(settings.length ? settings : noSettings()));
   const assumptions = sceneInfo.assumptions.length ? sceneInfo.assumptions.map((text) => `assumed: ${text}`) : ["no assumptions"];
   find("assumptions").replaceChildren(...assumptions.map((text) => Object.assign(document.createElement("li"), { textContent: text })));
+}
+
+function noSettings() {
+  const dt = Object.assign(document.createElement("dt"), { textContent: "settings" });
+  return [dt, Object.assign(document.createElement("dd"), { textContent: "none for this source" })];
 }

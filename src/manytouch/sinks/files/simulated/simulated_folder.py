@@ -6,9 +6,11 @@ from types import TracebackType
 import cv2
 import numpy as np
 
+from manytouch.simulation.scene.motion import HeldPress
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.regions import RegionTable
 from manytouch.sinks.files.result_folder import ResultFolder
+from manytouch.sinks.files.simulated.press_table import PressTable
 from manytouch.sinks.files.tables import ContactTable, MarkerTable
 from manytouch.values import Detections, Frame, Reading, Sensor, Truth
 from manytouch.values.arrays import read_only
@@ -20,10 +22,13 @@ FAST_PNG = 1
 class SimulatedFolder:
     """frames/000000.png and on, sensor.toml, truth/contacts.csv, regions.parquet and markers.parquet.
 
+    If bodies press and rest, also truth/presses.csv: a table for `calibrate sheet`, with what a scale would
+    show.
+
     They replace those of an earlier run at the end of its block, unless it ends with an error.
     """
 
-    def __init__(self, folder: Path, sensor: Sensor) -> None:
+    def __init__(self, folder: Path, sensor: Sensor, presses: tuple[HeldPress, ...] = ()) -> None:
         self._folder = ResultFolder(folder, ("frames", "sensor.toml", "truth"))
         partial = self._folder.partial_path
         self._frames = partial / "frames"
@@ -34,6 +39,7 @@ class SimulatedFolder:
             save_sensor(sensor, partial / "sensor.toml")
             tables = (ContactTable, RegionTable, MarkerTable)
             self._tables = tuple(table(partial / "truth", sensor) for table in tables)
+            self._presses = PressTable(partial / "truth", presses)
         except BaseException:
             self._folder.close()
             raise
@@ -48,6 +54,7 @@ class SimulatedFolder:
             for table in self._tables:
                 table.close()
             if error is None:
+                self._presses.close()
                 self._folder.commit()
 
     def write(self, frame: Frame, truth: Truth) -> None:
@@ -69,6 +76,7 @@ class SimulatedFolder:
         )
         for table in self._tables:
             table.write(reading)
+        self._presses.write(reading)
 
 
 def _no_detections() -> Detections:

@@ -1,0 +1,98 @@
+"""Contact of the coarse sheet with balls, compiled: `shell.body_kernels.touch` for one shape."""
+
+# ruff: noqa: PLR0915, PLR0917 - compiled functions, called with positional arguments
+
+import math
+
+import numpy as np
+
+from manytouch.compilation import kernel, no_type_check
+from manytouch.simulation.shell.body_kernels import Bed, BodyLoads
+from manytouch.simulation.shell.kernels import ElasticBuffers
+
+POINTS = 3  # of a cell along each axis, in which the contact is evaluated
+MARGIN_MM = 1.0  # by which the sheet may move sideways
+
+
+@kernel()
+@no_type_check
+def touch_balls(
+    value: np.ndarray,
+    spacing: np.ndarray,
+    bed: Bed,
+    ball_mm: np.ndarray,
+    buffers: ElasticBuffers,
+    out: np.ndarray,
+    loads: BodyLoads,
+) -> float:
+    """Energy of the contact with balls in N mm.
+
+    Args:
+        value: (5, a, b) displacements in mm and tilts.
+        spacing: (2,) of the grid, mm.
+        bed: of the touched face.
+        ball_mm: (n, 5) centres, z from the middle surface at rest, radii, and stiffness of the face there
+            (MPa/mm).
+        buffers: of `elastic`, whose derivatives by the fibres are added to.
+        out: (5, a, b), whose derivatives by displacement are added to.
+        loads: filled; `body_at` has `POINTS` places for each cell along each axis.
+    """
+    fibre, by_fibre, half = buffers.fibre, buffers.by_fibre, bed.half_mm
+    columns, rows = value.shape[1] - 1, value.shape[2] - 1
+    low_x, low_y = -0.5 * columns * spacing[0], -0.5 * rows * spacing[1]
+    weight = spacing[0] * spacing[1] / POINTS**2
+    resultant, body_at = loads.resultant, loads.body_at
+    resultant[:] = 0.0
+    body_at[:] = -1
+    total = 0.0
+    for ball in range(ball_mm.shape[0]):
+        x, y, z, radius = ball_mm[ball, 0], ball_mm[ball, 1], ball_mm[ball, 2], ball_mm[ball, 3]
+        stiffness, reach = ball_mm[ball, 4], radius + MARGIN_MM
+        first_i = max(int((x - reach - low_x) / spacing[0]), 0)
+        last_i = min(int((x + reach - low_x) / spacing[0]) + 1, columns)
+        first_j = max(int((y - reach - low_y) / spacing[1]), 0)
+        last_j = min(int((y + reach - low_y) / spacing[1]) + 1, rows)
+        for i in range(first_i, last_i):
+            for j in range(first_j, last_j):
+                for point in range(POINTS * POINTS):
+                    a, b = point // POINTS, point % POINTS
+                    s, r = (a + 0.5) / POINTS, (b + 0.5) / POINTS
+                    w0, w1, w2, w3 = (1 - s) * (1 - r), (1 - s) * r, s * (1 - r), s * r
+                    rest_x, rest_y = low_x + (i + s) * spacing[0], low_y + (j + r) * spacing[1]
+                    dx = rest_x - x + w0 * (value[0, i, j] + half * fibre[0, i, j])
+                    dy = rest_y - y + w0 * (value[1, i, j] + half * fibre[1, i, j])
+                    dz = -z + w0 * (value[2, i, j] + half * fibre[2, i, j])
+                    dx += w1 * (value[0, i, j + 1] + half * fibre[0, i, j + 1])
+                    dy += w1 * (value[1, i, j + 1] + half * fibre[1, i, j + 1])
+                    dz += w1 * (value[2, i, j + 1] + half * fibre[2, i, j + 1])
+                    dx += w2 * (value[0, i + 1, j] + half * fibre[0, i + 1, j])
+                    dy += w2 * (value[1, i + 1, j] + half * fibre[1, i + 1, j])
+                    dz += w2 * (value[2, i + 1, j] + half * fibre[2, i + 1, j])
+                    dx += w3 * (value[0, i + 1, j + 1] + half * fibre[0, i + 1, j + 1])
+                    dy += w3 * (value[1, i + 1, j + 1] + half * fibre[1, i + 1, j + 1])
+                    dz += w3 * (value[2, i + 1, j + 1] + half * fibre[2, i + 1, j + 1])
+                    square = dx * dx + dy * dy + dz * dz
+                    if square >= radius * radius:
+                        continue
+                    distance = math.sqrt(square)
+                    depth = radius - distance
+                    total += 0.5 * stiffness * weight * depth * depth
+                    factor = -stiffness * weight * depth / max(distance, 1e-9)
+                    push = (factor * -dx, factor * -dy, factor * -dz)
+                    for k in range(3):
+                        resultant[ball, k] += push[k]
+                        out[k, i, j] -= w0 * push[k]
+                        out[k, i, j + 1] -= w1 * push[k]
+                        out[k, i + 1, j] -= w2 * push[k]
+                        out[k, i + 1, j + 1] -= w3 * push[k]
+                        by_fibre[k, i, j] -= w0 * half * push[k]
+                        by_fibre[k, i, j + 1] -= w1 * half * push[k]
+                        by_fibre[k, i + 1, j] -= w2 * half * push[k]
+                        by_fibre[k, i + 1, j + 1] -= w3 * half * push[k]
+                    here_x, here_y = x + dx, y + dy
+                    resultant[ball, 3] += here_x * push[1] - here_y * push[0]
+                    resultant[ball, 4] += rest_x * push[2]
+                    resultant[ball, 5] += rest_y * push[2]
+                    resultant[ball, 6] += weight
+                    body_at[POINTS * i + a, POINTS * j + b] = ball
+    return total
