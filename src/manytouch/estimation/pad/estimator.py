@@ -191,7 +191,7 @@ class PadEstimator:
     def _frame(self, state: PadState, grid: TrackedGrid) -> tuple[PatchFit, float]:
         """The contacts of the next frame, and `PadState.refused_misfit`."""
         model, measured = state.model, self._measured(state, grid)
-        fit = self._fit_once(model, state.contact, measured, state.displacement_mm)
+        fit = self._fit(model, state.contact, measured, state.displacement_mm)
         refused_misfit = state.refused_misfit
         for _ in range(self.max_contacts - len(fit.contact)):
             fit = self._pruned(model, fit, measured)

@@ -177,10 +177,10 @@ class PatchFitter:
         _, curved, images = self._slopes(model, theta, now, weight, columns)
         size = np.sqrt(np.diag(curved))
         covariance = np.linalg.inv(curved / np.outer(size, size)) / np.outer(size, size)
-        for number in range(count * OWN + MOTIONS + _FITTED, len(theta)):
-            change = -covariance @ curved[:, number]
-            change[number] = 1.0
-            covariance += np.outer(change, change)
+        kept = np.arange(count * OWN + MOTIONS + _FITTED, len(theta))
+        change = -covariance @ curved[:, kept]
+        change[kept] = np.eye(len(kept))
+        covariance += change @ change.T
         contacts, motion, sheet = _parts(theta, count)
         return PatchFit(
             contact=contacts,
