@@ -360,7 +360,7 @@ def _halved(contact: np.ndarray, number: int) -> np.ndarray:
 
 def _joined(contact: np.ndarray, first: int, second: int) -> np.ndarray:
     """The guesses with two contacts as one with their force, centre and moments."""
-    press = contact[[first, second], SHAPE]
+    press = np.maximum(contact[[first, second], SHAPE], 1e-9)
     share = press / press.sum()
     centre = share @ contact[[first, second], :2]
     spread = np.zeros((2, 2))
