@@ -15,7 +15,7 @@ from jaxtyping import Float64
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.outlier_gate import OutlierGate
-from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, pad_shape
+from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, misfit_scale, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, PadModel
 from manytouch.estimation.pad.patch_fit import PatchFit, PatchFitter
 from manytouch.estimation.pad.patch_kernels import SHAPE
@@ -157,9 +157,10 @@ class PadEstimator:
         shape = pad_shape(model, fit)
         found = self.pad_contacts(model, fit, shape)
         least_mm = self.least_depth * model.thickness_mm
+        force_std_mm2 = np.sqrt(misfit_scale(fit)) * fit.force_std_mm2
         may_start = [
             bool(contact.depth_mm >= least_mm and force >= self.start_stds * std)
-            for contact, force, std in zip(found, fit.force_mm2, fit.force_std_mm2, strict=True)
+            for contact, force, std in zip(found, fit.force_mm2, force_std_mm2, strict=True)
         ]
         tracks, contacts = self.contact_tracker.step(
             state.tracks,

@@ -47,7 +47,7 @@ def large_strain(depth_mm: Scalars, thickness_mm: float) -> Scalars:
     neo-Hookean column with (l^-2 - l) / 3 = d / h for its stretch l above it; their mean is within 3 % of 3-D
     solutions for a ball with the radius of the thickness, to depths of .4 thicknesses.
     """
-    strain = np.maximum(depth_mm, 0.0) / thickness_mm
+    strain = np.clip(depth_mm / thickness_mm, 0.0, 10.0)  # what is deeper has no more meaning
     stretch = np.exp(-strain)
     for _ in range(6):  # Newton's method
         off = (stretch**-2 - stretch) / 3.0 - strain
@@ -142,7 +142,7 @@ class PadContacts:
         part = np.r_[
             OWN * number : OWN * (number + 1), OWN * len(fit.contact) + MOTIONS : len(fit.covariance)
         ]
-        covariance = _misfit_scale(fit) * slope @ fit.covariance[np.ix_(part, part)] @ slope.T
+        covariance = misfit_scale(fit) * slope @ fit.covariance[np.ix_(part, part)] @ slope.T
         footprint = self.footprints(clusters, number, model.pitch_mm)
         area_mm2 = footprint.area_mm2
         trace = float(np.sqrt(own[2] ** 2 + own[3] ** 2 + own[4] ** 2))
@@ -251,7 +251,7 @@ def _noise_px(fit: PatchFit) -> float:
     return float(1.0 / np.sqrt(np.median(used))) if len(used) else np.nan
 
 
-def _misfit_scale(fit: PatchFit) -> float:
+def misfit_scale(fit: PatchFit) -> float:
     """Misfit per degree of freedom, at least 1."""
     freedom = int((fit.weight > 0.0).sum()) - OWN * len(fit.contact) - MOTIONS
     return max(1.0, float(fit.weight @ fit.residual_px**2) / max(freedom, 1))
@@ -261,7 +261,7 @@ def _clusters(model: PadModel, fit: PatchFit) -> Clusters:
     """The patches as what `Footprints` computes regions of."""
     count = len(fit.contact)
     spread, covariance = np.empty((count, 2, 2)), np.empty((count, 6, 6))
-    scale = _misfit_scale(fit)
+    scale = misfit_scale(fit)
     order = [SHAPE, 0, 1, 2, 3, 4]
     for number, (xx, yx, yy) in enumerate(fit.contact[:, 2:SHAPE]):
         spread[number] = [[xx * xx, xx * yx], [xx * yx, yx * yx + yy * yy]]

@@ -163,6 +163,21 @@ def test_large_strain_lies_between_both_columns() -> None:
     assert np.all(found_mm[3:] > 0.8 * logarithmic_mm)
 
 
+def test_depths_far_beyond_the_pad_are_its_thickness() -> None:
+    with np.errstate(all="raise"):
+        np.testing.assert_allclose(large_strain(np.array([1e3, 1e30]), 4.0), 4.0, rtol=0.12)
+
+
+def test_contacts_without_force_can_be_joined(pad_state: PadState) -> None:
+    pair = np.vstack([ONE, ONE])
+    pair[1, :2] += 0.8
+    position_px = pressed_px(pad_state, pair * np.where(np.arange(10) == 5, 1e-3, 1.0))
+    _, _, contacts = steps(
+        replace(pad_state, contact=pair * np.where(np.arange(10) == 5, -1.0, 1.0)), position_px
+    )
+    assert contacts.status is Status.OK
+
+
 def test_the_method_mechanics_chooses_by_the_boundary(pad_state: PadState) -> None:
     class Started:
         def start(self, sensor: Sensor) -> PadState:
