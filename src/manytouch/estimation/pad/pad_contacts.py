@@ -143,6 +143,8 @@ class PadContacts:
             OWN * number : OWN * (number + 1), OWN * len(fit.contact) + MOTIONS : len(fit.covariance)
         ]
         covariance = misfit_scale(fit) * slope @ fit.covariance[np.ix_(part, part)] @ slope.T
+        by_sheet = slope @ fit.by_sheet[part]
+        covariance += by_sheet @ by_sheet.T
         footprint = self.footprints(clusters, number, model.pitch_mm)
         area_mm2 = footprint.area_mm2
         trace = float(np.sqrt(own[2] ** 2 + own[3] ** 2 + own[4] ** 2))

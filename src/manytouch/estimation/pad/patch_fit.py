@@ -65,6 +65,8 @@ class PatchFit:
         sheet: (k,) Poisson's ratio, thickness and depth of the markers, in standard deviations from those
             of the sensor.
         covariance: (OWN c + MOTIONS + k, ...) of all parameters by noise and priors.
+        by_sheet: (OWN c + MOTIONS + k, f) their change by the share of each parameter's deviation that is not
+            fitted.
     """
 
     contact: Float64[np.ndarray, "c 10"]
@@ -75,6 +77,7 @@ class PatchFit:
     weight: Float64[np.ndarray, " r"]
     sheet: Float64[np.ndarray, " k"]
     covariance: Float64[np.ndarray, "p p"]
+    by_sheet: Float64[np.ndarray, "p f"]
 
     @property
     def force_mm2(self) -> Scalars:
@@ -124,6 +127,8 @@ class PatchFitter:
     Attributes:
         prior: of a contact.
         shift_px, growth, turn_rad: standard deviations of the motion of the image.
+        fitted_share: share of the standard deviations of Poisson's ratio and of the thickness that is fitted.
+            The rest counts in the covariance only, since the error of the model is taken for theirs.
         max_steps: of the iteration.
     """
 
@@ -131,6 +136,7 @@ class PatchFitter:
     shift_px: float = 0.03
     growth: float = 3e-4
     turn_rad: float = 3e-4
+    fitted_share: float = 0.4
     max_steps: int = 20
 
     def __call__(
@@ -177,7 +183,14 @@ class PatchFitter:
         _, curved, images = self._slopes(model, theta, now, weight, columns)
         size = np.sqrt(np.diag(curved))
         covariance = np.linalg.inv(curved / np.outer(size, size)) / np.outer(size, size)
-        kept = np.arange(count * OWN + MOTIONS + _FITTED, len(theta))
+        common = count * OWN + MOTIONS
+        by_sheet = np.zeros((len(theta), _FITTED))
+        by_sheet[:common] = -np.linalg.solve(
+            curved[:common, :common], curved[:common, common : common + _FITTED]
+        )
+        by_sheet[common : common + _FITTED] = np.eye(_FITTED)
+        by_sheet *= np.sqrt(1.0 - self.fitted_share**2)
+        kept = np.arange(common + _FITTED, len(theta))
         change = -covariance @ curved[:, kept]
         change[kept] = np.eye(len(kept))
         covariance += change @ change.T
@@ -191,6 +204,7 @@ class PatchFitter:
             residual_px=now.residual_px,
             weight=weight,
             covariance=covariance,
+            by_sheet=by_sheet,
         )
 
     def images(self, model: PadModel, shapes: Float64[np.ndarray, "s 5"]) -> PatchImages:
@@ -272,7 +286,7 @@ class PatchFitter:
 
     def _common_std(self, parameters: int) -> Scalars:
         """Standard deviations of the motion of the image and of the parameters of the pad."""
-        sheet = np.ones(parameters)
+        sheet = np.full(parameters, self.fitted_share)
         sheet[_FITTED:] = _KEPT_STD
         return np.array([self.shift_px, self.shift_px, self.growth, self.turn_rad, *sheet])
 
