@@ -123,8 +123,8 @@ def assembly_layers(
     )
     screws = Solid(
         joined=(
-            pins(places, SCREW_RADIUS_MM, (0.0, screw_mm)),
-            pins(places, HEAD_RADIUS_MM, (screw_mm, screw_mm + HEAD_MM)),
+            pins(places, SCREW_RADIUS_MM, (0.0, float(screw_mm))),
+            pins(places, HEAD_RADIUS_MM, (float(screw_mm), screw_mm + HEAD_MM)),
         )
     )
     distance_mm = float(sensor.camera.translation_mm[2])
