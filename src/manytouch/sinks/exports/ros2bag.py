@@ -33,8 +33,7 @@ def write_ros2bag(recordings: Sequence[Recording], folder: Path) -> None:
                 connections[message.topic] = bag.add_connection(
                     message.topic, message.type, typestore=typestore()
                 )
-            data = typestore().serialize_cdr(message.message, message.type)
-            bag.write(connections[message.topic], stamp_ns, data)
+            bag.write(connections[message.topic], stamp_ns, message.cdr)
 
         put(messages.transform(begin_ns), begin_ns)
         for frame, reading in frames_of(recording):

@@ -31,7 +31,7 @@ def dds_type(name: str) -> Any:
 
 
 def _ready_bytes(sample: Any, **_: object) -> bytes:
-    return bytes(sample.cdr)
+    return sample.cdr  # type: ignore[no-any-return]
 
 
 def _field_type(description: Any) -> Any:
@@ -91,7 +91,7 @@ class DdsParticipant:
     def write(self, message: RosMessage) -> None:
         """Send a message on a topic that was announced."""
         sample = object.__new__(dds_type(message.type))
-        sample.cdr = bytes(typestore().serialize_cdr(message.message, message.type))
+        sample.cdr = message.cdr
         self._writers[message.topic].write(sample)
 
     def reader(self, topic: str, type_name: str, *, is_reliable: bool = True) -> Any:

@@ -22,7 +22,7 @@ from manytouch.pipeline import Controls
 from manytouch.recording import CALIBRATION, CAMERA, READING, SURFACE, TRANSFORM
 from manytouch.recording.messages import calibration_message, surface_message, transform_message
 from manytouch.sinks.publishers.address import OutputAddress
-from manytouch.sinks.publishers.images import encoded_image
+from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
 from manytouch.sinks.surface_grid import grid_corners
 from manytouch.values import Layout, Reading
@@ -55,11 +55,12 @@ class FoxglovePublisher:
         """Start serving.
 
         Args:
-            address: `foxglove://HOST:PORT`; absent: 127.0.0.1 and 8765. Everyone who can reach the address
-                may read; nothing can be changed through it.
+            address: `foxglove://HOST:PORT?images=RATE`; absent: 127.0.0.1, 8765 and `IMAGES_PER_S`. Everyone
+                who can reach the address may read; nothing can be changed through it.
             controls: the session.
 
         Raises:
+            ManytouchError: the rate of images is wrong.
             OutputError: the address is not available.
             MissingExtraError: foxglove-sdk is not installed.
         """
@@ -67,7 +68,7 @@ class FoxglovePublisher:
             import foxglove
         except ImportError:
             raise MissingExtraError("Foxglove", "foxglove-sdk", "connect") from None
-        self._controls = controls
+        self._controls, self._turns = controls, ImageTurns(address)
         self._context = context = foxglove.Context()  # the channels end with it
         port = PORT if address.port is None else address.port
         self._channels = _channels(context)
@@ -94,7 +95,7 @@ class FoxglovePublisher:
         log_ns = self._epoch_ns + frame.timestamp_ns
         self._log(READING, log_ns, lambda: json.dumps(reading.to_dict()).encode())
         self._log(SURFACE, log_ns, lambda: surface_message(reading, log_ns).SerializeToString())
-        if frame.encoded is not None or frame.image is not None:
+        if self._channels[CAMERA].has_sinks() and self._turns.take(frame):
             self._log(CAMERA, log_ns, lambda: _image(reading, log_ns))
         layout = reading.surface.layout
         if now_s >= self._next_mesh_s and layout is not None:

@@ -5,10 +5,38 @@ from functools import lru_cache
 
 import numpy as np
 
+from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.values import Frame
 
 JPEG_QUALITY = 90
+IMAGES_PER_S = 10.0
+"""Images that are encoded per second; one of 1280 x 720 px takes longer than all else of a reading."""
 _ENCODING = threading.Lock()
+
+
+class ImageTurns:
+    """Which frames' images are sent: all that the camera encoded, of others at most some per second.
+
+    Outputs with the same rate choose the same frames, whose images are encoded once for all of them.
+    """
+
+    def __init__(self, address: OutputAddress) -> None:
+        """Take the rate from the option `images` of an address.
+
+        Raises:
+            ManytouchError: it is not a rate.
+        """
+        self._per_s = address.number("images", IMAGES_PER_S, (0.1, 1000.0))
+        self._slot: int | None = None
+
+    def take(self, frame: Frame) -> bool:
+        """Whether the image of a frame is sent, if it is read."""
+        if frame.encoded is not None or frame.image is None:
+            return frame.encoded is not None
+        slot = int(frame.timestamp_ns * 1e-9 * self._per_s)
+        is_due = slot != self._slot
+        self._slot = slot
+        return is_due
 
 
 def encoded_image(frame: Frame) -> tuple[bytes, str]:

@@ -58,13 +58,13 @@ SCHEMES: Mapping[str, Scheme] = {
     "ros2": Scheme(
         example="ros2://manytouch",
         purpose="nodes of ROS 2, which need not be installed here",
-        options=("domain",),
+        options=("domain", "images"),
         open_publisher=Ros2Publisher,
     ),
     "foxglove": Scheme(
         example="foxglove://127.0.0.1:8765",
         purpose="Foxglove and Lichtblick",
-        options=(),
+        options=("images",),
         open_publisher=FoxglovePublisher,
     ),
     "tuio": Scheme(

@@ -12,7 +12,7 @@ from manytouch.errors import OutputError
 from manytouch.pipeline import Controls
 from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.sinks.publishers.dds import DdsParticipant
-from manytouch.sinks.publishers.images import encoded_image
+from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
 from manytouch.sinks.ros2.messages import RosMessage, RosMessages
 from manytouch.values import Reading, Tare
@@ -37,11 +37,12 @@ class Ros2Publisher:
         """Join the domain and announce the topics.
 
         Args:
-            address: `ros2://NAME?domain=N`; absent: manytouch, and ROS_DOMAIN_ID or 0.
+            address: `ros2://NAME?domain=N&images=RATE`; absent: manytouch, ROS_DOMAIN_ID or 0, and
+                `IMAGES_PER_S`.
             controls: the session; it gets the tares.
 
         Raises:
-            ManytouchError: name or domain is wrong.
+            ManytouchError: name, domain or rate of images is wrong.
             OutputError: the domain cannot be joined.
             MissingExtraError: cyclonedds or rosbags is not installed.
         """
@@ -49,7 +50,7 @@ class Ros2Publisher:
         if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", name):
             raise OutputError(f"{address.text!r}: {name!r} is not a name of ROS: use letters, digits and _")
         domain = address.number("domain", _domain_of_environment(), (0.0, 232.0))
-        self._name, self._controls = name, controls
+        self._name, self._controls, self._turns = name, controls, ImageTurns(address)
         self._messages = RosMessages(controls.sensor, name)
         try:
             self._dds = DdsParticipant(round(domain))
@@ -80,7 +81,8 @@ class Ros2Publisher:
         self._send("contacts", lambda: messages.contacts(reading, stamp_ns))
         self._send("surface", lambda: messages.surface(reading, stamp_ns))
         self._send("contact_markers", lambda: messages.markers(reading, stamp_ns))
-        if frame.encoded is not None or frame.image is not None:
+        is_read = self._is_read("image/compressed") or self._is_read("camera_info")
+        if is_read and self._turns.take(frame):
             self._send("image/compressed", lambda: messages.image(*encoded_image(frame), stamp_ns))
             self._send("camera_info", lambda: messages.camera_info(stamp_ns))
         if time.monotonic() >= self._next_diagnostics_s:
@@ -93,8 +95,11 @@ class Ros2Publisher:
         self._dds.close()
 
     def _send(self, topic: str, make: Callable[[], RosMessage]) -> None:
-        if self._dds.is_read(self._messages.topic(topic)):
+        if self._is_read(topic):
             self._dds.write(make())
+
+    def _is_read(self, topic: str) -> bool:
+        return self._dds.is_read(self._messages.topic(topic))
 
 
 def _domain_of_environment() -> float:

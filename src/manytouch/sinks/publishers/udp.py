@@ -1,7 +1,9 @@
 """OSC bundles over UDP."""
 
 import socket
+import struct
 from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import Any
 
 from manytouch.errors import MissingExtraError, OutputError
@@ -69,19 +71,26 @@ def encode_bundle(messages: Sequence[Message]) -> bytes:
     from pythonosc.parsing import osc_types
 
     write: dict[str, Callable[[Any], bytes]] = {
-        "i": osc_types.write_int,
-        "f": osc_types.write_float,
-        "d": osc_types.write_double,
-        "s": osc_types.write_string,
+        "i": struct.Struct(">i").pack,
+        "f": struct.Struct(">f").pack,
+        "d": struct.Struct(">d").pack,
+        "s": _string,
         "t": osc_types.write_date,
     }
     parts = [b"#bundle\x00", osc_types.write_date(osc_types.IMMEDIATELY)]
     for address, arguments in messages:
-        tags = "".join(tag for tag, _ in arguments)
-        values = b"".join(write[tag](value) for tag, value in arguments)
-        content = osc_types.write_string(address) + osc_types.write_string(f",{tags}") + values
-        parts += [osc_types.write_int(len(content)), content]
+        tags = "".join([tag for tag, _ in arguments])
+        values = b"".join([write[tag](value) for tag, value in arguments])
+        content = _string(address) + _string(f",{tags}") + values
+        parts += [struct.pack(">i", len(content)), content]
     return b"".join(parts)
+
+
+@lru_cache(maxsize=256)
+def _string(text: str) -> bytes:
+    from pythonosc.parsing import osc_types
+
+    return bytes(osc_types.write_string(text))
 
 
 def _require_osc() -> None:

@@ -12,7 +12,7 @@ NAME/camera_info        sensor_msgs/CameraInfo
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +21,13 @@ from scipy.spatial.transform import Rotation
 from manytouch.errors import MissingExtraError
 from manytouch.geometry.camera import camera_matrix
 from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_at
+from manytouch.sinks.ros2.prepared import (
+    FILLER,
+    PreparedCloud,
+    with_last_bytes,
+    with_stamp,
+    without_last_length,
+)
 from manytouch.values import Contact, Health, Phase, Reading, Sensor, Status
 
 M_PER_MM, PA_PER_KPA = 1e-3, 1e3
@@ -29,6 +36,8 @@ CONTACT_FIELDS = (
     *("x_std", "y_std", "depth_std", "normal_force_std"),
 )
 SURFACE_FIELDS = ("x", "y", "z", "depth", "pressure")
+CONTACT_POINT = np.dtype([("id", "<u4"), ("phase", "<u4"), *((name, "<f4") for name in CONTACT_FIELDS)])
+SURFACE_POINT = np.dtype([(name, "<f4") for name in SURFACE_FIELDS])
 PHASES = {Phase.START: 0, Phase.MOVE: 1, Phase.END: 2}
 ARROW_M_PER_N, ARROW_SHAFT_M, ARROW_HEAD_M = 0.01, 0.001, 0.002
 UINT32, FLOAT32 = 6, 7  # sensor_msgs/PointField
@@ -41,12 +50,12 @@ class RosMessage:
     Attributes:
         topic: name with a leading "/".
         type: such as "geometry_msgs/msg/WrenchStamped".
-        message: of rosbags.
+        cdr: the message, serialized.
     """
 
     topic: str
     type: str
-    message: Any
+    cdr: bytes
 
 
 @cache
@@ -76,6 +85,9 @@ class RosMessages:
         self.sensor = sensor
         self._name = name
         self._types = typestore().types
+        self._clouds: dict[tuple[str, int], PreparedCloud] = {}
+        self._headings: dict[str, bytes] = {}
+        self._camera_info: bytes | None = None
         self._sampler: SurfaceSampler | None = None
         layout = sensor.layout
         if layout is not None:
@@ -91,8 +103,8 @@ class RosMessages:
         for contact in reading.contacts.touching:
             x_mm, y_mm = contact.centre_mm
             force_N += contact.force_N
-            torque_Nmm += np.cross(np.array([x_mm, y_mm, 0.0]), contact.force_N)
-            torque_Nmm[2] += contact.torque_Nmm
+            x_N, y_N, z_N = contact.force_N
+            torque_Nmm += (y_mm * z_N, -x_mm * z_N, x_mm * y_N - y_mm * x_N + contact.torque_Nmm)
         wrench = self._new(
             "geometry_msgs/msg/Wrench",
             force=self._vector(force_N),
@@ -103,31 +115,19 @@ class RosMessages:
     def contacts(self, reading: Reading, stamp_ns: int) -> RosMessage:
         """The contacts as points, also those that just ended."""
         contacts = reading.contacts.contacts
-        layout = np.dtype(
-            [("id", "<u4"), ("phase", "<u4"), *((name, "<f4") for name in CONTACT_FIELDS)], align=False
-        )
-        points = np.zeros(len(contacts), layout)
-        points["id"] = [contact.id for contact in contacts]
-        points["phase"] = [PHASES[contact.phase] for contact in contacts]
-        for place, contact in enumerate(contacts):
-            for name, value in _contact_numbers(contact).items():
-                points[name][place] = value
-        return self._cloud("contacts", points, stamp_ns)
+        rows = [(each.id, PHASES[each.phase], *_contact_numbers(each)) for each in contacts]
+        return self._cloud("contacts", np.array(rows, CONTACT_POINT), stamp_ns)
 
     def surface(self, reading: Reading, stamp_ns: int) -> RosMessage:
         """The markers in the sheet frame, with depth, and pressure where the method estimates it."""
         surface = reading.surface
-        points = np.zeros(len(surface.position_mm), np.dtype([(name, "<f4") for name in SURFACE_FIELDS]))
-        for axis, name in enumerate("xyz"):
-            points[name] = surface.position_mm[:, axis] * M_PER_MM
-        points["depth"] = -surface.displacement_mm[:, 2] * M_PER_MM
-        is_sampled = self._sampler is not None and surface.spline is not None
-        points["pressure"] = (
-            self._sampler.pressure_kPa(surface) * PA_PER_KPA
-            if is_sampled and self._sampler is not None
-            else np.nan
-        )
-        return self._cloud("surface", points, stamp_ns)
+        points = np.empty((len(surface.position_mm), len(SURFACE_FIELDS)), "<f4")
+        np.multiply(surface.position_mm, M_PER_MM, out=points[:, :3], casting="same_kind")
+        np.multiply(surface.displacement_mm[:, 2], -M_PER_MM, out=points[:, 3], casting="same_kind")
+        points[:, 4] = np.nan
+        if self._sampler is not None and surface.spline is not None:
+            points[:, 4] = self._sampler.pressure_kPa(surface) * PA_PER_KPA
+        return self._cloud("surface", points.view(SURFACE_POINT)[:, 0], stamp_ns)
 
     def markers(self, reading: Reading, stamp_ns: int) -> RosMessage:
         """An arrow per contact for rviz, which lasts until the next message."""
@@ -142,27 +142,32 @@ class RosMessages:
                 for end in ends_m
             ]
             markers.append(self._marker(header, contact.id, action=0, points=points))
-        return RosMessage(
-            topic=self.topic("contact_markers"),
-            type="visualization_msgs/msg/MarkerArray",
-            message=self._new("visualization_msgs/msg/MarkerArray", markers=markers),
+        return self._serialized(
+            self.topic("contact_markers"), "visualization_msgs/msg/MarkerArray", markers=markers
         )
 
     def image(self, encoded: bytes, kind: str, stamp_ns: int) -> RosMessage:
         """An encoded image; `kind` is "jpeg" or "png"."""
+        type_name = "sensor_msgs/msg/CompressedImage"
+        if kind not in self._headings:
+            nothing = np.zeros(0, np.uint8)
+            empty = self._stamped("", type_name, 0, frame="camera", format=kind, data=nothing)
+            self._headings[kind] = without_last_length(empty.cdr)
+        heading = with_stamp(self._headings[kind], stamp_ns)
         return RosMessage(
-            topic=self.topic("image/compressed"),
-            type="sensor_msgs/msg/CompressedImage",
-            message=self._new(
-                "sensor_msgs/msg/CompressedImage",
-                header=self._header(stamp_ns, "camera"),
-                format=kind,
-                data=np.frombuffer(encoded, np.uint8),
-            ),
+            topic=self.topic("image/compressed"), type=type_name, cdr=with_last_bytes(heading, encoded)
         )
 
     def camera_info(self, stamp_ns: int) -> RosMessage:
         """Intrinsic parameters, with the distortion models of ROS."""
+        type_name = "sensor_msgs/msg/CameraInfo"
+        if self._camera_info is None:
+            self._camera_info = self._new_camera_info(type_name).cdr
+        return RosMessage(
+            topic=self.topic("camera_info"), type=type_name, cdr=with_stamp(self._camera_info, stamp_ns)
+        )
+
+    def _new_camera_info(self, type_name: str) -> RosMessage:
         camera = self.sensor.camera
         matrix = camera_matrix(camera)
         roi = self._new(
@@ -170,8 +175,8 @@ class RosMessages:
         )
         return self._stamped(
             "camera_info",
-            "sensor_msgs/msg/CameraInfo",
-            stamp_ns,
+            type_name,
+            0,
             frame="camera",
             height=camera.height_px,
             width=camera.width_px,
@@ -200,11 +205,7 @@ class RosMessages:
             child_frame_id=f"{self._name}_sheet",
             transform=transform,
         )
-        return RosMessage(
-            topic="/tf_static",
-            type="tf2_msgs/msg/TFMessage",
-            message=self._new("tf2_msgs/msg/TFMessage", transforms=[stamped]),
-        )
+        return self._serialized("/tf_static", "tf2_msgs/msg/TFMessage", transforms=[stamped])
 
     def diagnostics(self, health: Health, status: Status, stamp_ns: int) -> RosMessage:
         """State of the session: level 0 ok, 1 a frame has a status, 2 the source has failed."""
@@ -231,14 +232,11 @@ class RosMessages:
                 for key, value in values.items()
             ],
         )
-        return RosMessage(
-            topic="/diagnostics",
-            type="diagnostic_msgs/msg/DiagnosticArray",
-            message=self._new(
-                "diagnostic_msgs/msg/DiagnosticArray",
-                header=self._header(stamp_ns, "sheet"),
-                status=[entry],
-            ),
+        return self._serialized(
+            "/diagnostics",
+            "diagnostic_msgs/msg/DiagnosticArray",
+            header=self._header(stamp_ns, "sheet"),
+            status=[entry],
         )
 
     def _new(self, type_name: str, /, **fields: object) -> Any:
@@ -252,40 +250,56 @@ class RosMessages:
     def _stamped(
         self, topic: str, type_name: str, stamp_ns: int, *, frame: str = "sheet", **fields: object
     ) -> RosMessage:
-        message = self._new(type_name, header=self._header(stamp_ns, frame), **fields)
-        return RosMessage(topic=self.topic(topic), type=type_name, message=message)
+        header = self._header(stamp_ns, frame)
+        return self._serialized(self.topic(topic), type_name, header=header, **fields)
+
+    def _serialized(self, topic: str, type_name: str, /, **fields: object) -> RosMessage:
+        cdr = bytes(typestore().serialize_cdr(self._new(type_name, **fields), type_name))
+        return RosMessage(topic=topic, type=type_name, cdr=cdr)
 
     def _vector(self, values: np.ndarray) -> Any:
         return self._new("geometry_msgs/msg/Vector3", **dict(zip("xyz", values.tolist(), strict=True)))
 
     def _cloud(self, topic: str, points: np.ndarray, stamp_ns: int) -> RosMessage:
-        """A cloud of records of uint32 and float32 fields."""
-        described: Mapping[str, Any] = points.dtype.fields or {}
-        fields = [
-            self._new(
-                "sensor_msgs/msg/PointField",
-                name=name,
-                offset=int(entry[1]),
-                datatype=UINT32 if entry[0].kind == "u" else FLOAT32,
-                count=1,
-            )
-            for name, entry in described.items()
-        ]
-        return self._stamped(
-            topic,
-            "sensor_msgs/msg/PointCloud2",
-            stamp_ns,
-            height=1,
-            width=len(points),
-            fields=fields,
-            is_bigendian=False,
-            point_step=points.dtype.itemsize,
-            row_step=points.nbytes,
-            data=np.frombuffer(points.tobytes(), np.uint8),
-            is_dense=False,
+        """A cloud of records of uint32 and float32 fields; all but points and stamp is made once."""
+        type_name, key = "sensor_msgs/msg/PointCloud2", (topic, len(points))
+        if key not in self._clouds:
+            filled = np.full(points.nbytes, FILLER, np.uint8)
+            made = self._stamped(topic, type_name, 0, data=filled, **self._described(points))
+            self._clouds[key] = PreparedCloud(made.cdr, points.nbytes)
+        return RosMessage(
+            topic=self.topic(topic), type=type_name, cdr=self._clouds[key](stamp_ns, points.tobytes())
         )
 
+    def _described(self, points: np.ndarray) -> dict[str, Any]:
+        described: Mapping[str, Any] = points.dtype.fields or {}
+        return {
+            "height": 1,
+            "width": len(points),
+            "fields": [
+                self._new(
+                    "sensor_msgs/msg/PointField",
+                    name=name,
+                    offset=int(entry[1]),
+                    datatype=UINT32 if entry[0].kind == "u" else FLOAT32,
+                    count=1,
+                )
+                for name, entry in described.items()
+            ],
+            "is_bigendian": False,
+            "point_step": points.dtype.itemsize,
+            "row_step": points.nbytes,
+            "is_dense": False,
+        }
+
     def _marker(self, header: Any, number: int, *, action: int, points: Sequence[Any] = ()) -> Any:
+        return self._types["visualization_msgs/msg/Marker"](
+            header=header, id=number, action=action, points=list(points), **self._arrow
+        )
+
+    @cached_property
+    def _arrow(self) -> dict[str, object]:
+        """What all arrows have in common."""
         nothing = self._new("builtin_interfaces/msg/Time", sec=0, nanosec=0)
         image = self._new(
             "sensor_msgs/msg/CompressedImage",
@@ -293,38 +307,34 @@ class RosMessages:
             format="",
             data=np.zeros(0, np.uint8),
         )
-        pose = self._new(
-            "geometry_msgs/msg/Pose",
-            position=self._new("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0),
-            orientation=self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
-        )
-        return self._new(
-            "visualization_msgs/msg/Marker",
-            header=header,
-            ns="contacts",
-            id=number,
-            type=0,
-            action=action,
-            pose=pose,
-            scale=self._vector(np.array([ARROW_SHAFT_M, ARROW_HEAD_M, 0.0])),
-            color=self._new("std_msgs/msg/ColorRGBA", r=0.9, g=0.3, b=0.1, a=1.0),
-            lifetime=self._new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
-            frame_locked=False,
-            points=list(points),
-            colors=[],
-            texture_resource="",
-            texture=image,
-            uv_coordinates=[],
-            text="",
-            mesh_resource="",
-            mesh_file=self._new("visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, np.uint8)),
-            mesh_use_embedded_materials=False,
-        )
+        return {
+            "ns": "contacts",
+            "type": 0,
+            "pose": self._new(
+                "geometry_msgs/msg/Pose",
+                position=self._new("geometry_msgs/msg/Point", x=0.0, y=0.0, z=0.0),
+                orientation=self._new("geometry_msgs/msg/Quaternion", x=0.0, y=0.0, z=0.0, w=1.0),
+            ),
+            "scale": self._vector(np.array([ARROW_SHAFT_M, ARROW_HEAD_M, 0.0])),
+            "color": self._new("std_msgs/msg/ColorRGBA", r=0.9, g=0.3, b=0.1, a=1.0),
+            "lifetime": self._new("builtin_interfaces/msg/Duration", sec=0, nanosec=0),
+            "frame_locked": False,
+            "colors": [],
+            "texture_resource": "",
+            "texture": image,
+            "uv_coordinates": [],
+            "text": "",
+            "mesh_resource": "",
+            "mesh_file": self._new(
+                "visualization_msgs/msg/MeshFile", filename="", data=np.zeros(0, np.uint8)
+            ),
+            "mesh_use_embedded_materials": False,
+        }
 
 
-def _contact_numbers(contact: Contact) -> dict[str, float]:
+def _contact_numbers(contact: Contact) -> tuple[float, ...]:
     """Values of `CONTACT_FIELDS`, in SI units."""
-    values = (
+    return (
         *(contact.centre_mm * M_PER_MM).tolist(),
         -contact.depth_mm * M_PER_MM,
         contact.depth_mm * M_PER_MM,
@@ -336,4 +346,3 @@ def _contact_numbers(contact: Contact) -> dict[str, float]:
         contact.std("depth") * M_PER_MM,
         contact.std("normal_force"),
     )
-    return dict(zip(CONTACT_FIELDS, values, strict=True))

@@ -7,7 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.sinks.publishers.images import encoded_image
+from manytouch.errors import ManytouchError
+from manytouch.sinks.publishers.address import parse_address
+from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.values import Frame
 
 IMAGE = np.random.default_rng(0).integers(0, 255, (60, 80), dtype=np.uint8)
@@ -36,3 +38,25 @@ def test_what_the_camera_sent_is_sent_as_it_is() -> None:
 def test_deep_images_are_sent_with_8_bits() -> None:
     deep = replace(FRAME, image=IMAGE.astype(np.uint16) << 8)
     assert encoded_image(deep) == encoded_image(FRAME)
+
+
+def test_images_that_must_be_encoded_are_sent_at_the_rate_of_the_address_and_to_all_outputs_the_same() -> (
+    None
+):
+    frames = [
+        replace(FRAME, index=number, timestamp_ns=round((number + 0.5) * 1e9 / 60)) for number in range(120)
+    ]
+    late = ImageTurns(parse_address("foxglove://:1?images=6"))
+    turns = ImageTurns(parse_address("ros2://a?images=6"))
+    sent = [frame.index for frame in frames if turns.take(frame)]
+    assert len(sent) == 12
+    sent_late = [frame.index for frame in frames[55:] if late.take(frame)]
+    assert sent_late == [55, *(index for index in sent if index > 55)]
+    assert all(turns.take(replace(frame, encoded=b"jpeg")) for frame in frames)
+    assert not turns.take(replace(FRAME, image=None))
+    assert turns.take(FRAME)  # a recording that is played again
+
+
+def test_a_rate_of_images_that_is_none_is_refused() -> None:
+    with pytest.raises(ManytouchError, match=r"images is '0'; give a number from 0.1 to 1000"):
+        ImageTurns(parse_address("ros2://a?images=0"))
