@@ -28,9 +28,14 @@ from manytouch.detection.selection import (
 from manytouch.values import Detections, Frame, Roi, Sensor, Status
 from manytouch.values.arrays import Points2, Scalars
 
-SCALE_STEP = 1.5  # between the radii that are searched for when sizes differ
-WALK_STEPS = 3  # in windows, from the expected position to the dot
+SCALE_STEP = 1.5
+"""Ratio of successive radii that are searched for when dots differ in size."""
+WALK_STEPS = 3
+"""Steps from the expected position to the dot, in windows."""
 FEWEST_REFERENCE_DOTS = 6
+"""Fewest dots of an image that later images are compared with."""
+SMALLEST_IMAGE_PX = 8
+"""Smallest width and height of an image in which dots are searched for."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -110,7 +115,9 @@ class DotSearch:
         """Dots of a frame.
 
         `expected_px` (m, 2) limits the search to windows around these positions; None searches the whole
-        image.
+        image. A frame without an image has the status `DECODE_ERROR`; an image that has another shape than
+        the first good one, or that is smaller than `SMALLEST_IMAGE_PX` within the region of interest, has
+        `WRONG_SIZE`.
         """
         if frame.image is None:
             return state, no_detections(Status.DECODE_ERROR)
@@ -118,10 +125,10 @@ class DotSearch:
         if state.level is None:
             state = replace(state, level=level)
         if state.reference is not None and state.reference.shape != frame.image.shape:
-            return state, no_detections(Status.DECODE_ERROR)
+            return state, no_detections(Status.WRONG_SIZE)
         image, corner = crop(frame.image, self.roi_px)
-        if min(image.shape[:2]) < 8:
-            return state, no_detections(Status.DECODE_ERROR)
+        if min(image.shape[:2]) < SMALLEST_IMAGE_PX:
+            return state, no_detections(Status.WRONG_SIZE)
         weights = state.appearance.weights(1 if image.ndim == 2 else image.shape[2]) * level
         noise = estimate_noise(image, weights)
         if expected_px is None:

@@ -16,7 +16,8 @@ class Detections:
         area_px2: (n,) area of the dot in the image.
         contrast: (n,) grey level of the dot minus that of its background, of 255; positive for the sensor's
             polarity.
-        status: `OK`, or what is wrong with the whole image: decode_error, dark, saturated, blurred.
+        status: `OK`, or what is wrong with the whole image: decode_error, wrong_size, dark, saturated,
+            blurred.
     """
 
     centre_px: Points2

@@ -27,13 +27,13 @@ class OutputState:
         name: its address, as given.
         sent: readings that were passed on.
         dropped: readings that were not, because the output was too slow or has failed.
-        status: "ok", or a sentence on what is wrong.
+        problem: a sentence on what is wrong; None if nothing is.
     """
 
     name: str
     sent: int
     dropped: int
-    status: str
+    problem: str | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

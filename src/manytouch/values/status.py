@@ -6,6 +6,10 @@ from enum import StrEnum
 class Status(StrEnum):
     """State of one frame after a stage of the pipeline; a `str`, written to files as its value.
 
+    Sources yield a frame without an image where a file or a camera has none of the announced size: its status
+    is `DECODE_ERROR`. `WRONG_SIZE` is the status of an image that reaches detection with another size, as
+    frames from Python can.
+
     Attributes:
         remedy: one sentence about what to do; empty for `OK`.
     """
@@ -30,8 +34,10 @@ class Status(StrEnum):
 
 _REMEDY = {
     Status.OK: "",
-    Status.DECODE_ERROR: "No image: copy or record the input again, or check the camera's cable.",
-    Status.WRONG_SIZE: "Use the sensor file of this camera at this image size.",
+    Status.DECODE_ERROR: (
+        "No image of the size of the first one: copy or record the input again, or check the camera's cable."
+    ),
+    Status.WRONG_SIZE: "Give images of the size in the sensor file, and a region of interest inside them.",
     Status.DARK: "Add light, or choose a longer exposure.",
     Status.SATURATED: "Dim the light, or choose a shorter exposure.",
     Status.BLURRED: "Focus the lens, or choose a shorter exposure.",

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from bonded_pad import YOUNG_MPA, pad_sensor
+from manytouch.calibration.sheet.describe_calibration import describe
 from manytouch.calibration.sheet.fit import KnownPress
 from manytouch.calibration.sheet.pad import calibrate_pad
-from manytouch.calibration.sheet.report import describe
 from manytouch.errors import SensorError
 from manytouch.estimation import PadEstimator
 from manytouch.values import Sensor
@@ -52,8 +52,8 @@ def test_known_forces_give_the_modulus_with_its_deviation() -> None:
     assert found.sheet.young_std_MPa is not None
     assert abs(found.sheet.young_MPa - YOUNG_MPA) < 2.0 * found.sheet.young_std_MPa
     assert found.sheet.young_std_MPa < 0.12 * YOUNG_MPA
-    assert np.abs(found.left_out).max() < 0.2
-    assert any("stiffness E" in line for line in describe(found))
+    assert np.abs(found.leave_one_out_error).max() < 0.2
+    assert any("Young's modulus" in line for line in describe(found))
     (warning,) = found.warnings
     assert "press 1: the force acts" in warning
     odd = [

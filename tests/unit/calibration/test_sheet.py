@@ -127,19 +127,19 @@ def test_presses_determine_thickness_pretension_and_forces(fitted):
     assert fitted.sheet.thickness_mm == pytest.approx(THICKNESS_MM, rel=0.01)
     young = fitted.sheet.young_MPa
     assert fitted.sheet.pretension_N_per_mm == pytest.approx(PRETENSION_N_PER_MM, abs=0.02)
-    assert fitted.sheet.young_std_MPa == fitted.std["young_MPa"]
+    assert fitted.sheet.young_std_MPa == fitted.std["young_std_MPa"]
     force_N = young * fitted.force_over_E_mm2
     assert force_N == pytest.approx([force for *_, force in PLACES], rel=0.01)
-    assert np.abs(fitted.left_out).max() < 0.02
+    assert np.abs(fitted.leave_one_out_error).max() < 0.02
     assert fitted.residual_px.max() < 0.03
 
 
 def test_the_truth_lies_within_three_deviations(fitted):
     off = {
-        "thickness_mm": fitted.sheet.thickness_mm - THICKNESS_MM,
-        "bending_factor": fitted.sheet.bending_factor - 1.0,
-        "pretension_N_per_mm": fitted.sheet.pretension_N_per_mm - PRETENSION_N_PER_MM,
-        "young_MPa": fitted.sheet.young_MPa - YOUNG_MPA,
+        "thickness_std_mm": fitted.sheet.thickness_mm - THICKNESS_MM,
+        "bending_factor_std": fitted.sheet.bending_factor - 1.0,
+        "pretension_std_N_per_mm": fitted.sheet.pretension_N_per_mm - PRETENSION_N_PER_MM,
+        "young_std_MPa": fitted.sheet.young_MPa - YOUNG_MPA,
     }
     for name, error in off.items():
         assert abs(error) < 3 * fitted.std[name], (name, error, fitted.std[name])
@@ -159,18 +159,18 @@ def test_a_displaced_or_badly_fitting_press_gives_a_warning(fitted):
     )
     assert [re.search(r"press \d", sentence).group() for sentence in found.warnings] == ["press 1", "press 4"]
     assert re.search(
-        r"up to (2\.[5-9]|3\.[0-4]) mm from the named place; a flat foot near the clamp", found.warnings[0]
+        r"up to (2\.[5-9]|3\.[0-4]) mm from the stated place; a flat foot near the clamp", found.warnings[0]
     )
     assert re.search(
-        r"fits badly: the residual is 0\.\d+ px, the median of all presses 0\.0\d px", found.warnings[1]
+        r"fits badly: its residual is 0\.\d+ px, the median of all presses 0\.0\d px", found.warnings[1]
     )
 
 
 def test_deviations_count_what_shell_and_solid_differ_by_and_how_well_scales_read(fitted):
     young, t = fitted.sheet.young_MPa, fitted.sheet.thickness_mm
-    assert 0.04 * t < fitted.std["thickness_mm"] < 0.06 * t
-    assert 0.002 * t < fitted.std["pretension_over_E_mm"] < 0.02 * t
-    assert 0.03 / np.sqrt(len(PLACES)) * young < fitted.std["young_MPa"] < 0.06 * young
+    assert 0.04 * t < fitted.std["thickness_std_mm"] < 0.06 * t
+    assert 0.002 * t < fitted.std["pretension_over_E_std_mm"] < 0.02 * t
+    assert 0.03 / np.sqrt(len(PLACES)) * young < fitted.std["young_std_MPa"] < 0.06 * young
 
 
 def test_parameters_that_shallow_presses_do_not_determine_are_listed(fitted):
@@ -200,9 +200,9 @@ def test_without_a_force_stiffness_stays_unknown():
     found = calibrate_sheet(sensor, pressed(forces=False)[:4])
     assert found.sheet.young_MPa is None
     assert found.sheet.young_std_MPa is None
-    assert "young_MPa" not in found.std
+    assert "young_std_MPa" not in found.std
     assert any("no force was measured" in sentence for sentence in found.undetermined)
-    assert np.isnan(found.left_out).all()
+    assert np.isnan(found.leave_one_out_error).all()
 
 
 def test_presses_that_hardly_move_a_marker_are_refused():

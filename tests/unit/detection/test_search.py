@@ -152,7 +152,10 @@ def test_bad_images_have_a_status() -> None:
         search.start(sensor(centre_px, 8.0)), frame(render(centre_px, 8.0, LOOKS["light"])), None
     )
     assert search.step(state, frame(None), None)[1].status == "decode_error"
-    assert search.step(state, frame(np.zeros((20, 30), np.uint8)), None)[1].status == "decode_error"
+    assert search.step(state, frame(np.zeros((20, 30), np.uint8)), None)[1].status == "wrong_size"
+    assert search.step(state, frame(np.zeros((HEIGHT, WIDTH, 3), np.uint8)), None)[1].status == "wrong_size"
+    outside = DotSearch(roi_px=Roi(WIDTH - 4, 0, 300, 220))
+    assert outside.step(state, frame(render(centre_px, 8.0, LOOKS["light"])), None)[1].status == "wrong_size"
     assert search.step(state, frame(np.zeros((HEIGHT, WIDTH), np.uint8)), None)[1].status == "dark"
     assert (
         search.step(state, frame(np.full((HEIGHT, WIDTH), 255, np.uint8)), centre_px)[1].status == "saturated"

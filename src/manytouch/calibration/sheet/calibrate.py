@@ -21,15 +21,19 @@ from manytouch.errors import SensorError
 from manytouch.values import Sensor, Sheet
 
 LEAST_PRESSES = 4
+"""Fewest presses of a clamped sheet; a force is needed for none of them."""
 MODEL_THICKNESS = 0.04
 """Relative difference between the fitted shell thickness and that of a solid sheet, on 3-D finite
 elements."""
 MODEL_STRAIN = 0.002
 """Difference between fitted and true pretension as a strain, on the same presses."""
 MAX_OFFSET_MM = 2.0
-"""A press whose centre of force lies farther than this from its named place gives a warning."""
-MISFIT, MISFIT_PX = 3.0, 0.15
-"""A press whose residual is so many times the median, and at least so large, gives a warning."""
+"""A press whose centre of force lies farther than this from its stated place gives a warning."""
+MISFIT_RATIO = 3.0
+"""A press whose RMS residual is larger than this many times the median, and than `MISFIT_PX`, gives a
+warning."""
+MISFIT_PX = 0.15
+"""RMS residual below which a press gives no warning; several times the noise of a marker."""
 PARAMETERS = ("pretension_over_E_mm", "bending_factor", "thickness_mm")
 
 
@@ -39,14 +43,14 @@ class SheetCalibration:
 
     Attributes:
         sheet: calibrated; E is that of the sensor file if no force was measured.
-        std: deviation of each of `PARAMETERS`, of pretension_N_per_mm, and of young_MPa where it was fitted.
+        std: standard deviations by name: pretension_over_E_std_mm, bending_factor_std, thickness_std_mm,
+            pretension_std_N_per_mm, young_std_MPa; without those of parameters that were not fitted.
         undetermined: sentences about parameters that the presses determine no better than the prior.
         warnings: sentences about presses that contradict the table.
         force_over_E_mm2: (k,) of the presses.
         residual_px: (k,) RMS residual of each press over the dots outside the contact.
-        left_out: (k,) leave-one-out error: force predicted from the other presses over the reading, minus
-            1; NaN
-            without reading.
+        leave_one_out_error: (k,) force of each press predicted from the calibration on all other presses,
+            over its reading, minus 1; NaN without reading.
     """
 
     sheet: Sheet
@@ -55,7 +59,7 @@ class SheetCalibration:
     warnings: tuple[str, ...]
     force_over_E_mm2: Float64[np.ndarray, " k"]
     residual_px: Float64[np.ndarray, " k"]
-    left_out: Float64[np.ndarray, " k"]
+    leave_one_out_error: Float64[np.ndarray, " k"]
 
 
 def calibrate_sheet(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibration:
@@ -75,8 +79,9 @@ def calibrate_sheet(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalib
             "the sheet into its file first"
         )
     if len(presses) < LEAST_PRESSES:
+        given = "1 press is" if len(presses) == 1 else f"{len(presses)} presses are"
         raise SensorError(
-            f"{len(presses)} presses are too few to separate pretension and stiffness: give at least "
+            f"{given} too few to separate pretension and stiffness: give at least "
             f"{LEAST_PRESSES}, better 8, at different places, from shallow to deep"
         )
     weak = [press.name for press in presses if _largest_displacement(press) < 3.0]
@@ -112,29 +117,29 @@ def _result(
     std = np.sqrt(jackknife + np.diag(np.linalg.inv(normal))[:4] + model**2)
     bending = float(np.exp(best.common[1]))
     deviations = {
-        "pretension_over_E_mm": float(std[0]),
-        "bending_factor": bending * float(std[1]),
-        "thickness_mm": thickness * float(std[2]),
+        "pretension_over_E_std_mm": float(std[0]),
+        "bending_factor_std": bending * float(std[1]),
+        "thickness_std_mm": thickness * float(std[2]),
     }
     if young is not None:
-        deviations["pretension_N_per_mm"] = young * float(std[0])
+        deviations["pretension_std_N_per_mm"] = young * float(std[0])
     if any(has_force) and young is not None:
-        deviations["young_MPa"] = young * float(std[3])
+        deviations["young_std_MPa"] = young * float(std[3])
     residual_px = np.array([fit.residual_rms_px(best, number) for number in range(count)])
-    left_out = np.full(count, np.nan)
+    error = np.full(count, np.nan)
     for number in [number for number in range(count) if has_force[number] and sum(has_force) > 1]:
-        left_out[number] = np.exp(fit.leave_one_out_error(best, linear, number, spread[number])) - 1.0
+        error[number] = np.exp(fit.leave_one_out_error(best, linear, number, spread[number])) - 1.0
     calibrated = replace(
         sheet,
         thickness_mm=thickness,
-        thickness_std_mm=deviations["thickness_mm"],
+        thickness_std_mm=deviations["thickness_std_mm"],
         bending_factor=bending,
-        bending_factor_std=deviations["bending_factor"],
+        bending_factor_std=deviations["bending_factor_std"],
         young_MPa=young,
-        young_std_MPa=deviations.get("young_MPa", sheet.young_std_MPa),
+        young_std_MPa=deviations.get("young_std_MPa", sheet.young_std_MPa),
         poisson=fit.poisson,
         pretension_N_per_mm=None if young is None else float(best.common[0]) * young,
-        pretension_std_N_per_mm=deviations.get("pretension_N_per_mm"),
+        pretension_std_N_per_mm=deviations.get("pretension_std_N_per_mm"),
     )
     return SheetCalibration(
         sheet=calibrated,
@@ -143,7 +148,7 @@ def _result(
         warnings=tuple(_warnings(presses, best.single[:, 1:], residual_px)),
         force_over_E_mm2=np.exp(best.single[:, 0]),
         residual_px=residual_px,
-        left_out=left_out,
+        leave_one_out_error=error,
     )
 
 
@@ -152,9 +157,8 @@ def _undetermined(fit: PressFit, std: np.ndarray, *, any_force: bool) -> list[st
     for place, name in enumerate(PARAMETERS):
         if std[place] > 0.7 * fit.prior_std[place]:
             found.append(
-                f"the presses do not determine {name} better than the prior: add deeper ones, and with "
-                f"a ball some "
-                "nearer to the clamp"
+                f"the presses do not determine {name} better than the prior: add deeper ones, and, with a "
+                "ball, some nearer to the clamp"
             )
     if not any_force:
         found.append("no force was measured, so E is that of the sensor file: give at least one force in N")
@@ -167,18 +171,16 @@ def _warnings(presses: Sequence[KnownPress], offset_mm: np.ndarray, residual_px:
     if len(displaced):
         names = ", ".join(presses[number].name for number in displaced.tolist())
         yield (
-            f"{names}: the force acts up to {distance_mm.max():.1f} mm from the named place; a flat "
-            f"foot near the "
-            "clamp presses with its edge, since the sheet slopes there: press nearer to the centre, or with "
-            "a ball, or correct the place"
+            f"{names}: the force acts up to {distance_mm.max():.1f} mm from the stated place; a flat foot "
+            "near the clamp presses with its edge, since the sheet slopes there: press nearer to the centre, "
+            "or with a ball, or correct the place"
         )
     usual_px = float(np.median(residual_px))
     for press, rms_px in zip(presses, residual_px, strict=True):
-        if rms_px > max(MISFIT * usual_px, MISFIT_PX):
+        if rms_px > max(MISFIT_RATIO * usual_px, MISFIT_PX):
             yield (
-                f"{press.name} fits badly: the residual is {rms_px:.2f} px, the median of all presses "
-                f"{usual_px:.2f} px; was it held at that "
-                "time, by one foot of the named radius?"
+                f"{press.name} fits badly: its residual is {rms_px:.2f} px, the median of all presses "
+                f"{usual_px:.2f} px: check that it was held at that time, by one foot of the stated radius"
             )
 
 

@@ -22,7 +22,7 @@ PRETENSION_PRIOR_STRAIN = 0.05
 STIFFNESS_PRIOR_STD = 0.3
 """Relative standard deviation of a nominal E in the sensor file."""
 PLACE_PRIOR_STD_MM = 1.0
-"""Standard deviation of the centre of force from the named place: a flat foot on a slope presses with its
+"""Standard deviation of the centre of force from the stated place: a flat foot on a slope presses with its
 edge."""
 FORCE_MODEL_STD = 0.03
 """Relative model error between a force reading and the shell, in addition to the deviation of the reading."""
@@ -67,7 +67,7 @@ class FitParameters:
 
     Attributes:
         common: pretension over E (mm), ln bending factor, ln thickness, ln E (unused without readings).
-        single: (k, 3) ln force over E, and offset of the press from its named place, x and y (mm).
+        single: (k, 3) ln force over E, and offset of the press from its stated place, x and y (mm).
         shape_mm: (k, n, 3) of the shell under each press.
     """
 

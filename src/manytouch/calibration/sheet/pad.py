@@ -18,6 +18,7 @@ from manytouch.geometry.refraction import rest_px
 from manytouch.values import Contact, Sensor, TrackedGrid
 
 LEAST_FORCES = 2
+"""Fewest presses with a known force."""
 MODEL_SHARE = 0.05
 """Relative standard deviation of a force that the model does not explain, common to all presses."""
 SHEAR_SHARE = 0.05
@@ -27,7 +28,7 @@ MAX_ANGLE_RAD = 0.2
 LEAST_SHEAR = 0.1
 """Shear over the normal force from which a press gives the modulus of shear."""
 MAX_OFFSET_MM = 2.0
-"""A press whose centre of force lies farther than this from its named place gives a warning."""
+"""A press whose centre of force lies farther than this from its stated place gives a warning."""
 
 
 def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibration:
@@ -46,7 +47,7 @@ def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibra
     if sum(press.force_N is not None for press in presses) < LEAST_FORCES:
         raise SensorError(
             f"a pad needs {LEAST_FORCES} presses or more with a force in N: "
-            "add force_N to the table of presses"
+            "add normal_force_N to the table of presses"
         )
     estimator = PadEstimator()
     state = estimator.start(sensor)
@@ -69,19 +70,19 @@ def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibra
     log_young = np.log(read / over_E_mm2)
     known = np.flatnonzero(np.isfinite(log_young))
     mean = float(log_young[known].mean())
-    left_out = np.full(len(presses), np.nan)
+    leave_one_out_error = np.full(len(presses), np.nan)
     without = (log_young[known].sum() - log_young[known]) / (len(known) - 1)
-    left_out[known] = np.exp(without - log_young[known]) - 1.0
+    leave_one_out_error[known] = np.exp(without - log_young[known]) - 1.0
     std = float(np.hypot(log_young[known].std(ddof=1) / np.sqrt(len(known)), MODEL_SHARE))
     young_MPa = float(np.exp(mean))
     return SheetCalibration(
         sheet=replace(sheet, young_MPa=young_MPa, young_std_MPa=std * young_MPa),
-        std={"young_MPa": std * young_MPa},
+        std={"young_std_MPa": std * young_MPa},
         undetermined=(),
         warnings=(*_warnings(presses, found), *_shear_warnings(presses, found, young_MPa, std)),
         force_over_E_mm2=over_E_mm2,
         residual_px=np.array(residual_px),
-        left_out=left_out,
+        leave_one_out_error=leave_one_out_error,
     )
 
 
@@ -101,7 +102,7 @@ def _warnings(presses: Sequence[KnownPress], found: Sequence[Contact]) -> list[s
     for press, contact in zip(presses, found, strict=True):
         away_mm = float(np.linalg.norm(contact.centre_mm - press.place_mm))
         if away_mm > MAX_OFFSET_MM:
-            sentences.append(f"{press.name}: the force acts {away_mm:.1f} mm from the named place")
+            sentences.append(f"{press.name}: the force acts {away_mm:.1f} mm from the stated place")
     return sentences
 
 

@@ -6,10 +6,11 @@ from pathlib import Path
 
 from manytouch.calibration.sheet.calibrate import LEAST_PRESSES
 from manytouch.calibration.sheet.camera_presses import CameraPresses, Print, Prompt
+from manytouch.calibration.sheet.pad import LEAST_FORCES
 from manytouch.calibration.sheet.press_parser import EXAMPLE, PressContext, parse_press
 from manytouch.calibration.sheet.press_table import PressRow, read_press_table, write_press_table
 from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, TOUCHED_RADIUS_MM
-from manytouch.errors import ManytouchError, OutputError, SensorError
+from manytouch.errors import ManytouchError, OutputError, SensorError, SourceError
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import close
 from manytouch.values import Sensor, Sheet
@@ -21,7 +22,7 @@ def read_typed_presses(
     """Prompt for presses until `done`, and save them in a table.
 
     An existing table is continued. A camera measures each press, and its images are saved in a folder next
-    to the table.
+    to the table. `done` is accepted once the calibration of this sheet has enough presses.
 
     Args:
         sensor: with layout and sheet.
@@ -34,8 +35,8 @@ def read_typed_presses(
         The presses; None if Ctrl-C was pressed.
 
     Raises:
-        SourceError: the source cannot be opened or read.
-        SensorError: the sensor has no sheet.
+        SourceError: the source cannot be opened or read, or has no frames.
+        SensorError: the sensor has no sheet, or the input ended after too few presses.
         OutputError: the table cannot be written.
     """
     if sensor.sheet is None or sensor.layout is None:
@@ -69,7 +70,7 @@ def _describe_recording(
     """Print the duration of a recording, and return what is common to its presses."""
     times = [frame.timestamp_ns * 1e-9 for frame in opened]
     if not times:
-        raise SensorError(f"{source} has no frames: give a recording of the presses, or a camera")
+        raise SourceError(f"{source} has no frames: give a recording of the presses, or a camera")
     name = source if source.startswith("sim:") else os.path.relpath(source, table.parent)
     report(f"{source} covers {times[0]:.1f} to {times[-1]:.1f} s; nothing may touch the sheet at its start")
     report(f"type one press per line: x,y in mm, force or mass, time, such as {EXAMPLE} 3.4 s")
@@ -85,7 +86,7 @@ def _read_rows(
     report: Print,
     prompt: Prompt,
 ) -> None:
-    """Read lines until `done`; each valid press is saved before the next prompt."""
+    """Read lines until `done` or the end of the input; each valid press is saved before the next prompt."""
     report(
         f"the contact radius is {TOUCHED_RADIUS_MM:g} mm, as under a ball of {2 * TIP_RADIUS_MM:g} mm, "
         "unless you add another one, such as radius 5 mm; undo removes the last press, done ends the input"
@@ -94,9 +95,10 @@ def _read_rows(
         try:
             text = prompt(f"press {len(rows) + 1}: ").strip()
             if text.lower() in ("done", "end", "quit"):
-                if len(rows) >= LEAST_PRESSES:
+                missing = _too_few(rows, context.sheet)
+                if missing is None:
                     return
-                report(f"{_count(rows)} too few, at least {LEAST_PRESSES} are needed; Ctrl-C stops")
+                report(f"{missing}; Ctrl-C stops")
                 continue
             if text.lower() == "undo":
                 report(_undo(rows, table))
@@ -106,6 +108,11 @@ def _read_rows(
                 row = measure(row)
         except EOFError:
             report("")
+            missing = _too_few(rows, context.sheet)
+            if missing is not None:
+                raise SensorError(
+                    f"{missing}; {_count(rows)} saved in {table}: run the same command again to add more"
+                ) from None
             return
         except OutputError:
             raise
@@ -115,6 +122,18 @@ def _read_rows(
         rows.append(row)
         write_press_table(rows, table)
         report(_describe(row))
+
+
+def _too_few(rows: list[PressRow], sheet: Sheet) -> str | None:
+    """Why the presses do not suffice to calibrate a sheet; None if they do."""
+    if sheet.boundary == "bonded":
+        count, least, kind = sum(row.force_N is not None for row in rows), LEAST_FORCES, " with a force"
+    else:
+        count, least, kind = len(rows), LEAST_PRESSES, ""
+    if count >= least:
+        return None
+    subject = f"1 press{kind} is" if count == 1 else f"{count} presses{kind} are"
+    return f"{subject} too few, at least {least} are needed"
 
 
 def _describe(row: PressRow) -> str:

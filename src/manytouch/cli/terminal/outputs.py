@@ -10,7 +10,7 @@ from manytouch.values.arrays import count_of
 def print_outputs(health: Health, report: Callable[[str], None]) -> None:
     """One line for each output: what was sent and dropped, and what is wrong with it."""
     for output in health.outputs:
-        problem = "" if output.status == "ok" else f"; {output.status}"
+        problem = "" if output.problem is None else f"; {output.problem}"
         report(f"{output.name}: {count_of(output.sent, 'reading')} sent, {output.dropped} dropped{problem}")
 
 

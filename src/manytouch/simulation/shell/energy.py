@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import assert_never
 
 import numpy as np
 from jaxtyping import Float64
@@ -10,6 +11,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 from manytouch.simulation.fem.contact.indenters import (
+    ConvexBody,
     Fingertip,
     Indenter,
     LyingCylinder,
@@ -23,7 +25,10 @@ from manytouch.simulation.shell.preconditioner import Preconditioner
 from manytouch.values import Sheet
 from manytouch.values.arrays import read_only
 
-BED = 1.5  # stiffness of the touched face, in young_MPa / thickness_mm
+BED_STIFFNESS_RATIO = 1.5
+"""Stiffness of the touched face per area, over young_MPa / thickness_mm."""
+CONVEX_REACH_MM = 30.0
+"""Reach of a convex body, whose corners are not stored; larger ones are cut off there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -83,7 +88,7 @@ class ShellEnergy:
         self.sheet, self.half_mm = sheet, 0.5 * sheet.thickness_mm
         self.prestretch = prestretch(sheet)
         assert sheet.young_MPa is not None
-        stiffness = BED * sheet.young_MPa / sheet.thickness_mm
+        stiffness = BED_STIFFNESS_RATIO * sheet.young_MPa / sheet.thickness_mm
         self.bed = body_kernels.Bed(half_mm=self.half_mm, stiffness_MPa_per_mm=stiffness)
         self.law = shell_law(sheet, self.prestretch, float(np.prod(self.spacing_mm)))
         corners = np.full(self.shape, 8.0)
@@ -195,4 +200,6 @@ def _reach_mm(indenter: Indenter) -> float:
             return math.hypot(*side_mm)
         case LyingCylinder(radius_mm=radius_mm, length_mm=length_mm):
             return 1.5 * math.hypot(radius_mm, 0.5 * length_mm)
-    return 30.0
+        case ConvexBody():
+            return CONVEX_REACH_MM
+    assert_never(indenter)

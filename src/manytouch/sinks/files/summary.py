@@ -183,8 +183,8 @@ class Summary:
                 f"the input announced {announced} frames; {frames} were read, up to number {self._last_index}"
             )
         present = ~layout_of(self._sensor).is_missing
-        decoded = frames - self._status[Status.DECODE_ERROR]
-        rare = np.flatnonzero(present & (self._seen_count < RARELY_SEEN * decoded))
+        searched = frames - self._status[Status.DECODE_ERROR] - self._status[Status.WRONG_SIZE]
+        rare = np.flatnonzero(present & (self._seen_count < RARELY_SEEN * searched))
         if len(rare):
             named = ", ".join(str(marker) for marker in rare[:12]) + (", ..." if len(rare) > 12 else "")
             who = "1 marker is" if len(rare) == 1 else f"{len(rare)} markers are"

@@ -8,10 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bonded_pad import pad_sensor
 from manytouch.calibration.sheet import typed_presses as module
 from manytouch.calibration.sheet.press_table import measure_presses, read_press_table
 from manytouch.calibration.sheet.typed_presses import read_typed_presses
-from manytouch.errors import OutputError, SensorError
+from manytouch.errors import OutputError, SensorError, SourceError
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources import Capabilities, open_source
 from manytouch.values import Frame, Setting
@@ -47,6 +48,13 @@ class Still:
         return (Frame(index=k, timestamp_ns=k * 10**8, camera="still", image=None) for k in range(101))
 
 
+class Empty(Still):
+    """A recording without frames."""
+
+    def __iter__(self) -> Iterator[Frame]:
+        return iter(())
+
+
 @pytest.fixture
 def film(monkeypatch):
     monkeypatch.setattr(module, "open_source", lambda text: Still())
@@ -78,11 +86,42 @@ def test_an_interrupted_table_is_continued(film, tmp_path):
     user = User("0,0 50 g 2 s", KeyboardInterrupt())
     assert user.type_in("a.mp4", table) is None
     assert user.printed[-1].startswith(f"stopped; 1 press is saved in {table}")
-    later = User("undo", "1,1 2 s", "undo", "undo", "3,3 3 s", EOFError())
-    (row,) = later.type_in("a.mp4", table)
+    lines = [f"{x},3 3 s" for x in (3, 4, 5, 6)]
+    later = User("undo", "1,1 2 s", "undo", "undo", *lines, EOFError())
+    rows = later.type_in("a.mp4", table)
     assert later.printed[0].startswith(f"1 press is already in {table}")
     assert "there is no press to remove" in later.printed
-    assert (row.x_mm, len(read_press_table(table))) == (3.0, 1)
+    assert [row.x_mm for row in rows] == [3.0, 4.0, 5.0, 6.0]
+    assert read_press_table(table) == rows
+
+
+def test_an_input_that_ends_after_too_few_presses_raises_and_keeps_the_table(film, tmp_path):
+    table = tmp_path / "p.csv"
+    with pytest.raises(
+        SensorError, match=r"1 press is too few.*saved in .*p\.csv.*run the same command again"
+    ):
+        User("0,0 50 g 2 s", EOFError()).type_in("a.mp4", table)
+    assert len(read_press_table(table)) == 1
+    with pytest.raises(SensorError, match="0 presses are too few, at least 4 are needed"):
+        User().type_in("a.mp4", tmp_path / "none.csv")
+
+
+def test_a_pad_needs_two_presses_with_a_force(film, tmp_path):
+    table, pad = tmp_path / "p.csv", pad_sensor()
+    user = User(
+        "0,0 50 g 2 s", "3,0 3 s", "done", "0,3 20 g 4 s", "done", AssertionError("a prompt too many")
+    )
+    rows = user.type_in("a.mp4", table, pad)
+    assert [row.force_N is None for row in rows] == [False, True, False]
+    assert "1 press with a force is too few, at least 2 are needed; Ctrl-C stops" in user.printed
+    with pytest.raises(SensorError, match="1 press with a force is too few"):
+        User("0,0 50 g 2 s", "3,0 3 s").type_in("a.mp4", tmp_path / "other.csv", pad)
+
+
+def test_a_source_without_frames_raises(monkeypatch, tmp_path):
+    monkeypatch.setattr(module, "open_source", lambda text: Empty())
+    with pytest.raises(SourceError, match=r"a\.mp4 has no frames"):
+        User().type_in("a.mp4", tmp_path / "p.csv")
 
 
 def test_a_sensor_without_a_sheet_and_an_unwritable_table_raise(film, tmp_path):
@@ -127,6 +166,7 @@ class Camera:
 def test_a_camera_measures_each_press(monkeypatch, tmp_path):
     camera, table, sensor = Camera(), tmp_path / "sensor-presses.csv", demo_sensor(WIDTH_PX)
     monkeypatch.setattr(module, "open_source", lambda text: camera)
+    monkeypatch.setattr(module, "LEAST_PRESSES", 1)
     user = User("", "14,-8 1 N", "", "14,-8 1 N", "", "undo", "14,-8 2 N", "")
 
     def prompt(text: str) -> str:

@@ -166,4 +166,4 @@ def test_a_client_that_is_killed_and_started_again_receives_what_follows(pressed
     output.close()
     assert second.of("/manytouch/frame")
     second.close()
-    assert output.state.status == "ok"
+    assert output.state.problem is None

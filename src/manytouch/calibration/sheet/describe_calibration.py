@@ -1,4 +1,4 @@
-"""A calibration of the sheet as lines of text, and its sensor with provenance."""
+"""Lines of text that describe a calibration of the sheet, and the calibrated sensor with its provenance."""
 
 import math
 from collections.abc import Iterator
@@ -11,16 +11,16 @@ from manytouch.values import Sensor
 def describe(calibration: SheetCalibration) -> Iterator[str]:
     """Lines about parameters with standard deviations, residuals, undetermined parameters and warnings."""
     sheet, std = calibration.sheet, calibration.std
-    if "thickness_mm" in std:
-        yield f"thickness {sheet.thickness_mm:.3f} ± {std['thickness_mm']:.3f} mm"
-    if "bending_factor" in std:
-        yield f"bending factor {sheet.bending_factor:.3f} ± {std['bending_factor']:.3f}"
+    if "thickness_std_mm" in std:
+        yield f"thickness {sheet.thickness_mm:.3f} ± {std['thickness_std_mm']:.3f} mm"
+    if "bending_factor_std" in std:
+        yield f"bending factor {sheet.bending_factor:.3f} ± {std['bending_factor_std']:.3f}"
     if sheet.pretension_N_per_mm is not None:
-        yield f"pretension {sheet.pretension_N_per_mm:.4f} ± {std['pretension_N_per_mm']:.4f} N/mm"
-    if "young_MPa" in std:
-        yield f"stiffness E {sheet.young_MPa:.3f} ± {std['young_MPa']:.3f} MPa"
-    yield f"residual of a press {calibration.residual_px.max():.3f} px (RMS) at most"
-    errors = [100 * value for value in calibration.left_out.tolist() if math.isfinite(value)]
+        yield f"pretension {sheet.pretension_N_per_mm:.4f} ± {std['pretension_std_N_per_mm']:.4f} N/mm"
+    if "young_std_MPa" in std:
+        yield f"Young's modulus {sheet.young_MPa:.3f} ± {std['young_std_MPa']:.3f} MPa"
+    yield f"largest RMS residual of a press {calibration.residual_px.max():.3f} px"
+    errors = [100 * value for value in calibration.leave_one_out_error.tolist() if math.isfinite(value)]
     if errors:
         yield (
             f"leave-one-out force error {sum(errors) / len(errors):+.1f} % (mean), "
@@ -35,6 +35,6 @@ def with_provenance(sensor: Sensor, calibration: SheetCalibration, table_name: s
     provenance = {
         **sensor.provenance,
         "sheet": f"calibrated from {len(calibration.residual_px)} presses in {table_name}",
-        **{f"sheet_std_{name}": value for name, value in calibration.std.items()},
+        **{f"sheet_{name}": value for name, value in calibration.std.items()},
     }
     return replace(sensor, sheet=calibration.sheet, provenance=provenance)
