@@ -6,7 +6,7 @@ frame of any recording can be computed again with the same bits.
 """
 
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -83,6 +83,14 @@ class Tracker(Protocol):
     def is_lost(self, state: Any) -> bool:
         """Whether the frame that led to this state has to be searched again as a whole."""
 
+    def resume(self, started: Any, before: Any) -> Any:
+        """State to continue with after parameters have changed: identities are kept.
+
+        Args:
+            started: from `start` of this stage, for the same sensor.
+            before: of a stage of the same type with other parameters.
+        """
+
 
 @runtime_checkable
 class Estimator(Protocol):
@@ -128,19 +136,47 @@ class TrackedFrame:
     milliseconds: float
 
 
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class FrontState:
+    """States of detection and tracking between two frames.
+
+    Attributes:
+        detection: None: detection starts, and searches the whole of its first image.
+        tracking: of the tracker.
+    """
+
+    detection: Any
+    tracking: Any
+
+
 def track_frames(
-    detect: Detector, track: Tracker, frames: Iterable[Frame], sensor: Sensor
-) -> Iterator[TrackedFrame]:
+    detect: Detector,
+    track: Tracker,
+    frames: Iterable[Frame],
+    sensor: Sensor,
+    state: FrontState | None = None,
+) -> Generator[TrackedFrame, None, FrontState]:
     """Detect and track the markers of each frame, in order.
 
     A frame on which tracking is lost is searched once more as a whole, from the state before it.
+
+    Args:
+        detect, track: the stages.
+        frames: in order.
+        sensor: with a layout.
+        state: to continue from; None: both stages start.
+
+    Returns:
+        The states after the last frame.
     """
-    detection_state = detect.start(sensor)
-    tracking_state = track.start(sensor)
+    is_new = state is not None and state.detection is None
+    detection_state = detect.start(sensor) if state is None or is_new else state.detection
+    tracking_state = track.start(sensor) if state is None else state.tracking
     for frame in frames:
         begin_s = time.perf_counter()
         before = tracking_state
-        expected_px = track.expected_px(before)
+        expected_px = None if is_new else track.expected_px(before)
+        is_new = False
         detection_state, detections = detect.step(detection_state, frame, expected_px)
         tracking_state, grid = track.step(before, detections)
         if expected_px is not None and track.is_lost(tracking_state):
@@ -148,6 +184,7 @@ def track_frames(
             tracking_state, grid = track.step(before, detections)
         spent_ms = 1e3 * (time.perf_counter() - begin_s)
         yield TrackedFrame(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
+    return FrontState(detection=detection_state, tracking=tracking_state)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -183,19 +220,25 @@ class Pipeline:
         require_type("the sensor", sensor, Sensor, "a Sensor (manytouch.load_sensor reads one)")
         return self.estimate_readings(self.track_frames(frames, sensor), sensor)
 
-    def track_frames(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[TrackedFrame]:
-        """Detect and track the markers of each frame, in order."""
-        return track_frames(self.detect, self.track, frames, sensor)
+    def track_frames(
+        self, frames: Iterable[Frame], sensor: Sensor, state: FrontState | None = None
+    ) -> Generator[TrackedFrame, None, FrontState]:
+        """Detect and track the markers of each frame, in order; see the function `track_frames`."""
+        return track_frames(self.detect, self.track, frames, sensor, state)
 
     def estimate_readings(
         self, tracked: Iterable[TrackedFrame], sensor: Sensor, state: Any = None
-    ) -> Iterator[Reading]:
+    ) -> Generator[Reading, None, Any]:
         """Estimate surface and contacts of each tracked frame, in order.
 
         Args:
             tracked: the frames.
             sensor: that they show.
-            state: what `estimate.start` returns for this sensor; None: it is computed first.
+            state: what `estimate.start` returns for this sensor, or the state to continue from; None: it is
+                computed first.
+
+        Returns:
+            The state after the last frame.
         """
         if state is None:
             state = self.estimate.start(sensor)
@@ -214,3 +257,4 @@ class Pipeline:
                 contacts=contacts,
                 milliseconds=each.milliseconds + 1e3 * (time.perf_counter() - begin_s),
             )
+        return state

@@ -63,6 +63,9 @@ class Follows:
     def is_lost(self, state: tuple[int, bool]) -> bool:
         return state[1]
 
+    def resume(self, started: tuple[int, bool], before: tuple[int, bool]) -> tuple[int, bool]:
+        return before
+
 
 @dataclass
 class Flat:

@@ -5,7 +5,8 @@ Hungarian method for the assignment problem", 1955, doi:10.1002/nav.3800020109),
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 from scipy.optimize import linear_sum_assignment
@@ -48,6 +49,24 @@ class ContactTrackerState:
     def touching(self) -> tuple[Contact, ...]:
         """The confirmed contacts of the last frame."""
         return tuple(track.contact for track in self.tracks if track.contact.id >= 0)
+
+
+State = TypeVar("State")
+
+
+def with_tracks_of(started: State, before: State) -> State:
+    """The state of an estimator, with the contact tracks of another one of the same type.
+
+    Tracks are found wherever they are within the state.
+    """
+    if isinstance(started, ContactTrackerState) and isinstance(before, ContactTrackerState):
+        return replace(started, tracks=before.tracks, next_id=before.next_id)
+    if type(started) is not type(before) or not is_dataclass(started) or isinstance(started, type):
+        return started
+    present = {field.name: getattr(started, field.name) for field in fields(started) if field.init}
+    taken = {name: with_tracks_of(value, getattr(before, name)) for name, value in present.items()}
+    changed = {name: value for name, value in taken.items() if value is not present[name]}
+    return replace(started, **changed) if changed else started
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -3,7 +3,7 @@
 Section 3.3 and Figure 7 e to h of Senarath, Fernando and Rajakaruna. The interpretation is in docs/paper.md.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -143,6 +143,16 @@ class PaperTracking:
     def is_lost(self, state: PaperTrackingState) -> bool:
         """False: the paper does not search a frame again."""
         return False
+
+    def resume(self, started: PaperTrackingState, before: PaperTrackingState) -> PaperTrackingState:
+        """The present parameters, with the list of markers so far."""
+        return replace(
+            started,
+            position_px=before.position_px,
+            id=before.id,
+            frames_unseen=before.frames_unseen,
+            new_ids=before.new_ids,
+        )
 
 
 def sorted_by_rows(point: Points2, row_gap: float) -> Counts:

@@ -14,6 +14,7 @@ from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.commands.contact_id_offset import ContactIdOffset
+from manytouch.session.commands.continuation import kept, resumed_estimation, resumed_tracking
 from manytouch.session.commands.tare import TARE_FRAMES, tare_sensor
 from manytouch.session.methods import (
     METHODS,
@@ -69,6 +70,20 @@ class Setup:
     version: int
     note: str = ""
     estimation: Any = None
+
+    def is_variant_of(self, other: "Setup") -> bool:
+        """Whether only parameters differ, so that contacts go on."""
+        return self.sensor is other.sensor and self.method == other.method
+
+
+class _Kept:
+    """The state after the last frame of a setup."""
+
+    def __init__(self) -> None:
+        self.value: Any = None
+
+    def keep(self, value: Any) -> None:
+        self.value = value
 
 
 class Live:
@@ -202,25 +217,40 @@ class Live:
 
     def _estimate(self, stream: Iterator[Setup | TrackedFrame]) -> Iterator[Reading]:
         """Readings, in the calling thread."""
-        renumber = ContactIdOffset()
+        renumber, state, before = ContactIdOffset(), _Kept(), None
         setup = next(stream, None)
         while isinstance(setup, Setup):
             self._present = setup
             following: list[Setup] = []
-            renumber.begin()
+            begin = setup.estimation
+            if before is not None and setup.is_variant_of(before):
+                begin = resumed_estimation(setup.pipeline, begin, before.pipeline, state.value)
+            else:
+                renumber.begin()
             tracked = _until_setup(stream, following)
-            for reading in setup.pipeline.estimate_readings(tracked, setup.sensor, setup.estimation):
+            readings = setup.pipeline.estimate_readings(tracked, setup.sensor, begin)
+            for reading in kept(readings, state.keep):
                 yield renumber(reading)
-            setup = following[0] if following else None
+            before, setup = setup, following[0] if following else None
 
     def _track(self) -> Iterator[Setup | TrackedFrame]:
         """Setups, each followed by the frames tracked with it, in the background thread."""
+        state, before, begin = _Kept(), None, None
         while not self._is_over.is_set():
             setup = self._wanted
             yield setup
-            for tracked in setup.pipeline.track_frames(self._frames(setup), setup.sensor):
+            if before is not None:
+                is_same = setup.sensor is before.sensor
+                begin = (
+                    resumed_tracking(setup.pipeline, setup.sensor, before.pipeline, state.value)
+                    if is_same
+                    else None
+                )
+            stream = setup.pipeline.track_frames(self._frames(setup), setup.sensor, begin)
+            for tracked in kept(stream, state.keep):
                 yield tracked
                 self._collect_tare(tracked.grid)
+            before = setup
 
     def _frames(self, setup: Setup) -> Iterator[Frame]:
         """Frames, until another setup is wanted."""

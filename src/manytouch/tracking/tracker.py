@@ -199,6 +199,10 @@ class MarkerTracker:
         """Whether the last frame showed fewer markers than before, or moved faster than windows allow."""
         return state.is_lost
 
+    def resume(self, started: MarkerTrackerState, before: MarkerTrackerState) -> MarkerTrackerState:
+        """The state before, which contains no parameter."""
+        return before
+
     def _updated(
         self,
         state: MarkerTrackerState,

@@ -77,6 +77,9 @@ class Track(Remembering):
     def is_lost(self, state: Any) -> bool:
         return False
 
+    def resume(self, started: Any, before: Any) -> Any:
+        return before
+
 
 @dataclass(frozen=True)
 class Estimate(Remembering):

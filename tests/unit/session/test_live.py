@@ -210,6 +210,35 @@ def test_a_parameter_changes_while_it_runs() -> None:
     assert len(seen.readings) == 40
 
 
+@pytest.mark.parametrize(
+    ("method", "parameter", "value"),
+    [
+        ("paper", "estimate.formula", "printed"),
+        ("paper", "interpolation.search_radius_pitch", 2.0),
+        ("paper", "track.gate_pitch", 0.45),
+        ("paper", "detect.kernel_px", 5.0),
+        ("perimeter", "estimate.contact_finder.tracker.bridge_frames", 3.0),
+        ("perimeter", "detect.least_snr", 2.5),
+        ("perimeter", "track.damping", 0.4),
+        ("mechanics", "estimate.outlier_gate.stds", 7.0),
+    ],
+)
+def test_markers_and_contacts_keep_their_identities_when_a_parameter_changes(
+    method: str, parameter: str, value: int | float | str
+) -> None:
+    live = Live(prepare(DrawnSource(frames=60), method=method))
+    seen = Seen(live, waits_at=32, at_28=Tune(parameter=parameter, value=value))
+    run(live, [seen])
+    assert live.health().parameters[parameter] == value
+    pressed = seen.readings[27:37]
+    ids = [{contact.id for contact in reading.contacts.touching} for reading in pressed]
+    assert ids[0]
+    assert all(ids[0] <= each for each in ids), str(ids)
+    unseen = [int(reading.grid.frames_unseen.min()) for reading in pressed]
+    assert max(unseen) == 0
+    assert not any(reading.grid.new_ids for reading in seen.readings)
+
+
 def test_the_surface_of_any_method_can_be_changed_while_it_runs() -> None:
     live, seen = run_live(
         DrawnSource(frames=40, is_touched=False),

@@ -1,6 +1,7 @@
 """Prepares values in a thread, such as a method that has to be compiled, while their user goes on without."""
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -8,7 +9,9 @@ from manytouch.errors import ManytouchError
 
 Value = TypeVar("Value")
 STOP_S = 5.0
-PAUSE_S = 1.0  # between two values, so that no number of requests occupies a processor
+PAUSE_S, PAUSE_SHARE = 1.0, 2.0
+"""Pause between two values: this many times as long as the first one took, so that no number of requests
+occupies a processor, but no longer than `PAUSE_S`."""
 
 
 class BackgroundPreparation(Generic[Value]):
@@ -77,6 +80,7 @@ class BackgroundPreparation(Generic[Value]):
                 if present is None:
                     self._thread = None
                     return
+            begin_s = time.monotonic()
             try:
                 ready: Value | None = self._prepare(present)
             except Exception as error:  # noqa: BLE001 - the user of the value goes on without it
@@ -86,4 +90,4 @@ class BackgroundPreparation(Generic[Value]):
             with self._change:
                 self._present = None
                 self._ready = self._ready if ready is None else ready
-            self._is_closed.wait(PAUSE_S)
+            self._is_closed.wait(min(PAUSE_S, PAUSE_SHARE * (time.monotonic() - begin_s)))
