@@ -160,8 +160,9 @@ def prepare(
         fps: frame rate to use instead of the source's own.
         parameters: of the method, other than the defaults; see `pipeline_for`.
         camera: what to request of a camera; the size is the sensor's unless it is requested.
-        whole_recording: without a sensor, take the stillest and most common positions of the markers in the
-            whole of a video as rest instead of those in its first frames; it is then read twice.
+        whole_recording: without a sensor or with a nominal file, take the stillest and most common positions
+            of the markers in the whole of a video as rest instead of those in its first frames; it is then
+            read twice.
         observer: gets messages.
 
     Returns:
@@ -202,7 +203,7 @@ def prepare(
         )
         if spread is not None and known is None and source.capabilities.is_images:
             found = with_unrelated_pictures(found, spread(), roi_px)
-        elif spread is not None and known is None:
+        elif spread is not None and not source.capabilities.is_images and _may_begin_pressed(given, known):
             if observer is not None:
                 observer.on_message("reading the whole recording once, for the rest positions of its markers")
             found = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
@@ -244,6 +245,11 @@ def require_region(source: Source, text: str, roi_px: Roi | None) -> None:
     """
     if roi_px is not None and source.width_px is not None and source.height_px is not None:
         roi_px.require_inside(source.width_px, source.height_px, text)
+
+
+def _may_begin_pressed(given: Sensor | None, known: Sensor | None) -> bool:
+    """Whether the rest is that of the whole recording: without a sensor, or with a nominal file."""
+    return known is None or (given is not None and is_nominal(given))
 
 
 def _can_be_read_twice(source: Source) -> bool:
@@ -296,8 +302,10 @@ def _determine_sensor(
     if not first:
         raise SourceError(f"{text} contains no frame: give a video or images that show the dotted sheet")
     if given is not None:
-        register = register_nominal if is_nominal(given) else register_rest
-        found = register(given, first, roi_px=roi_px)
+        if is_nominal(given):
+            found = register_nominal(given, first, roi_px=roi_px, spread=spread)
+        else:
+            found = register_rest(given, first, roi_px=roi_px)
     elif own is not None:
         found = own
     else:

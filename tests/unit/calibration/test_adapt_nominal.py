@@ -9,6 +9,7 @@ from clips import COLUMNS, HEIGHT_PX, PITCH_PX, ROWS, WIDTH_PX, picture
 from layouts import lattice_layout
 from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
 from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.errors import LayoutError
 from manytouch.values import Frame, Sensor
 from manytouch.values.sensor_file import known_sensors, load_sensor
 from straight import straight_camera
@@ -57,3 +58,22 @@ def test_a_nominal_file_that_fits_is_used_as_it_is() -> None:
 def test_the_files_of_the_package_are_nominal_and_others_are_not() -> None:
     assert all(is_nominal(load_sensor(name)) for name in known_sensors())
     assert not is_nominal(replace(nominal(ROWS, COLUMNS), provenance={}))
+
+
+def test_another_print_keeps_the_distance_of_the_camera_and_has_a_pitch_of_its_own() -> None:
+    coarse = nominal(ROWS + 3, COLUMNS + 3)
+    assert coarse.layout is not None
+    finer = lattice_layout(ROWS + 3, COLUMNS + 3, (1.2, 1.27), radius_mm=0.2, polarity="dark")
+    found = register_nominal(replace(coarse, layout=finer), frames())
+    assert found.layout is not None
+    assert found.layout.shape == (ROWS, COLUMNS)
+    np.testing.assert_allclose(found.layout.pitch_mm, np.array(PITCH_PX) * DISTANCE_MM / FOCAL_PX, rtol=0.03)
+    assert found.camera.translation_mm[2] == pytest.approx(DISTANCE_MM, rel=0.03)
+    assert "The pitch of" in found.assumptions[0]
+
+
+def test_markers_that_no_camera_sees_so_are_refused() -> None:
+    given = nominal(ROWS + 2, COLUMNS + 2)
+    skewed = replace(given.camera, distortion=np.array([-3.0, 40.0, 0.3, 0.3, 0.0]))
+    with pytest.raises(LayoutError, match=r"of another sensor|from no place"):
+        register_nominal(replace(given, camera=skewed), frames())

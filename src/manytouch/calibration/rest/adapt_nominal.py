@@ -1,20 +1,27 @@
 """A nominal sensor file adapted to a recording: rows, columns and pose as the first frames show them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose
-from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.calibration.rest.register_rest import register_and_count
 from manytouch.calibration.sheet.pad_outline import pad_of
 from manytouch.errors import LayoutError
-from manytouch.values import Frame, Roi, Sensor
-from manytouch.values.arrays import read_only
+from manytouch.geometry.refraction import rest_px
+from manytouch.values import Frame, Layout, Roi, Sensor
+from manytouch.values.arrays import Points2, read_only
 
 NOMINAL = "nominal"
 """Key of `[provenance]` in the sensor files of the package, which describe a kind of sensor, not a device."""
+MOST_RESIDUAL = 0.15
+"""RMS residual of a pose, in pitches, beyond which a file describes another kind of sensor."""
+_ADVICE = ": give the file of this sensor, calibrate one (manytouch calibrate rest), or leave the file out"
+_SAME_PITCH = 0.12
+"""Relative difference of pitches in the image from which on it is another print, not another distance."""
 
 
 def is_nominal(sensor: Sensor) -> bool:
@@ -22,44 +29,122 @@ def is_nominal(sensor: Sensor) -> bool:
     return sensor.provenance.get(NOMINAL) is True
 
 
-def register_nominal(sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None = None) -> Sensor:
-    """As `register_rest`, with rows, columns and pose of the frames where they differ from the nominal ones.
+def register_nominal(
+    sensor: Sensor,
+    frames: Sequence[Frame],
+    *,
+    roi_px: Roi | None = None,
+    spread: Callable[[], Sequence[Frame]] | None = None,
+) -> Sensor:
+    """As `register_rest`, with rows, columns and pose of the frames where they show more markers so.
 
-    Camera, pitch and sheet are those of the file. What was changed is an assumption of the sensor.
+    Camera and sheet are those of the file. So is the pitch where that in the image is about the nominal one;
+    else the device has another print, the distance of the camera is that of the file, and the pitch follows.
+    What was changed is an assumption of the sensor.
+
+    Args:
+        sensor: nominal, with a layout.
+        frames: the first frames of the recording.
+        roi_px: x, y, width, height of the region of interest.
+        spread: returns frames of the whole recording, used where the first ones show no clear pattern.
 
     Raises:
         SensorError, SourceError: see `register_rest`.
-        LayoutError: the frames show no lattice, and the nominal markers were not found either.
+        LayoutError: the frames do not show the nominal markers, and no lattice that this camera may see.
     """
     assert sensor.layout is not None
-    nominal = sensor.layout
-    pitch_mm = (float(nominal.pitch_mm[0]), float(nominal.pitch_mm[1]))
+    usual = adapted = refused = None
     try:
-        found = sensor_from_rest(frames, name=sensor.name, pitch_mm=pitch_mm, roi_px=roi_px)
-    except LayoutError:
-        return register_rest(sensor, frames, roi_px=roi_px)
-    layout = found.layout
-    if layout is None or layout.row_column is None or layout.rest_px is None or layout.shape == nominal.shape:
-        return register_rest(sensor, frames, roi_px=roi_px)
-    middle = layout.row_column.max(axis=0) / 2
-    rest_mm = np.zeros((len(layout.rest_mm), 3))
-    rest_mm[:, :2] = (layout.row_column - middle)[:, ::-1] * nominal.pitch_mm
-    there = ~layout.is_missing & np.isfinite(layout.rest_px[:, 0])
-    camera, _ = fit_pose(sensor.camera, rest_mm[there], layout.rest_px[there], pad_of(sensor))
+        usual, usual_count = register_and_count(sensor, frames, roi_px=roi_px)
+    except LayoutError as error:
+        refused = error
+    try:
+        found = sensor_from_rest(frames, name=sensor.name, roi_px=roi_px, spread=spread).layout
+        if found is not None and (usual is None or found.shape != sensor.layout.shape):
+            adapted, adapted_count = register_and_count(_with_print(sensor, found), frames, roi_px=roi_px)
+    except LayoutError as error:
+        refused = error
+    if usual is None:
+        if adapted is None:
+            assert refused is not None
+            raise refused
+        return adapted
+    if adapted is None:
+        return usual
+    unseen = [_wanted(each) - count for each, count in ((adapted, adapted_count), (usual, usual_count))]
+    return adapted if (adapted_count, -unseen[0]) > (usual_count, -unseen[1]) else usual
+
+
+def _wanted(sensor: Sensor) -> int:
+    assert sensor.layout is not None
+    return int((~sensor.layout.is_missing).sum())
+
+
+def _with_print(sensor: Sensor, found: Layout) -> Sensor:
+    """The sensor with the rows, columns, gaps and dots of a layout that frames showed.
+
+    Raises:
+        LayoutError: the camera of the sensor cannot see this layout as a plane.
+    """
+    nominal = sensor.layout
+    assert nominal is not None
+    if found.row_column is None or found.rest_px is None or nominal.row_column is None:
+        raise LayoutError(f"the markers of this recording form no rows and columns{_ADVICE}")
+    at_rest_px = rest_px(sensor, nominal)
+    step_px, nominal_step_px = _steps(found.rest_px, found), _steps(at_rest_px, nominal)
+    ratio = step_px / nominal_step_px
+    is_same = bool(np.all(np.abs(np.log(ratio)) < _SAME_PITCH))
+    pitch_mm = np.array(nominal.pitch_mm) * (1.0 if is_same else ratio)
+    middle_mm = np.zeros(2)
+    if not is_same:  # another print need not be in the middle of the pad; the camera looks at the same place
+        away_px = _middle(found.rest_px) - _middle(at_rest_px)
+        middle_mm = away_px / step_px * pitch_mm + _middle(nominal.rest_mm[:, :2])
+    rest_mm = np.zeros((len(found.rest_mm), 3))
+    order = found.row_column - found.row_column.max(axis=0) / 2
+    rest_mm[:, :2] = order[:, ::-1] * pitch_mm + middle_mm
+    there = ~found.is_missing & np.isfinite(found.rest_px[:, 0])
+    camera, _ = fit_pose(sensor.camera, rest_mm[there], found.rest_px[there], pad_of(sensor))
     adapted = replace(
-        layout,
+        found,
         rest_mm=read_only(rest_mm),
-        pitch_mm=nominal.pitch_mm,
-        radius_mm=read_only(np.full(len(rest_mm), float(np.median(nominal.radius_mm)))),
+        pitch_mm=read_only(pitch_mm),
+        radius_mm=read_only(found.radius_mm / found.pitch_mm.mean() * pitch_mm.mean()),
         height_mm=nominal.height_mm,
+        rest_px=None,
     )
-    shapes = [" x ".join(map(str, shape or ("?",))) for shape in (layout.shape, nominal.shape)]
+    away = rest_px(replace(sensor, camera=camera, layout=adapted), adapted) - found.rest_px
+    residual = float(np.sqrt(np.square(away[there]).sum(axis=1).mean()) / step_px.mean())
+    shapes = [" x ".join(map(str, layout.shape or ("?",))) for layout in (found, nominal)]
+    if residual > MOST_RESIDUAL:
+        raise LayoutError(
+            f"the recording shows {shapes[0]} markers that lie {100 * residual:.0f} % of a pitch (RMS) off a "
+            f"plane in the camera of {sensor.name!r}: it is of another sensor{_ADVICE}"
+        )
+    kept = "camera, pitch and sheet are" if is_same else "distance of the camera and sheet are"
+    changed = "" if is_same else f" The pitch of {pitch_mm[0]:.2f} x {pitch_mm[1]:.2f} mm follows."
     sentence = (
         f"The sensor file is nominal: it has {shapes[1]} markers, but {shapes[0]} were found. Rows, columns "
-        "and pose are those of this recording; camera, pitch and sheet are those of the file."
+        f"and pose are those of this recording; {kept} those of the file.{changed}"
     )
-    return register_rest(
-        replace(sensor, camera=camera, layout=adapted, assumptions=(*sensor.assumptions, sentence)),
-        frames,
-        roi_px=roi_px,
-    )
+    return replace(sensor, camera=camera, layout=adapted, assumptions=(*sensor.assumptions, sentence))
+
+
+def _steps(place_px: Points2, layout: Layout) -> Float64[np.ndarray, "2"]:
+    """Median distances of neighbouring markers along x (columns) and y (rows), px."""
+    assert layout.row_column is not None
+    number = {(int(row), int(column)): k for k, (row, column) in enumerate(layout.row_column)}
+    steps = []
+    for after in ((0, 1), (1, 0)):
+        pairs = [
+            (k, number[row + after[0], column + after[1]])
+            for (row, column), k in number.items()
+            if (row + after[0], column + after[1]) in number
+        ]
+        away = np.linalg.norm(np.diff(place_px[np.array(pairs)], axis=1)[:, 0], axis=1)
+        steps.append(float(np.nanmedian(away)))
+    return np.array(steps)
+
+
+def _middle(place: Points2) -> Float64[np.ndarray, "2"]:
+    """The middle of the outline of points, of which some may be NaN."""
+    return np.asarray(0.5 * (np.nanmin(place, axis=0) + np.nanmax(place, axis=0)))

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.errors import SensorError
+from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import cam_from_sheet, camera_matrix, project
 from manytouch.geometry.refraction import project_through_window
 from manytouch.values import Camera, Sheet
@@ -27,6 +27,9 @@ def fit_pose(
         rest_mm: (n, 3) markers in the sheet frame.
         place_px: (n, 2) their measured positions in the image.
         sheet: a pad that is seen through its window; None or no window: nothing refracts.
+
+    Raises:
+        LayoutError: from no place would the camera see the markers like this.
     """
     if camera.model == "fisheye":
         straight = cv2.fisheye.undistortPoints(
@@ -49,7 +52,13 @@ def fit_pose(
         for k in range(count)
     ]
     best = min(candidates, key=lambda posed: float(np.square(_seen(posed, sheet, rest_mm) - place_px).sum()))
-    return best, _pose_std(best, rest_mm, place_px, sheet)
+    try:
+        return best, _pose_std(best, rest_mm, place_px, sheet)
+    except np.linalg.LinAlgError as error:
+        raise LayoutError(
+            "from no place would the camera of the sensor file see the markers of the recording as they lie: "
+            "give the file of this sensor, or calibrate one (manytouch calibrate rest)"
+        ) from error
 
 
 def _seen(camera: Camera, sheet: Sheet | None, rest_mm: np.ndarray) -> Points2:

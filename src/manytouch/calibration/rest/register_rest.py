@@ -32,6 +32,13 @@ def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None
         SourceError: no frame could be decoded, or frames differ in size.
         LayoutError: fewer than half of the markers were found.
     """
+    return register_and_count(sensor, frames, roi_px=roi_px)[0]
+
+
+def register_and_count(
+    sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None = None
+) -> tuple[Sensor, int]:
+    """As `register_rest`, with the number of markers that were found."""
     if sensor.layout is None:
         raise SensorError(
             f"the sensor {sensor.name!r} has no markers: give a sensor file with [markers], or no sensor file"
@@ -54,12 +61,14 @@ def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None
     return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
 
 
-def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> Sensor:
+def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> tuple[Sensor, int]:
     still = merge_rest_dots(detect_in_frames(sensor, frames[:MOST_FRAMES], roi_px))
-    found = register_dots(sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px)
+    found, count = _register_and_count_dots(
+        sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px
+    )
     if shift_is_undetectable(found, still, roi_px=roi_px):
-        return replace(found, assumptions=(*found.assumptions, UNDETECTABLE_SHIFT))
-    return found
+        found = replace(found, assumptions=(*found.assumptions, UNDETECTABLE_SHIFT))
+    return found, count
 
 
 def _with_surveyed_appearance(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> Sensor:
@@ -82,6 +91,12 @@ def register_dots(
     sensor: Sensor, centre_px: np.ndarray, *, still_frames: int = 1, roi_px: Roi | None = None
 ) -> Sensor:
     """As `register_rest`, from the centres (n, 2) of the dots at rest, px."""
+    return _register_and_count_dots(sensor, centre_px, still_frames=still_frames, roi_px=roi_px)[0]
+
+
+def _register_and_count_dots(
+    sensor: Sensor, centre_px: np.ndarray, *, still_frames: int, roi_px: Roi | None
+) -> tuple[Sensor, int]:
     assert sensor.layout is not None
     layout = sensor.layout
     follow = MarkerTracker(roi_px=roi_px)
@@ -101,11 +116,12 @@ def register_dots(
         sentence += (
             f" {wanted - found} of {wanted} markers were not seen in them; their positions are interpolated."
         )
-    return replace(
+    registered = replace(
         sensor,
         layout=replace(layout, rest_px=state.position_px),
         assumptions=(*sensor.assumptions, sentence),
     )
+    return registered, found
 
 
 def _detections_at(centre_px: np.ndarray) -> Detections:
