@@ -220,6 +220,11 @@ class Pipeline:
         require_type("the sensor", sensor, Sensor, "a Sensor (manytouch.load_sensor reads one)")
         return self.estimate_readings(self.track_frames(frames, sensor), sensor)
 
+    def has_stages_of(self, other: "Pipeline") -> bool:
+        """Whether the three stages are those of another pipeline, which then differs in the interpolation."""
+        mine, others = (self.detect, self.track, self.estimate), (other.detect, other.track, other.estimate)
+        return all(one is another for one, another in zip(mine, others, strict=True))
+
     def track_frames(
         self, frames: Iterable[Frame], sensor: Sensor, state: FrontState | None = None
     ) -> Generator[TrackedFrame, None, FrontState]:

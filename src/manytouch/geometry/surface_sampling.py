@@ -148,7 +148,7 @@ class SurfaceSampler:
         self.layout = layout
         self._interpolate = interpolate
         self._points = lru_cache(maxsize=PREPARED)(lambda how, dx, dy: _Points(*interpolate(how, dx, dy)))
-        self._at_markers = _Points(None, np.ascontiguousarray(layout.rest_mm[:, :2]))
+        self._at_markers = _at_markers(layout)
 
     def displacement(self, surface: Surface) -> Float64[np.ndarray, "*shape 3"]:
         """Displacement of the camera-side face in the sheet frame."""
@@ -285,15 +285,21 @@ class _Points:
 
     def face(self, spline: SheetSpline) -> SheetFace:
         """The face at the points, prepared once per shape of spline."""
-        shape = spline_shape(spline)
-        if self._face is None or self._face[0] != shape:
-            self._face = (shape, sheet_face(spline, self.point_mm))
-        return self._face[1]
+        shape, prepared = spline_shape(spline), self._face
+        if prepared is None or prepared[0] != shape:
+            self._face = prepared = (shape, sheet_face(spline, self.point_mm))
+        return prepared[1]
 
     @property
     def _placed(self) -> Sampling:
         assert self._sampling is not None, "these points are the markers"
         return self._sampling
+
+
+@lru_cache(maxsize=PREPARED)
+def _at_markers(layout: Layout) -> _Points:
+    """The markers of a layout, prepared once for all samplers."""
+    return _Points(None, np.ascontiguousarray(layout.rest_mm[:, :2]))
 
 
 def _spline_of(surface: Surface) -> SheetSpline | None:

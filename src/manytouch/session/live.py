@@ -4,9 +4,8 @@ import sys
 import threading
 import time
 from collections.abc import Generator, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from manytouch.errors import ManytouchError
 from manytouch.pipeline import Output, Pipeline, Sink, TrackedFrame
@@ -14,7 +13,13 @@ from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
 from manytouch.session.commands.contact_id_offset import ContactIdOffset
-from manytouch.session.commands.continuation import kept, resumed_estimation, resumed_tracking
+from manytouch.session.commands.continuation import (
+    Kept,
+    Setup,
+    kept,
+    resumed_estimation,
+    resumed_tracking,
+)
 from manytouch.session.commands.tare import TARE_FRAMES, tare_sensor
 from manytouch.session.methods import (
     METHODS,
@@ -55,35 +60,6 @@ AHEAD = 1  # frames that are tracked and wait for estimation
 SWITCH_INTERVAL_S = 5e-4
 """Longest time for which a thread that runs Python code holds up another one. Python's own 5 ms would be paid
 at each return from compiled code while a method is prepared."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Setup:
-    """What processes the frames until a command replaces it; `note` is shown once it does.
-
-    `estimation` is the state to begin with, computed before: it takes several frames' time. None: not yet.
-    """
-
-    pipeline: Pipeline
-    sensor: Sensor
-    method: str
-    version: int
-    note: str = ""
-    estimation: Any = None
-
-    def is_variant_of(self, other: "Setup") -> bool:
-        """Whether only parameters differ, so that contacts go on."""
-        return self.sensor is other.sensor and self.method == other.method
-
-
-class _Kept:
-    """The state after the last frame of a setup."""
-
-    def __init__(self) -> None:
-        self.value: Any = None
-
-    def keep(self, value: Any) -> None:
-        self.value = value
 
 
 class Live:
@@ -217,7 +193,7 @@ class Live:
 
     def _estimate(self, stream: Iterator[Setup | TrackedFrame]) -> Iterator[Reading]:
         """Readings, in the calling thread."""
-        renumber, state, before = ContactIdOffset(), _Kept(), None
+        renumber, state, before = ContactIdOffset(), Kept(), None
         setup = next(stream, None)
         while isinstance(setup, Setup):
             self._present = setup
@@ -235,7 +211,7 @@ class Live:
 
     def _track(self) -> Iterator[Setup | TrackedFrame]:
         """Setups, each followed by the frames tracked with it, in the background thread."""
-        state, before, begin = _Kept(), None, None
+        state, before, begin = Kept(), None, None
         while not self._is_over.is_set():
             setup = self._wanted
             yield setup
@@ -360,7 +336,11 @@ class Live:
 
     def _change(self, note: str, **fields: object) -> None:
         """Continue with another setup once it is ready; until then the present one goes on."""
-        self._setups.request(replace(self._newest_setup, note=note, estimation=None, **fields))  # type: ignore[arg-type]
+        setup = replace(self._newest_setup, note=note, estimation=None, **fields)  # type: ignore[arg-type]
+        if self._setups.requested() is None and setup.has_stages_of(self._wanted):
+            self._use(setup)
+        else:
+            self._setups.request(setup)
 
     def _warm_up(self, setup: Setup) -> Setup:
         """Process two frames with a setup and start its estimation, in the thread that prepares it.
@@ -378,9 +358,12 @@ class Live:
         """Continue with the setup that is ready, if there is one."""
         setup = self._setups.take()
         if setup is not None:
-            self._wanted, self._is_changed = setup, True
-            self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
-            self._commands.note(setup.note)
+            self._use(setup)
+
+    def _use(self, setup: Setup) -> None:
+        self._wanted, self._is_changed = setup, True
+        self._recorder.describe(setup.sensor, setup.pipeline, setup.method)
+        self._commands.note(setup.note)
 
 
 def _text(value: Value) -> str:

@@ -1,6 +1,7 @@
 """What goes on when parameters change while a session runs: the identities of markers and of contacts."""
 
 from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from manytouch.estimation.contact_tracker import with_tracks_of
@@ -9,6 +10,41 @@ from manytouch.values import Sensor
 
 Item = TypeVar("Item")
 State = TypeVar("State")
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Setup:
+    """What processes the frames until a command replaces it; `note` is shown once it does.
+
+    `estimation` is the state to begin with, computed before: it takes several frames' time. None: not yet.
+    """
+
+    pipeline: Pipeline
+    sensor: Sensor
+    method: str
+    version: int
+    note: str = ""
+    estimation: Any = None
+
+    def is_variant_of(self, other: "Setup") -> bool:
+        """Whether only parameters differ, so that contacts go on."""
+        return self.sensor is other.sensor and self.method == other.method
+
+    def has_stages_of(self, other: "Setup") -> bool:
+        """Whether nothing differs that has to be prepared."""
+        return self.is_variant_of(other) and self.pipeline.has_stages_of(other.pipeline)
+
+
+class Kept:
+    """The state after the last frame of a setup."""
+
+    def __init__(self) -> None:
+        """None so far."""
+        self.value: Any = None
+
+    def keep(self, value: Any) -> None:
+        """Take it."""
+        self.value = value
 
 
 def kept(stream: Generator[Item, None, State], keep: Callable[[State], object]) -> Iterator[Item]:

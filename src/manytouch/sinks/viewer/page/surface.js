@@ -32,11 +32,20 @@ const FRAGMENT = `
     gl_FragColor = vec4(colour, 1.0); // unlit: the same value has the same colour everywhere
   }`;
 
+/** Whether WebGL is computed by the processor, where smooth edges would take most of the time. */
+function isSoftware() {
+  const context = document.createElement("canvas").getContext("webgl2");
+  const info = context?.getExtension("WEBGL_debug_renderer_info");
+  const name = info ? context.getParameter(info.UNMASKED_RENDERER_WEBGL) : "";
+  context?.getExtension("WEBGL_lose_context")?.loseContext();
+  return /swiftshader|llvmpipe|software|basic render/i.test(name);
+}
+
 export class SurfacePane {
   constructor(stage) {
     Object.assign(this, { stage, stretch: 6, side: 1, isDirty: true, depth: null, x: [], y: [], overlays: [] });
     THREE.ColorManagement.enabled = false; // colours are those of the style sheet
-    this.renderer = new THREE.WebGLRenderer({ antialias: true, alpha: true, powerPreference: "low-power" });
+    this.renderer = new THREE.WebGLRenderer({ antialias: !isSoftware(), alpha: true, powerPreference: "low-power" });
     this.renderer.setPixelRatio(Math.min(devicePixelRatio || 1, 2));
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace;
     stage.append(this.renderer.domElement);
