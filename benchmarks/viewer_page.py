@@ -39,8 +39,8 @@ const timed = (list, act) => (...given) => {
   list.push(performance.now() - begin);
   return found;
 };
-const ask = window.requestAnimationFrame.bind(window);
-window.requestAnimationFrame = (act) => ask((now) => {
+const nextFrame = window.requestAnimationFrame.bind(window);
+window.requestAnimationFrame = (act) => nextFrame((now) => {
   const before = window.manytouch?.state.paints ?? 0, begin = performance.now();
   act(now);
   const spent = performance.now() - begin;
