@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from manytouch.batch.tasks import Outcome, Result, Task, Work
+from manytouch.batch.tasks import Outcome, Task, TaskState, Work
 
 
 class Serial:
@@ -36,7 +36,7 @@ class Notes:
         self.outcomes.append(outcome)
 
     def reasons(self) -> dict[str, str]:
-        return {each.task.name: each.reason for each in self.outcomes if each.result is not Result.CURRENT}
+        return {each.task.name: each.reason for each in self.outcomes if each.state is not TaskState.CURRENT}
 
 
 def never() -> bool:
@@ -56,7 +56,7 @@ def act(task: Task, *, stop: Callable[[], bool] | None = None) -> Outcome:
     if word == "wait":
         while stop is None or not stop():
             time.sleep(0.01)
-    return Outcome(task=task, result=Result.COMPUTED, frames=1)
+    return Outcome(task=task, state=TaskState.COMPUTED, frames=1)
 
 
 def exit_at_once(*_: object) -> None:

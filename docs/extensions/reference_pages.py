@@ -226,11 +226,11 @@ def columns() -> str:
     from manytouch.batch.index import RESULTS
     from manytouch.rigs import run_rig
     from manytouch.sinks.files.regions import region_schema
-    from manytouch.sinks.files.tables import FRAME_COLUMNS, contact_columns, marker_columns
+    from manytouch.sinks.files.tables import FRAME_COLUMNS, contact_column_names, marker_column_names
 
     tables = [
-        ("contacts.csv", "One line per contact and frame.", "contacts_csv", contact_columns("mm")),
-        ("markers.parquet", "One line per marker and frame.", "markers_parquet", marker_columns("mm")),
+        ("contacts.csv", "One line per contact and frame.", "contacts_csv", contact_column_names("mm")),
+        ("markers.parquet", "One line per marker and frame.", "markers_parquet", marker_column_names("mm")),
         ("frames.csv", "One line per frame.", "frames_csv", FRAME_COLUMNS),
         (
             "regions.parquet",

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from manytouch.sinks.files.tables import contact_columns
+from manytouch.sinks.files.tables import contact_column_names
 from manytouch.values import Status
 from manytouch.values.sensor_file.schema import SheetSection
 
@@ -80,7 +80,7 @@ def test_every_page_is_in_a_table_of_contents() -> None:
 def test_the_reference_describes_what_the_code_has(reference: dict[str, str]) -> None:
     for status in Status:
         assert f"`{status}` | {status.remedy}" in reference["statuses"]
-    for column in contact_columns("mm"):
+    for column in contact_column_names("mm"):
         assert f"| `{column}` |" in reference["columns"]
     for key in SheetSection.model_fields:
         assert f"`{key}`" in reference["sensor-file-keys"]

@@ -15,7 +15,7 @@ import pytest
 from command_line import Done, run_command
 from manytouch.calibration.sheet.press_table import read_press_table
 from manytouch.cli import main
-from manytouch.sinks.files.tables import contact_columns, marker_columns
+from manytouch.sinks.files.tables import contact_column_names, marker_column_names
 from manytouch.values.sensor_file import load_sensor
 from results import rows_of
 
@@ -112,7 +112,7 @@ def test_it_leaves_pictures_sensor_and_truth_and_solves_nothing_twice(tmp_path: 
     assert load_sensor(out / "sensor.toml").name == "small sheet"
 
     contacts = rows_of(out / "truth" / "contacts.csv")
-    assert tuple(contacts[0]) == contact_columns("mm")
+    assert tuple(contacts[0]) == contact_column_names("mm")
     assert {row["contact"] for row in contacts} == {"0", "1"}
     assert [row["phase"] for row in contacts if row["contact"] == "0"][:2] == ["start", "move"]
     pressed = [row for row in contacts if row["frame"] == "5"]
@@ -121,7 +121,7 @@ def test_it_leaves_pictures_sensor_and_truth_and_solves_nothing_twice(tmp_path: 
     assert all(1.0 < float(row["depth_mm"]) < 2.0 for row in pressed)
 
     markers = pq.read_table(out / "truth" / "markers.parquet")
-    assert tuple(markers.column_names) == marker_columns("mm")
+    assert tuple(markers.column_names) == marker_column_names("mm")
     assert markers.num_rows == 10 * 88
     assert np.sum(~markers["seen"].to_numpy(zero_copy_only=False)) == 10
     still = {path: path.stat().st_mtime_ns for path in (tmp_path / "states").iterdir()}

@@ -12,7 +12,7 @@ import pyarrow.csv
 import pyarrow.parquet as pq
 
 from manytouch.errors import SourceError, require_type
-from manytouch.sinks.files.tables import FRAME_COLUMNS, contact_columns
+from manytouch.sinks.files.tables import FRAME_COLUMNS, contact_column_names
 from manytouch.values import LengthUnit
 from manytouch.values.display.html import facts_table
 
@@ -20,6 +20,10 @@ INTEGERS = ("frame", "contact", "markers_seen", "contacts", "lost_ids", "new_ids
 TEXTS = ("phase", "shape", "status")
 TRACKPY = {"frame": "frame", "marker": "particle", "x_px": "x", "y_px": "y"}
 """Columns of markers.parquet and their names in trackpy."""
+REQUIRED_CONTACT_COLUMNS = 16
+"""First columns of contacts.csv, which every version writes; older results have no others."""
+REQUIRED_FRAME_COLUMNS = 6
+"""The same of frames.csv."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -82,9 +86,9 @@ def read_results(folder: str | PathLike[str]) -> Results:
         )
     contacts = _csv(path / "contacts.csv")
     unit: LengthUnit = "mm" if "depth_mm" in contacts.column_names else "pitch"
-    _require_columns(contacts, contact_columns(unit)[:16], path / "contacts.csv")
+    _require_columns(contacts, contact_column_names(unit)[:REQUIRED_CONTACT_COLUMNS], path / "contacts.csv")
     frames = _csv(path / "frames.csv")
-    _require_columns(frames, FRAME_COLUMNS[:6], path / "frames.csv")
+    _require_columns(frames, FRAME_COLUMNS[:REQUIRED_FRAME_COLUMNS], path / "frames.csv")
     markers = _parquet(path / "markers.parquet")
     _require_columns(markers, (*TRACKPY, "seen", f"depth_{unit}"), path / "markers.parquet")
     return Results(

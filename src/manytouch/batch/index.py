@@ -14,7 +14,7 @@ from manytouch.batch.storage import MARKER, Store
 from manytouch.batch.tasks import Outcome
 from manytouch.errors import OutputError
 from manytouch.sinks.files.parquet_file import ParquetFile
-from manytouch.sinks.files.tables import contact_columns
+from manytouch.sinks.files.tables import contact_column_names
 
 ROWS_PER_GROUP = 65536
 LINES_PER_GROUP = 4096
@@ -37,7 +37,7 @@ _KINDS: dict[str, pa.DataType] = {
 def contacts_schema(units: Iterable[str]) -> pa.Schema:
     """Columns of contacts.parquet: name of the result, unit, and those of contacts.csv in each unit."""
     names = dict.fromkeys(
-        column for unit in ("mm", "pitch") if unit in set(units) for column in contact_columns(unit)
+        column for unit in ("mm", "pitch") if unit in set(units) for column in contact_column_names(unit)
     )
     columns = [(name, _KINDS.get(name, pa.float64())) for name in names]
     return pa.schema([("name", pa.string()), ("unit", pa.string()), *columns])

@@ -14,7 +14,7 @@ from manytouch.batch.completion import parse_summary, why_changed, why_not_compl
 from manytouch.batch.remote import download, is_remote, remote_stamp
 from manytouch.batch.settings import Settings, request_of
 from manytouch.batch.storage import MARKER, LocalStore, RemoteStore, Store, store_at
-from manytouch.batch.tasks import Outcome, Result, Task
+from manytouch.batch.tasks import Outcome, Task, TaskState
 from manytouch.errors import ManytouchError, OutputError, SourceError
 from manytouch.session import ResultFiles, prepare, request_hashes, run
 from manytouch.session.prepare import Job
@@ -43,15 +43,15 @@ def process_recording(settings: Settings, task: Task, stop: StopCondition | None
         _require_version(settings.version)
         outcome = _processed(settings, task, stop)
     except FolderInUseError as error:
-        outcome = Outcome(task=task, result=Result.BUSY, reason=str(error))
+        outcome = Outcome(task=task, state=TaskState.BUSY, reason=str(error))
     except ManytouchError as error:
         outcome = Outcome(
-            task=task, result=Result.FAILED, reason=str(error), traceback=traceback.format_exc()
+            task=task, state=TaskState.FAILED, reason=str(error), traceback=traceback.format_exc()
         )
     except Exception as error:  # noqa: BLE001 - one bad recording must not stop the batch
         outcome = Outcome(
             task=task,
-            result=Result.FAILED,
+            state=TaskState.FAILED,
             reason=f"internal error: {type(error).__name__}: {error}",
             traceback=traceback.format_exc(),
         )
@@ -93,10 +93,10 @@ def _processed(settings: Settings, task: Task, stop: StopCondition | None) -> Ou
         if reason is None and summary is not None:
             reason = _why_changed(settings, summary, local, text)
         if reason is None:
-            return Outcome(task=task, result=Result.CURRENT)
+            return Outcome(task=task, state=TaskState.CURRENT)
         job = replace(_prepared(settings, local), text=without_password(text), files_stamp=stamp)
         frames = _written(job, store, task, settings, stop)
-    return Outcome(task=task, result=Result.COMPUTED, reason=reason, frames=frames)
+    return Outcome(task=task, state=TaskState.COMPUTED, reason=reason, frames=frames)
 
 
 def _why_changed(settings: Settings, summary: Mapping[str, Any], local: str, text: str) -> str | None:

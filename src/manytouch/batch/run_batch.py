@@ -18,7 +18,7 @@ from manytouch.batch.index import merge_index, write_index
 from manytouch.batch.one_recording import process_recording, stamp_of
 from manytouch.batch.settings import Settings
 from manytouch.batch.storage import MARKER, LocalStore, Store, store_at
-from manytouch.batch.tasks import Engine, Outcome, Result, Task, Work
+from manytouch.batch.tasks import Engine, Outcome, Task, TaskState, Work
 from manytouch.errors import ManytouchError, OutputError
 from manytouch.session.run import StopCondition
 from manytouch.sinks.files.atomic_output import output_errors
@@ -61,11 +61,11 @@ class Report:
     def add(self, outcome: Outcome) -> None:
         """Count an outcome."""
         self.failed.pop(outcome.task.name, None)
-        if outcome.result is Result.COMPUTED:
+        if outcome.state is TaskState.COMPUTED:
             self.computed += 1
-        elif outcome.result is Result.CURRENT:
+        elif outcome.state is TaskState.CURRENT:
             self.current += 1
-        elif outcome.result is Result.FAILED:
+        elif outcome.state is TaskState.FAILED:
             self.failed[outcome.task.name] = outcome
 
 
@@ -81,7 +81,7 @@ def plan(tasks: Iterable[Task], settings: Settings) -> Iterator[Task | Outcome]:
         if reason is None and summary is not None:
             try:
                 if is_current(summary, stamp_of(task.input), settings):
-                    yield Outcome(task=task, result=Result.CURRENT)
+                    yield Outcome(task=task, state=TaskState.CURRENT)
                     continue
             except ManytouchError:
                 pass  # the worker reports it
@@ -123,7 +123,7 @@ def run_batch(
         while remaining and not stop():
             busy: list[Task] = []
             for outcome in _outcomes(remaining, settings, engine, work, stop):
-                if outcome.result is Result.BUSY:
+                if outcome.state is TaskState.BUSY:
                     busy.append(outcome.task)
                     continue
                 report.add(outcome)

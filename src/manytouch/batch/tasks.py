@@ -1,4 +1,7 @@
-"""What workers get and give back: small values that travel to other processes and machines."""
+"""Tasks for workers, their outcomes, and the engines that run them.
+
+Tasks and outcomes are small values, as they are sent to other processes and machines.
+"""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -8,7 +11,7 @@ from typing import Protocol, runtime_checkable
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Task:
-    """One recording.
+    """One recording to process.
 
     Attributes:
         name: of its result folder.
@@ -21,22 +24,26 @@ class Task:
     reason: str = ""
 
 
-class Result(StrEnum):
-    """What became of a recording."""
+class TaskState(StrEnum):
+    """State of a task that a worker has ended.
+
+    `CURRENT`: the result is complete and nothing has changed, so that nothing was computed. `BUSY`: another
+    process is writing the result.
+    """
 
     COMPUTED = "computed"
-    CURRENT = "current"  # nothing had to be done
-    BUSY = "busy"  # another process is writing the result
+    CURRENT = "current"
+    BUSY = "busy"
     FAILED = "failed"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What a worker reports of a recording.
+    """What a worker reports about a task.
 
     Attributes:
-        task: the recording.
-        result: what became of it.
+        task: as given.
+        state: computed, current, busy or failed.
         reason: why it was computed, or the sentence of the failure.
         traceback: of a failure; empty where there is none.
         frames: that were processed.
@@ -44,7 +51,7 @@ class Outcome:
     """
 
     task: Task
-    result: Result
+    state: TaskState
     reason: str = ""
     traceback: str = ""
     frames: int = 0
@@ -53,23 +60,23 @@ class Outcome:
 
 @runtime_checkable
 class Work(Protocol):
-    """What a worker does with a task; `stop` returns True once it shall be given up."""
+    """A function that a worker calls with each task; it ends early once `stop` returns True."""
 
     def __call__(self, task: Task, *, stop: Callable[[], bool] | None = None) -> Outcome: ...
 
 
 @runtime_checkable
 class Engine(Protocol):
-    """What runs tasks: processes of this machine, or a cluster."""
+    """Runs tasks in processes of this machine, or on a cluster."""
 
     def run(self, work: Work, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
-        """The outcomes as they come, each task once.
+        """The outcomes, one for each task, in the order in which tasks end.
 
         Args:
-            work: done for each task; picklable.
-            tasks: begun in this order, read as they are needed.
-            stop: once it returns True no task is begun, and those that are running are given up.
+            work: called for each task; picklable.
+            tasks: started in this order, read as they are needed.
+            stop: once it returns True, no task is started, and running ones end early.
 
         Raises:
-            ManytouchError: it cannot work any more.
+            ManytouchError: the engine cannot continue, such as without a connection to the cluster.
         """

@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from manytouch.sinks.pictures.surface_picture import BusiestFrame
 
 DEFAULT_SECONDS = 10.0
-MAX_TABLE_SECONDS = 300.0  # about 90 MB of tables
+MAX_TABLE_SECONDS = 300.0
+"""Sensor time in the tables of a demo that lasts until Ctrl-C; about 90 MB."""
 
 
 def demo(
@@ -40,8 +41,8 @@ def demo(
 
     The viewer shows surface, contacts and ground truth in the browser until
     Ctrl-C; the mouse presses the sheet. With --no-view or --seconds the demo ends
-    by itself. Writes the tables of manytouch process (at most five minutes) and an
-    image of the surface.
+    by itself. Writes the tables of manytouch process and an image of the surface;
+    until Ctrl-C, the tables contain the first five minutes.
 
     Example: manytouch demo --seconds 5
     """

@@ -7,8 +7,24 @@ import numpy as np
 from manytouch.values import Detections, Status
 from manytouch.values.arrays import Scalars
 
-STRIDE = 16
-DARK, BRIGHT = 12.0, 250.0  # grey levels of 255
+STRIDE_PX = 16
+"""Distance of the pixels, along x and y, that are examined."""
+DARK_LEVEL = 12.0
+"""An image is dark if 95 % of its pixels are below, grey levels of 255."""
+SATURATED_LEVEL = 250.0
+"""An image is saturated if half of its pixels are above, grey levels of 255."""
+FEW_DOTS = 0.5
+"""An image is dark or saturated only if it shows less than this share of the expected dots."""
+LEAST_DOTS = 0.2
+"""An image is blurred only if it shows at least this share of the expected dots, so that the median width of
+their edges is that of dots."""
+EDGE_GROWTH = 1.6
+"""Edges are wide above this many times their width in the reference plus `EDGE_MARGIN_PX`."""
+EDGE_MARGIN_PX = 0.7
+"""Width that even sharp edges exceed in noise, in addition."""
+CONTRAST_LOSS = 0.9
+"""A blurred image has less than this share of the contrast of the reference: blur lowers the contrast, a
+change of the light does not widen the edges."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -62,15 +78,15 @@ def find_condition(
     """
     number = len(edge_px)
     expected = reference.dots if reference is not None else markers
-    if number < 0.5 * expected:
-        few = image[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE].astype(np.float32) * level
-        if few.size and np.quantile(few, 0.95) < DARK:
+    if number < FEW_DOTS * expected:
+        few = image[STRIDE_PX // 2 :: STRIDE_PX, STRIDE_PX // 2 :: STRIDE_PX].astype(np.float32) * level
+        if few.size and np.quantile(few, 0.95) < DARK_LEVEL:
             return Status.DARK
-        if few.size and np.mean(few > BRIGHT) > 0.5:
+        if few.size and np.mean(few > SATURATED_LEVEL) > 0.5:
             return Status.SATURATED
-    if reference is not None and number >= 0.2 * expected and number > 0:
-        is_wide = 2 * np.count_nonzero(edge_px > 1.6 * reference.edge_px + 0.7) > number
-        if is_wide and _median(found.contrast) < 0.9 * reference.contrast:
+    if reference is not None and number >= LEAST_DOTS * expected and number > 0:
+        is_wide = 2 * np.count_nonzero(edge_px > EDGE_GROWTH * reference.edge_px + EDGE_MARGIN_PX) > number
+        if is_wide and _median(found.contrast) < CONTRAST_LOSS * reference.contrast:
             return Status.BLURRED
     return Status.OK
 

@@ -130,9 +130,9 @@ class Contacts:
         return tuple(contact for contact in self.contacts if contact.phase is not Phase.END)
 
     def __arrow_c_stream__(self, requested_schema: object = None) -> object:
-        from manytouch.values.tabular.rows import arrow_stream, contact_columns
+        from manytouch.values.tabular.rows import arrow_stream, contact_values_by_column
 
-        return arrow_stream(contact_columns(self), requested_schema)
+        return arrow_stream(contact_values_by_column(self), requested_schema)
 
     def __repr__(self) -> str:
         return f"Contacts({count_of(len(self.touching), 'contact')}, {self.status})"

@@ -44,9 +44,9 @@ class Reading:
     @property
     def markers(self) -> "ArrowTable":
         """The markers as a table for pandas, polars and others, in the columns of markers.parquet."""
-        from manytouch.values.tabular.rows import ArrowTable, marker_columns
+        from manytouch.values.tabular.rows import ArrowTable, marker_values_by_column
 
-        return ArrowTable(marker_columns(self))
+        return ArrowTable(marker_values_by_column(self))
 
     def to_dict(self) -> dict[str, Any]:
         """Plain numbers, texts and lists, which `json.dumps` takes; None where a value is unknown."""

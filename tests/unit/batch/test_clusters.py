@@ -16,7 +16,7 @@ from batch_work import act, never
 from command_line import run_command
 from manytouch.batch.engines.dask_scheduler import connect
 from manytouch.batch.engines.slurm_jobs import read_options
-from manytouch.batch.tasks import Result, Task
+from manytouch.batch.tasks import Task, TaskState
 from manytouch.errors import ManytouchError
 from manytouch.session import process
 from same_results import differences
@@ -77,10 +77,10 @@ def test_a_batch_on_a_scheduler_has_the_results_of_process_and_isolates_what_kil
 
     tasks = [Task(name=str(number), input=text) for number, text in enumerate(("a", "die", "b"))]
     found = {each.task.input: each for each in engine.run(act, tasks, never)}
-    assert {name: each.result for name, each in found.items()} == {
-        "a": Result.COMPUTED,
-        "b": Result.COMPUTED,
-        "die": Result.FAILED,
+    assert {name: each.state for name, each in found.items()} == {
+        "a": TaskState.COMPUTED,
+        "b": TaskState.COMPUTED,
+        "die": TaskState.FAILED,
     }
     assert "died" in found["die"].reason
 
@@ -96,7 +96,7 @@ def test_a_batch_on_a_scheduler_has_the_results_of_process_and_isolates_what_kil
 def test_a_scheduler_that_does_not_answer_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     from manytouch.batch.engines import dask_scheduler
 
-    monkeypatch.setattr(dask_scheduler, "CONNECT_S", 0.2)
+    monkeypatch.setattr(dask_scheduler, "CONNECT_TIMEOUT_S", 0.2)
     with pytest.raises(ManytouchError, match=r"no dask scheduler answers at tcp://127\.0\.0\.1:9"):
         connect("tcp://127.0.0.1:9")
 

@@ -8,7 +8,7 @@ import pytest
 from batch_work import act, exit_at_once, never
 from manytouch.batch.engines import local_processes
 from manytouch.batch.engines.local_processes import LocalProcesses, memory_per_worker, processors
-from manytouch.batch.tasks import Outcome, Result, Task
+from manytouch.batch.tasks import Outcome, Task, TaskState
 from manytouch.errors import ManytouchError
 
 
@@ -16,19 +16,19 @@ def tasks_of(*inputs: str) -> list[Task]:
     return [Task(name=str(number), input=text) for number, text in enumerate(inputs)]
 
 
-def results_of(outcomes: list[Outcome]) -> dict[str, Result]:
+def states_of(outcomes: list[Outcome]) -> dict[str, TaskState]:
     assert len({each.task.name for each in outcomes}) == len(outcomes), "an outcome came twice"
-    return {each.task.input: each.result for each in outcomes}
+    return {each.task.input: each.state for each in outcomes}
 
 
 def test_a_dead_worker_costs_its_task_and_a_deadly_task_fails_after_two_tries(tmp_path: Path) -> None:
     once = f"die once:{tmp_path / 'dead'}"
     engine = LocalProcesses(processes=2)
     outcomes = list(engine.run(act, tasks_of("a", "die", "b", once, "c", "d"), never))
-    found = results_of(outcomes)
-    assert found.pop("die") is Result.FAILED
-    assert found == dict.fromkeys(("a", "b", once, "c", "d"), Result.COMPUTED)
-    (failed,) = (each for each in outcomes if each.result is Result.FAILED)
+    found = states_of(outcomes)
+    assert found.pop("die") is TaskState.FAILED
+    assert found == dict.fromkeys(("a", "b", once, "c", "d"), TaskState.COMPUTED)
+    (failed,) = (each for each in outcomes if each.state is TaskState.FAILED)
     assert "died in 2 tries (SIGKILL)" in failed.reason
     assert engine.deaths == 3
 
@@ -38,7 +38,7 @@ def test_a_worker_that_exceeds_its_memory_is_ended_with_the_reason(monkeypatch: 
     engine = LocalProcesses(processes=1, memory_bytes=400_000_000)
     outcomes = list(engine.run(act, tasks_of("grow:600000000"), never))
     (failed,) = outcomes
-    assert failed.result is Result.FAILED
+    assert failed.state is TaskState.FAILED
     assert "exceeded its limit of 0.4 GB" in failed.reason
 
 

@@ -13,7 +13,7 @@ import pytest
 from clips import picture, pressed_video, write_video
 from manytouch.batch import run_batch
 from manytouch.batch.run_batch import merge
-from manytouch.batch.tasks import Result
+from manytouch.batch.tasks import TaskState
 from manytouch.errors import OutputError
 from manytouch.session import process
 from manytouch.sinks.files.folder_lock import FolderLock
@@ -171,7 +171,7 @@ def test_an_input_that_changes_while_it_is_processed_has_no_result(
 
     monkeypatch.setattr(one_recording, "run", run_and_remove)
     report, notes = batch(path)
-    assert notes.outcomes[0].result is Result.FAILED
+    assert notes.outcomes[0].state is TaskState.FAILED
     assert "vanished" in report.failed["press0"].reason
     assert not (tmp_path / "out" / "press0").exists()
 

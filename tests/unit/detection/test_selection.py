@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from manytouch.detection.measurement.records import AREA, COLUMNS, CONTRAST, CUT, CXX, CXY, CYY, EDGE, X, Y
 from manytouch.detection.selection import (
-    LEVEL,
+    BIN_WIDTH,
     SelectedDots,
     SelectionLimits,
     find_single_dots,
@@ -43,7 +43,7 @@ def test_the_typical_contrast_is_the_median_of_the_strongest(seed: int, number: 
     strongest = np.sort(contrast)[::-1][: max(markers, 1)]
     given_contrast = np.append(contrast, [np.nan, -4.0])
     expected = strongest[(len(strongest) - 1) // 2]
-    assert abs(typical_contrast(given_contrast, markers) - expected) <= 0.5 * LEVEL + 1e-9
+    assert abs(typical_contrast(given_contrast, markers) - expected) <= 0.5 * BIN_WIDTH + 1e-9
 
 
 def test_without_dots_there_is_no_typical_contrast() -> None:
@@ -66,11 +66,12 @@ def test_selected_dots_are_within_the_limits(seed: int) -> None:
         keep = rows[:, CONTRAST] > 0.3 * typical_contrast(rows[:, CONTRAST], 40)
         keep &= rows[:, CONTRAST] * np.sqrt(rows[:, AREA]) > 60.0
         share = rows[:, AREA] / (np.pi * radius**2)
-        keep &= (share > limits.smallest) & (share < limits.largest) & (rows[:, CUT] < limits.most_cut)
-        keep &= rows[:, CXX] + rows[:, CYY] < limits.most_variance * radius**2
+        keep &= (share > limits.least_area_ratio) & (share < limits.most_area_ratio)
+        keep &= rows[:, CUT] < limits.most_cut_share
+        keep &= rows[:, CXX] + rows[:, CYY] < limits.most_variance_ratio * radius**2
     kept = np.flatnonzero(keep)
     weight = rows[kept, AREA] * rows[kept, CONTRAST]
-    kept = kept[is_single(rows[kept][:, [X, Y]], radius[kept], weight, limits.double)]
+    kept = kept[is_single(rows[kept][:, [X, Y]], radius[kept], weight, limits.double_distance_ratio)]
     selected = SelectedDots(np.empty((number, 2)), np.empty((number, 2, 2)), *np.empty((3, number)))
     assert select_dots(rows, radius, limits, corner, selected) == len(kept) > 5
     np.testing.assert_array_equal(selected.centre[: len(kept)], rows[kept][:, [X, Y]] + corner)

@@ -220,9 +220,9 @@ def test_padding_gives_the_edge_the_depth_of_its_inner_neighbour():
     quads = marker_quads(sensor().layout.row_column)
     number = np.arange(ROWS * COLUMNS).reshape(ROWS, COLUMNS)
     np.testing.assert_array_equal(
-        quads.source.reshape(ROWS, COLUMNS), np.pad(number[1:-1, 1:-1], 1, mode="edge")
+        quads.depth_from.reshape(ROWS, COLUMNS), np.pad(number[1:-1, 1:-1], 1, mode="edge")
     )
-    assert (quads.corner.reshape(ROWS, COLUMNS, 4)[1:-1, 1:-1] >= 0).all()
+    assert (quads.corner_marker.reshape(ROWS, COLUMNS, 4)[1:-1, 1:-1] >= 0).all()
     of = sensor()
     depth, _ = bump(of, (0.0, 0.0), 3.0, 8.0)
     assert np.isfinite(depth_mm(of, seen(of, np.column_stack([0 * depth, 0 * depth, -depth])))).all()

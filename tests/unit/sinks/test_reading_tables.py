@@ -6,7 +6,7 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
-from manytouch.sinks.files.tables import contact_columns, marker_columns
+from manytouch.sinks.files.tables import contact_column_names, marker_column_names
 from manytouch.values import OutlineRing, Phase
 
 
@@ -28,7 +28,7 @@ def test_contacts_are_an_arrow_table_in_the_columns_of_the_files(reading_of, con
     assert table["phase"].to_pylist() == ["move", "end"]
     assert table["normal_force_N"].to_pylist() == [None, 2.0]
     assert table["slip"].to_pylist() == [None, True]
-    assert set(table.column_names) == set(contact_columns("mm")) - {"frame", "time_s"}
+    assert set(table.column_names) == set(contact_column_names("mm")) - {"frame", "time_s"}
     empty = pa.table(reading_of(0).contacts)
     assert empty.num_rows == 0
     assert empty.schema == table.schema
@@ -37,7 +37,7 @@ def test_contacts_are_an_arrow_table_in_the_columns_of_the_files(reading_of, con
 def test_markers_are_an_arrow_table_in_the_columns_of_the_files(reading_of) -> None:
     table = pa.table(reading_of(0, unseen=(2,), depth_mm=1.5).markers)
     assert table.num_rows == 24
-    assert table.column_names == list(marker_columns("mm"))[2:]
+    assert table.column_names == list(marker_column_names("mm"))[2:]
     assert table["seen"].to_pylist()[:4] == [True, True, False, True]
     assert table["x_px"].to_pylist()[2] is None
     assert table["depth_mm"].to_pylist()[:3] == [1.5, 1.5, None]

@@ -1,4 +1,4 @@
-"""Tasks on a dask.distributed scheduler that runs already, or that SLURM jobs connect to."""
+"""An engine for the workers of a dask.distributed scheduler: one that runs already, or that of SLURM jobs."""
 
 import queue
 from collections.abc import Callable, Iterable, Iterator
@@ -6,25 +6,33 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from manytouch.batch.tasks import Outcome, Result, Task, Work
+from manytouch.batch.tasks import Outcome, Task, TaskState, Work
 from manytouch.errors import ManytouchError, MissingExtraError
 
 RETRIES = 2
-WAITING_PER_THREAD, LEAST_WAITING, MOST_WAITING = 4, 100, 10_000
-CONNECT_S = 30.0
-POLL_S = 0.2
-DEADLY = (
-    "the workers that had this recording died, also without any other, perhaps for want of memory: process "
-    "it alone to see why"
+"""How often dask repeats a task that raised an exception."""
+TASKS_PER_THREAD = 4
+"""Tasks that the scheduler has for each thread of its workers, so that no worker waits for the next one."""
+LEAST_TASKS = 100
+"""Tasks that the scheduler has at least, as workers may join at any time."""
+MOST_TASKS = 10_000
+"""Tasks that the scheduler has at most: it keeps each of them in memory."""
+CONNECT_TIMEOUT_S = 30.0
+"""Longest time that a scheduler may take to answer."""
+POLL_INTERVAL_S = 0.2
+"""Time after which a stop, or the loss of the connection, is noticed."""
+WORKER_DEATH_MESSAGE = (
+    "every worker that processed this recording died, even when the recording was processed alone; the "
+    "workers may have run out of memory: process the recording on its own to find the cause"
 )
 
 
 @dataclass(eq=False, kw_only=True)
-class DaskScheduler:
-    """Runs tasks through a client of a scheduler.
+class DaskEngine:
+    """Runs tasks on the workers of a dask scheduler; an `Engine`.
 
-    Inputs and results go directly between the workers and the disk or object store; the scheduler carries
-    only tasks and outcomes, and at most `MOST_WAITING` of them at once.
+    Workers read inputs from the disk or object store, and write results there; only tasks and outcomes pass
+    through the scheduler, at most `MOST_TASKS` of them at once.
 
     Attributes:
         client: a `distributed.Client`.
@@ -33,10 +41,13 @@ class DaskScheduler:
     client: Any
 
     def run(self, work: Work, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
-        """The outcomes as they come. See `Engine`.
+        """The outcomes in the order in which tasks end. See `Engine`.
 
-        The scheduler counts the death of a worker against every task that the worker had, so that tasks which
-        are blamed are done again one by one, after all others; one that is blamed then has failed.
+        Dask blames the death of a worker on every task it held. Blamed tasks run again one at a time after
+        all others; one that is blamed again has failed.
+
+        Raises:
+            ManytouchError: the connection to the scheduler was lost.
         """
         blamed: list[Task] = []
         for task, outcome in self._outcomes(work, tasks, stop):
@@ -46,30 +57,34 @@ class DaskScheduler:
                 yield outcome
         for suspect in blamed:
             for task, outcome in self._outcomes(work, [suspect], stop):
-                yield outcome or Outcome(task=task, result=Result.FAILED, reason=DEADLY)
+                yield outcome or Outcome(task=task, state=TaskState.FAILED, reason=WORKER_DEATH_MESSAGE)
 
     def _outcomes(
         self, work: Work, tasks: Iterable[Task], stop: Callable[[], bool]
     ) -> Iterator[tuple[Task, Outcome | None]]:
-        """Outcomes as they come; None where the workers that had the task died."""
+        """Outcomes in the order in which tasks end; None for a task that is blamed for dead workers.
+
+        Raises:
+            ManytouchError: the connection to the scheduler was lost.
+        """
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         in_work: dict[str, tuple[Task, Any]] = {}
         remaining = iter(tasks)
-        following = next(remaining, None)
+        next_task = next(remaining, None)
         try:
-            while not stop() and (following is not None or in_work):
-                limit = self._limit() if following is not None else 0
-                while following is not None and len(in_work) < limit:
-                    future = self._submit(work, following)
-                    in_work[future.key] = following, future
+            while not stop() and (next_task is not None or in_work):
+                limit = self._limit() if next_task is not None else 0
+                while next_task is not None and len(in_work) < limit:
+                    future = self._submit(work, next_task)
+                    in_work[future.key] = next_task, future
                     future.add_done_callback(done.put)
-                    following = next(remaining, None)
+                    next_task = next(remaining, None)
                 try:
-                    finished = done.get(timeout=POLL_S)
+                    finished = done.get(timeout=POLL_INTERVAL_S)
                 except queue.Empty:
                     self._require_connection()
                     continue
-                if finished.status in ("lost", "pending"):  # its worker died, so that it is done again
+                if finished.status in ("lost", "pending"):  # its worker died; dask gives it to another
                     finished.add_done_callback(done.put)
                     continue
                 task, _ = in_work.pop(finished.key)
@@ -84,10 +99,10 @@ class DaskScheduler:
             raise _lost(error) from error
 
     def _limit(self) -> int:
-        """Tasks that the scheduler has at once: enough that no worker waits for the next."""
+        """Number of tasks that the scheduler may have at once."""
         workers = self.client.scheduler_info(n_workers=-1).get("workers", {}).values()
         threads = sum(int(worker["nthreads"]) for worker in workers)
-        return min(max(WAITING_PER_THREAD * threads, LEAST_WAITING), MOST_WAITING)
+        return min(max(TASKS_PER_THREAD * threads, LEAST_TASKS), MOST_TASKS)
 
     def _require_connection(self) -> None:
         if self.client.status not in ("running", "connecting"):
@@ -101,18 +116,18 @@ class DaskScheduler:
         if future.status != "error":  # cancelled, with its scheduler
             raise _lost(None)
         error = future.exception()
-        if type(error).__name__ == "KilledWorker":
+        if type(error).__name__ == "KilledWorker":  # by name: distributed is an optional package
             return None
-        words = f"{type(error).__name__}: {' '.join(str(error).split())}"
-        return Outcome(task=task, result=Result.FAILED, reason=words)
+        reason = f"{type(error).__name__}: {' '.join(str(error).split())}"
+        return Outcome(task=task, state=TaskState.FAILED, reason=reason)
 
     def _cancel(self, futures: list[Any]) -> None:
         if futures and self.client.status == "running":
             self.client.cancel(futures)
 
 
-def connect(address: str) -> DaskScheduler:
-    """A scheduler at an address, such as tcp://host:8786.
+def connect(address: str) -> DaskEngine:
+    """Connect to the scheduler at an address, such as tcp://host:8786.
 
     Raises:
         MissingExtraError: dask is not installed.
@@ -122,7 +137,7 @@ def connect(address: str) -> DaskScheduler:
     from distributed import Client
 
     try:
-        return DaskScheduler(client=Client(address, timeout=CONNECT_S, set_as_default=False))
+        return DaskEngine(client=Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False))
     except (OSError, ValueError, TimeoutError) as error:
         raise ManytouchError(
             f"no dask scheduler answers at {address} ({' '.join(str(error).split())}): start it with 'dask "
@@ -143,7 +158,7 @@ def require_dask() -> None:
 
 
 def on_worker(work: Work, task: Task) -> Outcome:
-    """Do a task on a worker of dask."""
+    """Process a recording on a worker of dask, with one thread."""
     from manytouch.batch.engines.local_processes import use_one_thread
 
     use_one_thread()

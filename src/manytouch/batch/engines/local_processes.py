@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
-from manytouch.batch.tasks import Outcome, Result, Task, Work
+from manytouch.batch.tasks import Outcome, Task, TaskState, Work
 from manytouch.errors import ManytouchError
 
 TRIES = 2
@@ -139,7 +139,7 @@ class LocalProcesses:
                 )
         if worker.task is None or waiting.put_back(worker.task, is_try=True):
             return None
-        return Outcome(task=worker.task, result=Result.FAILED, reason=self._why_lost(code))
+        return Outcome(task=worker.task, state=TaskState.FAILED, reason=self._why_lost(code))
 
     def _why_lost(self, code: int | None) -> str:
         if code == OVER_LIMIT and self.memory_bytes is not None:

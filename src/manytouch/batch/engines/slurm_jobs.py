@@ -7,12 +7,13 @@ from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from manytouch.batch.engines.dask_scheduler import DaskScheduler
+from manytouch.batch.engines.dask_scheduler import DaskEngine
 from manytouch.errors import ManytouchError, MissingExtraError
 from manytouch.values.sensor_file.sections import all_mistakes
 from manytouch.values.sensor_file.toml_file import read_toml
 
-BLAMED_AFTER = 1  # deaths of workers, after which `DaskScheduler` does a recording alone
+ALLOWED_WORKER_DEATHS = 1
+"""Deaths of workers after which dask blames a task; `DaskEngine` then runs it alone."""
 _THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 Text = Annotated[str, Field(min_length=1)]
 
@@ -74,7 +75,7 @@ def job_script(options: SlurmOptions) -> str:
 
 
 @contextmanager
-def slurm_jobs(options: SlurmOptions) -> Iterator[DaskScheduler]:
+def slurm_jobs(options: SlurmOptions) -> Iterator[DaskEngine]:
     """Submit the jobs; they are cancelled at the end of the block.
 
     Raises:
@@ -87,7 +88,7 @@ def slurm_jobs(options: SlurmOptions) -> Iterator[DaskScheduler]:
         try:
             cluster.scale(jobs=options.jobs)
             with Client(cluster, set_as_default=False) as client:
-                yield DaskScheduler(client=client)
+                yield DaskEngine(client=client)
         except (RuntimeError, FileNotFoundError) as error:
             raise ManytouchError(
                 f"the SLURM jobs could not be submitted ({' '.join(str(error).split())}): check the script "
@@ -104,7 +105,7 @@ def _cluster(options: SlurmOptions) -> Iterator[Any]:
         raise MissingExtraError("a batch on SLURM", "dask-jobqueue", "batch") from None
     given = options.model_dump(exclude={"jobs", "job_script_prologue"}, exclude_none=True)
     threads = [f"export {name}=1" for name in _THREADS]
-    dask.config.set({"distributed.scheduler.allowed-failures": BLAMED_AFTER})
+    dask.config.set({"distributed.scheduler.allowed-failures": ALLOWED_WORKER_DEATHS})
     with SLURMCluster(
         **given, processes=options.cores, job_script_prologue=[*threads, *options.job_script_prologue]
     ) as cluster:

@@ -5,7 +5,7 @@ import time
 from rich.console import Console
 
 from manytouch.batch.run_batch import Report
-from manytouch.batch.tasks import Outcome, Result
+from manytouch.batch.tasks import Outcome, TaskState
 from manytouch.cli.terminal.console import PLAIN_EVERY_S, progress_bar
 from manytouch.values.arrays import count_of
 
@@ -42,13 +42,13 @@ class BatchProgress:
         self._done += 1
         self._bar.advance(self._task)
         name = outcome.task.name
-        if outcome.result is Result.COMPUTED:
+        if outcome.state is TaskState.COMPUTED:
             self._computed += 1
             self._frames += outcome.frames
             self.on_message(
                 f"{name}: {count_of(outcome.frames, 'frame')} in {outcome.seconds:.1f} s ({outcome.reason})"
             )
-        elif outcome.result is Result.FAILED:
+        elif outcome.state is TaskState.FAILED:
             self._failed += 1
             self.on_message(f"{name}: failed: {' '.join(outcome.reason.split())}")
         if time.monotonic() - self._printed_s > PLAIN_EVERY_S:

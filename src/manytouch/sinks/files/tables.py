@@ -19,8 +19,8 @@ from manytouch.values import Contact, LengthUnit, Reading, Sensor
 ROWS_PER_GROUP = 65536
 
 
-def contact_columns(unit: LengthUnit) -> tuple[str, ...]:
-    """Columns of contacts.csv; forces keep their names in pitch units and stay empty."""
+def contact_column_names(unit: LengthUnit) -> tuple[str, ...]:
+    """Names of the columns of contacts.csv; in pitch units, those of forces stay and have no values."""
     return (
         *("frame", "time_s", "contact", "phase"),
         *(f"x_{unit}", f"y_{unit}", f"depth_{unit}", "normal_force_N", "shear_x_N", "shear_y_N"),
@@ -31,8 +31,8 @@ def contact_columns(unit: LengthUnit) -> tuple[str, ...]:
     )
 
 
-def marker_columns(unit: LengthUnit) -> tuple[str, ...]:
-    """Columns of markers.parquet."""
+def marker_column_names(unit: LengthUnit) -> tuple[str, ...]:
+    """Names of the columns of markers.parquet."""
     return (
         *("frame", "time_s", "marker", "row", "column", "x_px", "y_px", "seen"),
         *(f"dx_{unit}", f"dy_{unit}", f"depth_{unit}", f"depth_std_{unit}"),
@@ -90,7 +90,7 @@ class ContactTable:
     """contacts.csv: one line per contact per frame."""
 
     def __init__(self, folder: Path, sensor: Sensor) -> None:
-        self._table = _CsvTable(folder / "contacts.csv", contact_columns(sensor.length_unit))
+        self._table = _CsvTable(folder / "contacts.csv", contact_column_names(sensor.length_unit))
 
     def write(self, reading: Reading) -> None:
         """Add the contacts of a frame, those that just ended too."""
@@ -207,4 +207,4 @@ def marker_schema(unit: LengthUnit) -> pa.Schema:
     """Types of markers.parquet: float32 holds 0.0002 px at 4096 px."""
     kinds: dict[str, pa.DataType] = dict.fromkeys(("frame", "marker", "row", "column"), pa.int32())
     kinds |= {"time_s": pa.float64(), "seen": pa.bool_()}
-    return pa.schema([(name, kinds.get(name, pa.float32())) for name in marker_columns(unit)])
+    return pa.schema([(name, kinds.get(name, pa.float32())) for name in marker_column_names(unit)])

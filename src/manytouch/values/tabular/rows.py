@@ -35,8 +35,8 @@ def arrow_stream(columns: dict[str, Any], requested_schema: object = None) -> ob
     return table.__arrow_c_stream__(requested_schema)
 
 
-def contact_columns(contacts: "Contacts") -> dict[str, Any]:
-    """The contacts, also those that just ended, by column."""
+def contact_values_by_column(contacts: "Contacts") -> dict[str, Any]:
+    """Values of the contacts, also of those that just ended, by the column names of contacts.csv."""
     rows = [contact_row(contact) for contact in contacts.contacts]
     return {name: [row[name] for row in rows] for name in _CONTACT_COLUMNS}
 
@@ -77,7 +77,7 @@ def contact_row(contact: "Contact") -> dict[str, Any]:
     }
 
 
-def marker_columns(reading: "Reading") -> dict[str, Any]:
+def marker_values_by_column(reading: "Reading") -> dict[str, Any]:
     """The markers by column, as in markers.parquet, without those that are known to be absent."""
     grid, surface = reading.grid, reading.surface
     layout = surface.layout

@@ -139,7 +139,7 @@ def _steps(job: Job, kept: _Kept, rest: Reading | None, estimation: PaperEstimat
     plane_mm = onto_plane(job.sensor.camera, kept.reading.grid.position_px)[:, :2]
     depth_mm = -kept.reading.surface.displacement_mm[:, 2]
     has_quad = np.isfinite(corner_values(plane_mm, estimation.quads)).all(axis=(1, 2))
-    if estimation.quads.share is not None:
+    if estimation.quads.is_corner is not None:
         has_quad = np.isfinite(depth_mm)
     ranked = np.where(has_quad & np.isfinite(depth_mm), depth_mm, -np.inf)
     marker = int(ranked.argmax()) if np.isfinite(ranked).any() else None

@@ -98,7 +98,7 @@ def figures(steps: Steps) -> dict[str, Any]:
 def _perimeter(steps: Steps, marker: int) -> dict[str, float]:
     """AP and BP of the quad of a marker (of its first, if it has several), d, and the marker's depth."""
     quads = steps.estimation.quads
-    quad = marker if quads.share is None else int(quads.share[[marker]].indices[0])
+    quad = marker if quads.is_corner is None else int(quads.is_corner[[marker]].indices[0])
     corner_mm = corner_values(steps.plane_mm, quads)[[quad]]
     return {
         "before": float(steps.estimation.initial_mm[quad]),

@@ -208,8 +208,8 @@ def _perimeters(steps: Steps, path: Path) -> None:
     assert steps.marker is not None
     unit, quads = steps.job.sensor.length_unit, steps.estimation.quads
     cells = [steps.marker]
-    if quads.share is not None:
-        cells = quads.share[[steps.marker]].indices.tolist()
+    if quads.is_corner is not None:
+        cells = quads.is_corner[[steps.marker]].indices.tolist()
     before_mm = corner_values(steps.estimation.rest_plane_mm, quads)[cells]
     after_mm = corner_values(steps.plane_mm, quads)[cells]
     with _figure(path, LONGEST_IN) as figure:
