@@ -128,7 +128,7 @@ class LoadContactFinder:
         if state.rest_frames == 0:
             state = replace(state, load=self.load.update_rest(state.load, grid, 0))
         displacement_mm = motion.displacement_mm - state.rest_mm
-        load = self.load.load(state.load, grid, displacement_mm, motion.std_mm)
+        load = self.load.estimate_load(state.load, grid, displacement_mm, motion.std_mm)
         state, peaks, evidence = self._peaks(state, grid, load, displacement_mm, motion.std_mm)
         if len(peaks.load):
             peaks = replace(peaks, centre_mm=self.load.refine(state.load, load, peaks.centre_mm))

@@ -179,7 +179,9 @@ class DisplacementLoad:
         """The state itself."""
         return state
 
-    def load(self, state: LoadMap, grid: TrackedGrid, displacement_mm: Points2, std_mm: float) -> Load:
+    def estimate_load(
+        self, state: LoadMap, grid: TrackedGrid, displacement_mm: Points2, std_mm: float
+    ) -> Load:
         """The load of a frame; see `LoadSource`."""
         return Load(
             load_map=state,

@@ -47,8 +47,8 @@ class LoadMap:
         coefficients = self.estimate @ observed.astype(self.estimate.dtype)
         return np.asarray(coefficients.reshape(len(self.wave_x), len(self.wave_y)).astype(np.float64))
 
-    def load(self, coefficients: Float64[np.ndarray, "k l"]) -> Float64[np.ndarray, "ny nx"]:
-        """(ny, nx) load at the points of the map, positive under a contact."""
+    def load_on_grid(self, coefficients: Float64[np.ndarray, "k l"]) -> Float64[np.ndarray, "ny nx"]:
+        """Load (ny, nx) at the points of the map, positive under a contact."""
         return np.asarray(self.along_y @ coefficients.T @ self.along_x.T / self.divisor)
 
     def load_at(self, point_mm: Points2, coefficients: Float64[np.ndarray, "k l"]) -> Scalars:

@@ -91,7 +91,7 @@ class LoadPeakFinder:
         from manytouch.estimation.watershed import watershed
 
         load_map = load.load_map
-        value = load_map.load(load.coefficients)
+        value = load_map.load_on_grid(load.coefficients)
         if moved is not None:
             value = self.stay_load / float(moved.max()) * moved
         strongest = float(value.max())

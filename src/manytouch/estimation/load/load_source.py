@@ -42,8 +42,8 @@ class LoadSource(Protocol):
     def load_map(self, state: Any) -> LoadMap:
         """The map of the state; the points at which it evaluates the load are the same in all frames."""
 
-    def load(self, state: Any, grid: TrackedGrid, displacement_mm: Points2, std_mm: float) -> Load:
-        """The load of a frame.
+    def estimate_load(self, state: Any, grid: TrackedGrid, displacement_mm: Points2, std_mm: float) -> Load:
+        """Estimate the load of a frame.
 
         Args:
             state: of the frame before.

@@ -73,18 +73,18 @@ class SwellingLoad:
         """The map of the swelling."""
         return state.swelling_map.load_map
 
-    def load(
+    def estimate_load(
         self, state: SwellingLoadState, grid: TrackedGrid, displacement_mm: Points2, std_mm: float
     ) -> Load:
         """The load of a frame; see `LoadSource`."""
         by_displacement = state.displacement_map
         coefficients = by_displacement.coefficients(displacement_mm.T.ravel() / by_displacement.pitch_mm)
-        largest = float(by_displacement.load(coefficients).max())
+        largest = float(by_displacement.load_on_grid(coefficients).max())
         growth = self.dot_area(grid, state.rest_area, state.neighbours)
         swelling = self.swelling_model.swelling(growth, *state.spacing(displacement_mm))
         load_map = state.swelling_map.load_map
         coefficients = load_map.coefficients(swelling)
-        scale = max(largest, 0.0) / max(float(load_map.load(coefficients).max()), 1e-12)
+        scale = max(largest, 0.0) / max(float(load_map.load_on_grid(coefficients).max()), 1e-12)
         variance = state.spacing.noise * std_mm**2 + (self.dot_area.std(grid) or 0.0) ** 2
         return Load(
             load_map=load_map,

@@ -23,7 +23,7 @@ def bump(at_mm: tuple[float, float], radius_mm: float) -> np.ndarray:
 
 
 def peak_mm(swelling: np.ndarray) -> np.ndarray:
-    load = SWELLING.load_map.load(SWELLING.load_map.coefficients(swelling))
+    load = SWELLING.load_map.load_on_grid(SWELLING.load_map.coefficients(swelling))
     row, column = np.unravel_index(np.argmax(load), load.shape)
     return np.array([SWELLING.load_map.x_mm[column], SWELLING.load_map.y_mm[row]])
 
@@ -99,5 +99,5 @@ def test_the_load_at_a_point_is_that_of_the_map() -> None:
     coefficients = SWELLING.load_map.coefficients(0.1 * bump((-48.0, 28.0), 6.0))
     point_mm = np.array([[SWELLING.load_map.x_mm[7], SWELLING.load_map.y_mm[3]]])
     assert SWELLING.load_map.load_at(point_mm, coefficients)[0] == pytest.approx(
-        SWELLING.load_map.load(coefficients)[3, 7], rel=1e-4
+        SWELLING.load_map.load_on_grid(coefficients)[3, 7], rel=1e-4
     )
