@@ -23,7 +23,6 @@ from manytouch.kernel_cache import provide_folder
 from manytouch.kernel_libraries import (
     KernelCompiler,
     bind_calls_within_modules,
-    compare_flags_quickly,
     compile_parts_without_code,
 )
 
@@ -129,4 +128,3 @@ _config: Any = config  # numba sets its attributes while it runs
 _config.CACHE_DIR = provide_folder(_config.CACHE_DIR)
 bind_calls_within_modules()
 compile_parts_without_code()
-compare_flags_quickly()

@@ -14,7 +14,8 @@ from numba.core.codegen import CPUCodeLibrary, JITCodeLibrary
 from numba.core.compiler import Compiler
 from numba.core.cpu import CPUContext
 from numba.core.environment import lookup_environment
-from numba.core.targetconfig import TargetConfig
+
+from manytouch.kernel_shortcuts import use_shortcuts
 
 OWN_NAMES = "9manytouch"
 """Part of the mangled names of the functions of this package."""
@@ -30,13 +31,14 @@ class KernelCompiler(Compiler):
     def compile_extra(self, func: Any) -> Any:
         """Compile; see numba."""
         global _called_by_python  # noqa: PLW0603 - numba compiles one function at a time
-        before = _called_by_python
-        if before is None:
-            _called_by_python = self.state
-        try:
+        if _called_by_python is not None:
             return super().compile_extra(func)
+        _called_by_python = self.state
+        try:
+            with use_shortcuts():
+                return super().compile_extra(func)
         finally:
-            _called_by_python = before
+            _called_by_python = None
 
 
 class PartLibrary(JITCodeLibrary):
@@ -46,6 +48,7 @@ class PartLibrary(JITCodeLibrary):
     before, which determines their order, and with it the bits of the results.
     """
 
+    is_part = True  # as `kernel_shortcuts` recognises it
     may_reorder = False
 
     def get_pointer_to_function(self, name: str) -> int:
@@ -112,25 +115,6 @@ def compile_parts_without_code() -> bool:
     CPUContext.get_executable = executable_or_name
     JITCodeLibrary._finalize_specific = finalize_with_environments
     return True
-
-
-def compare_flags_quickly() -> None:
-    """Compare flags without making dictionaries of them; numba does so 180 000 times for a method."""
-    if getattr(TargetConfig.__eq__, "is_quick", False):
-        return
-    compare = TargetConfig.__eq__
-
-    def equal(self: Any, other: Any) -> Any:
-        if type(self) is type(other) and self._values == other._values:
-            return True
-        return compare(self, other)
-
-    def hashed(self: Any) -> int:
-        return hash(type(self))  # as before it does not depend on the values
-
-    equal.is_quick = True  # type: ignore[attr-defined]
-    TargetConfig.__eq__ = equal
-    TargetConfig.__hash__ = hashed
 
 
 def bind_calls_within_modules() -> bool:

@@ -4,16 +4,22 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from llvmlite.binding import Linkage
+from numba.core import types
 from numba.core.compiler import Flags
+from numba.core.cpu import CPUContext
+from numba.core.targetconfig import TargetConfig
 
 from manytouch import kernel_libraries
 from manytouch.compilation import REORDER, kernel
 from manytouch.kernel_libraries import PartLibrary, bind_calls_within_modules, compile_parts_without_code
+from manytouch.kernel_shortcuts import use_shortcuts
 
 
 def replaceable_functions(caller: Callable[..., float]) -> list[str]:
@@ -105,9 +111,35 @@ def test_flags_are_compared_as_numba_does() -> None:
     plain, other, same = (Flags() for _ in range(3))
     other.fastmath = True
     same.fastmath = False
-    assert plain != other
-    assert plain == same, "a value that equals the default"
-    assert hash(plain) == hash(same)
+    for shortcut in (nullcontext(), use_shortcuts()):
+        with shortcut:
+            assert plain != other
+            assert plain == same, "a value that equals the default"
+            assert plain != "flags"
+            assert hash(plain) == hash(same)
+
+
+def test_shortcuts_end_with_the_compilation() -> None:
+    before = types.BaseFunction.get_call_type, CPUContext.create_cfunc_wrapper, TargetConfig.__eq__
+    with use_shortcuts():
+        assert types.BaseFunction.get_call_type is not before[0]
+    compiled_pair()(np.linspace(0.0, 1.0, 7))
+    assert (types.BaseFunction.get_call_type, CPUContext.create_cfunc_wrapper, TargetConfig.__eq__) == before
+
+
+def test_slices_of_different_shapes_are_an_error_without_functions_on_texts() -> None:
+    def copied(values: np.ndarray, count: int) -> np.ndarray:
+        result = np.zeros(3)
+        result[:count] = values
+        return result
+
+    copied.__module__ = "manytouch.probe"
+    compiled: Any = kernel(cache=False)(copied)
+    assert list(compiled(np.ones(2), 2)) == [1.0, 1.0, 0.0]
+    with pytest.raises(ValueError, match="cannot assign slice from input of different size"):
+        compiled(np.ones(2), 3)
+    (version,) = compiled.overloads.values()
+    assert not [each for each in version.library._final_module.functions if "unicode" in each.name]
 
 
 @pytest.mark.slow
