@@ -200,35 +200,17 @@ def _bought(found: Design, choices: CasingChoices) -> Iterator[BillItem]:
         price="5-15",
     )
     length = screw_length_mm(found, choices)
-    yield BillItem(item="screw", count=screws, what=f"M3 x {length}", remark="clamp", price="2-5")
-    yield BillItem(item="nut", count=screws, what="M3", remark="in the flange of the casing", price="1-3")
-    yield BillItem(item="screw", count=4, what="M2 x 6, self-tapping", remark="camera board", price="1-2")
-    yield BillItem(
-        item="matt black paint",
-        count=1,
-        what="spray, or black flock",
-        remark="for the inside of the casing",
-        price="5-12",
-    )
-    yield BillItem(
-        item="ball",
-        count=1,
-        what=f"{2 * TIP_RADIUS_MM:g} mm, a marble",
-        remark="under the weights, or as the tip on a printer",
-        price="1-3",
-    )
-    yield BillItem(
-        item="weights",
-        count=1,
-        what=f"{', '.join(f'{grams:g}' for grams in WEIGHTS_G)} g",
-        remark="or a kitchen scale",
-        example="kitchen or pocket scale with a resolution of 0.1 g to 1 g",
-        price="10-20",
-    )
-    yield BillItem(
-        item="USB cable",
-        count=1,
-        what="of the camera",
-        remark=f"through a hole of {2 * choices.cable_radius_mm:g} mm",
-        price="0-8",
-    )
+    grams = ", ".join(f"{each:g}" for each in WEIGHTS_G)
+    scale = "kitchen or pocket scale with a resolution of 0.1 g to 1 g"
+    hole = f"through a hole of {2 * choices.cable_radius_mm:g} mm"
+    tip = f"{2 * TIP_RADIUS_MM:g} mm, a marble"
+    for item, count, what, remark, example, price in (
+        ("screw", screws, f"M3 x {length}", "clamp", "", "2-5"),
+        ("nut", screws, "M3", "in the flange of the casing", "", "1-3"),
+        ("screw", 4, "M2 x 6, self-tapping", "camera board", "", "1-2"),
+        ("matt black paint", 1, "spray, or black flock", "for the inside of the casing", "", "5-12"),
+        ("ball", 1, tip, "under the weights, or as the tip on a printer", "", "1-3"),
+        ("weights", 1, f"{grams} g", "or a kitchen scale", scale, "10-20"),
+        ("USB cable", 1, "of the camera", hole, "", "0-8"),
+    ):
+        yield BillItem(item=item, count=count, what=what, remark=remark, example=example, price=price)

@@ -1,8 +1,13 @@
-"""Contact of the coarse sheet with balls, compiled: `shell.body_kernels.touch` for one shape."""
+"""Contact of the coarse sheet with balls, compiled.
+
+As `shell.body_kernels.touch`, but for balls only, with nine points per cell instead of four, since cells are
+larger, and with a stiffness of the face for each ball. The distance to a ball is computed in place.
+"""
 
 # ruff: noqa: PLR0915, PLR0917 - compiled functions, called with positional arguments
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,8 +15,25 @@ from manytouch.compilation import kernel, no_type_check
 from manytouch.simulation.shell.body_kernels import Bed, BodyLoads
 from manytouch.simulation.shell.kernels import ElasticBuffers
 
-POINTS = 3  # of a cell along each axis, in which the contact is evaluated
-MARGIN_MM = 1.0  # by which the sheet may move sideways
+POINTS = 3
+"""Points of a cell along each axis at which the contact is evaluated."""
+MARGIN_MM = 1.0
+"""Farthest sideways motion of a point of the sheet that a ball touches: cells whose undeformed place is
+farther from the ball than its radius and this are skipped."""
+
+
+class Balls(NamedTuple):
+    """Balls that press, in the sheet frame.
+
+    Attributes:
+        centre_mm: (n, 3), z from the middle surface at rest.
+        radius_mm: (n,).
+        stiffness_MPa_per_mm: (n,) of the touched face under each.
+    """
+
+    centre_mm: np.ndarray
+    radius_mm: np.ndarray
+    stiffness_MPa_per_mm: np.ndarray
 
 
 @kernel()
@@ -20,21 +42,20 @@ def touch_balls(
     value: np.ndarray,
     spacing: np.ndarray,
     bed: Bed,
-    ball_mm: np.ndarray,
+    balls: Balls,
     buffers: ElasticBuffers,
     out: np.ndarray,
     loads: BodyLoads,
 ) -> float:
-    """Energy of the contact with balls in N mm.
+    """Energy of the contact with balls in N mm; positions and derivatives in the sheet frame.
 
     Args:
         value: (5, a, b) displacements in mm and tilts.
-        spacing: (2,) of the grid, mm.
-        bed: of the touched face.
-        ball_mm: (n, 5) centres, z from the middle surface at rest, radii, and stiffness of the face there
-            (MPa/mm).
+        spacing: (2,) of the grid along x and y, mm.
+        bed: of the touched face; its stiffness is not used.
+        balls: that press.
         buffers: of `elastic`, whose derivatives by the fibres are added to.
-        out: (5, a, b), whose derivatives by displacement are added to.
+        out: (5, a, b), whose derivatives by displacement, N, are added to.
         loads: filled; `body_at` has `POINTS` places for each cell along each axis.
     """
     fibre, by_fibre, half = buffers.fibre, buffers.by_fibre, bed.half_mm
@@ -45,9 +66,10 @@ def touch_balls(
     resultant[:] = 0.0
     body_at[:] = -1
     total = 0.0
-    for ball in range(ball_mm.shape[0]):
-        x, y, z, radius = ball_mm[ball, 0], ball_mm[ball, 1], ball_mm[ball, 2], ball_mm[ball, 3]
-        stiffness, reach = ball_mm[ball, 4], radius + MARGIN_MM
+    for ball in range(balls.radius_mm.shape[0]):
+        x, y, z = balls.centre_mm[ball, 0], balls.centre_mm[ball, 1], balls.centre_mm[ball, 2]
+        radius, stiffness = balls.radius_mm[ball], balls.stiffness_MPa_per_mm[ball]
+        reach = radius + MARGIN_MM
         first_i = max(int((x - reach - low_x) / spacing[0]), 0)
         last_i = min(int((x + reach - low_x) / spacing[0]) + 1, columns)
         first_j = max(int((y - reach - low_y) / spacing[1]), 0)

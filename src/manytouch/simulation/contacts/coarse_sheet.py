@@ -8,7 +8,7 @@ from jaxtyping import Float64
 from scipy.interpolate import CubicSpline
 
 from manytouch.compilation import plain
-from manytouch.simulation.contacts.ball_kernels import POINTS
+from manytouch.simulation.contacts.ball_kernels import POINTS, Balls
 from manytouch.simulation.contacts.descent import PAIRS, Load, SheetArrays, Workspace, descend
 from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.shell.body_kernels import BodyLoads
@@ -16,11 +16,16 @@ from manytouch.simulation.shell.energy import ShellEnergy
 from manytouch.simulation.shell.live_sheet import camera_side_face
 from manytouch.values import Sheet
 
-CELLS = 1536  # of the grid, about: 2.5 mm on a sheet of 120 x 80 mm
-TOLERANCE = 2e-5  # share of the energy that a further step would gain: forces are then within 0.5 %
-MOST_EVALUATIONS = 2000  # of the energy; usually 30 are enough, thin slack sheets wrinkle and need hundreds
-MOST_HERTZ = 4.0  # stiffest face under a ball, in shares of that of the live sheet
-LARGEST_STEP = 0.75  # by which a ball enters at once, in radii
+CELLS = 1536
+"""Number of cells of the grid, about: 2.5 mm on a sheet of 120 x 80 mm."""
+TOLERANCE = 2e-5
+"""Share of the energy that a further step would gain: forces are then within 0.5 %."""
+MOST_EVALUATIONS = 2000
+"""Evaluations of the energy; usually 30 are enough, thin slack sheets wrinkle and need hundreds."""
+MOST_STIFFENING = 4.0
+"""Stiffness of the face under a ball, over that of the live sheet, at most."""
+LARGEST_STEP_RADII = 0.75
+"""Depth by which a ball enters at once, in radii."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -78,17 +83,17 @@ class _Grid:
         )
 
     def descend(
-        self, value: np.ndarray, stretch: np.ndarray, ball_mm: np.ndarray, dead_N: np.ndarray
+        self, value: np.ndarray, stretch: np.ndarray, balls: Balls, dead_N: np.ndarray
     ) -> tuple[BodyLoads, bool]:
-        """Bring unknowns (5, a, b) to equilibrium with balls (n, 5) and nodal forces (3, a, b).
+        """Bring unknowns (5, a, b) to equilibrium with balls and nodal forces (3, a, b).
 
         Returns:
             What the balls do, and whether equilibrium was reached.
         """
         loads = BodyLoads(
-            resultant=np.zeros((len(ball_mm), 7)), body_at=np.full(self._points, -1, dtype=np.int64)
+            resultant=np.zeros((len(balls.radius_mm), 7)), body_at=np.full(self._points, -1, dtype=np.int64)
         )
-        load = plain(Load(ball_mm=ball_mm, balls=plain(loads), dead_N=dead_N))
+        load = plain(Load(balls=plain(balls), ball_loads=plain(loads), dead_N=dead_N))
         kept = (self._arrays, load, self._buffers, self._work)
         count = descend(value, stretch, *kept, TOLERANCE, MOST_EVALUATIONS)
         return loads, count > 0
@@ -147,7 +152,7 @@ class CoarseSheet:
         value, stretch = np.zeros((5, *energy.shape)), np.ones(energy.shape)
         dead_N = self._coarse.nodal(dead)
         deepest = float((ball_mm[:, 2] / ball_mm[:, 3]).max(initial=0.0))
-        steps = max(math.ceil(deepest / LARGEST_STEP), 1)
+        steps = max(math.ceil(deepest / LARGEST_STEP_RADII), 1)
         for step in range(1, steps + 1):
             posed = self._posed(ball_mm, step / steps)
             loads, _ = self._coarse.descend(value, stretch, posed, dead_N)
@@ -157,18 +162,22 @@ class CoarseSheet:
         for line in (value[:, 0], value[:, -1], value[:, :, 0], value[:, :, -1]):
             line[:] = 0.0
         dead_N, posed = self._fine.nodal(dead), self._posed(ball_mm, 1.0)
-        posed[:, 4] = np.maximum(posed[:, 4], self._hertz(-loads.resultant[:, 2], ball_mm[:, 3]))
+        stiffness = self._hertz(-loads.resultant[:, 2], ball_mm[:, 3])
+        posed = posed._replace(stiffness_MPa_per_mm=np.maximum(posed.stiffness_MPa_per_mm, stiffness))
         loads, has_converged = self._fine.descend(value, stretch, posed, dead_N)
         face = camera_side_face(self._fine.energy, value, stretch)
         return Pressed(face=face, energy=self._fine.energy, loads=loads, has_converged=has_converged)
 
-    def _posed(self, ball_mm: np.ndarray, share: float) -> np.ndarray:
-        """(n, 5) centres, z from the middle surface, radii, stiffness; of balls at a share of their depth."""
+    def _posed(self, ball_mm: np.ndarray, share: float) -> Balls:
+        """Balls at a share of their depth, on a face with the stiffness of the live sheet's."""
         x_mm, y_mm, depth_mm, radius_mm = ball_mm.T
         there_mm = depth_mm - (1.0 - share) * np.maximum(depth_mm, 0.0)
         height_mm = self._fine.energy.half_mm - there_mm + radius_mm
-        stiffness = np.full(len(ball_mm), self._bed)
-        return np.column_stack([x_mm, y_mm, height_mm, radius_mm, stiffness])
+        return Balls(
+            centre_mm=np.column_stack([x_mm, y_mm, height_mm]),
+            radius_mm=np.ascontiguousarray(radius_mm),
+            stiffness_MPa_per_mm=np.full(len(ball_mm), self._bed),
+        )
 
     def _hertz(self, force_N: np.ndarray, radius_mm: np.ndarray) -> np.ndarray:
         """(n,) stiffness of a bed (MPa/mm) that balls enter as deep as a half-space under the same force.
@@ -181,7 +190,9 @@ class CoarseSheet:
         plane_MPa = sheet.young_MPa / (1.0 - sheet.poisson**2)
         force_N = np.maximum(force_N, 1e-9)
         depth_mm = (9.0 * force_N**2 / (16.0 * radius_mm * plane_MPa**2)) ** (1.0 / 3.0)
-        return np.asarray(np.minimum(force_N / (np.pi * radius_mm * depth_mm**2), MOST_HERTZ * self._bed))
+        return np.asarray(
+            np.minimum(force_N / (np.pi * radius_mm * depth_mm**2), MOST_STIFFENING * self._bed)
+        )
 
     @property
     def _bed(self) -> float:

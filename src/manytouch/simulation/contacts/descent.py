@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manytouch.compilation import kernel, no_type_check
-from manytouch.simulation.contacts.ball_kernels import touch_balls
+from manytouch.simulation.contacts.ball_kernels import Balls, touch_balls
 from manytouch.simulation.shell import body_kernels, kernels
 
 PAIRS = 12  # steps that are remembered
@@ -61,13 +61,13 @@ class Load(NamedTuple):
     """What acts on the sheet.
 
     Attributes:
-        ball_mm: (n, 5) centres of balls, z from the middle surface, radii, stiffness of the face there.
-        balls: what they do to the sheet, filled.
+        balls: that press.
+        ball_loads: what they do to the sheet, filled.
         dead_N: (3, a, b) forces on the touched face that keep their direction.
     """
 
-    ball_mm: np.ndarray
-    balls: body_kernels.BodyLoads
+    balls: Balls
+    ball_loads: body_kernels.BodyLoads
     dead_N: np.ndarray
 
 
@@ -84,7 +84,7 @@ def energy(
     """Energy of sheet and loads in N mm above that at rest; fills out (5, a, b) with its derivatives."""
     half = sheet.bed.half_mm
     total = kernels.elastic(value, stretch, sheet.spacing, sheet.law, buffers, out)
-    total += touch_balls(value, sheet.spacing, sheet.bed, load.ball_mm, buffers, out, load.balls)
+    total += touch_balls(value, sheet.spacing, sheet.bed, load.balls, buffers, out, load.ball_loads)
     for k in range(3):
         rest = 1.0 if k == 2 else 0.0
         for i in range(value.shape[1]):
@@ -193,7 +193,7 @@ def descend(
     """
     law, bed = kernels.ShellLaw(*plain_sheet[1]), body_kernels.Bed(*plain_sheet[2])
     sheet = SheetArrays(plain_sheet[0], law, bed, *plain_sheet[3:])
-    load = Load(plain_load[0], body_kernels.BodyLoads(*plain_load[1]), plain_load[2])
+    load = Load(Balls(*plain_load[0]), body_kernels.BodyLoads(*plain_load[1]), plain_load[2])
     buffers = kernels.ElasticBuffers(*plain_buffers)
     work = Workspace(*plain_work)
     slope, tried, new_slope, step = work.slope, work.tried, work.new_slope, work.step

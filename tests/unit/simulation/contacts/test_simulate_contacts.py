@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from manytouch import Ball, ContactError, Patch, PointForces, SensorError, simulate_contacts
+from manytouch.simulation.contacts.ball_kernels import Balls
 from manytouch.simulation.contacts.coarse_sheet import CoarseSheet, DeadLoad
 from manytouch.simulation.demo_sensor import demo_sensor, pad_sensor
 from manytouch.simulation.fem.contact.indenters import Sphere
@@ -116,8 +117,12 @@ def test_the_outline_holds_what_presses() -> None:
     forces_N = np.array([[0.3, 0.1, -1.0], [0.0, -0.4, -2.0]])
     dead_N = grid.nodal(DeadLoad(place_mm=np.array([[-20.3, 3.1], [10.9, 11.0]]), force_N=forces_N))
     assert dead_N.sum(axis=(1, 2)) == pytest.approx(forces_N.sum(axis=0))
-    ball_mm = np.array([[25.0, -20.0, 1.5 - 3.0 + 6.0, 6.0, 1.5]])
-    loads, has_converged = grid.descend(value, stretch, ball_mm, dead_N)
+    balls = Balls(
+        centre_mm=np.array([[25.0, -20.0, 1.5 - 3.0 + 6.0]]),
+        radius_mm=np.array([6.0]),
+        stiffness_MPa_per_mm=np.array([1.5]),
+    )
+    loads, has_converged = grid.descend(value, stretch, balls, dead_N)
     assert has_converged
     _, slope = grid.energy.elastic(value, stretch)
     outline = np.ones(stretch.shape, dtype=bool)
