@@ -4,12 +4,12 @@ import json
 import os
 import subprocess
 import sys
-import venv
 from pathlib import Path
 
 import pytest
 
 from manytouch.sinks.exports.registry import export
+from peer_python import python_with
 
 pytestmark = pytest.mark.slow
 
@@ -32,21 +32,7 @@ print(json.dumps({
 @pytest.fixture(scope="module")
 def lerobot_python(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A Python with lerobot: that of MANYTOUCH_LEROBOT_PYTHON, else of a venv that is made here."""
-    given = os.environ.get("MANYTOUCH_LEROBOT_PYTHON")
-    if given:
-        return given
-    folder = tmp_path_factory.mktemp("lerobot")
-    venv.create(folder, with_pip=True)
-    python = str(folder / "bin" / "python")
-    done = subprocess.run(
-        [python, "-m", "pip", "install", "--quiet", "lerobot==0.4.4"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        pytest.skip(f"lerobot 0.4.4 cannot be installed: {done.stderr.strip()[-200:]}")
-    return python
+    return python_with(["lerobot==0.4.4"], "MANYTOUCH_LEROBOT_PYTHON", tmp_path_factory.mktemp("lerobot"))
 
 
 def test_the_official_loader_opens_a_recording(lerobot_python: str, tmp_path: Path) -> None:

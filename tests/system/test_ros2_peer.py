@@ -6,11 +6,12 @@ import signal
 import subprocess
 import sys
 import time
-import venv
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+from peer_python import python_with
 
 pytestmark = pytest.mark.slow
 
@@ -27,21 +28,7 @@ ENVIRONMENT = {
 @pytest.fixture(scope="module")
 def ros_python(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A Python with rclpy: that of MANYTOUCH_ROS_PYTHON, else of a venv that is made here."""
-    given = os.environ.get("MANYTOUCH_ROS_PYTHON")
-    if given:
-        return given
-    folder = tmp_path_factory.mktemp("ros")
-    venv.create(folder, with_pip=True)
-    python = str(folder / "bin" / "python")
-    done = subprocess.run(
-        [python, "-m", "pip", "install", "--quiet", *PACKAGES, "numpy"],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    if done.returncode:
-        pytest.skip(f"the wheels of rclpy cannot be installed: {done.stderr.strip()[-200:]}")
-    return python
+    return python_with([*PACKAGES, "numpy"], "MANYTOUCH_ROS_PYTHON", tmp_path_factory.mktemp("ros"))
 
 
 @pytest.fixture

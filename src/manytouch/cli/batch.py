@@ -38,11 +38,8 @@ def batch(
     out: Annotated[str, Parameter(metavar="DIR", help="Folder or s3://, gs:// prefix for the results.")],
     sensor: options.SensorFile = None,
     method: options.MethodName = None,
-    surface: Annotated[bool, options.switch("Also write depth maps, surface.zarr.")] = False,
-    annotate: Annotated[
-        bool,
-        options.switch("Also write images with markers and contacts drawn in."),
-    ] = False,
+    surface: options.WithSurface = False,
+    annotate: options.Annotate = False,
     pitch_mm: options.PitchMm = None,
     hfov_deg: options.HfovDeg = None,
     roi: options.RoiPx = None,

@@ -23,11 +23,8 @@ def process(
     ],
     sensor: options.SensorFile = None,
     method: options.MethodName = None,
-    surface: Annotated[bool, options.switch("Also write depth maps, surface.zarr.")] = False,
-    annotate: Annotated[
-        bool,
-        options.switch("Also write images with markers and contacts drawn in."),
-    ] = False,
+    surface: options.WithSurface = False,
+    annotate: options.Annotate = False,
     picture: options.PictureFrames = None,
     pitch_mm: options.PitchMm = None,
     hfov_deg: options.HfovDeg = None,

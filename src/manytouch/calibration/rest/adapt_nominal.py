@@ -1,4 +1,8 @@
-"""A nominal sensor file adapted to a recording: rows, columns and pose as the first frames show them."""
+"""Registration of a nominal sensor: rows, columns, pitch and pose are changed to those of the recording.
+
+A nominal sensor file describes a kind of sensor. The device in the recording may have another print of
+markers, and its camera another pose.
+"""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -21,11 +25,12 @@ MOST_RESIDUAL = 0.15
 """RMS residual of a pose, in pitches, beyond which a file describes another kind of sensor."""
 _ADVICE = ": give the file of this sensor, calibrate one (manytouch calibrate rest), or leave the file out"
 _SAME_PITCH = 0.12
-"""Relative difference of pitches in the image from which on it is another print, not another distance."""
+"""Logarithm of the ratio of found to expected pitch in the image, beyond which the device has another print;
+below, the camera has another distance."""
 
 
 def is_nominal(sensor: Sensor) -> bool:
-    """Whether a sensor file describes a kind of sensor."""
+    """Whether a sensor file describes a kind of sensor, and not one device."""
     return sensor.provenance.get(NOMINAL) is True
 
 
@@ -36,17 +41,18 @@ def register_nominal(
     roi_px: Roi | None = None,
     spread: Callable[[], Sequence[Frame]] | None = None,
 ) -> Sensor:
-    """As `register_rest`, with rows, columns and pose of the frames where they show more markers so.
+    """Register a nominal sensor: as `register_rest`, or with another layout if more markers are then found.
 
-    Camera and sheet are those of the file. So is the pitch where that in the image is about the nominal one;
-    else the device has another print, the distance of the camera is that of the file, and the pitch follows.
-    What was changed is an assumption of the sensor.
+    The other layout has the rows, columns and pose that the frames show; camera and sheet stay. Its pitch is
+    the nominal one if the pitch in the image differs by less than 12 % from the expected one. If it differs
+    more, the device has another print: the distance of the camera stays, and the pitch follows from it. The
+    sensor lists what was changed as an assumption.
 
     Args:
         sensor: nominal, with a layout.
         frames: the first frames of the recording.
         roi_px: x, y, width, height of the region of interest.
-        spread: returns frames of the whole recording, used where the first ones show no clear pattern.
+        spread: returns frames from all parts of the recording; called if the first ones show no lattice.
 
     Raises:
         SensorError, SourceError: see `register_rest`.
@@ -76,12 +82,13 @@ def register_nominal(
 
 
 def _wanted(sensor: Sensor) -> int:
+    """Number of markers of the layout."""
     assert sensor.layout is not None
     return int((~sensor.layout.is_missing).sum())
 
 
 def _with_print(sensor: Sensor, found: Layout) -> Sensor:
-    """The sensor with the rows, columns, gaps and dots of a layout that frames showed.
+    """The sensor with the rows, columns, missing markers and dot radii of a layout found in frames.
 
     Raises:
         LayoutError: the camera of the sensor cannot see this layout as a plane.

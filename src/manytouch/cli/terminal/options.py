@@ -147,6 +147,8 @@ OutputUrls = Annotated[
         "may be repeated.",
     ),
 ]
+WithSurface = Annotated[bool, switch("Also write depth maps, surface.zarr.")]
+Annotate = Annotated[bool, switch("Also write images with markers and contacts drawn in.")]
 NoView = Annotated[bool, switch("Do not start the viewer.")]
 Host = Annotated[
     str,
