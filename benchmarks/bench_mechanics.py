@@ -80,7 +80,7 @@ def main() -> None:
         ("solve", lambda: normal.solve(here, residual, information, weight)),
         ("change of the forces", lambda: here.force_change(bent_mm)),
         ("one right-hand side", lambda: posterior.solve(right)),
-        ("covariance of 30", lambda: posterior.covariance(many)),
+        ("covariance of 30", lambda: posterior.covariances(many[None])[0]),
         ("variances at all markers", lambda: posterior.variances(node, row)),
     ):
         least, median = times_ms(work, given.repeats if "variances" not in name else 3)

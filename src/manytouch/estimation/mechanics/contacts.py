@@ -144,13 +144,11 @@ class ContactEstimator:
         here_mm = moved_mm[:, 0] + np.column_stack([clusters.centre_mm, np.zeros(count)])
         centre_px = project(model.camera, here_mm)
         slope = face.derivative(fit.shape.coefficient_mm)
+        rows = np.stack([_estimate_rows(model, clusters, number, fit) for number in range(count)])
+        point = np.arange(count) * len(_RINGS) + deepest
+        rows[np.arange(count)[:, None], _DEPTH, face.basis.node[point]] = -slope[point, 2]
         contacts = []
-        for number in range(count):
-            point = number * len(_RINGS) + int(deepest[number])
-            rows = _estimate_rows(model, clusters, number, fit)
-            rows[2] = 0.0
-            rows[2, face.basis.node[point]] = -slope[point, 2]
-            noise = fit.posterior.covariance(rows)
+        for number, noise in enumerate(fit.posterior.covariances(rows)):
             depth_mm = -float(moved_mm[number, deepest[number], 2])
             # under a rigid flat face the sheet is equally deep; under a fitted patch of pressure it is hollow
             hollow_mm = depth_mm + float(moved_mm[number, :, 2].mean())

@@ -130,7 +130,8 @@ class SurfaceError:
         """
         noise_mm = deviation.noise_mm * max(std_px / deviation.std_px, 1.0)
         depth_mm = np.abs(displacement_mm[:, 2])
-        dent_mm = self.dent * deviation.proximity @ np.maximum(-force_mm2[:, 2], 0.0) / model.thickness_mm
+        near_mm2 = deviation.proximity @ np.maximum(-force_mm2[:, 2], 0.0)
+        dent_mm = self.dent * near_mm2 / model.thickness_mm
         error_mm2 = dent_mm**2 + (self.depth_share**2 + model.assumed_depth_std**2) * depth_mm**2
         factor = np.where(is_seen, 1.0, self.unseen_factor**2)
         covariance = np.zeros((len(depth_mm), 3, 3))

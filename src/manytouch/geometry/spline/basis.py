@@ -1,18 +1,23 @@
 """Cubic B-splines on open uniform knots, along one axis."""
 
+from functools import lru_cache
+
 import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.interpolate import BSpline
+
+from manytouch.values.arrays import read_only
 
 DEGREE = 3
 
 Along = Float64[np.ndarray, " n"]
 
 
+@lru_cache(maxsize=256)
 def knots(length: float, elements: int) -> Float64[np.ndarray, " k"]:
     """Knots over [0, length]: uniform, the ends four times."""
     inner = np.linspace(0.0, length, elements + 1)
-    return np.concatenate([np.zeros(DEGREE), inner, np.full(DEGREE, length)])
+    return read_only(np.concatenate([np.zeros(DEGREE), inner, np.full(DEGREE, length)]))
 
 
 def greville(length: float, elements: int) -> Float64[np.ndarray, " k"]:
@@ -39,7 +44,33 @@ def values(
     knot = knots(length, elements)
     # The same comparison as in scipy: a division may round a place near a knot into the next element.
     first = np.clip(np.searchsorted(knot, held, side="right") - 1 - DEGREE, 0, elements - 1)
-    splines = BSpline(knot, np.eye(elements + DEGREE), DEGREE)
-    chosen = first[:, None] + np.arange(DEGREE + 1)
-    table = [np.take_along_axis(splines(held, order), chosen, axis=1) for order in range(4)]
-    return first, np.ascontiguousarray(np.stack(table, axis=1))
+    c0, c1, c2, c3 = np.moveaxis(_polynomials(elements)[first], 1, 0)
+    per_mm = elements / length
+    s = ((held - knot[first + DEGREE]) * per_mm)[:, None]
+    table = np.empty((len(held), 4, DEGREE + 1))
+    table[:, 0] = c0 + s * (c1 + s * (c2 + s * c3))
+    table[:, 1] = (c1 + s * (2.0 * c2 + 3.0 * s * c3)) * per_mm
+    table[:, 2] = (2.0 * c2 + 6.0 * s * c3) * per_mm**2
+    table[:, 3] = 6.0 * c3 * per_mm**3
+    return first, table
+
+
+@lru_cache(maxsize=256)
+def _polynomials(elements: int) -> Float64[np.ndarray, "elements 4 4"]:
+    """Coefficients of 1, s, s^2, s^3 of the four functions in each element, where s runs from 0 to 1."""
+    splines = BSpline(knots(float(elements), elements), np.eye(elements + DEGREE), DEGREE)
+    middle, element = np.arange(elements) + 0.5, np.arange(elements)[:, None]
+    chosen = element + np.arange(DEGREE + 1)
+    d0, d1, d2, d3 = (splines(middle, order)[element, chosen] for order in range(DEGREE + 1))
+    s = -0.5  # from the middle of an element, where the derivatives are those of one polynomial, to its start
+    return read_only(
+        np.stack(
+            [
+                d0 + s * (d1 + s * (d2 / 2.0 + s * d3 / 6.0)),
+                d1 + s * (d2 + s * d3 / 2.0),
+                (d2 + s * d3) / 2.0,
+                d3 / 6.0,
+            ],
+            axis=1,
+        )
+    )

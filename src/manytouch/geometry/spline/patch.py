@@ -16,6 +16,8 @@ RIM_ROWS = 2
 Nodal = Float64[np.ndarray, "nodes 3"]
 """One vector per node of a patch: coefficients or forces, components along x, y, z of the sheet frame."""
 
+NodeTable = Float64[np.ndarray, "nodes functions"]
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PointBasis:
@@ -108,7 +110,7 @@ class SplinePatch:
         """Rows of spline coefficients along each side that are 0 and no nodes."""
         return 1 if self.boundary == "clamped" else 0
 
-    @property
+    @cached_property
     def shape(self) -> tuple[int, int]:
         """Number of nodes along the slow and the fast axis."""
         slow, fast = (self.elements[axis] + basis.DEGREE - 2 * self.dropped for axis in self.axes)
@@ -119,10 +121,10 @@ class SplinePatch:
         """Number of nodes."""
         return self.shape[0] * self.shape[1]
 
-    @property
+    @cached_property
     def corner_mm(self) -> Float64[np.ndarray, "2"]:
         """The corner with the least x and y."""
-        return np.array(self.centre_mm) - 0.5 * np.array(self.size_mm)
+        return read_only(np.array(self.centre_mm) - 0.5 * np.array(self.size_mm))
 
     @cached_property
     def is_free(self) -> Bool[np.ndarray, "nodes 3"]:
@@ -162,8 +164,11 @@ class SplinePatch:
 
     def at(self, point_mm: Float64[np.ndarray, "k 2"]) -> PointBasis:
         """The basis functions at points of the sheet; points outside are moved to the outline."""
-        window, local = self.window(point_mm), np.arange(4)
-        first = window.first
+        return self.basis(self.window(point_mm))
+
+    def basis(self, window: PointWindow) -> PointBasis:
+        """The basis functions from their factors."""
+        first, local = window.first, np.arange(4)
         node = (first[:, :1] + local)[:, :, None] * self.shape[1] + (first[:, 1:] + local)[:, None, :]
 
         def product(table: np.ndarray, slow: int, fast: int) -> np.ndarray:
@@ -237,6 +242,37 @@ class SplinePatch:
         held = np.clip(source, 0, 3)[:, None, :]
         plane, bending = (np.take_along_axis(table, held, axis=2) * is_there for table in tables)
         return start, plane, bending
+
+    @cached_property
+    def _at_nodes(self) -> tuple[NodeTable, NodeTable, NodeTable, NodeTable]:
+        """Functions of the bending deflection at the places of the nodes: along slow, fast; values, slopes.
+
+        Each is (nodes along the axis, functions along the axis).
+        """
+        window = self.window(self.place_mm)
+        first, bending = window.first, window.bending
+        rows = np.arange(self.node_count).reshape(self.shape)
+        tables = []
+        for number, row in ((0, rows[:, 0]), (1, rows[0])):
+            for order in (0, 1):
+                table, node = np.zeros((len(row), len(row))), np.arange(len(row))[:, None]
+                table[node, first[row, number][:, None] + np.arange(4)] = bending[row, number, order]
+                tables.append(read_only(table))
+        return tables[0], tables[1], tables[2], tables[3]
+
+    def slopes(self, bending_mm: Float64[np.ndarray, " nodes"]) -> Float64[np.ndarray, "nodes 2"]:
+        """Slopes along x and y of the bending deflection with these coefficients, at the nodes."""
+        slow, slow_slope, fast, fast_slope = self._at_nodes
+        grid = bending_mm.reshape(self.shape)
+        found = (slow_slope @ (grid @ fast.T)).ravel(), (slow @ (grid @ fast_slope.T)).ravel()
+        return np.stack(found if self.is_x_slow else found[::-1], axis=1)
+
+    def slope_moments(self, couple: Float64[np.ndarray, "nodes 2"]) -> Float64[np.ndarray, " nodes"]:
+        """Derivative by the coefficients of the sum over nodes of couples times `slopes`."""
+        slow, slow_slope, fast, fast_slope = self._at_nodes
+        about = (couple if self.is_x_slow else couple[:, ::-1]).reshape(*self.shape, 2)
+        found = slow_slope.T @ about[:, :, 0] @ fast + slow.T @ about[:, :, 1] @ fast_slope
+        return np.asarray(found.ravel())
 
     def load(self, point_mm: Float64[np.ndarray, "k 2"], force: Float64[np.ndarray, "k 3"]) -> Nodal:
         """Nodal forces (nodes, 3) that are equivalent to forces at points."""

@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
+from manytouch.geometry.spline.patch import Nodal, PointBasis, PointWindow, SplinePatch
 from manytouch.mechanics.markers import kernels as marker_kernels
 from manytouch.mechanics.markers.projection import CameraModel, camera_model
 from manytouch.mechanics.shell.shell import Shell
@@ -35,7 +35,7 @@ class Face:
     @cached_property
     def basis(self) -> PointBasis:
         """Nodes and basis functions at the points."""
-        return self.shell.patch.at(self.point_mm)
+        return self.shell.patch.basis(self._window)
 
     def displacement(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "k 3"]:
         """Displacement (mm) in the sheet frame; the depth is minus its z."""
@@ -52,8 +52,12 @@ class Face:
         return out
 
     @cached_property
+    def _window(self) -> PointWindow:
+        return self.shell.patch.window(self.point_mm)
+
+    @cached_property
     def _places(self) -> marker_kernels.Places:
-        return _places(self.shell.patch, self.point_mm)
+        return _places(self._window)
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -143,15 +147,14 @@ class MarkerImages:
             around.plane.reshape(*shape, 2, 4, 4),
             around.bending.reshape(*shape, 2, 4, 4),
         )
-        return _places(patch, self.face.point_mm), outlines, outline_mm
+        return _places(patch.window(self.face.point_mm)), outlines, outline_mm
 
     @cached_property
     def _rest_px(self) -> Float64[np.ndarray, "m 2"]:
         return self._centroid_px(np.zeros((self.shell.patch.node_count, 3)))
 
 
-def _places(patch: SplinePatch, point_mm: Float64[np.ndarray, "k 2"]) -> marker_kernels.Places:
-    window = patch.window(point_mm)
+def _places(window: PointWindow) -> marker_kernels.Places:
     return marker_kernels.Places(window.first, window.plane, window.bending)
 
 

@@ -1,4 +1,4 @@
-"""Energy and forces of the shell, element by element, compiled.
+"""Energy of the shell and the parts of its forces and tangent, element by element, compiled.
 
 Derivation and symbols: docs/derivations/mechanics.md. Local nodes are numbered 4 a + b with a along the slow
 and b along the fast axis. Nodes outside the grid were dropped; their coefficients are 0.
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.compilation import inlined_kernel, kernel, no_type_check
-from manytouch.mechanics.shell.material import energy_density, stress
+from manytouch.mechanics.shell.material import energy_density
 from manytouch.mechanics.shell.tangent_kernels import Coefficients
 
 POINTS = 9  # of 3 x 3 Gauss
@@ -212,46 +212,6 @@ def energy(coefficient: Coefficients, elements: Elements, stiffness: Stiffness) 
                 sheared = 0.5 * shear_stiffness * g * g * (l1 * l1 + l2 * l2)
                 total += weight[at] * (0.5 * t * both + tension * (e1 + e2) + sheared)
     return total
-
-
-@kernel(fastmath=True)
-@no_type_check
-def forces(coefficient: Coefficients, elements: Elements, stiffness: Stiffness, force: Coefficients) -> None:
-    """Derivative of `energy` by the coefficients (mm^2), into `force`."""
-    t, mu, bulk, tension, lever, shear, shear_stiffness = stiffness
-    weight, tables, local = elements.weight, new_tables(), np.empty((3, LOCAL))
-    nx, ny, wx, wy, nxx, nyy, nxy, lx, ly = tables
-    element = np.empty((3, LOCAL))
-    force[:] = 0.0
-    for es in range(elements.slow.shape[0]):
-        for ef in range(elements.fast.shape[0]):
-            gather(coefficient, elements, es, ef, local)
-            tabulate(elements, es, ef, shear, tables)
-            element[:] = 0.0
-            for at in range(POINTS):
-                a10, a11, a12, a20, a21, a22, k1, k2, k3, l1, l2 = strain(local, tables, at)
-                e1 = 0.5 * (a10 * a10 + a11 * a11 + a12 * a12 - 1.0)
-                e2 = 0.5 * (a20 * a20 + a21 * a21 + a22 * a22 - 1.0)
-                e3 = a10 * a20 + a11 * a21 + a12 * a22
-                g = rotation(a12, a22)
-                z, half = lever * g, 0.5 * t * weight[at]
-                p1, p2, p3 = stress(e1 + z * k1, e2 + z * k2, e3 + z * k3, mu, bulk)
-                q1, q2, q3 = stress(e1 - z * k1, e2 - z * k2, e3 - z * k3, mu, bulk)
-                pull = weight[at] * tension
-                s1, s2, s3 = half * (p1 + q1) + pull, half * (p2 + q2) + pull, half * (p3 + q3)
-                m1, m2, m3 = half * lever * (p1 - q1), half * lever * (p2 - q2), half * lever * (p3 - q3)
-                h1, h2 = weight[at] * shear_stiffness * g * l1, weight[at] * shear_stiffness * g * l2
-                turn = -2.0 * g * g * (m1 * k1 + m2 * k2 + m3 * k3 + h1 * l1 + h2 * l2)
-                px, qx = s1 * a10 + s3 * a20, s1 * a11 + s3 * a21
-                py, qy = s3 * a10 + s2 * a20, s3 * a11 + s2 * a21
-                rx, ry = s1 * a12 + s3 * a22 + turn * a12, s3 * a12 + s2 * a22 + turn * a22
-                m1, m2, m3, h1, h2 = g * m1, g * m2, 2.0 * g * m3, g * h1, g * h2
-                for k in range(LOCAL):
-                    element[0, k] += px * nx[at, k] + py * ny[at, k]
-                    element[1, k] += qx * nx[at, k] + qy * ny[at, k]
-                    element[2, k] += rx * wx[at, k] + ry * wy[at, k] + h1 * lx[at, k] + h2 * ly[at, k]
-                    element[2, k] += m1 * nxx[at, k] + m2 * nyy[at, k] + m3 * nxy[at, k]
-            scatter_force(element, elements, es, ef, force)
 
 
 @inlined_kernel(fastmath=True)

@@ -9,6 +9,7 @@ from jaxtyping import Float, Float64
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell import tangent_assembly, tangent_kernels
+from manytouch.mechanics.shell.force_products import ForceProducts
 from manytouch.values.arrays import read_only, read_only_view
 
 SUPPORT_PER_MM = 1e-3
@@ -106,8 +107,7 @@ class Shell:
 
     def forces(self, coefficient_mm: Nodal) -> Nodal:
         """External forces over E (mm^2) in equilibrium with this shape: dW/dc, 0 for fixed unknowns."""
-        force = np.empty_like(coefficient_mm)
-        shell_kernels.forces(read_only_view(coefficient_mm), self._elements, self._stiffness, force)
+        force = self._products.forces(coefficient_mm, self._stiffness)
         force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
         force[~self.patch.is_free] = 0.0
         return force
@@ -144,9 +144,12 @@ class Shell:
     @cached_property
     def _rest_force(self) -> Nodal:
         """Forces of the sheet beyond a free outline, which balance the pretension at rest."""
-        force = np.empty((self.patch.node_count, 3))
-        shell_kernels.forces(read_only(np.zeros_like(force)), self._elements, self._stiffness, force)
-        return force
+        at_rest_mm = np.zeros((self.patch.node_count, 3))
+        return read_only(self._products.forces(at_rest_mm, self._stiffness))
+
+    @cached_property
+    def _products(self) -> ForceProducts:
+        return ForceProducts.of(self._elements)
 
     @cached_property
     def _elements(self) -> shell_kernels.Elements:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Float64, Int64
 
-from manytouch.geometry.spline.patch import Nodal, PointBasis
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.shell.shell import Shell
@@ -21,7 +21,6 @@ class Linearisation:
     Attributes:
         shell: the sheet.
         dots: the marker images.
-        nodes: basis functions at the Greville points of the nodes.
         force: (nodes, 3) nodal forces over E, mm^2.
         tangent: (nodes, 3, 3, 7, 8) derivative of `force` by the coefficients, mm; layout as in
             `Shell.forces_and_tangent`.
@@ -32,7 +31,6 @@ class Linearisation:
 
     shell: Shell
     dots: MarkerImages
-    nodes: PointBasis
     force: Nodal
     tangent: Float[np.ndarray, "nodes 3 3 7 8"]
     slope: Float64[np.ndarray, "nodes 2"]
@@ -53,10 +51,8 @@ class Linearisation:
     def balance_change(self, change_mm: Nodal) -> Nodal:
         """First-order change of `balance` for a change of the coefficients."""
         change = self.force_change(change_mm)
-        w = change_mm[self.nodes.node, 2]
-        slope, force_z = self.slope, self.force[:, 2]
-        change[:, 0] += slope[:, 0] * change[:, 2] + force_z * (self.nodes.slope_x * w).sum(axis=1)
-        change[:, 1] += slope[:, 1] * change[:, 2] + force_z * (self.nodes.slope_y * w).sum(axis=1)
+        turned = self.shell.patch.slopes(change_mm[:, 2])
+        change[:, :2] += self.slope * change[:, 2:] + self.force[:, 2:] * turned
         change[~self.shell.patch.is_free] = 0.0
         return change
 
@@ -90,7 +86,7 @@ class Linearisation:
             information_per_px2: (m, 2, 2) W.
             weighted_balance: (nodes, 3) weight times T f.
         """
-        patch, nodes = self.shell.patch, self.nodes
+        patch = self.shell.patch
         is_unused = information_per_px2[:, [0, 1], [0, 1]] == 0.0
         pull = np.einsum("mij,mj->mi", information_per_px2, np.where(is_unused, 0.0, residual_px))
         spread = np.einsum("mi,mika->mka", pull, self.derivative)
@@ -98,10 +94,8 @@ class Linearisation:
         across = weighted.copy()
         across[:, 2] += (self.slope * weighted[:, :2]).sum(axis=1)
         gradient = self.shell.product(self.tangent, across)
-        tilt = self.force[:, 2:] * weighted[:, :2]
-        tilted = tilt[:, :1] * nodes.slope_x + tilt[:, 1:] * nodes.slope_y
+        gradient[:, 2] += patch.slope_moments(self.force[:, 2:] * weighted[:, :2])
         count, node = patch.node_count, self.dots.tips.basis.node.ravel()
-        gradient[:, 2] += np.bincount(nodes.node.ravel(), tilted.ravel(), minlength=count)
         for axis in range(3):
             gradient[:, axis] += np.bincount(node, spread[:, :, axis].ravel(), minlength=count)
         gradient[~patch.is_free] = 0.0

@@ -13,7 +13,7 @@ from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver import band_kernels
 from manytouch.mechanics.solver.linearisation import Linearisation
-from manytouch.mechanics.solver.posterior import Posterior
+from manytouch.mechanics.solver.posterior import Posterior, Workspace
 
 MIN_DAMPING = 1e-7
 """First addition to the diagonal of a singular normal matrix, over its largest entry."""
@@ -45,20 +45,18 @@ class NormalEquations:
 
     def linearise(self, coefficient_mm: Nodal) -> Linearisation:
         """Forces, marker images and their derivatives at coefficients (nodes, 3)."""
-        patch, nodes = self.shell.patch, self._nodes
+        patch = self.shell.patch
         force = np.empty((patch.node_count, 3))
         tangent = self.shell.empty_tangent(self._precision)
         self.shell.forces_and_tangent(coefficient_mm, force, tangent)
         derivative = self.dots.derivative_px(coefficient_mm)
         derivative *= patch.is_free[self.dots.tips.basis.node][:, None]
-        w = coefficient_mm[nodes.node, 2]
         return Linearisation(
             shell=self.shell,
             dots=self.dots,
-            nodes=nodes,
             force=force,
             tangent=tangent,
-            slope=np.column_stack([(nodes.slope_x * w).sum(axis=1), (nodes.slope_y * w).sum(axis=1)]),
+            slope=patch.slopes(coefficient_mm[:, 2]),
             derivative=derivative,
         )
 
@@ -95,6 +93,7 @@ class NormalEquations:
             weight=force_weight_per_mm4,
             information=information_per_px2,
             damping=damping,
+            workspace=Workspace(),
         )
 
     def _factorise(

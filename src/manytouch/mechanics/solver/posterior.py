@@ -1,6 +1,8 @@
 """The Gaussian posterior of the sheet's coefficients: Gauss-Newton step, covariances and samples."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, TypeVar, cast
 
 import numpy as np
 from jaxtyping import Float64, Int64
@@ -8,6 +10,42 @@ from jaxtyping import Float64, Int64
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.banded.band import BandFactor
 from manytouch.mechanics.solver.linearisation import Linearisation
+
+T = TypeVar("T")
+
+_MAX_KEPT = 64
+
+
+class Workspace:
+    """What was computed from one posterior and is needed again; it only saves time."""
+
+    def __init__(self) -> None:
+        self._row_of = np.zeros(0, dtype=np.int64)
+        self._white = np.zeros((0, 0))
+        self._kept: dict[tuple[str, bytes], Any] = {}
+
+    def forces(self, posterior: "Posterior", node: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "k n"]:
+        """`Posterior.whitened_forces`."""
+        linearisation = posterior.linearisation
+        if len(self._row_of) == 0:
+            nodes = linearisation.shell.patch.node_count
+            self._row_of, self._white = np.full(nodes, -1, dtype=np.int64), np.zeros((0, 3 * nodes))
+        new = node[self._row_of[node] < 0]
+        if len(new) > 0:
+            rows = linearisation.force_rows(new, 2) * linearisation.shell.patch.is_free
+            white = posterior.factor.whiten_many(rows.reshape(len(new), -1))
+            self._row_of[new] = len(self._white) + np.arange(len(new))
+            self._white = np.concatenate([self._white, white])
+        return np.asarray(self._white[self._row_of[node]])
+
+    def kept(self, name: str, node: Int64[np.ndarray, " k"], compute: Callable[[], T]) -> T:
+        """A result for some nodes: that of an earlier call with the same name and nodes, if there was one."""
+        key = (name, node.tobytes())
+        if key not in self._kept:
+            if len(self._kept) >= _MAX_KEPT:
+                self._kept.clear()
+            self._kept[key] = compute()
+        return cast(T, self._kept[key])
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -24,6 +62,7 @@ class Posterior:
         weight: (nodes, 3) of the balance T f, per mm^4.
         information: (m, 2, 2) W, per px^2.
         damping: what was added to the diagonal of H, over its largest entry; 0 unless H was singular.
+        workspace: of results that are needed again.
     """
 
     linearisation: Linearisation
@@ -32,6 +71,11 @@ class Posterior:
     weight: Nodal
     information: Float64[np.ndarray, "m 2 2"]
     damping: float
+    workspace: Workspace
+
+    def whitened_forces(self, node: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "k n"]:
+        """Derivatives of the normal forces at nodes by the coefficients, times L^-T of H = L L^T."""
+        return self.workspace.forces(self, node)
 
     def chord_step(
         self,
@@ -68,11 +112,12 @@ class Posterior:
         is_free = self.linearisation.shell.patch.is_free
         return np.asarray(self.factor.colour(normal).reshape(len(normal), *is_free.shape) * is_free)
 
-    def covariance(self, rows: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k k"]:
-        """Covariance of k linear functions rows . c of the coefficients c."""
-        is_free = self.linearisation.shell.patch.is_free
-        white = self.factor.whiten((rows * is_free).reshape(len(rows), -1))
-        return np.asarray(white @ white.T)
+    def covariances(self, rows: Float64[np.ndarray, "g k nodes 3"]) -> Float64[np.ndarray, "g k k"]:
+        """Covariances of k linear functions rows . c of the coefficients c, for each of g groups."""
+        groups, count = rows.shape[:2]
+        free = (rows * self.linearisation.shell.patch.is_free).reshape(groups * count, -1)
+        white = self.factor.whiten(free).reshape(groups, count, -1)
+        return np.asarray(white @ white.transpose(0, 2, 1))
 
     def variances(
         self, node: Int64[np.ndarray, "k 16"], row: Float64[np.ndarray, "k 16 3"]

@@ -73,6 +73,16 @@ def test_the_tables_are_those_of_scipy(patch: SplinePatch, bent_mm: np.ndarray) 
     np.testing.assert_allclose(at.displacement(bent_mm), reference.moved(patch, bent_mm, point), atol=1e-12)
 
 
+def test_slopes_at_the_nodes_are_those_of_the_tables(patch: SplinePatch, bent_mm: np.ndarray) -> None:
+    points = patch.at(patch.place_mm)
+    own = bent_mm[points.node, 2]
+    expected = np.stack([(points.slope_x * own).sum(axis=1), (points.slope_y * own).sum(axis=1)], axis=1)
+    np.testing.assert_allclose(patch.slopes(bent_mm[:, 2]), expected, atol=1e-13)
+    couple = np.random.default_rng(4).normal(size=(patch.node_count, 2))
+    work = float((couple * expected).sum())
+    assert float(patch.slope_moments(couple) @ bent_mm[:, 2]) == pytest.approx(work, rel=1e-12)
+
+
 def test_a_window_has_the_factors_of_the_tables(patch: SplinePatch, bent_mm: np.ndarray) -> None:
     point = points_of(patch)
     window, grid = patch.window(point), bent_mm.reshape(*patch.shape, 3)

@@ -69,7 +69,7 @@ def test_a_step_solves_the_normal_equations(dots: MarkerImages, bent_mm: np.ndar
 
     rows = np.random.default_rng(6).normal(size=(3, *bent_mm.shape))
     dense = rows.reshape(3, -1)[:, free]
-    np.testing.assert_allclose(posterior.covariance(rows), dense @ inverse @ dense.T, rtol=1e-8)
+    np.testing.assert_allclose(posterior.covariances(rows[None])[0], dense @ inverse @ dense.T, rtol=1e-8)
     solved = posterior.solve(rows * dots.shell.patch.is_free).reshape(3, -1)[:, free]
     np.testing.assert_allclose(solved, dense @ inverse, rtol=1e-7, atol=1e-10)
     local = image[:, 0][:, free]
@@ -86,7 +86,7 @@ def test_samples_have_the_covariance_of_the_posterior(dots: MarkerImages, bent_m
     rows = np.random.default_rng(6).normal(size=(3, *bent_mm.shape))
     samples = posterior.sample_changes(np.eye(bent_mm.size))
     values = np.einsum("rnj,snj->rs", rows, samples)
-    np.testing.assert_allclose(values @ values.T, posterior.covariance(rows), rtol=1e-7, atol=1e-12)
+    np.testing.assert_allclose(values @ values.T, posterior.covariances(rows[None])[0], rtol=1e-7, atol=1e-12)
 
 
 def test_single_precision_is_enough_for_a_step(dots: MarkerImages, bent_mm: np.ndarray) -> None:
@@ -134,7 +134,7 @@ def test_standard_deviations_of_forces(dots: MarkerImages, bent_mm: np.ndarray) 
     share = np.random.default_rng(8).uniform(size=(2, len(bent_mm)))
     rows = np.stack([here.force_row(each, 2) for each in share])
     np.testing.assert_allclose(
-        posterior.force_std(share, 2) ** 2, np.diag(posterior.covariance(rows)), rtol=1e-9
+        posterior.force_std(share, 2) ** 2, np.diag(posterior.covariances(rows[None])[0]), rtol=1e-9
     )
     assert len(posterior.force_std(share[:0], 2)) == 0
 
@@ -148,11 +148,19 @@ def test_later_calls_change_no_linearisation_and_no_posterior(
     here = normal.linearise(bent_mm)
     posterior = normal.solve(here, residual, information, weight)
     rows = here.force_rows(np.flatnonzero(dots.shell.patch.is_free[:, 2])[:3], 2)
-    before = (posterior.chord_step(residual, information, here.balance), posterior.covariance(rows), rows)
+    before = (
+        posterior.chord_step(residual, information, here.balance),
+        posterior.covariances(rows[None])[0],
+        rows,
+    )
     other = normal.linearise(0.5 * bent_mm)
     normal.solve(other, residual + 1.0, 2.0 * information, 0.5 * weight)
     again = here.force_rows(np.flatnonzero(dots.shell.patch.is_free[:, 2])[:3], 2)
-    after = (posterior.chord_step(residual, information, here.balance), posterior.covariance(again), again)
+    after = (
+        posterior.chord_step(residual, information, here.balance),
+        posterior.covariances(again[None])[0],
+        again,
+    )
     for one, two in zip(before, after, strict=True):
         np.testing.assert_array_equal(one, two)
     repeated = normal.solve(normal.linearise(bent_mm), residual, information, weight)

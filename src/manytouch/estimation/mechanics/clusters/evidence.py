@@ -20,6 +20,7 @@ from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline import basis
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
+from manytouch.mechanics.solver.posterior import Posterior
 from manytouch.values import Status
 from manytouch.values.arrays import Points2, Scalars
 
@@ -78,28 +79,40 @@ class PairFit:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Combinations:
+    """Independent combinations of the forces of n nodes, of which the markers give q.
+
+    Attributes:
+        white: (q, n) the combinations, each divided by its standard deviation.
+        white_of_mean: (q, n) derivatives of their most likely values by the posterior means of the normal
+            forces.
+        knot_x_mm, knot_y_mm: of the splines along x and y.
+        node: (n,) numbers of the nodes.
+        local: (nx, ny) number of each spline function's node among the n, or -1.
+    """
+
+    white: Float64[np.ndarray, "q n"]
+    white_of_mean: Float64[np.ndarray, "q n"]
+    knot_x_mm: Float64[np.ndarray, " kx"]
+    knot_y_mm: Float64[np.ndarray, " ky"]
+    node: Int64[np.ndarray, " n"]
+    local: Int64[np.ndarray, "nx ny"]
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Evidence:
     """The likelihood of the forces of n nodes: q independent combinations with unit variance.
 
     Attributes:
-        white: (q, n) the combinations, each divided by its standard deviation.
-        white_of_mean: (q, n) derivatives of `aim` by the posterior means of the normal forces.
+        combinations: of the forces.
         aim: (q,) their most likely values.
-        knot_x_mm, knot_y_mm: of the splines along x and y.
-        node: (n,) numbers of the nodes.
-        local: (nx, ny) number of each spline function's node among the n, or -1.
         patch: of the sheet.
         columns: (p, n) change of the forces over E (z component) for one standard deviation of each
             parameter of the sheet that is not exactly known.
     """
 
-    white: Float64[np.ndarray, "q n"]
-    white_of_mean: Float64[np.ndarray, "q n"]
+    combinations: Combinations
     aim: Float64[np.ndarray, " q"]
-    knot_x_mm: Float64[np.ndarray, " kx"]
-    knot_y_mm: Float64[np.ndarray, " ky"]
-    node: Int64[np.ndarray, " n"]
-    local: Int64[np.ndarray, "nx ny"]
     patch: SplinePatch
     columns: Float64[np.ndarray, "p n"]
 
@@ -200,28 +213,30 @@ class Evidence:
         """
         if len(self.columns) == 0:
             return np.zeros_like(inverse)
-        at, slope = self._nodal(theta), np.empty((len(self.node), len(theta)))
+        at, slope = self._nodal(theta), np.empty((len(self.combinations.node), len(theta)))
         for number, size in enumerate(step):
             moved = theta.copy()
             moved[number] += size
             slope[:, number] = (self._nodal(moved) - at) / size
         # a change of the nodal forces moves the aim by `white` times its normal component
-        changes = inverse @ (self.white @ slope).T @ (self.white_of_mean @ -self.columns.T)
+        by_columns = self.combinations.white_of_mean @ -self.columns.T
+        changes = inverse @ (self.combinations.white @ slope).T @ by_columns
         return np.asarray(changes @ changes.T)
 
     def _grid(self) -> NodeGrid:
         shares = (self.patch.rim_share(axis) for axis in range(2))
-        return NodeGrid(self.knot_x_mm, self.knot_y_mm, self.local, self.patch.shear_mm2, *shares)
+        own = self.combinations
+        return NodeGrid(own.knot_x_mm, own.knot_y_mm, own.local, self.patch.shear_mm2, *shares)
 
     def _nodal(self, theta: Scalars) -> Float64[np.ndarray, " nodes"]:
         """Forces of fitted patches on the nodes."""
-        nodal = np.zeros(len(self.node))
+        nodal = np.zeros(len(self.combinations.node))
         add_patches(theta, self._grid(), nodal)
         return nodal
 
     def _fit(self, theta: Scalars, step: list[float]) -> tuple[float, Float64[np.ndarray, "p p"]]:
         """Least misfit and its curvature; `theta` is changed in place."""
-        likelihood = Whitened(self.white, self.aim)
+        likelihood = Whitened(self.combinations.white, self.aim)
         misfit, curved = fit_patches(theta, np.array(step), self._grid(), likelihood, _MAX_STEPS)
         return float(misfit), curved
 
@@ -241,8 +256,6 @@ def _inverse(curved: np.ndarray) -> np.ndarray:
 class ForcePosterior:
     """The posterior of the normal forces of nodes in one frame.
 
-    Rows that were whitened are kept, because clusters share nodes.
-
     Attributes:
         model: of the sheet.
         fit: of the frame.
@@ -255,8 +268,6 @@ class ForcePosterior:
         self.model = model
         self.fit = fit
         self.columns = np.zeros((0, model.patch.node_count)) if columns is None else columns
-        self._row_of = np.full(model.patch.node_count, -1, dtype=np.int64)
-        self._white = np.zeros((0, 3 * model.patch.node_count))
 
     def evidence(self, node: Int64[np.ndarray, " n"]) -> Evidence | None:
         """The likelihood of the normal forces of some nodes; None if there are too few or the fit has failed.
@@ -267,23 +278,13 @@ class ForcePosterior:
         node = node[self.model.patch.is_free[node, 2]]
         if len(node) < _MIN_NODES or self.fit.status is not Status.OK:
             return None
-        white = self._whitened(node)
-        inverse = np.linalg.inv(white @ white.T)
-        likelihood = inverse - np.diag(self.fit.posterior.weight[node, 2])
-        size, axes = np.linalg.eigh(0.5 * (likelihood + likelihood.T))
-        is_used = size > _RANK * size[-1]
-        root = np.sqrt(size[is_used])
-        axes = axes[:, is_used]
-        of_mean = axes.T @ inverse / root[:, None]
+        combinations = self.fit.posterior.workspace.kept(
+            "combinations", node, lambda: _combinations(self.model, self.fit.posterior, node)
+        )
         return Evidence(
-            white=np.ascontiguousarray(root[:, None] * axes.T),
-            white_of_mean=of_mean,
-            aim=-of_mean @ self.fit.shape.force_mm2[node, 2],
+            combinations=combinations,
+            aim=-combinations.white_of_mean @ self.fit.shape.force_mm2[node, 2],
             columns=self.columns[:, node],
-            node=node,
-            knot_x_mm=_knots_mm(self.model, 0),
-            knot_y_mm=_knots_mm(self.model, 1),
-            local=_local(self.model, node),
             patch=self.model.patch,
         )
 
@@ -296,22 +297,35 @@ class ForcePosterior:
             press_mm2: (nodes,) normal forces over E, positive in compression; NaN where not known.
         """
         node = np.flatnonzero(np.isfinite(press_mm2))
-        white = self._whitened(node)
-        off_mm2 = -press_mm2[node] - self.fit.shape.force_mm2[node, 2]
-        pull = np.linalg.solve(white @ white.T, off_mm2)
-        patch = self.model.patch
-        change = self.fit.posterior.factor.colour((pull @ white)[None])
-        return np.asarray(change[0].reshape(-1, 3) * patch.is_free)
+        posterior = self.fit.posterior
 
-    def _whitened(self, node: Int64[np.ndarray, " n"]) -> Float64[np.ndarray, "n unknowns"]:
-        """Derivatives of the normal forces by the coefficients, times L^-T of H = L L^T."""
-        new = node[self._row_of[node] < 0]
-        if len(new) > 0:
-            posterior = self.fit.posterior
-            rows = posterior.linearisation.force_rows(new, 2) * self.model.patch.is_free
-            self._row_of[new] = len(self._white) + np.arange(len(new))
-            self._white = np.concatenate([self._white, posterior.factor.whiten(rows.reshape(len(new), -1))])
-        return np.asarray(self._white[self._row_of[node]])
+        white = posterior.whitened_forces(node)
+
+        def inverse() -> Float64[np.ndarray, "n n"]:
+            return np.asarray(np.linalg.inv(white @ white.T))
+
+        off_mm2 = -press_mm2[node] - self.fit.shape.force_mm2[node, 2]
+        pull = posterior.workspace.kept("inverse covariance", node, inverse) @ off_mm2
+        change = posterior.factor.colour((pull @ white)[None])
+        return np.asarray(change[0].reshape(-1, 3) * self.model.patch.is_free)
+
+
+def _combinations(model: InversionModel, posterior: Posterior, node: Int64[np.ndarray, " n"]) -> Combinations:
+    white = posterior.whitened_forces(node)
+    inverse = np.linalg.inv(white @ white.T)
+    likelihood = inverse - np.diag(posterior.weight[node, 2])
+    size, axes = np.linalg.eigh(0.5 * (likelihood + likelihood.T))
+    is_used = size > _RANK * size[-1]
+    root = np.sqrt(size[is_used])
+    axes = axes[:, is_used]
+    return Combinations(
+        white=np.ascontiguousarray(root[:, None] * axes.T),
+        white_of_mean=axes.T @ inverse / root[:, None],
+        node=node,
+        knot_x_mm=_knots_mm(model, 0),
+        knot_y_mm=_knots_mm(model, 1),
+        local=_local(model, node),
+    )
 
 
 def _knots_mm(model: InversionModel, axis: int) -> Scalars:

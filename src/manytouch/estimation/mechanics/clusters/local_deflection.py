@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.compilation import kernel, no_type_check
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import Face
@@ -54,32 +55,54 @@ class LocalDeflection:
             near = np.flatnonzero((np.abs(place_mm - clusters.centre_mm[number]) < reach_mm).all(axis=1))
             if len(near) == 0:
                 continue
-            each = self._at(points_mm, place_mm[near])
-            missing_mm[near] += clusters.normal_mm2[number] * np.outer(_SHARE, _SHARE).ravel() @ each
+            force_mm2 = clusters.normal_mm2[number] * np.outer(_SHARE, _SHARE).ravel()
+            place = (place_mm[near] - self.corner_mm) / self.element_mm
+            missing_mm[near] += missing_depth(
+                (points_mm - self.corner_mm) / self.element_mm, force_mm2, place, self.table_per_mm
+            )
         return missing_mm
 
-    def _at(self, force_mm: Points2, place_mm: Float64[np.ndarray, "k 2"]) -> Float64[np.ndarray, "m k"]:
-        """(m, k) per force, of point forces at places (m, 2), by linear interpolation."""
-        inside = ((force_mm - self.corner_mm) / self.element_mm) % 1.0
-        is_far = inside > 0.5
-        offset = np.where(is_far, 1.0 - inside, inside) * 2.0 * (_OFFSETS - 1)
-        first = np.clip(offset.astype(np.int64), 0, _OFFSETS - 2)
-        part = offset - first
-        table = np.zeros((len(force_mm), _STEPS, _STEPS))
-        for i in (0, 1):
-            for j in (0, 1):
-                share = np.abs(1 - i - part[:, 0]) * np.abs(1 - j - part[:, 1])
-                table += share[:, None, None] * self.table_per_mm[first[:, 0] + i, first[:, 1] + j]
-        away = (place_mm - force_mm[:, None]) / self.element_mm * np.where(is_far, -1.0, 1.0)[:, None]
-        step = (away / _REACH + 1.0) * 0.5 * (_STEPS - 1)
-        within = ((step >= 0.0) & (step <= _STEPS - 1)).all(axis=2)
-        low = np.clip(step.astype(np.int64), 0, _STEPS - 2)
-        x, y = np.moveaxis(step - low, 2, 0)
-        i, j = np.moveaxis(low, 2, 0)
-        own = np.arange(len(force_mm))[:, None]
-        found = (1.0 - x) * ((1.0 - y) * table[own, i, j] + y * table[own, i, j + 1])
-        found += x * ((1.0 - y) * table[own, i + 1, j] + y * table[own, i + 1, j + 1])
-        return np.where(within, found, 0.0)
+
+@kernel()
+@no_type_check
+def missing_depth(
+    force_at: Points2,
+    force_mm2: Scalars,
+    place: Float64[np.ndarray, "m 2"],
+    table_per_mm: Float64[np.ndarray, "3 3 21 21"],
+) -> Float64[np.ndarray, " m"]:
+    """(m,) missing depth of point forces (mm) by linear interpolation of `LocalDeflection.table_per_mm`.
+
+    Args:
+        force_at: (k, 2) places of the forces, in elements from the first corner.
+        force_mm2: (k,) forces over E.
+        place: (m, 2) where the depth is needed, in elements.
+        table_per_mm: depth per force.
+    """
+    found = np.zeros(len(place))
+    mixed = np.empty((_STEPS, _STEPS))
+    first, part, sign = np.empty(2, np.int64), np.empty(2), np.empty(2)
+    for k in range(len(force_at)):
+        for axis in range(2):
+            inside = force_at[k, axis] - np.floor(force_at[k, axis])
+            sign[axis] = -1.0 if inside > 0.5 else 1.0
+            offset = (1.0 - inside if inside > 0.5 else inside) * 2.0 * (_OFFSETS - 1)
+            first[axis] = min(int(offset), _OFFSETS - 2)
+            part[axis] = offset - first[axis]
+        mixed[:] = 0.0
+        for i in range(2):
+            for j in range(2):
+                share = abs(1 - i - part[0]) * abs(1 - j - part[1]) * force_mm2[k]
+                mixed += share * table_per_mm[first[0] + i, first[1] + j]
+        for m in range(len(place)):
+            x = (sign[0] * (place[m, 0] - force_at[k, 0]) / _REACH + 1.0) * 0.5 * (_STEPS - 1)
+            y = (sign[1] * (place[m, 1] - force_at[k, 1]) / _REACH + 1.0) * 0.5 * (_STEPS - 1)
+            if 0.0 <= x <= _STEPS - 1 and 0.0 <= y <= _STEPS - 1:
+                i, j = min(int(x), _STEPS - 2), min(int(y), _STEPS - 2)
+                x, y = x - i, y - j
+                found[m] += (1.0 - x) * ((1.0 - y) * mixed[i, j] + y * mixed[i, j + 1])
+                found[m] += x * ((1.0 - y) * mixed[i + 1, j] + y * mixed[i + 1, j + 1])
+    return found
 
 
 def local_deflection(shell: Shell) -> LocalDeflection:

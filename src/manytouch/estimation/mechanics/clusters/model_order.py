@@ -115,11 +115,13 @@ class ModelOrder:
                 pair = self._accept(evidence, clusters, number, parts, one, limit=limit, min_f=min_f)
             if pair is not None:
                 result = _split(result, number, pair, lattice, force_mm2)
-                result = result.with_nodal(evidence.node, pair.nodal_mm2)
+                result = result.with_nodal(evidence.combinations.node, pair.nodal_mm2)
             elif self._is_plausible(lattice, clusters, number, one):
                 min_ring_mm = self.min_ring * float(lattice.element_mm.max())
                 shapes = evidence.shape_probability(one, min_ring_mm=min_ring_mm)
-                result = result.with_patch(number, one, shapes).with_nodal(evidence.node, one.nodal_mm2)
+                result = result.with_patch(number, one, shapes).with_nodal(
+                    evidence.combinations.node, one.nodal_mm2
+                )
         order = np.argsort(-result.normal_mm2, kind="stable")
         return result.select(order)
 

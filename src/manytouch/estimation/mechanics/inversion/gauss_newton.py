@@ -292,9 +292,7 @@ class _Iterate:
 
 def balance(model: InversionModel, coefficient_mm: Nodal, force_mm2: Nodal) -> Nodal:
     """(n, 3) nodal forces over E tangential to the deformed sheet along x and y, and their z components."""
-    w_mm = coefficient_mm[model.nodes.node, 2]
     along = force_mm2.copy()
-    along[:, 0] += (model.nodes.slope_x * w_mm).sum(axis=1) * force_mm2[:, 2]
-    along[:, 1] += (model.nodes.slope_y * w_mm).sum(axis=1) * force_mm2[:, 2]
+    along[:, :2] += model.patch.slopes(coefficient_mm[:, 2]) * force_mm2[:, 2:]
     along[~model.patch.is_free] = 0.0
     return along

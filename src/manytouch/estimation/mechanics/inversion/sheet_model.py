@@ -7,7 +7,7 @@ import numpy as np
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.assumptions import view_is_assumed
 from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
-from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
+from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.equilibrium import tangent_factor
 from manytouch.mechanics.shell.shell import Shell
@@ -31,7 +31,6 @@ class InversionModel:
         dots: marker images.
         normal_equations: of the inversion.
         lattice: of the nodes.
-        nodes: basis functions at the Greville points of the nodes.
         pitch_mm: geometric mean of both pitches of the layout.
         thickness_mm: of the sheet.
         young_MPa: None if forces are relative, over E.
@@ -49,7 +48,6 @@ class InversionModel:
     dots: MarkerImages
     normal_equations: NormalEquations
     lattice: ForceLattice
-    nodes: PointBasis
     pitch_mm: float
     thickness_mm: float
     young_MPa: float | None
@@ -162,7 +160,6 @@ class NominalSheet:
                 force_unit_mm2=pitch_mm * thickness_mm,
                 least_force_mm2=self.least_depth_pitch * pitch_mm / _compliance_per_mm(shell, pitch_mm),
             ),
-            nodes=patch.at(patch.place_mm),
             pitch_mm=pitch_mm,
             thickness_mm=thickness_mm,
             young_MPa=sheet.young_MPa if sensor.scale_is_known else None,

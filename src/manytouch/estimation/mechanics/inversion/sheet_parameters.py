@@ -16,6 +16,7 @@ from jaxtyping import Float64
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
+from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Sheet
 from manytouch.values.arrays import Mask, Points2
@@ -35,15 +36,15 @@ class SheetVariant:
     Attributes:
         shell: with the parameter moved by a step.
         stds: standard deviation of the parameter over the step.
-        moves_markers: whether the marker images of a shape depend on it.
+        dots: the marker images of this sheet; None if those of a shape do not depend on the parameter.
     """
 
     shell: Shell
     stds: float
-    moves_markers: bool
+    dots: MarkerImages | None = None
 
     def with_pretension(self, over_E_mm: float) -> "SheetVariant":
-        """The variant with another pretension over E."""
+        """The variant with another pretension over E, on which marker images do not depend."""
         return replace(self, shell=replace(self.shell, pretension_over_E_mm=over_E_mm))
 
 
@@ -53,11 +54,12 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
     found = []
     if std.thickness_mm > 0.0:
         step_mm = _STEP * shell.thickness_mm
+        thicker = replace(shell, thickness_mm=shell.thickness_mm + step_mm)
         found.append(
             SheetVariant(
-                shell=replace(shell, thickness_mm=shell.thickness_mm + step_mm),
+                shell=thicker,
                 stds=std.thickness_mm / step_mm,
-                moves_markers=True,
+                dots=replace(model.dots, shell=thicker),
             )
         )
     if std.poisson:
@@ -66,7 +68,6 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
             SheetVariant(
                 shell=replace(shell, poisson=min(other, _MAX_POISSON)),
                 stds=std.poisson / abs(_POISSON_STEP),
-                moves_markers=False,
             )
         )
     if std.bending_factor:
@@ -75,7 +76,6 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
             SheetVariant(
                 shell=replace(shell, bending_factor=factor * (1.0 + _STEP)),
                 stds=std.bending_factor / (factor * _STEP),
-                moves_markers=False,
             )
         )
     return tuple(found)
@@ -218,9 +218,8 @@ def parameter_response(
     for variant in variants:
         force_changes.append(variant.shell.forces(coefficient_mm) - shape.force_mm2)
         moved = np.zeros((count, 2))
-        if variant.moves_markers:
-            dots = replace(model.dots, shell=variant.shell)
-            moved = dots.displacement_px(coefficient_mm) - shape.displacement_px
+        if variant.dots is not None:
+            moved = variant.dots.displacement_px(coefficient_mm) - shape.displacement_px
         image_changes.append(moved)
         stds.append(variant.stds)
     balances = [balance(model, coefficient_mm, each) for each in force_changes]

@@ -5,7 +5,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from manytouch.estimation.mechanics.clusters.evidence import Evidence
+from manytouch.estimation.mechanics.clusters.evidence import Combinations, Evidence
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
 from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
 from spline_loads import PATCH, SHAPE, SHEAR_MM2, knots
@@ -26,14 +26,16 @@ def evidence_of(force_mm2: np.ndarray, noise_mm2: float = NOISE_MM2):
         local = np.full(len(force_mm2), -1, dtype=np.int64)
         local[node] = np.arange(len(node))
         return Evidence(
-            white=np.eye(len(node)) / noise_mm2,
+            combinations=Combinations(
+                white=np.eye(len(node)) / noise_mm2,
+                white_of_mean=np.eye(len(node)) / noise_mm2,
+                knot_x_mm=knots(0),
+                knot_y_mm=knots(1),
+                node=node,
+                local=local.reshape(SHAPE),
+            ),
             aim=-seen_mm2[node] / noise_mm2,
-            knot_x_mm=knots(0),
-            knot_y_mm=knots(1),
-            node=node,
-            local=local.reshape(SHAPE),
             patch=PATCH,
-            white_of_mean=np.eye(len(node)) / noise_mm2,
             columns=np.zeros((0, len(node))),
         )
 

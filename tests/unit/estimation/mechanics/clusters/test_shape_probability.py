@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.mechanics.clusters.evidence import Evidence
+from manytouch.estimation.mechanics.clusters.evidence import Combinations, Evidence
 from manytouch.estimation.mechanics.clusters.patch_kernels import add_ring
 from manytouch.geometry.spline import basis
 from manytouch.geometry.spline.patch import SplinePatch
@@ -23,13 +23,15 @@ def evidence_of(theta: list[float], seed: int = 0) -> Evidence:
     ]
     white = np.eye(len(NODE)) / NOISE_MM2
     evidence = Evidence(
-        white=white,
-        white_of_mean=white,
+        combinations=Combinations(
+            white=white,
+            white_of_mean=white,
+            knot_x_mm=knot_mm[0],
+            knot_y_mm=knot_mm[1],
+            node=NODE,
+            local=np.ascontiguousarray(np.pad(along_x, PATCH.dropped, constant_values=-1)),
+        ),
         aim=np.zeros(len(NODE)),
-        knot_x_mm=knot_mm[0],
-        knot_y_mm=knot_mm[1],
-        node=NODE,
-        local=np.ascontiguousarray(np.pad(along_x, PATCH.dropped, constant_values=-1)),
         patch=PATCH,
         columns=np.zeros((0, len(NODE))),
     )
