@@ -92,8 +92,7 @@ def _markers(requirements: Requirements, mm_per_px: float) -> tuple[float, float
     if pitch - 2 * radius < max(2 * requirements.printer.nozzle_mm, MIN_GAP_PX * mm_per_px):
         raise DesignError(
             f"contacts {requirements.separation_mm:g} mm apart need markers every {pitch:.2g} mm, but a "
-            "marker "
-            f"that the camera resolves ({mm_per_px:.3f} mm per px) and the printer prints "
+            f"marker that the camera resolves ({mm_per_px:.3f} mm per px) and the printer prints "
             f"({requirements.printer.nozzle_mm:g} mm lines) is {2 * radius:.2g} mm wide: use a larger "
             "separation, a smaller area, or a camera with more pixels"
         )
@@ -130,10 +129,8 @@ def _sheet(
     if not found:
         raise DesignError(
             f"no sheet supports {requirements.force_N[1]:g} N on 1 cm² within {requirements.deepest_mm:g} "
-            "mm: the "
-            f"stiffest, {stiffest[1]}, is pressed {stiffest[0]:.1f} mm deep; allow a deeper press, a "
-            "smaller force "
-            "or area, or a thicker sheet"
+            f"mm: the stiffest, {stiffest[1]}, is pressed {stiffest[0]:.1f} mm deep; allow a deeper press, "
+            "a smaller force or area, or a thicker sheet"
         )
     _, material, curve = max(found, key=lambda item: item[0])
     return material, curve
@@ -157,10 +154,9 @@ def _check_gaps(
         )
         raise DesignError(
             f"under a press of {requirements.deepest_mm:g} mm the gap between markers "
-            f"{requirements.marker_height_mm:g} "
-            f"mm high is {max(gap, 0):.2f} mm, less than the {least_mm:.2f} mm that the camera resolves: "
-            "make "
-            f"them at most {height:.1f} mm high, or use a larger separation"
+            f"{requirements.marker_height_mm:g} mm high is {max(gap, 0):.2f} mm, less than the "
+            f"{least_mm:.2f} mm that the camera resolves: make them at most {height:.1f} mm high, or use a "
+            "larger separation"
         )
 
 

@@ -44,8 +44,8 @@ def reasons_for(found: Design) -> Iterator[Reason]:
         chosen=f"{layout.shape[0]} x {layout.shape[1]}, every {layout.pitch_mm[0]:g} mm, radius "
         f"{layout.radius_mm[0]:.2f} mm ({layout.radius_mm[0] / found.mm_per_px:.1f} px)",
         why=f"the two-point resolution of {requirements.separation_mm:g} mm is {RESOLUTION_PITCHES:g} "
-        "pitches; the "
-        f"radius is a quarter of the pitch, and at least {MIN_RADIUS_PX:g} px and one printed line",
+        f"pitches; the radius is a quarter of the pitch, and at least {MIN_RADIUS_PX:g} px and one printed "
+        "line",
     )
     yield _gap_reason(found, layout)
     stress = found.material.young_MPa * found.curve.strain_at(found.depth_at_most_mm)
@@ -55,11 +55,9 @@ def reasons_for(found: Design) -> Iterator[Reason]:
         f"{found.material.young_MPa:.2g} MPa",
         why=f"the softest that supports {requirements.force_N[1]:g} N on 1 cm² within "
         f"{requirements.deepest_mm:g} mm: {found.depth_at_most_mm:.1f} mm, and "
-        f"{1e3 * found.depth_at_least_mm:.0f} µm under "
-        f"{requirements.force_N[0]:g} N; its largest strain is "
+        f"{1e3 * found.depth_at_least_mm:.0f} µm under {requirements.force_N[0]:g} N; its largest strain is "
         f"{100 * found.curve.strain_at(found.depth_at_most_mm):.0f} %, at a stress of about {stress:.1f} "
-        "MPa; it breaks at "
-        f"{found.material.strength_MPa:g} MPa",
+        f"MPa; it breaks at {found.material.strength_MPa:g} MPa",
     )
     yield Reason(about="frame rate", chosen=f"{camera.fps:g} per second", why="of the camera at this size")
 
@@ -81,9 +79,8 @@ def _gap_reason(found: Design, layout: Layout) -> Reason:
     return Reason(
         about="gap between markers",
         chosen=f"{gap:.2f} mm ({gap / found.mm_per_px:.1f} px) at a press of {deepest_mm:g} mm",
-        why=f"smallest gap by equation 1 for all pairs of a row; the largest slope is "
+        why="smallest gap by equation 1 for all pairs of a row; the largest slope is "
         f"{math.degrees(steepest):.0f} degrees and changes by {math.degrees(turn):.0f} degrees within a "
-        "pitch. "
-        f"The gap would be {MIN_GAP_PX:g} px with markers every {pitch:.1f} mm, or with a radius of "
+        f"pitch. The gap would be {MIN_GAP_PX:g} px with markers every {pitch:.1f} mm, or with a radius of "
         f"{radius:.1f} mm, or {height:.0f} mm high",
     )

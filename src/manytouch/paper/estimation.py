@@ -112,8 +112,7 @@ class PaperEstimation:
         if layout is None:
             raise SensorError(
                 f"sensor {sensor.name!r} has no [markers]: the depth of the paper needs their rest "
-                "positions: "
-                "run `manytouch calibrate rest` first"
+                "positions: run `manytouch calibrate rest` first"
             )
         shape = layout.shape
         if layout.row_column is None or shape is None or min(shape) < 3:

@@ -58,8 +58,8 @@ def describe(calibration: CameraCalibration) -> list[str]:
     if found.rms_px > GOOD_RMS_PX:
         lines.append(
             f"warning: a residual of {found.rms_px:.2f} px is large (usually below {GOOD_RMS_PX:g} px): "
-            f"check that the "
-            "board is flat, that its size is correct and that the focus of the camera is fixed"
+            "check that the board is flat, that its size is correct and that the focus of the camera is "
+            "fixed"
         )
     if calibration.missing:
         lines.append(f"views still missing: {'; '.join(calibration.missing)}")

@@ -213,9 +213,8 @@ def _assumptions(
         seen = float(arrangement.pitch_px[0] / arrangement.pitch_px[1])
         if abs(np.log(given / seen)) > _ODD_PITCHES:
             sentences.append(
-                f"The given pitches in x and y have the ratio 1 to {1.0 / given:.3f}, those in the "
-                f"image 1 to "
-                f"{1.0 / seen:.3f}; their geometric mean sets the scale."
+                f"The given pitches in x and y have the ratio 1 to {1.0 / given:.3f}, those in the image 1 "
+                f"to {1.0 / seen:.3f}; their geometric mean sets the scale."
             )
     sentences.append(
         f"The sheet is {THICKNESS_PITCHES} pitches thick and extends one pitch beyond its outermost markers."

@@ -113,9 +113,8 @@ def calibrate_rest(
     is_missing = share < SEEN_SHARE
     if int((~is_missing).sum()) < 6:
         raise LayoutError(
-            f"only {int((~is_missing).sum())} of {len(is_missing)} markers were seen in most frames: "
-            f"check light "
-            "and focus"
+            f"only {int((~is_missing).sum())} of {len(is_missing)} markers were seen in most frames: check "
+            "light and focus"
         )
     place_px = seen.median_px(np.ones(len(seen.timestamp_ns), dtype=np.bool_))
     there = ~is_missing & np.isfinite(place_px[:, 0])
@@ -163,8 +162,7 @@ def _with_measured_outline(found: Sensor, seen: ClampLine, thickness_mm: float) 
     if seen.unseen:
         raise SensorError(
             f"the image does not show the whole clamp line ({', '.join(seen.unseen)} missing): give the "
-            f"outline "
-            "of the sheet by --sheet-mm X,Y"
+            "outline of the sheet by --sheet-mm X,Y"
         )
     sheet = Sheet(size_mm=read_only(seen.size_mm.copy()), thickness_mm=thickness_mm)
     return with_origin_at(replace(found, sheet=sheet), seen)

@@ -9,8 +9,7 @@ from manytouch.values import Roi, Sensor
 
 UNDETECTABLE_SHIFT = (
     "The pattern is regular, fills the view and its dots are alike: a shift by whole pitches within one "
-    "frame "
-    "cannot be detected."
+    "frame cannot be detected."
 )
 _REGULAR_PITCHES, _REGULAR_NOISES = 0.003, 4.0
 _EQUAL_SHARE = (

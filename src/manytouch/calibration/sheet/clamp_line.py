@@ -133,9 +133,8 @@ def clamp_warnings(seen: ClampLine, sheet: Sheet | None) -> list[str]:
         return []
     sides = ", ".join(f"{SIDES[number]} at {seen.side_mm[number]:.1f} mm" for number in far)
     return [
-        f"the edge of the illuminated sheet differs from [sheet] ({sides}, from the centre of the "
-        f"sheet): if it "
-        "is clamped there, correct size_mm and offset_mm"
+        f"the edge of the illuminated sheet differs from [sheet] ({sides}, from the centre of the sheet): "
+        "if it is clamped there, correct size_mm and offset_mm"
     ]
 
 

@@ -163,13 +163,11 @@ def _bought(found: Design, choices: CasingChoices) -> Iterator[BillItem]:
     yield BillItem(
         item="camera",
         count=1,
-        what=f"{camera.width_px} x {camera.height_px} px, {camera.hfov_deg:g} degrees horizontal "
-        "field of view, "
-        f"focus from {camera.least_focus_mm:g} mm",
+        what=f"{camera.width_px} x {camera.height_px} px, {camera.hfov_deg:g} degrees horizontal field of "
+        f"view, focus from {camera.least_focus_mm:g} mm",
         remark=f"board holes {holes}; exposure, white balance and focus must be fixed by software or by hand",
-        example=f"USB camera module (UVC), {kind.name}, {camera.fps:g} frames per second or more at "
-        "this size, "
-        "M12 lens mount, board of 32 x 32 mm or 38 x 38 mm",
+        example=f"USB camera module (UVC), {kind.name}, {camera.fps:g} frames per second or more at this "
+        "size, M12 lens mount, board of 32 x 32 mm or 38 x 38 mm",
         price=kind.price_EUR,
     )
     least = least_f_number(found)
@@ -184,9 +182,8 @@ def _bought(found: Design, choices: CasingChoices) -> Iterator[BillItem]:
         item="lens",
         count=1,
         what=f"M12, focal length about {focal_length_mm(found):.1f} mm on that camera",
-        remark=f"turned into focus at {found.sensor.camera.translation_mm[2]:.0f} mm and locked; "
-        "not needed if "
-        "the module has one of this field of view",
+        remark=f"turned into focus at {found.sensor.camera.translation_mm[2]:.0f} mm and locked; not needed "
+        "if the module has one of this field of view",
         example=f"M12 lens, {stop}, distortion below 5 %, with an infrared filter, locking ring",
         price="8-25",
     )

@@ -14,14 +14,12 @@ def assembly(found: Design, choices: CasingChoices) -> str:
     steps = (
         _sheet_step(found, choices),
         "Print `casing.stl` with the camera plate down, in matt black filament. Print `clamp.stl`.",
-        f"Screw the camera board under the plate, with its lens through the hole. The centre of the lens "
+        "Screw the camera board under the plate, with its lens through the hole. The centre of the lens "
         f"should be {sensor.camera.translation_mm[2]:.1f} mm below the sheet "
         f"({height_mm(sensor, choices):.1f} mm from the outside of the plate to the rim). A difference of "
-        "one "
-        "millimetre is acceptable, because the distance is calibrated.",
-        f"Lay an LED strip on the ledge, all around ({strip_mm(found, choices):.0f} mm). Lead its cable "
-        "and that "
-        "of the camera through the hole. Cover the strip with white paper to diffuse the light.",
+        "one millimetre is acceptable, because the distance is calibrated.",
+        f"Lay an LED strip on the ledge, all around ({strip_mm(found, choices):.0f} mm). Lead its cable and "
+        "that of the camera through the hole. Cover the strip with white paper to diffuse the light.",
         "Paint the inside matt black, or line it with black flock, so that only the markers are bright.",
         "Lay the printed marker pattern on the rim, markers down, and focus the camera on it. Lock focus, "
         "exposure and white balance. Remove the pattern and run `manytouch calibrate camera --board "
@@ -29,8 +27,7 @@ def assembly(found: Design, choices: CasingChoices) -> str:
         f"`patterns/{str(board).replace(':', '-')}.pdf`; "
         "this is not possible after the sheet is mounted.",
         f"Insert {screws} M3 nuts into the flange from below. Lay the sheet on the rim, markers down, "
-        "without "
-        "stretching it. Lay the clamp on it and tighten the screws crosswise, a little at a time.",
+        "without stretching it. Lay the clamp on it and tighten the screws crosswise, a little at a time.",
         "Run `manytouch calibrate rest`, then `manytouch calibrate sheet` with presses of known force. "
         "Forces are calibrated only after this step.",
     )
@@ -41,9 +38,8 @@ def assembly(found: Design, choices: CasingChoices) -> str:
         "",
         "![parts in the orientation in which they are printed](parts.png)",
         "",
-        "`bill_of_materials.csv` lists what to print and to buy, with a generic example of each. "
-        "Its price ranges are "
-        "rough estimates for single pieces, not offers.",
+        "`bill_of_materials.csv` lists what to print and to buy, with a generic example of each. Its price "
+        "ranges are rough estimates for single pieces, not offers.",
         "",
         *(f"{place}. {step}" for place, step in enumerate(steps, 1)),
         "",

@@ -58,8 +58,7 @@ def printability_warnings(
         if not _fits(size, printer.bed_mm):
             found.append(
                 f"the {name} ({size[0]:.0f} x {size[1]:.0f} x {size[2]:.0f} mm) is larger than the bed of "
-                "the "
-                f"printer ({printer.bed_mm[0]:g} x {printer.bed_mm[1]:g} x {printer.bed_mm[2]:g} mm)"
+                f"the printer ({printer.bed_mm[0]:g} x {printer.bed_mm[1]:g} x {printer.bed_mm[2]:g} mm)"
             )
         if open_edges(mesh):
             found.append(f"the mesh of the {name} is not closed: {open_edges(mesh)} open edges")
