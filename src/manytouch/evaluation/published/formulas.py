@@ -17,7 +17,10 @@ from manytouch.sources.simulated import SimulatedSource, simulated_source
 from manytouch.values import Layout
 
 NOISE_PX = 0.04
-EVERY, LEAST_MM = 6, 1.0  # frames, and the largest depth of those that count
+FRAME_STEP = 6
+"""One frame of so many is evaluated."""
+LEAST_DEPTH_MM = 1.0
+"""Frames with a smaller largest depth are not counted."""
 LAW = "law"
 """What the equations measure to first order, computed from the true displacement (docs/paper.md)."""
 
@@ -51,11 +54,11 @@ def formula_errors(source: SimulatedSource | None = None) -> tuple[FormulaError,
     chance = np.random.default_rng(0)
     found: dict[str, list[tuple[float, float]]] = {name: [] for name in (*states, LAW)}
     distance_mm = next(iter(states.values())).distance_mm
-    for index in range(0, scene.frame_count, EVERY):
+    for index in range(0, scene.frame_count, FRAME_STEP):
         truth = scene.truth(index)
         moved_mm = truth.surface.displacement_mm
         true_mm = -moved_mm[:, 2]
-        if not true_mm.max() > LEAST_MM:
+        if not true_mm.max() > LEAST_DEPTH_MM:
             continue
         noisy_px = truth.grid.position_px + chance.normal(0.0, NOISE_PX, (len(true_mm), 2))
         plane_mm = onto_plane(camera, noisy_px)[:, :2]

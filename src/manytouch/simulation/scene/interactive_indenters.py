@@ -21,7 +21,10 @@ FINGERTIP = Sphere(radius_mm=6.0)
 MOST_FINGERS = 20
 STEEPEST = 0.4  # depth of a finger over its distance from the rim, where the sheet hardly gives way
 EASE_S = 0.05  # time in which a finger comes 63 % nearer to what is wanted of it
-DEEPER_MM, FARTHER_MM = 2.5, 6.0  # most in one frame, so that the sheet can follow
+MAX_DEPTH_STEP_MM = 2.5
+"""Largest change of the depth in one frame, so that the solution can follow."""
+MAX_SIDEWAYS_STEP_MM = 6.0
+"""The same of x and y together."""
 LIFTED_MM = -3.0  # depth that is wanted of a lifted finger
 ALONE_S = 3.0  # the scene goes on when nobody has pressed for so long
 MAX_EVALUATIONS = 18  # at the live sheet's energy in a frame
@@ -42,8 +45,8 @@ class _Finger:
 
     def ease(self, share: float) -> None:
         way_mm = share * (self.wanted_mm - self.position_mm)
-        way_mm[:2] *= min(1.0, FARTHER_MM / max(float(np.linalg.norm(way_mm[:2])), 1e-9))
-        way_mm[2] = min(max(way_mm[2], -DEEPER_MM), DEEPER_MM)
+        way_mm[:2] *= min(1.0, MAX_SIDEWAYS_STEP_MM / max(float(np.linalg.norm(way_mm[:2])), 1e-9))
+        way_mm[2] = min(max(way_mm[2], -MAX_DEPTH_STEP_MM), MAX_DEPTH_STEP_MM)
         self.position_mm = self.position_mm + way_mm
 
     @property

@@ -6,7 +6,10 @@ import numpy as np
 from manytouch.values import Reading
 
 _STRIDE = 4
-DARK, BRIGHT = 4, 251  # grey levels of 255 beyond which there is no detail
+DARK_LEVEL = 4
+"""A pixel at or below has no detail, grey levels of 255."""
+SATURATED_LEVEL = 251
+"""A pixel at or above has no detail, grey levels of 255."""
 
 
 class ImageQuality:
@@ -35,7 +38,7 @@ class ImageQuality:
         return {
             "focus": sharp / self._best if self._best > 0 else 0.0,
             "level": float(np.median(few)) / 255.0,
-            "clipped": float(np.mean((few <= DARK) | (few >= BRIGHT))),
+            "clipped": float(np.mean((few <= DARK_LEVEL) | (few >= SATURATED_LEVEL))),
         }
 
 

@@ -17,9 +17,15 @@ from manytouch.sinks.viewer.health import ImageQuality, residual_mm
 from manytouch.sinks.viewer.update_format import number, pack
 from manytouch.values import ESTIMATES, Comparison, Contact, Contacts, Layout, Reading, Sensor, Surface
 
-LONG_SIDE, MAX_SHORT_SIDE, MIN_SIDE = 100, 60, 16  # points of the grid
+LONG_SIDE_POINTS = 100
+"""Points of the displayed grid along the longer side of the sheet."""
+MIN_SHORT_SIDE_POINTS, MAX_SHORT_SIDE_POINTS = 16, 60
+"""Points along the shorter side."""
 IMAGE_PX, JPEG_QUALITY = 960, 78
-MAX_JPEG, JPEG_START = 200_000, b"\xff\xd8"  # bytes of a camera's JPEG that is passed on unchanged
+MAX_JPEG_BYTES = 200_000
+"""Longest JPEG of a camera that is passed on unchanged."""
+JPEG_START = b"\xff\xd8"
+"""First bytes of a JPEG."""
 _CENTRE = [ESTIMATES.index("x"), ESTIMATES.index("y")]
 
 
@@ -126,7 +132,9 @@ class UpdateEncoder:
                 parts[layer] = values.astype("<f4")
         if update.is_image_wanted and image is not None:
             encoded = reading.frame.encoded
-            is_usable = encoded is not None and len(encoded) <= MAX_JPEG and encoded.startswith(JPEG_START)
+            is_usable = (
+                encoded is not None and len(encoded) <= MAX_JPEG_BYTES and encoded.startswith(JPEG_START)
+            )
             parts["image"] = encoded if encoded is not None and is_usable else encode_jpeg(image)
         return parts
 
@@ -146,8 +154,10 @@ def viewer_grid(layout: Layout) -> SurfaceGrid:
     """A grid over the markers and half a pitch beyond, 100 x 60 points on a sheet of 5 : 3."""
     low, high = grid_corners(layout)
     side = high - low
-    count = np.clip(np.round(LONG_SIDE * side / side.max()), MIN_SIDE, MAX_SHORT_SIDE).astype(int)
-    count[int(np.argmax(side))] = LONG_SIDE
+    count = np.clip(
+        np.round(LONG_SIDE_POINTS * side / side.max()), MIN_SHORT_SIDE_POINTS, MAX_SHORT_SIDE_POINTS
+    ).astype(int)
+    count[int(np.argmax(side))] = LONG_SIDE_POINTS
     x_mm, y_mm = (np.linspace(low[axis], high[axis], count[axis]) for axis in (0, 1))
     return SurfaceGrid(x_mm=x_mm, y_mm=y_mm, sampler=sampler_on(layout, x_mm, y_mm))
 
