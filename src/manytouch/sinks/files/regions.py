@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
+from manytouch.sinks.files.arrow_columns import arrow_column, point_lists
 from manytouch.sinks.files.parquet_file import ParquetFile
 from manytouch.values import LengthUnit, Reading, Sensor
 
@@ -33,21 +34,15 @@ class RegionTable:
     def __init__(self, folder: Path, sensor: Sensor) -> None:
         self._schema = region_schema(sensor.length_unit)
         self._file = ParquetFile(folder / "regions.parquet", self._schema)
-        self._waiting: list[dict[str, object]] = []
+        self._waiting: list[tuple[int, int, int, bool]] = []
+        self._outlines: list[np.ndarray] = []
 
     def write(self, reading: Reading) -> None:
         """Add the regions of a frame."""
         for contact in reading.contacts.touching:
             for number, ring in enumerate(contact.outline or ()):
-                self._waiting.append(
-                    {
-                        "frame": reading.frame.index,
-                        "contact": contact.id,
-                        "ring": number,
-                        "is_hole": ring.is_hole,
-                        "outline": np.round(ring.point_mm, 4).tolist(),
-                    }
-                )
+                self._waiting.append((reading.frame.index, contact.id, number, ring.is_hole))
+                self._outlines.append(np.round(ring.point_mm, 4))
         if len(self._waiting) >= ROWS_PER_GROUP:
             self._append()
 
@@ -58,5 +53,11 @@ class RegionTable:
 
     def _append(self) -> None:
         waiting, self._waiting = self._waiting, []
+        outlines, self._outlines = self._outlines, []
         if waiting:
-            self._file.append(pa.Table.from_pylist(waiting, schema=self._schema))
+            columns = np.array(waiting).T
+            arrays = [
+                arrow_column(column, kind) for column, kind in zip(columns, self._schema.types, strict=False)
+            ]
+            arrays.append(point_lists(outlines))
+            self._file.append(pa.Table.from_arrays(arrays, schema=self._schema))

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
+from manytouch.sinks.files.arrow_columns import arrow_column
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.parquet_file import ParquetFile
 from manytouch.sinks.files.sensor_description import layout_of
@@ -171,7 +172,7 @@ class MarkerTable:
         measured = np.round(np.where(grid.is_seen[:, None], grid.position_px, np.nan)[kept], 4)
         moved = np.round(surface.displacement_mm[kept], 5) + 0.0
         depth_std = np.round(np.sqrt(surface.covariance_mm2[kept, 2, 2]), 5)
-        nothing = pa.nulls(count, pa.int32())
+        nothing = np.full(count, np.nan)
         columns = [
             np.full(count, reading.frame.index, dtype=np.int32),
             np.full(count, time_s(reading.frame.timestamp_ns)),
@@ -184,8 +185,7 @@ class MarkerTable:
             depth_std,
         ]
         arrays = [
-            pa.array(column, type=kind, from_pandas=True)
-            for column, kind in zip(columns, self._schema.types, strict=True)
+            arrow_column(column, kind) for column, kind in zip(columns, self._schema.types, strict=True)
         ]
         self._waiting.append(pa.record_batch(arrays, schema=self._schema))
         self._rows += count
