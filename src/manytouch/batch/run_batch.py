@@ -23,6 +23,7 @@ from manytouch.errors import ManytouchError, OutputError
 from manytouch.session.run import StopCondition
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.folder_lock import FolderInUseError, FolderLock
+from manytouch.values.arrays import count_of
 
 BUSY_POLL_S = 2.0
 
@@ -186,9 +187,9 @@ def _outcomes(
 def _when_free(
     busy: list[Task], store: Store, observer: BatchObserver, stop: Callable[[], bool]
 ) -> list[Task]:
-    """Wait until one of the recordings is no more in work elsewhere; all of them, to be looked at again."""
+    """Wait until another batch has ended one of the recordings; returns all, to be compared again."""
     if busy:
-        observer.on_message(f"{len(busy)} recordings are being processed by another batch: waiting for them")
+        observer.on_message(f"waiting for {count_of(len(busy), 'recording')} of another batch")
     while busy and not stop():
         if not all(store.is_in_use(task.name) for task in busy):
             break
