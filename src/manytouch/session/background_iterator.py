@@ -23,17 +23,27 @@ class BackgroundIterator(Generic[Item]):
     The thread waits when it is `ahead` items ahead. An error in it is raised in the consumer.
     """
 
-    def __init__(self, items: Iterator[Item], *, ahead: int, stop: Callable[[], bool] | None = None) -> None:
+    def __init__(
+        self,
+        items: Iterator[Item],
+        *,
+        ahead: int,
+        stop: Callable[[], bool] | None = None,
+        begins_late: bool = False,
+    ) -> None:
         """Prepare; nothing runs yet.
 
         Args:
             items: a generator or iterator; iterated and closed in the thread.
             ahead: largest number of items that wait.
             stop: called while no item is available; the iteration ends once it returns True.
+            begins_late: the thread begins an item only when there is room for it, so that the items of a
+                source that drops what comes meanwhile are recent ones.
         """
         self._items = items
         self._queue: queue.Queue[Item | _End] = queue.Queue(maxsize=ahead)
         self._stop = stop
+        self._room = threading.Semaphore(ahead) if begins_late else None
         self._is_over = threading.Event()
         self._thread = threading.Thread(target=self._run, name="manytouch-track", daemon=True)
 
@@ -55,6 +65,8 @@ class BackgroundIterator(Generic[Item]):
                 if self._stop is not None and self._stop():
                     return
                 continue
+            if self._room is not None:
+                self._room.release()
             if isinstance(item, _End):
                 if item.error is not None:
                     raise item.error
@@ -64,8 +76,9 @@ class BackgroundIterator(Generic[Item]):
     def _run(self) -> None:
         end = _End()
         try:
-            for item in self._items:
-                if not self._put(item):
+            while self._wait_for_room():
+                item = next(self._items, end)
+                if item is end or not self._put(item):
                     break
         except BaseException as error:  # noqa: BLE001 - it is raised in the consumer
             end = _End(error)
@@ -74,6 +87,13 @@ class BackgroundIterator(Generic[Item]):
             if close is not None:
                 close()
         self._put(end)
+
+    def _wait_for_room(self) -> bool:
+        """False if the iteration is over."""
+        while self._room is not None and not self._is_over.is_set():
+            if self._room.acquire(timeout=_POLL_S):
+                return True
+        return not self._is_over.is_set()
 
     def _put(self, item: Item | _End) -> bool:
         while not self._is_over.is_set():

@@ -178,7 +178,8 @@ class Live:
             self._begin_recording(self._record_path)
         switch_interval_s = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_INTERVAL_S)
-        with BackgroundIterator(self._track(), ahead=AHEAD, stop=stop) as stream:
+        is_live = self._job.source.is_live
+        with BackgroundIterator(self._track(), ahead=AHEAD, stop=stop, begins_late=is_live) as stream:
             try:
                 yield from self._estimate(iter(stream))
             finally:

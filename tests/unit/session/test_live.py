@@ -534,3 +534,24 @@ def test_a_state_of_the_estimation_can_be_started_from_twice(method: str) -> Non
     assert len(runs[0]) == 24
     for other in runs[1:]:
         np.testing.assert_array_equal(runs[0], other)
+
+
+@pytest.mark.parametrize(("begins_late", "expected"), [(True, 2), (False, 3)])
+def test_an_iterator_begins_late_so_that_its_items_are_recent(begins_late: bool, expected: int) -> None:
+    begun: list[int] = []
+
+    def numbers() -> Iterator[int]:
+        for number in range(10):
+            begun.append(number)
+            yield number
+
+    with BackgroundIterator(numbers(), ahead=1, begins_late=begins_late) as stream:
+        items = iter(stream)
+        assert next(items) == 0
+        for _ in range(200):  # until the thread does nothing more
+            count = len(begun)
+            time.sleep(0.02)
+            if len(begun) == count >= expected:
+                break
+        assert len(begun) == expected
+        assert list(items) == list(range(1, 10))
