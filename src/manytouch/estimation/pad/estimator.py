@@ -18,8 +18,8 @@ from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, misfit_scale, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, PadModel
 from manytouch.estimation.pad.patch_fit import PatchFit, PatchFitter
+from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE
-from manytouch.estimation.pad.patch_prior import OWN
 from manytouch.estimation.pad.patch_search import Candidates, PatchSearch
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
@@ -98,6 +98,8 @@ class PadEstimator:
         refusal_lasts: which falls by this factor in each frame.
         split_misfit: misfit per image coordinate above which the widest contact may be two.
         merge_gain: least increase of the misfit if two near contacts were one.
+        same_share: change of the markers' displacements over the largest of them below which a fit is not
+            repeated with the weights that follow from it.
     """
 
     nominal_pad: NominalPad = field(default_factory=NominalPad)
@@ -121,6 +123,7 @@ class PadEstimator:
     refusal_lasts: float = 0.97
     split_misfit: float = 2.0
     merge_gain: float = 15.0
+    same_share: float = 1e-3
 
     def start(self, sensor: Sensor) -> PadState:
         """Computes everything that depends on the sensor only, and limits BLAS to one thread.
@@ -226,14 +229,15 @@ class PadEstimator:
         self, model: PadModel, fit: PatchFit, contact: np.ndarray, measured: _Measured
     ) -> PatchFit | None:
         """The fit of guesses, unless a contact is not clear or the misfit does not fall by enough."""
-        first = self._fit_once(model, contact, measured, fit.marker_mm(model), is_sheet_known=True)
+        images = self._images(model, measured, fit.marker_mm(model))
+        first = self.fitter(model, contact, *images, is_sheet_known=True, with_covariance=False)
         found = self._fit(model, first.contact, measured, first.marker_mm(model))
         if np.any(found.force_mm2 <= self.last_stds * found.force_std_mm2):
             return None
         # with the weights before the contact, which lack the model's error for it, the gain must be clear
         if fit.misfit - first.misfit >= self.sure_gain:
             return found
-        linear_px = self._linear_px(model, measured, found.marker_mm(model))
+        linear_px, _ = self._images(model, measured, found.marker_mm(model))
         same = self.fitter(model, fit.contact, linear_px, found.weight)
         return found if same.misfit - found.misfit >= self.start_gain else None
 
@@ -258,42 +262,31 @@ class PadEstimator:
         shared = max(1.0, (self.model_reach * model.thickness_mm / model.pitch_mm) ** 2)
         return shared * ((self.model_std_pitch * model.pitch_px) ** 2 + self.model_share**2 * moved_px2)
 
-    def _linear_px(
-        self, model: PadModel, measured: _Measured, moved_mm: Points3
-    ) -> Float64[np.ndarray, " r"]:
-        """(2 m,) displacements without what is not linear in those of the markers."""
-        linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
-        curved_px = model.project(moved_mm) - model.rest_px - linear_px
-        return np.asarray((measured.moved_px - curved_px).ravel())
-
     def _fit(self, model: PadModel, contact: np.ndarray, measured: _Measured, moved_mm: Points3) -> PatchFit:
-        """Patches for guesses.
+        """Patches for guesses, first with the weights for displacements (m, 3) of the markers.
 
         The parameters of the pad are fitted last: before, they would explain what is wrong with the guesses.
         """
-        fit = self._fit_once(model, contact, measured, moved_mm, is_sheet_known=True)
-        for is_sheet_known in (True, False):
-            if len(fit.contact) == 0:
+        images = self._images(model, measured, moved_mm)
+        if len(contact) == 0:
+            return self.fitter(model, contact, *images)
+        for _ in range(2):
+            fit = self.fitter(model, contact, *images, is_sheet_known=True, with_covariance=False)
+            contact, again_mm = fit.contact, fit.marker_mm(model)
+            if np.abs(again_mm - moved_mm).max() <= self.same_share * np.abs(again_mm).max():
                 break
-            moved_mm = fit.marker_mm(model)
-            fit = self._fit_once(model, fit.contact, measured, moved_mm, is_sheet_known=is_sheet_known)
-        return fit
+            moved_mm, images = again_mm, self._images(model, measured, again_mm)
+        return self.fitter(model, contact, *images)
 
-    def _fit_once(
-        self,
-        model: PadModel,
-        contact: np.ndarray,
-        measured: _Measured,
-        moved_mm: Points3,
-        *,
-        is_sheet_known: bool = False,
-    ) -> PatchFit:
-        """Patches for guesses, with the error of the model by the displacements (m, 3) of the markers."""
-        expected_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
-        error_px2 = self._model_error_px2(model, (expected_px**2).sum(axis=1))
+    def _images(
+        self, model: PadModel, measured: _Measured, moved_mm: Points3
+    ) -> tuple[Float64[np.ndarray, " r"], Float64[np.ndarray, " r"]]:
+        """(2 m,) displacements without what is not linear in those (m, 3) of the markers; their weights."""
+        linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
+        error_px2 = self._model_error_px2(model, (linear_px**2).sum(axis=1))
+        curved_px = model.project(moved_mm) - model.rest_px - linear_px
         weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
-        linear_px = self._linear_px(model, measured, moved_mm)
-        return self.fitter(model, contact, linear_px, weight, is_sheet_known=is_sheet_known)
+        return (measured.moved_px - curved_px).ravel(), weight
 
     def _pruned(self, model: PadModel, fit: PatchFit, measured: _Measured) -> PatchFit:
         """The fit without contacts that are not significant, and with near ones as one if that is enough."""
@@ -308,7 +301,7 @@ class PadEstimator:
             pair = self._nearest_pair(fit)
             if pair is None:
                 break
-            linear_px = self._linear_px(model, measured, fit.marker_mm(model))
+            linear_px, _ = self._images(model, measured, fit.marker_mm(model))
             one = self.fitter(model, _joined(fit.contact, *pair), linear_px, fit.weight)
             if one.misfit - fit.misfit > self.merge_gain:
                 break

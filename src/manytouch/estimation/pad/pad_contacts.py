@@ -4,21 +4,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.regions.footprints import Footprints
-from manytouch.estimation.pad.pad_model import PadModel
-from manytouch.estimation.pad.patch_fit import MOTIONS, STEP_MM, PatchFit, tractions
+from manytouch.estimation.pad.pad_model import MOTIONS, PadModel
+from manytouch.estimation.pad.patch_fit import PatchFit, forced
+from manytouch.estimation.pad.patch_forces import OWN, fill_basis, fill_effects
 from manytouch.estimation.pad.patch_kernels import SHAPE
-from manytouch.estimation.pad.patch_prior import OWN
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import ESTIMATES, Contact, Phase
-from manytouch.values.arrays import Covariances3, Mask, Points3, Scalars, read_only
+from manytouch.values.arrays import Covariances3, Mask, Points2, Points3, Scalars, read_only
 
 _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
+_STEP_MM = 1e-3  # of the shape of a contact, in differences of its depth
 _ELEMENT_ROOT = 0.245  # so that the depth under a Gaussian load of .75 elements agrees with the layer
 _RINGS = np.array([[0.0, 0.0]] + [[np.cos(angle), np.sin(angle)] for angle in 2.0 * np.pi * np.arange(8) / 8])
 
@@ -60,8 +61,7 @@ def pad_shape(model: PadModel, fit: PatchFit) -> PadShape:
     """The pad under fitted patches."""
     nodal_mm2 = fit.nodal_mm2(model)
     node = np.flatnonzero(nodal_mm2.any(axis=1))
-    rows = model.face[node].reshape(3 * len(node), 3 * len(nodal_mm2))
-    linear_mm = (nodal_mm2[node].ravel() @ rows).reshape(-1, 3)
+    linear_mm = forced(nodal_mm2, model.face)
     by_parameter = model.depth_by_parameter[:, :, node] @ nodal_mm2[node, 2]
     linear_mm[:, 2] += fit.sheet[: len(by_parameter)] @ by_parameter
     coefficient_mm = linear_mm.copy()
@@ -202,37 +202,49 @@ def _depth(
 
     The derivatives are by the parameters of the contact, then by those of the pad. Areas have none.
     """
-    own, images = fit.contact[number], fit.images[number]
+    own = fit.contact[number]
     root = np.array([[own[2], 0.0], [own[3], own[4]]])
-    at = model.patch.at(own[:2] + _RINGS @ root.T)
-    moved_mm = at.displacement(shape.coefficient_mm)
+    place_mm = np.ascontiguousarray(own[:2] + _RINGS @ root.T)
+    node, value = _basis(model, place_mm)
+    moved_mm = np.einsum("kn,kni->ki", value, shape.coefficient_mm[node])
     deepest = int(np.argmin(moved_mm[:, 2]))
-    linear_mm = -float(at.displacement(shape.linear_mm)[deepest, 2])
+    linear_mm = -float(value[deepest] @ shape.linear_mm[node[deepest], 2])
     if deepest == 0:
         linear_mm += _unresolved_depth(model, own)
     depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
-    by_node = at.value[deepest] @ model.face[at.node[deepest], 2].reshape(16, -1)  # the face is symmetric
-    by_node = by_node.reshape(-1, 3)
-
-    def linear_depth(changed: np.ndarray, which: int) -> float:
-        return -float((model.by_node(tractions(images, changed, which)) * by_node).sum())
-
-    plain_mm = linear_depth(own, 0)
+    # the face is symmetric
+    by_node = (value[deepest] @ model.face[node[deepest], 2].reshape(16, -1)).reshape(-1, 3)
     slope = np.zeros((len(ESTIMATES), OWN + len(fit.sheet)))
-    for parameter in range(OWN):
+    step = np.full(OWN, _STEP_MM)
+    step[SHAPE:] = 1e-3 * max(abs(float(own[SHAPE])), 1e-9)
+    fill_effects(own, step, model.grid, -model.by_place(by_node), slope[_DEPTH, :OWN])
+    plain_mm = _unresolved_depth(model, own)
+    for parameter in (2, 4, SHAPE):  # it depends on these only
         changed = own.copy()
-        step = STEP_MM if parameter < SHAPE else 1e-3 * max(abs(float(own[SHAPE])), 1e-9)
-        changed[parameter] += step
-        local_mm = _unresolved_depth(model, changed) - _unresolved_depth(model, own)
-        which = 1 + parameter if parameter < SHAPE else 0
-        slope[_DEPTH, parameter] = (linear_depth(changed, which) + local_mm - plain_mm) / step
-    around = model.depth_by_parameter[:, at.node[deepest]] @ -shape.nodal_mm2[:, 2]
-    slope[_DEPTH, OWN : OWN + len(around)] = around @ at.value[deepest]
+        changed[parameter] += step[parameter]
+        slope[_DEPTH, parameter] += (_unresolved_depth(model, changed) - plain_mm) / step[parameter]
+    around = model.depth_by_parameter[:, node[deepest]] @ -shape.nodal_mm2[:, 2]
+    slope[_DEPTH, OWN : OWN + len(around)] = around @ value[deepest]
     slope[_DEPTH] *= depth_mm / max(linear_mm, 1e-9)
     for parameter, estimate in enumerate(("normal_force", "shear_x", "shear_y", "torque"), SHAPE):
         slope[ESTIMATES.index(estimate), parameter] = 1.0
     slope[0, 0] = slope[1, 1] = 1.0
     return depth_mm, slope, moved_mm[0]
+
+
+def _basis(
+    model: PadModel, place_mm: Points2
+) -> tuple[Int64[np.ndarray, "k 16"], Float64[np.ndarray, "k 16"]]:
+    """Numbers of the nodes and values of the B-splines at places (k, 2) on the pad."""
+    first, value = np.empty((len(place_mm), 2), dtype=np.int64), np.empty((len(place_mm), 4, 4))
+    fill_basis(place_mm, model.grid, first, value)
+    along_x, along_y = (first[:, axis, None] + np.arange(4) for axis in range(2))
+    rows, columns = model.grid.count_x + 3, model.grid.count_y + 3
+    if model.patch.is_x_slow:
+        node = along_x[:, :, None] * columns + along_y[:, None, :]
+    else:
+        node = along_x[:, :, None] + along_y[:, None, :] * rows
+    return node.reshape(-1, 16), value.reshape(-1, 16)
 
 
 def _unresolved_depth(model: PadModel, own: np.ndarray) -> float:

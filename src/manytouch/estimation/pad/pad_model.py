@@ -17,6 +17,8 @@ from manytouch.values.arrays import Points2, Points3, read_only
 from manytouch.values.sensor_file.default_std import POISSON_STD, camera_std, sheet_std
 
 MIN_MARKERS = 12
+MOTIONS = 4
+"""Motion of the whole image: shift x, y in px; growth and turn about the middle, as ratio and in rad."""
 FACE_THICKNESS_MM = 1e-3
 """Thickness in the `SheetSpline` of a pad, whose spline is the contact face itself."""
 _REACH = 3.0  # distance in thicknesses beyond which a layer does not move
@@ -46,6 +48,7 @@ class PadModel:
         slope_px: (m, 2, 3) derivative of the marker images by their positions.
         markers: places at rest and the same derivative, for compiled functions.
         rest_px: (m, 2) projection of the markers at rest.
+        motion: (MOTIONS, 2 m) change of the marker images by the motion of the image.
         pitch_mm, pitch_px: geometric mean of the pitches.
         poisson: Poisson's ratio.
         young_MPa: None if forces are relative.
@@ -67,6 +70,7 @@ class PadModel:
     slope_px: Float64[np.ndarray, "m 2 3"]
     markers: Markers
     rest_px: Points2
+    motion: Float64[np.ndarray, "4 r"]
     pitch_mm: float
     pitch_px: float
     poisson: float
@@ -83,6 +87,11 @@ class PadModel:
         """Values that are counted along x and y, in the order of the nodes."""
         ordered = along if self.patch.is_x_slow else along.swapaxes(0, 1)
         return np.ascontiguousarray(ordered.reshape(self.patch.node_count, *along.shape[2:]))
+
+    def by_place(self, values: Nodal) -> Float64[np.ndarray, "nx ny 3"]:
+        """Values of the nodes (n, 3), counted along x and y."""
+        grid = values.reshape(*self.patch.shape, 3)
+        return np.ascontiguousarray(grid if self.patch.is_x_slow else grid.swapaxes(0, 1))
 
     def project(self, displacement_mm: Points3) -> Points2:
         """(m, 2) marker images for displacements (m, 3) of the markers."""
@@ -182,6 +191,7 @@ class NominalPad:
             slope_px=read_only(slope_px),
             markers=Markers(place=np.ascontiguousarray(layout.rest_mm[:, :2]), slope=slope_px),
             rest_px=read_only(rest_px),
+            motion=read_only(_motion(rest_px)),
             pitch_mm=pitch_mm,
             pitch_px=pitch_mm / mm_per_px(sensor.camera),
             poisson=poisson,
@@ -223,6 +233,16 @@ class NominalPad:
         for load in range(3):
             found[is_near, :, load] = at.displacement(np.ascontiguousarray(coefficient[:, :, load]))
         return found.reshape(*away_mm.shape[:2], 3, 3).transpose(0, 2, 1, 3)
+
+
+def _motion(rest_px: Points2) -> Float64[np.ndarray, "4 r"]:
+    """Marker images by the motion of the image."""
+    away_px = rest_px - rest_px.mean(axis=0)
+    turned_px = np.column_stack([-away_px[:, 1], away_px[:, 0]])
+    count = len(away_px)
+    return np.stack(
+        [np.tile([1.0, 0.0], count), np.tile([0.0, 1.0], count), away_px.ravel(), turned_px.ravel()]
+    )
 
 
 def _grid(patch: SplinePatch) -> PadGrid:

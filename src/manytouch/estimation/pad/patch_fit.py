@@ -12,15 +12,15 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.pad.pad_model import PadModel
+from manytouch.estimation.pad.pad_model import MOTIONS, PadModel
+from manytouch.estimation.pad.patch_forces import OWN, add_answers, add_tractions
 from manytouch.estimation.pad.patch_kernels import DOME, SHAPE, SPREADS, add_dome, add_layer_images
-from manytouch.estimation.pad.patch_prior import LOADS, OWN, PatchPrior
+from manytouch.estimation.pad.patch_prior import LOADS, PatchPrior
+from manytouch.estimation.pad.patch_slopes import PatchPad
+from manytouch.estimation.pad.patch_steps import Common, Limits, Measured, Work, iterate
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points3, Scalars
 
-MOTIONS = 4
-"""Motion of the whole image: shift x, y in px; growth and turn about the middle, as ratio and in rad."""
-STEP_MM = 1e-3
 _FITTED = 2
 """Parameters of the pad that are fitted: the first two. The depth of the markers looks like the shape of a
 contact; it counts in the covariance only, as a consider parameter (S. F. Schmidt 1966)."""
@@ -42,14 +42,6 @@ class PatchImages:
     column: Float64[np.ndarray, "s 5 r"]
     scale: Float64[np.ndarray, "s 2"]
 
-    def with_more(self, other: "PatchImages") -> "PatchImages":
-        """These shapes, then the others."""
-        return PatchImages(
-            nodal=np.concatenate([self.nodal, other.nodal]),
-            column=np.concatenate([self.column, other.column]),
-            scale=np.concatenate([self.scale, other.scale]),
-        )
-
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PatchFit:
@@ -58,7 +50,6 @@ class PatchFit:
     Attributes:
         contact: (c, OWN) parameters.
         motion: (MOTIONS,) of the image.
-        images: of each contact, for its shape and the `SHAPE` shapes that differ by `STEP_MM`.
         misfit: squared whitened residual with the priors.
         residual_px: (2 m,) measured minus fitted.
         weight: (2 m,) inverse variances of the measurement, 0 where not seen.
@@ -71,7 +62,6 @@ class PatchFit:
 
     contact: Float64[np.ndarray, "c 10"]
     motion: Float64[np.ndarray, "4"]
-    images: tuple[PatchImages, ...]
     misfit: float
     residual_px: Float64[np.ndarray, " r"]
     weight: Float64[np.ndarray, " r"]
@@ -92,32 +82,19 @@ class PatchFit:
 
     def marker_mm(self, model: PadModel) -> Points3:
         """(m, 3) linear displacement of the markers."""
-        nodal_mm2 = self.nodal_mm2(model)
-        node = np.flatnonzero(nodal_mm2.any(axis=1))
-        rows = model.marker[node].reshape(3 * len(node), 3 * len(model.rest_px))
-        return np.asarray((nodal_mm2[node].ravel() @ rows).reshape(-1, 3))
+        return forced(self.nodal_mm2(model), model.marker)
 
     def nodal_mm2(self, model: PadModel) -> Nodal:
         """(n, 3) nodal forces over E of all contacts."""
-        total = np.zeros((model.grid.count_x + 3, model.grid.count_y + 3, 3))
-        for contact, images in zip(self.contact, self.images, strict=True):
-            total += tractions(images, contact, 0)
-        return model.by_node(total)
+        return model.by_node(tractions(model, self.contact))
 
 
-def tractions(images: PatchImages, contact: np.ndarray, shape: int) -> Float64[np.ndarray, "nx ny 3"]:
-    """Nodal forces over E of a contact, for one of the shapes of its images."""
-    press, shear_x, shear_y, torque, radial = contact[SHAPE:]
-    even, by_x, by_y = images.nodal[shape]
-    turn, grow = torque / images.scale[shape, 0], press * radial / images.scale[shape, 1]
-    return np.stack(
-        [
-            shear_x * even - turn * by_y + grow * by_x,
-            shear_y * even + turn * by_x + grow * by_y,
-            -press * even,
-        ],
-        axis=-1,
-    )
+def tractions(model: PadModel, contact: Float64[np.ndarray, "c 10"]) -> Float64[np.ndarray, "nx ny 3"]:
+    """Nodal forces over E of contacts (c, OWN)."""
+    spread, nodal = np.zeros((2, SPREADS, model.grid.count_x + 3, model.grid.count_y + 3))
+    for own in contact:
+        add_tractions(own, model.grid, spread, nodal)
+    return np.moveaxis(nodal, 0, -1)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -147,6 +124,7 @@ class PatchFitter:
         weight: Float64[np.ndarray, " r"],
         *,
         is_sheet_known: bool = False,
+        with_covariance: bool = True,
     ) -> PatchFit:
         """The patches that explain the images best, from guesses.
 
@@ -156,56 +134,66 @@ class PatchFitter:
             measured_px: (2 m,) displacements of the marker images, without what is not linear in them.
             weight: (2 m,) inverse variances, 0 where not seen.
             is_sheet_known: keep the parameters of the pad.
+            with_covariance: False leaves the covariances empty.
         """
-        still = np.zeros((len(model.by_parameter), LOADS, len(measured_px)))
-        columns = _Columns(
-            motion=self._motion_columns(model),
-            sheet=tuple(still if is_sheet_known else _by_sheet(model, own[:SHAPE]) for own in contact),
+        count, parameters, rows = len(contact), len(model.by_parameter), len(measured_px)
+        sheet = np.zeros((0, parameters, LOADS, rows))
+        if not is_sheet_known and count > 0:
+            sheet = np.stack([_by_sheet(model, own[:SHAPE]) for own in contact])
+        common = Common(motion=model.motion, sheet=sheet, std=self._common_std(parameters))
+        theta = np.concatenate([contact.ravel(), np.zeros(MOTIONS + parameters)])
+        work = Work(
+            residual=np.empty(rows),
+            tried=np.empty(rows),
+            slope=np.empty((len(theta), rows)),
+            curved=np.empty((len(theta), len(theta))),
+            pull=np.empty(len(theta)),
         )
-        count = len(contact)
-        theta = np.concatenate([contact.ravel(), np.zeros(MOTIONS + len(model.by_parameter))])
-        now = self._evaluate(model, theta, measured_px, weight, columns)
-        damping = 1e-4
-        for _ in range(self.max_steps):
-            pull, curved, _ = self._slopes(model, theta, now, weight, columns)
-            before = now.misfit
-            for _ in range(4):
-                damped = curved + damping * np.diag(np.diag(curved))
-                moved = theta + np.linalg.solve(damped, pull)
-                self._limit(model, _parts(theta, count)[0], _parts(moved, count)[0])
-                tried = self._evaluate(model, moved, measured_px, weight, columns)
-                if tried.misfit <= now.misfit:
-                    theta, now, damping = moved, tried, 0.1 * damping
-                    break
-                damping = max(10.0 * damping, 1e-3)
-            if before - now.misfit < 1e-4 * before + 0.02:
-                break
-        _, curved, images = self._slopes(model, theta, now, weight, columns)
+        misfit = iterate(
+            theta,
+            count,
+            PatchPad(model.grid, model.table, model.markers, model.by_sides),
+            self.prior.numbers(model),
+            self._limits(model),
+            common,
+            Measured(np.ascontiguousarray(measured_px), np.ascontiguousarray(weight)),
+            work,
+            self.max_steps,
+            with_covariance,
+        )
+        contacts, motion, fitted = _parts(theta, count)
+        covariance = by_sheet = np.zeros((0, 0))
+        if with_covariance:
+            covariance, by_sheet = self._covariances(work.curved, count)
+        return PatchFit(
+            contact=contacts,
+            motion=motion,
+            sheet=fitted,
+            misfit=misfit,
+            residual_px=work.residual,
+            weight=weight,
+            covariance=covariance,
+            by_sheet=by_sheet,
+        )
+
+    def _covariances(
+        self, curved: Float64[np.ndarray, "p p"], count: int
+    ) -> tuple[Float64[np.ndarray, "p p"], Float64[np.ndarray, "p f"]]:
+        """`PatchFit.covariance` and `PatchFit.by_sheet` by the curvature of the misfit."""
         size = np.sqrt(np.diag(curved))
         covariance = np.linalg.inv(curved / np.outer(size, size)) / np.outer(size, size)
         common = count * OWN + MOTIONS
-        by_sheet = np.zeros((len(theta), _FITTED))
+        by_sheet = np.zeros((len(curved), _FITTED))
         by_sheet[:common] = -np.linalg.solve(
             curved[:common, :common], curved[:common, common : common + _FITTED]
         )
         by_sheet[common : common + _FITTED] = np.eye(_FITTED)
         by_sheet *= np.sqrt(1.0 - self.fitted_share**2)
-        kept = np.arange(common + _FITTED, len(theta))
+        kept = np.arange(common + _FITTED, len(curved))
         change = -covariance @ curved[:, kept]
         change[kept] = np.eye(len(kept))
         covariance += change @ change.T
-        contacts, motion, sheet = _parts(theta, count)
-        return PatchFit(
-            contact=contacts,
-            motion=motion,
-            sheet=sheet,
-            images=images,
-            misfit=now.misfit,
-            residual_px=now.residual_px,
-            weight=weight,
-            covariance=covariance,
-            by_sheet=by_sheet,
-        )
+        return covariance, by_sheet
 
     def images(self, model: PadModel, shapes: Float64[np.ndarray, "s 5"]) -> PatchImages:
         """Images of a contact with each of the shapes (s, SHAPE)."""
@@ -226,110 +214,35 @@ class PatchFitter:
         column[:, 3:] /= scale[:, :, None]
         return PatchImages(nodal=nodal, column=column, scale=scale)
 
-    def _evaluate(
-        self,
-        model: PadModel,
-        theta: np.ndarray,
-        measured_px: np.ndarray,
-        weight: np.ndarray,
-        columns: "_Columns",
-    ) -> "_Evaluation":
-        """The misfit of parameters."""
-        contact, motion, sheet = _parts(theta, len(columns.sheet))
-        residual_px = measured_px - motion @ columns.motion
-        misfit = float(np.sum(np.square(theta[contact.size :] / self._common_std(len(sheet)))))
-        images = []
-        for own, by_sheet in zip(contact, columns.sheet, strict=True):
-            found = self.images(model, own[None, :SHAPE])
-            images.append(found)
-            residual_px -= _load(own) @ (found.column[0] + np.tensordot(sheet, by_sheet, axes=1))
-            misfit += float(np.sum(self.prior(model, own)[0] ** 2))
-        misfit += float(weight @ residual_px**2)
-        return _Evaluation(misfit=misfit, residual_px=residual_px, images=tuple(images))
-
-    def _slopes(
-        self,
-        model: PadModel,
-        theta: np.ndarray,
-        now: "_Evaluation",
-        weight: np.ndarray,
-        columns: "_Columns",
-    ) -> tuple[np.ndarray, np.ndarray, tuple[PatchImages, ...]]:
-        """Pull towards smaller misfits, its curvature, and the images with those of the moved shapes."""
-        contact, _, sheet = _parts(theta, len(columns.sheet))
-        slope = np.empty((len(theta), len(now.residual_px)))
-        after = contact.size + MOTIONS
-        slope[contact.size : after] = columns.motion
-        slope[after:] = 0.0
-        pull, curved = np.zeros(len(theta)), np.zeros((len(theta), len(theta)))
-        images = []
-        for number, (own, by_sheet) in enumerate(zip(contact, columns.sheet, strict=True)):
-            one, load = now.images[number], _load(own)
-            moved = self.images(model, own[:SHAPE] + STEP_MM * np.eye(SHAPE))
-            images.append(one.with_more(moved))
-            at = slice(OWN * number, OWN * (number + 1))
-            part = slope[at]
-            part[:SHAPE] = (load @ moved.column - load @ one.column[0]) / STEP_MM
-            part[SHAPE:] = one.column[0] + np.tensordot(sheet, by_sheet, axes=1)
-            part[SHAPE] += own[OWN - 1] * part[OWN - 1]
-            part[OWN - 1] *= own[SHAPE]
-            slope[after:] += load @ by_sheet
-            value, jacobian = self.prior(model, own)
-            pull[at] = -jacobian.T @ value
-            curved[at, at] = jacobian.T @ jacobian
-        common = np.arange(contact.size, len(theta))
-        stiffness = 1.0 / self._common_std(len(sheet)) ** 2
-        pull[common] = -stiffness * theta[common]
-        curved[common, common] = stiffness
-        weighted = slope * weight
-        return weighted @ now.residual_px + pull, weighted @ slope.T + curved, tuple(images)
-
     def _common_std(self, parameters: int) -> Scalars:
         """Standard deviations of the motion of the image and of the parameters of the pad."""
         sheet = np.full(parameters, self.fitted_share)
         sheet[_FITTED:] = _KEPT_STD
         return np.array([self.shift_px, self.shift_px, self.growth, self.turn_rad, *sheet])
 
-    def _limit(self, model: PadModel, old: np.ndarray, contact: np.ndarray) -> None:
-        """Keep contacts (c, OWN) near the old ones, their moments above 0, their centres on the pad."""
-        least_mm, most_mm = _MIN_ROOT * model.thickness_mm, 0.5 * min(model.patch.size_mm)
-        half_mm = 0.5 * np.array(model.patch.size_mm)
-        step_mm = 0.7 * model.thickness_mm
-        contact[:, :2] = np.clip(contact[:, :2], old[:, :2] - step_mm, old[:, :2] + step_mm)
-        contact[:, :2] = np.clip(contact[:, :2], -half_mm, half_mm)
-        contact[:, [2, 4]] = np.clip(contact[:, [2, 4]], 0.5 * old[:, [2, 4]], 2.0 * old[:, [2, 4]])
-        contact[:, [2, 4]] = np.clip(contact[:, [2, 4]], least_mm, most_mm)
-        contact[:, 3] = np.clip(contact[:, 3], -most_mm, most_mm)
-        contact[:, OWN - 1] = np.clip(contact[:, OWN - 1], -1.0, 1.0)
-
-    def _motion_columns(self, model: PadModel) -> Float64[np.ndarray, "4 r"]:
-        """Marker images by the motion of the image."""
-        away_px = model.rest_px - model.rest_px.mean(axis=0)
-        turned_px = np.column_stack([-away_px[:, 1], away_px[:, 0]])
-        count = len(away_px)
-        return np.stack(
-            [np.tile([1.0, 0.0], count), np.tile([0.0, 1.0], count), away_px.ravel(), turned_px.ravel()]
+    def _limits(self, model: PadModel) -> Limits:
+        """How far contacts may go."""
+        wide_mm, high_mm = model.patch.size_mm
+        return Limits(
+            least_mm=_MIN_ROOT * model.thickness_mm,
+            most_mm=0.5 * min(wide_mm, high_mm),
+            half_x_mm=0.5 * wide_mm,
+            half_y_mm=0.5 * high_mm,
+            step_mm=0.7 * model.thickness_mm,
         )
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Columns:
-    """Marker images by what all contacts have in common.
-
-    Attributes:
-        motion: (MOTIONS, 2 m) by the motion of the image.
-        sheet: of each contact (k, LOADS, 2 m), by unit loads for one standard deviation of each parameter of
-            the pad, for the shape that the contact begins with.
-    """
-
-    motion: Float64[np.ndarray, "4 r"]
-    sheet: tuple[Float64[np.ndarray, "k 5 r"], ...]
 
 
 def _parts(theta: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Views of the parameters: (count, OWN) of contacts, (MOTIONS,) of the image, (k,) of the pad."""
     own = OWN * count
     return theta[:own].reshape(count, OWN), theta[own : own + MOTIONS], theta[own + MOTIONS :]
+
+
+def forced(nodal_mm2: Nodal, answer: Float64[np.ndarray, "nodes 3 k 3"]) -> Points3:
+    """(k, 3) displacements by nodal forces over E (n, 3) with the response to each."""
+    moved_mm = np.zeros(answer.shape[2:])
+    add_answers(nodal_mm2, answer, moved_mm)
+    return moved_mm
 
 
 def _window(is_used: np.ndarray) -> tuple[slice, slice]:
@@ -360,17 +273,3 @@ def _load_scale(shape: np.ndarray) -> Float64[np.ndarray, "2"]:
     """What the torque and the radial shear of a shape are divided by."""
     trace = shape[2] ** 2 + shape[3] ** 2 + shape[4] ** 2
     return np.array([trace, np.sqrt(0.5 * trace)])
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Evaluation:
-    """The misfit of parameters, with the images of the shapes."""
-
-    misfit: float
-    residual_px: np.ndarray
-    images: tuple[PatchImages, ...]
-
-
-def _load(own: np.ndarray) -> Scalars:
-    """(LOADS,) of a contact; the radial shear as a force."""
-    return np.array([*own[SHAPE : OWN - 1], own[SHAPE] * own[OWN - 1]])

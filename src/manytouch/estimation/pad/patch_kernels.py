@@ -82,7 +82,7 @@ DOME = _dome()
 
 @kernel()
 @no_type_check
-def _cubic(place: float, count: int, value: Float64[np.ndarray, "4"]) -> int:
+def cubic(place: float, count: int, value: Float64[np.ndarray, "4"]) -> int:
     """The four cubic B-splines at a place in elements, into `value`; returns the number of the first."""
     place = min(max(place, 0.0), float(count))
     span = min(int(place), count - 1)
@@ -119,8 +119,8 @@ def add_dome(
     for k in range(len(points)):
         away_x = shape[2] * points[k, 0]
         away_y = shape[3] * points[k, 0] + shape[4] * points[k, 1]
-        first_x = _cubic((shape[0] + away_x - grid.corner_x) / grid.step_x, grid.count_x, along_x)
-        first_y = _cubic((shape[1] + away_y - grid.corner_y) / grid.step_y, grid.count_y, along_y)
+        first_x = cubic((shape[0] + away_x - grid.corner_x) / grid.step_x, grid.count_x, along_x)
+        first_y = cubic((shape[1] + away_y - grid.corner_y) / grid.step_y, grid.count_y, along_y)
         for i in range(4):
             for j in range(4):
                 part = points[k, 2] * along_x[i] * along_y[j]
@@ -131,10 +131,10 @@ def add_dome(
 
 @kernel()
 @no_type_check
-def _spread_points(
-    shape: Float64[np.ndarray, "5"], least_mm: float, most_mm: float, points: Float64[np.ndarray, "q 3"]
-) -> tuple[float, Float64[np.ndarray, "q 3"]]:
-    """Root of the Gaussians that make up a patch, and their places from its centre with their weights."""
+def spread_of(
+    shape: Float64[np.ndarray, " k"], least_mm: float, most_mm: float
+) -> tuple[float, float, float, float]:
+    """Root of the Gaussians that make up a patch, and the triangular root xx, yx, yy of their places."""
     xx, yx, yy = shape[2] * shape[2], shape[2] * shape[3], shape[3] * shape[3] + shape[4] * shape[4]
     least = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) * (xx - yy) + yx * yx)
     blob = min(0.65 * np.sqrt(abs(shape[2] * shape[4])), 0.9 * np.sqrt(max(least, 0.0)))
@@ -142,6 +142,16 @@ def _spread_points(
     root_xx = np.sqrt(max(1e-4 * (xx + yy), xx - blob * blob))
     root_yx = yx / root_xx
     root_yy = np.sqrt(max(1e-4 * (xx + yy), yy - blob * blob - root_yx * root_yx))
+    return blob, root_xx, root_yx, root_yy
+
+
+@kernel()
+@no_type_check
+def _spread_points(
+    shape: Float64[np.ndarray, "5"], least_mm: float, most_mm: float, points: Float64[np.ndarray, "q 3"]
+) -> tuple[float, Float64[np.ndarray, "q 3"]]:
+    """Root of the Gaussians that make up a patch, and their places from its centre with their weights."""
+    blob, root_xx, root_yx, root_yy = spread_of(shape, least_mm, most_mm)
     away = points.copy()
     for k in range(len(points)):
         away[k, 0] = root_xx * points[k, 0]

@@ -2,16 +2,13 @@
 
 from dataclasses import dataclass
 
-import numpy as np
-from jaxtyping import Float64
-
 from manytouch.estimation.pad.pad_model import PadModel
+from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.estimation.pad.patch_steps import PriorNumbers
 
-LOADS = 5
+LOADS = OWN - SHAPE
 """Loads of a contact: normal force, shear x, y and torque, over E; radial shear over the normal force."""
-OWN = SHAPE + LOADS
-"""Parameters of a contact: those of its shape, then its loads."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -37,36 +34,19 @@ class PatchPrior:
     radial_mean: float = -0.06
     radial_friction: float = 0.12
 
-    def __call__(
-        self, model: PadModel, own: Float64[np.ndarray, "10"]
-    ) -> tuple[Float64[np.ndarray, "9"], Float64[np.ndarray, "9 10"]]:
-        """Differences of parameters (OWN,) from those expected, in standard deviations, and their slopes."""
-        xx, yx, yy = own[2:SHAPE]
-        press = max(abs(own[SHAPE]), 1e-9)
-        sign = np.sign(own[SHAPE]) or 1.0
-        radius_mm = self.usual_radius * model.thickness_mm
-        hertz_mm = (0.75 * press * (1.0 - model.poisson**2) * radius_mm) ** (1.0 / 3.0) / np.sqrt(5.0)
-        least_mm, most_mm = (limit * model.thickness_mm for limit in self.root_limits)
-        usual_mm = min(max(hertz_mm, least_mm), most_mm)
-        trace = xx**2 + yx**2 + yy**2
-        by_trace = 2.0 * np.array([xx, yx, yy]) / trace
-        spread = self.stretch_spread * trace
-        value, slope = np.zeros(9), np.zeros((9, OWN))
-        value[0] = np.log(np.sqrt(abs(xx * yy)) / usual_mm) / self.root_spread
-        slope[0, 2], slope[0, 4] = 0.5 / (self.root_spread * xx), 0.5 / (self.root_spread * yy)
-        if least_mm < hertz_mm < most_mm:
-            slope[0, SHAPE] = -sign / (3.0 * press * self.root_spread)
-        value[1], value[2] = (xx**2 - yx**2 - yy**2) / spread, 2.0 * xx * yx / spread
-        slope[1, 2:SHAPE] = 2.0 * np.array([xx, -yx, -yy]) / spread - value[1] * by_trace
-        slope[2, 2:SHAPE] = 2.0 * np.array([yx, xx, 0.0]) / spread - value[2] * by_trace
-        std = self.friction * press * np.array([1.0, 1.0, np.sqrt(trace)])
-        value[3:6] = own[SHAPE + 1 : SHAPE + 4] / std
-        slope[range(3, 6), range(SHAPE + 1, SHAPE + 4)] = 1.0 / std
-        slope[3:6, SHAPE] = -sign * value[3:6] / press
-        slope[5, 2:SHAPE] = -0.5 * value[5] * by_trace
-        value[6] = (own[OWN - 1] - self.radial_mean) / self.radial_friction
-        slope[6, OWN - 1] = 1.0 / self.radial_friction
-        size_mm = np.array(model.patch.size_mm)
-        value[7:] = own[:2] / size_mm
-        slope[[7, 8], [0, 1]] = 1.0 / size_mm
-        return value, slope
+    def numbers(self, model: PadModel) -> PriorNumbers:
+        """The prior on a pad, for compiled functions."""
+        thickness_mm = model.thickness_mm
+        return PriorNumbers(
+            usual_radius_mm=self.usual_radius * thickness_mm,
+            poisson=model.poisson,
+            least_mm=self.root_limits[0] * thickness_mm,
+            most_mm=self.root_limits[1] * thickness_mm,
+            root_spread=self.root_spread,
+            stretch_spread=self.stretch_spread,
+            friction=self.friction,
+            radial_mean=self.radial_mean,
+            radial_friction=self.radial_friction,
+            size_x_mm=float(model.patch.size_mm[0]),
+            size_y_mm=float(model.patch.size_mm[1]),
+        )

@@ -7,8 +7,8 @@ from jaxtyping import Float64
 
 from manytouch.estimation.pad.pad_model import PadModel
 from manytouch.estimation.pad.patch_fit import PatchFitter
+from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE
-from manytouch.estimation.pad.patch_prior import OWN
 from manytouch.values.arrays import Points2, read_only
 
 _COLUMNS = 3  # normal force, shear x, shear y

@@ -16,14 +16,14 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array, kron
 
 from manytouch.geometry.spline import basis
-from manytouch.geometry.spline.patch import SplinePatch
+from manytouch.geometry.spline.patch import PointBasis, SplinePatch
 from manytouch.values.arrays import Points2, read_only
 
 DEGREE_Z = 5
 """Degree of the polynomials through the thickness."""
 _QUADRATURE = 5  # Gauss points per element
 _REACH = 3  # nodes along an axis with common elements
-_STEP = 1e-6  # of Poisson's ratio, and relative step of the thickness, in derivatives
+_STEP = 1e-6  # relative, of the thickness, in derivatives
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -101,11 +101,8 @@ def pad_response(
     """
     if patch.elements[0] % 2 == 0 or patch.elements[1] % 2 == 0:
         raise ValueError(f"a pad needs odd numbers of elements, not {patch.elements}")
-    lame, raised = np.array(_lame(poisson)), np.array(_lame(poisson + _STEP))
-    slope = (raised - lame) / _STEP
-    share = 1.0 - marker_depth_mm / thickness_mm
-    at = _values_at(patch, marker_mm, share)
-    by_share = (at - _values_at(patch, marker_mm, share - _STEP)) / _STEP
+    lame, slope = np.array(_lame(poisson)), np.array(_lame_slopes(poisson))
+    at, by_share = _values_at(patch, marker_mm, 1.0 - marker_depth_mm / thickness_mm)
     count, nodes = len(marker_mm), patch.node_count
     marker, by_poisson, by_thickness, raised_by = (np.zeros((3 * count, 3 * nodes)) for _ in range(4))
     face = np.zeros((3 * nodes, 3 * nodes))
@@ -171,6 +168,12 @@ def node_response(
 def _lame(poisson: float) -> tuple[float, float]:
     """Both Lame constants over Young's modulus."""
     return poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), 0.5 / (1.0 + poisson)
+
+
+def _lame_slopes(poisson: float) -> tuple[float, float]:
+    """Derivatives of `_lame` by Poisson's ratio."""
+    below = (1.0 + poisson) * (1.0 - 2.0 * poisson)
+    return (1.0 + 2.0 * poisson**2) / below**2, -0.5 / (1.0 + poisson) ** 2
 
 
 def _parts(patch: SplinePatch, thickness_mm: float) -> Iterator[_Part]:
@@ -328,11 +331,19 @@ def _solve(
     return part
 
 
-def _values_at(patch: SplinePatch, point_mm: Points2, share: float) -> csr_array:
-    """(3 m, unknowns) displacement of points at a share of the thickness above the bonded face."""
+def _values_at(patch: SplinePatch, point_mm: Points2, share: float) -> tuple[csr_array, csr_array]:
+    """(3 m, unknowns) displacement of points at a share of the thickness above the bonded face.
+
+    The second is its derivative by the share.
+    """
     found = patch.at(point_mm)
-    through = _polynomials(np.array([share]))[0][0]
-    count = len(point_mm)
+    value, slope = (through[0] for through in _polynomials(np.array([share])))
+    return _times(found, value, patch), _times(found, slope, patch)
+
+
+def _times(found: PointBasis, through: np.ndarray, patch: SplinePatch) -> csr_array:
+    """(3 m, unknowns) functions at points, times those through the thickness (DEGREE_Z,)."""
+    count = len(found.node)
     column = (found.node[:, :, None] * DEGREE_Z + np.arange(DEGREE_Z))[..., None] * 3 + np.arange(3)
     row = np.broadcast_to(3 * np.arange(count)[:, None, None, None] + np.arange(3), column.shape)
     value = np.broadcast_to((found.value[:, :, None] * through)[..., None], column.shape)

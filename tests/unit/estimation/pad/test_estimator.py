@@ -28,7 +28,7 @@ def pressed_px(state: PadState, contact: np.ndarray) -> np.ndarray:
         images = ESTIMATE.fitter.images(model, own[None, :5])
         load = np.array([*own[5:9], own[5] * own[9]])
         image += load @ images.column[0]
-        nodal = model.by_node(tractions(images, own, 0))
+        nodal = model.by_node(tractions(model, own[None]))
         moved_mm += np.tensordot(nodal, model.marker, axes=2)
     curved_px = model.project(moved_mm) - model.rest_px - np.einsum("mij,mj->mi", model.slope_px, moved_mm)
     return model.rest_px + image.reshape(-1, 2) + curved_px

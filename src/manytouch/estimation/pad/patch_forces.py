@@ -1,0 +1,94 @@
+"""Nodal forces of contacts on a pad and what they cause, compiled."""
+
+import numpy as np
+from jaxtyping import Float64, Int64
+
+from manytouch.compilation import REORDER, kernel, no_type_check
+from manytouch.estimation.pad.patch_kernels import DOME, SHAPE, PadGrid, add_dome, cubic
+
+OWN = SHAPE + 5
+"""Parameters of a contact: those of its shape, then its loads (`patch_prior.LOADS`)."""
+
+
+@kernel()
+@no_type_check
+def add_tractions(
+    own: Float64[np.ndarray, "10"],
+    grid: PadGrid,
+    spread: Float64[np.ndarray, "3 nx ny"],
+    nodal: Float64[np.ndarray, "3 nx ny"],
+) -> None:
+    """Add the nodal forces over E of a contact to `nodal`; `spread` is overwritten by those of unit loads."""
+    spread[:] = 0.0
+    add_dome(own, grid, DOME, spread)
+    trace = own[2] * own[2] + own[3] * own[3] + own[4] * own[4]
+    turn, grow = own[8] / trace, own[5] * own[9] / np.sqrt(0.5 * trace)
+    for i in range(spread.shape[1]):
+        for j in range(spread.shape[2]):
+            even, by_x, by_y = spread[0, i, j], spread[1, i, j], spread[2, i, j]
+            nodal[0, i, j] += own[6] * even - turn * by_y + grow * by_x
+            nodal[1, i, j] += own[7] * even + turn * by_x + grow * by_y
+            nodal[2, i, j] -= own[5] * even
+
+
+@kernel()
+@no_type_check
+def fill_effects(
+    own: Float64[np.ndarray, "10"],
+    step: Float64[np.ndarray, "10"],
+    grid: PadGrid,
+    effect: Float64[np.ndarray, "nx ny 3"],
+    slope: Float64[np.ndarray, "10"],
+) -> None:
+    """Slopes, over steps of each parameter of a contact, of its nodal forces times their effects, summed."""
+    shape = (3, effect.shape[0], effect.shape[1])
+    spread, nodal, moved = np.empty(shape), np.zeros(shape), own.copy()
+    add_tractions(own, grid, spread, nodal)
+    change = np.empty(shape)
+    for parameter in range(OWN):
+        moved[parameter] = own[parameter] + step[parameter]
+        change[:] = -nodal
+        add_tractions(moved, grid, spread, change)
+        total = 0.0
+        for i in range(shape[1]):
+            for j in range(shape[2]):
+                for axis in range(3):
+                    total += change[axis, i, j] * effect[i, j, axis]
+        slope[parameter] = total / step[parameter]
+        moved[parameter] = own[parameter]
+
+
+@kernel()
+@no_type_check
+def fill_basis(
+    place_mm: Float64[np.ndarray, "k 2"],
+    grid: PadGrid,
+    node: Int64[np.ndarray, "k 2"],
+    value: Float64[np.ndarray, "k 4 4"],
+) -> None:
+    """First nodes along x and y and the values of the B-splines there, for places on the pad."""
+    along_x, along_y = np.empty(4), np.empty(4)
+    for k in range(len(place_mm)):
+        node[k, 0] = cubic((place_mm[k, 0] - grid.corner_x) / grid.step_x, grid.count_x, along_x)
+        node[k, 1] = cubic((place_mm[k, 1] - grid.corner_y) / grid.step_y, grid.count_y, along_y)
+        for i in range(4):
+            for j in range(4):
+                value[k, i, j] = along_x[i] * along_y[j]
+
+
+@kernel(fastmath=REORDER)
+@no_type_check
+def add_answers(
+    nodal_mm2: Float64[np.ndarray, "nodes 3"],
+    answer: Float64[np.ndarray, "nodes 3 k 3"],
+    moved_mm: Float64[np.ndarray, "k 3"],
+) -> None:
+    """Add the displacements by nodal forces over E, with the response to each, to `moved_mm`."""
+    for node in range(len(nodal_mm2)):
+        for axis in range(3):
+            force = nodal_mm2[node, axis]
+            if force == 0.0:
+                continue
+            for k in range(len(moved_mm)):
+                for j in range(3):
+                    moved_mm[k, j] += force * answer[node, axis, k, j]

@@ -1,0 +1,78 @@
+"""Images of contacts under their loads and their slopes, against those by unit loads and differences."""
+
+import numpy as np
+
+from manytouch.estimation.pad.estimator import PadEstimator, PadState
+from manytouch.estimation.pad.patch_forces import OWN, add_answers, fill_effects
+from manytouch.estimation.pad.patch_kernels import DOME
+from manytouch.estimation.pad.patch_slopes import FAR, PatchPad, add_image, fill_slopes
+from manytouch.estimation.pad.patch_steps import prior_terms
+
+CONTACT = np.array([2.0, -1.0, 1.1, 0.2, 0.9, 0.3, 0.1, -0.05, 0.02, -0.1])
+FITTER = PadEstimator().fitter
+
+
+def pad_of(state: PadState) -> PatchPad:
+    model = state.model
+    return PatchPad(model.grid, model.table, model.markers, model.by_sides)
+
+
+def image_px(state: PadState, own: np.ndarray) -> np.ndarray:
+    """By the images of unit loads, with all points for every marker."""
+    load = np.array([*own[5:9], own[5] * own[9]])
+    return np.asarray(load @ FITTER.images(state.model, own[None, :5]).column[0])
+
+
+def test_few_points_have_the_moments_of_the_dome() -> None:
+    for x_power, y_power in ((0, 0), (1, 0), (2, 0), (1, 1), (0, 2), (3, 0), (4, 0), (2, 2), (1, 3), (3, 2)):
+        few, many = (p[:, 2] @ (p[:, 0] ** x_power * p[:, 1] ** y_power) for p in (FAR, DOME))
+        np.testing.assert_allclose(few, many, atol=1e-9)
+
+
+def test_images_are_those_of_all_points(pad_state: PadState) -> None:
+    found = np.zeros(2 * len(pad_state.model.rest_px))
+    add_image(CONTACT, pad_of(pad_state), found)
+    expected = image_px(pad_state, CONTACT)
+    np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
+
+
+def test_slopes_are_those_of_differences(pad_state: PadState) -> None:
+    slope = np.empty((OWN, 2 * len(pad_state.model.rest_px)))
+    fill_slopes(CONTACT, pad_of(pad_state), slope)
+    slope[5] += CONTACT[9] * slope[9]
+    slope[9] *= CONTACT[5]
+    for parameter in range(OWN):
+        step = 1e-4 * np.eye(OWN)[parameter]
+        expected = (image_px(pad_state, CONTACT + step) - image_px(pad_state, CONTACT - step)) / 2e-4
+        np.testing.assert_allclose(slope[parameter], expected, atol=0.01 * np.abs(expected).max())
+
+
+def test_slopes_of_the_prior_are_those_of_differences(pad_state: PadState) -> None:
+    numbers = FITTER.prior.numbers(pad_state.model)
+    value, slope = np.empty(9), np.empty((9, OWN))
+    prior_terms(CONTACT, numbers, value, slope)
+    above, below, unused = np.empty(9), np.empty(9), np.empty((9, OWN))
+    for parameter in range(OWN):
+        step = 1e-6 * np.eye(OWN)[parameter]
+        prior_terms(CONTACT + step, numbers, above, unused)
+        prior_terms(CONTACT - step, numbers, below, unused)
+        np.testing.assert_allclose(slope[:, parameter], (above - below) / 2e-6, rtol=1e-5, atol=1e-6)
+
+
+def test_responses_are_sums_over_nodes(pad_state: PadState) -> None:
+    model, random = pad_state.model, np.random.default_rng(1)
+    nodal_mm2 = random.normal(size=(model.patch.node_count, 3))
+    nodal_mm2[::2] = 0.0
+    found = np.zeros((len(model.rest_px), 3))
+    add_answers(nodal_mm2, model.marker, found)
+    np.testing.assert_allclose(found, np.tensordot(nodal_mm2, model.marker, axes=2), atol=1e-12)
+
+
+def test_effects_of_unit_weight_are_the_loads(pad_state: PadState) -> None:
+    """With effects of 1 along one axis, the sum is the force along it: its slopes are those of the loads."""
+    grid = pad_state.model.grid
+    effect = np.zeros((grid.count_x + 3, grid.count_y + 3, 3))
+    effect[:, :, 2] = 1.0
+    slope = np.empty(OWN)
+    fill_effects(CONTACT, np.full(OWN, 1e-3), grid, effect, slope)
+    np.testing.assert_allclose(slope, -np.eye(OWN)[5], atol=1e-9)
