@@ -13,12 +13,13 @@ from rest, or, with --path, follows the one before. Cases marked "held out" were
 
 import argparse
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
 from manytouch.estimation.pad.estimator import PadEstimator
+from manytouch.evaluation.suite.pads import pad_sensor
 from manytouch.simulation.fem.contact.indenters import (
     Indenter,
     LyingCylinder,
@@ -28,7 +29,7 @@ from manytouch.simulation.fem.contact.indenters import (
 )
 from manytouch.simulation.fem.loading import Loading, press
 from manytouch.simulation.pad_presses import PadState, solve_pad
-from manytouch.values import Camera, Contact, Layout, Sensor, Sheet, TrackedGrid
+from manytouch.values import Contact, Sensor, TrackedGrid
 
 NOISE_PX = 0.02
 DEPTHS_MM = (0.1, 0.2, 0.3, 0.4, 0.5, 0.75, 1.0)
@@ -112,43 +113,7 @@ CASES = (
 
 def sensor_of(pad: Pad) -> Sensor:
     """The pad behind a window of 3 mm, in an image of 320 x 240 px with about 13 px per mm."""
-    row, column = (part.ravel() for part in np.indices((pad.rows, pad.columns)))
-    middle = 0.5 * (np.array([pad.columns, pad.rows]) - 1.0)
-    place_mm = (np.column_stack([column, row]) - middle) * pad.pitch_mm
-    return Sensor(
-        name="pad",
-        camera=Camera(
-            width_px=320,
-            height_px=240,
-            fx_px=299.0,
-            fy_px=299.0,
-            cx_px=159.5,
-            cy_px=119.5,
-            distortion=np.zeros(5),
-            rotation_vector=np.zeros(3),
-            translation_mm=np.array([0.0, 0.0, 25.0]),
-        ),
-        layout=Layout(
-            rest_mm=np.column_stack([place_mm, np.zeros(len(place_mm))]),
-            row_column=np.column_stack([row, column]).astype(np.int64),
-            pitch_mm=np.full(2, pad.pitch_mm),
-            radius_mm=np.full(len(place_mm), 0.25),
-            polarity="dark",
-            is_missing=np.zeros(len(place_mm), dtype=bool),
-        ),
-        sheet=Sheet(
-            size_mm=np.array(pad.size_mm),
-            thickness_mm=pad.thickness_mm,
-            young_MPa=pad.young_MPa,
-            poisson=pad.poisson,
-            boundary="bonded",
-            marker_depth_mm=pad.marker_depth_mm,
-            window_mm=3.0,
-            window_index=1.49,
-            pad_index=1.41,
-        ),
-        centre_noise_px=NOISE_PX,
-    )
+    return pad_sensor("pad", **asdict(pad), width_px=320, centre_noise_px=NOISE_PX)
 
 
 def wrong(sensor: Sensor) -> Sensor:

@@ -1,44 +1,33 @@
 """A pad bonded to a window, and the closed form of the layer that it is far from its sides."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from layouts import lattice_layout
+from manytouch.evaluation.suite.pads import pad_sensor as bonded_sensor
 from manytouch.geometry.refraction import project_through_window
-from manytouch.values import Camera, Sensor, Sheet
+from manytouch.values import Sensor
 
 THICKNESS_MM, POISSON, YOUNG_MPA = 4.0, 0.48, 0.3
 
 
 def pad_sensor(**changed: object) -> Sensor:
     """63 dark dots every 2 mm on a pad of 25 x 21 x 4 mm behind a window; `changed` are of its sheet."""
-    known: dict[str, object] = {
-        "size_mm": np.array([25.0, 21.0]),
-        "thickness_mm": THICKNESS_MM,
-        "young_MPa": YOUNG_MPA,
-        "poisson": POISSON,
-        "boundary": "bonded",
-        "marker_depth_mm": 0.5,
-        "window_mm": 3.0,
-        "window_index": 1.49,
-        "pad_index": 1.41,
-    }
-    return Sensor(
-        name="pad",
-        camera=Camera(
-            width_px=320,
-            height_px=240,
-            fx_px=299.0,
-            fy_px=299.0,
-            cx_px=159.5,
-            cy_px=119.5,
-            distortion=np.zeros(5),
-            rotation_vector=np.zeros(3),
-            translation_mm=np.array([0.0, 0.0, 25.0]),
-        ),
-        layout=lattice_layout(7, 9, 2.0, radius_mm=0.25, polarity="dark"),
-        sheet=Sheet(**(known | changed)),  # type: ignore[arg-type]
+    sensor = bonded_sensor(
+        "pad",
+        size_mm=(25.0, 21.0),
+        thickness_mm=THICKNESS_MM,
+        young_MPa=YOUNG_MPA,
+        poisson=POISSON,
+        marker_depth_mm=0.5,
+        rows=7,
+        columns=9,
+        pitch_mm=2.0,
+        width_px=320,
         centre_noise_px=0.02,
     )
+    assert sensor.sheet is not None
+    return replace(sensor, sheet=replace(sensor.sheet, **changed))  # type: ignore[arg-type]
 
 
 def seen_px(sensor: Sensor, displacement_mm: np.ndarray | float = 0.0) -> np.ndarray:

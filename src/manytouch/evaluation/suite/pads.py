@@ -98,18 +98,55 @@ def pads(group: str) -> Iterator[PadCase]:
 
 def true_pad(case: PadCase) -> Sensor:
     """The sensor as it is."""
-    row, column = (index.ravel() for index in np.indices((case.rows, case.columns)))
-    middle = 0.5 * (np.array([case.columns, case.rows]) - 1.0)
-    place_mm = (np.column_stack([column, row]) - middle) * case.pitch_mm
+    return pad_sensor(
+        case.title,
+        size_mm=(float(case.size_mm[0]), float(case.size_mm[1])),
+        thickness_mm=case.thickness_mm,
+        young_MPa=case.young_MPa,
+        poisson=case.poisson,
+        marker_depth_mm=case.marker_depth_mm,
+        rows=case.rows,
+        columns=case.columns,
+        pitch_mm=case.pitch_mm,
+    )
+
+
+def pad_sensor(
+    name: str,
+    *,
+    size_mm: tuple[float, float],
+    thickness_mm: float,
+    young_MPa: float,
+    poisson: float,
+    marker_depth_mm: float,
+    rows: int,
+    columns: int,
+    pitch_mm: float,
+    width_px: int = WIDTH_PX,
+    centre_noise_px: float = 0.03,
+) -> Sensor:
+    """Dark dots on a pad bonded to a window of 3 mm, 25 mm from the camera.
+
+    Args:
+        name: of the sensor.
+        size_mm, thickness_mm, young_MPa, poisson, marker_depth_mm: of the pad.
+        rows, columns, pitch_mm: of the dots.
+        width_px: of the image, with sides of 4 to 3.
+        centre_noise_px: of a dot.
+    """
+    row, column = (index.ravel() for index in np.indices((rows, columns)))
+    middle = 0.5 * (np.array([columns, rows]) - 1.0)
+    place_mm = (np.column_stack([column, row]) - middle) * pitch_mm
+    height_px, focal_px = width_px * HEIGHT_PX // WIDTH_PX, FOCAL_PX * width_px / WIDTH_PX
     return Sensor(
-        name=case.title,
+        name=name,
         camera=Camera(
-            width_px=WIDTH_PX,
-            height_px=HEIGHT_PX,
-            fx_px=FOCAL_PX,
-            fy_px=FOCAL_PX,
-            cx_px=0.5 * (WIDTH_PX - 1),
-            cy_px=0.5 * (HEIGHT_PX - 1),
+            width_px=width_px,
+            height_px=height_px,
+            fx_px=focal_px,
+            fy_px=focal_px,
+            cx_px=0.5 * (width_px - 1),
+            cy_px=0.5 * (height_px - 1),
             distortion=read_only(np.zeros(5)),
             rotation_vector=read_only(np.zeros(3)),
             translation_mm=read_only(np.array([0.0, 0.0, DISTANCE_MM])),
@@ -117,23 +154,23 @@ def true_pad(case: PadCase) -> Sensor:
         layout=Layout(
             rest_mm=read_only(np.column_stack([place_mm, np.zeros(len(place_mm))])),
             row_column=read_only(np.column_stack([row, column]).astype(np.int64)),
-            pitch_mm=read_only(np.full(2, case.pitch_mm)),
+            pitch_mm=read_only(np.full(2, pitch_mm)),
             radius_mm=read_only(np.full(len(place_mm), 0.25)),
             polarity="dark",
             is_missing=read_only(np.zeros(len(place_mm), dtype=bool)),
         ),
         sheet=Sheet(
-            size_mm=read_only(np.array(case.size_mm)),
-            thickness_mm=case.thickness_mm,
-            young_MPa=case.young_MPa,
-            poisson=case.poisson,
+            size_mm=read_only(np.array(size_mm)),
+            thickness_mm=thickness_mm,
+            young_MPa=young_MPa,
+            poisson=poisson,
             boundary="bonded",
-            marker_depth_mm=case.marker_depth_mm,
+            marker_depth_mm=marker_depth_mm,
             window_mm=WINDOW_MM,
             window_index=WINDOW_INDEX,
             pad_index=PAD_INDEX,
         ),
-        centre_noise_px=0.03,
+        centre_noise_px=centre_noise_px,
     )
 
 
