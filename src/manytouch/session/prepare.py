@@ -21,7 +21,7 @@ from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import DEFAULT, Value, default_method, pipeline_for
 from manytouch.session.result_hashes import Pitch, Request
 from manytouch.session.run import Observer, StopCondition
-from manytouch.session.warm_up import warm_up_kernels
+from manytouch.session.warm_up import compiled_methods, warm_up_kernels
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.camera import without_password
 from manytouch.sources.cameras.capture import CameraRequest
@@ -106,7 +106,8 @@ class Job:
         Raises:
             ManytouchError: the frames cannot be processed with this pipeline and sensor.
         """
-        warm_up_kernels(self.method, on_message)
+        for method in compiled_methods(self.method, self.sensor):
+            warm_up_kernels(method, on_message)
         try:
             estimation = self.pipeline.estimate.start(self.sensor)
             tracked = self.pipeline.track_frames(self.samples, self.sensor)

@@ -19,6 +19,7 @@ from platformdirs import user_cache_path
 from manytouch.compilation import kernels_folder
 from manytouch.kernel_cache import compiling, is_writable
 from manytouch.session.methods import kernels
+from manytouch.values import Sensor
 
 SOURCES = Path(__file__).parents[1]
 STAGES = ("pixels", "contacts")
@@ -62,6 +63,14 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
                 mark.parent.mkdir(parents=True, exist_ok=True)
                 mark.touch()
     return True
+
+
+def compiled_methods(method: str, sensor: Sensor) -> tuple[str, ...]:
+    """Methods whose kernels the frames of a sensor need.
+
+    `mechanics` has the values of `perimeter` in frames that an assumed sheet does not describe.
+    """
+    return (method, "perimeter") if method == "mechanics" and sensor.sheet is None else (method,)
 
 
 def compile_in_processes(method: str, on_message: OnMessage) -> bool:

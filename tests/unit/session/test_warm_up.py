@@ -3,7 +3,7 @@
 import subprocess
 import sys
 from collections.abc import Iterator
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -15,6 +15,7 @@ import pytest
 from manytouch.pipeline import TrackedFrame
 from manytouch.session import warm_up
 from manytouch.session.methods import compile_stage, kernels, pipeline_for
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources.simulated import simulated_source
 from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
 
@@ -168,3 +169,10 @@ def test_kernels_are_listed_while_another_thread_imports(monkeypatch: pytest.Mon
     monkeypatch.setitem(sys.modules, Name("manytouch.busy"), busy)
     kernels()
     assert busy.__dict__["new"] == 1
+
+
+def test_an_assumed_sheet_needs_the_kernels_of_perimeter_too() -> None:
+    sensor = demo_sensor()
+    assert warm_up.compiled_methods("mechanics", sensor) == ("mechanics",)
+    assert warm_up.compiled_methods("mechanics", replace(sensor, sheet=None)) == ("mechanics", "perimeter")
+    assert warm_up.compiled_methods("perimeter", replace(sensor, sheet=None)) == ("perimeter",)
