@@ -12,6 +12,8 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from manytouch.errors import ArgumentError, require_type
+from manytouch.geometry.views.merging import merged_detections, merged_grid
+from manytouch.geometry.views.view_sensors import view_sensors
 from manytouch.values import (
     Command,
     Comparison,
@@ -158,7 +160,8 @@ def track_frames(
 ) -> Generator[TrackedFrame, None, FrontState]:
     """Detect and track the markers of each frame, in order.
 
-    A frame on which tracking is lost is searched once more as a whole, from the state before it.
+    A frame on which tracking is lost is searched once more as a whole, from the state before it. Several
+    views of one sheet are tracked one by one, and their markers merged.
 
     Args:
         detect, track: the stages.
@@ -167,24 +170,72 @@ def track_frames(
         state: to continue from; None: both stages start.
 
     Returns:
-        The states after the last frame.
+        The states after the last frame; of several views, tuples of them.
     """
-    is_new = state is not None and state.detection is None
-    detection_state = detect.start(sensor) if state is None or is_new else state.detection
-    tracking_state = track.start(sensor) if state is None else state.tracking
+    several = view_sensors(sensor) if sensor.camera.views else ()
+    if several:
+        states = _states_of_views(state, len(several))
+        views = [
+            _TrackedView(detect, track, view.sensor, each) for view, each in zip(several, states, strict=True)
+        ]
+    else:
+        views = [_TrackedView(detect, track, sensor, state)]
     for frame in frames:
         begin_s = time.perf_counter()
-        before = tracking_state
-        expected_px = None if is_new else track.expected_px(before)
-        is_new = False
-        detection_state, detections = detect.step(detection_state, frame, expected_px)
+        if several:
+            parts = [view.step(each.picture(frame)) for view, each in zip(views, several, strict=True)]
+            detections = merged_detections(several, [found for found, _ in parts])
+            assert sensor.layout is not None
+            grid = merged_grid(several, [each for _, each in parts], len(sensor.layout.rest_mm))
+        else:
+            detections, grid = views[0].step(frame)
+        spent_ms = 1e3 * (time.perf_counter() - begin_s)
+        yield TrackedFrame(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
+    if not several:
+        return views[0].state
+    after = [view.state for view in views]
+    return FrontState(
+        detection=tuple(each.detection for each in after), tracking=tuple(each.tracking for each in after)
+    )
+
+
+def _states_of_views(state: FrontState | None, count: int) -> list[FrontState | None]:
+    if state is None:
+        return [None] * count
+    detection = (None,) * count if state.detection is None else state.detection
+    return [
+        FrontState(detection=one, tracking=other)
+        for one, other in zip(detection, state.tracking, strict=True)
+    ]
+
+
+class _TrackedView:
+    """Detection and tracking in the pictures of one camera.
+
+    Attributes:
+        state: of both stages after the last picture.
+    """
+
+    def __init__(self, detect: Detector, track: Tracker, sensor: Sensor, state: FrontState | None) -> None:
+        self._detect, self._track = detect, track
+        self._is_new = state is not None and state.detection is None
+        self.state = FrontState(
+            detection=detect.start(sensor) if state is None or self._is_new else state.detection,
+            tracking=track.start(sensor) if state is None else state.tracking,
+        )
+
+    def step(self, frame: Frame) -> tuple[Detections, TrackedGrid]:
+        """Dots and markers of the next picture."""
+        detect, track, before = self._detect, self._track, self.state.tracking
+        expected_px = None if self._is_new else track.expected_px(before)
+        self._is_new = False
+        detection_state, detections = detect.step(self.state.detection, frame, expected_px)
         tracking_state, grid = track.step(before, detections)
         if expected_px is not None and track.is_lost(tracking_state):
             detection_state, detections = detect.step(detection_state, frame, None)
             tracking_state, grid = track.step(before, detections)
-        spent_ms = 1e3 * (time.perf_counter() - begin_s)
-        yield TrackedFrame(frame=frame, detections=detections, grid=grid, milliseconds=spent_ms)
-    return FrontState(detection=detection_state, tracking=tracking_state)
+        self.state = FrontState(detection=detection_state, tracking=tracking_state)
+        return detections, grid
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

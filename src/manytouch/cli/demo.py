@@ -30,6 +30,10 @@ def demo(
             show_default=False,
         ),
     ] = None,
+    scene: Annotated[
+        str,
+        Parameter(help="Built-in scene, such as skin (two cameras on one sheet), or a scene file."),
+    ] = "",
     no_view: options.NoView = False,
     out: Annotated[Path, options.folder("Folder for tables and images.")] = Path("out/demo"),
     host: options.Host = "127.0.0.1",
@@ -51,22 +55,22 @@ def demo(
 
     check_writable(out)
     reporter = Reporter(bar=False)
-    reporter.print("simulated sensor, pressed by several fingers at once", heading=True)
+    what = f"scene {scene}" if scene else "pressed by several fingers at once"
+    reporter.print(f"simulated sensor, {what}", heading=True)
     if not no_view and find_spec("nicegui") is None:
         reporter.print("no viewer: it requires the package nicegui: run pip install manytouch")
         no_view = True
     if no_view:
-        _process(seconds or DEFAULT_SECONDS, out, reporter)
+        _process(scene, seconds or DEFAULT_SECONDS, out, reporter)
     else:
         from manytouch.cli.terminal.viewing import ViewerAddress
 
-        _serve(
-            seconds, out, ViewerAddress(host=host, port=port, token=token, max_clients=max_clients), reporter
-        )
+        address = ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
+        _serve(scene, seconds, out, address, reporter)
     return 0
 
 
-def _process(seconds: float, out: Path, reporter: "Reporter") -> None:
+def _process(scene: str, seconds: float, out: Path, reporter: "Reporter") -> None:
     """Process some seconds as fast as possible."""
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import StopOnSignal
@@ -75,7 +79,7 @@ def _process(seconds: float, out: Path, reporter: "Reporter") -> None:
     from manytouch.sources.simulated import simulated_source
 
     with StopOnSignal() as stop:
-        source = simulated_source().lasting(seconds)
+        source = simulated_source(scene).lasting(seconds)
         job = prepare(source, observer=reporter)
         log = ContactLog(job.sensor, reporter.print, source.truth)
         busiest = BusiestFrame(job.sensor)
@@ -85,7 +89,9 @@ def _process(seconds: float, out: Path, reporter: "Reporter") -> None:
     _finish(files, out, is_drawn, reporter)
 
 
-def _serve(seconds: float | None, out: Path, address: "ViewerAddress", reporter: "Reporter") -> None:
+def _serve(
+    scene: str, seconds: float | None, out: Path, address: "ViewerAddress", reporter: "Reporter"
+) -> None:
     """Run with the viewer; the tables contain the first seconds only, so that the disk does not fill."""
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import StopOnSignal
@@ -96,7 +102,7 @@ def _serve(seconds: float | None, out: Path, address: "ViewerAddress", reporter:
     from manytouch.sources.pressed import PressedSource
 
     with StopOnSignal() as stop:
-        source = PressedSource(seconds=seconds)
+        source = PressedSource(scene, seconds=seconds)
         job = prepare(source, method="mechanics", observer=reporter)
         live = Live(job, recordings=out)
         log = ContactLog(job.sensor, reporter.print, source.truth)

@@ -2,14 +2,15 @@
 
 All functions take (n, 2) pixels or (n, 3) millimetres and work on whole arrays. Model: OpenCV's
 pinhole (Brown-Conrady; D. C. Brown, "Close-range camera calibration", 1971) and fisheye
-(Kannala and Brandt, doi:10.1109/TPAMI.2006.153).
+(Kannala and Brandt, doi:10.1109/TPAMI.2006.153). With several views, a point is projected into the view that
+shows it most centrally (`view_of`), and a pixel belongs to the view whose picture it lies in.
 """
 
 import cv2
 import numpy as np
 
 from manytouch.values import Camera
-from manytouch.values.arrays import Points2, Points3
+from manytouch.values.arrays import Counts, Points2, Points3
 
 
 def camera_matrix(camera: Camera) -> np.ndarray:
@@ -31,6 +32,11 @@ def project(camera: Camera, point_mm: Points3) -> Points2:
     """Pixels of points in the sheet frame."""
     if len(point_mm) == 0:
         return np.zeros((0, 2))
+    if camera.views:
+        number, chosen = view_of(camera, point_mm), np.empty((len(point_mm), 2))
+        for index, view in enumerate(camera.views):
+            chosen[number == index] = project(view.in_frame, point_mm[number == index])
+        return chosen
     function = cv2.fisheye.projectPoints if camera.model == "fisheye" else cv2.projectPoints
     pixels, _ = function(
         np.ascontiguousarray(point_mm, dtype=np.float64).reshape(-1, 1, 3),
@@ -41,6 +47,21 @@ def project(camera: Camera, point_mm: Points3) -> Points2:
     )
     projected: Points2 = np.asarray(pixels, dtype=np.float64).reshape(-1, 2)
     return projected
+
+
+def view_of(camera: Camera, point_mm: Points3) -> Counts:
+    """Number (n,) of the view that shows each point of the sheet frame most centrally; 0 for one camera.
+
+    The distance from the centre of a picture counts along each axis as a share of the picture. A view in
+    which a point is outside of the picture comes after all others.
+    """
+    distance = np.zeros((max(len(camera.views), 1), len(point_mm)))
+    for off, view in zip(distance, camera.views, strict=False):
+        size_px = np.array([view.camera.width_px, view.camera.height_px])
+        from_centre = np.abs((project(view.camera, point_mm) + 0.5) / size_px - 0.5)
+        off[:] = (from_centre**2).sum(axis=1) + (from_centre.max(axis=1) > 0.5)
+    number: Counts = np.argmin(distance, axis=0)
+    return number
 
 
 def ray(camera: Camera, pixel: Points2) -> Points2:
@@ -59,6 +80,13 @@ def ray(camera: Camera, pixel: Points2) -> Points2:
 
 def onto_plane(camera: Camera, pixel: Points2, z_mm: float = 0.0) -> Points3:
     """Where the rays of pixels meet the plane z = z_mm of the sheet frame."""
+    if camera.views:
+        left_px = np.array([view.left_px for view in camera.views])
+        number = np.maximum(np.searchsorted(left_px - 0.5, pixel[:, 0], side="right") - 1, 0)
+        met_mm = np.empty((len(pixel), 3))
+        for index, view in enumerate(camera.views):
+            met_mm[number == index] = onto_plane(view.in_frame, pixel[number == index], z_mm)
+        return met_mm
     rotation, translation = cam_from_sheet(camera)
     direction = np.column_stack([ray(camera, pixel), np.ones(len(pixel))]) @ rotation
     origin = -translation @ rotation

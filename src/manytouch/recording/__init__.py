@@ -10,7 +10,7 @@ When to record, in which thread, and how to show a recording is decided in `sink
     /session    JSON: sensor, method, parameters, versions; at the start and after every change
     /calibration, /transform
                 foxglove.CameraCalibration and FrameTransform (protobuf): intrinsic parameters and pose of the
-                camera; with the first frame after every /session
+                camera; with the first frame after every /session, unless the sensor has several views
     /log        foxglove.Log (protobuf): messages of the session
 
 The sequence of a message is the index of its frame; its log time is the start of the recording plus the

@@ -33,6 +33,7 @@ from manytouch.values import (
     Status,
     Surface,
     TrackedGrid,
+    View,
 )
 from manytouch.values.arrays import read_only
 
@@ -51,6 +52,7 @@ RECORDED_TYPES: dict[str, Any] = {
         SheetSpline,
         Surface,
         TrackedGrid,
+        View,
     )
 }
 _ENUMS: dict[str, Any] = {each.__name__: each for each in (ContactShape, Phase)}

@@ -2,7 +2,7 @@
 
 import base64
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,7 +11,7 @@ from scipy.spatial.transform import Rotation
 
 from manytouch.errors import SourceError
 from manytouch.geometry.camera import camera_matrix
-from manytouch.recording import SCHEMA
+from manytouch.recording import CALIBRATION, SCHEMA, TRANSFORM
 from manytouch.recording.compression import compressed, decompressed
 from manytouch.recording.json_codec import from_json, to_json
 from manytouch.recording.packed import PackedBlock
@@ -292,6 +292,13 @@ def transform_message(camera: Camera, frame_id: str, log_ns: int) -> Any:
         Rotation.from_rotvec(camera.rotation_vector.copy()).as_quat().tolist()
     )
     return message
+
+
+def camera_messages(camera: Camera) -> tuple[tuple[str, Callable[[Camera, str, int], Any]], ...]:
+    """Topics and messages that describe a camera; none for several views, whose pictures are one image."""
+    if camera.views:
+        return ()
+    return (CALIBRATION, calibration_message), (TRANSFORM, transform_message)
 
 
 def _contact(contact: Contact) -> dict[str, Any]:

@@ -18,11 +18,10 @@ from manytouch.recording import (
 from manytouch.recording.messages import (
     READING_SCHEMA,
     SESSION_SCHEMA,
-    calibration_message,
+    camera_messages,
     encode_reading,
     encode_session,
     surface_message,
-    transform_message,
 )
 from manytouch.values import Camera, Frame, Reading, Sensor
 
@@ -137,7 +136,7 @@ class RecordingWriter:
         log_ns = self._started_ns + frame.timestamp_ns
         if self._unwritten_camera is not None:
             camera, self._unwritten_camera = self._unwritten_camera, None
-            for topic, describe in ((CALIBRATION, calibration_message), (TRANSFORM, transform_message)):
+            for topic, describe in camera_messages(camera):
                 described = describe(camera, frame.camera, log_ns).SerializeToString()
                 self._add(topic, described, log_ns, frame.index)
         message = self._image(frame_id=frame.camera, data=encoded, format=suffix)

@@ -1,21 +1,29 @@
-"""A page that lists the sensors of a running rig, with links to their viewers, for this machine only."""
+"""A page with the sensors of a running rig: a table, and tiles of their viewers; for this machine only."""
 
 import html
 import http.server
+import json
 import threading
 from collections.abc import Mapping
-from typing import ClassVar
+from importlib.resources import files
+from typing import Any, ClassVar
 
 from manytouch.errors import OutputError
 from manytouch.rigs.run_rig import SensorState
 
 _HEADERS = {
-    "Content-Type": "text/html; charset=utf-8",
-    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; frame-ancestors 'none'",
+    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; script-src 'self'; "
+    "connect-src 'self'; frame-src http://127.0.0.1:*; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors 'none'",
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
 }
-_STYLE = "body{font-family:sans-serif;margin:2em}td,th{padding:.4em 1em;text-align:left}"
+_STYLE = (
+    "body{font-family:sans-serif;margin:1em}td,th{padding:.2em 1em;text-align:left}.over{opacity:.5}"
+    "#tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(40em,100%),1fr));gap:.5em}"
+    "iframe{width:100%;height:70vh;border:1px solid #888}iframe[hidden]{display:none}"
+)
+_COLUMNS = ("sensor", "state", "frames per second", "frames", "dropped", "restarts")
 
 
 class OverviewPage:
@@ -36,9 +44,14 @@ class OverviewPage:
         Raises:
             OutputError: the port is in use.
         """
+        script = (files("manytouch.rigs") / "page.js").read_text(encoding="utf-8")
 
         class Handler(_Handler):
-            content = staticmethod(lambda: overview(name, states))
+            content: ClassVar[Mapping[str, Any]] = {
+                "/": ("text/html", lambda: overview(name)),
+                "/page.js": ("text/javascript", lambda: script),
+                "/states": ("application/json", lambda: json.dumps(described(states))),
+            }
 
         try:
             self._server = http.server.ThreadingHTTPServer(("127.0.0.1", port), Handler)
@@ -50,6 +63,11 @@ class OverviewPage:
         self.url = f"http://127.0.0.1:{self._server.server_port}/"
         threading.Thread(target=self._server.serve_forever, name="manytouch-rig-page", daemon=True).start()
 
+    @property
+    def origin(self) -> str:
+        """Of the page, which the viewers allow to embed them."""
+        return self.url.removesuffix("/")
+
     def close(self) -> None:
         """Stop serving."""
         self._server.shutdown()
@@ -57,18 +75,20 @@ class OverviewPage:
 
 
 class _Handler(http.server.BaseHTTPRequestHandler):
-    content: ClassVar = staticmethod(str)
+    content: ClassVar[Mapping[str, Any]] = {}
     timeout = 5
 
     def do_GET(self) -> None:
         """Answer requests for the page from this machine."""
         host = (self.headers.get("Host") or "").rpartition(":")[0]
-        if self.path != "/" or host not in ("127.0.0.1", "localhost"):
+        if self.path not in self.content or host not in ("127.0.0.1", "localhost"):
             self.send_error(404)
             return
-        encoded = self.content().encode()
+        kind, make = self.content[self.path]
+        encoded = make().encode()
         self.send_response(200)
-        for key, value in {**_HEADERS, "Content-Length": str(len(encoded))}.items():
+        lengths = {"Content-Type": f"{kind}; charset=utf-8", "Content-Length": str(len(encoded))}
+        for key, value in {**_HEADERS, **lengths}.items():
             self.send_header(key, value)
         self.end_headers()
         self.wfile.write(encoded)
@@ -77,21 +97,27 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         """Print nothing."""
 
 
-def overview(name: str, states: Mapping[str, SensorState]) -> str:
-    """The page as HTML, which a browser loads again every two seconds."""
-    rows = "".join(_row(sensor, state) for sensor, state in states.items())
-    title = html.escape(name)
+def overview(name: str) -> str:
+    """The page as HTML; its script fills table and tiles every two seconds."""
+    title, head = html.escape(name), "".join(f"<th>{column}" for column in _COLUMNS)
     return (
-        f"<!doctype html><html lang=en><meta charset=utf-8><meta http-equiv=refresh content=2><title>{title}"
-        f"</title><style>{_STYLE}</style><h1>{title}</h1><table><tr><th>sensor<th>state<th>frames per second"
-        f"<th>frames<th>dropped<th>restarts</tr>{rows}</table></html>"
+        f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title><style>{_STYLE}</style>"
+        f"<h1>{title}</h1><table><thead><tr>{head}</thead><tbody id=sensors></tbody></table>"
+        "<div id=tiles></div><script src=/page.js></script></html>"
     )
 
 
-def _row(name: str, state: SensorState) -> str:
-    health, shown = state.health, html.escape(name)
-    viewer = state.viewer
-    link = shown if viewer is None else f'<a href="{html.escape(viewer)}" target="_blank">{shown}</a>'
-    numbers = (state.frames + health.frames, state.dropped + health.dropped, state.restarts)
-    cells = (link, html.escape(health.source), f"{health.fps:.1f}", *map(str, numbers))
-    return f"<tr>{''.join(f'<td>{cell}' for cell in cells)}</tr>"
+def described(states: Mapping[str, SensorState]) -> list[dict[str, object]]:
+    """The sensors as the page shows them."""
+    return [
+        {
+            "name": name,
+            "state": state.health.source,
+            "fps": f"{state.health.fps:.1f}",
+            "frames": state.frames + state.health.frames,
+            "dropped": state.dropped + state.health.dropped,
+            "restarts": state.restarts,
+            "viewer": state.viewer,
+        }
+        for name, state in states.items()
+    ]

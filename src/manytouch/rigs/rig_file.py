@@ -10,13 +10,24 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from scipy.spatial.transform import Rotation
 
 from manytouch.errors import SourceError
+from manytouch.sources.joined import VIEWS
 from manytouch.values.arrays import Floats, read_only
-from manytouch.values.sensor_file.sections import Number, Positive, Section, all_mistakes
+from manytouch.values.sensor_file.sections import (
+    IsList,
+    Number,
+    One,
+    Positive,
+    Section,
+    Several,
+    all_mistakes,
+)
 from manytouch.values.sensor_file.toml_file import read_toml
 
 BY_ID = Path("/dev/v4l/by-id")
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
 Text = Annotated[str, Field(min_length=1, max_length=1000)]
+Texts = Annotated[list[Text], Field(min_length=2, max_length=16)]
+TextOrSeveral = Annotated[Annotated[Text, One] | Annotated[Texts, Several], IsList]
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Side = Annotated[int, Field(gt=0, le=32_768)]
 
@@ -29,11 +40,11 @@ class PoseSection(Section):
 
 
 class SensorSection(Section):
-    """A sensor; its camera by `source` (path, address, file) or by `serial` number."""
+    """A sensor; its camera by `source` (path, address, file) or `serial`, several on one sheet by a list."""
 
     name: Name
-    source: Text | None = None
-    serial: Text | None = None
+    source: TextOrSeveral | None = None
+    serial: TextOrSeveral | None = None
     sensor: Text | None = None
     method: Literal["mechanics", "perimeter", "paper"] | None = None
     fps: Positive | None = None
@@ -42,8 +53,8 @@ class SensorSection(Section):
 
     @field_validator("source")
     @classmethod
-    def _is_no_index(cls, source: str | None) -> str | None:
-        if source is not None and (source.isdecimal() or source.startswith("/dev/video")):
+    def _is_no_index(cls, source: str | list[str] | None) -> str | list[str] | None:
+        if any(each.isdecimal() or each.startswith("/dev/video") for each in _texts(source)):
             raise ValueError(
                 "the number of a camera changes when it is plugged in again; give serial = or a path in "
                 "/dev/v4l/by-id"
@@ -141,11 +152,12 @@ def camera_with_serial(serial: str, folder: Path = BY_ID) -> str:
 
 
 def _sensor(section: SensorSection, folder: Path) -> RigSensor:
-    source = section.source
+    cameras = [camera_with_serial(serial) for serial in _texts(section.serial)]
+    sources = cameras or [_relative(source, folder) for source in _texts(section.source)]
     size = section.size_px
     return RigSensor(
         name=section.name,
-        source=camera_with_serial(section.serial or "") if source is None else _relative(source, folder),
+        source=sources[0] if len(sources) == 1 else VIEWS + ",".join(sources),
         sensor=None if section.sensor is None else _relative(section.sensor, folder),
         method=section.method,
         fps=section.fps,
@@ -153,6 +165,11 @@ def _sensor(section: SensorSection, folder: Path) -> RigSensor:
         rotation=read_only(Rotation.from_rotvec(section.pose.rotation_vector).as_matrix()),
         translation_mm=read_only(np.array(section.pose.translation_mm)),
     )
+
+
+def _texts(given: str | list[str] | None) -> list[str]:
+    """The texts of a key that is one text, several, or absent."""
+    return [] if given is None else [given] if isinstance(given, str) else given
 
 
 def _relative(text: str, folder: Path) -> str:

@@ -90,6 +90,7 @@ def run_rig(
     out: Path | None = None,
     record: Path | None = None,
     viewer_host: str | None = None,
+    page_origin: str | None = None,
     on_states: Callable[[Mapping[str, SensorState]], None] | None = None,
 ) -> Mapping[str, SensorState]:
     """Run all sensors until their sources end or `stop` returns True.
@@ -102,6 +103,7 @@ def run_rig(
         record: a file that gets one set of channels per sensor; while the rig runs, each process writes a
             file of its own next to it.
         viewer_host: address of the viewers; None: none.
+        page_origin: of the page that shows the viewers as tiles.
         on_states: gets the states before the first process is started.
 
     Returns:
@@ -110,6 +112,7 @@ def run_rig(
     Raises:
         OutputError: contacts.csv cannot be written.
     """
+    viewer = SensorOptions(viewer_host=viewer_host, page_origin=page_origin)
     states = {sensor.name: SensorState(sensor) for sensor in rig.sensors}
     if on_states is not None:
         on_states(states)
@@ -122,7 +125,7 @@ def run_rig(
             rows.writerow(COLUMNS)
         try:
             while not stop() and not all(state.is_over for state in states.values()):
-                _start_due(states, out, record, viewer_host)
+                _start_due(states, out, record, viewer)
                 for state, message in _messages(states):
                     _take(state, message, observer, rows, began_ns)
                 _bury_dead(states, observer)
@@ -134,7 +137,7 @@ def run_rig(
 
 
 def _start_due(
-    states: Mapping[str, SensorState], out: Path | None, record: Path | None, viewer_host: str | None
+    states: Mapping[str, SensorState], out: Path | None, record: Path | None, viewer: SensorOptions
 ) -> None:
     """Start the processes that do not run and are due."""
     for name, state in states.items():
@@ -147,7 +150,10 @@ def _start_due(
             state.parts.append(part)
         suffix = f"-{state.restarts}" if state.restarts else ""
         options = SensorOptions(
-            record=part, out=None if out is None else out / f"{name}{suffix}", viewer_host=viewer_host
+            record=part,
+            out=None if out is None else out / f"{name}{suffix}",
+            viewer_host=viewer.viewer_host,
+            page_origin=viewer.page_origin,
         )
         here, there = _CONTEXT.Pipe()
         process = _CONTEXT.Process(target=run_sensor, args=(there, state.sensor, options), name=name)

@@ -72,11 +72,13 @@ class SensorOptions:
         record: file of its part of the recording; None: nothing is recorded.
         out: its result folder; None: no tables.
         viewer_host: address of its viewer; None: no viewer.
+        page_origin: of the page that shows the viewer in a tile; None: none may.
     """
 
     record: Path | None = None
     out: Path | None = None
     viewer_host: str | None = None
+    page_origin: str | None = None
 
 
 def in_rig(contact: Contact, sensor: Sensor, rig: RigSensor, frame: int) -> RigContact:
@@ -183,7 +185,7 @@ def _run(connection: Connection, rig: RigSensor, options: SensorOptions, stop: C
         from manytouch.sinks.latest_only import LatestOnly
         from manytouch.sinks.viewer import Viewer
 
-        viewer = Viewer(live, host=options.viewer_host)
+        viewer = Viewer(live, host=options.viewer_host, embedded_in=options.page_origin)
         connection.send(NoteMessage(sentence=f"viewer at {viewer.url}", viewer=viewer.url))
         sinks.append(LatestOnly(viewer))
     connection.send(health())

@@ -28,6 +28,7 @@ from manytouch.session.methods import (
     parameter_info,
     parameters_of,
     pipeline_for,
+    require_method_for,
     tune,
     with_parameters,
 )
@@ -293,6 +294,7 @@ class Live:
 
     def _pipeline_for(self, method: str) -> Pipeline:
         """The stages of a method, with those of the requested parameters that it has."""
+        require_method_for(self.sensor, method)
         pipeline = pipeline_for(method, self._job.roi_px)
         known, requested = parameters_of(pipeline), self._job.request.parameters
         return with_parameters(pipeline, {name: requested[name] for name in requested if name in known})

@@ -9,7 +9,15 @@ from manytouch.errors import SourceError
 from manytouch.pipeline import Output, Sink
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
-from manytouch.session.methods import METHODS, choices_of, parameter_info, parameters_of, pipeline_for, tune
+from manytouch.session.methods import (
+    METHODS,
+    choices_of,
+    parameter_info,
+    parameters_of,
+    pipeline_for,
+    require_method_for,
+    tune,
+)
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.prepare import Job, prepare
 from manytouch.session.run import Observer, StopCondition
@@ -243,6 +251,7 @@ class Playback:
                 self._pace.speed = speed
                 self._pace.reset()
             case UseMethod(method=method):
+                require_method_for(self.sensor, method)
                 pipeline, requested = pipeline_for(method), self._jobs.requested()
                 if requested is not None or not self._is_processed or method != self._method:
                     self._jobs.request(replace(self._job, pipeline=pipeline, method=method))

@@ -18,13 +18,14 @@ from manytouch.calibration.rest.whole_recording import (
 )
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type
 from manytouch.pipeline import Pipeline, Sink
-from manytouch.session.methods import DEFAULT, Value, default_method, pipeline_for
+from manytouch.session.methods import DEFAULT, Value, default_method, pipeline_for, require_method_for
 from manytouch.session.result_hashes import Pitch, Request
 from manytouch.session.run import Observer, StopCondition
 from manytouch.session.warm_up import compiled_methods, warm_up_kernels
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.camera import without_password
 from manytouch.sources.cameras.capture import CameraRequest
+from manytouch.sources.joined import JoinedSource
 from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Frame, Reading, Roi, Sensor
 from manytouch.values.sensor_file import load_sensor
@@ -212,6 +213,11 @@ def prepare(
         close(source)
         raise
     chosen = method or default_method(found)
+    try:
+        require_method_for(found, chosen)
+    except ManytouchError:
+        close(source)
+        raise
     assumed = [NO_PRETENSION] if _lacks_pretension(found, chosen) else []
     if source.fps is None and not source.is_live and source.frame_count != 1:
         assumed.append(NO_RATE)
@@ -292,6 +298,7 @@ def _determine_sensor(
     spread: Callable[[], Sequence[Frame]] | None = None,
 ) -> tuple[Sensor, tuple[Frame, ...], Iterator[Frame]]:
     """The sensor according to the first frames, these, and the frames after them."""
+    _require_views(source, text, given, roi_px)
     require_region(source, text, roi_px)
     if given is not None:
         _require_fit(source, text, given)
@@ -330,6 +337,8 @@ def _determine_sensor(
 def _with_size(camera: CameraRequest | None, sensor: Sensor | None) -> CameraRequest:
     """The request, with the size of the sensor's camera where it has no size."""
     request = CameraRequest() if camera is None else camera
+    if sensor is not None and sensor.camera.views:
+        sensor = replace(sensor, camera=sensor.camera.views[0].camera)
     if sensor is None or request.size_px is not None:
         return request
     return replace(request, size_px=(sensor.camera.width_px, sensor.camera.height_px))
@@ -342,8 +351,26 @@ def _open(given: str | Path | int | Source, fps: float | None, camera: CameraReq
     return given, given.name
 
 
+def _require_views(source: Source, text: str, given: Sensor | None, roi_px: Roi | None) -> None:
+    """Check that several views come with a sensor that has them, and without a region of interest."""
+    known = given or source.capabilities.sensor
+    if roi_px is not None and known is not None and known.camera.views:
+        raise SensorError(
+            f"a region of interest is a part of one picture, but {known.name!r} has several views: omit it"
+        )
+    if given is None and isinstance(source, JoinedSource):
+        raise SensorError(
+            f"{text} needs a sensor file with [[views]], which states where each camera is: give --sensor"
+        )
+
+
 def _require_fit(source: Source, text: str, sensor: Sensor) -> None:
     camera = sensor.camera
+    if isinstance(source, JoinedSource) and len(source.views) != max(len(camera.views), 1):
+        raise SensorError(
+            f"{text} has {len(source.views)} views, but the sensor {sensor.name!r} has "
+            f"{max(len(camera.views), 1)}: name one source for each of its [[views]], in their order"
+        )
     if (camera.width_px, camera.height_px) != (source.width_px, source.height_px):
         raise SensorError(
             f"the sensor {sensor.name!r} is for images of {camera.width_px} x {camera.height_px} px, but "

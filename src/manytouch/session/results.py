@@ -21,7 +21,8 @@ from manytouch.sinks.pictures.surface_picture import SelectedFrames
 from manytouch.sources import Source
 from manytouch.sources.cameras.camera import without_password
 from manytouch.sources.files.log import split_topic
-from manytouch.sources.opening import is_camera
+from manytouch.sources.joined import VIEWS
+from manytouch.sources.opening import is_camera, views_of
 from manytouch.values import Roi, Sensor
 
 RESULTS = (
@@ -242,11 +243,16 @@ class ResultFiles:
         )
 
 
+LONGEST_NAME = 100
+
+
 def result_name(text: str) -> str:
     """Name of the folder for an input's results: its stem, without what a file name cannot contain."""
     if text.startswith("sim:"):
         scene = text.removeprefix("sim:")
         return f"sim-{Path(scene).stem}" if scene else "sim"
+    if text.startswith(VIEWS):
+        return "-".join(result_name(part) for part in views_of(text))[:LONGEST_NAME]
     bare, topic = split_topic(text)
     path = Path(bare).resolve()
     if topic is not None and not topic.startswith("/"):

@@ -1,12 +1,13 @@
-"""Built-in sensors: the demo sheet of 20 x 30 light dots, clamped, and a bonded pad of 7 x 9 dark ones."""
+"""Built-in sensors: the demo sheet of 20 x 30 light dots, clamped; one twice as wide, two cameras; a pad."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 
 import numpy as np
 
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
-from manytouch.values.sensor import Polarity
+from manytouch.values.sensor import Polarity, camera_of_views
 
 ROWS, COLUMNS, PITCH_MM, RADIUS_MM = 20, 30, 4.0, 1.0
 PRETENSION_N_PER_MM = 0.4  # stretched on its frame by 2.4 %
@@ -50,6 +51,32 @@ def demo_sensor(width_px: int = DESIGNED_WIDTH_PX) -> Sensor:
         sheet=sheet,
         centre_noise_px=0.03,
         provenance={"origin": "designed, for the simulated sensor"},
+    )
+
+
+SKIN_APART_MM = 100.0
+
+
+def skin_sensor(width_px: int = DESIGNED_WIDTH_PX) -> Sensor:
+    """Three times as wide as high: 240 x 80 mm, 20 x 60 light dots, seen by two cameras of the demo sensor.
+
+    Their views overlap by 45 mm in the middle of the sheet.
+
+    Args:
+        width_px: of each picture.
+    """
+    one = demo_sensor(width_px)
+    cameras = {}
+    for name, side in (("left", -0.5), ("right", 0.5)):
+        translation_mm = one.camera.translation_mm - [side * SKIN_APART_MM, 0.0, 0.0]
+        cameras[name] = replace(one.camera, translation_mm=read_only(translation_mm))
+    assert one.sheet is not None
+    return replace(
+        one,
+        name="skin",
+        camera=camera_of_views(cameras),
+        layout=_lattice(ROWS, 60, PITCH_MM, radius_mm=RADIUS_MM, polarity="light"),
+        sheet=replace(one.sheet, size_mm=read_only(np.array([240.0, 80.0]))),
     )
 
 
@@ -110,5 +137,9 @@ def _lattice(rows: int, columns: int, pitch_mm: float, *, radius_mm: float, pola
     )
 
 
-BUILT_IN_SENSORS: Mapping[str, Callable[[int], Sensor]] = {"demo": demo_sensor, "pad": pad_sensor}
-DESIGNED_WIDTHS_PX = {"demo": DESIGNED_WIDTH_PX, "pad": PAD_WIDTH_PX}
+BUILT_IN_SENSORS: Mapping[str, Callable[[int], Sensor]] = {
+    "demo": demo_sensor,
+    "pad": pad_sensor,
+    "skin": skin_sensor,
+}
+DESIGNED_WIDTHS_PX = {"demo": DESIGNED_WIDTH_PX, "pad": PAD_WIDTH_PX, "skin": DESIGNED_WIDTH_PX}

@@ -46,6 +46,7 @@ class Simulator:
         look: levels, light and noise of the pictures.
         optics: how the camera takes them.
         faults: of the print and the light; none where not given.
+        camera_number: of the view that it is of a sensor with several; each has noise of its own.
     """
 
     sensor: Sensor
@@ -54,6 +55,7 @@ class Simulator:
     look: Look = DEMO_LOOK
     optics: ImagingSettings = IN_FOCUS
     faults: Faults | None = None
+    camera_number: int = 0
     _faults: Faults = field(init=False, repr=False)
     _markers: PointMotion = field(init=False, repr=False)
     _outline_mm: Points3 = field(init=False, repr=False)
@@ -84,7 +86,7 @@ class Simulator:
         look = self.optics.lit(self.look, time_s)
         if self._faults.shadow:
             look = replace(look, shadows=look.shadows + self._shadows(time_s))
-        seed = (self.scene.seed << 32) + index
+        seed = (self.scene.seed << 32) + (self.camera_number << 28) + index
         image, encoded = self.optics.compressed(
             image_from_coverage(self._coverage(time_s), look=look, seed=seed)
         )

@@ -12,12 +12,14 @@ from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.files.images import IMAGE_SUFFIXES, folder_source, image_source
 from manytouch.sources.files.log import is_log, log_source, split_topic
 from manytouch.sources.files.video import VIDEO_SUFFIXES, video_source
+from manytouch.sources.joined import VIEWS, JoinedSource
 from manytouch.sources.quiet_opencv import cv2
-from manytouch.sources.source import Source
+from manytouch.sources.source import Source, close
 
 SUPPORTED = (
     "a camera's number or device, the address of a stream, a video file, an image, a folder of images, "
-    "an .mcap recording, an MCAP file or ROS 2 bag with images (PATH#TOPIC), or sim: for the simulated sensor"
+    "an .mcap recording, an MCAP file or ROS 2 bag with images (PATH#TOPIC), "
+    "views:SOURCE,SOURCE for several cameras on one sheet, or sim: for the simulated sensor"
 )
 
 
@@ -29,7 +31,8 @@ def open_source(
     Args:
         text: path of a video, an image, a folder of images, an .mcap recording (of a rig with `#SENSOR`), or
             an MCAP file or ROS 2 bag of another program, with `#TOPIC` if it has images on several topics;
-            number, device or address of a camera; `sim:` or `sim:SCENE`.
+            number, device or address of a camera; `views:SOURCE,SOURCE` for several cameras on one sheet, in
+            the order of its sensor file; `sim:` or `sim:SCENE`.
         fps: rate in frames per second that timestamps follow instead of the source's own; the rate to request
         of
             a camera.
@@ -43,6 +46,8 @@ def open_source(
         raise SourceError(f"The frame rate must be a positive number of frames per second, not {fps:g}.")
     require_type("the name of the source", text, (str, os.PathLike, int), SUPPORTED)
     text = str(text) if isinstance(text, int) else os.fspath(text)
+    if text.startswith(VIEWS):
+        return _joined_source(text, fps, camera)
     if text.startswith("sim:"):
         from manytouch.sources.simulated import simulated_source
 
@@ -69,6 +74,25 @@ def open_source(
         raise SourceError(f"{text!r} cannot be read: {error.strerror or error}.") from error
 
 
+def views_of(text: str) -> tuple[str, ...]:
+    """The sources that a text with `views:` names; the text itself if it names a single source."""
+    if not text.startswith(VIEWS):
+        return (text,)
+    return tuple(part.strip() for part in text.removeprefix(VIEWS).split(","))
+
+
+def _joined_source(text: str, fps: float | None, camera: CameraRequest | None) -> Source:
+    views: list[Source] = []
+    try:
+        for part in views_of(text):
+            views.append(open_source(part, fps=fps, camera=camera))
+        return JoinedSource(views)
+    except BaseException:
+        for view in views:
+            close(view)
+        raise
+
+
 def require_file(path: Path) -> None:
     """Check that a file exists.
 
@@ -81,6 +105,8 @@ def require_file(path: Path) -> None:
 
 def is_camera(text: str) -> bool:
     """Whether a text names a camera or a stream."""
+    if text.startswith(VIEWS):
+        return any(is_camera(part) for part in views_of(text))
     if text.isdigit():
         return not Path(text).exists()
     return "://" in text or text.startswith("/dev/video") or Path(text).is_char_device()

@@ -9,6 +9,7 @@ from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.file import BUILT_IN, SceneFile, built_in_scenes, load_scene
 from manytouch.simulation.scene.solve import simulator, solve_scene, states_folder
 from manytouch.simulation.simulator import Simulator
+from manytouch.simulation.views import ViewsSimulator
 from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Sensor, Truth
 
@@ -24,7 +25,7 @@ class Simulated:
 
     __slots__ = ()
 
-    simulator: Simulator
+    simulator: Simulator | ViewsSimulator
 
     @property
     def name(self) -> str:
@@ -56,7 +57,7 @@ class Simulated:
 class SimulatedSource(Simulated):
     """Rendered frames of a simulated sensor under a solved scene, with their ground truth."""
 
-    simulator: Simulator
+    simulator: Simulator | ViewsSimulator
 
     @property
     def frame_count(self) -> int:

@@ -25,7 +25,7 @@ from manytouch.values.grid import TrackedGrid
 from manytouch.values.health import Health, OutputState, ParameterInfo, Setting
 from manytouch.values.reading import Comparison, Reading, Truth
 from manytouch.values.roi import Roi
-from manytouch.values.sensor import Camera, Layout, LengthUnit, Polarity, Sensor, Sheet
+from manytouch.values.sensor import Camera, Layout, LengthUnit, Polarity, Sensor, Sheet, View
 from manytouch.values.status import Status
 from manytouch.values.surface import Interpolation, SheetSpline, Surface
 
@@ -70,4 +70,5 @@ __all__ = [
     "Tune",
     "UndoTare",
     "UseMethod",
+    "View",
 ]

@@ -1,13 +1,14 @@
 """The sensor: camera, layout of its markers, and sheet."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
 from manytouch.values.display.html import facts_table
+from manytouch.values.roi import Roi
 
 LengthUnit = Literal["mm", "pitch"]
 Polarity = Literal["light", "dark"]
@@ -28,6 +29,8 @@ class Camera:
         fx_std_px, fy_std_px, cx_std_px, cy_std_px, distortion_std, rotation_vector_std, translation_std_mm:
             standard deviations, in the shape of what they belong to. None: not stated; see
             `values.sensor_file.default_std`.
+        views: the cameras, where several look at the sheet. Size and pixels are then those of their pictures
+            in a row, all other parameters those of the first.
     """
 
     model: Literal["pinhole", "fisheye"] = "pinhole"
@@ -47,13 +50,59 @@ class Camera:
     distortion_std: Float64[np.ndarray, " d"] | None = None
     rotation_vector_std: Float64[np.ndarray, "3"] | None = None
     translation_std_mm: Float64[np.ndarray, "3"] | None = None
+    views: tuple["View", ...] = ()
 
     def __repr__(self) -> str:
+        if self.views:
+            return f"Camera({len(self.views)} views, {self.width_px} x {self.height_px} px)"
         x_mm, y_mm, z_mm = self.translation_mm
         return (
             f"Camera({self.model}, {self.width_px} x {self.height_px} px, focal length {self.fx_px:.1f} px, "
             f"sheet at ({x_mm:.1f}, {y_mm:.1f}, {z_mm:.1f}) mm)"
         )
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class View:
+    """One of several cameras that look at one sheet. Its picture is a part of the frame.
+
+    Attributes:
+        name: of the view.
+        left_px: column of the frame in which its picture begins; it begins in row 0.
+        camera: in pixels of its own picture; its pose is in the frame of the sheet.
+    """
+
+    name: str
+    left_px: int
+    camera: Camera
+
+    @property
+    def roi_px(self) -> Roi:
+        """Its part of the frame."""
+        return Roi(self.left_px, 0, self.camera.width_px, self.camera.height_px)
+
+    @property
+    def in_frame(self) -> Camera:
+        """The camera in pixels of the frame."""
+        return replace(self.camera, cx_px=self.camera.cx_px + self.left_px)
+
+    def to_frame(self, place_px: Float64[np.ndarray, "*n 2"]) -> Float64[np.ndarray, "*n 2"]:
+        """Pixels of the frame from those of the picture."""
+        return np.asarray(place_px + np.array([self.left_px, 0.0]))
+
+
+def camera_of_views(cameras: Mapping[str, Camera]) -> Camera:
+    """Several cameras on one sheet as one, their pictures in a row from left to right.
+
+    Args:
+        cameras: at least one, by the name of its view.
+    """
+    views, left_px = [], 0
+    for name, camera in cameras.items():
+        views.append(View(name=name, left_px=left_px, camera=camera))
+        left_px += camera.width_px
+    height_px = max(camera.height_px for camera in cameras.values())
+    return replace(views[0].camera, width_px=left_px, height_px=height_px, views=tuple(views))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -1,5 +1,6 @@
 """A running rig: one process per sensor, one of which is killed."""
 
+import json
 import os
 import signal
 import threading
@@ -59,8 +60,9 @@ def test_four_sensors_of_which_one_is_killed(tmp_path: Path) -> None:
             if state.pid is not None:
                 os.kill(state.pid, signal.SIGKILL)
             page = OverviewPage("hand", states)
-            with urllib.request.urlopen(page.url, timeout=5) as answer:
-                pages.append(answer.read().decode())
+            for path in ("", "page.js", "states"):
+                with urllib.request.urlopen(page.url + path, timeout=5) as answer:
+                    pages.append(answer.read().decode())
             request = urllib.request.Request(page.url, headers={"Host": "example.org:80"})
             with pytest.raises(urllib.error.HTTPError):
                 urllib.request.urlopen(request, timeout=5)
@@ -79,7 +81,8 @@ def test_four_sensors_of_which_one_is_killed(tmp_path: Path) -> None:
     over.set()
     assert [state.restarts for state in states.values()] == [name == KILLED for name in NAMES]
     assert any(sensor == KILLED and "started again" in sentence for sensor, sentence in notes.sentences)
-    assert all(f"<td>{name}<td>" in pages[0] for name in NAMES)
+    assert "<script src=/page.js>" in pages[0]
+    assert [sensor["name"] for sensor in json.loads(pages[2])] == list(NAMES)
 
     rows = rows_of(tmp_path / "out" / "contacts.csv")
     for number, name in enumerate(NAMES):

@@ -80,7 +80,7 @@ def test_seeds_differ_in_their_noise_alone() -> None:
     assert not np.array_equal(one.simulator.frame(90).image, other.simulator.frame(90).image)
 
 
-@pytest.mark.parametrize("name", ["fingers", "one", "pad"])
+@pytest.mark.parametrize("name", ["fingers", "one", "pad", "skin"])
 def test_what_is_shipped_answers_the_scenes_question(name: str) -> None:
     scene = load_scene(BUILT_IN / f"{name}.toml")
     states = shipped_states(name, solid_problem(scene).keys)

@@ -1,5 +1,6 @@
 """The sensor file: what is read is what was written, and every mistake is named."""
 
+import re
 import tomllib
 from dataclasses import replace
 from pathlib import Path
@@ -180,6 +181,52 @@ def test_the_deviation_of_stiffness_needs_a_stiffness(written: Path, tmp_path: P
     written.write_text(both.replace("young_MPa = 2.5\n", ""))
     with pytest.raises(SensorError, match="young_std_MPa is the standard deviation of young_MPa"):
         load_sensor(written)
+
+
+def several_views(text: str) -> str:
+    """The sensor file with a second camera 20 mm to the right of the first."""
+    begin, rest = text.split("[camera]\n")
+    camera, rest = rest.split("[sheet]\n")
+    camera = camera.replace("[camera.pose]", "[views.pose]")
+    right = camera.replace("translation_mm = [0.0", "translation_mm = [-20.0")
+    views = f'[[views]]\nname = "left"\n{camera}[[views]]\nname = "right"\n{right}'
+    return f"{begin}{views}[sheet]\n{rest}"
+
+
+def test_several_views_round_trip(tmp_path: Path) -> None:
+    (tmp_path / "views.toml").write_text(several_views(TEXT))
+    read = load_sensor(tmp_path / "views.toml")
+    save_sensor(read, tmp_path / "again.toml")
+    again = load_sensor(tmp_path / "again.toml")
+    assert (read.camera.width_px, read.camera.height_px) == (2 * 2560, 1440)
+    assert [view.name for view in again.camera.views] == ["left", "right"]
+    assert [view.left_px for view in again.camera.views] == [0, 2560]
+    point_mm = np.array([[3.0, 2.0, -1.0], [40.0, -7.0, 0.0]])
+    for before, after in zip(read.camera.views, again.camera.views, strict=True):
+        assert np.array_equal(project(before.camera, point_mm), project(after.camera, point_mm))
+    left, right = (view.camera for view in again.camera.views)
+    assert right.translation_mm[0] - left.translation_mm[0] == -20.0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ('name = "right"', 'name = "left"', "views need different names"),
+        ('name = "right"', 'name = "right/a"', "views.1.name"),
+        (
+            '[[views]]\nname = "left"',
+            '[camera]\nwidth_px = 3\n[[views]]\nname = "left"',
+            "camera.height_px is missing",
+        ),
+        ("[views.pose]", "[views.place]", "unknown key views.0.place"),
+        ("[sheet]", '[sheet]\nboundary = "bonded"\nmarker_depth_mm = 1.0', 'boundary = "clamped"'),
+    ],
+)
+def test_mistakes_in_views_are_named(tmp_path: Path, old: str, new: str, message: str) -> None:
+    path = tmp_path / "views.toml"
+    path.write_text(several_views(TEXT).replace(old, new, 1))
+    with pytest.raises(SensorError, match=re.escape(message)):
+        load_sensor(path)
 
 
 def test_a_layout_that_is_no_rectangle_is_a_table(written: Path, tmp_path: Path) -> None:

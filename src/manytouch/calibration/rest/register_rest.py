@@ -9,8 +9,11 @@ from manytouch.calibration.rest.first_frames import MOST_FRAMES, detect_in_frame
 from manytouch.calibration.rest.rest_frames import merge_rest_dots
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.errors import LayoutError, SensorError
+from manytouch.geometry.refraction import rest_px
+from manytouch.geometry.views.view_sensors import view_sensors
 from manytouch.tracking import MarkerTracker
 from manytouch.values import Detections, Frame, Roi, Sensor
+from manytouch.values.arrays import read_only
 
 _LEAST_SHARE = 0.5
 
@@ -50,6 +53,8 @@ def register_and_count(
             f"the sensor {sensor.name!r} is for images of {camera.width_px} x {camera.height_px} px, but the "
             f"input has {width} x {height} px: give the sensor file of this camera, or none"
         )
+    if camera.views:
+        return _register_views(sensor, frames)
     if sensor.layout.polarity == "auto":
         return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
     try:
@@ -59,6 +64,27 @@ def register_and_count(
             raise
     # Markers may be visible in colour only.
     return _register_in_frames(_with_surveyed_appearance(sensor, frames, roi_px), frames, roi_px)
+
+
+def _register_views(sensor: Sensor, frames: Sequence[Frame]) -> tuple[Sensor, int]:
+    """Each view registered to its own pictures, and all of them in one layout."""
+    layout = sensor.layout
+    assert layout is not None
+    place_px = np.array(rest_px(sensor, layout))
+    sentences: list[str] = []
+    total = 0
+    for view in view_sensors(sensor):
+        pictures = [view.picture(frame) for frame in frames]
+        found, count = register_and_count(replace(view.sensor, assumptions=()), pictures)
+        total += count
+        part = found.layout
+        assert part is not None
+        assert part.rest_px is not None
+        place_px[view.marker[view.is_own]] = view.view.to_frame(part.rest_px)[view.is_own]
+        layout = replace(layout, polarity=part.polarity, colour_weights=part.colour_weights)
+        sentences += [f"View {view.view.name}: {sentence}" for sentence in found.assumptions]
+    layout = replace(layout, rest_px=read_only(place_px))
+    return replace(sensor, layout=layout, assumptions=(*sensor.assumptions, *sentences)), total
 
 
 def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> tuple[Sensor, int]:

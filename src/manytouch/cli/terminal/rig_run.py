@@ -58,13 +58,10 @@ def run_rig_file(
     from manytouch.rigs.rig_file import load_rig
     from manytouch.rigs.run_rig import SensorState, run_rig
 
-    rig, log, pages = load_rig(path), _Log(), []
-
-    def show(states: Mapping[str, SensorState]) -> None:
-        if is_viewing:
-            pages.append(OverviewPage(rig.name, states, port))
-            log.on_note(rig.name, f"all sensors at {pages[0].url}")
-
+    rig, log, shown = load_rig(path), _Log(), dict[str, SensorState]()
+    page = OverviewPage(rig.name, shown, port) if is_viewing else None
+    if page is not None:
+        log.on_note(rig.name, f"all sensors at {page.url}")
     try:
         with StopOnSignal() as stop:
             states = run_rig(
@@ -73,11 +70,12 @@ def run_rig_file(
                 stop,
                 out=None if out is None else out / rig.name,
                 record=record,
-                viewer_host="127.0.0.1" if is_viewing else None,
-                on_states=show,
+                viewer_host=None if page is None else "127.0.0.1",
+                page_origin=None if page is None else page.origin,
+                on_states=shown.update,
             )
     finally:
-        for page in pages:
+        if page is not None:
             page.close()
     for name, state in states.items():
         times = "" if not state.restarts else f", started again {count_of(state.restarts, 'time')}"

@@ -218,11 +218,11 @@ class MechanicsEstimator:
     def fit_frame(self, state: MechanicsState, grid: TrackedGrid) -> Fit:
         """The shape of the sheet in the next frame."""
         measured_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
-        measured_px -= self.view_motion(
-            state.initial_reference_px,
-            measured_px - state.shape.displacement_px,
-            state.is_at_clamp & grid.is_seen,
-        )
+        change_px, is_used = measured_px - state.shape.displacement_px, state.is_at_clamp & grid.is_seen
+        for chosen in state.model.dots.of_views:
+            measured_px[chosen] -= self.view_motion(
+                state.initial_reference_px[chosen], change_px[chosen], is_used[chosen]
+            )
         return self.gauss_newton(
             state.model,
             state.shape,

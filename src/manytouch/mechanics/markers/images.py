@@ -6,16 +6,19 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Float64, Int64
 
+from manytouch.geometry.camera import view_of
 from manytouch.geometry.spline.patch import Nodal, PointBasis, PointWindow, SplinePatch
 from manytouch.mechanics.markers import kernels as marker_kernels
 from manytouch.mechanics.markers.projection import CameraModel, camera_model
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera
-from manytouch.values.arrays import read_only_view
+from manytouch.values.arrays import Mask, read_only_view
 
 OUTLINE_POINTS = 12
 OUTLINE_RADIUS = float(np.sqrt(3.0 / (2.0 + np.cos(2.0 * np.pi / OUTLINE_POINTS))))
 """The polygon with this radius has the second moments of the unit disc (1.0231)."""
+
+_Discs = tuple[marker_kernels.Places, marker_kernels.Places, Float64[np.ndarray, "m k 3"]]
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -66,7 +69,7 @@ class MarkerImages:
 
     Attributes:
         shell: the sheet.
-        camera: in front of the sheet.
+        camera: in front of the sheet; with several views, a marker has the image of one (`of_views`).
         rest_mm: (m, 3) centres at rest, sheet frame.
         radius_mm: (m,) of each marker.
         height_mm: distance of the markers from the face, towards the camera.
@@ -96,8 +99,20 @@ class MarkerImages:
         out = np.empty((len(self.rest_mm), 2, 16, 3))
         position = self.rest_mm + self.tips.displacement(coefficient_mm)
         derivative = self.tips.derivative(coefficient_mm)
-        marker_kernels.centre_derivatives(position, self._camera, derivative, out)
+        for camera, chosen in zip(self._cameras, self.of_views, strict=True):
+            if len(self._cameras) == 1:
+                marker_kernels.centre_derivatives(position, camera, derivative, out)
+                break
+            part = np.empty((int(chosen.sum()), 2, 16, 3))
+            marker_kernels.centre_derivatives(position[chosen], camera, derivative[chosen], part)
+            out[chosen] = part
         return out
+
+    @cached_property
+    def of_views(self) -> tuple[Mask, ...]:
+        """(m,) for each camera: whether the image of a marker is that of this camera."""
+        number = view_of(self.camera, self.rest_mm)
+        return tuple(number == index for index in range(len(self._cameras)))
 
     @cached_property
     def face(self) -> Face:
@@ -116,26 +131,35 @@ class MarkerImages:
 
     def _centroid_px(self, coefficient_mm: Nodal) -> Float64[np.ndarray, "m 2"]:
         out = np.empty((len(self.rest_mm), 2))
-        centres, outlines, outline_mm = self._outlines
-        marker_kernels.centroids(
-            _spline_field(self.shell.patch, coefficient_mm),
-            centres,
-            outlines,
-            outline_mm,
-            _layer(self.shell, self.height_mm),
-            self._camera,
-            out,
-        )
+        spline, layer = _spline_field(self.shell.patch, coefficient_mm), _layer(self.shell, self.height_mm)
+        if len(self._cameras) == 1:
+            marker_kernels.centroids(spline, *self._outlines, layer, self._cameras[0], out)
+            return out
+        for camera, chosen, discs in zip(self._cameras, self.of_views, self._outlines_of_views, strict=True):
+            part = np.empty((int(chosen.sum()), 2))
+            marker_kernels.centroids(spline, *discs, layer, camera, part)
+            out[chosen] = part
         return out
 
     @cached_property
-    def _camera(self) -> CameraModel:
-        return camera_model(self.camera)
+    def _cameras(self) -> tuple[CameraModel, ...]:
+        views = self.camera.views
+        return tuple(camera_model(view.in_frame) for view in views) or (camera_model(self.camera),)
 
     @cached_property
-    def _outlines(
-        self,
-    ) -> tuple[marker_kernels.Places, marker_kernels.Places, Float64[np.ndarray, "m k 3"]]:
+    def _outlines_of_views(self) -> tuple[_Discs, ...]:
+        centres, outlines, outline_mm = self._outlines
+        return tuple(
+            (
+                marker_kernels.Places(*(part[chosen] for part in centres)),
+                marker_kernels.Places(*(part[chosen] for part in outlines)),
+                outline_mm[chosen],
+            )
+            for chosen in self.of_views
+        )
+
+    @cached_property
+    def _outlines(self) -> _Discs:
         """Centres and outlines of the markers, and the outlines in the sheet frame."""
         angle = 2.0 * np.pi / OUTLINE_POINTS * np.arange(OUTLINE_POINTS)
         circle = OUTLINE_RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(OUTLINE_POINTS)])

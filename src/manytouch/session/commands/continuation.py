@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from manytouch.estimation.contact_tracker import with_tracks_of
+from manytouch.geometry.views.view_sensors import view_sensors
 from manytouch.pipeline import FrontState, Pipeline
 from manytouch.values import Sensor
 
@@ -62,9 +63,14 @@ def resumed_tracking(
     track, was = pipeline.track, before.track
     if type(track) is not type(was):
         return None
+    tracking = state.tracking
+    if track is not was and sensor.camera.views:
+        views = zip(view_sensors(sensor), tracking, strict=True)
+        tracking = tuple(track.resume(track.start(view.sensor), each) for view, each in views)
+    elif track is not was:
+        tracking = track.resume(track.start(sensor), tracking)
     return FrontState(
-        detection=state.detection if pipeline.detect is before.detect else None,
-        tracking=state.tracking if track is was else track.resume(track.start(sensor), state.tracking),
+        detection=state.detection if pipeline.detect is before.detect else None, tracking=tracking
     )
 
 

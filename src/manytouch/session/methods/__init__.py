@@ -2,7 +2,14 @@
 
 from manytouch.session.methods.parameter_info import parameter_info
 from manytouch.session.methods.parameters import Value, choices_of, parameters_of, tune, with_parameters
-from manytouch.session.methods.pipelines import DEFAULT, METHODS, default_method, kernels, pipeline_for
+from manytouch.session.methods.pipelines import (
+    DEFAULT,
+    METHODS,
+    default_method,
+    kernels,
+    pipeline_for,
+    require_method_for,
+)
 
 __all__ = [
     "DEFAULT",
@@ -14,6 +21,7 @@ __all__ = [
     "parameter_info",
     "parameters_of",
     "pipeline_for",
+    "require_method_for",
     "tune",
     "with_parameters",
 ]

@@ -46,6 +46,19 @@ def default_method(sensor: Sensor) -> str:
     return "mechanics"
 
 
+def require_method_for(sensor: Sensor, method: str) -> None:
+    """Check that a method can process a sensor.
+
+    Raises:
+        ManytouchError: the sensor has several views, and the method works with one camera.
+    """
+    if sensor.camera.views and method != "mechanics":
+        raise ManytouchError(
+            f"the sensor {sensor.name!r} has {len(sensor.camera.views)} views, but {method} works with one "
+            "camera: use --method mechanics"
+        )
+
+
 def pipeline_for(
     method: str | None = None, roi_px: Roi | None = None, parameters: Mapping[str, Value] | None = None
 ) -> Pipeline:

@@ -24,6 +24,7 @@ from manytouch.simulation.scene.deformation import Deformation, TrueContact
 from manytouch.simulation.scene.moving_sheet import PointMotion
 from manytouch.simulation.shell.live_sheet import NO_CONTACT, body_contact
 from manytouch.simulation.simulator import DEMO_LOOK, Simulator
+from manytouch.simulation.views import ViewsSimulator
 from manytouch.values import Detections, Frame, Reading, Sensor, Sheet
 from manytouch.values.arrays import Image, Points2, Points3, read_only
 
@@ -133,14 +134,15 @@ class _Press:
                 found[number] = here
         return found
 
-    def simulator(self) -> Simulator:
+    def simulator(self) -> Simulator | ViewsSimulator:
         """The simulated sensor under the press."""
         layout = self.sensor.layout
         assert layout is not None
         is_dark = layout.polarity == "dark"
         look = replace(DEMO_LOOK, ground=DARK_DOTS.ground, dot=DARK_DOTS.dot) if is_dark else DEMO_LOOK
         scene = _StillSheet(self.pressed.face, self.true_contacts(), self.seed)
-        return Simulator(sensor=self.sensor, scene=scene, look=look)
+        kind = ViewsSimulator if self.sensor.camera.views else Simulator
+        return kind(sensor=self.sensor, scene=scene, look=look)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

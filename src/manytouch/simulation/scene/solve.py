@@ -20,6 +20,7 @@ from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.shell.energy import PosedIndenter
 from manytouch.simulation.shell.live_sheet import LiveSheet
 from manytouch.simulation.simulator import Simulator
+from manytouch.simulation.views import ViewsSimulator
 from manytouch.values.arrays import Scalars
 
 STATES_VARIABLE = "MANYTOUCH_STATES"
@@ -137,9 +138,10 @@ def _solved_live(scene: SceneFile) -> Iterator[Deformation]:
         yield sheet.deformation()
 
 
-def simulator(scene: SceneFile, states: tuple[Deformation, ...]) -> Simulator:
+def simulator(scene: SceneFile, states: tuple[Deformation, ...]) -> Simulator | ViewsSimulator:
     """The simulated sensor of a scene and all its states."""
-    return Simulator(
+    kind = ViewsSimulator if scene.sensor.camera.views else Simulator
+    return kind(
         sensor=scene.sensor,
         scene=solid_scene(scene, states),
         fps=scene.fps,

@@ -41,7 +41,8 @@ def write_ros2bag(recordings: Sequence[Recording], folder: Path) -> None:
             if frame.encoded:
                 kind = "png" if frame.encoded.startswith(b"\x89PNG") else "jpeg"
                 put(messages.image(frame.encoded, kind, stamp_ns), stamp_ns)
-                put(messages.camera_info(stamp_ns), stamp_ns)
+                if not recording.sensor.camera.views:
+                    put(messages.camera_info(stamp_ns), stamp_ns)
             if reading is not None:
                 put(messages.wrench(reading, stamp_ns), stamp_ns)
                 put(messages.contacts(reading, stamp_ns), stamp_ns)

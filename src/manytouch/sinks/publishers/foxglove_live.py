@@ -20,7 +20,7 @@ from manytouch.errors import MissingExtraError, OutputError
 from manytouch.geometry.surface_sampling import SurfaceSampler, sampler_on
 from manytouch.pipeline import Controls
 from manytouch.recording import CALIBRATION, CAMERA, READING, SURFACE, TRANSFORM
-from manytouch.recording.messages import calibration_message, surface_message, transform_message
+from manytouch.recording.messages import camera_messages, surface_message
 from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
@@ -104,7 +104,7 @@ class FoxglovePublisher:
         if now_s >= self._next_static_s:
             self._next_static_s = now_s + STATIC_INTERVAL_S
             camera = self._controls.sensor.camera
-            for topic, describe in ((CALIBRATION, calibration_message), (TRANSFORM, transform_message)):
+            for topic, describe in camera_messages(camera):
                 self._log(topic, log_ns, describe(camera, frame.camera, log_ns).SerializeToString)
 
     def close(self) -> None:

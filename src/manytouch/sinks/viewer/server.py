@@ -85,6 +85,8 @@ class Server:
         access: Access,
         serve_client: Callable[[WebSocket], Awaitable[None]],
         background: Callable[[], Coroutine[Any, Any, None]],
+        *,
+        embedded_in: str | None = None,
     ) -> None:
         """Start the server.
 
@@ -93,11 +95,16 @@ class Server:
             access: which requests are admitted.
             serve_client: serves one websocket until it ends.
             background: runs on the loop of the server until it stops.
+            embedded_in: origin of a page that may show this one in a frame; None: none may.
 
         Raises:
             OutputError: the server did not start within `START_S`.
         """
         self._files = page_files()
+        policy = SECURITY_HEADERS["content-security-policy"]
+        if embedded_in is not None:
+            policy = policy.replace("frame-ancestors 'none'", f"frame-ancestors {embedded_in}")
+        self._headers = {**SECURITY_HEADERS, "content-security-policy": policy}
         self._access, self._serve_client, self._background = access, serve_client, background
         self._has_begun = threading.Event()
         self.loop: asyncio.AbstractEventLoop | None = None
@@ -164,7 +171,7 @@ class Server:
             return _bad_request("the token is not ASCII")
         if given is None or not (self._access.is_token_required and self._access.is_token(given)):
             return self._respond(request, "index.html")
-        answer = RedirectResponse("/", status_code=303, headers=SECURITY_HEADERS)
+        answer = RedirectResponse("/", status_code=303, headers=self._headers)
         answer.set_cookie(COOKIE, given, httponly=True, samesite="strict")
         return answer
 
@@ -178,14 +185,14 @@ class Server:
             return _bad_request("the Host header is not valid")
         if not is_known:
             text = "this viewer does not answer to that host name; open the address that manytouch printed\n"
-            return PlainTextResponse(text, 421, headers=SECURITY_HEADERS)
+            return PlainTextResponse(text, 421, headers=self._headers)
         if not self._access.may_open_page(request.cookies):
             text = "this viewer requires a token; open the address that manytouch printed\n"
-            return PlainTextResponse(text, 403, headers=SECURITY_HEADERS)
+            return PlainTextResponse(text, 403, headers=self._headers)
         if name not in self._files:
-            return PlainTextResponse("this file does not exist\n", 404, headers=SECURITY_HEADERS)
+            return PlainTextResponse("this file does not exist\n", 404, headers=self._headers)
         kind, content = self._files[name]
-        return Response(content, media_type=kind, headers=SECURITY_HEADERS)
+        return Response(content, media_type=kind, headers=self._headers)
 
     async def _stream(self, socket: WebSocket) -> None:
         try:

@@ -40,6 +40,7 @@ class Viewer:
         port: int = 0,
         token: str | None = None,
         max_clients: int = MAX_CLIENTS,
+        embedded_in: str | None = None,
     ) -> None:
         """Start serving.
 
@@ -49,6 +50,7 @@ class Viewer:
             port: 0 selects a free one.
             token: that all clients must send; None generates one that browsers on this machine need not send.
             max_clients: that are served at once.
+            embedded_in: origin of a page on this machine that may show the viewer in a frame; None: none may.
 
         Raises:
             MissingExtraError: nicegui is not installed.
@@ -66,7 +68,9 @@ class Viewer:
         listening = listening_socket(host, port)
         self.access = access_to(host, listening.getsockname()[1], token)
         self.token_file = write_token(self.access)
-        self._server = Server(listening, self.access, self._serve_client, self._broadcast_health)
+        self._server = Server(
+            listening, self.access, self._serve_client, self._broadcast_health, embedded_in=embedded_in
+        )
 
     @property
     def url(self) -> str:

@@ -12,8 +12,8 @@ from scipy.spatial import KDTree
 
 from manytouch.errors import SensorError, require_type
 from manytouch.values.arrays import read_only
-from manytouch.values.sensor import Camera, Layout, Sensor, Sheet
-from manytouch.values.sensor_file.schema import MarkersSection, PoseSection, SensorFile
+from manytouch.values.sensor import Camera, Layout, Sensor, Sheet, camera_of_views
+from manytouch.values.sensor_file.schema import CameraSection, MarkersSection, PoseSection, SensorFile
 from manytouch.values.sensor_file.sections import all_mistakes
 from manytouch.values.sensor_file.toml_file import read_toml
 
@@ -61,26 +61,34 @@ def _vector_or_none(values: Sequence[float] | None) -> Any:
 
 
 def _sensor(file: SensorFile) -> Sensor:
-    camera, sheet, noise = file.camera, file.sheet, file.noise
-    pose = camera.pose or PoseSection(translation_mm=(0.0, 0.0, 1.0))
-    distortion = camera.distortion or [0.0] * (5 if camera.model == "pinhole" else 4)
+    sheet, noise = file.sheet, file.noise
+    if file.camera is not None:
+        camera = _camera(file.camera)
+    else:
+        camera = camera_of_views({view.name: _camera(view) for view in file.views or ()})
     return Sensor(
         name=file.name,
-        camera=Camera(
-            **camera.model_dump(exclude={"distortion", "distortion_std", "pose"}),
-            distortion=_vector(distortion),
-            rotation_vector=_vector(pose.rotation_vector),
-            translation_mm=_vector(pose.translation_mm),
-            distortion_std=_vector_or_none(camera.distortion_std),
-            rotation_vector_std=_vector_or_none(pose.rotation_vector_std),
-            translation_std_mm=_vector_or_none(pose.translation_std_mm),
-        ),
+        camera=camera,
         layout=None if file.markers is None else _layout(file.markers),
         sheet=None
         if sheet is None
         else Sheet(**sheet.model_dump(exclude={"size_mm"}), size_mm=_vector(sheet.size_mm)),
         centre_noise_px=None if noise is None else noise.centre_px,
         provenance=file.provenance,
+    )
+
+
+def _camera(camera: CameraSection) -> Camera:
+    pose = camera.pose or PoseSection(translation_mm=(0.0, 0.0, 1.0))
+    distortion = camera.distortion or [0.0] * (5 if camera.model == "pinhole" else 4)
+    return Camera(
+        **camera.model_dump(exclude={"name", "distortion", "distortion_std", "pose"}),
+        distortion=_vector(distortion),
+        rotation_vector=_vector(pose.rotation_vector),
+        translation_mm=_vector(pose.translation_mm),
+        distortion_std=_vector_or_none(camera.distortion_std),
+        rotation_vector_std=_vector_or_none(pose.rotation_vector_std),
+        translation_std_mm=_vector_or_none(pose.translation_std_mm),
     )
 
 

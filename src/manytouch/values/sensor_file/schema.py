@@ -31,6 +31,7 @@ _ONLY_CLAMPED = ("pretension_N_per_mm", "bending_factor")
 
 
 MAX_CENTRE_SHARE = 10
+MAX_VIEWS = 16
 
 
 class PoseSection(Section):
@@ -95,6 +96,12 @@ class CameraSection(Section):
                 f"{len(self.distortion)}: specify one for each"
             )
         return self
+
+
+class ViewSection(CameraSection):
+    """`[[views]]`: one of several cameras on the sheet."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
 
 
 class SheetSection(Section):
@@ -244,15 +251,36 @@ class SensorFile(Section):
 
     schema_version: Annotated[int, Field(alias="schema", ge=1, le=1)]
     name: str = Field(default="unnamed sensor", min_length=1)
-    camera: CameraSection
+    camera: CameraSection | None = None
+    views: list[ViewSection] | None = Field(default=None, min_length=2, max_length=MAX_VIEWS)
     sheet: SheetSection | None = None
     markers: MarkersSection | None = None
     noise: NoiseSection | None = None
     provenance: dict[str, Any] = Field(default_factory=dict)
 
     @model_validator(mode="after")
+    def _check_views(self) -> "SensorFile":
+        if (self.camera is None) == (self.views is None):
+            raise ValueError("a sensor has either one [camera], or several [[views]], each with its pose")
+        if self.views is None:
+            return self
+        names = [view.name for view in self.views]
+        if len(set(names)) < len(names):
+            raise ValueError(f"views need different names, found {', '.join(names)}")
+        if self.markers is None or any(view.pose is None for view in self.views):
+            raise ValueError("several [[views]] need [markers], and each view its pose ([views.pose])")
+        mistake = size_mistake(
+            sum(view.width_px for view in self.views), max(view.height_px for view in self.views)
+        )
+        if mistake is not None:
+            raise ValueError(f"the pictures of the views in a row are too large: {mistake}")
+        if self.sheet is None or self.sheet.boundary == "bonded":
+            raise ValueError('several [[views]] need a [sheet] with boundary = "clamped"')
+        return self
+
+    @model_validator(mode="after")
     def _check_pose_and_outline(self) -> "SensorFile":
-        if self.markers is not None and self.camera.pose is None:
+        if self.markers is not None and self.camera is not None and self.camera.pose is None:
             raise ValueError("a sensor with [markers] needs [camera.pose]")
         if self.markers is not None and self.sheet is not None:
             if self.sheet.boundary == "bonded" and self.markers.height_mm > 0.0:

@@ -11,7 +11,7 @@ import tomlkit
 from pydantic import ValidationError
 
 from manytouch.errors import OutputError, SensorError, require_type
-from manytouch.values.sensor import Layout, Sensor, Sheet
+from manytouch.values.sensor import Camera, Layout, Sensor, Sheet
 from manytouch.values.sensor_file.schema import SensorFile
 from manytouch.values.sensor_file.sections import all_mistakes
 
@@ -48,8 +48,13 @@ def save_sensor(sensor: Sensor, path: str | Path) -> None:
 
 
 def _tables(sensor: Sensor) -> dict[str, Any]:
-    tables: dict[str, Any] = {"schema": 1, "name": sensor.name, "camera": _camera_table(sensor)}
-    sheet = sensor.sheet
+    tables: dict[str, Any] = {"schema": 1, "name": sensor.name}
+    sheet, views = sensor.sheet, sensor.camera.views
+    has_pose = sensor.layout is not None or sheet is not None  # without a sheet there is none
+    if views:
+        tables["views"] = [{"name": view.name} | _camera_table(view.camera, has_pose) for view in views]
+    else:
+        tables["camera"] = _camera_table(sensor.camera, has_pose)
     if sheet is not None:
         names = [name for name in Sheet.__slots__ if name != "is_assumed"]
         known = {name: getattr(sheet, name) for name in names if getattr(sheet, name) is not None}
@@ -63,8 +68,7 @@ def _tables(sensor: Sensor) -> dict[str, Any]:
     return tables
 
 
-def _camera_table(sensor: Sensor) -> dict[str, Any]:
-    camera = sensor.camera
+def _camera_table(camera: Camera, has_pose: bool) -> dict[str, Any]:
     names = ("model", "width_px", "height_px", "fx_px", "fy_px", "cx_px", "cy_px")
     table = {name: getattr(camera, name) for name in names} | {"distortion": camera.distortion.tolist()}
     for name in ("fx_std_px", "fy_std_px", "cx_std_px", "cy_std_px"):
@@ -72,7 +76,7 @@ def _camera_table(sensor: Sensor) -> dict[str, Any]:
             table[name] = getattr(camera, name)
     if camera.distortion_std is not None:
         table["distortion_std"] = camera.distortion_std.tolist()
-    if sensor.layout is not None or sensor.sheet is not None:  # without a sheet there is no pose
+    if has_pose:
         pose = ("rotation_vector", "translation_mm", "rotation_vector_std", "translation_std_mm")
         known = {name: getattr(camera, name) for name in pose}
         table["pose"] = {name: value.tolist() for name, value in known.items() if value is not None}

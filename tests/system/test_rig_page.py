@@ -1,0 +1,53 @@
+"""The page of a rig: a tile with the viewer of each sensor, and none of a viewer that does not allow it."""
+
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("nicegui")
+pytest.importorskip("playwright")
+
+from playwright.sync_api import sync_playwright
+
+from browser import CHROMIUM, FLAGS
+from manytouch.rigs.overview_page import OverviewPage
+from manytouch.rigs.rig_file import load_rig
+from manytouch.rigs.run_rig import SensorState
+from manytouch.sinks.viewer import Viewer
+from viewer_session import FakeSession, reading_of
+
+pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
+RIG = """schema = 1
+name = "hand"
+[[sensors]]
+name = "index"
+source = "sim:one"
+[[sensors]]
+name = "thumb"
+source = "sim:one"
+"""
+
+
+def test_tiles_show_the_viewers_that_allow_it(tmp_path: Path) -> None:
+    path = tmp_path / "hand.toml"
+    path.write_text(RIG)
+    states = {sensor.name: SensorState(sensor) for sensor in load_rig(path).sensors}
+    rig_page = OverviewPage("hand", states)
+    viewers = [Viewer(FakeSession(), embedded_in=origin) for origin in (rig_page.origin, None)]
+    for viewer, state in zip(viewers, states.values(), strict=True):
+        viewer.write(reading_of(0))
+        state.viewer = viewer.url
+    states["thumb"].restarts = 3
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        page = browser.new_page()
+        page.goto(rig_page.url)
+        page.frame_locator("iframe[title='viewer of index']").locator("#contacts tbody").wait_for()
+        rows = page.locator("#sensors tr").all_inner_texts()
+        assert page.frame_locator("iframe[title='viewer of thumb']").locator("#contacts").count() == 0
+        browser.close()
+    assert [row.split("\t")[0] for row in rows] == ["index", "thumb"]
+    assert [row.split("\t")[-1] for row in rows] == ["0", "3"]
+    for viewer in viewers:
+        viewer.close()
+    rig_page.close()
