@@ -20,7 +20,7 @@ from manytouch.errors import ManytouchError, SensorError, SourceError, require_t
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import DEFAULT, Value, default_method, pipeline_for, require_method_for
 from manytouch.session.result_hashes import Pitch, Request
-from manytouch.session.run import Observer, StopCondition
+from manytouch.session.run import NoObserver, Observer, StopCondition
 from manytouch.session.warm_up import compiled_methods, warm_up_kernels
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.camera import without_password
@@ -128,7 +128,7 @@ class Job:
         Raises:
             ManytouchError: the first frames cannot be processed.
         """
-        self.warm_up(observer.on_message)
+        self.warm_up(None if isinstance(observer, NoObserver) else observer.on_message)
         yield from self.readings()
 
     def close(self) -> None:

@@ -14,6 +14,7 @@ from manytouch.session.methods import Value
 from manytouch.session.prepare import prepare
 from manytouch.session.result_hashes import Pitch
 from manytouch.session.run import NoObserver, Observer
+from manytouch.session.warm_up import compiled_methods, warm_up_kernels
 from manytouch.sinks.publishers.registry import check_addresses, open_outputs
 from manytouch.sources import Source
 from manytouch.values import Command, Health, Reading, Roi, Sensor
@@ -48,7 +49,8 @@ def stream(
         sensor, method, pitch_mm, hfov_deg, roi_px, fps, parameters: see `manytouch.prepare`.
         to: addresses of outputs, as `manytouch run --to`.
         record: record everything into this file.
-        observer: gets the messages of the session.
+        observer: gets the messages of the session; None: only the progress of compiling is shown, on standard
+            error.
 
     Raises:
         ManytouchError: an address of `to` is wrong. Everything else is raised when the block is entered.
@@ -84,7 +86,7 @@ class Stream:
         observer: Observer | None,
     ) -> None:
         self._source, self._request, self._to, self._record = source, request, to, record
-        self._observer = NoObserver() if observer is None else observer
+        self._given, self._observer = observer, NoObserver() if observer is None else observer
         self._live: Live | None = None
         self._closing = ExitStack()
         self._readings: Generator[Reading, None, None] | None = None
@@ -106,7 +108,9 @@ class Stream:
     def __enter__(self) -> "Stream":
         if self._live is not None:
             raise ManytouchError("a stream can be entered once: call manytouch.stream again")
-        job = prepare(self._source, observer=self._observer, **self._request)
+        job = prepare(self._source, observer=self._given, **self._request)
+        for method in compiled_methods(job.method, job.sensor):
+            warm_up_kernels(method, None if self._given is None else self._given.on_message)
         with ExitStack() as closing:
             live = Live(job, record=self._record)
             closing.callback(live.close)

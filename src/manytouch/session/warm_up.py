@@ -46,7 +46,7 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
 
     Args:
         method: that will be used.
-        on_message: gets the progress.
+        on_message: gets the progress; None: it is printed on standard error, since it lasts a minute.
 
     Returns:
         Whether it was necessary.
@@ -57,7 +57,7 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
     with compiling():
         if _is_compiled(method, own):
             return False
-        if compile_in_processes(method, on_message or (lambda _: None)):
+        if compile_in_processes(method, on_message or _print):
             with suppress(OSError):
                 mark = compiled_mark(method)
                 mark.parent.mkdir(parents=True, exist_ok=True)
@@ -91,6 +91,11 @@ def compile_in_processes(method: str, on_message: OnMessage) -> bool:
                 printed_s = time.monotonic()
                 on_message(f"compiling {done} of {max(expected, done)}, once only")
         return all(process.wait() == 0 for process in processes)
+
+
+def _print(sentence: str) -> None:
+    sys.stderr.write(f"manytouch: {sentence}\n")
+    sys.stderr.flush()
 
 
 def _compiler(method: str, stage: str) -> "subprocess.Popen[str]":

@@ -57,3 +57,22 @@ def test_design_without_its_packages_leaves_nothing_behind(
     assert main(["design", "--area-mm", "60,40", "--force-N", "0.2,6", "--out", str(tmp_path / "my")]) == 1
     assert "manytouch[parts]" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+def test_repair_refuses_a_copy_that_cannot_be_written_before_it_reads(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    recording, existing = tmp_path / "press.mcap", tmp_path / "file"
+    recording.write_bytes(b"")
+    existing.write_text("", encoding="utf-8")
+    monkeypatch.setattr(
+        "manytouch.recording.repair.repair", lambda *_: pytest.fail("it was read before the path was checked")
+    )
+    for out, words in (
+        (existing / "out.mcap", "file is a file, not a folder"),
+        (tmp_path, "it is a folder"),
+        (existing, "exists already: choose another name with --out"),
+    ):
+        assert main(["recording", "repair", str(recording), "--out", str(out)]) == 1
+        assert words in capsys.readouterr().err
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "press.mcap"]

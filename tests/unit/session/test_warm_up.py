@@ -2,7 +2,7 @@
 
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from pathlib import Path
 from types import ModuleType
@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from manytouch.pipeline import TrackedFrame
-from manytouch.session import warm_up
+from manytouch.session import process, warm_up
 from manytouch.session.methods import compile_stage, kernels, pipeline_for
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources.simulated import simulated_source
@@ -176,3 +176,30 @@ def test_an_assumed_sheet_needs_the_kernels_of_perimeter_too() -> None:
     assert warm_up.compiled_methods("mechanics", sensor) == ("mechanics",)
     assert warm_up.compiled_methods("mechanics", replace(sensor, sheet=None)) == ("mechanics", "perimeter")
     assert warm_up.compiled_methods("perimeter", replace(sensor, sheet=None)) == ("perimeter",)
+
+
+@pytest.mark.parametrize("is_given", [False, True])
+def test_compiling_is_shown_on_standard_error_unless_an_observer_gets_it(
+    is_given: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def compiled(_: str, on_message: Callable[[str], object]) -> bool:
+        on_message("compiling 1 of 2")
+        return False
+
+    monkeypatch.setattr(warm_up, "_is_compiled", lambda *_: False)
+    monkeypatch.setattr(warm_up, "compile_in_processes", compiled)
+    messages: list[str] = []
+    assert warm_up.warm_up_kernels("perimeter", messages.append if is_given else None)
+    assert messages == (["compiling 1 of 2"] if is_given else [])
+    assert capsys.readouterr().err == ("" if is_given else "manytouch: compiling 1 of 2\n")
+
+
+def test_processing_from_python_shows_that_it_compiles(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    given: list[object] = []
+    module = sys.modules["manytouch.session.prepare"]
+    monkeypatch.setattr(module, "warm_up_kernels", lambda _, on_message=None: given.append(on_message))
+    process("sim:one", out=tmp_path, method="perimeter", stop=lambda: True)
+    assert given
+    assert all(each is None for each in given), "nobody gets the messages, so that they are printed"

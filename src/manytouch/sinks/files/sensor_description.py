@@ -7,7 +7,7 @@ from jaxtyping import Float64
 
 from manytouch.errors import SensorError
 from manytouch.geometry import refraction
-from manytouch.values import Layout, Sensor
+from manytouch.values import Layout, Sensor, SheetSpline
 from manytouch.values.arrays import Points2
 
 
@@ -109,4 +109,21 @@ def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:
             "bending_factor": sheet.bending_factor,
         },
         "provenance": {key: str(value) for key, value in sensor.provenance.items()},
+    }
+
+
+def estimated_pretension(sensor: Sensor, spline: SheetSpline | None) -> dict[str, float | None] | None:
+    """Pretension of a sheet whose file states none, with its standard deviation; None without an estimate.
+
+    In N/mm where Young's modulus is known, and divided by it.
+    """
+    sheet = sensor.sheet
+    if spline is None or (sheet is not None and sheet.pretension_N_per_mm is not None):
+        return None
+    mean, std, young = spline.pretension_over_E_mm, spline.pretension_std_over_E_mm, spline.young_MPa
+    return {
+        "over_E_mm": mean,
+        "std_over_E_mm": std,
+        "N_per_mm": None if young is None else young * mean,
+        "std_N_per_mm": None if young is None else young * std,
     }

@@ -16,7 +16,7 @@ from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.rest_noise import RestNoise
 from manytouch.sinks.files.result_hash import result_hash
-from manytouch.sinks.files.sensor_description import layout_of, sensor_to_dict
+from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict
 from manytouch.values import Reading, Roi, Sensor, SheetSpline, Status
 
 SCHEMA = 1
@@ -135,16 +135,10 @@ class Summary:
     @property
     def pretension(self) -> dict[str, Any] | None:
         """The last estimate of a pretension that the sensor does not state; None without one."""
-        sheet, spline = self._sensor.sheet, self._spline
-        if spline is None or (sheet is not None and sheet.pretension_N_per_mm is not None):
+        found = estimated_pretension(self._sensor, self._spline)
+        if found is None:
             return None
-        mean, std, young = spline.pretension_over_E_mm, spline.pretension_std_over_E_mm, spline.young_MPa
-        return {
-            "over_E_mm": _rounded(mean),
-            "std_over_E_mm": _rounded(std),
-            "N_per_mm": None if young is None else _rounded(young * mean),
-            "std_N_per_mm": None if young is None else _rounded(young * std),
-        }
+        return {name: None if value is None else _rounded(value) for name, value in found.items()}
 
     def to_dict(self) -> dict[str, Any]:
         """What was collected."""

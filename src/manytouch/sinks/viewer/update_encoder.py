@@ -10,7 +10,7 @@ import numpy as np
 
 from manytouch.geometry.surface_sampling import sampler_on
 from manytouch.sinks.contact_outlines import Polygon, outlines_px
-from manytouch.sinks.files.sensor_description import layout_of, rest_px
+from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, rest_px
 from manytouch.sinks.surface_grid import SurfaceGrid, grid_corners
 from manytouch.sinks.viewer.derived import marker_support, total_load
 from manytouch.sinks.viewer.health import ImageQuality, residual_mm
@@ -108,6 +108,7 @@ class UpdateEncoder:
                 "contacts": self._contacts(comparison.contacts, comparison.surface or reading.surface),
             },
             "image_quality": None if image is None else _rounded(self._image_quality(image)),
+            "pretension": _numbers(estimated_pretension(self.sensor, spline)),
             "residual_mm": number(residual_mm(reading)),
             "layers": ["depth", "strain", *has_pressure * ["pressure"], *has_other * ["difference"]],
         }
@@ -203,6 +204,10 @@ def _contact(contact: Contact, outline_px: list[Polygon] | None) -> dict[str, An
         else [np.round(ring.point_mm, 3).tolist() for ring in contact.outline],
         "outline_px": None if outline_px is None else [np.round(ring, 2).tolist() for ring in outline_px],
     }
+
+
+def _numbers(found: dict[str, float | None] | None) -> dict[str, float | None] | None:
+    return None if found is None else {name: number(value, 6) for name, value in found.items()}
 
 
 def _rounded(numbers: dict[str, float]) -> dict[str, float | None]:

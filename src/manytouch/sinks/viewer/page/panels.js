@@ -92,6 +92,14 @@ function drawProfile({ length_mm, depth_mm, std_mm }) {
   });
 }
 
+/** The pretension that is estimated because the sensor file states none. */
+function pretensionRow(found) {
+  if (!found || !isKnown(found.over_E_mm)) return [];
+  const { N_per_mm, std_N_per_mm, over_E_mm, std_over_E_mm } = found;
+  const text = isKnown(N_per_mm) ? `${withStd(N_per_mm, std_N_per_mm, (value) => fixed(value, 3))} N/mm` : `${withStd(over_E_mm, std_over_E_mm, (value) => fixed(value, 4))} mm × E`;
+  return [["pretension, estimated", text, ""]];
+}
+
 /** The short form in the header, and the pane: image quality and speed. */
 export function showHealth(health, head) {
   const seen = health.markers ? health.markers_seen / health.markers : 1;
@@ -108,6 +116,7 @@ export function showHealth(health, head) {
     ["focus", quality ? `${fixed(100 * quality.focus, 0)} % of best` : "–", quality && quality.focus < 0.6 ? "warn" : ""],
     ["exposure", quality ? `${fixed(100 * quality.level, 0)} %, ${fixed(100 * quality.clipped, 1)} % clipped` : "–", quality && quality.clipped > 0.3 ? "warn" : ""],
     ["depth at rest", isKnown(head?.residual_mm) ? `${length(head.residual_mm, 1)} ${units.length}` : "in contact", ""],
+    ...pretensionRow(head?.pretension),
   ];
   render(find("health"), rows.flatMap(([name, value, kind]) => [["dt", {}, name], ["dd", { class: kind }, value]]));
   render(find("notes"), health.notes.slice(-4).map((note) => ["li", {}, note]));
