@@ -10,7 +10,7 @@ from typing import Any
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.calibration import register_rest, rest_of_recording, sensor_from_rest
-from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
+from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.whole_recording import (
     is_still,
     with_doubt_of_start,
@@ -256,7 +256,7 @@ def require_region(source: Source, text: str, roi_px: Roi | None) -> None:
 
 def _may_begin_pressed(given: Sensor | None, known: Sensor | None) -> bool:
     """Whether the rest is that of the whole recording: without a sensor, or with a nominal file."""
-    return known is None or (given is not None and is_nominal(given))
+    return known is None or (given is not None and given.is_nominal)
 
 
 def _can_be_read_twice(source: Source) -> bool:
@@ -310,7 +310,7 @@ def _determine_sensor(
     if not first:
         raise SourceError(f"{text} contains no frame: give a video or images that show the dotted sheet")
     if given is not None:
-        if is_nominal(given):
+        if given.is_nominal:
             found = register_nominal(given, first, roi_px=roi_px, spread=spread)
         else:
             found = register_rest(given, first, roi_px=roi_px)

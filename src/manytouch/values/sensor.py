@@ -230,6 +230,11 @@ class Sensor:
     provenance: Mapping[str, object] = field(default_factory=dict)
 
     @property
+    def is_nominal(self) -> bool:
+        """Whether it describes a kind of sensor, and not one device: `nominal = true` in its provenance."""
+        return self.provenance.get("nominal") is True
+
+    @property
     def length_unit(self) -> LengthUnit:
         """The unit that writers name in columns and labels: "mm", or "pitch" if the scale is unknown."""
         return "mm" if self.scale_is_known else "pitch"

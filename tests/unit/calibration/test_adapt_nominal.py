@@ -7,7 +7,7 @@ import pytest
 
 from clips import COLUMNS, HEIGHT_PX, PITCH_PX, ROWS, WIDTH_PX, picture
 from layouts import lattice_layout
-from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
+from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.errors import LayoutError
 from manytouch.values import Frame, Sensor
@@ -56,8 +56,8 @@ def test_a_nominal_file_that_fits_is_used_as_it_is() -> None:
 
 
 def test_the_files_of_the_package_are_nominal_and_others_are_not() -> None:
-    assert all(is_nominal(load_sensor(name)) for name in known_sensors())
-    assert not is_nominal(replace(nominal(ROWS, COLUMNS), provenance={}))
+    assert all(load_sensor(name).is_nominal for name in known_sensors())
+    assert not replace(nominal(ROWS, COLUMNS), provenance={}).is_nominal
 
 
 def test_another_print_keeps_the_distance_of_the_camera_and_has_a_pitch_of_its_own() -> None:

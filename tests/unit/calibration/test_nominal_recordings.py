@@ -50,3 +50,18 @@ def test_a_recording_of_another_sensor_is_refused() -> None:
     path = SHARED / "fingervision" / "cam1_0002_first900.mp4"
     with pytest.raises(LayoutError, match=r"no dots|from no place|of another sensor"):
         registered(path, "fingervision-um")
+
+
+@pytest.mark.parametrize(
+    ("name", "touched"),
+    [("gelsight_mini_grip/ball7.avi", (20, 80)), ("gsrobotics/mini_example.avi", (100, 140))],
+)
+def test_one_object_on_a_gel_is_one_contact_with_a_nominal_file(name: str, touched: tuple[int, int]) -> None:
+    path = SHARED / name
+    if not path.exists():
+        pytest.skip("the recordings are not there")
+    readings = manytouch.prepare(path, sensor="gelsight-mini").readings()
+    counts = [len(reading.contacts.touching) for reading in readings]
+    during = np.array(counts[slice(*touched)])
+    assert (during > 0).mean() > 0.95
+    assert (during == 1).mean() > 0.9

@@ -29,11 +29,6 @@ _SAME_PITCH = 0.12
 below, the camera has another distance."""
 
 
-def is_nominal(sensor: Sensor) -> bool:
-    """Whether a sensor file describes a kind of sensor, and not one device."""
-    return sensor.provenance.get(NOMINAL) is True
-
-
 def register_nominal(
     sensor: Sensor,
     frames: Sequence[Frame],

@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
-from manytouch.calibration.rest.adapt_nominal import is_nominal, register_nominal
+from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose
 from manytouch.calibration.rest.register_rest import register_rest
@@ -103,7 +103,7 @@ def calibrate_rest(
     try:
         registered = register_rest(laid, frames, roi_px=roi_px)
     except LayoutError:
-        if not is_nominal(sensor):
+        if not sensor.is_nominal:
             raise
         laid = registered = register_nominal(laid, frames, roi_px=roi_px)
         assert registered.layout is not None

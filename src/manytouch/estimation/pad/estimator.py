@@ -88,8 +88,11 @@ class PadEstimator:
         model_std_pitch: standard deviation of a marker image that the model does not explain, in pitches.
         model_share: the same over the displacement of the marker.
         model_reach: distance in thicknesses within which markers have this error in common.
+        nominal_share, nominal_reach: the same for nominal sensor files, with the other shape of a device and
+            of its gel; chosen on three recordings of two kinds of markers.
         max_contacts: largest number of contacts.
-        start_gain: least reduction of the misfit by a new contact, with the model's error for it,
+        start_gain: least reduction of the misfit by a new contact, with the model's error for it; for a
+            further contact, over the misfit per degree of freedom with it (at least 1),
         sure_gain: or without that error.
         start_stds, last_stds: least normal force of a contact that starts and of one that lasts, in standard
             deviations.
@@ -97,7 +100,8 @@ class PadEstimator:
         retry_misfit: growth of the misfit after which another contact is tried again,
         refusal_lasts: which falls by this factor in each frame.
         split_misfit: misfit per image coordinate above which the widest contact may be two.
-        merge_gain: least increase of the misfit if two near contacts were one.
+        merge_gain: least increase of the misfit if two near contacts were one, over that per degree of
+            freedom (at least 1).
         same_share: change of the markers' displacements over the largest of them below which a fit is not
             repeated with the weights that follow from it.
     """
@@ -113,6 +117,8 @@ class PadEstimator:
     model_std_pitch: float = 5e-4
     model_share: float = 0.06
     model_reach: float = 0.5
+    nominal_share: float = 0.25
+    nominal_reach: float = 1.0
     max_contacts: int = 8
     start_gain: float = 40.0
     sure_gain: float = 400.0
@@ -235,11 +241,13 @@ class PadEstimator:
         if np.any(found.force_mm2 <= self.last_stds * found.force_std_mm2):
             return None
         # with the weights before the contact, which lack the model's error for it, the gain must be clear
-        if fit.misfit - first.misfit >= self.sure_gain:
+        # a first contact is better than none, also where the model explains it badly
+        unexplained = misfit_scale(found) if len(fit.contact) > 0 else 1.0
+        if fit.misfit - first.misfit >= self.sure_gain * unexplained:
             return found
         linear_px, _ = self._images(model, measured, found.marker_mm(model))
         same = self.fitter(model, fit.contact, linear_px, found.weight)
-        return found if same.misfit - found.misfit >= self.start_gain else None
+        return found if same.misfit - found.misfit >= self.start_gain * unexplained else None
 
     def _measured(self, state: PadState, grid: TrackedGrid) -> _Measured:
         moved_px = np.where(grid.is_seen[:, None], grid.position_px - state.reference_px, 0.0)
@@ -259,8 +267,11 @@ class PadEstimator:
 
     def _model_error_px2(self, model: PadModel, moved_px2: Scalars) -> Scalars:
         """(m,) variances of marker images that the model does not explain, by their squared displacements."""
-        shared = max(1.0, (self.model_reach * model.thickness_mm / model.pitch_mm) ** 2)
-        return shared * ((self.model_std_pitch * model.pitch_px) ** 2 + self.model_share**2 * moved_px2)
+        share, reach = self.model_share, self.model_reach
+        if model.is_nominal:
+            share, reach = self.nominal_share, self.nominal_reach
+        shared = max(1.0, (reach * model.thickness_mm / model.pitch_mm) ** 2)
+        return shared * ((self.model_std_pitch * model.pitch_px) ** 2 + share**2 * moved_px2)
 
     def _fit(self, model: PadModel, contact: np.ndarray, measured: _Measured, moved_mm: Points3) -> PatchFit:
         """Patches for guesses, first with the weights for displacements (m, 3) of the markers.
@@ -303,7 +314,7 @@ class PadEstimator:
                 break
             linear_px, _ = self._images(model, measured, fit.marker_mm(model))
             one = self.fitter(model, _joined(fit.contact, *pair), linear_px, fit.weight)
-            if one.misfit - fit.misfit > self.merge_gain:
+            if one.misfit - fit.misfit > self.merge_gain * misfit_scale(fit):
                 break
             fit = one
         return fit
