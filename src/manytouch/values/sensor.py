@@ -235,6 +235,11 @@ class Sensor:
         return self.provenance.get("nominal") is True
 
     @property
+    def shape_is_nominal(self) -> bool:
+        """Whether thickness and outline of its sheet are those of a kind of sensor, also after a calibration."""
+        return self.is_nominal or self.provenance.get("nominal_shape") is True
+
+    @property
     def length_unit(self) -> LengthUnit:
         """The unit that writers name in columns and labels: "mm", or "pitch" if the scale is unknown."""
         return "mm" if self.scale_is_known else "pitch"

@@ -8,7 +8,10 @@ import pytest
 from clips import COLUMNS, HEIGHT_PX, PITCH_PX, ROWS, WIDTH_PX, picture
 from layouts import lattice_layout
 from manytouch.calibration.rest.adapt_nominal import register_nominal
+from manytouch.calibration.rest.calibrate import RestCalibration
 from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.calibration.rest.report import with_provenance
+from manytouch.calibration.sheet.clamp_line import ClampLine
 from manytouch.errors import LayoutError
 from manytouch.values import Frame, Sensor
 from manytouch.values.sensor_file import known_sensors, load_sensor
@@ -77,3 +80,26 @@ def test_markers_that_no_camera_sees_so_are_refused() -> None:
     skewed = replace(given.camera, distortion=np.array([-3.0, 40.0, 0.3, 0.3, 0.0]))
     with pytest.raises(LayoutError, match=r"of another sensor|from no place"):
         register_nominal(replace(given, camera=skewed), frames())
+
+
+def rest_calibration(sensor: Sensor) -> RestCalibration:
+    return RestCalibration(
+        sensor=sensor,
+        residual_px=np.zeros((4, 2)),
+        pose_std=np.zeros(6),
+        noise_px=0.1,
+        contrast=100.0,
+        frames=30,
+        clamp=ClampLine(side_mm=np.full(4, np.nan)),
+        warnings=(),
+    )
+
+
+def test_a_calibration_at_rest_does_not_make_the_shape_of_the_pad_that_of_the_device() -> None:
+    sensor = load_sensor("gelsight-mini")
+    assert sensor.is_nominal
+    assert sensor.shape_is_nominal
+    rested = with_provenance(rest_calibration(sensor), "rest.mcap")
+    assert not rested.is_nominal
+    assert rested.shape_is_nominal
+    assert not with_provenance(rest_calibration(replace(sensor, provenance={})), "rest.mcap").shape_is_nominal

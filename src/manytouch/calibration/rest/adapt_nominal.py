@@ -19,7 +19,7 @@ from manytouch.geometry.refraction import rest_px
 from manytouch.values import Frame, Layout, Roi, Sensor
 from manytouch.values.arrays import Points2, read_only
 
-NOMINAL = "nominal"
+NOMINAL, NOMINAL_SHAPE = "nominal", "nominal_shape"
 """Key of `[provenance]` in the sensor files of the package, which describe a kind of sensor, not a device."""
 MOST_RESIDUAL = 0.15
 """RMS residual of a pose, in pitches, beyond which a file describes another kind of sensor."""

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.calibration.rest.adapt_nominal import NOMINAL
+from manytouch.calibration.rest.adapt_nominal import NOMINAL, NOMINAL_SHAPE
 from manytouch.calibration.rest.calibrate import RestCalibration
 from manytouch.calibration.sheet.clamp_line import describe as describe_clamp
 from manytouch.values import Sensor
@@ -36,10 +36,15 @@ def describe(calibration: RestCalibration) -> Iterator[str]:
 
 
 def with_provenance(calibration: RestCalibration, source_name: str) -> Sensor:
-    """The calibrated sensor; its provenance names source and residuals. It is not nominal any more."""
+    """The calibrated sensor; its provenance names source and residuals.
+
+    It is not nominal any more; only the shape of its sheet is still that of the nominal file.
+    """
     sensor = calibration.sensor
+    shape = {NOMINAL_SHAPE: True} if sensor.is_nominal else {}
     provenance = {
         **{name: value for name, value in sensor.provenance.items() if name != NOMINAL},
+        **shape,
         "rest": f"calibrated from {calibration.frames} frames of {source_name}",
         "rest_rms_px": round(calibration.rms_px, 4),
         "rest_warnings": list(calibration.warnings),

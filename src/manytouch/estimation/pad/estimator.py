@@ -88,8 +88,8 @@ class PadEstimator:
         model_std_pitch: standard deviation of a marker image that the model does not explain, in pitches.
         model_share: the same over the displacement of the marker.
         model_reach: distance in thicknesses within which markers have this error in common.
-        nominal_share, nominal_reach: the same for nominal sensor files, with the other shape of a device and
-            of its gel; chosen on three recordings of two kinds of markers.
+        nominal_share, nominal_reach: the same where the shape of the pad is that of a nominal sensor file;
+            chosen on three recordings of gels with two kinds of markers.
         max_contacts: largest number of contacts.
         start_gain: least reduction of the misfit by a new contact, with the model's error for it; for a
             further contact, over the misfit per degree of freedom with it (at least 1),
@@ -268,7 +268,7 @@ class PadEstimator:
     def _model_error_px2(self, model: PadModel, moved_px2: Scalars) -> Scalars:
         """(m,) variances of marker images that the model does not explain, by their squared displacements."""
         share, reach = self.model_share, self.model_reach
-        if model.is_nominal:
+        if model.shape_is_nominal:
             share, reach = self.nominal_share, self.nominal_reach
         shared = max(1.0, (reach * model.thickness_mm / model.pitch_mm) ** 2)
         return shared * ((self.model_std_pitch * model.pitch_px) ** 2 + share**2 * moved_px2)

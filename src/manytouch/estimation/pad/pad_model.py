@@ -51,7 +51,7 @@ class PadModel:
         motion: (MOTIONS, 2 m) change of the marker images by the motion of the image.
         pitch_mm, pitch_px: geometric mean of the pitches.
         poisson: Poisson's ratio.
-        is_nominal: whether the sensor file describes a kind of sensor, and not this one.
+        shape_is_nominal: whether thickness and outline are those of a kind of sensor, and not of this one.
         young_MPa: None if forces are relative.
         young_std, scale_std: relative standard deviations of Young's modulus and of the scale of the image.
     """
@@ -75,7 +75,7 @@ class PadModel:
     pitch_mm: float
     pitch_px: float
     poisson: float
-    is_nominal: bool
+    shape_is_nominal: bool
     young_MPa: float | None
     young_std: float
     scale_std: float
@@ -197,7 +197,7 @@ class NominalPad:
             pitch_mm=pitch_mm,
             pitch_px=pitch_mm / mm_per_px(sensor.camera),
             poisson=poisson,
-            is_nominal=sensor.is_nominal,
+            shape_is_nominal=sensor.shape_is_nominal,
             young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
             young_std=0.0
             if sheet.young_MPa is None or stds.young_MPa is None
