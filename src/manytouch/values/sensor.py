@@ -236,7 +236,7 @@ class Sensor:
 
     @property
     def shape_is_nominal(self) -> bool:
-        """Whether thickness and outline of its sheet are those of a kind of sensor, also after a calibration."""
+        """Whether thickness and outline of its sheet are those of a kind of sensor, calibrated or not."""
         return self.is_nominal or self.provenance.get("nominal_shape") is True
 
     @property
