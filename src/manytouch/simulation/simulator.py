@@ -191,6 +191,7 @@ class Simulator:
         return Contacts(contacts=tuple(self._contact(*one) for one in sorted(shown, key=lambda one: one[0])))
 
     def _contact(self, id_: int, phase: Phase, contact: TrueContact, time_s: float) -> Contact:
+        half_major_mm, half_minor_mm, angle_rad = contact.ellipse
         return Contact(
             id=id_,
             phase=phase,
@@ -199,7 +200,10 @@ class Simulator:
             depth_mm=contact.depth_mm,
             force_N=contact.force_N,
             torque_Nmm=contact.torque_Nmm,
-            area_mm2=contact.area_mm2,
+            area_mm2=contact.region_mm2 if np.isfinite(contact.region_mm2) else contact.area_mm2,
+            half_major_mm=half_major_mm,
+            half_minor_mm=half_minor_mm,
+            orientation_rad=angle_rad,
             covariance=read_only(np.zeros((8, 8))),
         )
 

@@ -11,7 +11,9 @@ from manytouch.evaluation.metrics.contacts import (
     contact_figures,
     contact_samples,
     force_figures,
+    region_figures,
 )
+from manytouch.evaluation.metrics.coverage import coverages
 from manytouch.evaluation.metrics.depth import DepthSamples, depth_figures, depth_samples, error_against_depth
 from manytouch.evaluation.metrics.latency import latency_figures
 from manytouch.evaluation.metrics.markers import DotSamples, dot_figures, dot_samples
@@ -161,6 +163,7 @@ def figures(comparison: MethodErrors) -> Figures:
         "depth": depth_figures(comparison.depth, shallowest_mm=gates(comparison.unit)[1]),
         "contacts": contact_figures(comparison.contacts),
         "force": force_figures(comparison.contacts),
+        "region": region_figures(comparison.contacts),
         "separation": {"pairs": len(comparison.separation.is_resolved)}
         | {
             f"from_mm_at_1_to_{ratio:g}": separation_curve(comparison.separation, ratio).from_mm
@@ -170,6 +173,10 @@ def figures(comparison: MethodErrors) -> Figures:
         "calibration": {
             name: None if found is None else asdict(found)
             for name, found in uncertainty_calibrations(comparison).items()
+        },
+        "coverage": {
+            name: None if found is None else asdict(found)
+            for name, found in coverages(comparison.contacts).items()
         },
     }
 

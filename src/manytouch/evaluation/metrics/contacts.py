@@ -8,9 +8,11 @@ from manytouch.evaluation.metrics.depth import percentile
 from manytouch.evaluation.metrics.markers import ratio
 from manytouch.evaluation.metrics.matching import GATE_MM, ContactPairs, match_contacts
 from manytouch.evaluation.records.record import ContactRows, subset
-from manytouch.values.arrays import Points2, Scalars
+from manytouch.values.arrays import Mask, Points2, Scalars
 
 SMALLEST_N = 0.05  # below it relative errors are not computed
+FAINT_BAND_MM = (0.15, 0.5)
+LONG = 1.3
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -25,7 +27,16 @@ class ContactSamples:
         offset_std_mm: (k, 2) its predicted deviation.
         true_depth_mm, depth_mm, depth_std_mm: (k,).
         true_force_N, force_N, force_std_N: (k,) normal force.
-        true_shear_N, shear_N: (k, 2).
+        true_shear_N, shear_N, shear_std_N: (k, 2).
+        true_torque_Nmm, torque_Nmm, torque_std_Nmm: (k,).
+        true_area_mm2, area_mm2, area_std_mm2: (k,) of the region; the true one is NaN where the pressure was
+            not read out.
+        true_half_mm, half_mm: (k, 2) half axes.
+        true_angle_rad, angle_rad: (k,) of the major one.
+        is_last: (k,) is it the last pair of its true contact? These are one sample of each contact.
+        split: true contacts that must be found and on which further estimates stand.
+        faint_required: true contacts 0.15 to 0.5 mm deep.
+        faint_true_mm, faint_mm: (l,) depths of those that were found.
     """
 
     required: int
@@ -41,6 +52,22 @@ class ContactSamples:
     force_std_N: Scalars
     true_shear_N: Points2
     shear_N: Points2
+    shear_std_N: Points2
+    true_torque_Nmm: Scalars
+    torque_Nmm: Scalars
+    torque_std_Nmm: Scalars
+    true_area_mm2: Scalars
+    area_mm2: Scalars
+    area_std_mm2: Scalars
+    true_half_mm: Points2
+    half_mm: Points2
+    true_angle_rad: Scalars
+    angle_rad: Scalars
+    is_last: Mask
+    split: int
+    faint_required: int
+    faint_true_mm: Scalars
+    faint_mm: Scalars
 
 
 def contact_samples(
@@ -49,6 +76,11 @@ def contact_samples(
     """Compare contacts of the same frames, see `match_contacts` for who belongs to whom."""
     pairs = match_contacts(truth, estimated, gate_mm=gate_mm, faint_mm=faint_mm)
     mine, theirs = subset(truth, pairs.true_row), subset(estimated, pairs.estimated_row)
+    every_true = np.concatenate([pairs.true_row, pairs.faint_true_row])
+    every_given = np.concatenate([pairs.estimated_row, pairs.faint_estimated_row])
+    is_faint = _is_faint(truth.depth_mm, gate_mm / GATE_MM)
+    found_faint = is_faint[every_true]
+    is_read_out = np.isfinite(mine.half_axes_mm).all(axis=1)
     return ContactSamples(
         required=int(pairs.is_required.sum()),
         estimated=int(pairs.is_counted.sum()),
@@ -63,7 +95,37 @@ def contact_samples(
         force_std_N=theirs.normal_force_std_N,
         true_shear_N=mine.shear_N,
         shear_N=theirs.shear_N,
+        shear_std_N=theirs.shear_std_N,
+        true_torque_Nmm=mine.torque_Nmm,
+        torque_Nmm=theirs.torque_Nmm,
+        torque_std_Nmm=theirs.torque_std_Nmm,
+        true_area_mm2=np.where(is_read_out, mine.area_mm2, np.nan),
+        area_mm2=theirs.area_mm2,
+        area_std_mm2=theirs.area_std_mm2,
+        true_half_mm=mine.half_axes_mm,
+        half_mm=theirs.half_axes_mm,
+        true_angle_rad=mine.orientation_rad,
+        angle_rad=theirs.orientation_rad,
+        is_last=_is_last(mine),
+        split=int(pairs.is_split.sum()),
+        faint_required=int(is_faint.sum()),
+        faint_true_mm=truth.depth_mm[every_true][found_faint],
+        faint_mm=estimated.depth_mm[every_given][found_faint],
     )
+
+
+def _is_faint(depth_mm: Scalars, scale: float) -> np.ndarray:
+    low, high = FAINT_BAND_MM
+    return np.asarray((depth_mm >= scale * low) & (depth_mm < scale * high))
+
+
+def _is_last(rows: ContactRows) -> np.ndarray:
+    """(k,) whether a row is the latest of its contact."""
+    out = np.zeros(len(rows.id), dtype=bool)
+    for contact in np.unique(rows.id):
+        of_it = np.flatnonzero(rows.id == contact)
+        out[of_it[np.argmax(rows.frame[of_it])]] = True
+    return out
 
 
 def identity_switches(truth: ContactRows, estimated: ContactRows, pairs: ContactPairs) -> int:
@@ -84,10 +146,13 @@ def contact_figures(samples: ContactSamples) -> dict[str, float]:
     `precision_percent`: of the estimated contacts, those within the gate of a true one of their own.
     `recall_percent`: of the true ones, those that were found. Position: distance between the force
     centroids of the pairs, so it cannot exceed the gate: read it together with the recall.
+    `split_percent`: of the true ones, those on which a further estimate without a contact of its own stands.
+    `faint_...`: of contacts 0.15 to 0.5 mm deep, relative to their depth.
     """
     found = len(samples.offset_mm)
     away = np.linalg.norm(samples.offset_mm, axis=1)
     deep = np.abs(samples.depth_mm - samples.true_depth_mm)
+    faint = 100 * (samples.faint_mm - samples.faint_true_mm) / samples.faint_true_mm
     return {
         "precision_percent": ratio(100.0 * found, samples.estimated),
         "recall_percent": ratio(100.0 * found, samples.required),
@@ -95,9 +160,34 @@ def contact_figures(samples: ContactSamples) -> dict[str, float]:
         "position_p95_mm": percentile(away, 95),
         "depth_error_median_mm": percentile(deep, 50),
         "depth_error_p95_mm": percentile(deep, 95),
+        "split_percent": ratio(100.0 * samples.split, samples.required),
+        "faint_recall_percent": ratio(100.0 * len(samples.faint_mm), samples.faint_required),
+        "faint_depth_percent": percentile(np.abs(faint), 50),
+        "faint_depth_bias_percent": percentile(faint, 50),
         "switches": float(samples.switches),
         "true": float(samples.required),
         "estimated": float(samples.estimated),
+    }
+
+
+def region_figures(samples: ContactSamples) -> dict[str, float]:
+    """Area and half axes of the contacts that were found, relative to the true ones; angle where axes differ.
+
+    Where the pressure of the truth was not read out nothing is compared. The angle is compared where the true
+    half axes differ by 30 % or more.
+    """
+    area = 100 * (samples.area_mm2 - samples.true_area_mm2) / samples.true_area_mm2
+    with np.errstate(invalid="ignore", divide="ignore"):
+        axes = 100 * (samples.half_mm - samples.true_half_mm) / samples.true_half_mm
+        is_long = samples.true_half_mm[:, 0] >= LONG * samples.true_half_mm[:, 1]
+    turn = (samples.angle_rad - samples.true_angle_rad + np.pi / 2) % np.pi - np.pi / 2
+    return {
+        "area_given_percent": _given(area, samples.true_area_mm2),
+        "area_median_percent": percentile(np.abs(area), 50),
+        "area_bias_percent": percentile(area, 50),
+        "half_major_median_percent": percentile(np.abs(axes[:, 0]), 50),
+        "half_minor_median_percent": percentile(np.abs(axes[:, 1]), 50),
+        "angle_median_deg": percentile(np.rad2deg(np.abs(turn[is_long])), 50),
     }
 
 
@@ -106,12 +196,14 @@ def force_figures(samples: ContactSamples) -> dict[str, float]:
 
     Absolute: |estimated - true|, for the shear the length of the difference. Relative: that over the
     true force, of contacts with at least 0.05 N of it. A contact whose force the method does not give
-    counts in `..._given_percent` alone; it is not an error of the whole force.
+    counts in `..._given_percent` alone; it is not an error of the whole force. Torque: |estimated - true| about
+    the sheet's normal.
     """
     normal = samples.force_N - samples.true_force_N
     shear = np.linalg.norm(samples.shear_N - samples.true_shear_N, axis=1)
     true_shear = np.linalg.norm(samples.true_shear_N, axis=1)
     relative = _relative(normal, samples.true_force_N)
+    torque = samples.torque_Nmm - samples.true_torque_Nmm
     return {
         "normal_given_percent": _given(normal, samples.true_force_N),
         "normal_median_N": percentile(np.abs(normal), 50),
@@ -124,6 +216,9 @@ def force_figures(samples: ContactSamples) -> dict[str, float]:
         "shear_p95_N": percentile(shear, 95),
         "shear_median_percent": percentile(_relative(shear, true_shear), 50),
         "shear_p95_percent": percentile(_relative(shear, true_shear), 95),
+        "torque_given_percent": _given(torque, samples.true_torque_Nmm),
+        "torque_median_Nmm": percentile(np.abs(torque), 50),
+        "torque_p95_Nmm": percentile(np.abs(torque), 95),
     }
 
 

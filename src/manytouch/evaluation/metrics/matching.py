@@ -11,6 +11,10 @@ from manytouch.evaluation.records.record import ContactRows
 from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 
 GATE_MM = 3.0
+GATE_SHARE = 0.2
+"""An estimate on a large contact may be so far off, in shares of its half major axis."""
+ON_IT = 1.25
+"""An estimate is on a contact within its uniform ellipse times this: the corners of a square are at 1.22."""
 PITCH_MM = 4.0  # of the sheet for which the gate was chosen; in pitches it is 3 mm of 4 mm
 FAINT_MM = 0.3
 
@@ -23,12 +27,17 @@ class ContactPairs:
         true_row, estimated_row: (k,) of each pair.
         is_required: true contacts that must be found; the others are too faint to be required.
         is_counted: estimated contacts that are right or wrong; the others sit on a faint true one.
+        is_split: true contacts that must be found and on which another estimate stands in addition to their own.
+        faint_true_row, faint_estimated_row: (l,) of pairs whose true contact is too faint to be required.
     """
 
     true_row: Counts
     estimated_row: Counts
     is_required: Bool[np.ndarray, " t"]
     is_counted: Bool[np.ndarray, " e"]
+    is_split: Bool[np.ndarray, " t"]
+    faint_true_row: Counts
+    faint_estimated_row: Counts
 
 
 def assigned(distance: Float64[np.ndarray, "a b"], gate: float) -> Int64[np.ndarray, "k 2"]:
@@ -45,20 +54,31 @@ def assigned(distance: Float64[np.ndarray, "a b"], gate: float) -> Int64[np.ndar
     return np.column_stack([row[kept], column[kept]]).astype(np.int64)
 
 
+def gates_of(truth: ContactRows, gate_mm: float) -> Scalars:
+    """(t,) how near an estimate of each true contact must be."""
+    return np.asarray(np.fmax(gate_mm, GATE_SHARE * truth.half_axes_mm[:, 0]))
+
+
 def match_contacts(
     truth: ContactRows, estimated: ContactRows, *, gate_mm: float = GATE_MM, faint_mm: float = FAINT_MM
 ) -> ContactPairs:
     """Pair the contacts of each frame by the distance of their centres.
+
+    An estimate is near enough within `gate_mm`, or within `GATE_SHARE` of the half major axis of the true
+    contact where that is more.
 
     A true contact that presses less than `faint_mm` deep need not be found, and who finds it is not
     wrong: it takes part in the pairing and is then left out of both counts. Where its depth is not
     known it must be found.
     """
     true_rows, estimated_rows = [], []
+    is_split = np.zeros(len(truth.frame), dtype=bool)
+    gates_mm = gates_of(truth, gate_mm)
     for frame in np.intersect1d(truth.frame, estimated.frame):
         mine, theirs = rows_of(truth, int(frame)), rows_of(estimated, int(frame))
         away = np.linalg.norm(truth.centre_mm[mine][:, None] - estimated.centre_mm[theirs][None], axis=2)
-        pair = assigned(away, gate_mm)
+        pair = assigned(away / gates_mm[mine][:, None], 1.0)
+        is_split[mine[pair[:, 0]]] = _split(truth, estimated, mine, theirs, pair, gate_mm)
         true_rows.append(mine[pair[:, 0]])
         estimated_rows.append(theirs[pair[:, 1]])
     true_row = np.concatenate([np.zeros(0, np.int64), *true_rows])
@@ -72,7 +92,41 @@ def match_contacts(
         estimated_row=read_only(estimated_row[kept]),
         is_required=read_only(is_required),
         is_counted=read_only(is_counted),
+        is_split=read_only(is_split & is_required),
+        faint_true_row=read_only(true_row[~kept]),
+        faint_estimated_row=read_only(estimated_row[~kept]),
     )
+
+
+def _split(  # noqa: PLR0917 - rows of one frame
+    truth: ContactRows,
+    estimated: ContactRows,
+    mine: Counts,
+    theirs: Counts,
+    pair: Int64[np.ndarray, "k 2"],
+    gate_mm: float,
+) -> Bool[np.ndarray, " k"]:
+    """Of each pair: does an estimate without a true contact of its own stand on that true contact too?
+
+    Each estimate that is left over counts for the nearest true contact, if it is on it or within the gate.
+    """
+    left = np.setdiff1d(np.arange(len(theirs)), pair[:, 1])
+    out = np.zeros(len(pair), dtype=bool)
+    if not len(left) or not len(pair):
+        return out
+    true = mine[pair[:, 0]]
+    off_mm = estimated.centre_mm[theirs[left]][None] - truth.centre_mm[true][:, None]
+    away_mm = np.linalg.norm(off_mm, axis=2)
+    cosine, sine = np.cos(truth.orientation_rad[true]), np.sin(truth.orientation_rad[true])
+    along = cosine[:, None] * off_mm[..., 0] + sine[:, None] * off_mm[..., 1]
+    across = -sine[:, None] * off_mm[..., 0] + cosine[:, None] * off_mm[..., 1]
+    with np.errstate(invalid="ignore", divide="ignore"):
+        axes_mm = ON_IT * truth.half_axes_mm[true]
+        is_on = np.hypot(along / axes_mm[:, :1], across / axes_mm[:, 1:]) <= 1.0
+    is_on |= away_mm < gate_mm
+    is_nearest = np.arange(len(pair))[:, None] == np.argmin(away_mm, axis=0)[None]
+    out[:] = (is_on & is_nearest).any(axis=1)
+    return out
 
 
 def rows_of(rows: ContactRows, frame: int) -> Counts:

@@ -9,8 +9,8 @@ from jaxtyping import Bool, Float64
 
 from manytouch.evaluation.metrics.depth import depth_samples
 from manytouch.evaluation.metrics.markers import own_numbers
-from manytouch.evaluation.metrics.matching import assigned
-from manytouch.evaluation.records.record import EvaluationRecord
+from manytouch.evaluation.metrics.matching import assigned, gates_of
+from manytouch.evaluation.records.record import EvaluationRecord, subset
 
 WIDEST_PX = 900
 
@@ -68,9 +68,11 @@ def find_worst_frame(
     own = own_numbers(truth, estimated)
     depth = np.full(len(truth.marker), np.nan)
     depth[own[own >= 0]] = estimated.depth_mm[worst, own >= 0]
-    mine = truth.contacts.centre_mm[truth.contacts.frame == frame]
+    of_frame = truth.contacts.frame == frame
+    mine = truth.contacts.centre_mm[of_frame]
+    gates = gates_of(subset(truth.contacts, of_frame), gate_mm)
     theirs = estimated.contacts.centre_mm[estimated.contacts.frame == frame]
-    pair = assigned(np.linalg.norm(mine[:, None] - theirs[None], axis=2), gate_mm)
+    pair = assigned(np.linalg.norm(mine[:, None] - theirs[None], axis=2) / gates[:, None], 1.0)
     return WorstFrame(
         recording=estimated.name,
         method=estimated.method,

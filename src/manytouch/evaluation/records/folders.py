@@ -22,6 +22,16 @@ from manytouch.values.arrays import read_only
 
 LENGTHS = ("x", "y", "depth", "x_std", "y_std", "depth_std")
 FORCES = ("normal_force_N", "shear_x_N", "shear_y_N", "force_std_N", "shear_x_std_N", "shear_y_std_N")
+REGIONS = {
+    "torque": "torque_Nmm",
+    "torque_std": "torque_std_Nmm",
+    "area": "area_{unit}2",
+    "area_std": "area_std_{unit}2",
+    "half_major": "half_major_{unit}",
+    "half_minor": "half_minor_{unit}",
+    "orientation": "orientation_rad",
+}
+"""Columns of torque and region by the name of their value; they may be absent."""
 LATER = ("depth_std", "shear_x_std_N", "shear_y_std_N")  # may be absent from tables written by others
 
 
@@ -115,10 +125,12 @@ def _markers(path: Path, what: str) -> pa.Table:
 def _contacts(path: Path, what: str) -> tuple[ContactRows, LengthUnit]:
     header, lines = _csv(path, what)
     unit = _unit(header, what)
-    wanted = ("frame", "contact", "phase", *(f"{name}_{unit}" for name in LENGTHS), *FORCES)
+    needed = ("frame", "contact", "phase", *(f"{name}_{unit}" for name in LENGTHS), *FORCES)
     _check_columns(
-        header, tuple(n for n in wanted if n.removesuffix(f"_{unit}") not in LATER), path, len(lines)
+        header, tuple(n for n in needed if n.removesuffix(f"_{unit}") not in LATER), path, len(lines)
     )
+    regions = {name: column.format(unit=unit) for name, column in REGIONS.items()}
+    wanted = (*needed, *regions.values())
     place = {name: index for index, name in enumerate(header)}
     touching = [line for line in lines if line[place["phase"]] != "end"]
     try:
@@ -135,6 +147,7 @@ def _contacts(path: Path, what: str) -> tuple[ContactRows, LengthUnit]:
                 "frame": columns["frame"].astype(np.int64),
                 **{name: columns[f"{name}_{unit}"] for name in LENGTHS},
                 **{name.removesuffix("_N"): columns[name] for name in FORCES},
+                **{name: columns[column] for name, column in regions.items()},
             }
         )
     except (ValueError, IndexError) as error:

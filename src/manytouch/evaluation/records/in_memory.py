@@ -109,6 +109,13 @@ def _rows(contacts: Sequence[tuple[int, Contacts]]) -> ContactRows:
             "normal_force": column([-float(row.force_N[2]) for row in rows]),
             "shear_x": column([float(row.force_N[0]) for row in rows]),
             "shear_y": column([float(row.force_N[1]) for row in rows]),
+            "torque": column([row.torque_Nmm for row in rows]),
+            "torque_std": column([row.std("torque") for row in rows]),
+            "area": column([row.area_mm2 for row in rows]),
+            "area_std": column([row.std("area") for row in rows]),
+            "half_major": column([row.half_major_mm for row in rows]),
+            "half_minor": column([row.half_minor_mm for row in rows]),
+            "orientation": column([row.orientation_rad for row in rows]),
             **deviations,
         }
     )

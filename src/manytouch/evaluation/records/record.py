@@ -26,6 +26,10 @@ class ContactRows:
         depth_mm, depth_std_mm: (n,) largest depth within the contact.
         normal_force_N, normal_force_std_N: (n,) positive in compression.
         shear_N, shear_std_N: (n, 2) along x and y.
+        torque_Nmm, torque_std_Nmm: (n,) about the normal of the sheet.
+        area_mm2, area_std_mm2: (n,) of the region.
+        half_axes_mm: (n, 2) of the uniform ellipse with its second moments, the major one first.
+        orientation_rad: (n,) of the major one.
     """
 
     frame: Counts
@@ -38,6 +42,12 @@ class ContactRows:
     normal_force_std_N: Scalars
     shear_N: Points2
     shear_std_N: Points2
+    torque_Nmm: Scalars
+    torque_std_Nmm: Scalars
+    area_mm2: Scalars
+    area_std_mm2: Scalars
+    half_axes_mm: Points2
+    orientation_rad: Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -75,15 +85,20 @@ class EvaluationRecord:
     contacts: ContactRows
 
 
+REGION_COLUMNS = ("torque", "torque_std", "area", "area_std", "half_major", "half_minor", "orientation")
+"""Columns that tables written by others may lack."""
+
+
 def contact_rows(columns: dict[str, np.ndarray]) -> ContactRows:
     """Rows from the columns of contacts.csv without their units, in the order of their frames.
 
     Args:
         columns: frame, id, x, y, depth, normal_force, shear_x, shear_y and their deviations named
-            x_std, ..., force_std, shear_x_std, shear_y_std; each (n,).
+            x_std, ..., force_std, shear_x_std, shear_y_std; each (n,). Of these may be absent: `REGION_COLUMNS`.
     """
     order = np.lexsort((columns["id"], columns["frame"]))
-    column = {name: values[order] for name, values in columns.items()}
+    unknown = np.full(len(order), np.nan)
+    column = {name: columns.get(name, unknown)[order] for name in (*columns, *REGION_COLUMNS)}
 
     def several(*names: str) -> np.ndarray:
         return read_only(np.column_stack([column[name] for name in names]).astype(np.float64))
@@ -102,6 +117,12 @@ def contact_rows(columns: dict[str, np.ndarray]) -> ContactRows:
         normal_force_std_N=single("force_std"),
         shear_N=several("shear_x", "shear_y"),
         shear_std_N=several("shear_x_std", "shear_y_std"),
+        torque_Nmm=single("torque"),
+        torque_std_Nmm=single("torque_std"),
+        area_mm2=single("area"),
+        area_std_mm2=single("area_std"),
+        half_axes_mm=several("half_major", "half_minor"),
+        orientation_rad=single("orientation"),
     )
 
 

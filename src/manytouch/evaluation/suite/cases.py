@@ -4,7 +4,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 REST_FRAMES, RAMP_FRAMES, HOLD_FRAMES = 15, 8, 4
-GROUPS = ("nominal", "separation", "stress", "pads", "pads_nominal")
+GROUPS = ("nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal")
+VARIED_GROUPS = ("varied", "drawn")
+"""Other shapes on other sheets: with the true sensor file, and with drawn errors of its numbers."""
 PAD_GROUPS = ("pads", "pads_nominal")
 """Bonded pads, whose figures stand apart: with the true sensor file, and with a nominal one."""
 
@@ -65,7 +67,7 @@ class Case:
         width_px: of the 16:9 picture.
     """
 
-    group: Literal["nominal", "separation", "stress", "pads", "pads_nominal", "published"]
+    group: Literal["nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal", "published"]
     name: str
     seed: int
     looked_at: bool

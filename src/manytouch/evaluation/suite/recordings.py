@@ -5,10 +5,12 @@ from typing import Protocol, runtime_checkable
 
 import numpy as np
 
-from manytouch.evaluation.suite.cases import RAMP_FRAMES, REST_FRAMES, Case
+from manytouch.evaluation.suite.cases import REST_FRAMES, Case
 from manytouch.evaluation.suite.pads import PadCase, simulate_pad
 from manytouch.evaluation.suite.sensors import true_sensor
-from manytouch.evaluation.suite.solutions import Solutions
+from manytouch.evaluation.suite.solutions import Solutions, state_count
+from manytouch.evaluation.suite.varied.cases import VariedCase
+from manytouch.evaluation.suite.varied.recording import simulate_varied
 from manytouch.simulation.render.discs import Look
 from manytouch.simulation.render.optics import ImagingSettings
 from manytouch.simulation.scene.deformation import Deformation, undeformed
@@ -65,7 +67,8 @@ class FemSimulation:
             "A clamped sheet of nearly incompressible rubber (neo-Hooke) under pretension as a 3-D solid: "
             "quadratic finite elements with large deformation, pressed by rigid balls, with friction where "
             "a case has it; the camera shows the bent dots through its lens, in uneven light and with "
-            "noise. Not in it: creep, sag, uneven thickness, shadows of the fingers. Bonded pads stand "
+            "noise. Varied cases have other shapes, sheets and hyperelastic laws, and a part of them sag, "
+            "relaxation and uneven thickness. Not in it: shadows of the fingers. Bonded pads stand "
             "apart: the same solid, fixed below with free sides, seen through its window"
         )
 
@@ -75,13 +78,16 @@ class FemSimulation:
         states = self.solutions.known(case)
         if states is None:
             return "it is not solved yet"
-        return None if len(states) == RAMP_FRAMES else "no equilibrium was found"
+        return None if len(states) == state_count(case) else "no equilibrium was found"
 
     def simulate(self, case: Case) -> SimulatedRecording:
         if isinstance(case, PadCase):
             sensor, frames, truths = simulate_pad(case)
             return SimulatedRecording(sensor=sensor, frames=frames, truths=truths)
         states = self.solutions.known(case) or self.solutions.solve(case)
+        if isinstance(case, VariedCase):
+            sensor, frames, truths = simulate_varied(case, states)
+            return SimulatedRecording(sensor=sensor, frames=frames, truths=truths)
         return simulate_case(case, states)
 
 

@@ -20,7 +20,7 @@ from manytouch.evaluation.records.in_memory import record_of_readings, record_of
 from manytouch.evaluation.records.record import EvaluationRecord, contact_rows
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case
 from manytouch.evaluation.suite.recordings import CaseSimulation, SimulatedRecording
-from manytouch.evaluation.suite.sensors import nominal_sensor
+from manytouch.evaluation.suite.given import given_sensor
 from manytouch.evaluation.suite.trial_store import SUFFIX, read_comparisons, write_comparisons
 from manytouch.evaluation.suite.workers import RunObserver, run_tasks
 from manytouch.pipeline import Pipeline
@@ -153,7 +153,7 @@ def run_case(case: Case, methods: Mapping[str, Pipeline], recording: SimulatedRe
     for method, pipeline in methods.items():
         note: tuple[str, ...] = ()
         try:
-            sensor = register_rest(nominal_sensor(case), recording.frames[:REST_FRAMES])
+            sensor = register_rest(given_sensor(case), recording.frames[:REST_FRAMES])
             for _ in pipeline.run(recording.frames[:2], sensor):
                 pass  # compiling and first touches are in no frame's time
             readings = tuple(pipeline.run(recording.frames, sensor))

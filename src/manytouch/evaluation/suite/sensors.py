@@ -4,12 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.evaluation.suite.cases import Case
+from manytouch.evaluation.suite.cases import Case, SensorPerturbation
 from manytouch.evaluation.suite.pads import PadCase, given_pad
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
 
 DESIGNED_WIDTH_PX, FOCAL_PX, DISTANCE_MM = 2560, 2061.0, 116.3  # for a sheet of 120 x 80 mm
+EXACT = (
+    *("outline_std_mm", "thickness_std_mm", "young_std_MPa", "poisson_std", "pretension_std_N_per_mm"),
+    "bending_factor_std",
+)
 DISTORTION = (-0.04, 0.006, 2e-4, -3e-4, 0.0)
 
 
@@ -57,12 +61,31 @@ def lattice(case: Case) -> Layout:
     )
 
 
+def exact_sensor(sensor: Sensor) -> Sensor:
+    """The sensor with a sheet whose file states that its numbers are exact."""
+    assert sensor.sheet is not None
+    exact = dict.fromkeys(EXACT, 0.0)
+    return replace(sensor, sheet=replace(sensor.sheet, **exact))  # type: ignore[arg-type]
+
+
+def with_all_dots(sensor: Sensor) -> Sensor:
+    """The sensor with every dot printed."""
+    assert sensor.layout is not None
+    missing = read_only(np.zeros(len(sensor.layout.rest_mm), dtype=bool))
+    return replace(sensor, layout=replace(sensor.layout, is_missing=missing))
+
+
 def nominal_sensor(case: Case) -> Sensor:
-    """The sensor as given to the methods: with all dots printed, and with the perturbation of the case."""
+    """The sensor as given to the methods: with all dots printed, and with the perturbation of the case.
+
+    Without a perturbation its file states that the numbers of the sheet are exact. Of the varied cases see
+    `varied.sensor_files`.
+    """
     if isinstance(case, PadCase):
         return given_pad(case)
-    true, given = true_sensor(case), case.perturbation
-    assert true.layout is not None
+    true, given = with_all_dots(true_sensor(case)), case.perturbation
+    if given == SensorPerturbation():
+        return exact_sensor(true)
     assert true.sheet is not None
     assert true.sheet.young_MPa is not None
     camera, off_px = true.camera, given.centre_off_px * case.width_px / DESIGNED_WIDTH_PX
@@ -76,7 +99,6 @@ def nominal_sensor(case: Case) -> Sensor:
             cy_px=camera.cy_px + off_px,
             distortion=camera.distortion if given.is_lens_known else read_only(np.zeros(5)),
         ),
-        layout=replace(true.layout, is_missing=read_only(np.zeros(len(true.layout.rest_mm), dtype=bool))),
         sheet=replace(
             true.sheet,
             thickness_mm=true.sheet.thickness_mm * given.thickness_factor,

@@ -5,7 +5,8 @@ case alone; one that was solved here also after the code that solved it.
 """
 
 import hashlib
-from collections.abc import Callable, Sequence
+import inspect
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from importlib.resources.abc import Traversable
@@ -16,6 +17,9 @@ from manytouch.evaluation.suite import pressing
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case
 from manytouch.evaluation.suite.pads import PadCase
 from manytouch.evaluation.suite.pressing import sheet_model, solve_presses
+from manytouch.evaluation.suite.varied import solving
+from manytouch.evaluation.suite.varied.cases import VariedCase
+from manytouch.evaluation.suite.varied.solving import problem_key, solve_varied
 from manytouch.evaluation.suite.workers import RunObserver, run_tasks
 from manytouch.simulation.fem.cache import code_revision
 from manytouch.simulation.fem.elements.mesh import reference_nodes
@@ -37,7 +41,7 @@ class Solutions:
     folder: Path
 
     def known(self, case: Case) -> tuple[Deformation, ...] | None:
-        """The states of a case, fewer than `RAMP_FRAMES` where no equilibrium was found; None: not solved."""
+        """The states of a case, fewer than `state_count` where no equilibrium was found; None: not solved."""
         for path in (files("manytouch.evaluation") / SHIPPED / shipped_name(case), self._path(case)):
             found = _read(path)
             if found is not None:
@@ -47,20 +51,22 @@ class Solutions:
     def solve(self, case: Case) -> tuple[Deformation, ...]:
         """Solve a case and keep it.
 
+        The varied cases of both groups are the same presses, so that they are solved once.
+
         Raises:
             OutputError: the folder cannot be written.
             MissingExtraError: scikit-fem is not installed.
         """
         states = []
-        for step in solve_presses(case):
-            states.append(condense(step.state, step.loading))
-            if states[-1].status != "ok":
+        for state in _solve(case):
+            states.append(state)
+            if state.status != "ok":
                 break
         keep(self._path(case), states)
         return tuple(state for state in states if state.status == "ok")
 
     def _path(self, case: Case) -> Path:
-        code = Path(pressing.__file__).read_text(encoding="utf-8")
+        code = inspect.getsource(solving if isinstance(case, VariedCase) else pressing)
         return self.folder / _name(case, code_revision(), code)
 
 
@@ -79,7 +85,8 @@ def solve_missing(
         MissingExtraError: scikit-fem is not installed.
     """
     sheets = [case for case in cases if not isinstance(case, PadCase)]
-    missing = [case for case in sheets if solutions.known(case) is None]
+    unique = {shipped_name(case): case for case in sheets}  # two groups have the same varied presses
+    missing = [case for case in unique.values() if solutions.known(case) is None]
     if not missing:
         return
     reference_nodes()  # raises here what is missing, before other processes begin
@@ -90,8 +97,21 @@ def solve_missing(
         observer.begin("solving", len(missing))
     for number, states in run_tasks(solutions.solve, missing, processes=processes, stop=stop):
         if observer is not None:
-            words = f"{len(states)} of {RAMP_FRAMES} states in balance"
+            words = f"{len(states)} of {state_count(missing[number])} states in balance"
             observer.done(missing[number].title, words)
+
+
+def state_count(case: Case) -> int:
+    """States of a case that is solved."""
+    return case.state_count if isinstance(case, VariedCase) else RAMP_FRAMES
+
+
+def _solve(case: Case) -> Iterator[Deformation]:
+    if isinstance(case, VariedCase):
+        yield from solve_varied(case)
+        return
+    for step in solve_presses(case):
+        yield condense(step.state, step.loading)
 
 
 def keep(path: Path, states: list[Deformation]) -> None:
@@ -107,6 +127,9 @@ def shipped_name(case: Case) -> str:
 
 def _name(case: Case, *more: str) -> str:
     """Title and a hash of all that decides how the sheet deforms."""
+    if isinstance(case, VariedCase):
+        key = hashlib.sha256("\n".join([problem_key(case), *more]).encode()).hexdigest()
+        return f"varied-{case.name}-{key[:12]}.npz"
     depends = (
         repr(sheet_model(case)),
         repr((RAMP_FRAMES, case.touches, case.strength_is, case.deepest_mm, case.friction)),

@@ -1,4 +1,4 @@
-"""The cases of the accuracy suite: nominal, separation, stress; bonded pads are in `pads`.
+"""The cases of the accuracy suite: nominal, separation, stress; see also `varied` and, for bonded pads, `pads`.
 
 They are drawn from fixed seeds, so every run has the same ones. Every second case of a group is not
 to be looked at while a method is tuned; its figures stand apart in the report.
@@ -11,8 +11,16 @@ from itertools import product
 import numpy as np
 
 from manytouch.evaluation.records.record import EvaluationError
-from manytouch.evaluation.suite.cases import GROUPS, PAD_GROUPS, Case, SensorPerturbation, Touch
+from manytouch.evaluation.suite.cases import (
+    GROUPS,
+    PAD_GROUPS,
+    VARIED_GROUPS,
+    Case,
+    SensorPerturbation,
+    Touch,
+)
 from manytouch.evaluation.suite.pads import pads
+from manytouch.evaluation.suite.varied.cases import varied
 
 SHEETS_MM = ((120.0, 80.0), (160.0, 100.0), (70.0, 70.0))
 APART_MM = 13.0
@@ -41,6 +49,7 @@ def cases(groups: Sequence[str] = GROUPS, *, quick: bool = False, tuning: bool =
         "nominal": nominal,
         "separation": separation,
         "stress": stress,
+        **{name: partial(varied, name) for name in VARIED_GROUPS},
         **{name: partial(pads, name) for name in PAD_GROUPS},
     }
     found = tuple(

@@ -37,18 +37,19 @@ class IndenterPath:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PressurePatch:
-    """A dead load: spread evenly over material of the touched face, its direction stays.
+    """A dead load on material of the touched face, its direction stays.
 
     Attributes:
         centre_mm: x, y on the undeformed sheet, the middle of the patch.
         size_mm: extent along x and y.
-        outline: an ellipse in that extent, or the rectangle.
+        outline: spread evenly over an ellipse in that extent or over the rectangle; "dome": over the ellipse
+            like the pressure under a soft ball, sqrt(1 - r^2) with r = 1 at its border.
         force_N: (k, 3) total force on the sheet per step; a press has z < 0.
     """
 
     centre_mm: tuple[float, float]
     size_mm: tuple[float, float]
-    outline: Literal["ellipse", "rectangle"] = "ellipse"
+    outline: Literal["ellipse", "rectangle", "dome"] = "ellipse"
     force_N: Float64[np.ndarray, "k 3"]
 
 

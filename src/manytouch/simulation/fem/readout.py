@@ -57,8 +57,10 @@ def read_contact(
 def patch_shares(face: TouchedFace, patch: PressurePatch) -> Float64[np.ndarray, "f q"]:
     """(f, q) the part of a patch's force that each point of the face carries; they sum to 1."""
     offset = np.abs(face.rest_mm[:, :, :2] - patch.centre_mm) / (0.5 * np.array(patch.size_mm))
-    inside = offset.max(axis=-1) <= 1.0 if patch.outline == "rectangle" else (offset**2).sum(axis=-1) <= 1.0
-    share = np.where(inside, face.area_mm2, 0.0)
+    square = (offset**2).sum(axis=-1)
+    inside = offset.max(axis=-1) <= 1.0 if patch.outline == "rectangle" else square <= 1.0
+    height = np.sqrt(np.maximum(1.0 - square, 0.0)) if patch.outline == "dome" else 1.0
+    share = np.where(inside, height * face.area_mm2, 0.0)
     if not inside.any():
         raise ValueError(
             f"a pressure patch at {patch.centre_mm} mm of {patch.size_mm} mm covers no part of the sheet"

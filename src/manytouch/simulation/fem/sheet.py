@@ -2,13 +2,13 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from manytouch.simulation.fem.elements.assembly import elastic_body
 from manytouch.simulation.fem.elements.material import NeoHooke
-from manytouch.simulation.fem.elements.mesh import sheet_mesh, tensor_mesh
+from manytouch.simulation.fem.elements.mesh import HexMesh, sheet_mesh, tensor_mesh
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.solver.newton import NewtonSolver
 from manytouch.simulation.fem.state import SheetState
@@ -53,7 +53,27 @@ class PadModel:
     material: NeoHooke
 
 
-SolidModel = SheetModel | PadModel
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class GradedSheetModel:
+    """A clamped sheet on graded lines: everything that decides how it deforms.
+
+    Attributes:
+        lines_mm: grid lines of the mesh along x, y and z, increasing; z runs from 0, the camera-side face, to
+            the thickness.
+        material: of the sheet.
+        pretension_N_per_mm, gravity: as of `SheetModel`.
+        uneven_share: largest deviation of the thickness from its mean, over that; the camera-side face is
+            flat.
+    """
+
+    lines_mm: tuple[Lines, Lines, Lines]
+    material: NeoHooke
+    pretension_N_per_mm: float = 0.0
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    uneven_share: float = 0.0
+
+
+SolidModel = SheetModel | PadModel | GradedSheetModel
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -96,20 +116,62 @@ def pad_model(
         layers: least number of elements through the thickness.
         refined: where the elements are smaller.
     """
-    x_mm, y_mm = (
-        _graded_lines(
-            0.5 * size_mm[axis],
-            element_mm,
-            [(item.low_mm[axis], item.high_mm[axis], item.element_mm) for item in refined],
-        )
-        for axis in (0, 1)
-    )
+    x_mm, y_mm = _plane_lines(size_mm, element_mm, refined)
     marker_mm = thickness_mm - marker_depth_mm
     z_mm = np.zeros(1)
     for low_mm, high_mm in ((0.0, marker_mm), (marker_mm, thickness_mm)):
         count = math.ceil(layers * (high_mm - low_mm) / thickness_mm - 1e-9)
         z_mm = np.concatenate([z_mm, np.linspace(low_mm, high_mm, count + 1)[1:]])
-    return PadModel(lines_mm=(_rounded(x_mm), _rounded(y_mm), _rounded(z_mm)), material=material)
+    return PadModel(lines_mm=(x_mm, y_mm, _rounded(z_mm)), material=material)
+
+
+def graded_sheet_model(
+    size_mm: tuple[float, float],
+    thickness_mm: float,
+    material: NeoHooke,
+    *,
+    element_mm: float,
+    layers: int = 1,
+    refined: tuple[Refinement, ...] = (),
+    pretension_N_per_mm: float = 0.0,
+    gravity: tuple[float, float, float] = (0.0, 0.0, 0.0),
+    uneven_share: float = 0.0,
+) -> GradedSheetModel:
+    """A clamped sheet whose elements are small where it is pressed.
+
+    Args:
+        size_mm, thickness_mm: mounted, centred on the origin.
+        material: of the sheet.
+        element_mm: largest width of the elements.
+        layers: of elements through the thickness.
+        refined: where the elements are smaller.
+        pretension_N_per_mm, gravity, uneven_share: see `GradedSheetModel`.
+    """
+    x_mm, y_mm = _plane_lines(size_mm, element_mm, refined)
+    return GradedSheetModel(
+        lines_mm=(x_mm, y_mm, _rounded(np.linspace(0.0, thickness_mm, layers + 1))),
+        material=material,
+        pretension_N_per_mm=pretension_N_per_mm,
+        gravity=gravity,
+        uneven_share=uneven_share,
+    )
+
+
+def _plane_lines(
+    size_mm: tuple[float, float], element_mm: float, refined: tuple[Refinement, ...]
+) -> tuple[Lines, Lines]:
+    """Lines along x and y, dense in the refinements."""
+    x_mm, y_mm = (
+        _rounded(
+            _graded_lines(
+                0.5 * size_mm[axis],
+                element_mm,
+                [(item.low_mm[axis], item.high_mm[axis], item.element_mm) for item in refined],
+            )
+        )
+        for axis in (0, 1)
+    )
+    return x_mm, y_mm
 
 
 def _graded_lines(half_mm: float, element_mm: float, refined: list[tuple[float, float, float]]) -> np.ndarray:
@@ -142,10 +204,23 @@ def sheet_solver(model: SolidModel) -> NewtonSolver:
             is_free=read_only(np.repeat(~is_held[:, None], 3, axis=1)),
             contact_stiffness_per_mm=PENALTY_PER_MM,
         )
-    mesh = sheet_mesh(model.size_mm, model.thickness_mm, element_mm=model.element_mm, layers=model.layers)
+    if isinstance(model, GradedSheetModel):
+        mesh = uneven_mesh(tensor_mesh(*(np.array(line) for line in model.lines_mm)), model.uneven_share)
+    else:
+        mesh = sheet_mesh(model.size_mm, model.thickness_mm, element_mm=model.element_mm, layers=model.layers)
     body = elastic_body(mesh, model.material, pretension_N_per_mm=model.pretension_N_per_mm)
     free = np.repeat(~mesh.is_on_outline[:, None], 3, axis=1)
     return NewtonSolver(body=body, is_free=read_only(free), gravity=model.gravity)
+
+
+def uneven_mesh(mesh: HexMesh, share: float) -> HexMesh:
+    """A mesh whose thickness deviates smoothly from its mean, by at most this share of it."""
+    if share == 0.0:
+        return mesh
+    x, y = (mesh.node_mm[:, axis] / np.ptp(mesh.lines_mm[axis]) for axis in (0, 1))
+    wave = np.cos(1.6 * np.pi * x + 0.7) * np.cos(1.3 * np.pi * y - 0.4)
+    node_mm = mesh.node_mm * np.column_stack([np.ones((len(x), 2)), 1.0 + share * wave])
+    return replace(mesh, node_mm=read_only(node_mm))
 
 
 def solve_sheet(

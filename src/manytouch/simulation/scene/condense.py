@@ -1,21 +1,32 @@
 """The part of a solved state that images and ground truth need."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from manytouch.simulation.fem.contact.forces import TouchedFace, touched_face
-from manytouch.simulation.fem.contact.indenters import signed_distance
+from manytouch.simulation.fem.contact.indenters import Indenter, RoundPunch, SquarePunch, signed_distance
 from manytouch.simulation.fem.elements.mesh import reference_nodes
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import FINE_POINTS, patch_shares
 from manytouch.simulation.fem.state import SheetState
 from manytouch.simulation.scene.deformation import Deformation, TrueContact, fill_middles
+from manytouch.simulation.scene.pressure_region import region_area, second_moments
 from manytouch.values.arrays import Mask, read_only
 
+LEVEL_RAD = 1e-3
+"""A flat face that is tilted by less than this is level."""
 
-def condense(state: SheetState, loading: Loading, *, pad_markers_mm: float | None = None) -> Deformation:
+
+def condense(
+    state: SheetState,
+    loading: Loading,
+    *,
+    pad_markers_mm: float | None = None,
+    pitch_mm: float | None = None,
+) -> Deformation:
     """The face that carries the markers, and the contacts, of a solved state of a loading.
 
     A state that did not converge may have fewer contacts than the loading.
@@ -25,6 +36,7 @@ def condense(state: SheetState, loading: Loading, *, pad_markers_mm: float | Non
         loading: the loading.
         pad_markers_mm: of a pad, from its bonded face to its markers, a grid line of its mesh; the depth of a
             contact is then that of the touched face. None: a clamped sheet, all of its camera-side face.
+        pitch_mm: of the markers, which defines the regions of contacts; None: they are not read out.
     """
     mesh, level = state.mesh, 0
     if pad_markers_mm is not None:
@@ -32,7 +44,8 @@ def condense(state: SheetState, loading: Loading, *, pad_markers_mm: float | Non
     found = plane(state, level)
     face = touched_face(mesh, points=FINE_POINTS, rule="middles")
     contacts = []
-    for touched, contact in zip(_touched(state, loading, face), state.contacts, strict=False):
+    covered = _touched(state, loading, face)
+    for number, (touched, contact) in enumerate(zip(covered, state.contacts, strict=False)):
         rest_mm = face.rest_mm.reshape(-1, 3)[touched, :2] if touched.any() else contact.centre_mm[None]
         of_depth = found if pad_markers_mm is None else plane(state, len(mesh.lines_mm[2]) - 1)
         depth_mm = -of_depth.displacement_mm(np.ascontiguousarray(rest_mm))[:, 2]
@@ -43,9 +56,40 @@ def condense(state: SheetState, loading: Loading, *, pad_markers_mm: float | Non
                 area_mm2=contact.area_mm2,
                 centre_mm=contact.centre_mm,
                 depth_mm=float(depth_mm.max()) if contact.force_N[2] != 0.0 else np.nan,
+                **({} if pitch_mm is None else _region(state, loading, number, pitch_mm)),
             )
         )
     return replace(found, contacts=tuple(contacts))
+
+
+def _region(state: SheetState, loading: Loading, number: int, pitch_mm: float) -> dict[str, Any]:
+    """Region and second moments of a touch or patch; of a flat face that presses evenly its footprint."""
+    if number < len(loading.touches):
+        face = touched_face(state.mesh)
+        force_N = (state.pressure_MPa[number] * face.area_mm2).ravel()
+    else:
+        face = touched_face(state.mesh, points=FINE_POINTS)
+        force_N = patch_shares(face, loading.patches[number - len(loading.touches)]).ravel()
+    place_mm = np.ascontiguousarray(face.rest_mm.reshape(-1, 3)[:, :2])
+    footprint_mm2 = None
+    if number < len(loading.touches):
+        tilt_rad = np.abs(state.rotation_vector[number][:2]).max()
+        footprint_mm2 = _footprint_mm2(loading.touches[number].indenter) if tilt_rad < LEVEL_RAD else None
+    is_face = footprint_mm2 is not None and force_N.any()
+    return {
+        "region_mm2": footprint_mm2 if is_face else region_area(place_mm, force_N, pitch_mm),
+        "moment_mm2": second_moments(place_mm, force_N),
+    }
+
+
+def _footprint_mm2(indenter: Indenter) -> float | None:
+    """Area of a flat face; None of other bodies."""
+    match indenter:
+        case RoundPunch(radius_mm=radius_mm):
+            return float(np.pi * radius_mm**2)
+        case SquarePunch(side_mm=side_mm):
+            return float(np.prod(side_mm))
+    return None
 
 
 def plane(state: SheetState, level: int) -> Deformation:

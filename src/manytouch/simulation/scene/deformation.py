@@ -6,6 +6,7 @@ functions nothing is lost but rounding. (A serendipity element has no middle nod
 the edge middles less a quarter of the sum of the corners there, the nine-node element is the same.)
 """
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +14,9 @@ from jaxtyping import Float32, Float64
 
 from manytouch.compilation import kernel, no_type_check
 from manytouch.values.arrays import Points2, Points3, read_only
+
+ROW_BEFORE_REGIONS = 8
+"""Numbers of a contact in files without regions."""
 
 Lattice = Float32[np.ndarray, "a b 3"]
 
@@ -27,6 +31,9 @@ class TrueContact:
         area_mm2: of the touched face in contact, on undeformed coordinates.
         centre_mm: (2,) centroid of the normal force over undeformed coordinates.
         depth_mm: largest depth of the camera-side face within that area.
+        region_mm2: area of its region (see `values.Contact.area_mm2`); NaN where it was not read out.
+        moment_mm2: (3,) second moments xx, yy, xy of the normal force about the centroid, on undeformed
+            coordinates; NaN likewise.
     """
 
     force_N: Float64[np.ndarray, "3"]
@@ -34,6 +41,8 @@ class TrueContact:
     area_mm2: float
     centre_mm: Float64[np.ndarray, "2"]
     depth_mm: float
+    region_mm2: float = np.nan
+    moment_mm2: tuple[float, float, float] = (np.nan, np.nan, np.nan)
 
     @property
     def is_touching(self) -> bool:
@@ -44,6 +53,14 @@ class TrueContact:
     def normal_force_N(self) -> float:
         """Positive in compression."""
         return -float(self.force_N[2])
+
+    @property
+    def ellipse(self) -> tuple[float, float, float]:
+        """Half axes in mm and angle of the major one in rad, of the uniform ellipse with its second moments."""
+        xx, yy, xy = self.moment_mm2
+        mean, apart = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
+        angle_rad = 0.5 * math.atan2(2.0 * xy, xx - yy)
+        return 2.0 * math.sqrt(mean + apart), 2.0 * math.sqrt(max(mean - apart, 0.0)), angle_rad
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -107,19 +124,23 @@ def flat(size_mm: tuple[float, float]) -> Deformation:
 
 
 def contact_from_row(row: np.ndarray) -> TrueContact:
-    """A contact from force, torque, area, centre and depth in a row of 8."""
+    """A contact from force, torque, area, centre and depth, and in longer rows region and moments."""
+    more = [float(number) for number in row[ROW_BEFORE_REGIONS:]] or [np.nan] * 4
     return TrueContact(
         force_N=read_only(row[:3].copy()),
         torque_Nmm=float(row[3]),
         area_mm2=float(row[4]),
         centre_mm=read_only(row[5:7].copy()),
         depth_mm=float(row[7]),
+        region_mm2=more[0],
+        moment_mm2=(more[1], more[2], more[3]),
     )
 
 
 def row_from_contact(contact: TrueContact) -> list[float]:
     """The row of `contact_from_row`."""
-    return [*contact.force_N, contact.torque_Nmm, contact.area_mm2, *contact.centre_mm, contact.depth_mm]
+    first = [*contact.force_N, contact.torque_Nmm, contact.area_mm2, *contact.centre_mm, contact.depth_mm]
+    return [*first, contact.region_mm2, *contact.moment_mm2]
 
 
 def fill_middles(face_mm: np.ndarray) -> None:

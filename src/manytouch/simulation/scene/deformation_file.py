@@ -92,7 +92,7 @@ def read_deformations(path: Path | Traversable) -> dict[str, Deformation]:
             x_mm=x_mm,
             y_mm=y_mm,
             face_mm=face_mm,
-            contacts=tuple(contact_from_row(row) for row in rows.reshape(-1, 8)),
+            contacts=tuple(contact_from_row(row) for row in (rows if rows.ndim == 2 else ())),
             status=str(status),
         )
         for key, face_mm, rows, status in zip(keys, faces_mm, table["contacts"], table["status"], strict=True)

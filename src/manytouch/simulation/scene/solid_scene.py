@@ -30,11 +30,11 @@ class ContactEpisode:
     Attributes:
         first: its first keyframe; zero force there and in its last one, unless it reaches the first or last
             keyframe of the scene.
-        table: (n, 8) force, torque, area, centre and depth at its keyframes.
+        table: (n, 12) force, torque, area, centre, depth, region and moments at its keyframes.
     """
 
     first: int
-    table: Float64[np.ndarray, "n 8"]
+    table: Float64[np.ndarray, "n 12"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -157,4 +157,4 @@ def _fading(row: list[float], state: Deformation) -> list[float]:
     """A contact where it begins or ends: no force, its last place, as deep as the sheet is there."""
     centre_mm = np.array([row[5:7]])
     depth_mm = -float(state.displacement_mm(centre_mm)[0, 2])
-    return [0.0, 0.0, 0.0, 0.0, 0.0, *row[5:7], depth_mm]
+    return [0.0, 0.0, 0.0, 0.0, 0.0, *row[5:7], depth_mm, *row[8:]]

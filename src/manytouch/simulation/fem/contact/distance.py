@@ -12,7 +12,7 @@ import numpy as np
 
 from manytouch.compilation import kernel, no_type_check
 
-SPHERE, ELLIPSOID, REVOLVED, BOX, HALF_SPACES = range(5)
+SPHERE, ELLIPSOID, REVOLVED, BOX, HALF_SPACES, TORUS = range(6)
 
 
 @kernel()
@@ -23,7 +23,7 @@ def signed_distance(
     """Signed distance in mm of a point (3,) in the indenter's frame.
 
     Args:
-        kind: SPHERE, ELLIPSOID, REVOLVED, BOX or HALF_SPACES.
+        kind: SPHERE, ELLIPSOID, REVOLVED, BOX, HALF_SPACES or TORUS.
         numbers: parameters of the shape, as its own function lists them; longer arrays are allowed.
         point: (3,) mm.
         normal: (3,), filled with the gradient.
@@ -38,6 +38,8 @@ def signed_distance(
         return _revolved(numbers, point, normal, curvature)
     if kind == BOX:
         return _box(numbers, point, normal, curvature)
+    if kind == TORUS:
+        return _torus(numbers, point, normal, curvature)
     return _half_spaces(numbers, point, normal, curvature)
 
 
@@ -148,6 +150,24 @@ def _revolved(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvat
         for m in range(3):
             curvature[k, m] += turned[k] * turned[m] / size
     return float(size - edge)
+
+
+@kernel()
+@no_type_check
+def _torus(numbers: np.ndarray, point: np.ndarray, normal: np.ndarray, curvature: np.ndarray) -> float:
+    """A lying ring: radius of its centre line, radius of its wire."""
+    x, y, q = point[0], point[1], point[2] - numbers[1]
+    radial = max(math.sqrt(x * x + y * y), 1e-12)
+    p = radial - numbers[0]
+    size = max(math.sqrt(p * p + q * q), 1e-12)
+    cosine, sine, rx, ry = p / size, q / size, x / radial, y / radial
+    normal[0], normal[1], normal[2] = cosine * rx, cosine * ry, sine
+    _add_outer(curvature, cosine / radial, -ry, rx, 0, 1)
+    turned = np.array([-sine * rx, -sine * ry, cosine])
+    for k in range(3):
+        for m in range(3):
+            curvature[k, m] += turned[k] * turned[m] / size
+    return float(size - numbers[1])
 
 
 @kernel()

@@ -150,7 +150,30 @@ class ConvexBody:
         return distance.HALF_SPACES, (sharpness, float(len(faces)), *faces.ravel().tolist())
 
 
-Indenter = Sphere | Fingertip | RoundPunch | SquarePunch | LyingCylinder | ConvexBody
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Ring:
+    """A ring of round wire that lies flat.
+
+    Attributes:
+        radius_mm: of the centre line of its wire.
+        wire_radius_mm: of the wire.
+    """
+
+    radius_mm: float
+    wire_radius_mm: float
+
+    def __post_init__(self) -> None:
+        _require_positive(radius_mm=self.radius_mm, wire_radius_mm=self.wire_radius_mm)
+        if not self.wire_radius_mm < self.radius_mm:
+            raise ValueError(f"wire_radius_mm is {self.wire_radius_mm}, expected less than {self.radius_mm} mm")
+
+    @property
+    def distance_parameters(self) -> tuple[int, tuple[float, ...]]:
+        """Kind and parameters for `distance.signed_distance`."""
+        return distance.TORUS, (self.radius_mm, self.wire_radius_mm)
+
+
+Indenter = Sphere | Fingertip | RoundPunch | SquarePunch | LyingCylinder | ConvexBody | Ring
 
 
 def convex_hull(corner_mm: Points3, *, edge_radius_mm: float = 0.3) -> ConvexBody:

@@ -37,6 +37,7 @@ class ElementArrays(NamedTuple):
         pressure_mode: (e, q, 4) the orthonormal linear functions, 1 / mm^1.5.
         stretch: (3,) before clamping.
         shear_MPa, bulk_MPa: of the material.
+        stiffening: (2,) see `NeoHooke.stiffening`.
     """
 
     node: np.ndarray
@@ -46,6 +47,7 @@ class ElementArrays(NamedTuple):
     stretch: np.ndarray
     shear_MPa: float
     bulk_MPa: float
+    stiffening: np.ndarray
 
 
 def irons_rule() -> tuple[Float64[np.ndarray, "14 3"], Float64[np.ndarray, "14"]]:
@@ -67,6 +69,7 @@ class ElasticBody:
         weight_mm3: (e, q) stress-free volume of each quadrature point.
         pressure_mode: (e, q, 4) the orthonormal linear functions, 1 / mm^1.5.
         shear_MPa, bulk_MPa: of the material.
+        stiffening: (2,) see `NeoHooke.stiffening`.
         weight_N: (n,) of the material, shared out to the nodes (consistent, so corners can be negative).
     """
 
@@ -77,6 +80,7 @@ class ElasticBody:
     pressure_mode: Float64[np.ndarray, "e q 4"]
     shear_MPa: float
     bulk_MPa: float
+    stiffening: Float64[np.ndarray, "2"]
     weight_N: Float64[np.ndarray, " nodes"]
 
     def forces(
@@ -111,6 +115,7 @@ class ElasticBody:
             stretch=self.stretch,
             shear_MPa=self.shear_MPa,
             bulk_MPa=self.bulk_MPa,
+            stiffening=self.stiffening,
         )
         # a copy is writable, so the kernel is compiled for one type only
         energy, smallest = sum_elements(displacement_mm.copy(), elements, force_N, tangent)
@@ -147,6 +152,7 @@ def elastic_body(mesh: HexMesh, material: NeoHooke, *, pretension_N_per_mm: floa
         pressure_mode=read_only(np.ascontiguousarray(mode)),
         shear_MPa=material.shear_MPa,
         bulk_MPa=material.bulk_MPa,
+        stiffening=read_only(np.array(material.stiffening)),
         weight_N=read_only(nodal),
     )
 
@@ -158,7 +164,7 @@ class _Workspace(NamedTuple):
         F, cofactor: (q, 3, 3) deformation gradient and its matrix of cofactors.
         jacobian: (q,) det F.
         volume: (4,) change of volume, projected on the pressure modes.
-        left, right: (2 q + 4, 60) factors of the symmetric products.
+        left, right: (2 q + 4, 60) factors of the symmetric products, (3 q + 4, 60) of a stiffening material.
         turned, swapped: (q, 60) factors of the product whose components are exchanged.
         plain, scaled: (3 q, 20) factors of the product that is the same for all components.
     """
@@ -223,7 +229,11 @@ def _add_point(
     for i in range(3):
         for j in range(3):
             invariant += work.F[q, i, j] ** 2
-    modulus = elements.shear_MPa * J ** (-2.0 / 3.0)
+    second, third = elements.stiffening[0], elements.stiffening[1]
+    isochoric = J ** (-2.0 / 3.0)
+    excess = isochoric * invariant - 3.0
+    modulus = elements.shear_MPa * isochoric * (1.0 + excess * (2.0 * second + 3.0 * third * excess))
+    rise = 2.0 * elements.shear_MPa * isochoric**2 * (2.0 * second + 6.0 * third * excess)
     for a in range(20):
         for i in range(3):
             h, s = 0.0, 0.0  # F^-T grad N and F grad N
@@ -246,7 +256,11 @@ def _add_point(
                 work.scaled[3 * q + i, a] = w * modulus * elements.gradient_per_mm[e, q, a, i]
                 for m in range(4):
                     work.right[2 * points + m, row] += w * elements.pressure_mode[e, q, m] * J * h
-    return float(0.5 * w * (modulus * invariant - 3.0 * elements.shear_MPa))
+                if work.left.shape[0] > 2 * points + 4:
+                    change = s - invariant / 3.0 * h
+                    work.left[2 * points + 4 + q, row] = w * rise * change
+                    work.right[2 * points + 4 + q, row] = change
+    return float(0.5 * w * elements.shear_MPa * excess * (1.0 + excess * (second + third * excess)))
 
 
 @kernel()
@@ -254,7 +268,7 @@ def _add_point(
 def _multiply_factors(work: _Workspace, bulk_MPa: float, tangent: np.ndarray) -> None:
     """Fill the tangent (60, 60) of one element from its factors."""
     points = work.jacobian.shape[0]
-    work.left[2 * points :] = bulk_MPa * work.right[2 * points :]
+    work.left[2 * points : 2 * points + 4] = bulk_MPa * work.right[2 * points : 2 * points + 4]
     tangent[:] = work.left.T @ work.right
     exchange = work.turned.T @ work.swapped
     stiffness = work.plain.T @ work.scaled
@@ -283,13 +297,15 @@ def sum_elements(
         Strain energy in N mm and the smallest J; energy is infinite where that is not positive.
     """
     points = elements.weight_mm3.shape[1]
+    is_stiffening = elements.stiffening[0] != 0.0 or elements.stiffening[1] != 0.0
+    factors = (3 if is_stiffening else 2) * points + 4
     work = _Workspace(
         np.empty((points, 3, 3)),
         np.empty((points, 3, 3)),
         np.empty(points),
         np.empty(4),
-        np.zeros((2 * points + 4, 60)),
-        np.zeros((2 * points + 4, 60)),
+        np.zeros((factors, 60)),
+        np.zeros((factors, 60)),
         np.empty((points, 60)),
         np.empty((points, 60)),
         np.empty((3 * points, 20)),

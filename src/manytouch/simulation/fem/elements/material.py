@@ -1,8 +1,9 @@
-"""Nearly incompressible neo-Hooke, and what a pretension in N/mm means for it.
+"""Nearly incompressible neo-Hooke and Yeoh, and what a pretension in N/mm means for them.
 
 W = mu/2 (J^(-2/3) I1 - 3) + k/2 (J - 1)^2 per undeformed volume, I1 = tr F^T F, J = det F
 (J. Bonet and R. D. Wood, Nonlinear Continuum Mechanics for Finite Element Analysis, 2008, ch. 6).
-For small strains it is Hooke's law with E and nu.
+For small strains it is Hooke's law with E and nu. Yeoh's law (O. H. Yeoh 1993, doi:10.5254/1.3538343) has
+mu/2 (x + a x^2 + b x^3), x = J^(-2/3) I1 - 3, instead of mu/2 x.
 """
 
 from dataclasses import dataclass
@@ -45,12 +46,19 @@ class NeoHooke:
         """k = E / (3 (1 - 2 nu))."""
         return self.young_MPa / (3.0 * (1.0 - 2.0 * self.poisson))
 
+    @property
+    def stiffening(self) -> tuple[float, float]:
+        """The factors a and b of Yeoh's law, 0 for neo-Hooke."""
+        return 0.0, 0.0
+
     def cauchy_MPa(self, stretch: Float64[np.ndarray, "3"]) -> Float64[np.ndarray, "3"]:
         """(3,) true principal stresses under principal stretches."""
         square = stretch**2
         volume = float(np.prod(stretch))
         deviator = square - square.sum() / 3.0
-        isochoric = self.shear_MPa * volume ** (-5.0 / 3.0) * deviator
+        excess, (second, third) = volume ** (-2.0 / 3.0) * square.sum() - 3.0, self.stiffening
+        slope = 1.0 + excess * (2.0 * second + 3.0 * third * excess)
+        isochoric = self.shear_MPa * volume ** (-5.0 / 3.0) * slope * deviator
         return np.asarray(isochoric + self.bulk_MPa * (volume - 1.0))
 
     def prestretch(self, tension_N_per_mm: float, thickness_mm: float) -> Float64[np.ndarray, "3"]:
@@ -76,3 +84,20 @@ class NeoHooke:
                 f"{tension_N_per_mm} N/mm is too much for a {thickness_mm} mm sheet of {self.young_MPa} MPa"
             )
         return read_only(np.array([found.x[0], found.x[0], found.x[1]]))
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class Yeoh(NeoHooke):
+    """A rubber whose shear modulus changes with strain.
+
+    Attributes:
+        second, third: the factors a and b of its energy; natural rubber has about -0.05 and 0.005, silicones
+            stiffen sooner.
+    """
+
+    second: float
+    third: float
+
+    @property
+    def stiffening(self) -> tuple[float, float]:
+        return self.second, self.third

@@ -1,0 +1,156 @@
+"""The states of a varied case as a 3-D solid on graded elements."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+
+from manytouch.evaluation.suite.varied.cases import VariedCase
+from manytouch.evaluation.suite.varied.presses import Press
+from manytouch.simulation.fem.cache import problem_keys
+from manytouch.simulation.fem.contact.indenters import (
+    Fingertip,
+    Indenter,
+    LyingCylinder,
+    Ring,
+    RoundPunch,
+    Sphere,
+    SquarePunch,
+    convex_hull,
+)
+from manytouch.simulation.fem.elements.material import NeoHooke, Yeoh
+from manytouch.simulation.fem.loading import IndenterPath, Loading, PressurePatch, press
+from manytouch.simulation.fem.sheet import GradedSheetModel, Refinement, graded_sheet_model, sheet_solver
+from manytouch.simulation.scene.condense import condense
+from manytouch.simulation.scene.deformation import Deformation
+
+CLEAR_MM = 2.0
+"""Bodies are so far above the sheet in the state at rest."""
+
+
+def solve_varied(case: VariedCase, finer: float = 1.0) -> Iterator[Deformation]:
+    """The states one by one; the first of a sagging sheet is that at rest.
+
+    Args:
+        case: to be solved.
+        finer: elements are so many times smaller, in the plane; from 2 on also across the thickness.
+    """
+    model, load = problem(case, finer)
+    solver = sheet_solver(model)
+    state = solver.start(load)
+    for number in range(load.steps):
+        state = solver.step(state, load, number)
+        yield condense(state, load, pitch_mm=case.pitch_mm)
+        if state.status != "ok":
+            return
+
+
+def problem(case: VariedCase, finer: float = 1.0) -> tuple[GradedSheetModel, Loading]:
+    """The sheet and what presses it, step by step."""
+    second, third = case.stiffening
+    rubber = {"young_MPa": case.young_MPa, "poisson": case.poisson, "density_kg_m3": 1070.0}
+    material = Yeoh(**rubber, second=second, third=third) if any(case.stiffening) else NeoHooke(**rubber)
+    model = graded_sheet_model(
+        case.size_mm,
+        case.thickness_mm,
+        material,
+        element_mm=min(10.0, 0.06 * max(case.size_mm)) / finer,
+        layers=2 if finer >= 2.0 else 1,
+        refined=tuple(_refined(case, each, finer) for each in case.presses),
+        pretension_N_per_mm=case.pretension_N_per_mm,
+        gravity=(0.0, 0.0, -1.0 if case.is_sagging else 0.0),
+        uneven_share=case.uneven_share,
+    )
+    shares = np.array([0.0] * case.is_sagging + list(case.shares))
+    touches = tuple(_touch(case, each, shares) for each in case.presses if each.kind != "dome")
+    patches = tuple(_dome(case, each, shares) for each in case.presses if each.kind == "dome")
+    return model, Loading(touches=touches, patches=patches)
+
+
+def problem_key(case: VariedCase) -> str:
+    """A name of all that the states depend on but the solver."""
+    return "".join(problem_keys(*problem(case))[-1:]) + f"{case.pitch_mm:g}"
+
+
+def order(case: VariedCase) -> list[int]:
+    """Number of the contact of each press: rigid bodies come first."""
+    rigid = [number for number, each in enumerate(case.presses) if each.kind != "dome"]
+    return rigid + [number for number, each in enumerate(case.presses) if each.kind == "dome"]
+
+
+def _touch(case: VariedCase, one: Press, shares: np.ndarray) -> IndenterPath:
+    at_mm = np.tile(one.at_mm, (len(shares), 1))
+    at_mm[-1] += case.drag_mm
+    depth_mm = np.where(shares > 0.0, shares * one.strength, -CLEAR_MM)
+    path = press(
+        indenter(one),
+        thickness_mm=case.thickness_mm,
+        path_mm=np.column_stack([at_mm, depth_mm]),
+        friction=case.friction,
+        yaw_rad=np.full(len(shares), one.yaw_rad),
+    )
+    if not any(one.tilt_rad):
+        return path
+    return replace(path, rotation_vector=np.tile([*one.tilt_rad, one.yaw_rad], (len(shares), 1)))
+
+
+def _dome(case: VariedCase, one: Press, shares: np.ndarray) -> PressurePatch:
+    """With friction the last state has half of the shear at which it would slip."""
+    force_N = np.column_stack([np.zeros((len(shares), 2)), -one.strength * shares])
+    if case.friction > 0.0:
+        direction = np.array(case.drag_mm) / np.linalg.norm(case.drag_mm)
+        force_N[-1, :2] = 0.5 * case.friction * one.strength * shares[-1] * direction
+    return PressurePatch(
+        centre_mm=one.at_mm, size_mm=(one.size_mm[0], one.size_mm[1]), outline="dome", force_N=force_N
+    )
+
+
+def indenter(one: Press) -> Indenter:
+    """The rigid body of a press.
+
+    Raises:
+        ValueError: it is a given pressure.
+    """
+    size_mm = one.size_mm
+    match one.kind:
+        case "ball":
+            return Sphere(radius_mm=size_mm[0])
+        case "block":
+            return SquarePunch(side_mm=(size_mm[0], size_mm[1]))
+        case "punch":
+            return RoundPunch(radius_mm=size_mm[0])
+        case "cylinder":
+            return LyingCylinder(radius_mm=size_mm[0], length_mm=size_mm[1])
+        case "ring":
+            return Ring(radius_mm=size_mm[0], wire_radius_mm=size_mm[1])
+        case "fingertip":
+            return Fingertip(semi_axes_mm=(size_mm[0], size_mm[1], size_mm[2]))
+        case "corner":
+            return convex_hull(_cube_on_its_corner(size_mm[0]), edge_radius_mm=0.8)
+    raise ValueError(f"a {one.kind} is no rigid body")
+
+
+def _cube_on_its_corner(edge_mm: float) -> np.ndarray:
+    along = np.array([1.0, 1.0, 1.0]) / np.sqrt(3.0)
+    first = np.array([1.0, -1.0, 0.0]) / np.sqrt(2.0)
+    frame = np.stack([first, np.cross(along, first), along])
+    corner = np.array([[x, y, z] for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)])
+    return np.asarray(edge_mm * corner @ frame.T)
+
+
+def _refined(case: VariedCase, one: Press, finer: float) -> Refinement:
+    """Where a press touches, and where it is dragged to."""
+    contact_mm = one.reach_mm
+    if one.kind in {"ball", "fingertip"}:
+        contact_mm = min(contact_mm, float(np.sqrt(2.0 * one.size_mm[0] * one.strength)) + 1.0)
+    elif one.kind == "corner":
+        contact_mm = min(contact_mm, 1.5 * one.strength + 1.5)
+    ends = np.array([one.at_mm, np.add(one.at_mm, case.drag_mm if one.kind != "dome" else 0.0)])
+    low, high = ends.min(axis=0) - contact_mm, ends.max(axis=0) + contact_mm
+    narrow_mm = {"ring": 2.0 * one.size_mm[-1], "cylinder": 1.2 * one.size_mm[0]}.get(one.kind, contact_mm)
+    element_mm = float(np.clip(0.45 * narrow_mm, 0.8, 2.0 if one.kind != "dome" else 3.0))
+    return Refinement(
+        low_mm=(float(low[0]), float(low[1])),
+        high_mm=(float(high[0]), float(high[1])),
+        element_mm=round(element_mm, 2) / finer,
+    )
