@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from manytouch.evaluation.suite.cases import Case
     from manytouch.evaluation.suite.runner import Evaluation
 
-Group = Literal["nominal", "separation", "stress", "pads", "pads_nominal"]
+Group = Literal["nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal"]
 GROUPS: tuple[Group, ...] = get_args(Group)
 
 
@@ -31,7 +31,7 @@ def evaluate(
     *,
     out: Annotated[Path, options.folder("Folder for report.html and report.json.")],
     quick: Annotated[
-        bool, Parameter(negative=(), help="Run only 18 cases of the suite (some minutes).")
+        bool, Parameter(negative=(), help="Run only 32 cases of the suite (some minutes).")
     ] = False,
     method: Annotated[
         list[options.Method] | None,
@@ -42,7 +42,7 @@ def evaluate(
         Parameter(name="--group", negative=(), help="Run only this group of cases; repeatable."),
     ] = None,
     tuning: Annotated[
-        bool, Parameter(negative=(), help="Omit the half of the cases that is reserved for validation.")
+        bool, Parameter(negative=(), help="Omit the cases that are reserved for validation.")
     ] = False,
     paper: Annotated[
         bool,
@@ -212,9 +212,10 @@ class _Progress:
 
 
 def _describe_results(evaluation: "Evaluation") -> list[str]:
-    """One line per method, of all recordings; for bonded pads with their goals."""
+    """One line per method, of all recordings; then figures of groups with their goals."""
+    from manytouch.evaluation.report.goals import goal_lines
     from manytouch.evaluation.report.pad_goals import goal_sentences
     from manytouch.evaluation.report.report_data import in_short
 
     lines = [f"{method}: {in_short(evaluation, method)}" for method in evaluation.methods]
-    return [*lines, *goal_sentences(evaluation)]
+    return [*lines, *goal_lines(evaluation), *goal_sentences(evaluation)]

@@ -13,6 +13,7 @@ from manytouch.evaluation.suite.cases import (
     HOLD_FRAMES,
     PAD_GROUPS,
     REST_FRAMES,
+    VARIED_GROUPS,
     Case,
     SensorPerturbation,
     Touch,
@@ -39,10 +40,12 @@ def test_the_suite_is_the_same_every_time_and_has_no_name_twice() -> None:
     assert len(set(titles)) == len(titles)
 
 
-def test_half_of_each_group_is_held_out() -> None:
+def test_half_of_each_group_is_held_out_and_a_third_of_the_varied_ones() -> None:
     counts = Counter((case.group, case.looked_at) for case in cases())
-    for group in set(GROUPS) - set(PAD_GROUPS):
+    for group in set(GROUPS) - set(PAD_GROUPS) - set(VARIED_GROUPS):
         assert counts[group, True] == counts[group, False]
+    for group in VARIED_GROUPS:
+        assert (counts[group, True], counts[group, False]) == (80, 40)
     for group in PAD_GROUPS:
         assert (counts[group, True], counts[group, False]) == (6, 3)
     assert {case.looked_at for case in cases(tuning=True)} == {True}
@@ -89,7 +92,7 @@ def test_stress_goes_to_the_limits() -> None:
 
 def test_quick_takes_some_of_each_group_from_both_halves() -> None:
     found = cases(quick=True)
-    assert len(found) == 18
+    assert len(found) == 32
     assert {case.group for case in found} == set(GROUPS)
     assert len({case.looked_at for case in found}) == 2
 

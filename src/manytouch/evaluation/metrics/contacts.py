@@ -196,8 +196,8 @@ def force_figures(samples: ContactSamples) -> dict[str, float]:
 
     Absolute: |estimated - true|, for the shear the length of the difference. Relative: that over the
     true force, of contacts with at least 0.05 N of it. A contact whose force the method does not give
-    counts in `..._given_percent` alone; it is not an error of the whole force. Torque: |estimated - true| about
-    the sheet's normal.
+    counts in `..._given_percent` alone; it is not an error of the whole force. Torque: |estimated - true|
+    about the sheet's normal.
     """
     normal = samples.force_N - samples.true_force_N
     shear = np.linalg.norm(samples.shear_N - samples.true_shear_N, axis=1)

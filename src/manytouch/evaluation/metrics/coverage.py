@@ -21,8 +21,8 @@ class Coverage:
     Attributes:
         contacts: with an error and a deviation above 0.
         coverage_50, coverage_90, coverage_95: share of the errors within these intervals.
-        low_95, high_95: in which the share within the 95 % interval lies in 99 of 100 cases where the deviations
-            are right and contacts independent.
+        low_95, high_95: in which the share within the 95 % interval lies in 99 of 100 cases where the
+            deviations are right and contacts independent.
         chi2_per_dof: mean square of error over deviation.
     """
 

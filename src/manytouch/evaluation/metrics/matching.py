@@ -27,7 +27,8 @@ class ContactPairs:
         true_row, estimated_row: (k,) of each pair.
         is_required: true contacts that must be found; the others are too faint to be required.
         is_counted: estimated contacts that are right or wrong; the others sit on a faint true one.
-        is_split: true contacts that must be found and on which another estimate stands in addition to their own.
+        is_split: true contacts that must be found and on which another estimate stands in addition to their
+            own.
         faint_true_row, faint_estimated_row: (l,) of pairs whose true contact is too faint to be required.
     """
 

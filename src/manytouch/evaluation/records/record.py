@@ -94,7 +94,8 @@ def contact_rows(columns: dict[str, np.ndarray]) -> ContactRows:
 
     Args:
         columns: frame, id, x, y, depth, normal_force, shear_x, shear_y and their deviations named
-            x_std, ..., force_std, shear_x_std, shear_y_std; each (n,). Of these may be absent: `REGION_COLUMNS`.
+            x_std, ..., force_std, shear_x_std, shear_y_std; each (n,). Those of `REGION_COLUMNS`
+            may be absent.
     """
     order = np.lexsort((columns["id"], columns["frame"]))
     unknown = np.full(len(order), np.nan)

@@ -13,6 +13,7 @@ from manytouch.errors import MissingExtraError
 from manytouch.evaluation.metrics.comparison import MethodErrors, uncertainty_calibrations
 from manytouch.evaluation.metrics.separation import RATIOS
 from manytouch.evaluation.report import charts, maps
+from manytouch.evaluation.report.goals import COVERED, GOALS, goal_table
 from manytouch.evaluation.report.pad_goals import goal_rows
 from manytouch.evaluation.report.ratings import case_rows, halves_rows, rate_methods, table
 from manytouch.evaluation.report.report_data import contents, main_trials, part, unit_of
@@ -74,6 +75,9 @@ def rendered(evaluation: Evaluation, data: dict[str, Any]) -> str:
         table=lambda section: table(data, section),
         halves=halves_rows(data),
         pads=goal_rows(evaluation),
+        goals=GOALS,
+        covered=COVERED,
+        sheets=goal_table(evaluation),
         cases=case_rows(data),
         drawn={name: [Markup(item) for item in items] for name, items in drawn.items()},
         worst=_worst(evaluation, unit, Markup),

@@ -120,6 +120,8 @@ def halves_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
         "nominal": "nominal",
         "separation": "separation",
         "stress": "stress",
+        "varied": "varied",
+        "drawn": "varied, drawn sensor files",
         "looked_at": "half that may be looked at",
         "held_out": "half that is held out",
         "pads": "bonded pads, true sensor file",

@@ -13,11 +13,14 @@ from manytouch.evaluation.metrics.comparison import (
     uncertainty_calibrations,
 )
 from manytouch.evaluation.metrics.metric_specs import METRICS, found, verdict, written
+from manytouch.evaluation.report.goals import goal_table
 from manytouch.evaluation.suite.cases import PAD_GROUPS
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 
 SCHEMA = 1
-PARTS = ("all", "nominal", "separation", "stress", "looked_at", "held_out", *PAD_GROUPS)
+APART = ("drawn", *PAD_GROUPS)
+"""Groups whose figures stand in no other part."""
+PARTS = ("all", "nominal", "separation", "stress", "varied", "looked_at", "held_out", *APART)
 
 
 def contents(evaluation: Evaluation) -> dict[str, Any]:
@@ -38,6 +41,7 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
             "verdicts": {method: _verdicts(one) for method, one in whole.items() if one is not None},
             "cases": [_case(trial) for trial in evaluation.trials],
             "left_out": dict(evaluation.left_out),
+            "goals": [asdict(row) for row in goal_table(evaluation)],
             "notes": {method: list(one.notes) for method, one in whole.items() if one is not None},
             "settings": dict(evaluation.settings),
         }
@@ -48,11 +52,12 @@ def contents(evaluation: Evaluation) -> dict[str, Any]:
 def part(evaluation: Evaluation, method: str, name: str = "all") -> MethodErrors | None:
     """A method's errors on one of `PARTS` of the recordings, pooled; None when there are none.
 
-    Pads are in no other part than their own, unless there is nothing else.
+    Pads, and cases with drawn sensor files, are in no other part than their own, unless there is nothing
+    else.
     """
     some = [
         one
-        for trial in (evaluation.trials if name in PAD_GROUPS else main_trials(evaluation))
+        for trial in (evaluation.trials if name in APART else main_trials(evaluation))
         if belongs(trial, name)
         for one in trial.comparisons
         if one.method == method
@@ -80,11 +85,9 @@ def unit_of(evaluation: Evaluation) -> str:
 
 
 def main_trials(evaluation: Evaluation) -> tuple[Trial, ...]:
-    """The recordings without the bonded pads of the suite, unless there is nothing else."""
-    sheets = [
-        trial for trial in evaluation.trials if trial.case is None or trial.case.group not in PAD_GROUPS
-    ]
-    return tuple(sheets) or evaluation.trials
+    """The recordings without those that stand apart, unless there is nothing else."""
+    main = [trial for trial in evaluation.trials if trial.case is None or trial.case.group not in APART]
+    return tuple(main) or evaluation.trials
 
 
 def belongs(trial: Trial, name: str) -> bool:

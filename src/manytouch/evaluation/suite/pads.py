@@ -218,8 +218,8 @@ def simulate_pad(case: PadCase) -> tuple[Sensor, tuple[Frame, ...], tuple[Truth,
     held = [frame for step in range(len(states)) for frame in _span(step)]
     scene = SolidScene(
         name=case.title,
-        time_s=np.array([0, REST_FRAMES - 1, *held]) / FPS,
-        states=(rest, rest, *(markers for markers, _ in states for _ in range(2))),
+        time_s=np.array([0, REST_FRAMES - 1, *held, case.frame_count]) / FPS,
+        states=(rest, rest, *(markers for markers, _ in states for _ in range(2)), states[-1][0]),
         seed=case.seed,
         duration_s=case.frame_count / FPS,
     )

@@ -19,8 +19,8 @@ from manytouch.evaluation.metrics.depth import depth_figures
 from manytouch.evaluation.records.in_memory import record_of_readings, record_of_truths
 from manytouch.evaluation.records.record import EvaluationRecord, contact_rows
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case
-from manytouch.evaluation.suite.recordings import CaseSimulation, SimulatedRecording
 from manytouch.evaluation.suite.given import given_sensor
+from manytouch.evaluation.suite.recordings import CaseSimulation, SimulatedRecording
 from manytouch.evaluation.suite.trial_store import SUFFIX, read_comparisons, write_comparisons
 from manytouch.evaluation.suite.workers import RunObserver, run_tasks
 from manytouch.pipeline import Pipeline

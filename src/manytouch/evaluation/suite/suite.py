@@ -1,4 +1,4 @@
-"""The cases of the accuracy suite: nominal, separation, stress; see also `varied` and, for bonded pads, `pads`.
+"""The cases of the accuracy suite: nominal, separation, stress; see also `varied` and `pads`.
 
 They are drawn from fixed seeds, so every run has the same ones. Every second case of a group is not
 to be looked at while a method is tuned; its figures stand apart in the report.

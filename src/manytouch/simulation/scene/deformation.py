@@ -56,7 +56,7 @@ class TrueContact:
 
     @property
     def ellipse(self) -> tuple[float, float, float]:
-        """Half axes in mm and angle of the major one in rad, of the uniform ellipse with its second moments."""
+        """Half axes in mm and angle of the major one, rad, of the uniform ellipse with its moments."""
         xx, yy, xy = self.moment_mm2
         mean, apart = 0.5 * (xx + yy), math.hypot(0.5 * (xx - yy), xy)
         angle_rad = 0.5 * math.atan2(2.0 * xy, xx - yy)

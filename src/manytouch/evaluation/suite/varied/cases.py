@@ -16,7 +16,15 @@ DEPTHS_MM = ((0.1, 0.3), (0.3, 0.8), (0.8, 2.0), (2.0, 5.0), (5.0, 12.0))
 SHARES = (0.35, 0.7, 1.0)
 RELAXING_SHARES = (0.45, 1.0, 0.6)
 YEOH = ((0.15, 0.0), (-0.04, 0.004))
-QUICK = ("balls-slack", "square-tight", "line-5-mm", "mixed-large", "ring-small", "fingers-gel")
+QUICK = (
+    "balls-slack",
+    "square-tight",
+    "line-5-mm",
+    "mixed-slack",
+    "large-balls-slack",
+    "ring-small",
+    "fingers-gel",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,9 +17,9 @@ class Press:
 
     Attributes:
         kind: "ball" (radius); "block", a flat rectangular end (sides along x and y); "punch", a flat round
-            end (radius); "cylinder", lying (radius, length); "ring", lying (radius, of its wire); "corner", of
-            a cube (its edge); "fingertip", a rigid ellipsoid (half axes); "dome", the pressure of something
-            soft on an ellipse (extent along x and y).
+            end (radius); "cylinder", lying (radius, length); "ring", lying (radius, of its wire); "corner",
+            of a cube (its edge); "fingertip", a rigid ellipsoid (half axes); "dome", the pressure of
+            something soft on an ellipse (extent along x and y).
         size_mm: as listed for the kind.
         at_mm: x, y of its middle.
         yaw_rad, tilt_rad: turn about z; about x and y.
@@ -93,9 +93,7 @@ class Drawn:
             room_mm = half_mm - reach_mm - gap_mm
             for _ in range(400):
                 place = np.round(self.rng.uniform(-1, 1, 2) * np.maximum(room_mm, 0.0), 2)
-                off_mm = [
-                    np.linalg.norm(place - other.at_mm) - other.reach_mm - reach_mm for other in found
-                ]
+                off_mm = [np.linalg.norm(place - other.at_mm) - other.reach_mm - reach_mm for other in found]
                 if all(each >= gap_mm for each in off_mm):
                     break
             else:
@@ -107,7 +105,9 @@ class Drawn:
                     kind=kind,
                     size_mm=size_mm,
                     at_mm=(float(place[0]), float(place[1])),
-                    yaw_rad=self.between(-1.5, 1.5) if turned and kind not in {"ball", "punch", "dome"} else 0.0,
+                    yaw_rad=self.between(-1.5, 1.5)
+                    if turned and kind not in {"ball", "punch", "dome"}
+                    else 0.0,
                     tilt_rad=(tilt_rad * self.between(0.5, 1.0), -tilt_rad * self.between(0.3, 1.0)),
                     strength=self._strength(kind, size_mm, share, rim_mm, reach_mm),
                 )
@@ -194,7 +194,9 @@ def mixed(drawn: Drawn) -> tuple[Press, ...]:
     """Three to eight balls, rigid fingertips, punches and soft fingertips."""
     kinds: tuple[Callable[[Drawn], tuple[Kind, tuple[float, ...]]], ...] = (
         lambda one: one.body("ball", one.between(2.0, 7.0)),
-        lambda one: one.body("fingertip", one.between(4.0, 6.0), one.between(5.0, 8.0), one.between(4.0, 6.0)),
+        lambda one: one.body(
+            "fingertip", one.between(4.0, 6.0), one.between(5.0, 8.0), one.between(4.0, 6.0)
+        ),
         lambda one: one.body("punch", one.between(2.0, 4.0)),
         _finger,
     )

@@ -29,8 +29,8 @@ def simulate_varied(
     shown = relaxing(case, [_since(rest, state) for state in states[case.is_sagging :]])
     scene = SolidScene(
         name=case.title,
-        time_s=np.array([0, REST_FRAMES - 1, *range(REST_FRAMES, case.frame_count)]) / FPS,
-        states=(rest, rest, *shown),
+        time_s=np.array([0, *range(REST_FRAMES - 1, case.frame_count + 1)]) / FPS,
+        states=(rest, rest, *shown, shown[-1]),
         seed=case.seed,
         duration_s=case.frame_count / FPS,
     )

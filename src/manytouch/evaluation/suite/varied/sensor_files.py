@@ -1,4 +1,4 @@
-"""The sensor files of the varied cases: exact ones, and ones whose numbers have the errors of a calibration."""
+"""Sensor files of the varied cases whose numbers have the errors of a calibration."""
 
 from dataclasses import replace
 

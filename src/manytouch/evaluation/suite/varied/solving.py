@@ -1,12 +1,12 @@
 """The states of a varied case as a 3-D solid on graded elements."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from manytouch.evaluation.suite.varied.cases import VariedCase
-from manytouch.evaluation.suite.varied.presses import Press
+from manytouch.evaluation.suite.varied.presses import Kind, Press
 from manytouch.simulation.fem.cache import problem_keys
 from manytouch.simulation.fem.contact.indenters import (
     Fingertip,
@@ -111,23 +111,18 @@ def indenter(one: Press) -> Indenter:
     Raises:
         ValueError: it is a given pressure.
     """
-    size_mm = one.size_mm
-    match one.kind:
-        case "ball":
-            return Sphere(radius_mm=size_mm[0])
-        case "block":
-            return SquarePunch(side_mm=(size_mm[0], size_mm[1]))
-        case "punch":
-            return RoundPunch(radius_mm=size_mm[0])
-        case "cylinder":
-            return LyingCylinder(radius_mm=size_mm[0], length_mm=size_mm[1])
-        case "ring":
-            return Ring(radius_mm=size_mm[0], wire_radius_mm=size_mm[1])
-        case "fingertip":
-            return Fingertip(semi_axes_mm=(size_mm[0], size_mm[1], size_mm[2]))
-        case "corner":
-            return convex_hull(_cube_on_its_corner(size_mm[0]), edge_radius_mm=0.8)
-    raise ValueError(f"a {one.kind} is no rigid body")
+    bodies: dict[Kind, Callable[..., Indenter]] = {
+        "ball": lambda radius: Sphere(radius_mm=radius),
+        "block": lambda *side: SquarePunch(side_mm=side),
+        "punch": lambda radius: RoundPunch(radius_mm=radius),
+        "cylinder": lambda radius, length: LyingCylinder(radius_mm=radius, length_mm=length),
+        "ring": lambda radius, wire: Ring(radius_mm=radius, wire_radius_mm=wire),
+        "fingertip": lambda *half: Fingertip(semi_axes_mm=half),
+        "corner": lambda edge: convex_hull(_cube_on_its_corner(edge), edge_radius_mm=0.8),
+    }
+    if one.kind not in bodies:
+        raise ValueError(f"a {one.kind} is no rigid body")
+    return bodies[one.kind](*one.size_mm)
 
 
 def _cube_on_its_corner(edge_mm: float) -> np.ndarray:

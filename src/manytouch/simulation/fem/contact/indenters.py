@@ -165,7 +165,9 @@ class Ring:
     def __post_init__(self) -> None:
         _require_positive(radius_mm=self.radius_mm, wire_radius_mm=self.wire_radius_mm)
         if not self.wire_radius_mm < self.radius_mm:
-            raise ValueError(f"wire_radius_mm is {self.wire_radius_mm}, expected less than {self.radius_mm} mm")
+            raise ValueError(
+                f"wire_radius_mm is {self.wire_radius_mm}, expected less than {self.radius_mm} mm"
+            )
 
     @property
     def distance_parameters(self) -> tuple[int, tuple[float, ...]]:
