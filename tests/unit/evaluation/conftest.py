@@ -7,7 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from manytouch.evaluation.records.record import ContactRows, EvaluationRecord, contact_rows
+from manytouch.evaluation.records.record import (
+    REGION_COLUMNS,
+    ContactRows,
+    EvaluationRecord,
+    contact_rows,
+)
 
 ROWS, COLUMNS, PITCH_PX, PITCH_MM = 3, 5, 40.0, 4.0
 
@@ -22,6 +27,9 @@ def rows(contacts: Sequence[tuple[float, ...]], **more: Any) -> ContactRows:
     columns["frame"], columns["id"] = columns["frame"].astype(np.int64), columns["id"].astype(np.int64)
     for name in ("x_std", "y_std", "depth_std", "force_std", "shear_x_std", "shear_y_std"):
         columns[name] = np.full(len(contacts), more.get(name, np.nan))
+    for name in REGION_COLUMNS:
+        if name in more:
+            columns[name] = np.full(len(contacts), more[name])
     return contact_rows(columns)
 
 

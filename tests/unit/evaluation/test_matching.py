@@ -54,6 +54,28 @@ def test_a_faint_contact_need_not_be_found_and_finding_it_is_not_wrong(contact_t
     assert (pairs.true_row.tolist(), pairs.estimated_row.tolist()) == ([1], [1])
 
 
+def test_an_estimate_may_be_further_off_on_a_large_contact(contact_table: Table) -> None:
+    estimated = contact_table([(0, 5, 4.0, 0.0, 2.0)])
+    for half_major_mm, found in ((19.0, 0), (21.0, 1)):
+        truth = contact_table([(0, 1, 0.0, 0.0, 2.0)], half_major=half_major_mm, half_minor=5.0)
+        assert len(match_contacts(truth, estimated).true_row) == found
+
+
+def test_a_contact_is_split_by_an_estimate_on_it_that_has_no_contact_of_its_own(contact_table: Table) -> None:
+    truth = contact_table(
+        [(0, 1, 0.0, 0.0, 2.0), (0, 2, 9.0, 0.0, 2.0)], half_major=10.0, half_minor=4.0, orientation=np.pi / 2
+    )
+    for place, is_split in (
+        ((0.0, 11.0), [True, False]),  # on its long axis
+        ((-6.0, 0.0), [False, False]),  # outside of its short one
+        ((8.0, 2.9), [False, True]),  # nearest to the other
+    ):
+        estimated = contact_table([(0, 5, 0.1, 0.0, 2.0), (0, 6, 9.0, 0.0, 2.0), (0, 7, *place, 2.0)])
+        assert match_contacts(truth, estimated).is_split.tolist() == is_split
+    both = contact_table([(0, 5, 0.1, 0.0, 2.0), (0, 6, 9.0, 0.0, 2.0)])
+    assert not match_contacts(truth, both).is_split.any()
+
+
 def test_of_two_estimates_on_one_dot_the_nearer_is_right() -> None:
     which, away = nearest_dots(
         np.array([[0.0, 0.0], [40.0, 0.0]]), np.array([[3.0, 0.0], [-1.0, 0.0], [41.0, 0.0]]), 10.0

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from jaxtyping import Float64
 
 from manytouch.evaluation.metrics.depth import percentile
 from manytouch.evaluation.metrics.markers import ratio
@@ -66,8 +67,8 @@ class ContactSamples:
     is_last: Mask
     split: int
     faint_required: int
-    faint_true_mm: Scalars
-    faint_mm: Scalars
+    faint_true_mm: Float64[np.ndarray, " l"]
+    faint_mm: Float64[np.ndarray, " l"]
 
 
 def contact_samples(

@@ -37,8 +37,8 @@ class ContactPairs:
     is_required: Bool[np.ndarray, " t"]
     is_counted: Bool[np.ndarray, " e"]
     is_split: Bool[np.ndarray, " t"]
-    faint_true_row: Counts
-    faint_estimated_row: Counts
+    faint_true_row: Int64[np.ndarray, " l"]
+    faint_estimated_row: Int64[np.ndarray, " l"]
 
 
 def assigned(distance: Float64[np.ndarray, "a b"], gate: float) -> Int64[np.ndarray, "k 2"]:
@@ -102,8 +102,8 @@ def match_contacts(
 def _split(  # noqa: PLR0917 - rows of one frame
     truth: ContactRows,
     estimated: ContactRows,
-    mine: Counts,
-    theirs: Counts,
+    mine: Int64[np.ndarray, " a"],
+    theirs: Int64[np.ndarray, " b"],
     pair: Int64[np.ndarray, "k 2"],
     gate_mm: float,
 ) -> Bool[np.ndarray, " k"]:

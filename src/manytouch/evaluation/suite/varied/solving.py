@@ -1,5 +1,6 @@
 """The states of a varied case as a 3-D solid on graded elements."""
 
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 
@@ -26,6 +27,8 @@ from manytouch.simulation.scene.deformation import Deformation
 
 CLEAR_MM = 2.0
 """Bodies are so far above the sheet in the state at rest."""
+CORNER_EDGE_MM = 0.8
+"""Rounding of a corner, whose tip is then so many times log(3) / sqrt(2) short."""
 
 
 def solve_varied(case: VariedCase, finer: float = 1.0) -> Iterator[Deformation]:
@@ -38,9 +41,11 @@ def solve_varied(case: VariedCase, finer: float = 1.0) -> Iterator[Deformation]:
     model, load = problem(case, finer)
     solver = sheet_solver(model)
     state = solver.start(load)
+    kept = np.cumsum([_substeps(case, share) for share in _shares(case)]) - 1
     for number in range(load.steps):
         state = solver.step(state, load, number)
-        yield condense(state, load, pitch_mm=case.pitch_mm)
+        if number in kept or state.status != "ok":
+            yield condense(state, load, pitch_mm=case.pitch_mm)
         if state.status != "ok":
             return
 
@@ -61,10 +66,33 @@ def problem(case: VariedCase, finer: float = 1.0) -> tuple[GradedSheetModel, Loa
         gravity=(0.0, 0.0, -1.0 if case.is_sagging else 0.0),
         uneven_share=case.uneven_share,
     )
-    shares = np.array([0.0] * case.is_sagging + list(case.shares))
+    shares = _steps(case)
     touches = tuple(_touch(case, each, shares) for each in case.presses if each.kind != "dome")
     patches = tuple(_dome(case, each, shares) for each in case.presses if each.kind == "dome")
     return model, Loading(touches=touches, patches=patches)
+
+
+def _shares(case: VariedCase) -> np.ndarray:
+    """Of the strengths, in each state; 0 at rest."""
+    return np.array([0.0] * case.is_sagging + list(case.shares))
+
+
+def _substeps(case: VariedCase, share: float) -> int:
+    """Steps to a state: a ring would jump through the sheet in one that is deeper than its wire is thick."""
+    rings = [one for one in case.presses if one.kind == "ring"]
+    return max([1, *(math.ceil(share * one.strength / one.size_mm[1]) for one in rings)])
+
+
+def _steps(case: VariedCase) -> np.ndarray:
+    """Shares of the strengths in each step."""
+    shares = _shares(case)
+    before = np.concatenate([[0.0], shares[:-1]])
+    return np.concatenate(
+        [
+            np.linspace(low, high, _substeps(case, high) + 1)[1:]
+            for low, high in zip(before.tolist(), shares.tolist(), strict=True)
+        ]
+    )
 
 
 def problem_key(case: VariedCase) -> str:
@@ -72,16 +100,11 @@ def problem_key(case: VariedCase) -> str:
     return "".join(problem_keys(*problem(case))[-1:]) + f"{case.pitch_mm:g}"
 
 
-def order(case: VariedCase) -> list[int]:
-    """Number of the contact of each press: rigid bodies come first."""
-    rigid = [number for number, each in enumerate(case.presses) if each.kind != "dome"]
-    return rigid + [number for number, each in enumerate(case.presses) if each.kind == "dome"]
-
-
 def _touch(case: VariedCase, one: Press, shares: np.ndarray) -> IndenterPath:
     at_mm = np.tile(one.at_mm, (len(shares), 1))
     at_mm[-1] += case.drag_mm
-    depth_mm = np.where(shares > 0.0, shares * one.strength, -CLEAR_MM)
+    lift_mm = CORNER_EDGE_MM * math.log(3.0) / math.sqrt(2.0) if one.kind == "corner" else 0.0
+    depth_mm = np.where(shares > 0.0, shares * one.strength + lift_mm, -CLEAR_MM)
     path = press(
         indenter(one),
         thickness_mm=case.thickness_mm,
@@ -118,7 +141,7 @@ def indenter(one: Press) -> Indenter:
         "cylinder": lambda radius, length: LyingCylinder(radius_mm=radius, length_mm=length),
         "ring": lambda radius, wire: Ring(radius_mm=radius, wire_radius_mm=wire),
         "fingertip": lambda *half: Fingertip(semi_axes_mm=half),
-        "corner": lambda edge: convex_hull(_cube_on_its_corner(edge), edge_radius_mm=0.8),
+        "corner": lambda edge: convex_hull(_cube_on_its_corner(edge), edge_radius_mm=CORNER_EDGE_MM),
     }
     if one.kind not in bodies:
         raise ValueError(f"a {one.kind} is no rigid body")

@@ -7,6 +7,7 @@ from manytouch.simulation.fem.contact.indenters import (
     Fingertip,
     Indenter,
     LyingCylinder,
+    Ring,
     RoundPunch,
     Sphere,
     SquarePunch,
@@ -23,6 +24,8 @@ SHAPES: list[Indenter] = [
     LyingCylinder(radius_mm=3.0, length_mm=12.0),
     convex_hull(CUBE, edge_radius_mm=0.4),
 ]
+RING = Ring(radius_mm=6.0, wire_radius_mm=1.2)
+smooth = pytest.mark.parametrize("indenter", [RING, *SHAPES], ids=lambda shape: type(shape).__name__)
 named = pytest.mark.parametrize("indenter", SHAPES, ids=lambda shape: type(shape).__name__)
 
 
@@ -32,7 +35,7 @@ def near_surface(indenter: Indenter) -> np.ndarray:
     return point[(distance > -0.35) & (distance < 3.0)]
 
 
-@named
+@smooth
 def test_slopes_agree_with_differences(indenter: Indenter) -> None:
     point, step = near_surface(indenter), 1e-6
     assert len(point) > 100
@@ -44,7 +47,7 @@ def test_slopes_agree_with_differences(indenter: Indenter) -> None:
         np.testing.assert_allclose((above[1] - below[1]) / (2 * step), hessian[:, :, axis], atol=1e-5)
 
 
-@named
+@smooth
 def test_distances_are_lengths(indenter: Indenter) -> None:
     """A distance grows by one mm per mm; a soft maximum between faces by less."""
     _, gradient, _ = signed_distance(indenter, near_surface(indenter))
@@ -63,6 +66,11 @@ def test_the_lowest_point_is_the_origin(indenter: Indenter) -> None:
     np.testing.assert_allclose(gradient[1], [0.0, 0.0, -1.0], atol=1e-5)
     floor = np.random.default_rng(0).uniform(-15.0, 15.0, (500, 3)) * [1.0, 1.0, 0.0]
     assert signed_distance(indenter, floor)[0].min() > -1e-3
+
+
+def test_a_ring_touches_on_its_circle_only() -> None:
+    at = np.array([[6.0, 0.0, 0.0], [0.0, -6.0, -1.0], [0.0, 0.0, 1.2], [7.2, 0.0, 1.2]])
+    np.testing.assert_allclose(signed_distance(RING, at)[0], [0.0, 1.0, 4.8, 0.0], atol=1e-12)
 
 
 def test_known_distances() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from manytouch.simulation.fem.elements.assembly import ElasticBody, elastic_body, irons_rule
-from manytouch.simulation.fem.elements.material import NeoHooke
+from manytouch.simulation.fem.elements.material import NeoHooke, Yeoh
 from manytouch.simulation.fem.elements.mesh import (
     HexMesh,
     reference_nodes,
@@ -87,9 +87,15 @@ def test_forces_and_energy_do_not_depend_on_the_frame() -> None:
     np.testing.assert_allclose(force_turned, force @ turn.T, atol=1e-11)
 
 
+STIFFENING = Yeoh(young_MPa=1.3, poisson=0.45, second=0.4, third=0.1)
+
+
+@pytest.mark.parametrize("material", [NeoHooke(young_MPa=1.3, poisson=0.45), STIFFENING], ids=type)
 @pytest.mark.parametrize("pretension", [0.0, 0.2])
-def test_forces_are_the_slope_of_the_energy_and_the_tangent_theirs(pretension: float) -> None:
-    body = block(pretension=pretension)
+def test_forces_are_the_slope_of_the_energy_and_the_tangent_theirs(
+    pretension: float, material: NeoHooke
+) -> None:
+    body = elastic_body(tensor_mesh(X, Y, Z), material, pretension_N_per_mm=pretension)
     rng = np.random.default_rng(1)
     bent = 0.05 * rng.standard_normal(body.mesh.node_mm.shape)
     along = rng.standard_normal(bent.shape)
@@ -214,6 +220,24 @@ def test_a_pretension_pulls_with_its_force_and_lets_the_sheet_lie_still() -> Non
     assert np.abs(force[~mesh.is_on_outline]).max() < 1e-12
     right = np.isclose(mesh.node_mm[:, 0], 5.0)
     assert force[right, 0].sum() == pytest.approx(tension * 8.0, rel=1e-9)
+
+
+def test_yeohs_energy_of_a_uniform_stretch() -> None:
+    body = elastic_body(tensor_mesh(X, Y, Z), STIFFENING)
+    stretch = np.array([1.2, 0.9, 0.95])
+    excess = np.prod(stretch) ** (-2 / 3) * (stretch**2).sum() - 3.0
+    density = 0.5 * STIFFENING.shear_MPa * (excess + 0.4 * excess**2 + 0.1 * excess**3)
+    density += 0.5 * STIFFENING.bulk_MPa * (np.prod(stretch) - 1.0) ** 2
+    energy, _, _ = body.forces(body.mesh.node_mm * (stretch - 1.0))
+    assert energy == pytest.approx(density * 3.0 * 2.0 * 1.6, rel=1e-10)
+
+
+def test_yeohs_pretension_lets_the_sheet_lie_still() -> None:
+    mesh = sheet_mesh((10.0, 8.0), 2.0, element_mm=2.0)
+    body = elastic_body(mesh, STIFFENING, pretension_N_per_mm=0.15)
+    _, force, _ = body.forces(np.zeros_like(mesh.node_mm))
+    assert np.abs(force[~mesh.is_on_outline]).max() < 1e-12
+    assert force[np.isclose(mesh.node_mm[:, 0], 5.0), 0].sum() == pytest.approx(0.15 * 8.0, rel=1e-9)
 
 
 def test_a_small_pretension_is_hookes_law() -> None:
