@@ -16,7 +16,7 @@ RIM_ROWS = 2
 Nodal = Float64[np.ndarray, "nodes 3"]
 """One vector per node of a patch: coefficients or forces, components along x, y, z of the sheet frame."""
 
-NodeTable = Float64[np.ndarray, "nodes functions"]
+NodeTable = Float64[np.ndarray, "_ _"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

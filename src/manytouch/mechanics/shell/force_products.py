@@ -16,7 +16,7 @@ from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.shell.kernels import Elements, Stiffness, rotation
 from manytouch.mechanics.shell.material import stress
 
-Along = Float64[np.ndarray, "order points nodes"]
+Along = Float64[np.ndarray, "_ _ _"]
 Fields = Float64[np.ndarray, "fields slow fast"]
 
 A10, A11, A20, A21, K1, L1S, A12S, K2, L2S, A22S, K3, L1F, L2F = range(13)
