@@ -15,6 +15,7 @@ from manytouch.simulation.fem.contact.indenters import (
     Fingertip,
     Indenter,
     LyingCylinder,
+    Ring,
     RoundPunch,
     Sphere,
     SquarePunch,
@@ -200,6 +201,8 @@ def _reach_mm(indenter: Indenter) -> float:
             return math.hypot(*side_mm)
         case LyingCylinder(radius_mm=radius_mm, length_mm=length_mm):
             return 1.5 * math.hypot(radius_mm, 0.5 * length_mm)
+        case Ring(radius_mm=radius_mm, wire_radius_mm=wire_radius_mm):
+            return 1.5 * (radius_mm + wire_radius_mm)
         case ConvexBody():
             return CONVEX_REACH_MM
     assert_never(indenter)
