@@ -45,5 +45,5 @@ def second_moments(place_mm: Points2, force_N: Scalars) -> tuple[float, float, f
     if not total_N > 0.0:
         return float("nan"), float("nan"), float("nan")
     off_mm = place_mm - force_N @ place_mm / total_N
-    moment: Float64[np.ndarray, "2 2"] = (off_mm * force_N[:, None]).T @ off_mm / total_N
-    return float(moment[0, 0]), float(moment[1, 1]), float(moment[0, 1])
+    moments: Float64[np.ndarray, "2 2"] = (off_mm * force_N[:, None]).T @ off_mm / total_N
+    return float(moments[0, 0]), float(moments[1, 1]), float(moments[0, 1])

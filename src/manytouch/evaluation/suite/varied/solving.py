@@ -28,7 +28,7 @@ from manytouch.simulation.scene.deformation import Deformation
 CLEAR_MM = 2.0
 """Bodies are so far above the sheet in the state at rest."""
 CORNER_EDGE_MM = 0.8
-"""Rounding of a corner, whose tip is then so many times log(3) / sqrt(2) short."""
+"""Rounding of a corner, whose tip is then so many times log(3) sqrt(3/2) short."""
 
 
 def solve_varied(case: VariedCase, finer: float = 1.0) -> Iterator[Deformation]:
@@ -103,7 +103,7 @@ def problem_key(case: VariedCase) -> str:
 def _touch(case: VariedCase, one: Press, shares: np.ndarray) -> IndenterPath:
     at_mm = np.tile(one.at_mm, (len(shares), 1))
     at_mm[-1] += case.drag_mm
-    lift_mm = CORNER_EDGE_MM * math.log(3.0) / math.sqrt(2.0) if one.kind == "corner" else 0.0
+    lift_mm = CORNER_EDGE_MM * math.log(3.0) * math.sqrt(1.5) if one.kind == "corner" else 0.0
     depth_mm = np.where(shares > 0.0, shares * one.strength + lift_mm, -CLEAR_MM)
     path = press(
         indenter(one),
