@@ -72,6 +72,10 @@ def test_a_contact_is_split_by_an_estimate_on_it_that_has_no_contact_of_its_own(
     ):
         estimated = contact_table([(0, 5, 0.1, 0.0, 2.0), (0, 6, 9.0, 0.0, 2.0), (0, 7, *place, 2.0)])
         assert match_contacts(truth, estimated).is_split.tolist() == is_split
+    ends = contact_table([(0, 5, 0.0, 8.0, 2.0), (0, 6, 0.0, -8.0, 2.0)])  # a bar found as its two ends
+    pairs = match_contacts(truth, ends)
+    assert len(pairs.true_row) == 0
+    assert pairs.is_split.tolist() == [True, False]
     both = contact_table([(0, 5, 0.1, 0.0, 2.0), (0, 6, 9.0, 0.0, 2.0)])
     assert not match_contacts(truth, both).is_split.any()
 

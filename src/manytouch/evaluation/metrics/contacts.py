@@ -35,7 +35,7 @@ class ContactSamples:
         true_half_mm, half_mm: (k, 2) half axes.
         true_angle_rad, angle_rad: (k,) of the major one.
         is_last: (k,) is it the last pair of its true contact? These are one sample of each contact.
-        split: true contacts that must be found and on which further estimates stand.
+        split: true contacts that must be found and on which several estimates stand.
         faint_required: true contacts 0.15 to 0.5 mm deep.
         faint_true_mm, faint_mm: (l,) depths of those that were found.
     """
@@ -147,7 +147,7 @@ def contact_figures(samples: ContactSamples) -> dict[str, float]:
     `precision_percent`: of the estimated contacts, those within the gate of a true one of their own.
     `recall_percent`: of the true ones, those that were found. Position: distance between the force
     centroids of the pairs, so it cannot exceed the gate: read it together with the recall.
-    `split_percent`: of the true ones, those on which a further estimate without a contact of its own stands.
+    `split_percent`: of the true ones, those on which several estimates stand.
     `faint_...`: of contacts 0.15 to 0.5 mm deep, relative to their depth.
     """
     found = len(samples.offset_mm)

@@ -27,8 +27,7 @@ class ContactPairs:
         true_row, estimated_row: (k,) of each pair.
         is_required: true contacts that must be found; the others are too faint to be required.
         is_counted: estimated contacts that are right or wrong; the others sit on a faint true one.
-        is_split: true contacts that must be found and on which another estimate stands in addition to their
-            own.
+        is_split: true contacts that must be found and on which several estimates stand.
         faint_true_row, faint_estimated_row: (l,) of pairs whose true contact is too faint to be required.
     """
 
@@ -79,7 +78,7 @@ def match_contacts(
         mine, theirs = rows_of(truth, int(frame)), rows_of(estimated, int(frame))
         away = np.linalg.norm(truth.centre_mm[mine][:, None] - estimated.centre_mm[theirs][None], axis=2)
         pair = assigned(away / gates_mm[mine][:, None], 1.0)
-        is_split[mine[pair[:, 0]]] = _split(truth, estimated, mine, theirs, pair, gate_mm)
+        is_split[mine] = _split(truth, estimated, mine, theirs, pair, gate_mm)
         true_rows.append(mine[pair[:, 0]])
         estimated_rows.append(theirs[pair[:, 1]])
     true_row = np.concatenate([np.zeros(0, np.int64), *true_rows])
@@ -106,28 +105,27 @@ def _split(  # noqa: PLR0917 - rows of one frame
     theirs: Int64[np.ndarray, " b"],
     pair: Int64[np.ndarray, "k 2"],
     gate_mm: float,
-) -> Bool[np.ndarray, " k"]:
-    """Of each pair: does an estimate without a true contact of its own stand on that true contact too?
+) -> Bool[np.ndarray, " a"]:
+    """Of each true contact of a frame: do several estimates stand on it?
 
-    Each estimate that is left over counts for the nearest true contact, if it is on it or within the gate.
+    An estimate of a pair stands on the contact of that pair, any other on the nearest true contact, if it is
+    on it or within the gate.
     """
+    count = np.bincount(pair[:, 0], minlength=len(mine))
     left = np.setdiff1d(np.arange(len(theirs)), pair[:, 1])
-    out = np.zeros(len(pair), dtype=bool)
-    if not len(left) or not len(pair):
-        return out
-    true = mine[pair[:, 0]]
-    off_mm = estimated.centre_mm[theirs[left]][None] - truth.centre_mm[true][:, None]
+    if not len(left) or not len(mine):
+        return np.asarray(count > 1)
+    off_mm = estimated.centre_mm[theirs[left]][None] - truth.centre_mm[mine][:, None]
     away_mm = np.linalg.norm(off_mm, axis=2)
-    cosine, sine = np.cos(truth.orientation_rad[true]), np.sin(truth.orientation_rad[true])
+    cosine, sine = np.cos(truth.orientation_rad[mine]), np.sin(truth.orientation_rad[mine])
     along = cosine[:, None] * off_mm[..., 0] + sine[:, None] * off_mm[..., 1]
     across = -sine[:, None] * off_mm[..., 0] + cosine[:, None] * off_mm[..., 1]
     with np.errstate(invalid="ignore", divide="ignore"):
-        axes_mm = ON_IT * truth.half_axes_mm[true]
+        axes_mm = ON_IT * truth.half_axes_mm[mine]
         is_on = np.hypot(along / axes_mm[:, :1], across / axes_mm[:, 1:]) <= 1.0
     is_on |= away_mm < gate_mm
-    is_nearest = np.arange(len(pair))[:, None] == np.argmin(away_mm, axis=0)[None]
-    out[:] = (is_on & is_nearest).any(axis=1)
-    return out
+    is_nearest = np.arange(len(mine))[:, None] == np.argmin(away_mm, axis=0)[None]
+    return np.asarray(count + (is_on & is_nearest).sum(axis=1) > 1)
 
 
 def rows_of(rows: ContactRows, frame: int) -> Counts:
