@@ -76,10 +76,13 @@ def _shapes_differ(source: Any, target: Any) -> None:
 with suppress(AttributeError):
     overload(_shapes_differ)(arrayobj.ol_raise_with_shape_context_generic)
 
+# numba knows this function, and not the one that checks of types in tests put in its place
+_SHAPE_ERRORS: list[Replacement] = [(arrayobj, "raise_with_shape_context", _shapes_differ)]
+
 
 def plain_shape_errors() -> list[Replacement]:
     """Errors of slices without the shapes in the message, for which numba compiles 80 functions on texts."""
-    return [(arrayobj, "raise_with_shape_context", _shapes_differ)]
+    return _SHAPE_ERRORS
 
 
 def no_wrappers_of_parts() -> list[Replacement]:
