@@ -13,7 +13,7 @@ from manytouch.estimation.pad.patch_kernels import SHAPE
 from manytouch.estimation.pad.patch_slopes import PatchPad, add_image, fill_slopes
 
 _TRIALS = 4  # of the damping in a step
-_LEAST_GAIN, _LEAST_SHARE = 0.02, 1e-4  # reduction of the misfit below which the iteration ends
+_LEAST_GAIN, _LEAST_SHARE = 1e-5, 1e-6  # reduction of the misfit below which the iteration ends
 
 
 class PriorNumbers(NamedTuple):
