@@ -20,6 +20,9 @@ from results import rows_of
 from same_bits import assert_same_bits
 from viewer_session import reading_of
 
+# with CHECK_TYPES=1 the type checker draws the elements that it checks from `random`
+pytestmark = pytest.mark.filterwarnings("ignore:Do not use the `random` module inside strategies")
+
 SENSOR = demo_sensor(320)  # of `reading_of`
 EXAMPLES = settings(max_examples=25)
 
