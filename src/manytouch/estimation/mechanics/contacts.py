@@ -1,9 +1,10 @@
 """From force clusters to contacts with their covariances."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
+from scipy.spatial import cKDTree
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
@@ -11,6 +12,7 @@ from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.regions.footprints import Footprints
 from manytouch.geometry.camera import project
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
 from manytouch.values import ESTIMATES, Contact, Phase
 from manytouch.values.arrays import Scalars, read_only
@@ -42,6 +44,8 @@ class ModelError:
         depth_share, depth_pitch: of the depth, over the depth and in pitches.
         force_share, force_least: of the normal force, over that force and over the least force of a contact.
         shear_share: of the shear force along each axis, over the normal force.
+        friction: of the shear force over the normal force; smaller ones hardly move a centre, and those on an
+            assumed sheet do not.
         torque_share: of the torque, over the normal force times the contact's radius.
         area_share: of the area of the region, over that area.
         area_force: the same of a contact with the least force; inversely proportional to the force. Noise
@@ -57,6 +61,7 @@ class ModelError:
     force_share: float = 0.035
     force_least: float = 0.25
     shear_share: float = 0.03
+    friction: float = 0.07
     torque_share: float = 0.1
     area_share: float = 0.15
     area_force: float = 0.4
@@ -118,10 +123,12 @@ class ContactEstimator:
     Attributes:
         error: standard deviations that the model does not explain.
         footprints: regions of the contacts.
+        shear_reach: nodes within this distance of a cluster's nodes have a part of its shear, in elements.
     """
 
     error: ModelError = ModelError()
     footprints: Footprints = field(default_factory=Footprints)
+    shear_reach: float = 2.0
 
     def __call__(
         self, model: InversionModel, clusters: Clusters, fit: Fit, local: LocalDeflection | None = None
@@ -134,6 +141,14 @@ class ContactEstimator:
         if len(clusters) == 0:
             return []
         count = len(clusters)
+        near = nearest_cluster(model, clusters, self.shear_reach)
+        clusters = with_shear(
+            model,
+            clusters,
+            near,
+            fit.shape.force_mm2,
+            friction_std=np.inf if model.is_assumed else self.error.friction,
+        )
         radius_mm = np.sqrt(np.maximum(clusters.area_mm2, (0.5 * model.pitch_mm) ** 2) / np.pi)
         around_mm = clusters.centre_mm[:, None] + radius_mm[:, None, None] * _RINGS
         face = Face(shell=model.shell, point_mm=around_mm.reshape(-1, 2))
@@ -144,7 +159,7 @@ class ContactEstimator:
         here_mm = moved_mm[:, 0] + np.column_stack([clusters.centre_mm, np.zeros(count)])
         centre_px = project(model.camera, here_mm)
         slope = face.derivative(fit.shape.coefficient_mm)
-        rows = np.stack([_estimate_rows(model, clusters, number, fit) for number in range(count)])
+        rows = np.stack([_estimate_rows(model, clusters, number, fit, near) for number in range(count)])
         point = np.arange(count) * len(_RINGS) + deepest
         rows[np.arange(count)[:, None], _DEPTH, face.basis.node[point]] = -slope[point, 2]
         contacts = []
@@ -224,11 +239,11 @@ class ContactEstimator:
 
 
 def _estimate_rows(
-    model: InversionModel, clusters: Clusters, number: int, fit: Fit
+    model: InversionModel, clusters: Clusters, number: int, fit: Fit, near: Int64[np.ndarray, " nodes"]
 ) -> Float64[np.ndarray, "8 nodes 3"]:
     """Derivatives of the estimates by the coefficients; those of depth and area are 0."""
     force_mm2 = fit.shape.force_mm2
-    inside = clusters.label == number
+    inside, around = clusters.label == number, (near == number).astype(np.float64)
     arm = np.where(inside[:, None], model.lattice.place_mm - clusters.centre_mm[number], 0.0)
     press_mm2 = clusters.normal_mm2[number]
     share = (inside & (force_mm2[:, 2] < 0.0)).astype(np.float64)
@@ -238,13 +253,55 @@ def _estimate_rows(
             row(-share * arm[:, 0] / press_mm2, 2),
             row(-share * arm[:, 1] / press_mm2, 2),
             np.zeros_like(force_mm2),
-            row(inside.astype(np.float64), 0),
-            row(inside.astype(np.float64), 1),
+            row(around, 0),
+            row(around, 1),
             row(-share, 2),
             row(arm[:, 0], 1) - row(arm[:, 1], 0),
             np.zeros_like(force_mm2),
         ]
     )
+
+
+def nearest_cluster(
+    model: InversionModel, clusters: Clusters, reach_elements: float
+) -> Int64[np.ndarray, " nodes"]:
+    """(nodes,) cluster of the nearest labelled node within a distance; -1 for none and for fixed nodes."""
+    lattice, labelled = model.lattice, np.flatnonzero(clusters.label >= 0)
+    near = np.full(len(clusters.label), -1, dtype=np.int64)
+    if len(labelled) == 0:
+        return near
+    free = np.flatnonzero(model.patch.is_free[:, 0] & ~model.is_excluded)
+    away, which = cKDTree(lattice.place_mm[labelled] / lattice.element_mm).query(
+        lattice.place_mm[free] / lattice.element_mm, distance_upper_bound=reach_elements + 1e-3
+    )
+    is_near = np.isfinite(away)
+    near[free[is_near]] = clusters.label[labelled[which[is_near]]]
+    return near
+
+
+def with_shear(
+    model: InversionModel,
+    clusters: Clusters,
+    near: Int64[np.ndarray, " nodes"],
+    force_mm2: Nodal,
+    *,
+    friction_std: float,
+) -> Clusters:
+    """The clusters with the shear of all nodes near them, and with the centres of the pressure.
+
+    A shear S acts on the face of the contact, half a thickness t from the middle surface, so that the normal
+    force F on the middle surface is (t / 2) S / F ahead of the centre of the pressure. Of S / F the share
+    S^2 / (S^2 + s^2 F^2) counts, with its deviation s, and at most 1.
+    """
+    at = np.flatnonzero(near >= 0)
+    force = clusters.force_mm2.copy()
+    for axis in range(2):
+        force[:, axis] = np.bincount(near[at], force_mm2[at, axis], minlength=len(clusters))
+    friction = force[:, :2] / clusters.normal_mm2[:, None]
+    squared = np.square(friction).sum(axis=1, keepdims=True)
+    counts = squared / (squared + friction_std**2) / np.maximum(1.0, np.sqrt(squared))
+    shift_mm = 0.5 * model.thickness_mm * counts * friction
+    return replace(clusters, force_mm2=force, centre_mm=clusters.centre_mm - shift_mm)
 
 
 def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Clusters, Scalars]:

@@ -168,7 +168,7 @@ class MechanicsEstimator:
         clusters = self._clusters(state, fit, forces, noise)
         shape = self._unbiased_shape(state, clusters, forces)
         touching_mm = np.array([contact.centre_mm for contact in state.tracks.touching]).reshape(-1, 2)
-        clusters = self.rigid_faces(state.model, shape.coefficient_mm, clusters, touching_mm)
+        clusters = self.rigid_faces(state.model, shape.coefficient_mm, clusters, touching_mm, forces.evidence)
         clusters, significance = significant(clusters, fit, self.contact_rules.last_stds)
         surface = self._surface(state, grid, shape, clusters, status)
         after = replace(

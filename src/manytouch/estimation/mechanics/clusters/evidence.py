@@ -10,12 +10,20 @@ weights), which favours forces on few nodes. The likelihood without the prior is
 that is fitted to this likelihood is not attracted by nodes, so that its centre is an unbiased one.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.estimation.mechanics.clusters.patch_kernels import NodeGrid, Whitened, add_patches, fit_patches
+from manytouch.estimation.mechanics.clusters.patch_kernels import (
+    ALONG,
+    NodeGrid,
+    Whitened,
+    add_patches,
+    bar_profile,
+    fit_patches,
+)
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline import basis
@@ -25,6 +33,7 @@ from manytouch.values import Status
 from manytouch.values.arrays import Points2, Scalars
 
 _MIN_NODES = 9
+_CORNER = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 _MAX_STEPS = 30
 _LENGTH_MM = 1e-3  # of finite differences
 _START_MM2 = 0.3  # added to the spread of nodal forces, from which the fit of a patch starts
@@ -34,7 +43,7 @@ _RANK = 1e-6  # combinations with less information than this share of the best o
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PatchFit:
-    """A uniform elliptical patch of pressure that was fitted to the markers.
+    """A uniform elliptical patch of pressure, or a bar, that was fitted to the markers.
 
     Attributes:
         misfit: of the patch.
@@ -45,6 +54,7 @@ class PatchFit:
             misfit.
         sheet_covariance: (6, 6) of the same by the parameters of the sheet that are not exactly known.
         nodal_mm2: (n,) its forces on the nodes of the evidence, over E, positive in compression.
+        corner_mm: (4, 2) corners of a bar; of an ellipse (0, 2).
     """
 
     misfit: float
@@ -54,6 +64,7 @@ class PatchFit:
     covariance: Float64[np.ndarray, "6 6"]
     sheet_covariance: Float64[np.ndarray, "6 6"]
     nodal_mm2: Float64[np.ndarray, " n"]
+    corner_mm: Float64[np.ndarray, "_ 2"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -141,6 +152,40 @@ class Evidence:
             covariance=per_combination * change @ inverse @ change.T,
             sheet_covariance=change @ self._sheet_covariance(theta, step, inverse) @ change.T,
             nodal_mm2=self._nodal(theta),
+            corner_mm=np.zeros((0, 2)),
+        )
+
+    def fit_bar(self, pair: PairFit) -> PatchFit:
+        """The bar that fits best, from two patches: a rigid face that presses most with its ends or corners.
+
+        Its pressure is even across it; see `patch_kernels.BAR`.
+        """
+        share = pair.force_mm2 / pair.force_mm2.sum()
+        arm = 0.5 * (pair.centre_mm[1] - pair.centre_mm[0])
+        size_mm = float(np.linalg.norm(arm))
+        half_mm = arm / size_mm * np.sqrt(3.0 * (size_mm**2 + pair.deviation_mm**2))
+        width_mm = max(np.sqrt(3.0) * pair.deviation_mm, 0.1 * size_mm)
+        theta = np.array([pair.force_mm2.sum(), *(share @ pair.centre_mm), *half_mm, width_mm, 0.0, 0.0])
+        step = np.array([1e-3 * theta[0]] + 7 * [_LENGTH_MM])
+        misfit, curved = self._fit(theta, step.tolist())
+        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), _MIN_MEAN_MISFIT)
+        estimates, change = _estimates_of_bar(theta), np.empty((6, len(theta)))
+        for number, size in enumerate(step):
+            moved = theta.copy()
+            moved[number] += size
+            change[:, number] = (_estimates_of_bar(moved) - estimates) / size
+        inverse = _inverse(curved)
+        along, across = theta[3:5], theta[5] * np.array([-theta[4], theta[3]]) / np.hypot(*theta[3:5])
+        xx, xy, yy = estimates[3:]
+        return PatchFit(
+            misfit=misfit,
+            force_mm2=float(theta[0]),
+            centre_mm=estimates[1:3],
+            spread_mm2=np.array([[xx, xy], [xy, yy]]),
+            covariance=per_combination * change @ inverse @ change.T,
+            sheet_covariance=change @ self._sheet_covariance(theta, step, inverse) @ change.T,
+            nodal_mm2=self._nodal(theta),
+            corner_mm=theta[1:3] + np.outer(_CORNER[:, 0], along) + np.outer(_CORNER[:, 1], across),
         )
 
     def fit_two(
@@ -241,6 +286,15 @@ class Evidence:
         return float(misfit), curved
 
 
+def _estimates_of_bar(theta: Scalars) -> Float64[np.ndarray, "6"]:
+    """Force, centroid, and the moments xx, xy, yy of a bar."""
+    share, along = bar_profile(theta), theta[3:5]
+    mean = share @ ALONG
+    variance, across = share @ ALONG**2 - mean**2, np.array([-along[1], along[0]]) / np.hypot(*along)
+    spread = variance * np.outer(along, along) + theta[5] ** 2 / 3.0 * np.outer(across, across)
+    return np.array([theta[0], *(theta[1:3] + mean * along), spread[0, 0], spread[0, 1], spread[1, 1]])
+
+
 def _inverse(curved: np.ndarray) -> np.ndarray:
     """Inverse of a curvature (p, p); parameters that do not change the misfit get no variance."""
     size = np.sqrt(np.diag(curved))
@@ -251,6 +305,10 @@ def _inverse(curved: np.ndarray) -> np.ndarray:
         size[used], size[used]
     )
     return inverse
+
+
+EvidenceAt = Callable[[Int64[np.ndarray, " n"]], Evidence | None]
+"""The likelihood of the forces of some nodes; None if the markers do not determine them."""
 
 
 class ForcePosterior:

@@ -37,6 +37,9 @@ class ForcePatch(Protocol):
     @property
     def sheet_covariance(self) -> Float64[np.ndarray, "6 6"]: ...
 
+    @property
+    def corner_mm(self) -> Float64[np.ndarray, "_ 2"]: ...
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Clusters:
@@ -52,9 +55,9 @@ class Clusters:
         sheet_covariance: (c, 6, 6) the same by the parameters of the sheet that are not exactly known; 0
             where no patch was fitted.
         label: (n,) cluster of each node, or -1.
-        is_face: (c,) clusters that several ones under a rigid face were joined to.
+        is_face: (c,) clusters under a rigid face: bars, and those that several ones were joined to.
         corner_points_mm: for each cluster under a rigid face, (k, 2) points around the places where it
-            presses; else (0, 2).
+            presses, or the corners of a bar; else (0, 2).
         shape_probability: (c, 4) of the shapes of the pressure in the order of `ContactShape`; NaN where no
             patch was fitted.
         fitted_mm2: (n,) normal forces of the fitted patches on the nodes that they were fitted to, positive
@@ -96,7 +99,7 @@ class Clusters:
     def with_patch(
         self, number: int, patch: "ForcePatch", shape_probability: Float64[np.ndarray, "4"]
     ) -> "Clusters":
-        """The clusters with one of them as a patch, and its torque about the new centre."""
+        """The clusters with one of them as a patch, or as a bar, and its torque about the new centre."""
         arm_mm = patch.centre_mm - self.centre_mm[number]
         turned = arm_mm[0] * self.force_mm2[number, 1] - arm_mm[1] * self.force_mm2[number, 0]
 
@@ -114,6 +117,12 @@ class Clusters:
             covariance=changed(self.covariance, patch.covariance),
             sheet_covariance=changed(self.sheet_covariance, patch.sheet_covariance),
             shape_probability=changed(self.shape_probability, shape_probability),
+            is_face=changed(self.is_face, len(patch.corner_mm) > 0),
+            corner_points_mm=(
+                *self.corner_points_mm[:number],
+                patch.corner_mm,
+                *self.corner_points_mm[number + 1 :],
+            ),
         )
 
     def with_nodal(self, node: Int64[np.ndarray, " n"], press_mm2: Float64[np.ndarray, " n"]) -> "Clusters":

@@ -8,24 +8,23 @@ that across the axis, and m3 the third central moment. Two points have
 
 (K. Pearson 1894, doi:10.1098/rsta.1894.0003, with equal small variances). Objects do not overlap, so two
 parts at a distance d have a variance of at most d^2 / 16 each. Two contacts are accepted if two round patches
-explain the markers better than one patch of any size and shape, by an F-test on their misfits; the error of
-the model is in both. The contact of a flat finger thus remains one. See docs/derivations/inversion.md.
+explain the markers better than one patch of any size and shape, and than a bar (`bars`), by F-tests on their
+misfits; the error of the model is in all. The contact of a flat finger thus remains one. See
+docs/derivations/inversion.md.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.estimation.mechanics.clusters.evidence import Evidence, PairFit, PatchFit
+from manytouch.estimation.mechanics.clusters.bars import MIN_F, f_of_pair
+from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice, smooth
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Mask, Points2
 
-EvidenceAt = Callable[[Int64[np.ndarray, " n"]], Evidence | None]
-"""The likelihood of the forces of some nodes; None if the markers do not determine them."""
 _TWO_PARAMETERS = 7  # of two patches; one patch has 6
 
 
@@ -51,6 +50,7 @@ class ModelOrder:
         min_f: least F of two patches against one. It is multiplied by the ratio of the marker noise to the
             usual one, which the error of the model exceeds,
         max_noise: but at most by this.
+        min_f_bar: least F of two patches against a bar.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.
         hysteresis: multiplies all limits where there were two contacts in the previous frame.
         max_shift: largest distance from the centroid of the forces to the fitted centre, in elements.
@@ -66,6 +66,7 @@ class ModelOrder:
     min_share: float = 0.17
     min_f: float = 4.0
     max_noise: float = 3.0
+    min_f_bar: float = MIN_F
     min_mean_misfit: float = 0.1
     hysteresis: float = 0.7
     max_shift: float = 1.0
@@ -109,18 +110,20 @@ class ModelOrder:
             one = evidence.fit_one(
                 float(clusters.normal_mm2[number]), clusters.centre_mm[number], clusters.spread_mm2[number]
             )
-            pair = None
+            best: PatchFit | PairFit = one
             if parts is not None:
-                min_f = limit * self.min_f * min(noise, self.max_noise)
-                pair = self._accept(evidence, clusters, number, parts, one, limit=limit, min_f=min_f)
-            if pair is not None:
-                result = _split(result, number, pair, lattice, force_mm2)
-                result = result.with_nodal(evidence.combinations.node, pair.nodal_mm2)
-            elif self._is_plausible(lattice, clusters, number, one):
+                total_mm2 = float(clusters.normal_mm2[number])
+                best = self._best(
+                    evidence, total_mm2, parts, one, limit=limit, noise=min(noise, self.max_noise)
+                )
+            if isinstance(best, PairFit):
+                result = _split(result, number, best, lattice, force_mm2)
+                result = result.with_nodal(evidence.combinations.node, best.nodal_mm2)
+            elif self._is_plausible(lattice, clusters, number, best):
                 min_ring_mm = self.min_ring * float(lattice.element_mm.max())
                 shapes = evidence.shape_probability(one, min_ring_mm=min_ring_mm)
-                result = result.with_patch(number, one, shapes).with_nodal(
-                    evidence.combinations.node, one.nodal_mm2
+                result = result.with_patch(number, best, shapes).with_nodal(
+                    evidence.combinations.node, best.nodal_mm2
                 )
         order = np.argsort(-result.normal_mm2, kind="stable")
         return result.select(order)
@@ -147,27 +150,33 @@ class ModelOrder:
         parts = np.array([-ends_mm[1], ends_mm[0]]) / gap_mm
         return _Parts(centre_mm=centre + ends_mm[:, None] * axis, share=parts, variance_mm2=variance_mm2)
 
-    def _accept(
+    def _best(
         self,
         evidence: Evidence,
-        clusters: Clusters,
-        number: int,
+        press_mm2: float,
         parts: _Parts,
         one: PatchFit,
         *,
         limit: float,
-        min_f: float,
-    ) -> PairFit | None:
-        """Two patches fitted to the markers; None if they explain them hardly better than one."""
-        press_mm2 = float(clusters.normal_mm2[number])
+        noise: float,
+    ) -> PatchFit | PairFit:
+        """Two patches fitted to the markers, if they explain them clearly better than one and than a bar.
+
+        Else the bar, if it explains them as well as the two and better than one, or the one patch.
+        """
         start = np.clip(parts.share, self.min_share, 1.0 - self.min_share)
         pair = evidence.fit_two(start * press_mm2, parts.centre_mm, float(np.sqrt(parts.variance_mm2)) + 0.1)
         mean_misfit = max(pair.misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1), self.min_mean_misfit)
+        if one.misfit - pair.misfit <= limit * self.min_f * noise * mean_misfit:
+            return one
+        bar = evidence.fit_bar(pair)
+        f_of_two = f_of_pair(evidence, pair, bar, min_mean_misfit=self.min_mean_misfit)
+        if f_of_two <= limit * self.min_f_bar and bar.misfit < one.misfit:
+            return bar
         share = pair.force_mm2 / pair.force_mm2.sum()
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
-        if one.misfit - pair.misfit <= min_f * mean_misfit or share.min() < limit * self.min_share:
-            return None
-        return None if limit * pair.deviation_mm > 0.25 * gap_mm else pair
+        is_pair = share.min() >= limit * self.min_share and limit * pair.deviation_mm <= 0.25 * gap_mm
+        return pair if is_pair else one
 
     def _is_plausible(self, lattice: ForceLattice, clusters: Clusters, number: int, one: PatchFit) -> bool:
         """Is a fitted patch where the nodal forces are, and about as strong?"""

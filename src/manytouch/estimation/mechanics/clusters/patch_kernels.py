@@ -1,4 +1,4 @@
-"""Fits one or two patches, or a ring, of pressure to nodal forces, compiled."""
+"""Fits one or two patches, a ring, or a bar of pressure to nodal forces, compiled."""
 
 from typing import NamedTuple
 
@@ -12,6 +12,13 @@ ONE = 6
 Two patches have 7: force, x, y of each, and the standard deviation of both along each axis."""
 RING = 4
 """Number of parameters of a thin ring: force, x, y, radius."""
+BAR = 8
+"""Number of parameters of a bar: force, x, y of its middle, half its length along x and y, half its width,
+and the tilt and the end load of its profile. The pressure at a share s of half the length is proportional to
+exp(T tanh(tilt) s + E tanh(end) s^2)."""
+MAX_TILT, MAX_END = 1.0, 1.5
+"""T and E. The pressure in the middle is at least exp(-1.5) of that at both ends: with less, a bar would
+describe two balls as well as two patches do (ADR 84)."""
 _RING_POINTS = 24
 
 Knots = Float64[np.ndarray, " knots"]
@@ -154,14 +161,63 @@ def add_ring(grid: NodeGrid, ring: Parameters, nodal: Float64[np.ndarray, " n"])
                     nodal[k] += ring[0] / _RING_POINTS * in_x * in_y * part
 
 
+ALONG, _ALONG_WEIGHT = np.polynomial.legendre.leggauss(7)
+_ACROSS, _ACROSS_WEIGHT = np.polynomial.legendre.leggauss(3)
+
+
+@kernel()
+@no_type_check
+def bar_profile(bar: Parameters) -> Float64[np.ndarray, "7"]:
+    """Shares of the force of a bar at `ALONG` of half its length."""
+    tilt, end = MAX_TILT * np.tanh(bar[6]), MAX_END * np.tanh(bar[7])
+    weight = _ALONG_WEIGHT * np.exp(tilt * ALONG + end * ALONG**2)
+    return np.asarray(weight / weight.sum())
+
+
+@kernel()
+@no_type_check
+def add_bar(grid: NodeGrid, bar: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
+    """Add the nodal forces of a bar to `nodal`, by 7 x 3 Gauss points.
+
+    Args:
+        grid: of the nodes; forces on other nodes are left out.
+        bar: (8,) see `BAR`.
+        nodal: result.
+    """
+    along_x, along_y, curved_x, curved_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    length = max(np.hypot(bar[3], bar[4]), 1e-9)
+    across_x, across_y = -bar[5] * bar[4] / length, bar[5] * bar[3] / length
+    weight = bar_profile(bar)
+    for a in range(len(ALONG)):
+        for b in range(len(_ACROSS)):
+            share = bar[0] * weight[a] * 0.5 * _ACROSS_WEIGHT[b]
+            first_x = _basis(
+                grid.knot_x, bar[1] + ALONG[a] * bar[3] + _ACROSS[b] * across_x, along_x, curved_x
+            )
+            first_y = _basis(
+                grid.knot_y, bar[2] + ALONG[a] * bar[4] + _ACROSS[b] * across_y, along_y, curved_y
+            )
+            for i in range(4):
+                at_x, in_x = _inside(first_x + i, grid.local.shape[0], grid.share_x)
+                for j in range(4):
+                    at_y, in_y = _inside(first_y + j, grid.local.shape[1], grid.share_y)
+                    k = grid.local[at_x, at_y]
+                    if k >= 0:
+                        laplacian = curved_x[i] * along_y[j] + along_x[i] * curved_y[j]
+                        part = along_x[i] * along_y[j] - grid.shear * laplacian
+                        nodal[k] += share * in_x * in_y * part
+
+
 @kernel()
 @no_type_check
 def add_patches(theta: Parameters, grid: NodeGrid, nodal: Float64[np.ndarray, " n"]) -> None:
-    """Add the nodal forces of a patch (6,), two patches (7,) or a ring (4,) `theta` to `nodal`."""
+    """Add the nodal forces of a patch (6,), two patches (7,), a ring (4,) or a bar (8,) to `nodal`."""
     if len(theta) == ONE:
         add_patch(grid, theta, nodal)
     elif len(theta) == RING:
         add_ring(grid, theta, nodal)
+    elif len(theta) == BAR:
+        add_bar(grid, theta, nodal)
     else:
         patch = np.zeros(ONE)
         patch[3] = patch[5] = theta[6]
@@ -176,7 +232,7 @@ def add_patches(theta: Parameters, grid: NodeGrid, nodal: Float64[np.ndarray, " 
 def _residual(
     theta: Parameters, grid: NodeGrid, likelihood: Whitened, result: Float64[np.ndarray, " q"]
 ) -> float:
-    """Whitened residual of one or two patches, into `result`; returns its square."""
+    """Whitened residual of what `theta` describes, into `result`; returns its square."""
     white, aim = likelihood.white, likelihood.aim
     nodal = np.zeros(white.shape[1])
     add_patches(theta, grid, nodal)
@@ -195,11 +251,11 @@ def _residual(
 def fit_patches(
     theta: Parameters, step: Parameters, grid: NodeGrid, likelihood: Whitened, max_steps: int
 ) -> tuple[float, Float64[np.ndarray, "p p"]]:
-    """Fits one or two patches, or a ring, by Levenberg-Marquardt.
+    """Fits one or two patches, a ring, or a bar by Levenberg-Marquardt.
 
     Args:
-        theta: (6,), (7,) or (4,) parameters of one or two patches or of a ring; initial values, replaced by
-            the result.
+        theta: (6,), (7,), (4,) or (8,) parameters of one or two patches, a ring or a bar; initial values,
+            replaced by the result.
         step: (p,) of finite differences; parameters with 0 are fixed.
         grid: of the nodes.
         likelihood: of the nodal forces.

@@ -2,18 +2,21 @@
 
 Under a flat face the sheet is nowhere above the straight line between two places that press;
 between two objects on a taut sheet it is. On a slack sheet, whose hollow joins distant contacts, this does
-not decide. Therefore two clusters, or three that are not in a row, must also have begun together, and be
-about as deep and as strong. Those that are near each other must also have the centre of one contact of the
-previous frame: a face that presses with its rim has first touched with all of it.
+not decide. Two clusters are therefore joined where a bar explains the markers as well as two patches do
+(`bars`). A face that presses with its ends only is the same load as two balls: two clusters that are not near
+each other, or three that are not in a row, are joined if they began together and are about as deep and as
+strong.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
+from manytouch.estimation.mechanics.clusters.bars import BarRule
+from manytouch.estimation.mechanics.clusters.evidence import EvidenceAt
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
@@ -33,27 +36,34 @@ class RigidFaces:
 
     Attributes:
         max_distance_thickness: clusters that are farther apart are not joined, in thicknesses.
-        min_pair_elements: two clusters that are nearer to each other are not joined, in elements, unless they
-            continue one contact: whether one patch of pressure explains both is decided by `model_order`.
+        resolved_thickness: at this distance two contacts are not seen as one when they begin, in thicknesses;
+            on nearer ones only the markers decide, where they can.
+        min_pair_elements: other clusters that are nearer to each other are joined only if they continue one
+            contact, in elements.
         same_centre_pitch: clusters continue a contact of the previous frame if the centre of their forces is
             within this distance of its centre, in pitches.
         rise_mm, rise_share: the sheet between two places of one face may be this much less deep than the line
             between them, in mm and over their depth; the error of the shape.
+        pair_rise_share: the same of a pair that the markers may show to be one bar.
         min_force_ratio: least ratio of the forces of two or three clusters.
         max_depth_ratio: largest difference of their depths, over the deeper one.
         plane_share: largest distance of the depths of four clusters or more from a plane, over their depth.
         reach_pitch: a contact of the previous frame within this distance is the same, in pitches.
+        bars: decides by the markers whether a pair is one bar.
     """
 
-    max_distance_thickness: float = 12.0
+    max_distance_thickness: float = 20.0
+    resolved_thickness: float = 4.0
     min_pair_elements: float = 4.5
     same_centre_pitch: float = 0.4
     rise_mm: float = 0.004
     rise_share: float = 0.007
-    min_force_ratio: float = 0.5
-    max_depth_ratio: float = 0.15
+    pair_rise_share: float = 0.04
+    min_force_ratio: float = 0.3
+    max_depth_ratio: float = 0.06
     plane_share: float = 0.06
     reach_pitch: float = 1.5
+    bars: BarRule = field(default_factory=BarRule)
 
     def __call__(
         self,
@@ -61,6 +71,7 @@ class RigidFaces:
         coefficient_mm: Nodal,
         clusters: Clusters,
         previous_mm: Float64[np.ndarray, "p 2"],
+        evidence_at: EvidenceAt,
     ) -> Clusters:
         """The clusters with those of one face joined, the strongest first.
 
@@ -69,19 +80,23 @@ class RigidFaces:
             coefficient_mm: (nodes, 3) shape of the sheet.
             clusters: of this frame.
             previous_mm: (k, 2) centres of the contacts of the previous frame.
+            evidence_at: gives the likelihood of the forces of some nodes.
         """
         count = len(clusters)
         if count < 2:
             return clusters
-        depth_mm, is_flat = self._flat_pairs(model, coefficient_mm, clusters.centre_mm)
+        depth_mm, is_flat, is_about_flat = self._flat_pairs(model, coefficient_mm, clusters.centre_mm)
         before = _nearest_within(clusters.centre_mm, previous_mm, self.reach_pitch * model.pitch_mm)
         was_apart = (before[:, None] >= 0) & (before >= 0) & (before[:, None] != before)
         joined, is_done = clusters, np.zeros(count, dtype=np.bool_)
         for own in _components(is_flat):
             if self._is_plane(clusters, depth_mm, own):
                 joined, is_done[own] = _join(joined, clusters, own), True
-        for own in _components(is_flat & ~was_apart & ~is_done & ~is_done[:, None]):
-            if self._is_pair(model, clusters, depth_mm, own, previous_mm):
+        for own in _components(is_about_flat & ~is_done & ~is_done[:, None]):
+            was_two = bool(was_apart[np.ix_(own, own)].any())
+            if self._is_one(
+                model, clusters, depth_mm, own, previous_mm, evidence_at=evidence_at, was_two=was_two
+            ):
                 joined = _join(joined, clusters, own)
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
         order = kept[np.argsort(-joined.normal_mm2[kept], kind="stable")]
@@ -89,8 +104,8 @@ class RigidFaces:
 
     def _flat_pairs(
         self, model: InversionModel, coefficient_mm: Nodal, centre_mm: Points2
-    ) -> tuple[Scalars, np.ndarray]:
-        """Depth (c,) at the centres; (c, c) pairs between which the sheet is as deep as the line."""
+    ) -> tuple[Scalars, np.ndarray, np.ndarray]:
+        """Depth (c,) at the centres; (c, c) pairs with the sheet as deep as the line between, or about so."""
         first, second = np.triu_indices(len(centre_mm), 1)
         along = centre_mm[first, None] + _PLACES[:, None] * (centre_mm[second] - centre_mm[first])[:, None]
         face = Face(shell=model.shell, point_mm=np.ascontiguousarray(along.reshape(-1, 2)))
@@ -99,13 +114,14 @@ class RigidFaces:
         rise_mm = (line_mm - found_mm).max(axis=1)
         deepest_mm = np.maximum(found_mm[:, 0], found_mm[:, -1])
         near_mm = self.max_distance_thickness * model.thickness_mm
-        is_flat = rise_mm <= self.rise_mm + self.rise_share * deepest_mm
-        is_flat &= np.linalg.norm(centre_mm[second] - centre_mm[first], axis=1) <= near_mm
-        pairs = np.zeros((len(centre_mm), len(centre_mm)), dtype=np.bool_)
-        pairs[first, second] = pairs[second, first] = is_flat
+        away_mm = np.linalg.norm(centre_mm[second] - centre_mm[first], axis=1)
+        pairs = np.zeros((2, len(centre_mm), len(centre_mm)), dtype=np.bool_)
+        for found, share in zip(pairs, (self.rise_share, self.pair_rise_share), strict=True):
+            is_flat = (rise_mm <= self.rise_mm + share * deepest_mm) & (away_mm <= near_mm)
+            found[first, second] = found[second, first] = is_flat
         depth_mm = np.empty(len(centre_mm))
         depth_mm[first], depth_mm[second] = found_mm[:, 0], found_mm[:, -1]
-        return depth_mm, pairs
+        return depth_mm, pairs[0], pairs[1]
 
     def _is_plane(self, clusters: Clusters, depth_mm: Scalars, own: Int64[np.ndarray, " k"]) -> bool:
         """Do four clusters or more, or three in a row, lie on one plane?"""
@@ -120,6 +136,25 @@ class RigidFaces:
         design = np.column_stack([np.ones(len(own)), arm])
         off = depth - design @ np.linalg.lstsq(design, depth, rcond=_ROW if is_row else None)[0]
         return bool(np.abs(off).max() <= self.plane_share * depth.max() + 2.0 * self.rise_mm)
+
+    def _is_one(
+        self,
+        model: InversionModel,
+        clusters: Clusters,
+        depth_mm: Scalars,
+        own: Int64[np.ndarray, " k"],
+        previous_mm: Float64[np.ndarray, "p 2"],
+        *,
+        evidence_at: EvidenceAt,
+        was_two: bool,
+    ) -> bool:
+        """Are two clusters, or three, one face? The markers decide on near pairs, and can do so on others."""
+        if len(own) == 2:
+            is_bar = self.bars(model, clusters, own, evidence_at, was_two=was_two)
+            gap_mm = float(np.linalg.norm(clusters.centre_mm[own[1]] - clusters.centre_mm[own[0]]))
+            if is_bar or (is_bar is False and gap_mm < self.resolved_thickness * model.thickness_mm):
+                return bool(is_bar)
+        return not was_two and self._is_pair(model, clusters, depth_mm, own, previous_mm)
 
     def _is_pair(
         self,

@@ -1,0 +1,98 @@
+"""Is a pair of clusters one bar? Decided by the markers.
+
+A rigid face presses most with its ends or its corners, and two round patches describe that better than one
+ellipse. A bar whose pressure rises to its ends describes it as well as the two patches do; two balls, between
+which nothing presses, it does not describe. Where a face presses with its ends only, both are the same load,
+and this rule finds two; see `rigid_faces` for what decides then.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Int64
+
+from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PairFit, PatchFit
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+
+MIN_F = 8.0
+"""Least F of two patches against a bar, by which there are two. It was fitted: balls of 2 mm radius on a
+sheet of 3 mm, 6 to 16 mm apart, have 9 and more; bars and blocks of the varied cases -50 to 14 (ADR 84)."""
+_TWO_PARAMETERS = 7
+_START_MM = 0.1
+
+
+def f_of_pair(evidence: Evidence, pair: PairFit, bar: PatchFit, *, min_mean_misfit: float = 0.1) -> float:
+    """F of two patches against a bar: the difference of the misfits over that per degree of freedom."""
+    mean_misfit = pair.misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1)
+    return (bar.misfit - pair.misfit) / max(mean_misfit, min_mean_misfit)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class BarRule:
+    """Parameters of the decision.
+
+    Attributes:
+        min_f: least F of two patches against a bar,
+        was_two: times this where they were two contacts in the previous frame,
+        wide: or times this where two patches are wide and of about one size: then they are no balls.
+        wide_gap: least radius of wide patches, two deviations of their pressure, over their distance,
+        wide_thickness: and over the thickness, below which it is not visible.
+        max_size_ratio: of wide patches, of their second moments.
+        max_nodes: largest number of nodes of an evidence.
+    """
+
+    min_f: float = MIN_F
+    was_two: float = 0.25
+    wide: float = 4.0
+    wide_gap: float = 0.25
+    wide_thickness: float = 0.8
+    max_size_ratio: float = 4.0
+    max_nodes: int = 96
+
+    def __call__(
+        self,
+        model: InversionModel,
+        clusters: Clusters,
+        own: Int64[np.ndarray, "2"],
+        evidence_at: EvidenceAt,
+        *,
+        was_two: bool,
+    ) -> bool | None:
+        """Are two clusters one bar? None where the markers do not determine the forces.
+
+        Args:
+            model: of the sheet.
+            clusters: of this frame.
+            own: numbers of the two.
+            evidence_at: gives the likelihood of the forces of some nodes.
+            was_two: were they two contacts in the previous frame?
+        """
+        evidence = evidence_at(self._nodes(model, clusters, own))
+        if evidence is None:
+            return None
+        round_mm2 = 0.5 * np.trace(clusters.spread_mm2[own], axis1=1, axis2=2)
+        deviation_mm = float(np.sqrt(round_mm2.mean())) + _START_MM
+        pair = evidence.fit_two(clusters.normal_mm2[own], clusters.centre_mm[own], deviation_mm)
+        gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
+        limit = self.was_two if was_two else 1.0
+        is_alike = bool(round_mm2.max() <= self.max_size_ratio * round_mm2.min())
+        least_mm = max(self.wide_gap * gap_mm, self.wide_thickness * model.thickness_mm)
+        if is_alike and 2.0 * pair.deviation_mm > least_mm:
+            limit = self.wide
+        return f_of_pair(evidence, pair, evidence.fit_bar(pair)) <= limit * self.min_f
+
+    def _nodes(
+        self, model: InversionModel, clusters: Clusters, own: Int64[np.ndarray, "2"]
+    ) -> Int64[np.ndarray, " n"]:
+        """Nodes of two clusters and between them, the nearest to the line between their centres."""
+        lattice, (start, end) = model.lattice, clusters.centre_mm[own]
+        off = lattice.place_mm - start
+        share = np.clip(off @ (end - start) / ((end - start) @ (end - start)), 0.0, 1.0)
+        away_mm = np.linalg.norm(off - share[:, None] * (end - start), axis=1)
+        is_own = np.isin(clusters.label, own)
+        is_near = (away_mm <= 2.0 * lattice.element_mm.max()) & (clusters.label < 0)
+        node = np.flatnonzero(is_own | is_near)
+        if len(node) <= self.max_nodes:
+            return node
+        return np.sort(node[np.argpartition(away_mm[node], self.max_nodes)[: self.max_nodes]])
