@@ -361,7 +361,7 @@ def test_recorded_names_are_shown_as_text(opened: Callable[..., Page]) -> None:
 
 
 def retained_heap(page: Page) -> float:
-    """Bytes of the page's heap after garbage collection: the least of several, without the update in flight."""
+    """Bytes of the heap after garbage collection: the least of several, without the update in flight."""
     samples = []
     for _ in range(6):
         samples.append(page.evaluate("gc(), performance.memory.usedJSHeapSize"))
