@@ -18,14 +18,14 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from manytouch.batch.engines.dask_scheduler import DaskScheduler
+from manytouch.batch.engines.dask_scheduler import DaskEngine
 from manytouch.batch.engines.local_processes import LocalProcesses
 from manytouch.batch.index import write_index
 from manytouch.batch.inputs import tasks_of
 from manytouch.batch.run_batch import plan, run_batch
 from manytouch.batch.settings import settings_for
 from manytouch.batch.storage import store_at
-from manytouch.batch.tasks import Engine, Outcome, Result, Task
+from manytouch.batch.tasks import Engine, Outcome, Task, TaskState
 from manytouch.session import Request
 from manytouch.sources.simulated import simulated_source
 
@@ -34,7 +34,7 @@ FPS = 25.0
 
 def nothing(task: Task, *, stop: Callable[[], bool] | None = None) -> Outcome:
     """A recording that takes no time."""
-    return Outcome(task=task, result=Result.COMPUTED)
+    return Outcome(task=task, state=TaskState.COMPUTED)
 
 
 def never() -> bool:
@@ -51,7 +51,7 @@ class Quiet:
         pass
 
     def on_outcome(self, outcome: Outcome) -> None:
-        if outcome.result is Result.FAILED:
+        if outcome.state is TaskState.FAILED:
             print(f"{outcome.task.name}: {outcome.reason}")
 
 
@@ -83,7 +83,7 @@ def engines(workers: Iterable[int], with_dask: bool) -> Iterator[tuple[str, int,
             LocalCluster(n_workers=count, threads_per_worker=1, dashboard_address=None) as cluster,
             Client(cluster, set_as_default=False) as client,
         ):
-            yield f"dask, {count} workers", count, DaskScheduler(client=client)
+            yield f"dask, {count} workers", count, DaskEngine(client=client)
 
 
 def cpu_s() -> float:

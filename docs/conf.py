@@ -86,7 +86,7 @@ def _link_inside_or_to_the_repository(page: Path, text: str) -> str:
 
 def setup(app: object) -> None:
     """Write the pages that follow from the code, before they are read."""
-    write_pages(DOCS / "generated")
+    write_pages(DOCS / "generated", in_repository=DOCS)
     _copy_pages_of_the_repository()
 
     def on_read(_app: object, docname: str, content: list[str]) -> None:

@@ -42,8 +42,13 @@ class MeaningError(Exception):
     """Names of the code and sentences of `meanings.toml` do not agree."""
 
 
-def write_pages(folder: Path) -> list[Path]:
-    """Write all pages, and return their paths."""
+def write_pages(folder: Path, *, in_repository: Path | None = None) -> list[Path]:
+    """Write all pages, and return their paths.
+
+    Args:
+        folder: of the pages that only the site has.
+        in_repository: folder of the page of the columns, which is also read without the site; None: `folder`.
+    """
     folder.mkdir(parents=True, exist_ok=True)
     pages: dict[str, Callable[[], str]] = {
         "commands": commands,
@@ -56,7 +61,7 @@ def write_pages(folder: Path) -> list[Path]:
     }
     written = []
     for name, page in pages.items():
-        path = folder / f"{name}.md"
+        path = ((in_repository or folder) if name == "columns" else folder) / f"{name}.md"
         text = page()
         if (
             not path.exists() or path.read_text(encoding="utf-8") != text
@@ -240,13 +245,13 @@ def columns() -> str:
         ),
         (
             "contacts.csv of a rig",
-            "One line per contact and frame of every sensor, see [rigs](../rigs.md).",
+            "One line per contact and frame of every sensor, see [rigs](rigs.md).",
             "rig_contacts_csv",
             run_rig.COLUMNS,
         ),
         (
             "results.parquet of a batch",
-            "One line per recording, see [batches](../batch.md). `contacts.parquet` has the columns of all "
+            "One line per recording, see [batches](batch.md). `contacts.parquet` has the columns of all "
             "`contacts.csv`, after `name` and `unit`.",
             "results_parquet",
             RESULTS.names,
@@ -257,7 +262,7 @@ def columns() -> str:
         f"{HEAD}# Columns of the results\n\nIf nothing gives the scale of a recording, lengths are in "
         "pitches, and `pitch` stands in the place of `mm` in the names. An empty cell, or null, means *not "
         "known*; it is never 0 by default. "
-        "Select columns by name: [later versions may add some](../stability.md).\n"
+        "Select columns by name: [later versions may add some](stability.md).\n"
     ]
     for title, sentence, group, names in tables:
         meaning = _meanings(group, names)

@@ -1,7 +1,8 @@
 """Shear and torque: a sticking ball is pressed into a pad, moved sideways and turned.
 
 `sim:pad` is a bonded pad as in GelSight Mini, seen through its window; the package contains the solved
-scene.
+scene. The shear is within a few percent of the truth; the torque is less certain, and up to half too
+large here.
 """
 
 import sys

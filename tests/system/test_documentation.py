@@ -96,6 +96,11 @@ def test_the_reference_describes_what_the_code_has(reference: dict[str, str]) ->
     assert "autoclass:: manytouch.Reading" in reference["api"]
 
 
+def test_the_columns_in_the_repository_are_those_of_the_code(reference: dict[str, str]) -> None:
+    page = DOCS / "columns.md"
+    assert page.read_text(encoding="utf-8") == reference["columns"], "run make docs, commit docs/columns.md"
+
+
 def test_a_name_without_a_sentence_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(DOCS / "extensions"))
     import reference_pages

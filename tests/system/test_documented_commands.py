@@ -57,6 +57,10 @@ INSTEAD = {
     # end when the user ends them; tests/system/test_viewer.py runs them
     "view press.mcap": None,
     "demo": None,
+    # need recordings of one sheet by two cameras; tests/system/test_views.py and unit/calibration make them
+    "process views:left.mp4,right.mp4 --sensor skin.toml --out results": None,
+    "run views:/dev/v4l/by-id/LEFT,/dev/v4l/by-id/RIGHT --sensor skin.toml --record skin.mcap": None,
+    "calibrate rest views:left.mp4,right.mp4 --sensor skin.toml --out skin-at-rest.toml": None,
     # need a cluster or a store; tests/unit/batch runs them
     "batch list.txt --out /scratch/results --workers 1 --shard $SLURM_ARRAY_TASK_ID/100": None,
     "batch list.txt --out /shared/results --scheduler tcp://host:8786": None,

@@ -33,6 +33,23 @@ class MarkerTracks:
         """(k, m) whether the marker was seen."""
         return np.asarray(np.isfinite(self.position_px[:, :, 0]))
 
+    def of(self, chosen: Bool[np.ndarray, " k"]) -> "MarkerTracks":
+        """The tracks of the chosen frames."""
+        return MarkerTracks(
+            timestamp_ns=self.timestamp_ns[chosen],
+            position_px=self.position_px[chosen],
+            area_px2=self.area_px2[chosen],
+            contrast=self.contrast[chosen],
+        )
+
+    def motion_px(self, rest_px: Float64[np.ndarray, "m 2"]) -> Float64[np.ndarray, " k"]:
+        """(k,) distance from rest that one in fifty markers of a frame exceeds; NaN where none is seen."""
+        distance_px = np.linalg.norm(self.position_px - rest_px, axis=2)
+        motion_px = np.full(len(distance_px), np.nan)
+        known = np.isfinite(distance_px).any(axis=1)
+        motion_px[known] = np.nanpercentile(distance_px[known], 98, axis=1)
+        return motion_px
+
     def median_px(self, chosen: Bool[np.ndarray, " k"]) -> Float64[np.ndarray, "m 2"]:
         """(m, 2) median position over the chosen frames; NaN for markers seen in less than half of them."""
         seen = self.is_seen[chosen]

@@ -133,9 +133,11 @@ def rest(
     from manytouch.calibration.rest.calibrate import calibrate_rest
     from manytouch.calibration.rest.report import describe, with_provenance
     from manytouch.calibration.sheet.pad_outline import pad_of
+    from manytouch.calibration.views import calibrate_views, describe_views, with_provenance_of_views
     from manytouch.cli.terminal.console import Steps
     from manytouch.sinks.files.atomic_output import check_file_writable
     from manytouch.sources import closing_source, open_source
+    from manytouch.sources.opening import views_of
     from manytouch.values import Sheet
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
@@ -143,6 +145,15 @@ def rest(
     if sheet_mm is not None and thickness_mm is None:
         raise usage_error("calibrate rest", "--sheet-mm requires --thickness-mm")
     known = load_sensor(sensor)
+    has_views = bool(known.camera.views)
+    if has_views and (
+        pitch_mm is not None or roi is not None or (thickness_mm is not None) > (sheet_mm is not None)
+    ):
+        raise usage_error(
+            "calibrate rest",
+            "several views take pitch and outline from the sensor file: omit --pitch-mm and --roi, and give "
+            "--thickness-mm only with --sheet-mm",
+        )
     sheet = pad_of(known)
     if sheet is not None:
         given_mm = sheet.size_mm if sheet_mm is None else np.array(sheet_mm, dtype=np.float64)
@@ -154,12 +165,18 @@ def rest(
     with Steps() as steps, closing_source(open_source(source)) as frames:
         first = list(steps.count("frames", islice(frames, REST_FRAMES), REST_FRAMES))
         steps.follow()("finding the markers and the pose of the sheet")
-        found = calibrate_rest(
-            known, first, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
-        )
-    for line in describe(found):
+        name = ", ".join(Path(part).name for part in views_of(source))
+        if has_views:
+            joined = calibrate_views(known, first, sheet=sheet)
+            lines, calibrated = describe_views(joined), with_provenance_of_views(joined, name)
+        else:
+            found = calibrate_rest(
+                known, first, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
+            )
+            lines, calibrated = describe(found), with_provenance(found, name)
+    for line in lines:
         console.print(f"  {line}")
-    save_sensor(with_provenance(found, Path(source).name), out)
+    save_sensor(calibrated, out)
     console.print(f"  sensor in {out}")
     return 0
 

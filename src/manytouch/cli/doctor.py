@@ -1,5 +1,6 @@
 """`manytouch doctor`: diagnosis of the installation and of a source."""
 
+from itertools import chain
 from typing import Annotated
 
 from cyclopts import Parameter
@@ -30,10 +31,12 @@ def doctor(
     from manytouch.session.diagnosis.recording import diagnose
 
     console = Console(highlight=False, soft_wrap=True)
+    found = iter(()) if source is None else diagnose(source, roi)
+    first = next(found, None)  # a source that cannot be opened is the only message
     for line in describe_installation():
         console.print(line, markup=False)
-    if source is not None:
+    if first is not None:
         console.print(f"\n{source}", markup=False)
-        for line in diagnose(source, roi):
+        for line in chain((first,), found):
             console.print(f"  {line}", markup=False)
     return 0

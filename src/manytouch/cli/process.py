@@ -42,7 +42,8 @@ def process(
 
     This writes results/press/ with contacts.csv, markers.parquet, frames.csv and
     summary.json; with --annotate annotated.mp4, with --surface surface.zarr, with
-    --picture 60 picture-000060.png.
+    --picture 60 picture-000060.png. In the repository, docs/columns.md explains
+    every column.
     """
     options.refuse_two_scales("process", sensor, pitch_mm, hfov_deg)
     parameters = between.parameters("process", method) | paper.parameters("process", method)

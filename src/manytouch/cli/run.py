@@ -52,10 +52,12 @@ def run(
     Size, rate and exposure are requested from a camera, and the values that it
     reports are printed. If processing is too slow, frames of a camera are dropped
     and counted. Files and the simulated sensor run at their own rate, or at --fps,
-    and every frame is processed. A recording is played back; with any option about
-    processing or files its frames are processed again. In the viewer, a video,
-    images or a recording stay open with a timeline until Ctrl-C, unless --out or
-    --record write files of it. Ctrl-C ends the run with complete files.
+    and every frame is processed; a simulated scene (sim:one) ends with its last
+    frame, while manytouch demo stays open and can be pressed. Recordings are shown
+    as they were stored; with any option about processing or files their frames are
+    processed again. In the viewer, a video, images or a recording stay open with a
+    timeline until Ctrl-C, unless --out or --record write files of it. Ctrl-C ends
+    the run with complete files.
 
     A rig file (.toml) names several sensors, each of which runs in its own process.
 
@@ -79,12 +81,12 @@ def run(
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import StopOnSignal
-    from manytouch.cli.terminal.outputs import print_outputs
+    from manytouch.cli.terminal.outputs import described_outputs, print_end_of_scene, print_outputs
     from manytouch.cli.terminal.viewing import ViewerAddress, viewers
     from manytouch.session import Live, Playback, ResultFiles, prepare, result_name
     from manytouch.session import run as run_loop
     from manytouch.session.diagnosis.camera import describe_latency, describe_settings
-    from manytouch.sinks.publishers.registry import check_addresses, open_outputs
+    from manytouch.sinks.publishers.registry import check_addresses
     from manytouch.sources.cameras.capture import CameraRequest
     from manytouch.sources.files.frame_timeline import frame_timeline
 
@@ -118,7 +120,8 @@ def run(
             return show_playback(Playback(job, stays=True), to, address, reporter, stop)
         log = ContactLog(job.sensor, reporter.print, job.source.capabilities.truth)
         live = Live(job, record=record)
-        live.attach(open_outputs(to, live))
+        print_end_of_scene(job.source, reporter.print)
+        live.attach(described_outputs(to, live, reporter.print))
         for line in describe_settings(live.health().settings):
             reporter.print(line)
         if out is None:
@@ -146,12 +149,11 @@ def show_playback(
 ) -> int:
     """Show a recording, a video or images with a timeline; with a viewer until Ctrl-C."""
     from manytouch.cli.terminal.contact_log import ContactLog
-    from manytouch.cli.terminal.outputs import print_outputs
+    from manytouch.cli.terminal.outputs import described_outputs, print_outputs
     from manytouch.cli.terminal.viewing import viewers
     from manytouch.session import run as run_loop
-    from manytouch.sinks.publishers.registry import open_outputs
 
-    playback.attach(open_outputs(to, playback))
+    playback.attach(described_outputs(to, playback, reporter.print))
     log = ContactLog(playback.sensor, reporter.print)
     shown = viewers(playback, address, reporter.print)
     if shown:

@@ -32,7 +32,7 @@ RESULTS = (
 )
 """Names of all results, as patterns; what else is in a result folder belongs to the user and is kept."""
 
-VIDEO_SHARE = 2.0
+VIDEO_SHARE = 2.3
 """Bit rate of annotated.mp4 over that of its source at most, so that no file is three times as large."""
 
 

@@ -23,8 +23,12 @@ class JoinedSource:
         views: the sources, from left to right.
     """
 
-    def __init__(self, views: Sequence[Source]) -> None:
+    def __init__(self, views: Sequence[Source], *, fps: float | None = None) -> None:
         """Join sources.
+
+        Args:
+            views: from left to right.
+            fps: of cameras that do not report their rate, such as streams; None assumes `ASSUMED_FPS`.
 
         Raises:
             SourceError: there are fewer than two, some are live and others are not, or their rates differ.
@@ -40,6 +44,7 @@ class JoinedSource:
             listed = ", ".join(f"{view.name} {view.fps:g}" for view in views if view.fps is not None)
             raise SourceError(f"the views have different frame rates ({listed}): set one rate with --fps")
         self.views = tuple(views)
+        self._given_fps = fps
         self._tap: Callable[[Frame], None] | None = None
         devices = [view.capabilities.device for view in views]
         known = [device for device in devices if device is not None]
@@ -52,7 +57,7 @@ class JoinedSource:
 
     @property
     def fps(self) -> float | None:
-        return next((view.fps for view in self.views if view.fps is not None), None)
+        return next((view.fps for view in self.views if view.fps is not None), self._given_fps)
 
     @property
     def frame_count(self) -> int | None:

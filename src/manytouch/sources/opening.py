@@ -86,7 +86,7 @@ def _joined_source(text: str, fps: float | None, camera: CameraRequest | None) -
     try:
         for part in views_of(text):
             views.append(open_source(part, fps=fps, camera=camera))
-        return JoinedSource(views)
+        return JoinedSource(views, fps=fps)
     except BaseException:
         for view in views:
             close(view)

@@ -10,6 +10,7 @@ import pytest
 
 from manytouch.calibration.rest.calibrate import calibrate_rest
 from manytouch.calibration.rest.pose import fit_pose
+from manytouch.calibration.rest.report import describe as describe_rest
 from manytouch.calibration.sheet.clamp_line import describe, force_change
 from manytouch.cli import main
 from manytouch.errors import LayoutError, SensorError
@@ -136,6 +137,27 @@ def test_dots_out_of_focus_are_odd(tilted_frames):
     width = float(re.search(r"edges are ([\d.]+) px wide", sentence).group(1))
     # a straight step under a Gaussian rises from 15 to 85 % within 2.07 deviations, a disc's a little sooner
     assert width == pytest.approx(2.07 * 3.5, rel=0.25)
+
+
+def test_pressed_frames_are_left_out_and_reported(tilted_frames):
+    def pressed(frame, by_px):
+        image = frame.image.copy()
+        image[200:420, 400:700] = np.roll(frame.image, by_px, axis=1)[200:420, 400:700]
+        return replace(frame, image=image)
+
+    first = list(tilted_frames)
+    later = [pressed(frame, 2 + number) for number, frame in enumerate(first)]
+    untouched, found = (
+        calibrate_rest(camera_only(tilted_sensor()), frames, pitch_mm=4.0)
+        for frames in (first, first + later)
+    )
+    assert (found.frames, found.frames_given, found.first_and_last) == (len(first), 2 * len(first), (0, 4))
+    assert found.motion_px < 0.2
+    np.testing.assert_allclose(found.sensor.layout.rest_px, untouched.sensor.layout.rest_px, atol=0.02)
+    line = next(describe_rest(found))
+    assert "measured in 5 of the frames 0 to 4, in which they stay within 0." in line
+    assert line.endswith("px; 5 of 10 frames were left out, because markers move in them")
+    assert "left out" not in next(describe_rest(untouched))
 
 
 def test_a_marker_that_moves_meanwhile_is_odd(tilted_frames):

@@ -133,6 +133,13 @@ def test_the_first_ctrl_c_requests_a_stop_and_the_second_interrupts(capsys):
     assert "Ctrl-C again" in capsys.readouterr().err
 
 
+def test_doctor_reports_a_missing_file_and_nothing_else(capsys, tmp_path):
+    assert main(["doctor", str(tmp_path / "press.mp4")]) == 1
+    printed = capsys.readouterr()
+    assert printed.out == ""
+    assert printed.err.startswith("manytouch: There is no ")
+
+
 def test_an_interrupt_outside_of_any_run_ends_quietly(capsys, monkeypatch):
     def interrupt() -> None:
         raise KeyboardInterrupt

@@ -66,6 +66,16 @@ def test_frames_of_cameras_are_joined_with_those_of_the_same_time() -> None:
     assert right == list(range(7))
 
 
+def test_slow_streams_of_unknown_rate_are_joined_by_the_rate_that_is_given(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Camera, "fps", None)
+    times = [number * 3 * PERIOD_NS for number in range(6)]
+    late = [time_ns + PERIOD_NS for time_ns in times]
+    assert list(JoinedSource([Camera(times), Camera(late)])) == []
+    assert len(list(JoinedSource([Camera(times), Camera(late)], fps=10.0))) == 6
+
+
 def test_recorded_are_all_joined_frames_of_cameras() -> None:
     times = [number * PERIOD_NS for number in range(5)]
     joined, taken = JoinedSource([Camera(times), Camera(times)]), []

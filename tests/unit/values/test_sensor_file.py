@@ -384,3 +384,14 @@ def test_many_mistakes_are_counted(tmp_path: Path) -> None:
     path.write_text(TEXT + "".join(f"[wrong{number}]\n" for number in range(50)))
     with pytest.raises(SensorError, match="wrong19; and 30 more"):
         load_sensor(path)
+
+
+@pytest.mark.parametrize("name", ["gelsight-mimi", "GelSight-Mini", "sensors/gelsight_mini.toml"])
+def test_a_missing_file_that_resembles_a_known_sensor_is_followed_by_its_name(name):
+    with pytest.raises(SensorError, match=r"did you mean gelsight-mini\?$"):
+        load_sensor(name)
+
+
+def test_a_missing_file_that_resembles_no_known_sensor_has_no_suggestion():
+    with pytest.raises(SensorError, match=r"gelsight-fots, gelsight-mini$"):
+        load_sensor("finger.toml")

@@ -19,7 +19,8 @@ from manytouch.detection.dot_appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import project
 from manytouch.geometry.centre_noise import LEAST_FRAMES, centre_noise_px
-from manytouch.geometry.refraction import onto_plane_through_window, project_through_window
+from manytouch.geometry.refraction import onto_plane_through_window, project_through_window, rest_px
+from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Camera, Frame, Layout, Roi, Sensor, Sheet
 from manytouch.values.arrays import Points2, read_only
 
@@ -27,6 +28,8 @@ SEEN_SHARE = 0.5
 """A marker that is seen in a smaller share of the frames is treated as missing."""
 MAX_DRIFT_PITCHES = 0.02
 """A marker that moves farther during the recording gives a warning."""
+MOST_USUAL_MOTION = 3.0
+"""A frame whose markers move more than this multiple of the median over the frames at rest is left out."""
 MAX_RESIDUAL_PITCHES = 0.02
 """A larger RMS residual from a flat lattice gives a warning."""
 MAX_DISTANCE_ERROR = 0.03
@@ -45,7 +48,10 @@ class RestCalibration:
         pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm).
         noise_px: noise of a marker's centre (`geometry.centre_noise`), median of the markers.
         contrast: grey levels between markers and background.
-        frames: number of frames used.
+        frames: number of frames used: those in which the markers are at rest.
+        frames_given: number of frames given.
+        first_and_last: places of the first and the last frame used, among those given.
+        motion_px: largest motion of the markers in the frames used (`MarkerTracks.motion_px`).
         clamp: measured edge of the sheet.
         warnings: one sentence each.
     """
@@ -56,6 +62,9 @@ class RestCalibration:
     noise_px: float
     contrast: float
     frames: int
+    frames_given: int
+    first_and_last: tuple[int, int]
+    motion_px: float
     clamp: ClampLine
     warnings: tuple[str, ...]
 
@@ -108,7 +117,11 @@ def calibrate_rest(
         laid = registered = register_nominal(laid, frames, roi_px=roi_px)
         assert registered.layout is not None
         layout = registered.layout
-    seen = track_markers(registered, frames, roi_px)
+    every = track_markers(registered, frames, roi_px)
+    motion_px, at_rest = _frames_at_rest(every, registered)
+    seen = every.of(at_rest)
+    numbers = np.flatnonzero(at_rest)
+    frames = [frame for frame, is_used in zip(frames, at_rest, strict=True) if is_used]
     share = seen.is_seen.mean(axis=0)
     is_missing = share < SEEN_SHARE
     if int((~is_missing).sum()) < 6:
@@ -143,13 +156,31 @@ def calibrate_rest(
         pose_std=std,
         noise_px=noise,
         contrast=float(np.nanmedian(seen.contrast)),
-        frames=len(seen.timestamp_ns),
+        frames=len(numbers),
+        frames_given=len(at_rest),
+        first_and_last=(int(numbers[0]), int(numbers[-1])),
+        motion_px=float(np.nanmax(motion_px[at_rest])),
         clamp=seen_clamp,
         warnings=(
-            *_warnings(sensor, found, residual, seen, px_per_mm),
+            *_warnings(sensor, found, residual, every, px_per_mm),
             *clamp_warnings(seen_clamp, found.sheet),
             *_focus_warnings(found, frames, roi_px),
         ),
+    )
+
+
+def _frames_at_rest(seen: MarkerTracks, registered: Sensor) -> tuple[np.ndarray, np.ndarray]:
+    """(k,) motion of the markers in px, and whether a frame is at rest; all if hardly any is."""
+    layout = registered.layout
+    assert layout is not None
+    at_px = rest_px(registered, layout)
+    motion_px = seen.motion_px(at_px)
+    pitch_px = float(np.median(local_spacing(at_px[np.isfinite(at_px[:, 0])])))
+    at_rest = motion_px <= MAX_DRIFT_PITCHES * pitch_px
+    if at_rest.sum() < LEAST_FRAMES:
+        return motion_px, np.ones_like(at_rest)
+    return motion_px, motion_px <= min(
+        MOST_USUAL_MOTION * float(np.median(motion_px[at_rest])), MAX_DRIFT_PITCHES * pitch_px
     )
 
 

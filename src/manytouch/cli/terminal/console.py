@@ -145,6 +145,9 @@ def describe_results(summary: Summary) -> Sequence[str]:
     """Lines about frames, contacts and noise, and the warnings."""
     counts, noise = summary.counts, summary.noise_px
     sentences = [f"{_many(counts['frames'], 'frame')}, {counts['status'].get('ok', 0)} of them ok"]
+    if len(counts["methods"]) > 1:
+        per_method = (f"{frames} by {method}" for method, frames in counts["methods"].items())
+        sentences[0] += f": {', '.join(per_method)}"
     if counts["contacts"]:
         sentences.append(
             f"{_many(counts['contacts'], 'contact')}, at most {counts['contacts_at_once']} at once, "

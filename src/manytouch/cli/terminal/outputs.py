@@ -1,10 +1,41 @@
 """Outputs of a session: whether their paths can be written, and lines of text about them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from manytouch.values import Health
 from manytouch.values.arrays import count_of
+
+if TYPE_CHECKING:
+    from manytouch.pipeline import Controls
+    from manytouch.sinks.publishers.queued import QueuedOutput
+    from manytouch.sources import Source
+
+
+def described_outputs(
+    urls: Sequence[str], controls: "Controls", report: Callable[[str], None]
+) -> "list[QueuedOutput]":
+    """Open outputs, and print a line for each: what is sent where.
+
+    Raises:
+        ManytouchError: see `open_outputs`.
+    """
+    from manytouch.sinks.publishers.registry import open_outputs
+
+    outputs = open_outputs(urls, controls)
+    for output in outputs:
+        report(output.description)
+    return outputs
+
+
+def print_end_of_scene(source: "Source", report: Callable[[str], None]) -> None:
+    """A line about the length of a simulated scene; nothing for other sources."""
+    if source.capabilities.truth is not None and source.frame_count:
+        report(
+            f"the scene ends after {count_of(source.frame_count, 'frame')}; `manytouch demo` stays open and "
+            "can be pressed with the mouse"
+        )
 
 
 def print_outputs(health: Health, report: Callable[[str], None]) -> None:

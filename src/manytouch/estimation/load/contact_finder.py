@@ -187,7 +187,9 @@ class LoadContactFinder:
     def _contacts(self, state: LoadContactState, peaks: LoadPeaks, motion: MarkerMotion) -> list[Contact]:
         """Contacts without identity; the depth is the largest one of the surface within the region.
 
-        It is NaN where its deviation exceeds half of it and `most_depth_std_pitch`.
+        It is NaN where the whole region is not below its rest, since an object cannot lift the sheet: the
+        load is the evidence of the contact, and the surface does not resolve its depth. It is also NaN where
+        its deviation exceeds half of it and `most_depth_std_pitch`.
         """
         if len(peaks.load) == 0:
             return []
@@ -203,6 +205,7 @@ class LoadContactFinder:
         centre_px = project(state.camera, np.column_stack([now_mm, np.zeros(len(now_mm))]))
         most_mm = (self.most_depth_std_pitch or np.inf) * self.load.load_map(state.load).pitch_mm
         is_unknown = (depth_std > most_mm) & (np.abs(depth_at[deepest]) < 2.0 * depth_std)
+        is_unknown |= depth_at[deepest] <= 0.0
         depth_mm, depth_std = (np.where(is_unknown, np.nan, each) for each in (depth_at[deepest], depth_std))
         contacts = []
         for peak in range(len(peaks.load)):

@@ -138,6 +138,7 @@ class MechanicsEstimator:
             pretension=pretension,
             variants=sheet_variants(model, sheet),
             response=None,
+            response_is_due=False,
             previous_mm=read_only(np.zeros((0, 2))),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
@@ -163,7 +164,7 @@ class MechanicsEstimator:
             return self._step_without_sheet(state, state.without_sheet, grid)
         status = grid.status if grid.status is not Status.OK else fit.status
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
-        state = self._with_response(state, fit)
+        earlier, state = state.response, self._with_response(state, fit)
         forces = ForcePosterior(state.model, fit, None if state.response is None else state.response.columns)
         clusters = self._clusters(state, fit, forces, noise)
         shape = self._unbiased_shape(state, clusters, forces)
@@ -175,7 +176,7 @@ class MechanicsEstimator:
             state,
             shape=fit.shape,
             posterior=fit.posterior,
-            posterior_frames=0 if fit.steps else state.posterior_frames + 1,
+            posterior_frames=state.posterior_frames + 1 if fit.posterior is state.posterior else 0,
         )
         may_start = self._may_start(state, clusters) & (significance >= self.contact_rules.start_stds)
         may_start &= fit.status is Status.OK
@@ -184,15 +185,21 @@ class MechanicsEstimator:
         )
         if status is Status.OK and not after.tracks.tracks and not may_start.any():
             after = self._update_reference(after, grid)
-        if fit.steps and status is Status.OK and contacts.touching:
+        if state.response is not earlier and status is Status.OK and contacts.touching:
             after = self._update_pretension(after, fit, clusters)
         return after, surface, contacts
 
     def _with_response(self, state: MechanicsState, fit: Fit) -> MechanicsState:
-        """The state with the response of a frame with a full step to the parameters of the sheet."""
-        if not fit.steps or fit.status is not Status.OK:
-            return state
-        return replace(state, response=parameter_response(state.model, state.variants, state.pretension, fit))
+        """The state with the response of the last full step to the parameters of the sheet.
+
+        It is computed in the frame after that step, whose time thus has a lower bound, unless it has a full
+        step too.
+        """
+        is_next = state.response is not None and bool(fit.steps) and not state.response_is_due
+        if fit.status is not Status.OK or is_next or not (fit.steps or state.response_is_due):
+            return replace(state, response_is_due=state.response_is_due or is_next)
+        response = parameter_response(state.model, state.variants, state.pretension, fit)
+        return replace(state, response=response, response_is_due=False)
 
     def _update_pretension(self, state: MechanicsState, fit: Fit, clusters: Clusters) -> MechanicsState:
         """The state with an unknown pretension as the last frame shows it."""
@@ -338,6 +345,7 @@ class MechanicsEstimator:
             posterior=None,
             posterior_frames=0,
             response=None,
+            response_is_due=False,
         )
         if grid.status is Status.OK and not found.is_touched:
             after = self._update_reference(after, grid)

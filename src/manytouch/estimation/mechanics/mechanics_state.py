@@ -36,11 +36,12 @@ class MechanicsState:
         pitch_px: pitch in the image.
         model_std_px: standard deviation of a marker image that the model does not explain.
         shape: of the previous frame.
-        posterior: of the last frame with a full step; None before the first.
+        posterior: of the last frame with a full or a reweighted step; None before the first.
         posterior_frames: number of frames since then.
         pretension: of the sheet.
         variants: the sheet with each of its other parameters changed.
-        response: of the last frame with a full step to all these; None before the first.
+        response: of the last full step to all these; None before the first.
+        response_is_due: whether that of a later full step is still to be computed.
         previous_mm: (k, 2) centres of the clusters of the previous frame, contacts or not.
         slip: of the contacts.
         tracks: of the contacts.
@@ -62,6 +63,7 @@ class MechanicsState:
     pretension: Pretension
     variants: tuple[SheetVariant, ...]
     response: ParameterResponse | None
+    response_is_due: bool
     previous_mm: Float64[np.ndarray, "k 2"]
     slip: SlipState
     tracks: ContactTrackerState

@@ -115,7 +115,7 @@ class PadEstimator:
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
     slip_detector: SlipDetector = field(default_factory=SlipDetector)
     model_std_pitch: float = 5e-4
-    model_share: float = 0.06
+    model_share: float = 0.07
     model_reach: float = 0.5
     nominal_share: float = 0.25
     nominal_reach: float = 1.0

@@ -20,7 +20,7 @@ class PatchPrior:
             force (H. Hertz 1882) has the expected root of the second moment,
         root_limits: within these limits, in thicknesses,
         root_spread: and the standard deviation of its logarithm.
-        stretch_spread: standard deviation of the difference of both principal moments over their sum.
+        stretch_spread: standard deviation of the logarithm of the ratio of its two principal roots.
         friction: standard deviation of shear over normal force,
         radial_mean, radial_friction: mean and standard deviation of radial shear over normal force; it is
             negative where an object sticks to a pad that spreads under it.
@@ -29,10 +29,10 @@ class PatchPrior:
     usual_radius: float = 1.0
     root_limits: tuple[float, float] = (0.08, 0.35)
     root_spread: float = 0.6
-    stretch_spread: float = 0.5
+    stretch_spread: float = 0.8
     friction: float = 1.0
     radial_mean: float = -0.06
-    radial_friction: float = 0.12
+    radial_friction: float = 0.04
 
     def numbers(self, model: PadModel) -> PriorNumbers:
         """The prior on a pad, for compiled functions."""

@@ -13,6 +13,7 @@ from manytouch.estimation.pad.patch_kernels import SHAPE
 from manytouch.estimation.pad.patch_slopes import PatchPad, add_image, fill_slopes
 
 _TRIALS = 4  # of the damping in a step
+_MOST_STRETCH = 1.0 - 1e-9  # of the squared difference of the principal moments over their sum
 _LEAST_GAIN, _LEAST_SHARE = 1e-5, 1e-6  # reduction of the misfit below which the iteration ends
 
 
@@ -88,19 +89,28 @@ def prior_terms(
     hertz = (0.75 * press * (1.0 - prior.poisson**2) * prior.usual_radius_mm) ** (1.0 / 3.0) / np.sqrt(5.0)
     usual = min(max(hertz, prior.least_mm), prior.most_mm)
     trace = xx * xx + yx * yx + yy * yy
-    spread = prior.stretch_spread * trace
     slope[:] = 0.0
     value[0] = np.log(np.sqrt(abs(xx * yy)) / usual) / prior.root_spread
     slope[0, 2], slope[0, 4] = 0.5 / (prior.root_spread * xx), 0.5 / (prior.root_spread * yy)
     if prior.least_mm < hertz < prior.most_mm:
         slope[0, 5] = -sign / (3.0 * press * prior.root_spread)
-    value[1], value[2] = (xx * xx - yx * yx - yy * yy) / spread, 2.0 * xx * yx / spread
-    slope[1, 2], slope[1, 3], slope[1, 4] = 2.0 * xx / spread, -2.0 * yx / spread, -2.0 * yy / spread
-    slope[2, 2], slope[2, 3] = 2.0 * yx / spread, 2.0 * xx / spread
+    # half the logarithm of the ratio of the principal roots' squares, along twice the angle of the longer one
+    even, odd = (xx * xx - yx * yx - yy * yy) / trace, 2.0 * xx * yx / trace
+    square = min(even * even + odd * odd, _MOST_STRETCH)
+    stretch = np.sqrt(square)
+    grow, bend = 1.0 + square / 3.0, 2.0 / 3.0 + 0.8 * square
+    if square > 1e-4:
+        grow = np.arctanh(stretch) / stretch
+        bend = (1.0 / (1.0 - square) - grow) / square
+    spread = prior.stretch_spread
+    value[1], value[2] = grow * even / spread, grow * odd / spread
     for j in range(3):
         by_trace = 2.0 * own[2 + j] / trace
-        slope[1, 2 + j] -= value[1] * by_trace
-        slope[2, 2 + j] -= value[2] * by_trace
+        by_even = (2.0 * xx if j == 0 else -2.0 * own[2 + j]) / trace - even * by_trace
+        by_odd = (2.0 * yx if j == 0 else 2.0 * xx if j == 1 else 0.0) / trace - odd * by_trace
+        along = bend * (even * by_even + odd * by_odd)
+        slope[1, 2 + j] = (grow * by_even + along * even) / spread
+        slope[2, 2 + j] = (grow * by_odd + along * odd) / spread
     for j in range(3):
         std = prior.friction * press * (np.sqrt(trace) if j == 2 else 1.0)
         value[3 + j] = own[6 + j] / std

@@ -63,13 +63,21 @@ class Linearisation:
         tangent_kernels.row_sum(self.tangent, patch.shape, free_share, component, row)
         return row
 
-    def force_rows(self, node: Int64[np.ndarray, " k"], component: int) -> Float64[np.ndarray, "k nodes 3"]:
-        """Derivatives of one force component at k free nodes by the coefficients."""
+    def balance_rows(
+        self, node: Int64[np.ndarray, " k"], component: Int64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, "k nodes 3"]:
+        """Derivatives of k free components of `balance` by the coefficients."""
         patch = self.shell.patch
         rows, share = np.zeros((len(node), patch.node_count, 3)), np.zeros(patch.node_count)
-        for row, number in zip(rows, node, strict=True):
+        for k, (number, axis) in enumerate(zip(node, component, strict=True)):
             share[number] = 1.0
-            tangent_kernels.row_sum(self.tangent, patch.shape, share, component, row)
+            tangent_kernels.row_sum(self.tangent, patch.shape, share, axis, rows[k])
+            if axis < 2:
+                normal, couple = np.zeros_like(rows[k]), np.zeros((patch.node_count, 2))
+                tangent_kernels.row_sum(self.tangent, patch.shape, share, 2, normal)
+                couple[number, axis] = self.force[number, 2]
+                rows[k] += self.slope[number, axis] * normal
+                rows[k, :, 2] += patch.slope_moments(couple)
             share[number] = 0.0
         return rows
 

@@ -13,7 +13,7 @@ from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver import band_kernels
 from manytouch.mechanics.solver.linearisation import Linearisation
-from manytouch.mechanics.solver.posterior import Posterior, Workspace
+from manytouch.mechanics.solver.posterior import Posterior, WhiteRows, Workspace
 
 MIN_DAMPING = 1e-7
 """First addition to the diagonal of a singular normal matrix, over its largest entry."""
@@ -91,8 +91,10 @@ class NormalEquations:
             change_mm=-factor.solve(gradient[None])[0].reshape(-1, 3),
             factor=factor,
             weight=force_weight_per_mm4,
+            weighed_mm2=linearisation.force,
             information=information_per_px2,
             damping=damping,
+            rows=WhiteRows(linearisation, factor),
             workspace=Workspace(),
         )
 

@@ -1,7 +1,7 @@
 """The Gaussian posterior of the sheet's coefficients: Gauss-Newton step, covariances and samples."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypeVar, cast
 
 import numpy as np
@@ -10,33 +10,48 @@ from jaxtyping import Float64, Int64
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.banded.band import BandFactor
 from manytouch.mechanics.solver.linearisation import Linearisation
+from manytouch.mechanics.solver.reweighting import ReweightedFactor, reweighted_factor
 
 T = TypeVar("T")
 
 _MAX_KEPT = 64
+_MIN_ROWS = 64
+_LEAST_STRETCH = 0.01
+
+
+class WhiteRows:
+    """Rows of d(T f) / dc times L^-T of one factor, each computed when it is first needed."""
+
+    def __init__(self, linearisation: Linearisation, factor: BandFactor) -> None:
+        self._linearisation, self._factor = linearisation, factor
+        unknowns = linearisation.force.size
+        self._row_of = np.full(unknowns, -1, dtype=np.int64)
+        self._rows = np.zeros((0, unknowns))
+        self._count = 0
+
+    def __call__(self, number: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "k n"]:
+        """The rows of components of T f, 3 times the node plus the axis."""
+        new = number[self._row_of[number] < 0]
+        if len(new) > 0:
+            patch = self._linearisation.shell.patch
+            rows = self._linearisation.balance_rows(new // 3, new % 3) * patch.is_free
+            white = self._factor.whiten_many(rows.reshape(len(new), -1))
+            end = self._count + len(new)
+            if end > len(self._rows):
+                room = np.zeros((max(2 * len(self._rows), end, _MIN_ROWS), white.shape[1]))
+                room[: self._count] = self._rows[: self._count]
+                self._rows = room
+            self._rows[self._count : end] = white
+            self._row_of[new] = np.arange(self._count, end)
+            self._count = end
+        return np.asarray(self._rows[self._row_of[number]])
 
 
 class Workspace:
     """What was computed from one posterior and is needed again; it only saves time."""
 
     def __init__(self) -> None:
-        self._row_of = np.zeros(0, dtype=np.int64)
-        self._white = np.zeros((0, 0))
         self._kept: dict[tuple[str, bytes], Any] = {}
-
-    def forces(self, posterior: "Posterior", node: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "k n"]:
-        """`Posterior.whitened_forces`."""
-        linearisation = posterior.linearisation
-        if len(self._row_of) == 0:
-            nodes = linearisation.shell.patch.node_count
-            self._row_of, self._white = np.full(nodes, -1, dtype=np.int64), np.zeros((0, 3 * nodes))
-        new = node[self._row_of[node] < 0]
-        if len(new) > 0:
-            rows = linearisation.force_rows(new, 2) * linearisation.shell.patch.is_free
-            white = posterior.factor.whiten_many(rows.reshape(len(new), -1))
-            self._row_of[new] = len(self._white) + np.arange(len(new))
-            self._white = np.concatenate([self._white, white])
-        return np.asarray(self._white[self._row_of[node]])
 
     def kept(self, name: str, node: Int64[np.ndarray, " k"], compute: Callable[[], T]) -> T:
         """A result for some nodes: that of an earlier call with the same name and nodes, if there was one."""
@@ -60,22 +75,99 @@ class Posterior:
         change_mm: (nodes, 3) change of the coefficients that minimises the linearised objective.
         factor: of H.
         weight: (nodes, 3) of the balance T f, per mm^4.
+        weighed_mm2: (nodes, 3) nodal forces over E for which these weights were chosen.
         information: (m, 2, 2) W, per px^2.
         damping: what was added to the diagonal of H, over its largest entry; 0 unless H was singular.
+        rows: of the factor of the last full step.
         workspace: of results that are needed again.
+        full: that of the last full step, from whose factor this one's is computed; None if it is that one.
+        reweightings: number of changes of the weights since then.
     """
 
     linearisation: Linearisation
     change_mm: Nodal
-    factor: BandFactor
+    factor: BandFactor | ReweightedFactor
     weight: Nodal
+    weighed_mm2: Nodal
     information: Float64[np.ndarray, "m 2 2"]
     damping: float
+    rows: WhiteRows
     workspace: Workspace
+    full: "Posterior | None" = None
+    reweightings: int = 0
 
-    def whitened_forces(self, node: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "k n"]:
-        """Derivatives of the normal forces at nodes by the coefficients, times L^-T of H = L L^T."""
-        return self.workspace.forces(self, node)
+    def force_covariance(self, node: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "k k"]:
+        """Covariance of the normal forces over E at free nodes, mm^4."""
+        white = self.rows(3 * node + 2)
+        if isinstance(self.factor, ReweightedFactor):
+            return self.factor.products(white)
+        return np.asarray(white @ white.T)
+
+    def change_by_forces(
+        self, node: Int64[np.ndarray, " k"], pull: Float64[np.ndarray, " k"]
+    ) -> Float64[np.ndarray, "nodes 3"]:
+        """Covariance of the coefficients with the normal forces at free nodes, times `pull`."""
+        white = (pull @ self.rows(3 * node + 2))[None]
+        if isinstance(self.factor, ReweightedFactor):
+            white = self.factor.turned(white)
+        change = self.factor.colour(white)[0].reshape(-1, 3)
+        return np.asarray(change * self.linearisation.shell.patch.is_free)
+
+    def reweighted(
+        self,
+        weight: Nodal,
+        weighed_mm2: Nodal,
+        *,
+        residual_px: Float64[np.ndarray, "m 2"],
+        information_per_px2: Float64[np.ndarray, "m 2 2"],
+        balance: Nodal,
+        min_ratio: float,
+        max_kept_ratio: float,
+        max_rows: int,
+    ) -> "Posterior | None":
+        """The posterior with other weights, and the step with it, without a new factor of the whole matrix.
+
+        Weights keep their values where they changed little since the last full step.
+
+        Args:
+            weight: (nodes, 3) of the balance, per mm^4.
+            weighed_mm2: (nodes, 3) forces for which they were chosen.
+            residual_px: (m, 2) predicted minus measured marker images.
+            information_per_px2: (m, 2, 2) of this frame, for the step.
+            balance: (nodes, 3) T f.
+            min_ratio: weights that changed by a smaller factor are kept.
+            max_kept_ratio: None is returned if one that changed by a larger factor would be kept; also if
+                rounding would matter.
+            max_rows: number of weights that are changed, those that changed most.
+        """
+        full = self if self.full is None else self.full
+        assert isinstance(full.factor, BandFactor)
+        ratio = np.where(self.linearisation.shell.patch.is_free, weight / full.weight, 1.0).ravel()
+        ratio = np.maximum(ratio, 1.0 / ratio)
+        order = np.argsort(-ratio, kind="stable")
+        number, kept = order[:max_rows], order[max_rows:]
+        if (ratio[kept] > max_kept_ratio).any():
+            return None
+        number = number[ratio[number] > min_ratio]
+        mixed = full.weight.copy()
+        np.put(mixed, number, weight.ravel()[number])
+        factor: BandFactor | ReweightedFactor | None = full.factor
+        if len(number) > 0:
+            change = weight.ravel()[number] - full.weight.ravel()[number]
+            factor = reweighted_factor(full.factor, self.rows(number), change, least=_LEAST_STRETCH)
+        if factor is None:
+            return None
+        gradient = self.linearisation.gradient(residual_px, information_per_px2, mixed * balance)
+        return replace(
+            self,
+            change_mm=-factor.solve(gradient.reshape(1, -1))[0].reshape(-1, 3),
+            factor=factor,
+            weight=mixed,
+            weighed_mm2=weighed_mm2,
+            workspace=Workspace(),
+            full=full,
+            reweightings=self.reweightings + 1,
+        )
 
     def chord_step(
         self,

@@ -20,6 +20,8 @@ from manytouch.sinks.files.sensor_description import estimated_pretension, layou
 from manytouch.values import Reading, Roi, Sensor, SheetSpline, Status
 
 SCHEMA = 1
+WITHOUT_SHEET = "perimeter"
+"""The method whose values `mechanics` has in frames that do not show the sheet that was assumed."""
 RARELY_SEEN = 0.5  # share of the frames below which a marker causes a warning
 
 
@@ -50,7 +52,7 @@ class Summary:
         self._frames_touched = 0
         self._milliseconds: list[float] = []
         self._last_index = -1
-        self._without_sheet = 0
+        self._methods: Counter[str] = Counter()
         self._spline: SheetSpline | None = None
 
     def write(self, reading: Reading) -> None:
@@ -66,8 +68,9 @@ class Summary:
         self._milliseconds.append(reading.milliseconds)
         if reading.surface.spline is not None:
             self._spline = reading.surface.spline
-        elif self._method == "mechanics" and reading.status is Status.OK:
-            self._without_sheet += 1
+        if reading.status is Status.OK:
+            is_without = self._method == "mechanics" and reading.surface.spline is None
+            self._methods[WITHOUT_SHEET if is_without else self._method] += 1
 
     def close(self) -> None:
         """Nothing to complete: the file is written by `save`, after all others."""
@@ -122,10 +125,11 @@ class Summary:
 
     @property
     def counts(self) -> dict[str, Any]:
-        """Frames, frames per status, contacts, markers."""
+        """Frames, frames per status, frames that are ok per method that estimated them, contacts, markers."""
         return {
             "frames": sum(self._status.values()),
             "status": dict(sorted(self._status.items())),
+            "methods": dict(sorted(self._methods.items())),
             "frames_with_contact": self._frames_touched,
             "contacts": len(self._contacts),
             "contacts_at_once": self._most_at_once,
@@ -164,9 +168,10 @@ class Summary:
             if status is not Status.OK:
                 has = "frame has" if frames == 1 else "frames have"
                 sentences.append(f"{count} of {frames} {has} the status {status}. {status.remedy}")
-        if self._without_sheet:
+        without_sheet = 0 if self._method == WITHOUT_SHEET else self._methods[WITHOUT_SHEET]
+        if without_sheet:
             sentences.append(
-                f"{self._without_sheet} of {frames} frames do not show the clamped sheet that was assumed; "
+                f"{without_sheet} of {frames} frames do not show the clamped sheet that was assumed; "
                 "their surface and contacts are those of the method perimeter. Give a sensor file (--sensor)."
             )
         if self._recording.get("warning") is not None:

@@ -1,5 +1,6 @@
 """The camera image annotated with markers, displacements and contacts."""
 
+import math
 from pathlib import Path
 
 import cv2
@@ -16,6 +17,7 @@ from manytouch.values import Contact, Reading, Sensor
 from manytouch.values.arrays import Points2
 
 LONG_SIDE_PX = 1000
+LEAST_LONG_SIDE_PX = 640  # more would leave a video too few bits per pixel
 ARROW_SCALE = 3
 SMALLEST_ARROW_PX = 4.0
 ASSUMED_FPS = 25.0
@@ -33,7 +35,7 @@ class Annotator:
         self._layout = layout_of(sensor)
         self._rest_px = rest_px(sensor)
         camera = sensor.camera
-        self.zoom = max(1, round(LONG_SIDE_PX / max(camera.width_px, camera.height_px)))
+        self.zoom = _zoom(max(camera.width_px, camera.height_px))
         self._pitch = float(np.nanmin(pitch_px(sensor))) * self.zoom
         self._long_side = max(camera.width_px, camera.height_px) * self.zoom
         self._text_px = max(12.0, 0.014 * self._long_side)
@@ -261,6 +263,12 @@ def write_png(path: Path, picture: np.ndarray) -> None:
     _, encoded = cv2.imencode(".png", picture, [cv2.IMWRITE_PNG_COMPRESSION, 3])
     with output_errors(path):
         path.write_bytes(encoded.tobytes())
+
+
+def _zoom(long_side_px: int) -> int:
+    """Doubles small images; more only where the result would be smaller than `LEAST_LONG_SIDE_PX`."""
+    doubled = max(1, min(2, round(LONG_SIDE_PX / long_side_px)))
+    return max(doubled, math.ceil(LEAST_LONG_SIDE_PX / long_side_px))
 
 
 def _round_number(value: float) -> float:

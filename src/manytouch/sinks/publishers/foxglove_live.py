@@ -71,10 +71,11 @@ class FoxglovePublisher:
         self._controls, self._turns = controls, ImageTurns(address)
         self._context = context = foxglove.Context()  # the channels end with it
         port = PORT if address.port is None else address.port
+        self._host = address.host or "127.0.0.1"
         self._channels = _channels(context)
         try:
             self._server: Any = foxglove.start_server(
-                name="manytouch", host=address.host or "127.0.0.1", port=port, context=context
+                name="manytouch", host=self._host, port=port, context=context
             )
         except Exception as error:
             raise OutputError(f"{address.text!r} is not available ({error}): choose another port") from error
@@ -86,6 +87,11 @@ class FoxglovePublisher:
     def port(self) -> int:
         """The port that is served."""
         return int(self._server.port)
+
+    @property
+    def description(self) -> str:
+        """The address to open in Foxglove."""
+        return f"open the connection ws://{self._host}:{self.port} in Foxglove or Lichtblick"
 
     def publish(self, reading: Reading) -> None:
         """Send what of a reading is subscribed to."""

@@ -150,6 +150,11 @@ class MidiPublisher:
         else:
             self._save()
         self._send(encoder.configuration())
+        self.description = (
+            f"sends notes to the MIDI port {self._port.name}"
+            if self._path is None
+            else f"writes notes to {self._path}"
+        )
 
     def publish(self, reading: Reading) -> None:
         """Send or store the messages of a reading."""

@@ -20,6 +20,10 @@ CLOSE_TIMEOUT_S = 5.0
 class Publisher(Protocol):
     """Sends readings to other programs by one protocol."""
 
+    @property
+    def description(self) -> str:
+        """What is sent, and where it is received, for the person who starts the session."""
+
     def publish(self, reading: Reading) -> None:
         """Send a reading; may block.
 
@@ -35,6 +39,9 @@ class QueuedOutput:
 
     When the queue is full, its oldest reading is dropped. After an error, readings are dropped until the next
     attempt to open the publisher. Dropped readings are counted.
+
+    Attributes:
+        description: address, and what is sent where.
     """
 
     def __init__(
@@ -63,7 +70,9 @@ class QueuedOutput:
         self._queue_length = queue_length
         self._retry_interval_s = retry_interval_s
         self._close_timeout_s = close_timeout_s
-        self._publisher: Publisher | None = open_publisher()
+        opened = open_publisher()
+        self._publisher: Publisher | None = opened
+        self.description = f"{name}: {opened.description}"
         self._changed = threading.Condition()
         self._queue: deque[Reading] = deque()
         self._is_closing = False

@@ -64,6 +64,11 @@ class Ros2Publisher:
         self._epoch_ns: int | None = None
         self._next_diagnostics_s = 0.0
         self._dds.write(self._messages.transform(time.time_ns()))
+        topics = ", ".join(self._messages.topic(topic) for topic in TOPICS)
+        self.description = (
+            f"publishes {topics}, /diagnostics and /tf_static in the ROS domain {round(domain)}; a message "
+            f"on {self._messages.topic('tare')} requests a tare"
+        )
 
     def publish(self, reading: Reading) -> None:
         """Publish what of a reading is read."""

@@ -44,6 +44,7 @@ class OscPublisher:
         if not port:
             raise OutputError(f"{address.text!r} has no port: add one, such as {address.text}:9000")
         host = address.host or "127.0.0.1"
+        self.description = f"sends bundles of OSC to UDP port {port} of {host}"
         try:
             family, kind, _, _, receiver = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
             self._socket = socket.socket(family, kind)

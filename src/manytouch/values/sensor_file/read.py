@@ -1,5 +1,6 @@
 """Read a sensor file."""
 
+import difflib
 from collections.abc import Sequence
 from importlib.resources import files
 from os import PathLike
@@ -43,13 +44,20 @@ def load_sensor(path: str | Path) -> Sensor:
     except FileNotFoundError:
         raise SensorError(
             f"the sensor file {path} does not exist: give the path of an existing .toml file, or the name of "
-            f"one of the known sensors {', '.join(known_sensors())}"
+            f"one of the known sensors {', '.join(known_sensors())}{_alike(path)}"
         ) from None
     try:
         checked = SensorFile.model_validate(table)
     except ValidationError as error:
         raise SensorError(all_mistakes(f"sensor file {path}", error)) from None
     return _sensor(checked)
+
+
+def _alike(path: Path) -> str:
+    """The known sensor whose name is similar to that of a missing file, as the end of a message."""
+    name = path.name.casefold().removesuffix(".toml")
+    close = difflib.get_close_matches(name, known_sensors(), n=1, cutoff=0.6)
+    return f"; did you mean {close[0]}?" if close else ""
 
 
 def _vector(values: Sequence[float]) -> Any:

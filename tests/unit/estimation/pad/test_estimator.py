@@ -139,6 +139,26 @@ def test_a_held_contact_keeps_its_depth(pad_state: PadState) -> None:
     assert np.ptp(depth_mm) < 0.05 * np.mean(depth_mm)
 
 
+@pytest.mark.parametrize("root", [(0.2, 0.0, 3.5), (3.5, 0.0, 0.2), (0.25, 0.3, 0.25), (2.5, 0.0, 2.5)])
+def test_a_fit_ends_at_the_same_contact_from_narrow_and_wide_guesses(
+    pad_state: PadState, root: tuple[float, float, float]
+) -> None:
+    faint = ONE.copy()
+    faint[0, 5:8] *= 0.1
+    measured_px = (pressed_px(pad_state, faint) - pad_state.model.rest_px).ravel()
+    random = np.random.default_rng(3)
+    measured_px += random.normal(0.0, 0.02, measured_px.shape)
+    weight = np.full(len(measured_px), 0.03**-2)
+    guess = faint.copy()
+    guess[0, 2:5] = root
+    near, far = (
+        ESTIMATE.fitter(pad_state.model, each, measured_px, weight, is_sheet_known=True)
+        for each in (faint, guess)
+    )
+    assert far.misfit == pytest.approx(near.misfit, abs=0.3)
+    assert far.force_mm2[0] == pytest.approx(near.force_mm2[0], abs=0.3 * near.force_std_mm2[0])
+
+
 def test_few_markers_are_a_status(pad_state: PadState) -> None:
     position_px = seen_px(pad_sensor())
     position_px[11:] = np.nan

@@ -217,3 +217,12 @@ def test_a_sensor_without_enough_markers_raises():
     )
     with pytest.raises(LayoutError, match="has 3 markers"):
         ESTIMATE.start(replace(SENSOR, layout=few))
+
+
+def test_the_depth_of_a_contact_whose_region_lies_above_its_rest_is_unknown():
+    raised_mm = np.array([[0.0, 0.0, 8.0]])
+    for lift_mm, is_known in ((0.0 * raised_mm, True), (raised_mm, False)):
+        _, contacts = estimate(grid_of(pressed((5.0, 3.0, 1.5, 8.0)) + lift_mm))
+        (contact,) = contacts.touching
+        assert np.isfinite(contact.depth_mm) == np.isfinite(contact.std("depth")) == is_known
+        assert np.hypot(*(contact.centre_mm - (5.0, 3.0))) < 2.0

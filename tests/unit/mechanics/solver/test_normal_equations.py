@@ -11,6 +11,7 @@ from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.linearisation import Linearisation
 from manytouch.mechanics.solver.normal_equations import NormalEquations
+from manytouch.mechanics.solver.posterior import Posterior
 from manytouch.values import Camera
 
 H = 1e-5
@@ -109,9 +110,16 @@ def test_force_rows_are_derivatives_of_forces(dots: MarkerImages, bent_mm: np.nd
     share = np.random.default_rng(8).uniform(size=len(bent_mm)) * free[:, 2]
     change = here.force_change(way)[:, 2]
     assert (here.force_row(share, 2) * way).sum() == pytest.approx(share @ change, rel=1e-9)
-    node = np.flatnonzero(free[:, 2])[[0, 7, -1]]
-    rows = here.force_rows(node, 2)
-    np.testing.assert_allclose((rows * way).sum(axis=(1, 2)), change[node], rtol=1e-9)
+
+
+def test_balance_rows_are_derivatives_of_the_balance(dots: MarkerImages, bent_mm: np.ndarray) -> None:
+    here, free = equations(dots).linearise(bent_mm), dots.shell.patch.is_free
+    way = np.random.default_rng(3).normal(size=bent_mm.shape) * free
+    node, component = np.argwhere(free)[::7].T
+    assert set(component) == {0, 1, 2}
+    change = here.balance_change(way)[node, component]
+    rows = here.balance_rows(node, component)
+    np.testing.assert_allclose((rows * way).sum(axis=(1, 2)), change, rtol=1e-7, atol=1e-9)
 
 
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
@@ -147,7 +155,8 @@ def test_later_calls_change_no_linearisation_and_no_posterior(
     normal = equations(dots, precision)
     here = normal.linearise(bent_mm)
     posterior = normal.solve(here, residual, information, weight)
-    rows = here.force_rows(np.flatnonzero(dots.shell.patch.is_free[:, 2])[:3], 2)
+    node = np.flatnonzero(dots.shell.patch.is_free[:, 2])[:3]
+    rows = here.balance_rows(node, np.full(3, 2))
     before = (
         posterior.chord_step(residual, information, here.balance),
         posterior.covariances(rows[None])[0],
@@ -155,7 +164,7 @@ def test_later_calls_change_no_linearisation_and_no_posterior(
     )
     other = normal.linearise(0.5 * bent_mm)
     normal.solve(other, residual + 1.0, 2.0 * information, 0.5 * weight)
-    again = here.force_rows(np.flatnonzero(dots.shell.patch.is_free[:, 2])[:3], 2)
+    again = here.balance_rows(np.flatnonzero(dots.shell.patch.is_free[:, 2])[:3], np.full(3, 2))
     after = (
         posterior.chord_step(residual, information, here.balance),
         posterior.covariances(again[None])[0],
@@ -235,3 +244,81 @@ def test_a_tilt_needs_no_forces_within_a_soft_boundary(camera: Camera) -> None:
     np.testing.assert_allclose(depth, -dots.displacement_mm(tilt)[:, 2], atol=0.05)
     inner = ~replace(patch).is_rim
     assert np.abs(shell.forces(found)[inner, 2]).max() < 2e-3
+
+
+def test_reweighting_gives_the_posterior_of_the_new_weights(dots: MarkerImages, bent_mm: np.ndarray) -> None:
+    residual, information, weight = problem(dots)
+    normal, free = equations(dots), dots.shell.patch.is_free
+    here = normal.linearise(bent_mm)
+    full = normal.solve(here, residual, information, weight)
+    asked = 1.3 * weight
+    chosen = tuple(np.argwhere(free)[3::11].T)
+    asked[chosen] = weight[chosen] * np.where(np.arange(len(chosen[0])) % 2, 30.0, 0.1)
+    mixed = weight.copy()
+    mixed[chosen] = asked[chosen]
+
+    def reweighted(before: Posterior, weights: np.ndarray, most: int) -> Posterior | None:
+        return before.reweighted(
+            weights,
+            here.force,
+            residual_px=residual,
+            information_per_px2=information,
+            balance=here.balance,
+            min_ratio=2.0,
+            max_kept_ratio=4.0,
+            max_rows=most,
+        )
+
+    assert reweighted(full, asked, len(chosen[0]) - 1) is None
+    found = reweighted(full, asked, len(chosen[0]))
+    assert found is not None
+    assert found.reweightings == 1
+    again = reweighted(found, asked, len(chosen[0]))
+    assert again is not None
+    assert again.reweightings == 2
+    expected = normal.solve(here, residual, information, mixed)
+    rows = np.random.default_rng(6).normal(size=(1, 20, *bent_mm.shape))
+    node = np.flatnonzero(free[:, 2])[::5]
+    pull = np.random.default_rng(7).normal(size=len(node))
+    for each in (found, again):
+        np.testing.assert_array_equal(each.weight, mixed)
+        size = np.abs(expected.change_mm).max()
+        np.testing.assert_allclose(each.change_mm, expected.change_mm, atol=1e-7 * size)
+        for part in (rows, rows[:, :3]):  # by LAPACK and by `substitute`
+            ours, theirs = each.covariances(part), expected.covariances(part)
+            np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-7 * theirs.max())
+        ours, theirs = each.force_covariance(node), expected.force_covariance(node)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-7 * theirs.max())
+        ours, theirs = each.change_by_forces(node, pull), expected.change_by_forces(node, pull)
+        np.testing.assert_allclose(ours, theirs, rtol=1e-6, atol=1e-6 * np.abs(theirs).max())
+        samples = each.sample_changes(np.eye(bent_mm.size))
+        values = np.einsum("pna,kna->kp", samples, rows[0])
+        np.testing.assert_allclose(
+            values @ values.T, expected.covariances(rows)[0], rtol=1e-6, atol=1e-7 * values.max() ** 2
+        )
+    back = reweighted(again, weight, 1)
+    assert back is not None
+    np.testing.assert_array_equal(back.weight, weight)
+    np.testing.assert_allclose(back.change_mm, full.change_mm, atol=1e-12)
+
+
+def test_a_weight_that_nearly_vanishes_is_not_reweighted(dots: MarkerImages, bent_mm: np.ndarray) -> None:
+    residual, information, weight = problem(dots)
+    normal = equations(dots)
+    here, node = normal.linearise(bent_mm), int(np.flatnonzero(dots.shell.patch.is_free[:, 2])[20])
+    weight[node, 2] = 1e9
+    full = normal.solve(here, residual, information, weight)
+    for least, is_possible in ((1e8, True), (1.0, False)):
+        weight = weight.copy()
+        weight[node, 2] = least
+        found = full.reweighted(
+            weight,
+            here.force,
+            residual_px=residual,
+            information_per_px2=information,
+            balance=here.balance,
+            min_ratio=2.0,
+            max_kept_ratio=4.0,
+            max_rows=3,
+        )
+        assert (found is not None) == is_possible

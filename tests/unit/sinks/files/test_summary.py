@@ -1,10 +1,12 @@
 """Content of summary.json, and the noise of markers at rest."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from manytouch.cli.terminal.console import describe_results
 from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
@@ -13,7 +15,7 @@ from manytouch.sinks.files.rest_noise import RestNoise
 from manytouch.sinks.files.result_hash import result_hash
 from manytouch.sinks.files.sensor_description import describe_sensor, pitch_px
 from manytouch.sinks.files.summary import Summary, parameters
-from manytouch.values import Phase, Roi, Status
+from manytouch.values import Phase, Roi, SheetSpline, Status
 
 
 def noise_of(readings, markers=24):
@@ -59,12 +61,23 @@ def test_frames_that_failed_are_no_rest(reading_of):
     assert np.nanmax(noise_of([reading_of(0), *failed, reading_of(5), reading_of(6), reading_of(7)])) == 0.0
 
 
+FLAT = SheetSpline(
+    size_mm=(120.0, 80.0),
+    centre_mm=(0.0, 0.0),
+    elements=(1, 1),
+    is_clamped=True,
+    thickness_mm=3.0,
+    poisson=0.45,
+    coefficient_mm=np.zeros((16, 3)),
+    force_over_E_mm2=np.zeros((16, 3)),
+    young_MPa=None,
+)
 HASHES = {"input": "1", "sensor": "2", "parameters": "3", "version": "4"}
 
 
-def summary_of(sensor, frame_count=None):
+def summary_of(sensor, frame_count=None, method="paper"):
     recording = {"source": "x.mp4", "frame_count": frame_count}
-    return Summary(sensor=sensor, pipeline=pipeline_of(), method="paper", recording=recording)
+    return Summary(sensor=sensor, pipeline=pipeline_of(), method=method, recording=recording)
 
 
 def pipeline_of():
@@ -84,6 +97,7 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
     assert summary["counts"] == {
         "frames": 6,
         "status": {"decode_error": 1, "ok": 5},
+        "methods": {"paper": 5},
         "frames_with_contact": 1,
         "contacts": 2,
         "contacts_at_once": 2,
@@ -103,6 +117,22 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
     assert len(summary["noise_px"]["per_marker"]) == 24
     assert summary["milliseconds"] == {"p50": 4.5, "p95": 6.75, "p99": 6.95}
     assert summary["parameters"]["detect"]["roi_px"] == [1, 2, 30, 40]
+
+
+def test_frames_count_for_the_method_that_estimated_them(sensor, reading_of):
+    summary = summary_of(sensor, method="mechanics")
+    for index, has_spline in enumerate((True, False, False, True, False)):
+        reading = reading_of(index)
+        spline = FLAT if has_spline else None
+        summary.write(replace(reading, surface=replace(reading.surface, spline=spline)))
+    summary.write(reading_of(5, status=Status.BLURRED))
+    assert summary.counts["methods"] == {"mechanics": 2, "perimeter": 3}
+    assert any("3 of 6 frames do not show the clamped sheet" in line for line in summary.warnings())
+    assert describe_results(summary)[0] == "6 frames, 5 of them ok: 2 by mechanics, 3 by perimeter"
+    only = summary_of(sensor, method="perimeter")
+    only.write(reading_of(0))
+    assert only.counts["methods"] == {"perimeter": 1}
+    assert not only.warnings()
 
 
 def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, reading_of):

@@ -26,12 +26,18 @@ def test_small_pictures_are_enlarged_and_sizes_are_even_and_constant(sensor, rea
     annotate = Annotator(sensor)
     states = (Status.OK, Status.DECODE_ERROR, Status.OK)
     shapes = {annotate(reading_of(i, status=s)).shape for i, s in enumerate(states)}
-    assert annotate.zoom == 3
+    assert annotate.zoom == 2
     assert len(shapes) == 1
     height, width, _ = shapes.pop()
-    assert width == 960
-    assert height > 720
+    assert width == 640
+    assert height > 480
     assert height % 2 == width % 2 == 0
+
+
+@pytest.mark.parametrize(("long_side_px", "zoom"), [(100, 7), (320, 2), (640, 2), (800, 1), (2560, 1)])
+def test_small_pictures_become_as_large_as_text_needs_and_not_larger(sensor, long_side_px, zoom):
+    camera = dataclasses.replace(sensor.camera, width_px=long_side_px, height_px=long_side_px * 3 // 4)
+    assert Annotator(dataclasses.replace(sensor, camera=camera)).zoom == zoom
 
 
 def test_a_contact_is_drawn_where_it_shows(sensor, reading_of, contact_of):
@@ -39,9 +45,9 @@ def test_a_contact_is_drawn_where_it_shows(sensor, reading_of, contact_of):
     legend = count(annotate(reading_of(0)), VERMILION)
     picture = annotate(reading_of(0, (contact_of(),)))
     assert count(picture, VERMILION) > legend
-    bar = (picture.shape[0] - 720) // 2
-    x, y = place_of(picture[bar : bar + 720], VERMILION)
-    assert (x, y) == pytest.approx((180 * 3 - 0.5, 110 * 3 - 0.5), abs=2)
+    bar = (picture.shape[0] - 480) // 2
+    x, y = place_of(picture[bar : bar + 480], VERMILION)
+    assert (x, y) == pytest.approx((180 * 2 - 0.5, 110 * 2 - 0.5), abs=2)
 
 
 def test_the_outline_of_a_contact_is_drawn_in_place_of_a_circle(sensor, reading_of, contact_of):
@@ -51,12 +57,12 @@ def test_the_outline_of_a_contact_is_drawn_in_place_of_a_circle(sensor, reading_
         outline=(OutlineRing(point_mm=square_mm), OutlineRing(point_mm=hole_mm, is_hole=True)), area_mm2=14.5
     )
     picture = Annotator(sensor)(reading_of(0, (contact,)))
-    bar = (picture.shape[0] - 720) // 2
-    image = picture[bar : bar + 720].astype(np.int64)
+    bar = (picture.shape[0] - 480) // 2
+    image = picture[bar : bar + 480].astype(np.int64)
     drawn = image[..., 2] - image[..., 0] > 60  # a thin line is blended with the ground
 
     def is_line_at(x_mm, y_mm):
-        x, y = (np.array([x_mm, y_mm]) * 8.0 + [160.0, 120.0]) * 3
+        x, y = (np.array([x_mm, y_mm]) * 8.0 + [160.0, 120.0]) * 2
         return drawn[round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].any()
 
     assert is_line_at(1.5, -2.0)

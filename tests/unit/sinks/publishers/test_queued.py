@@ -18,6 +18,8 @@ class Slow:
         self.indices: list[int] = []
         self.is_closed = False
 
+    description = "readings of a test"
+
     def publish(self, reading: Reading) -> None:
         self.may_go.acquire()
         self.indices.append(reading.frame.index)
@@ -34,6 +36,8 @@ class Failing:
     def __init__(self) -> None:
         type(self).opened += 1
         self.sent = 0
+
+    description = "readings of a test"
 
     def publish(self, reading: Reading) -> None:
         self.sent += 1
@@ -82,6 +86,8 @@ class FailingOnce:
         self.may_fail = threading.Event()
         self.has_failed = False
         self.indices: list[int] = []
+
+    description = "readings of a test"
 
     def publish(self, reading: Reading) -> None:
         if not self.has_failed:

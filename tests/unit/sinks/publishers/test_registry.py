@@ -1,5 +1,7 @@
 """Addresses of outputs: what is accepted, and one sentence for what is not."""
 
+import re
+
 import pytest
 
 from manytouch.errors import ManytouchError
@@ -51,3 +53,19 @@ def test_every_example_is_an_address_of_its_scheme() -> None:
     for name, scheme in SCHEMES.items():
         assert parse_address(scheme.example).scheme == name
         check_addresses([scheme.example])
+
+
+@pytest.mark.parametrize(
+    ("url", "words"),
+    [
+        ("osc://127.0.0.1:9000", "sends bundles of OSC to UDP port 9000 of 127.0.0.1"),
+        ("tuio://", "sends bundles of OSC to UDP port 3333 of 127.0.0.1"),
+        ("midi:///{folder}/take.mid", "writes notes to .*take.mid$"),
+    ],
+)
+def test_an_output_describes_where_it_sends(url: str, words: str, session, tmp_path) -> None:
+    url = url.format(folder=tmp_path)
+    (output,) = open_outputs([url], session)
+    output.close()
+    assert output.description.startswith(f"{url}: ")
+    assert re.search(words, output.description)

@@ -8,6 +8,7 @@ import pytest
 from manytouch.errors import ManytouchError
 from manytouch.sinks.publishers.dds import DdsParticipant, dds_type
 from manytouch.sinks.publishers.registry import open_outputs
+from manytouch.sinks.publishers.ros2 import TOPICS
 from manytouch.sinks.ros2.messages import CONTACT_FIELDS, RosMessage, RosMessages, typestore
 from manytouch.values import Phase, Tare
 from waiting import wait_until
@@ -32,6 +33,15 @@ def pressed(reading_of, contact_of):
 
 def samples_of(reader) -> list:
     return reader.take(N=10)
+
+
+def test_the_description_names_every_topic_and_the_domain(session) -> None:
+    (output,) = open_outputs([f"ros2://skin?domain={DOMAIN}"], session)
+    output.close()
+    for topic in TOPICS:
+        assert f"/skin/{topic}" in output.description
+    assert f"in the ROS domain {DOMAIN};" in output.description
+    assert "/skin/tare" in output.description
 
 
 def test_a_reader_receives_the_wrench_and_the_contacts(session, pressed) -> None:

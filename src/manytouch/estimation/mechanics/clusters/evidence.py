@@ -356,21 +356,15 @@ class ForcePosterior:
         """
         node = np.flatnonzero(np.isfinite(press_mm2))
         posterior = self.fit.posterior
-
-        white = posterior.whitened_forces(node)
-
-        def inverse() -> Float64[np.ndarray, "n n"]:
-            return np.asarray(np.linalg.inv(white @ white.T))
-
         off_mm2 = -press_mm2[node] - self.fit.shape.force_mm2[node, 2]
-        pull = posterior.workspace.kept("inverse covariance", node, inverse) @ off_mm2
-        change = posterior.factor.colour((pull @ white)[None])
-        return np.asarray(change[0].reshape(-1, 3) * self.model.patch.is_free)
+        inverse = posterior.workspace.kept(
+            "inverse covariance", node, lambda: np.linalg.inv(posterior.force_covariance(node))
+        )
+        return posterior.change_by_forces(node, inverse @ off_mm2)
 
 
 def _combinations(model: InversionModel, posterior: Posterior, node: Int64[np.ndarray, " n"]) -> Combinations:
-    white = posterior.whitened_forces(node)
-    inverse = np.linalg.inv(white @ white.T)
+    inverse = np.linalg.inv(posterior.force_covariance(node))
     likelihood = inverse - np.diag(posterior.weight[node, 2])
     size, axes = np.linalg.eigh(0.5 * (likelihood + likelihood.T))
     is_used = size > _RANK * size[-1]

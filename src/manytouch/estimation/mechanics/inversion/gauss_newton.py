@@ -14,12 +14,17 @@ share of its mean over node j and its neighbours, whichever is larger: neighbour
 as one, so that a contact is not attracted by the nearest node (Z. Zhang and B. D. Rao 2013,
 doi:10.1109/TSP.2013.2241055).
 
+Three kinds of steps differ in what they compute again: a full step everything; a reweighted step the weights
+of the forces that changed, with the factor of the normal matrix from a change of low rank (`reweighting`); a
+chord step nothing but the residuals. Where a contact moves, each frame needs new weights, but not new
+derivatives (ADR 79).
+
 Priors enter through `weights`; a prior with another mean also needs a term in the cost, in the normal
 equations and in steps
 with an earlier posterior.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -64,10 +69,11 @@ class Fit:
 
     Attributes:
         shape: the last accepted shape; the previous one if the fit failed.
-        posterior: of the last full step, for covariances of this frame and for the first step of the next.
+        posterior: of the last full or reweighted step, for covariances of this frame and for the first step
+            of the next.
         residual_px: (m, 2) predicted minus measured displacements of the marker images.
         chi2: mean square of the residuals over their deviation, of the markers with weight.
-        steps: number of full steps; 0 if a step with the posterior of an earlier frame was sufficient.
+        steps: number of full steps; 0 if steps with the derivatives of an earlier frame were sufficient.
         status: `OK` or `NOT_CONVERGED`.
     """
 
@@ -102,6 +108,10 @@ class GaussNewton:
         min_gain: see `poor_chi2`.
         max_steps: full steps of a frame whose chi2 is not poor.
         max_steps_if_poor: full steps otherwise.
+        max_reweightings: reweighted steps with the derivatives of one full step, before the next one.
+        min_weight_ratio: weights that changed by a smaller factor since the full step stay what they were.
+        max_reweighted: number of weights that a reweighted step changes, those that changed most.
+        max_kept_weight_ratio: a full step is taken instead if another weight changed by a larger factor.
         max_change_pitch: largest change of a coefficient in a step, in pitches.
         max_halvings: of a step that increases the cost, before the iteration ends.
     """
@@ -119,6 +129,10 @@ class GaussNewton:
     min_gain: float = 0.3
     max_steps: int = 2
     max_steps_if_poor: int = 6
+    max_reweightings: int = 3
+    min_weight_ratio: float = 1.5
+    max_reweighted: int = 64
+    max_kept_weight_ratio: float = 2.5
     max_change_pitch: float = 1.5
     max_halvings: int = 3
 
@@ -152,22 +166,19 @@ class GaussNewton:
             if there is not None:
                 here = there
                 share = self.convergence_share if posterior_frames < self.max_posterior_frames else 0.0
-                before_mm2 = posterior.linearisation.force
+                before_mm2 = posterior.weighed_mm2
                 if here.chi2 <= self.poor_chi2 and self._is_converged(
                     model, before_mm2, here.shape.force_mm2, share
                 ):
-                    return Fit(
-                        shape=here.shape,
-                        posterior=posterior,
-                        residual_px=here.residual_px,
-                        chi2=here.chi2,
-                        steps=0,
-                        status=Status.OK,
-                    )
+                    return _fit(here, posterior, steps=0)
+                if here.chi2 <= self.poor_chi2 and posterior.reweightings < self.max_reweightings:
+                    reweighted = self._reweighted_step(model, posterior, here, noise)
+                    if reweighted is not None:
+                        return _fit(*reweighted, steps=0)
         return self._iterate(model, start, here, noise)
 
     def _iterate(self, model: InversionModel, start: SheetShape, here: "_Iterate", noise: float) -> Fit:
-        """Full steps until the forces converge."""
+        """Full steps until the forces converge; a reweighted step replaces the second one where it can."""
         steps, status = 0, Status.OK
         while True:
             weight = self.weights(model, here.shape.force_mm2, noise)
@@ -184,23 +195,39 @@ class GaussNewton:
             if here.chi2 > self.poor_chi2 and gain > self.min_gain * here.chi2:
                 if steps >= self.max_steps_if_poor:
                     break
-            elif steps >= self.max_steps or self._is_converged(
+                continue
+            if steps >= self.max_steps or self._is_converged(
                 model, before_mm2, here.shape.force_mm2, self.convergence_share
             ):
+                break
+            reweighted = self._reweighted_step(model, posterior, here, noise)
+            if reweighted is not None:
+                here, posterior = reweighted
                 break
         shape = here.shape
         if here.chi2 <= self.poor_chi2:
             status = Status.OK
         elif here.chi2 > self.failed_chi2:
             shape, status = start, Status.NOT_CONVERGED
-        return Fit(
-            shape=shape,
-            posterior=posterior,
+        return replace(_fit(here, posterior, steps=steps, status=status), shape=shape)
+
+    def _reweighted_step(
+        self, model: InversionModel, posterior: Posterior, here: "_Iterate", noise: float
+    ) -> "tuple[_Iterate, Posterior] | None":
+        """A step with new weights and the derivatives of an earlier full step; None if that is not enough."""
+        weighed_mm2 = here.shape.force_mm2
+        new = posterior.reweighted(
+            self.weights(model, weighed_mm2, noise),
+            weighed_mm2,
             residual_px=here.residual_px,
-            chi2=here.chi2,
-            steps=steps,
-            status=status,
+            information_per_px2=here.information,
+            balance=here.balance_mm2,
+            min_ratio=self.min_weight_ratio,
+            max_kept_ratio=self.max_kept_weight_ratio,
+            max_rows=self.max_reweighted,
         )
+        there = None if new is None else self._search_line(model, here, new.change_mm, new.weight)
+        return None if new is None or there is None else (there, new)
 
     def _search_line(
         self, model: InversionModel, here: "_Iterate", change_mm: Nodal, weight: Nodal
@@ -288,6 +315,17 @@ class _Iterate:
 
     def cost(self, weight: Nodal) -> float:
         return self.misfit + float((weight * self.balance_mm2**2).sum())
+
+
+def _fit(here: _Iterate, posterior: Posterior, *, steps: int, status: Status = Status.OK) -> Fit:
+    return Fit(
+        shape=here.shape,
+        posterior=posterior,
+        residual_px=here.residual_px,
+        chi2=here.chi2,
+        steps=steps,
+        status=status,
+    )
 
 
 def balance(model: InversionModel, coefficient_mm: Nodal, force_mm2: Nodal) -> Nodal:

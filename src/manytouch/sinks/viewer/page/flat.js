@@ -5,7 +5,7 @@ import { fixed, force, isKnown, length, niceStep, units, withStd } from "./numbe
 import { freePlace } from "./label_places.js";
 import { sized } from "./plot.js";
 
-const LEFT = 92, RIGHT = 40, TOP = 52, BOTTOM = 84;
+const LEFT = 104, RIGHT = 40, TOP = 52, BOTTOM = 84;
 
 /** Takes the place of `SurfacePane`: the same methods, on a canvas in two dimensions. */
 export class FlatPane {

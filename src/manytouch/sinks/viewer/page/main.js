@@ -78,7 +78,8 @@ function setHealth(health) {
   document.body.classList.toggle("recording", health.recording !== null);
   find("record-label").textContent = health.recording ? "Stop recording" : "Record";
   find("record").title = health.recording ? `Recording ${health.recording} (R)` : "Start a recording (R)";
-  find("run-label").textContent = health.is_running ? "Pause" : "Resume";
+  const resume = health.frame_count === null ? "Resume" : "Play";
+  find("run-label").textContent = health.is_running ? "Pause" : resume;
   document.querySelector("#run .glyph").className = `glyph ${health.is_running ? "pause" : "play"}`;
   find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
   if (health.can_press) tour.begin();

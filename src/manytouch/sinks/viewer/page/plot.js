@@ -26,7 +26,7 @@ export function plot(canvas, { lines, xs, ys, title, tickLabel, empty, marks = [
   if (width < 40 || height < 40) return;
   context.font = "600 11.5px system-ui, sans-serif";
   const named = lines.filter((line) => line.label).map((line) => context.measureText(line.label).width);
-  const left = 46, right = named.length ? Math.max(...named) + 10 : 14, top = 24, bottom = 22;
+  const left = 46, right = named.length ? Math.max(...named) + 16 : 14, top = 24, bottom = 22;
   const textColour = styled("--text"), quiet = styled("--quiet"), rule = styled("--line");
   const toX = (x) => left + ((x - xs[0]) / (xs[1] - xs[0])) * (width - left - right);
   const toY = (y) => height - bottom - ((y - ys[0]) / (ys[1] - ys[0])) * (height - top - bottom);
@@ -78,7 +78,10 @@ function writeEnds(context, ends, top, bottom) {
   for (let i = 0, last = top - apart; i < ends.length; i++) last = ends[i].y = Math.max(ends[i].y, last + apart);
   for (let i = ends.length - 1, next = bottom + apart; i >= 0; i--) next = ends[i].y = Math.min(ends[i].y, next - apart);
   context.font = "600 11.5px system-ui, sans-serif"; context.textAlign = "left"; context.textBaseline = "middle";
-  for (const { x, y, label, colour } of ends) { context.fillStyle = colour; context.fillText(label, x + 4, y); }
+  for (const { x, y, label, colour } of ends) {
+    context.fillStyle = colour; context.fillRect(x + 4, y - 5, 3, 9);
+    context.fillStyle = styled("--text"); context.fillText(label, x + 10, y); // yellow text is not legible on white
+  }
 }
 
 function drawLine(context, { x, y, count, start = 0, colour, dash = [], label, std }, toX, toY) {
