@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Int64
 
-from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PairFit, PatchFit
+from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PatchFit
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 
@@ -22,10 +22,10 @@ _TWO_PARAMETERS = 7
 _START_MM = 0.1
 
 
-def f_of_pair(evidence: Evidence, pair: PairFit, bar: PatchFit, *, min_mean_misfit: float = 0.1) -> float:
+def f_of_two(evidence: Evidence, two_misfit: float, bar: PatchFit, *, min_mean_misfit: float = 0.1) -> float:
     """F of two patches against a bar: the difference of the misfits over that per degree of freedom."""
-    mean_misfit = pair.misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1)
-    return (bar.misfit - pair.misfit) / max(mean_misfit, min_mean_misfit)
+    mean_misfit = two_misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1)
+    return (bar.misfit - two_misfit) / max(mean_misfit, min_mean_misfit)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -39,6 +39,7 @@ class BarRule:
         wide_gap: least radius of wide patches, two deviations of their pressure, over their distance,
         wide_thickness: and over the thickness, below which it is not visible.
         max_size_ratio: of wide patches, of their second moments.
+        unlike_size_ratio: from this ratio on two bodies are not described by two patches of one size.
         max_nodes: largest number of nodes of an evidence.
     """
 
@@ -48,6 +49,7 @@ class BarRule:
     wide_gap: float = 0.25
     wide_thickness: float = 0.8
     max_size_ratio: float = 4.0
+    unlike_size_ratio: float = 30.0
     max_nodes: int = 96
 
     def __call__(
@@ -80,7 +82,12 @@ class BarRule:
         least_mm = max(self.wide_gap * gap_mm, self.wide_thickness * model.thickness_mm)
         if is_alike and 2.0 * pair.deviation_mm > least_mm:
             limit = self.wide
-        return f_of_pair(evidence, pair, evidence.fit_bar(pair)) <= limit * self.min_f
+        two_misfit = pair.misfit
+        if round_mm2.max() > self.unlike_size_ratio * round_mm2.min():
+            # the two ellipses that were fitted one by one
+            apart = evidence.misfit(np.nan_to_num(clusters.fitted_mm2[evidence.combinations.node]))
+            two_misfit = min(two_misfit, apart)
+        return f_of_two(evidence, two_misfit, evidence.fit_bar(pair)) <= limit * self.min_f
 
     def _nodes(
         self, model: InversionModel, clusters: Clusters, own: Int64[np.ndarray, "2"]

@@ -268,6 +268,11 @@ class Evidence:
         changes = inverse @ (self.combinations.white @ slope).T @ by_columns
         return np.asarray(changes @ changes.T)
 
+    def misfit(self, nodal_mm2: Float64[np.ndarray, " n"]) -> float:
+        """Of forces on the nodes, over E, positive in compression."""
+        off = self.aim - self.combinations.white @ nodal_mm2
+        return float(off @ off)
+
     def _grid(self) -> NodeGrid:
         shares = (self.patch.rim_share(axis) for axis in range(2))
         own = self.combinations

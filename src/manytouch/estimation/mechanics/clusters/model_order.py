@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.estimation.mechanics.clusters.bars import MIN_F, f_of_pair
+from manytouch.estimation.mechanics.clusters.bars import MIN_F, f_of_two
 from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice, smooth
@@ -170,8 +170,8 @@ class ModelOrder:
         if one.misfit - pair.misfit <= limit * self.min_f * noise * mean_misfit:
             return one
         bar = evidence.fit_bar(pair)
-        f_of_two = f_of_pair(evidence, pair, bar, min_mean_misfit=self.min_mean_misfit)
-        if f_of_two <= limit * self.min_f_bar and bar.misfit < one.misfit:
+        f = f_of_two(evidence, pair.misfit, bar, min_mean_misfit=self.min_mean_misfit)
+        if f <= limit * self.min_f_bar and bar.misfit < one.misfit:
             return bar
         share = pair.force_mm2 / pair.force_mm2.sum()
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))

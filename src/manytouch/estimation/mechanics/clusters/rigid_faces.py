@@ -35,7 +35,9 @@ class RigidFaces:
     """Parameters of the joining.
 
     Attributes:
-        max_distance_thickness: clusters that are farther apart are not joined, in thicknesses.
+        max_plane_thickness: neighbours among clusters on a plane or in a row are at most so far apart, in
+            thicknesses.
+        max_pair_thickness: the same of two clusters.
         resolved_thickness: at this distance two contacts are not seen as one when they begin, in thicknesses;
             on nearer ones only the markers decide, where they can.
         min_pair_elements: other clusters that are nearer to each other are joined only if they continue one
@@ -52,7 +54,8 @@ class RigidFaces:
         bars: decides by the markers whether a pair is one bar.
     """
 
-    max_distance_thickness: float = 20.0
+    max_plane_thickness: float = 12.0
+    max_pair_thickness: float = 20.0
     resolved_thickness: float = 4.0
     min_pair_elements: float = 4.5
     same_centre_pitch: float = 0.4
@@ -113,11 +116,12 @@ class RigidFaces:
         line_mm = found_mm[:, :1] + _PLACES * (found_mm[:, -1:] - found_mm[:, :1])
         rise_mm = (line_mm - found_mm).max(axis=1)
         deepest_mm = np.maximum(found_mm[:, 0], found_mm[:, -1])
-        near_mm = self.max_distance_thickness * model.thickness_mm
         away_mm = np.linalg.norm(centre_mm[second] - centre_mm[first], axis=1)
         pairs = np.zeros((2, len(centre_mm), len(centre_mm)), dtype=np.bool_)
-        for found, share in zip(pairs, (self.rise_share, self.pair_rise_share), strict=True):
-            is_flat = (rise_mm <= self.rise_mm + share * deepest_mm) & (away_mm <= near_mm)
+        limits = (self.rise_share, self.max_plane_thickness), (self.pair_rise_share, self.max_pair_thickness)
+        for found, (share, thicknesses) in zip(pairs, limits, strict=True):
+            is_flat = rise_mm <= self.rise_mm + share * deepest_mm
+            is_flat &= away_mm <= thicknesses * model.thickness_mm
             found[first, second] = found[second, first] = is_flat
         depth_mm = np.empty(len(centre_mm))
         depth_mm[first], depth_mm[second] = found_mm[:, 0], found_mm[:, -1]
@@ -166,7 +170,7 @@ class RigidFaces:
     ) -> bool:
         """Are two clusters, or three, about as deep and as strong, and clearly apart or of one contact?"""
         depth, force = depth_mm[own], clusters.normal_mm2[own]
-        extent_mm = float(np.ptp(clusters.centre_mm[own], axis=0).max())
+        extent_mm = float(np.linalg.norm(np.ptp(clusters.centre_mm[own], axis=0)))
         away_mm = np.linalg.norm(previous_mm - force @ clusters.centre_mm[own] / force.sum(), axis=1)
         is_one = bool((away_mm < self.same_centre_pitch * model.pitch_mm).any())
         return bool(
