@@ -20,10 +20,16 @@ MIN_F = 8.0
 sheet of 3 mm, 6 to 16 mm apart, have 9 and more; bars and blocks of the varied cases -50 to 14 (ADR 84)."""
 _TWO_PARAMETERS = 7
 _START_MM = 0.1
+_LEAST_INSIDE = 0.8  # of the force of a bar
 
 
 def f_of_two(evidence: Evidence, two_misfit: float, bar: PatchFit, *, min_mean_misfit: float = 0.1) -> float:
-    """F of two patches against a bar: the difference of the misfits over that per degree of freedom."""
+    """F of two patches against a bar: the difference of the misfits over that per degree of freedom.
+
+    It is infinite for a bar with a part beyond the nodes of the evidence.
+    """
+    if bar.nodal_mm2.sum() < _LEAST_INSIDE * bar.force_mm2:
+        return np.inf
     mean_misfit = two_misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1)
     return (bar.misfit - two_misfit) / max(mean_misfit, min_mean_misfit)
 

@@ -1,0 +1,87 @@
+"""Bars, which press with their ends, are one contact, two balls are two, and shear moves no centre."""
+
+import numpy as np
+import pytest
+
+from manytouch.estimation.mechanics.clusters.bars import MIN_F, f_of_two
+from manytouch.estimation.mechanics.clusters.patch_kernels import ALONG, NodeGrid, add_bar, bar_profile
+from pressed_sheet import THICKNESS_MM, contacts_of, disc_mm, pressed
+from spline_loads import SHAPE, SHEAR_MM2, knots, nodal_press
+from synthetic_evidence import evidence_of
+
+BAR = np.array([0.8, 5.1, -3.2, 6.0, 2.5, 1.4, 0.3, 0.9])
+
+
+def test_the_nodal_forces_of_a_bar() -> None:
+    nodes = np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE)
+    nodal = np.zeros(nodes.size)
+    add_bar(NodeGrid(knots(0), knots(1), nodes, SHEAR_MM2, 0.0, 0.0), BAR, nodal)
+    across, share_across = np.polynomial.legendre.leggauss(3)
+    side = BAR[5] * np.array([-BAR[4], BAR[3]]) / np.hypot(BAR[3], BAR[4])
+    place = BAR[1:3] + ALONG[:, None, None] * BAR[3:5] + across[:, None] * side
+    each = BAR[0] * np.outer(bar_profile(BAR), 0.5 * share_across)
+    wanted = nodal_press(place.reshape(-1, 2), each.ravel(), SHEAR_MM2)
+    np.testing.assert_allclose(nodal, wanted.ravel(), atol=1e-12)
+    assert nodal.sum() == pytest.approx(BAR[0])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_bar_is_found_again(seed: int) -> None:
+    true = [1.0, 3.0, -2.0, 9.0, 4.0, 2.0, -0.4, 1.2]
+    evidence = evidence_of(true, seed)
+    pair = evidence.fit_two(np.array([0.5, 0.5]), np.array([[-3.0, -5.0], [9.0, 1.0]]), 2.0)
+    bar = evidence.fit_bar(pair)
+    mean = bar_profile(np.array(true)) @ ALONG
+    error = [bar.force_mm2 - 1.0, *(bar.centre_mm - [3.0 + 9.0 * mean, -2.0 + 4.0 * mean])]
+    assert (np.abs(error) < 3.5 * np.sqrt(np.diag(bar.covariance)[:3])).all()
+    np.testing.assert_allclose(bar.corner_mm.mean(axis=0), [3.0, -2.0], atol=0.3)
+    assert np.linalg.norm(bar.corner_mm[0] - bar.corner_mm[3]) == pytest.approx(
+        2 * np.hypot(9.0, 4.0), rel=0.03
+    )
+    assert bar.nodal_mm2.sum() == pytest.approx(bar.force_mm2, rel=1e-6)
+    assert f_of_two(evidence, pair.misfit, bar) < 0.0
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_two_points_are_no_bar(seed: int) -> None:
+    evidence = evidence_of([0.5, -3.0, -5.0, 0.5, 9.0, 1.0, 0.4], seed)
+    pair = evidence.fit_two(np.array([0.5, 0.5]), np.array([[-3.0, -5.0], [9.0, 1.0]]), 0.5)
+    assert f_of_two(evidence, pair.misfit, evidence.fit_bar(pair)) > 10.0 * MIN_F
+
+
+def bar_mm() -> np.ndarray:
+    """Places of even weight on 12 x 3 mm: three times as dense at both ends as in the middle."""
+    share = (np.arange(41) + 0.5) / 41
+    dense = np.interp(
+        share, np.cumsum(1.0 + 2.0 * np.linspace(-1, 1, 41) ** 2) / 68.35, np.linspace(-6, 6, 41)
+    )
+    return np.stack(np.meshgrid(dense, [-1.0, 0.0, 1.0]), axis=-1).reshape(-1, 2)
+
+
+def balls_mm(gap_mm: float) -> np.ndarray:
+    return np.concatenate([disc_mm(0.5 * side * gap_mm, 0.0, 1.0) for side in (-1, 1)])
+
+
+@pytest.mark.parametrize(("place_mm", "count"), [(bar_mm(), 1), (balls_mm(6.0), 2), (balls_mm(12.0), 2)])
+def test_the_number_of_contacts(place_mm: np.ndarray, count: int) -> None:
+    grids = [pressed(place_mm, force_mm2, seed) for seed, force_mm2 in enumerate([0.0] * 3 + [0.08] * 4)]
+    contacts = contacts_of(grids)
+    assert len(contacts.touching) == count
+    total_mm2 = sum(contact.normal_force_over_E_mm2 for contact in contacts.touching)
+    assert total_mm2 == pytest.approx(0.08, rel=0.06)
+    if count == 1:
+        (contact,) = contacts.touching
+        np.testing.assert_allclose(contact.centre_mm, 0.0, atol=0.4)
+        assert 5.0 < contact.half_major_mm < 9.0
+        assert abs(contact.orientation_rad) < 0.1
+
+
+def test_shear_and_the_centre_of_a_contact_with_friction() -> None:
+    """A shear on the face of the contact acts on the middle surface with the couple of half a thickness."""
+    ratio = 0.6
+    place_mm = disc_mm(4.0 + 0.5 * THICKNESS_MM * ratio, -3.0, 1.5)
+    grids = [pressed(place_mm, 0.05 * min(seed, 1), seed, 0.05 * ratio) for seed in (0, 0, 1, 2, 3, 4)]
+    (contact,) = contacts_of(grids).touching
+    assert contact.shear_over_E_mm2[0] == pytest.approx(0.05 * ratio, rel=0.15)
+    assert abs(contact.shear_over_E_mm2[1]) < 0.05 * 0.05
+    np.testing.assert_allclose(contact.centre_mm, [4.0, -3.0], atol=0.15)
