@@ -43,7 +43,11 @@ class ModelError:
             much one thickness nearer. A solid near its clamp shears where the shell bends.
         depth_share, depth_pitch: of the depth, over the depth and in pitches.
         force_share, force_least: of the normal force, over that force and over the least force of a contact.
-        shear_share: of the shear force along each axis, over the normal force.
+            A thickness that is uneven by 1.5 % changes the stiffness in bending by 4.5 %.
+        force_clamp: of the normal force over that force at four thicknesses from a clamp; e times as much one
+            thickness nearer, like `position_clamp`.
+        shear_share, own_shear_share: of the shear force along each axis, over the normal force and over the
+            shear force.
         friction: of the shear force over the normal force; smaller ones hardly move a centre, and those on an
             assumed sheet do not.
         torque_share: of the torque, over the normal force times the contact's radius.
@@ -58,11 +62,13 @@ class ModelError:
     position_clamp: float = 0.1
     depth_share: float = 0.028
     depth_pitch: float = 0.002
-    force_share: float = 0.035
+    force_share: float = 0.045
     force_least: float = 0.25
+    force_clamp: float = 0.1
     shear_share: float = 0.03
+    own_shear_share: float = 0.15
     friction: float = 0.07
-    torque_share: float = 0.1
+    torque_share: float = 0.03
     area_share: float = 0.15
     area_force: float = 0.4
     assumed_sheet_factor: float = 3.0
@@ -80,7 +86,7 @@ class ModelError:
         self,
         model: InversionModel,
         centre_mm: np.ndarray,
-        press_mm2: float,
+        force_mm2: np.ndarray,
         depth_mm: float,
         *,
         patch_area_mm2: float,
@@ -91,23 +97,27 @@ class ModelError:
         Args:
             model: of the sheet.
             centre_mm: (2,) of the contact.
-            press_mm2: normal force over E.
+            force_mm2: (3,) of the contact over E.
             depth_mm: of the contact.
             patch_area_mm2: area by the second moment of its pressure, which determines its radius.
             area_mm2: area of its region.
         """
+        press_mm2, shear_mm2 = -float(force_mm2[2]), float(np.hypot(force_mm2[0], force_mm2[1]))
         radius_mm = np.sqrt(patch_area_mm2 / np.pi)
         place = np.hypot(self.position_pitch * model.pitch_mm, self.position_radius * radius_mm)
         near_clamp = np.zeros(2)
         if model.patch.boundary == "clamped":
             inside_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(centre_mm - model.patch.centre_mm)
             thicknesses = np.maximum(inside_mm / model.thickness_mm, 0.0)
-            near_clamp = self.position_clamp * model.thickness_mm * np.exp(_CLAMP_THICKNESSES - thicknesses)
+            near_clamp = np.exp(_CLAMP_THICKNESSES - thicknesses)
         std = [
-            *np.hypot(place, near_clamp),
+            *np.hypot(place, self.position_clamp * model.thickness_mm * near_clamp),
             np.hypot(self.depth_share * depth_mm, self.depth_pitch * model.pitch_mm),
-            *(self.shear_share * press_mm2, self.shear_share * press_mm2),
-            np.hypot(self.force_share * press_mm2, self.force_least * model.lattice.least_force_mm2),
+            *2 * (np.hypot(self.shear_share * press_mm2, self.own_shear_share * shear_mm2),),
+            np.hypot(
+                np.hypot(self.force_share, self.force_clamp * near_clamp.max()) * press_mm2,
+                self.force_least * model.lattice.least_force_mm2,
+            ),
             self.torque_share * press_mm2 * max(radius_mm, 0.5 * model.pitch_mm),
             area_mm2 * np.hypot(self.area_share, self.area_force * model.lattice.least_force_mm2 / press_mm2),
         ]
@@ -190,7 +200,7 @@ class ContactEstimator:
         variance = self.error.variances(
             model,
             clusters.centre_mm[number],
-            press_mm2,
+            clusters.force_mm2[number],
             depth_mm,
             patch_area_mm2=patch_area_mm2,
             area_mm2=area_mm2,

@@ -13,6 +13,7 @@ from manytouch.values import ContactShape, OutlineRing
 from manytouch.values.arrays import Points2, read_only
 
 _SMALLEST_MM = 1e-3
+_RIGID_DOUBT = 0.5  # deviation of the area, over the difference of the smoothed region and the ellipse
 _SHAPES = tuple(ContactShape)
 
 
@@ -159,11 +160,13 @@ def _footprint(
         0.0 if is_point else _about_area(half_mm + half_std_mm * side, std_mm) - about_mm2
         for side in np.eye(2)
     ]
+    # the region of a rigid flat face is its footprint, that of all other contacts the smoothed pressure
+    doubt_mm2 = 0.0 if is_point else _RIGID_DOUBT * abs(area_mm2 - np.pi * float(np.prod(half_mm)))
     is_known = half_mm > half_std_mm
     differ = half_mm[0] - half_mm[1] > np.hypot(half_std_mm[0], half_std_mm[1])
     return Footprint(
         area_mm2=area_mm2,
-        area_std_mm2=float(np.hypot(change_mm2[0], change_mm2[1])),
+        area_std_mm2=float(np.linalg.norm([*change_mm2, doubt_mm2])),
         half_major_mm=float(half_mm[0]) if is_known[0] else np.nan,
         half_minor_mm=float(half_mm[1]) if is_known[1] else np.nan,
         orientation_rad=own.angle_rad if is_known[0] and differ else np.nan,
