@@ -33,7 +33,7 @@ def evidence_of(theta: list[float], seed: int = 0) -> Evidence:
         columns=np.zeros((0, len(NODE))),
     )
     noise = np.random.default_rng(seed).standard_normal(len(NODE))
-    seen = evidence._nodal(np.array(theta)) / NOISE_MM2 + noise
+    seen = evidence.nodal(np.array(theta)) / NOISE_MM2 + noise
     return Evidence(
         **{name: getattr(evidence, name) for name in Evidence.__slots__ if name != "aim"}, aim=seen
     )

@@ -12,6 +12,7 @@ import numpy as np
 from jaxtyping import Int64
 
 from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PatchFit
+from manytouch.estimation.mechanics.clusters.face_fits import fit_bar
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 
@@ -20,7 +21,8 @@ MIN_F = 8.0
 sheet of 3 mm, 6 to 16 mm apart, have 9 and more; bars and blocks of the varied cases -50 to 14 (ADR 84)."""
 _TWO_PARAMETERS = 7
 _START_MM = 0.1
-_LEAST_INSIDE = 0.8  # of the force of a bar
+LEAST_INSIDE = 0.8
+"""Least share of the force of a face on the nodes of the evidence; nothing limits it beyond them."""
 
 
 def f_of_two(evidence: Evidence, two_misfit: float, bar: PatchFit, *, min_mean_misfit: float = 0.1) -> float:
@@ -28,7 +30,7 @@ def f_of_two(evidence: Evidence, two_misfit: float, bar: PatchFit, *, min_mean_m
 
     It is infinite for a bar with a part beyond the nodes of the evidence.
     """
-    if bar.nodal_mm2.sum() < _LEAST_INSIDE * bar.force_mm2:
+    if bar.nodal_mm2.sum() < LEAST_INSIDE * bar.force_mm2:
         return np.inf
     mean_misfit = two_misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1)
     return (bar.misfit - two_misfit) / max(mean_misfit, min_mean_misfit)
@@ -93,7 +95,7 @@ class BarRule:
             # the two ellipses that were fitted one by one
             apart = evidence.misfit(np.nan_to_num(clusters.fitted_mm2[evidence.combinations.node]))
             two_misfit = min(two_misfit, apart)
-        return f_of_two(evidence, two_misfit, evidence.fit_bar(pair)) <= limit * self.min_f
+        return f_of_two(evidence, two_misfit, fit_bar(evidence, pair)) <= limit * self.min_f
 
     def _nodes(
         self, model: InversionModel, clusters: Clusters, own: Int64[np.ndarray, "2"]

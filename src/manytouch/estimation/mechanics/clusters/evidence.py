@@ -17,11 +17,9 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.clusters.patch_kernels import (
-    ALONG,
     NodeGrid,
     Whitened,
     add_patches,
-    bar_profile,
     fit_patches,
 )
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
@@ -33,17 +31,18 @@ from manytouch.values import Status
 from manytouch.values.arrays import Points2, Scalars
 
 _MIN_NODES = 9
-_CORNER = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 _MAX_STEPS = 30
-_LENGTH_MM = 1e-3  # of finite differences
+LENGTH_MM = 1e-3
+"""Step of finite differences."""
 _START_MM2 = 0.3  # added to the spread of nodal forces, from which the fit of a patch starts
-_MIN_MEAN_MISFIT = 0.1  # lower limit of the misfit per degree of freedom in covariances
+MIN_MEAN_MISFIT = 0.1
+"""Lower limit of the misfit per degree of freedom in covariances."""
 _RANK = 1e-6  # combinations with less information than this share of the best one's are dropped
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PatchFit:
-    """A uniform elliptical patch of pressure, or a bar, that was fitted to the markers.
+    """A uniform elliptical patch of pressure, or a rigid face, that was fitted to the markers.
 
     Attributes:
         misfit: of the patch.
@@ -54,7 +53,7 @@ class PatchFit:
             misfit.
         sheet_covariance: (6, 6) of the same by the parameters of the sheet that are not exactly known.
         nodal_mm2: (n,) its forces on the nodes of the evidence, over E, positive in compression.
-        corner_mm: (4, 2) corners of a bar; of an ellipse (0, 2).
+        corner_mm: (k, 2) corners of a rigid face; of an even ellipse (0, 2).
     """
 
     misfit: float
@@ -136,56 +135,23 @@ class Evidence:
         """The patch of any force, centre, size and shape that fits best, from a guess."""
         root = np.linalg.cholesky(spread_mm2 + _START_MM2 * np.eye(2))
         theta = np.array([force_mm2, *centre_mm, root[0, 0], root[1, 0], root[1, 1]])
-        step = np.array([1e-3 * force_mm2] + 5 * [_LENGTH_MM])
-        misfit, curved = self._fit(theta, step.tolist())
-        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), _MIN_MEAN_MISFIT)
+        step = np.array([1e-3 * force_mm2] + 5 * [LENGTH_MM])
+        misfit, curved = self.fit(theta, step.tolist())
+        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), MIN_MEAN_MISFIT)
         xx, yx, yy = theta[3:]
         by_root = np.array([[2.0 * xx, 0.0, 0.0], [yx, xx, 0.0], [0.0, 2.0 * yx, 2.0 * yy]])
         change = np.eye(6)
         change[3:, 3:] = by_root
-        inverse = _inverse(curved)
+        inverse = inverse_of(curved)
         return PatchFit(
             misfit=misfit,
             force_mm2=float(theta[0]),
             centre_mm=theta[1:3],
             spread_mm2=np.array([[xx * xx, xx * yx], [xx * yx, yx * yx + yy * yy]]),
             covariance=per_combination * change @ inverse @ change.T,
-            sheet_covariance=change @ self._sheet_covariance(theta, step, inverse) @ change.T,
-            nodal_mm2=self._nodal(theta),
+            sheet_covariance=change @ self.sheet_covariance(theta, step, inverse) @ change.T,
+            nodal_mm2=self.nodal(theta),
             corner_mm=np.zeros((0, 2)),
-        )
-
-    def fit_bar(self, pair: PairFit) -> PatchFit:
-        """The bar that fits best, from two patches: a rigid face that presses most with its ends or corners.
-
-        Its pressure is even across it; see `patch_kernels.BAR`.
-        """
-        share = pair.force_mm2 / pair.force_mm2.sum()
-        arm = 0.5 * (pair.centre_mm[1] - pair.centre_mm[0])
-        size_mm = float(np.linalg.norm(arm))
-        half_mm = arm / size_mm * np.sqrt(3.0 * (size_mm**2 + pair.deviation_mm**2))
-        width_mm = max(np.sqrt(3.0) * pair.deviation_mm, 0.1 * size_mm)
-        theta = np.array([pair.force_mm2.sum(), *(share @ pair.centre_mm), *half_mm, width_mm, 0.0, 0.0])
-        step = np.array([1e-3 * theta[0]] + 7 * [_LENGTH_MM])
-        misfit, curved = self._fit(theta, step.tolist())
-        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), _MIN_MEAN_MISFIT)
-        estimates, change = _estimates_of_bar(theta), np.empty((6, len(theta)))
-        for number, size in enumerate(step):
-            moved = theta.copy()
-            moved[number] += size
-            change[:, number] = (_estimates_of_bar(moved) - estimates) / size
-        inverse = _inverse(curved)
-        along, across = theta[3:5], theta[5] * np.array([-theta[4], theta[3]]) / np.hypot(*theta[3:5])
-        xx, xy, yy = estimates[3:]
-        return PatchFit(
-            misfit=misfit,
-            force_mm2=float(theta[0]),
-            centre_mm=estimates[1:3],
-            spread_mm2=np.array([[xx, xy], [xy, yy]]),
-            covariance=per_combination * change @ inverse @ change.T,
-            sheet_covariance=change @ self._sheet_covariance(theta, step, inverse) @ change.T,
-            nodal_mm2=self._nodal(theta),
-            corner_mm=theta[1:3] + np.outer(_CORNER[:, 0], along) + np.outer(_CORNER[:, 1], across),
         )
 
     def fit_two(
@@ -193,12 +159,12 @@ class Evidence:
     ) -> PairFit:
         """The two round patches of one size that fit best, from a guess."""
         theta = np.array([force_mm2[0], *centre_mm[0], force_mm2[1], *centre_mm[1], deviation_mm])
-        patch = [1e-3 * float(force_mm2.sum()), _LENGTH_MM, _LENGTH_MM]
-        step = np.array([*patch, *patch, _LENGTH_MM])
-        misfit, curved = self._fit(theta, step.tolist())
-        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), _MIN_MEAN_MISFIT)
-        inverse = _inverse(curved)
-        by_sheet = self._sheet_covariance(theta, step, inverse)
+        patch = [1e-3 * float(force_mm2.sum()), LENGTH_MM, LENGTH_MM]
+        step = np.array([*patch, *patch, LENGTH_MM])
+        misfit, curved = self.fit(theta, step.tolist())
+        per_combination = max(misfit / max(len(self.aim) - len(theta), 1), MIN_MEAN_MISFIT)
+        inverse = inverse_of(curved)
+        by_sheet = self.sheet_covariance(theta, step, inverse)
         own = np.array([[0, 1, 2], [3, 4, 5]])
         return PairFit(
             misfit=misfit,
@@ -207,7 +173,7 @@ class Evidence:
             deviation_mm=abs(float(theta[6])),
             covariance=per_combination * inverse[own[:, :, None], own[:, None, :]],
             sheet_covariance=by_sheet[own[:, :, None], own[:, None, :]],
-            nodal_mm2=self._nodal(theta),
+            nodal_mm2=self.nodal(theta),
         )
 
     def shape_probability(self, one: PatchFit, *, min_ring_mm: float) -> Float64[np.ndarray, "4"]:
@@ -223,10 +189,10 @@ class Evidence:
             min_ring_mm: least radius of a ring; the hole of a smaller one cannot be distinguished.
         """
         head = [one.force_mm2, *one.centre_mm]
-        step = [1e-3 * one.force_mm2, _LENGTH_MM, _LENGTH_MM]
+        step = [1e-3 * one.force_mm2, LENGTH_MM, LENGTH_MM]
         rows = max(len(self.aim), 2)
-        scale = max(one.misfit / max(rows - 6, 1), _MIN_MEAN_MISFIT)
-        point, _ = self._fit(np.array([*head, 0.0, 0.0, 0.0]), [*step, 0.0, 0.0, 0.0])
+        scale = max(one.misfit / max(rows - 6, 1), MIN_MEAN_MISFIT)
+        point, _ = self.fit(np.array([*head, 0.0, 0.0, 0.0]), [*step, 0.0, 0.0, 0.0])
         score = np.full((4, 2), np.inf)
         score[0, 0] = point / scale + 3.0 * np.log(rows)
         score[2, 0] = one.misfit / scale + 6.0 * np.log(rows)
@@ -234,11 +200,11 @@ class Evidence:
             size, axes = np.linalg.eigh(one.spread_mm2 + _START_MM2 * np.eye(2))
             mean_mm = float(np.sqrt(0.5 * size.sum()))
             along = axes[:, 1] * np.sqrt(size[1])
-            line, _ = self._fit(np.array([*head, *along, 0.0]), [*step, _LENGTH_MM, _LENGTH_MM, 0.0])
+            line, _ = self.fit(np.array([*head, *along, 0.0]), [*step, LENGTH_MM, LENGTH_MM, 0.0])
             both = np.array([*head, 0.0, *one.centre_mm, mean_mm])
-            round_, _ = self._fit(both, [*step, 0.0, 0.0, 0.0, _LENGTH_MM])
+            round_, _ = self.fit(both, [*step, 0.0, 0.0, 0.0, LENGTH_MM])
             ring = np.array([*head, np.sqrt(2.0) * mean_mm])
-            ring_misfit, _ = self._fit(ring, [*step, _LENGTH_MM])
+            ring_misfit, _ = self.fit(ring, [*step, LENGTH_MM])
             score[1, 0] = line / scale + 5.0 * np.log(rows)
             score[2, 1] = round_ / scale + 4.0 * np.log(rows)
             if abs(ring[3]) >= min_ring_mm:
@@ -246,7 +212,7 @@ class Evidence:
         weight = np.exp(-0.5 * (score - score.min())).sum(axis=1)
         return np.asarray(weight / weight.sum())
 
-    def _sheet_covariance(
+    def sheet_covariance(
         self, theta: Scalars, step: Scalars, inverse: Float64[np.ndarray, "k k"]
     ) -> Float64[np.ndarray, "k k"]:
         """Covariance of fitted parameters by the unknown parameters of the sheet.
@@ -258,11 +224,11 @@ class Evidence:
         """
         if len(self.columns) == 0:
             return np.zeros_like(inverse)
-        at, slope = self._nodal(theta), np.empty((len(self.combinations.node), len(theta)))
+        at, slope = self.nodal(theta), np.empty((len(self.combinations.node), len(theta)))
         for number, size in enumerate(step):
             moved = theta.copy()
             moved[number] += size
-            slope[:, number] = (self._nodal(moved) - at) / size
+            slope[:, number] = (self.nodal(moved) - at) / size
         # a change of the nodal forces moves the aim by `white` times its normal component
         by_columns = self.combinations.white_of_mean @ -self.columns.T
         changes = inverse @ (self.combinations.white @ slope).T @ by_columns
@@ -278,29 +244,20 @@ class Evidence:
         own = self.combinations
         return NodeGrid(own.knot_x_mm, own.knot_y_mm, own.local, self.patch.shear_mm2, *shares)
 
-    def _nodal(self, theta: Scalars) -> Float64[np.ndarray, " nodes"]:
-        """Forces of fitted patches on the nodes."""
+    def nodal(self, theta: Scalars) -> Float64[np.ndarray, " nodes"]:
+        """(n,) forces of fitted patches on the nodes, over E; `theta` as in `patch_kernels`."""
         nodal = np.zeros(len(self.combinations.node))
         add_patches(theta, self._grid(), nodal)
         return nodal
 
-    def _fit(self, theta: Scalars, step: list[float]) -> tuple[float, Float64[np.ndarray, "p p"]]:
+    def fit(self, theta: Scalars, step: list[float]) -> tuple[float, Float64[np.ndarray, "p p"]]:
         """Least misfit and its curvature; `theta` is changed in place."""
         likelihood = Whitened(self.combinations.white, self.aim)
         misfit, curved = fit_patches(theta, np.array(step), self._grid(), likelihood, _MAX_STEPS)
         return float(misfit), curved
 
 
-def _estimates_of_bar(theta: Scalars) -> Float64[np.ndarray, "6"]:
-    """Force, centroid, and the moments xx, xy, yy of a bar."""
-    share, along = bar_profile(theta), theta[3:5]
-    mean = share @ ALONG
-    variance, across = share @ ALONG**2 - mean**2, np.array([-along[1], along[0]]) / np.hypot(*along)
-    spread = variance * np.outer(along, along) + theta[5] ** 2 / 3.0 * np.outer(across, across)
-    return np.array([theta[0], *(theta[1:3] + mean * along), spread[0, 0], spread[0, 1], spread[1, 1]])
-
-
-def _inverse(curved: np.ndarray) -> np.ndarray:
+def inverse_of(curved: np.ndarray) -> np.ndarray:
     """Inverse of a curvature (p, p); parameters that do not change the misfit get no variance."""
     size = np.sqrt(np.diag(curved))
     used = np.flatnonzero(size > 0.0)

@@ -18,14 +18,16 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.estimation.mechanics.clusters.bars import MIN_F, f_of_two
+from manytouch.estimation.mechanics.clusters.bars import LEAST_INSIDE, MIN_F, f_of_two
 from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PairFit, PatchFit
+from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_rim
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice, smooth
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Mask, Points2
 
 _TWO_PARAMETERS = 7  # of two patches; one patch has 6
+_FACE_PARAMETERS = 7
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -50,6 +52,9 @@ class ModelOrder:
         min_f: least F of two patches against one. It is multiplied by the ratio of the marker noise to the
             usual one, which the error of the model exceeds,
         max_noise: but at most by this.
+        min_f_face: least F of an elliptic face against an even ellipse.
+        min_rim: least second moment of such a face over that under even pressure.
+        min_face: least minor half axis of the ellipse for this, in elements.
         min_f_bar: least F of two patches against a bar.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.
         hysteresis: multiplies all limits where there were two contacts in the previous frame.
@@ -66,6 +71,9 @@ class ModelOrder:
     min_share: float = 0.17
     min_f: float = 4.0
     max_noise: float = 3.0
+    min_f_face: float = 10.0
+    min_rim: float = 1.15
+    min_face: float = 1.0
     min_f_bar: float = MIN_F
     min_mean_misfit: float = 0.1
     hysteresis: float = 0.7
@@ -116,6 +124,8 @@ class ModelOrder:
                 best = self._best(
                     evidence, total_mm2, parts, one, limit=limit, noise=min(noise, self.max_noise)
                 )
+            if best is one:
+                best = self._face_or(one, evidence, float(lattice.element_mm.max()))
             if isinstance(best, PairFit):
                 result = _split(result, number, best, lattice, force_mm2)
                 result = result.with_nodal(evidence.combinations.node, best.nodal_mm2)
@@ -169,7 +179,7 @@ class ModelOrder:
         mean_misfit = max(pair.misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1), self.min_mean_misfit)
         if one.misfit - pair.misfit <= limit * self.min_f * noise * mean_misfit:
             return one
-        bar = evidence.fit_bar(pair)
+        bar = fit_bar(evidence, pair)
         f = f_of_two(evidence, pair.misfit, bar, min_mean_misfit=self.min_mean_misfit)
         if f <= limit * self.min_f_bar and bar.misfit < one.misfit:
             return bar
@@ -177,6 +187,19 @@ class ModelOrder:
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
         is_pair = share.min() >= limit * self.min_share and limit * pair.deviation_mm <= 0.25 * gap_mm
         return pair if is_pair else one
+
+    def _face_or(self, one: PatchFit, evidence: Evidence, element_mm: float) -> PatchFit:
+        """An elliptic face that presses most with its rim, if it explains the markers clearly better."""
+        narrow_mm = 2.0 * float(np.sqrt(max(np.linalg.eigvalsh(one.spread_mm2)[0], 0.0)))
+        if narrow_mm < self.min_face * element_mm or one.misfit < self.min_f_face * self.min_mean_misfit:
+            return one
+        face = fit_rim(evidence, one)
+        mean_misfit = max(face.misfit / max(len(evidence.aim) - _FACE_PARAMETERS, 1), self.min_mean_misfit)
+        arm_mm2 = float(np.square(face.corner_mm - face.centre_mm).sum(axis=1).mean())
+        is_rim = 2.0 * float(np.trace(face.spread_mm2)) > self.min_rim * arm_mm2
+        is_inside = bool(face.nodal_mm2.sum() >= LEAST_INSIDE * face.force_mm2)
+        is_better = one.misfit - face.misfit > self.min_f_face * mean_misfit
+        return face if is_inside and is_better and is_rim else one
 
     def _is_plausible(self, lattice: ForceLattice, clusters: Clusters, number: int, one: PatchFit) -> bool:
         """Is a fitted patch where the nodal forces are, and about as strong?"""

@@ -19,6 +19,13 @@ exp(T tanh(tilt) s + E tanh(end) s^2)."""
 MAX_TILT, MAX_END = 1.0, 1.5
 """T and E. The pressure in the middle is at least exp(-1.5) of that at both ends: with less, a bar would
 describe two balls as well as two patches do (ADR 84)."""
+RIM = 9
+"""Number of parameters of an elliptic face: force, x, y, the triangular root xx, yx, yy of the second moment
+that it would have under even pressure, the load of its rim, and two that are 0. The pressure at a share s of
+its radius is proportional to exp(R tanh(load) s^2)."""
+MAX_RIM = 3.0
+"""R."""
+_RIM_ANGLES = 12
 _RING_POINTS = 24
 
 Knots = Float64[np.ndarray, " knots"]
@@ -106,6 +113,24 @@ def _inside(function: int, count: int, share: float) -> tuple[int, float]:
 
 @kernel()
 @no_type_check
+def add_point(grid: NodeGrid, force: float, x: float, y: float, nodal: Float64[np.ndarray, " n"]) -> None:
+    """Add the nodal forces of a point force to `nodal`; those on other nodes are left out."""
+    along_x, along_y, curved_x, curved_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
+    first_x = _basis(grid.knot_x, x, along_x, curved_x)
+    first_y = _basis(grid.knot_y, y, along_y, curved_y)
+    for i in range(4):
+        at_x, in_x = _inside(first_x + i, grid.local.shape[0], grid.share_x)
+        for j in range(4):
+            at_y, in_y = _inside(first_y + j, grid.local.shape[1], grid.share_y)
+            k = grid.local[at_x, at_y]
+            if k >= 0:
+                laplacian = curved_x[i] * along_y[j] + along_x[i] * curved_y[j]
+                part = along_x[i] * along_y[j] - grid.shear * laplacian
+                nodal[k] += force * in_x * in_y * part
+
+
+@kernel()
+@no_type_check
 def add_patch(grid: NodeGrid, patch: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
     """Add the nodal forces of a uniform elliptical patch to `nodal`, by 25 quadrature points.
 
@@ -118,21 +143,11 @@ def add_patch(grid: NodeGrid, patch: Parameters, nodal: Float64[np.ndarray, " n"
         nodal: result.
     """
     force, x, y, xx, yx, yy = patch[0], patch[1], patch[2], patch[3], patch[4], patch[5]
-    along_x, along_y, curved_x, curved_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
     for a in range(5):
         for b in range(5):
             share = force * _WEIGHT[a] * _WEIGHT[b]
-            first_x = _basis(grid.knot_x, x + _PLACE[a] * xx, along_x, curved_x)
-            first_y = _basis(grid.knot_y, y + _PLACE[a] * yx + _PLACE[b] * yy, along_y, curved_y)
-            for i in range(4):
-                at_x, in_x = _inside(first_x + i, grid.local.shape[0], grid.share_x)
-                for j in range(4):
-                    at_y, in_y = _inside(first_y + j, grid.local.shape[1], grid.share_y)
-                    k = grid.local[at_x, at_y]
-                    if k >= 0:
-                        laplacian = curved_x[i] * along_y[j] + along_x[i] * curved_y[j]
-                        part = along_x[i] * along_y[j] - grid.shear * laplacian
-                        nodal[k] += share * in_x * in_y * part
+            at_y = y + _PLACE[a] * yx + _PLACE[b] * yy
+            add_point(grid, share, x + _PLACE[a] * xx, at_y, nodal)
 
 
 @kernel()
@@ -145,20 +160,10 @@ def add_ring(grid: NodeGrid, ring: Parameters, nodal: Float64[np.ndarray, " n"])
         ring: (4,) force, x, y, radius.
         nodal: result.
     """
-    along_x, along_y, curved_x, curved_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
     for point in range(_RING_POINTS):
         angle = 2.0 * np.pi * point / _RING_POINTS
-        first_x = _basis(grid.knot_x, ring[1] + ring[3] * np.cos(angle), along_x, curved_x)
-        first_y = _basis(grid.knot_y, ring[2] + ring[3] * np.sin(angle), along_y, curved_y)
-        for i in range(4):
-            at_x, in_x = _inside(first_x + i, grid.local.shape[0], grid.share_x)
-            for j in range(4):
-                at_y, in_y = _inside(first_y + j, grid.local.shape[1], grid.share_y)
-                k = grid.local[at_x, at_y]
-                if k >= 0:
-                    laplacian = curved_x[i] * along_y[j] + along_x[i] * curved_y[j]
-                    part = along_x[i] * along_y[j] - grid.shear * laplacian
-                    nodal[k] += ring[0] / _RING_POINTS * in_x * in_y * part
+        x, y = ring[1] + ring[3] * np.cos(angle), ring[2] + ring[3] * np.sin(angle)
+        add_point(grid, ring[0] / _RING_POINTS, x, y, nodal)
 
 
 ALONG, _ALONG_WEIGHT = np.polynomial.legendre.leggauss(7)
@@ -184,40 +189,66 @@ def add_bar(grid: NodeGrid, bar: Parameters, nodal: Float64[np.ndarray, " n"]) -
         bar: (8,) see `BAR`.
         nodal: result.
     """
-    along_x, along_y, curved_x, curved_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
     length = max(np.hypot(bar[3], bar[4]), 1e-9)
     across_x, across_y = -bar[5] * bar[4] / length, bar[5] * bar[3] / length
     weight = bar_profile(bar)
     for a in range(len(ALONG)):
         for b in range(len(_ACROSS)):
             share = bar[0] * weight[a] * 0.5 * _ACROSS_WEIGHT[b]
-            first_x = _basis(
-                grid.knot_x, bar[1] + ALONG[a] * bar[3] + _ACROSS[b] * across_x, along_x, curved_x
-            )
-            first_y = _basis(
-                grid.knot_y, bar[2] + ALONG[a] * bar[4] + _ACROSS[b] * across_y, along_y, curved_y
-            )
-            for i in range(4):
-                at_x, in_x = _inside(first_x + i, grid.local.shape[0], grid.share_x)
-                for j in range(4):
-                    at_y, in_y = _inside(first_y + j, grid.local.shape[1], grid.share_y)
-                    k = grid.local[at_x, at_y]
-                    if k >= 0:
-                        laplacian = curved_x[i] * along_y[j] + along_x[i] * curved_y[j]
-                        part = along_x[i] * along_y[j] - grid.shear * laplacian
-                        nodal[k] += share * in_x * in_y * part
+            x = bar[1] + ALONG[a] * bar[3] + _ACROSS[b] * across_x
+            y = bar[2] + ALONG[a] * bar[4] + _ACROSS[b] * across_y
+            add_point(grid, share, x, y, nodal)
+
+
+_SQUARE, _SQUARE_WEIGHT = np.polynomial.legendre.leggauss(4)
+_SQUARE = 0.5 * (_SQUARE + 1.0)  # squared shares of the radius, in which the area of an ellipse is even
+_RADIUS = np.sqrt(_SQUARE)
+
+
+def rim_radii() -> Float64[np.ndarray, "4"]:
+    """Shares of the radius of an elliptic face at which its pressure acts."""
+    return _RADIUS
+
+
+@kernel()
+@no_type_check
+def rim_profile(face: Parameters) -> Float64[np.ndarray, "4"]:
+    """Shares of the force of an elliptic face at `rim_radii`."""
+    weight = _SQUARE_WEIGHT * np.exp(MAX_RIM * np.tanh(face[6]) * _SQUARE)
+    return np.asarray(weight / weight.sum())
+
+
+@kernel()
+@no_type_check
+def add_rim(grid: NodeGrid, face: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
+    """Add the nodal forces of an elliptic face to `nodal`, by 4 x 12 points.
+
+    Args:
+        grid: of the nodes; forces on other nodes are left out.
+        face: (9,) see `RIM`.
+        nodal: result.
+    """
+    weight = rim_profile(face)
+    for a in range(len(weight)):
+        share = face[0] * weight[a] / _RIM_ANGLES
+        for b in range(_RIM_ANGLES):
+            angle = 2.0 * np.pi * (b + 0.5 * (a % 2)) / _RIM_ANGLES
+            u, v = 2.0 * _RADIUS[a] * np.cos(angle), 2.0 * _RADIUS[a] * np.sin(angle)
+            add_point(grid, share, face[1] + face[3] * u, face[2] + face[4] * u + face[5] * v, nodal)
 
 
 @kernel()
 @no_type_check
 def add_patches(theta: Parameters, grid: NodeGrid, nodal: Float64[np.ndarray, " n"]) -> None:
-    """Add the nodal forces of a patch (6,), two patches (7,), a ring (4,) or a bar (8,) to `nodal`."""
+    """Add the nodal forces of a patch (6,), two (7,), a ring (4,), a bar (8,) or a face (9,) to `nodal`."""
     if len(theta) == ONE:
         add_patch(grid, theta, nodal)
     elif len(theta) == RING:
         add_ring(grid, theta, nodal)
     elif len(theta) == BAR:
         add_bar(grid, theta, nodal)
+    elif len(theta) == RIM:
+        add_rim(grid, theta, nodal)
     else:
         patch = np.zeros(ONE)
         patch[3] = patch[5] = theta[6]
@@ -254,8 +285,8 @@ def fit_patches(
     """Fits one or two patches, a ring, or a bar by Levenberg-Marquardt.
 
     Args:
-        theta: (6,), (7,), (4,) or (8,) parameters of one or two patches, a ring or a bar; initial values,
-            replaced by the result.
+        theta: (6,), (7,), (4,), (8,) or (9,) parameters of one or two patches, a ring, a bar or an elliptic
+            face; initial values, replaced by the result.
         step: (p,) of finite differences; parameters with 0 are fixed.
         grid: of the nodes.
         likelihood: of the nodal forces.

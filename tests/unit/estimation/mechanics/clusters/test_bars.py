@@ -4,7 +4,14 @@ import numpy as np
 import pytest
 
 from manytouch.estimation.mechanics.clusters.bars import MIN_F, f_of_two
-from manytouch.estimation.mechanics.clusters.patch_kernels import ALONG, NodeGrid, add_bar, bar_profile
+from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_rim
+from manytouch.estimation.mechanics.clusters.patch_kernels import (
+    ALONG,
+    NodeGrid,
+    add_bar,
+    add_patches,
+    bar_profile,
+)
 from pressed_sheet import THICKNESS_MM, contacts_of, disc_mm, pressed
 from spline_loads import SHAPE, SHEAR_MM2, knots, nodal_press
 from synthetic_evidence import evidence_of
@@ -12,10 +19,15 @@ from synthetic_evidence import evidence_of
 BAR = np.array([0.8, 5.1, -3.2, 6.0, 2.5, 1.4, 0.3, 0.9])
 
 
-def test_the_nodal_forces_of_a_bar() -> None:
+def slack_grid() -> tuple[NodeGrid, int]:
     nodes = np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE)
-    nodal = np.zeros(nodes.size)
-    add_bar(NodeGrid(knots(0), knots(1), nodes, SHEAR_MM2, 0.0, 0.0), BAR, nodal)
+    return NodeGrid(knots(0), knots(1), nodes, SHEAR_MM2, 0.0, 0.0), nodes.size
+
+
+def test_the_nodal_forces_of_a_bar() -> None:
+    grid, nodes = slack_grid()
+    nodal = np.zeros(nodes)
+    add_bar(grid, BAR, nodal)
     across, share_across = np.polynomial.legendre.leggauss(3)
     side = BAR[5] * np.array([-BAR[4], BAR[3]]) / np.hypot(BAR[3], BAR[4])
     place = BAR[1:3] + ALONG[:, None, None] * BAR[3:5] + across[:, None] * side
@@ -30,7 +42,7 @@ def test_a_bar_is_found_again(seed: int) -> None:
     true = [1.0, 3.0, -2.0, 9.0, 4.0, 2.0, -0.4, 1.2]
     evidence = evidence_of(true, seed)
     pair = evidence.fit_two(np.array([0.5, 0.5]), np.array([[-3.0, -5.0], [9.0, 1.0]]), 2.0)
-    bar = evidence.fit_bar(pair)
+    bar = fit_bar(evidence, pair)
     mean = bar_profile(np.array(true)) @ ALONG
     error = [bar.force_mm2 - 1.0, *(bar.centre_mm - [3.0 + 9.0 * mean, -2.0 + 4.0 * mean])]
     assert (np.abs(error) < 3.5 * np.sqrt(np.diag(bar.covariance)[:3])).all()
@@ -42,11 +54,42 @@ def test_a_bar_is_found_again(seed: int) -> None:
     assert f_of_two(evidence, pair.misfit, bar) < 0.0
 
 
+def test_the_nodal_forces_of_an_elliptic_face() -> None:
+    """Under even pressure they are about those of the ellipse; a loaded rim widens it."""
+    ellipse = np.array([0.8, 5.1, -3.2, 2.0, 0.7, 1.4])
+    grid, nodes = slack_grid()
+    even, face, rim = np.zeros((3, nodes))
+    add_patches(ellipse, grid, even)
+    add_patches(np.array([*ellipse, 0.0, 0.0, 0.0]), grid, face)
+    add_patches(np.array([*ellipse, 1.5, 0.0, 0.0]), grid, rim)
+    np.testing.assert_allclose(face, even, atol=0.04 * even.max())
+    assert rim.sum() == pytest.approx(0.8)
+    assert rim.max() < 0.97 * even.max()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_face_that_presses_with_its_rim_is_found_again(seed: int) -> None:
+    evidence = evidence_of([1.0, 3.0, -2.0, 4.0, 0.0, 4.0, 1.2, 0.0, 0.0], seed)
+    one = evidence.fit_one(0.9, np.array([2.5, -1.5]), 9.0 * np.eye(2))
+    face = fit_rim(evidence, one)
+    assert one.misfit - face.misfit > 100.0
+    error = [face.force_mm2 - 1.0, *(face.centre_mm - [3.0, -2.0])]
+    assert (np.abs(error) < 3.5 * np.sqrt(np.diag(face.covariance)[:3])).all()
+    radius_mm = np.linalg.norm(face.corner_mm - face.centre_mm, axis=1)
+    np.testing.assert_allclose(radius_mm, 8.0, rtol=0.05)
+
+
+def test_an_even_disc_is_no_face_with_a_loaded_rim() -> None:
+    evidence = evidence_of([1.0, 3.0, -2.0, 4.0, 0.0, 4.0])
+    one = evidence.fit_one(0.9, np.array([2.5, -1.5]), 9.0 * np.eye(2))
+    assert one.misfit - fit_rim(evidence, one).misfit < 10.0
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_two_points_are_no_bar(seed: int) -> None:
     evidence = evidence_of([0.5, -3.0, -5.0, 0.5, 9.0, 1.0, 0.4], seed)
     pair = evidence.fit_two(np.array([0.5, 0.5]), np.array([[-3.0, -5.0], [9.0, 1.0]]), 0.5)
-    assert f_of_two(evidence, pair.misfit, evidence.fit_bar(pair)) > 10.0 * MIN_F
+    assert f_of_two(evidence, pair.misfit, fit_bar(evidence, pair)) > 10.0 * MIN_F
 
 
 def bar_mm() -> np.ndarray:
