@@ -90,6 +90,9 @@ def rest_calibration(sensor: Sensor) -> RestCalibration:
         noise_px=0.1,
         contrast=100.0,
         frames=30,
+        frames_given=30,
+        first_and_last=(0, 29),
+        motion_px=0.02,
         clamp=ClampLine(side_mm=np.full(4, np.nan)),
         warnings=(),
     )

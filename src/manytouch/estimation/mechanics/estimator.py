@@ -7,6 +7,7 @@ have the surface and the contacts of `perimeter` (`assumed_sheet`).
 """
 
 from dataclasses import dataclass, field, replace
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -313,6 +314,8 @@ class MechanicsEstimator:
         on_face = np.isin(clusters.label, np.flatnonzero(clusters.is_face))
         own_mm2 = np.where(on_face[:, None], 0.0, fit.shape.force_mm2)
         found = self.contact_estimator(model, clusters, fit, state.local)
+        is_pressed = [contact.depth_mm > 0.0 for contact in found]  # not what remains after a quick release
+        found, may_start = list(compress(found, is_pressed)), may_start[is_pressed]
         tracks, contacts = self.contact_tracker.step(
             state.tracks,
             found,
