@@ -71,6 +71,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: words after the name of the program; None: those of this process.
     """
+    StopOnSignal.is_terminated = False
     words = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != DEBUG_FLAG]
     try:
         return _status(app(words, exit_on_error=False, print_error=False, result_action="return_value"))
@@ -78,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _report_usage(error)
     except KeyboardInterrupt:
         print("stopped", file=sys.stderr)
-        return DONE
+        return _status(DONE)
     except BrokenPipeError:  # the reader of the output, such as `head`, has closed it
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return FAILED

@@ -97,25 +97,26 @@ def run(
         if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps, parameters):
             playback = Playback(Path(source), stays=address is not None)
             return show_playback(playback, to, address, reporter, stop)
-        job = prepare(
-            source,
-            sensor=sensor,
-            method=method,
-            pitch_mm=pitch_mm,
-            hfov_deg=hfov_deg,
-            roi_px=roi,
-            fps=fps,
-            parameters=parameters,
-            camera=CameraRequest(
-                size_px=size,
-                is_mjpg=not no_mjpg,
-                exposure_ms=exposure_ms,
-                gain=gain,
-                focus=focus,
-                white_balance_K=white_balance_K,
-            ),
-            observer=reporter,
-        )
+        with stop.at_once():  # a camera that gives no frame is waited for
+            job = prepare(
+                source,
+                sensor=sensor,
+                method=method,
+                pitch_mm=pitch_mm,
+                hfov_deg=hfov_deg,
+                roi_px=roi,
+                fps=fps,
+                parameters=parameters,
+                camera=CameraRequest(
+                    size_px=size,
+                    is_mjpg=not no_mjpg,
+                    exposure_ms=exposure_ms,
+                    gain=gain,
+                    focus=focus,
+                    white_balance_K=white_balance_K,
+                ),
+                observer=reporter,
+            )
         if address is not None and out is None and record is None and frame_timeline(job.source) is not None:
             return show_playback(Playback(job, stays=True), to, address, reporter, stop)
         log = ContactLog(job.sensor, reporter.print, job.source.capabilities.truth)

@@ -1,8 +1,11 @@
 """Several sources as the views of one sheet: their pictures in a row, one frame for all."""
 
 import time
+from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+
+import numpy as np
 
 from manytouch.errors import SourceError
 from manytouch.geometry.views.merging import side_by_side
@@ -11,6 +14,7 @@ from manytouch.values import Frame, Setting
 
 VIEWS = "views:"
 _SAME_RATE = 0.01
+_INTERVALS = 9  # whose median is the period of a camera that does not report its rate
 
 
 class JoinedSource:
@@ -28,7 +32,7 @@ class JoinedSource:
 
         Args:
             views: from left to right.
-            fps: of cameras that do not report their rate, such as streams; None assumes `ASSUMED_FPS`.
+            fps: of cameras that do not report their rate, such as streams; None measures it.
 
         Raises:
             SourceError: there are fewer than two, some are live and others are not, or their rates differ.
@@ -91,16 +95,19 @@ class JoinedSource:
 
     def _joined_by_time(self) -> Iterator[Frame]:
         streams = [iter(view) for view in self.views]
-        half_ns = 0.5e9 / (self.fps or ASSUMED_FPS)
+        arrivals = [deque[int](maxlen=_INTERVALS + 1) for _ in streams]
         newest: list[Frame | None] = [None] * len(streams)
         while True:
             for number, stream in enumerate(streams):
                 if newest[number] is None:
-                    newest[number] = next(stream, None)
+                    frame = newest[number] = next(stream, None)
+                    if frame is not None:
+                        arrivals[number].append(_arrived_ns(frame))
             found = [frame for frame in newest if frame is not None]
             if len(found) < len(newest):
                 return
             last_ns = max(_arrived_ns(frame) for frame in found)
+            half_ns = 0.5e9 / self.fps if self.fps else 0.5 * _period_ns(arrivals)
             newest = [None if last_ns - _arrived_ns(frame) > half_ns else frame for frame in found]
             if all(frame is not None for frame in newest):
                 joined = side_by_side(found)
@@ -112,6 +119,12 @@ class JoinedSource:
     def listen(self, tap: Callable[[Frame], None] | None) -> None:
         """Pass every joined frame to `tap`; None ends that."""
         self._tap = tap
+
+
+def _period_ns(arrivals: Sequence[Sequence[int]]) -> float:
+    """The longest median time between two frames of one view; 1 / `ASSUMED_FPS` before there are two."""
+    medians = [float(np.median(np.diff(each))) for each in arrivals if len(each) > 1]
+    return max(medians, default=1e9 / ASSUMED_FPS)
 
 
 class _Devices:

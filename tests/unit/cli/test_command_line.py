@@ -133,6 +133,16 @@ def test_the_first_ctrl_c_requests_a_stop_and_the_second_interrupts(capsys):
     assert "Ctrl-C again" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_the_first_signal_ends_a_program_that_waits_for_its_camera(number, monkeypatch, capsys):
+    def waits(*args, **options) -> None:
+        signal.raise_signal(number)
+
+    monkeypatch.setattr("manytouch.session.prepare", waits)
+    assert main(["run", "0", "--no-view"]) == (143 if number == signal.SIGTERM else 0)
+    assert capsys.readouterr().err.endswith("stopped\n")
+
+
 def test_doctor_reports_a_missing_file_and_nothing_else(capsys, tmp_path):
     assert main(["doctor", str(tmp_path / "press.mp4")]) == 1
     printed = capsys.readouterr()

@@ -66,13 +66,13 @@ def test_frames_of_cameras_are_joined_with_those_of_the_same_time() -> None:
     assert right == list(range(7))
 
 
-def test_slow_streams_of_unknown_rate_are_joined_by_the_rate_that_is_given(
+def test_slow_streams_of_unknown_rate_are_joined_by_the_rate_that_is_measured_or_given(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr(Camera, "fps", None)
     times = [number * 3 * PERIOD_NS for number in range(6)]
     late = [time_ns + PERIOD_NS for time_ns in times]
-    assert list(JoinedSource([Camera(times), Camera(late)])) == []
+    assert len(list(JoinedSource([Camera(times), Camera(late)]))) == 5
     assert len(list(JoinedSource([Camera(times), Camera(late)], fps=10.0))) == 6
 
 

@@ -2,6 +2,8 @@
 
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any, ClassVar
 
@@ -22,10 +24,20 @@ class StopOnSignal:
 
     def __init__(self) -> None:
         self._is_requested = False
+        self._is_at_once = False
         self._previous: dict[signal.Signals, Any] = {}
 
     def __call__(self) -> bool:
         return self._is_requested
+
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """Within this block the first signal raises KeyboardInterrupt: nothing has been written yet."""
+        self._is_at_once = True
+        try:
+            yield
+        finally:
+            self._is_at_once = False
 
     def __enter__(self) -> "StopOnSignal":
         StopOnSignal.is_terminated = False
@@ -42,7 +54,7 @@ class StopOnSignal:
     def _note(self, number: int, frame: FrameType | None) -> None:
         if number == signal.SIGTERM:
             StopOnSignal.is_terminated = True
-        elif self._is_requested:
+        if self._is_at_once or (self._is_requested and number == signal.SIGINT):
             raise KeyboardInterrupt
         self._is_requested = True
         again = "" if StopOnSignal.is_terminated else "; press Ctrl-C again to stop at once"
