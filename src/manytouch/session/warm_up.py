@@ -57,7 +57,9 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
     with compiling():
         if _is_compiled(method, own):
             return False
-        if compile_in_processes(method, on_message or _print):
+        on_message = on_message or _print
+        if compile_in_processes(method, on_message):
+            on_message("compiled; later runs need not compile")
             with suppress(OSError):
                 mark = compiled_mark(method)
                 mark.parent.mkdir(parents=True, exist_ok=True)

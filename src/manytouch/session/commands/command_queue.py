@@ -10,6 +10,8 @@ from manytouch.values.commands import command_kind
 
 NOTES = 20
 MAX_WAITING = 256
+PROGRESS = "compil"
+"""Notes that begin so are the progress of one piece of work: of them only the latest is kept."""
 
 
 class CommandQueue:
@@ -40,7 +42,10 @@ class CommandQueue:
                 self._waiting[kind] = command
 
     def note(self, sentence: str) -> None:
-        """Add a note."""
+        """Add a note, in place of the former ones on the same progress."""
+        if sentence.startswith(PROGRESS):
+            kept = [note for note in self._notes if not note.startswith(PROGRESS)]
+            self._notes = deque(kept, maxlen=NOTES)
         self._notes.append(sentence)
         self.on_note(sentence)
 

@@ -74,3 +74,10 @@ def test_a_command_that_fails_becomes_a_note() -> None:
     waiting.drain(fail)
     assert waiting.notes == ("it cannot be done",)
     assert heard == ["it cannot be done"]
+
+
+def test_of_the_progress_of_compiling_only_the_latest_note_is_kept() -> None:
+    waiting = CommandQueue()
+    for sentence in ("compiling, once only", "tared", "compiling 3 of 46, once only", "compiled"):
+        waiting.note(sentence)
+    assert waiting.notes == ("tared", "compiled")
