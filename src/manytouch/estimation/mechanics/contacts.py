@@ -19,6 +19,7 @@ from manytouch.values.arrays import Scalars, read_only
 
 _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
+_SHEAR = [ESTIMATES.index(name) for name in ("shear_x", "shear_y")]
 _CLAMP_THICKNESSES = 4.0  # at which `ModelError.position_clamp` applies
 _FORCES = ("shear_x", "shear_y", "normal_force", "torque")
 _RINGS = np.array(
@@ -48,6 +49,9 @@ class ModelError:
             thickness nearer, like `position_clamp`.
         shear_share, own_shear_share: of the shear force along each axis, over the normal force and over the
             shear force.
+        sheet_shear_share: of the shear force along each axis, over the deviation of the normal force by the
+            parameters of the sheet. Wrong ones are compensated by forces in all directions. It was fitted to
+            the varied cases with drawn sensor files.
         friction: of the shear force over the normal force; smaller ones hardly move a centre, and those on an
             assumed sheet do not.
         torque_share: of the torque, over the normal force times the contact's radius.
@@ -67,6 +71,7 @@ class ModelError:
     force_clamp: float = 0.1
     shear_share: float = 0.03
     own_shear_share: float = 0.15
+    sheet_shear_share: float = 0.4
     friction: float = 0.07
     torque_share: float = 0.03
     area_share: float = 0.15
@@ -212,6 +217,8 @@ class ContactEstimator:
             noise = noise * np.outer(scale, scale)
         covariance = noise + np.diag(variance)
         covariance[np.ix_(_FITTED, _FITTED)] += clusters.sheet_covariance[number, :3, :3]
+        by_sheet = self.error.sheet_shear_share**2 * clusters.sheet_covariance[number, 0, 0]
+        covariance[_SHEAR, _SHEAR] += by_sheet
         covariance[_AREA, _AREA] += footprint.area_std_mm2**2
         is_unclear = bool(covariance[_AREA, _AREA] > area_mm2**2)
         if is_unclear:
