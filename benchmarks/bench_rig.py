@@ -143,7 +143,7 @@ def main() -> int:
     )
     parser.add_argument("--seconds", type=float, default=30.0, help="of each run of files; 0: none")
     parser.add_argument("--rounds", type=int, default=2)
-    parser.add_argument("--repeats", type=int, default=20, help="of ten seconds, the length of the file")
+    parser.add_argument("--repeats", type=int, default=60, help="of ten seconds, the length of the file")
     parser.add_argument("--sensors", type=int, default=8)
     parser.add_argument("--fps", type=float, default=10.0)
     parser.add_argument("--live-seconds", type=float, default=600.0, help="of the live run; 0: none")

@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
-from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.regions.footprints import Footprints
 from manytouch.geometry.camera import project
@@ -162,6 +162,7 @@ class ContactEstimator:
             clusters,
             near,
             fit.shape.force_mm2,
+            balance(model, fit.shape.coefficient_mm, fit.shape.force_mm2),
             friction_std=np.inf if model.is_assumed else self.error.friction,
         )
         radius_mm = np.sqrt(np.maximum(clusters.area_mm2, (0.5 * model.pitch_mm) ** 2) / np.pi)
@@ -301,20 +302,23 @@ def with_shear(
     clusters: Clusters,
     near: Int64[np.ndarray, " nodes"],
     force_mm2: Nodal,
+    balance_mm2: Nodal,
     *,
     friction_std: float,
 ) -> Clusters:
     """The clusters with the shear of all nodes near them, and with the centres of the pressure.
 
-    A shear S acts on the face of the contact, half a thickness t from the middle surface, so that the normal
-    force F on the middle surface is (t / 2) S / F ahead of the centre of the pressure. Of S / F the share
-    S^2 / (S^2 + s^2 F^2) counts, with its deviation s, and at most 1.
+    Friction S, the force tangential to the deformed sheet in `balance_mm2`, acts on the face of the contact,
+    half a thickness t from the middle surface, so that the normal force F on the middle surface is
+    (t / 2) S / F ahead of the centre of the pressure. Of S / F the share S^2 / (S^2 + s^2 F^2) counts, with
+    its deviation s, and at most 1.
     """
     at = np.flatnonzero(near >= 0)
-    force = clusters.force_mm2.copy()
+    force, friction = clusters.force_mm2.copy(), np.empty((len(clusters), 2))
     for axis in range(2):
         force[:, axis] = np.bincount(near[at], force_mm2[at, axis], minlength=len(clusters))
-    friction = force[:, :2] / clusters.normal_mm2[:, None]
+        friction[:, axis] = np.bincount(near[at], balance_mm2[at, axis], minlength=len(clusters))
+    friction /= clusters.normal_mm2[:, None]
     squared = np.square(friction).sum(axis=1, keepdims=True)
     counts = squared / (squared + friction_std**2) / np.maximum(1.0, np.sqrt(squared))
     shift_mm = 0.5 * model.thickness_mm * counts * friction

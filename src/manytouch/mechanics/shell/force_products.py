@@ -13,7 +13,7 @@ from jaxtyping import Float64
 
 from manytouch.compilation import kernel, no_type_check
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.mechanics.shell.kernels import Elements, Stiffness, rotation
+from manytouch.mechanics.shell.kernels import Elements, Stiffness, squared_cosine
 from manytouch.mechanics.shell.material import stress
 
 Along = Float64[np.ndarray, "_ _ _"]
@@ -174,26 +174,27 @@ def stresses_of_group(
         a20, a21 = strain[A20 * GROUP + n], 1.0 + strain[A21 * GROUP + n]
         l1 = strain[L1S * GROUP + n] + strain[L1F * GROUP + n]
         l2 = strain[L2S * GROUP + n] + strain[L2F * GROUP + n]
-        a12, a22 = strain[A12S * GROUP + n] - shear * l1, strain[A22S * GROUP + n] - shear * l2
+        b1, b2 = strain[A12S * GROUP + n], strain[A22S * GROUP + n]
+        a12, a22 = b1 - shear * l1, b2 - shear * l2
         k1, k2, k3 = strain[K1 * GROUP + n], strain[K2 * GROUP + n], 2.0 * strain[K3 * GROUP + n]
         weight = strain[13 * GROUP + n]
         e1 = 0.5 * (a10 * a10 + a11 * a11 + a12 * a12 - 1.0)
         e2 = 0.5 * (a20 * a20 + a21 * a21 + a22 * a22 - 1.0)
         e3 = a10 * a20 + a11 * a21 + a12 * a22
-        g = rotation(a12, a22)
-        z, half = lever * g, 0.5 * t * weight
+        c, g = squared_cosine(b1, b2), squared_cosine(a12, a22)
+        z, half = lever * c, 0.5 * t * weight
         p1, p2, p3 = stress(e1 + z * k1, e2 + z * k2, e3 + z * k3, mu, bulk)
         q1, q2, q3 = stress(e1 - z * k1, e2 - z * k2, e3 - z * k3, mu, bulk)
         pull = weight * tension
         s1, s2, s3 = half * (p1 + q1) + pull, half * (p2 + q2) + pull, half * (p3 + q3)
         m1, m2, m3 = half * lever * (p1 - q1), half * lever * (p2 - q2), half * lever * (p3 - q3)
         h1, h2 = weight * shear_stiffness * g * l1, weight * shear_stiffness * g * l2
-        turn = -2.0 * g * g * (m1 * k1 + m2 * k2 + m3 * k3 + h1 * l1 + h2 * l2)
-        rx, ry = s1 * a12 + s3 * a22 + turn * a12, s3 * a12 + s2 * a22 + turn * a22
+        turn, shift = -2.0 * c * c * (m1 * k1 + m2 * k2 + m3 * k3), -g * (h1 * l1 + h2 * l2)
+        rx, ry = s1 * a12 + s3 * a22 + shift * a12, s3 * a12 + s2 * a22 + shift * a22
         resultant[PX * GROUP + n], resultant[QX * GROUP + n] = s1 * a10 + s3 * a20, s1 * a11 + s3 * a21
         resultant[PY * GROUP + n], resultant[QY * GROUP + n] = s3 * a10 + s2 * a20, s3 * a11 + s2 * a21
-        resultant[RX * GROUP + n], resultant[RY * GROUP + n] = rx, ry
-        resultant[M1 * GROUP + n], resultant[M2 * GROUP + n] = g * m1, g * m2
-        resultant[M3 * GROUP + n] = 2.0 * g * m3
-        resultant[LX * GROUP + n] = g * h1 - shear * rx
-        resultant[LY * GROUP + n] = g * h2 - shear * ry
+        resultant[RX * GROUP + n], resultant[RY * GROUP + n] = rx + turn * b1, ry + turn * b2
+        resultant[M1 * GROUP + n], resultant[M2 * GROUP + n] = c * m1, c * m2
+        resultant[M3 * GROUP + n] = 2.0 * c * m3
+        resultant[LX * GROUP + n] = h1 - shear * rx
+        resultant[LY * GROUP + n] = h2 - shear * ry

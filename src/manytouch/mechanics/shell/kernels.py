@@ -180,13 +180,13 @@ def strain(
 
 @kernel(fastmath=True, inline="always")
 @no_type_check
-def rotation(w_x: float, w_y: float) -> float:
-    """Curvature of the strain over the second derivatives of b, for slopes of the deflection.
+def squared_cosine(slope_x: float, slope_y: float) -> float:
+    """Of the angle of a slope.
 
-    1 / sqrt(1 + |grad w|^2) is the z component of the normal, and for an incompressible sheet that is only
-    stretched by its slope also the thickness over that at rest.
+    Of the slope of b, which is that of the fibres, it is the curvature of the strain over the second
+    derivatives of b; of the slope of the deflection, the energy of shear over that for small slopes.
     """
-    return 1.0 / (1.0 + w_x * w_x + w_y * w_y)
+    return 1.0 / (1.0 + slope_x * slope_x + slope_y * slope_y)
 
 
 @kernel(fastmath=True)
@@ -205,11 +205,10 @@ def energy(coefficient: Coefficients, elements: Elements, stiffness: Stiffness) 
                 e1 = 0.5 * (a10 * a10 + a11 * a11 + a12 * a12 - 1.0)
                 e2 = 0.5 * (a20 * a20 + a21 * a21 + a22 * a22 - 1.0)
                 e3 = a10 * a20 + a11 * a21 + a12 * a22
-                g = rotation(a12, a22)
-                z = lever * g
+                z = lever * squared_cosine(a12 + shear * l1, a22 + shear * l2)
                 both = energy_density(e1 + z * k1, e2 + z * k2, e3 + z * k3, mu, bulk)
                 both += energy_density(e1 - z * k1, e2 - z * k2, e3 - z * k3, mu, bulk)
-                sheared = 0.5 * shear_stiffness * g * g * (l1 * l1 + l2 * l2)
+                sheared = 0.5 * shear_stiffness * squared_cosine(a12, a22) * (l1 * l1 + l2 * l2)
                 total += weight[at] * (0.5 * t * both + tension * (e1 + e2) + sheared)
     return total
 

@@ -47,6 +47,7 @@ def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
     grad_lap = [reference.laplacian(patch, coefficient_mm, point_mm, *way) for way in ((1, 0), (0, 1))]
     a1, a2 = field(1, 0), field(0, 1)
     stretched = a1[:, 0] + a2[:, 1]
+    fibre2 = a1[:, 2] ** 2 + a2[:, 2] ** 2
     for base, axis in ((a1, 0), (a2, 1)):
         base[:, 2] -= patch.shear_mm2 * grad_lap[axis]  # w = b - a lap b
         base[:, axis] += 1.0
@@ -54,7 +55,7 @@ def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
     strain = np.array(
         [0.5 * ((a1**2).sum(axis=1) - 1.0), 0.5 * ((a2**2).sum(axis=1) - 1.0), (a1 * a2).sum(axis=1)]
     )
-    curvature = np.array([field(2, 0)[:, 2], field(0, 2)[:, 2], 2.0 * field(1, 1)[:, 2]]) / (1.0 + slope2)
+    curvature = np.array([field(2, 0)[:, 2], field(0, 2)[:, 2], 2.0 * field(1, 1)[:, 2]]) / (1.0 + fibre2)
     tension_over_E_mm = shell.pretension_over_E_mm
     strain_of_it = (1.0 - nu) * tension_over_E_mm / t
     thinner = 2.0 * nu / (1.0 - nu)
@@ -67,7 +68,7 @@ def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
         [material_kernels.energy_density(*point, mu, bulk) for point in (strain + z * curvature).T]
         for z in (-lever, lever)
     ]
-    sheared = 0.5 * rigidity * patch.shear_mm2 * (grad_lap[0] ** 2 + grad_lap[1] ** 2) / (1.0 + slope2) ** 2
+    sheared = 0.5 * rigidity * patch.shear_mm2 * (grad_lap[0] ** 2 + grad_lap[1] ** 2) / (1.0 + slope2)
     tension = shell.pretension_over_E_mm * (strain[0] + strain[1] - stretched)  # balanced at rest
     springs = np.where(patch.is_rim, shell.support_per_mm * patch.area_mm2, 0.0)
     density = 0.5 * t * np.sum(layers, axis=0) + sheared + tension
