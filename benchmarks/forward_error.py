@@ -7,6 +7,7 @@ contact force, as even pressure on the contact area, is put on the shell, which 
 the inversion would use. The table compares both at points 4 mm apart on the camera-side face: the share by
 which the depth of the shell is larger (least squares, points within and beyond two thicknesses of the
 contact's centre), the same of the displacement in the plane beyond them, and the RMS difference of depth.
+Elements of the solids are short at the clamp: long ones are too stiff there.
 """
 
 import argparse
@@ -25,11 +26,12 @@ from manytouch.simulation.fem.cache import StateCache
 from manytouch.simulation.fem.contact.indenters import Sphere
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading, press
-from manytouch.simulation.fem.sheet import SheetModel
+from manytouch.simulation.fem.sheet import Refinement, graded_sheet_model
 from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation
 
 YOUNG_MPA, SIZE_MM, SPACING_MM = 3.1, (84.0, 60.0), 4.0
+AT_CLAMP = 0.15  # length of the elements there, over the thickness
 RINGS = ((0.0, 1), (0.5, 6), (0.87, 12))  # radius and number of points of equal weight in a unit disc
 
 
@@ -81,12 +83,20 @@ class Difference:
 def solve_solid(case: Case, states: StateCache) -> list[Deformation]:
     """Equilibria of the solid, one for each depth."""
     t = case.thickness_mm
-    model = SheetModel(
-        size_mm=SIZE_MM,
-        thickness_mm=t,
-        material=NeoHooke(young_MPa=YOUNG_MPA, poisson=case.poisson),
+    corner = 0.5 * np.array(SIZE_MM)
+    ends = [sorted([tuple(sign * corner), tuple(sign * (corner - AT_CLAMP * t))]) for sign in (-1.0, 1.0)]
+    place = np.array(case.place_mm)
+    model = graded_sheet_model(
+        SIZE_MM,
+        t,
+        NeoHooke(young_MPa=YOUNG_MPA, poisson=case.poisson),
         pretension_N_per_mm=case.pretension_N_per_mm,
-        element_mm=max(2.0, 0.5 * t),
+        element_mm=4.0,
+        layers=2,
+        refined=(
+            Refinement(low_mm=tuple(place - 3.0), high_mm=tuple(place + 3.0), element_mm=1.5),
+            *(Refinement(low_mm=low, high_mm=high, element_mm=AT_CLAMP * t) for low, high in ends),
+        ),
     )
     path_mm = np.array([[*case.place_mm, depth] for depth in case.depth_mm])
     loading = Loading(touches=(press(Sphere(radius_mm=case.radius_mm), thickness_mm=t, path_mm=path_mm),))

@@ -13,14 +13,14 @@ def spline(length_mm: float, elements: int) -> BSpline:
     return BSpline(knot, np.eye(elements + 3), 3)
 
 
-def on_outline(patch: SplinePatch, axis: int) -> float:
-    """Value of both outer coefficients of b where the third one is 1: slope 0, and b - a b'' = 0."""
+def on_outline(patch: SplinePatch, axis: int) -> np.ndarray:
+    """(2, 2) the outer two coefficients of b by the next two, from the conditions on a clamped outline."""
     functions = spline(patch.size_mm[axis], patch.elements[axis])
-    value, slope, curvature = (functions(0.0, order)[:3] for order in range(3))
-    rule = np.stack([slope, value - patch.shear_mm2 * curvature])
-    outer = -np.linalg.solve(rule[:, :2], rule[:, 2])
-    assert abs(outer[0] - outer[1]) < 1e-12
-    return float(outer[0])
+    value, slope, second, third = (functions(0.0, order)[:4] for order in range(4))
+    e0, e1, e2 = patch.clamped_end
+    deflection = value - patch.shear_mm2 * second
+    rule = np.stack([slope - e0 * second - e1 * third, deflection + e1 * second - e2 * third])
+    return np.asarray(-np.linalg.solve(rule[:, :2], rule[:, 2:]))
 
 
 def spread_out(patch: SplinePatch, coefficient: np.ndarray, *, is_bending: bool) -> np.ndarray:
@@ -34,7 +34,7 @@ def spread_out(patch: SplinePatch, coefficient: np.ndarray, *, is_bending: bool)
         for axis in range(2):
             moved = np.moveaxis(grid, axis, 0).copy()
             share = on_outline(patch, axis)
-            moved[[0, 1]], moved[[-1, -2]] = share * moved[2], share * moved[-3]
+            moved[[0, 1]], moved[[-1, -2]] = share @ moved[2:4], share @ moved[[-3, -4]]
             grid = np.moveaxis(moved, 0, axis)
     return grid
 

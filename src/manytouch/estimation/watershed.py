@@ -10,8 +10,8 @@ def watershed(height: np.ndarray, floor: float, merge: float) -> tuple[np.ndarra
     """Labels each point of a map with the peak that it belongs to.
 
     The map is flooded from its highest point down. A point belongs to the region of its highest neighbour;
-    where two regions meet, the lower one becomes part of the higher one unless the saddle lies below `merge`
-    times its peak.
+    where regions meet, the lower ones become part of the highest one unless the saddle lies below `merge`
+    times their peaks.
 
     Args:
         height: (rows, columns); NaN counts as below everything.
@@ -45,24 +45,26 @@ def _flood(flat: Floats, order: Integers, columns: int, merge: float) -> tuple[I
     label = np.full(rows * columns, -1, np.int64)
     parent = np.empty(len(order), np.int64)
     peak = np.empty(len(order), np.int64)
+    near = np.empty(8, np.int64)
     count = 0
     for i in order:
         row, column = i // columns, i % columns
-        own, highest = -1, 0.0
+        found, first, highest = 0, count, -1
         for a in range(max(row - 1, 0), min(row + 2, rows)):
             for b in range(max(column - 1, 0), min(column + 2, columns)):
-                near = a * columns + b
-                if label[near] < 0:
-                    continue
-                other = _root(parent, label[near])
-                if own >= 0 and own != other:
-                    high, lower = min(own, other), max(own, other)
-                    if flat[i] > merge * flat[peak[lower]]:
-                        parent[lower] = high
-                        own = other = high
-                # The highest neighbour decides; otherwise the highest region would surround the others.
-                if own < 0 or flat[near] > highest:
-                    own, highest = other, flat[near]
+                place = a * columns + b
+                if label[place] >= 0:
+                    near[found] = place
+                    found += 1
+                    first = min(first, _root(parent, label[place]))
+                    # The highest neighbour decides; otherwise the highest region would surround the others.
+                    if highest < 0 or flat[place] > flat[highest]:
+                        highest = place
+        for place in near[:found]:
+            other = _root(parent, label[place])
+            if other != first and flat[i] > merge * flat[peak[other]]:
+                parent[other] = first
+        own = _root(parent, label[highest]) if highest >= 0 else -1
         if own < 0:
             own = count
             parent[count] = count

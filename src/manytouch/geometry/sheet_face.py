@@ -55,6 +55,7 @@ def patch_of(spline: SheetSpline) -> SplinePatch:
         boundary="clamped" if spline.is_clamped else "soft",
         centre_mm=spline.centre_mm,
         shear_mm2=spline.shear_mm2,
+        clamped_end=spline.clamped_end,
     )
 
 
@@ -88,4 +89,5 @@ def spline_shape(spline: SheetSpline) -> SplineShape:
         spline.is_clamped,
         spline.shear_mm2,
         spline.tilt_mm2,
+        spline.clamped_end,
     )

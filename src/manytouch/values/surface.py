@@ -64,6 +64,7 @@ class SheetSpline:
         thickness_mm, poisson: of the sheet; they determine the positions of its faces.
         shear_mm2: the deflection of the camera-side face is b - shear_mm2 lap b.
         tilt_mm2: straight fibres through the sheet are normal to b - tilt_mm2 lap b.
+        clamped_end: conditions on a clamped outline; see `geometry.spline.SplinePatch`.
         pretension_over_E_mm, pretension_std_over_E_mm: membrane force per length at rest divided by Young's
             modulus, and its standard deviation; NaN where it is not known.
         coefficient_mm: (nodes, 3) of the displacement along x and y and of the bending deflection b, in the
@@ -83,6 +84,7 @@ class SheetSpline:
     young_MPa: float | None
     shear_mm2: float = 0.0
     tilt_mm2: float = 0.0
+    clamped_end: tuple[float, float, float] = (0.0, 0.0, 0.0)
     pretension_over_E_mm: float = float("nan")
     pretension_std_over_E_mm: float = float("nan")
 

@@ -54,6 +54,7 @@ def spline_of(
         poisson=0.45,
         shear_mm2=SHELL.shear_mm2,
         tilt_mm2=SHELL.tilt_mm2,
+        clamped_end=SHELL.patch.clamped_end if patch.boundary == "clamped" else (0.0, 0.0, 0.0),
         coefficient_mm=np.zeros((patch.node_count, 3)) if coefficient_mm is None else coefficient_mm,
         force_over_E_mm2=over_E,
         young_MPa=YOUNG_MPA,

@@ -1,7 +1,7 @@
 """Motion of the whole image between the rest and a frame, from the markers along the clamp.
 
 A camera that moves a little displaces all marker images alike. The clamp does not move, so that the markers
-next to it show this motion, whatever presses elsewhere: it is the shift and rotation that fit their
+next to it show this motion, whatever presses elsewhere: it is the shift, rotation and scale that fit their
 displacements beyond the shape of the previous frame best, with robust weights. A press that grows also moves
 them, but not alike; as much of the motion is used as it explains more than it leaves.
 """
@@ -56,7 +56,7 @@ class ViewMotion:
         change = change_px[is_used]
         fitted = np.median(change, axis=0)[None]
         weight: Scalars = np.ones(len(change))
-        found = np.zeros(3)
+        found = np.zeros(4)
         for _ in range(self.iterations):
             length = np.linalg.norm(change - fitted, axis=1)
             scale_px = max(1.4826 * float(np.median(length)) / np.sqrt(2.0), _MIN_SCALE_PX)
@@ -69,9 +69,10 @@ class ViewMotion:
         return np.asarray(share * (_rigid(rest_px - centre_px) @ found).reshape(-1, 2))
 
 
-def _rigid(arm_px: Points2) -> Float64[np.ndarray, "rows 3"]:
-    """Derivatives of the displacements (2 m,) by shift along x and y, and rotation."""
-    design = np.zeros((len(arm_px), 2, 3))
+def _rigid(arm_px: Points2) -> Float64[np.ndarray, "rows 4"]:
+    """Derivatives of the displacements (2 m,) by shift along x and y, rotation, and scale."""
+    design = np.zeros((len(arm_px), 2, 4))
     design[:, 0, 0] = design[:, 1, 1] = 1.0
     design[:, 0, 2], design[:, 1, 2] = -arm_px[:, 1], arm_px[:, 0]
-    return design.reshape(-1, 3)
+    design[:, :, 3] = arm_px
+    return design.reshape(-1, 4)

@@ -84,6 +84,8 @@ class SplinePatch:
         centre_mm: of the rectangle, in the sheet frame.
         shear_mm2: a in the deflection w = b - a lap b of a sheet with bending deflection b, whose
             coefficients are the third component of the unknowns; 0 for a thin plate.
+        clamped_end: e0 (mm), e1 (mm^2) and e2 (mm^3) of a clamped outline, at which b_n = e0 b_nn + e1 b_nnn
+            and w = -e1 b_nn + e2 b_nnn with derivatives along the inward normal; 0 for a thin plate.
     """
 
     size_mm: tuple[float, float]
@@ -91,6 +93,7 @@ class SplinePatch:
     boundary: Literal["clamped", "soft"] = "clamped"
     centre_mm: tuple[float, float] = (0.0, 0.0)
     shear_mm2: float = 0.0
+    clamped_end: tuple[float, float, float] = (0.0, 0.0, 0.0)
     is_x_slow: bool = field(init=False)
 
     def __post_init__(self) -> None:
@@ -162,6 +165,11 @@ class SplinePatch:
         slow, fast = (basis.integrals(self.size_mm[a], self.elements[a])[kept] for a in self.axes)
         return read_only(np.outer(slow, fast).ravel())
 
+    def covers(self, point_mm: Float64[np.ndarray, "k 2"]) -> Bool[np.ndarray, " k"]:
+        """Which points are on the rectangle."""
+        away_mm = np.abs(point_mm - np.array(self.centre_mm))
+        return np.asarray((away_mm <= 0.5 * np.array(self.size_mm)).all(axis=1))
+
     def at(self, point_mm: Float64[np.ndarray, "k 2"]) -> PointBasis:
         """The basis functions at points of the sheet; points outside are moved to the outline."""
         return self.basis(self.window(point_mm))
@@ -201,9 +209,9 @@ class SplinePatch:
     ) -> tuple[Int64[np.ndarray, " k"], Float64[np.ndarray, "k 4 4"], Float64[np.ndarray, "k 4 4"]]:
         """Basis functions along one axis, dropped ones included, at places from the sheet's first edge.
 
-        On a clamped outline the bending deflection b has slope 0 and the deflection b - a b'' is 0. The
-        function of the first node inside is therefore continued to the outline by the same share of both
-        functions beyond it (`rim_share`).
+        The conditions on a clamped outline (`clamped_end`) are two equations for the bending deflection, so
+        that the functions of the first two nodes inside contain shares of both functions beyond them
+        (`end_shares`).
 
         Returns:
             (k,) first of the four functions that are not 0 at each place; (k, 4, 4) their value and three
@@ -212,23 +220,33 @@ class SplinePatch:
         length, elements = self.size_mm[axis], self.elements[axis]
         first, table = basis.values(length, elements, place_mm)
         bending = table.copy()
-        share = self.rim_share(axis)
-        if share > 0.0:
-            last = elements + basis.DEGREE - 1
-            for outer, inner in (((0, 1), 2), ((last, last - 1), last - 2)):
-                into = inner - first
-                for function in outer:
-                    source = function - first
-                    both = np.flatnonzero((source >= 0) & (source < 4) & (into >= 0) & (into < 4))
-                    bending[both, :, into[both]] += share * table[both, :, source[both]]
+        share, last = self.end_shares(axis), elements + basis.DEGREE - 1
+        for is_far, i, j in np.ndindex(2, 2, 2):
+            outer, inner = (last - i, last - 2 - j) if is_far else (i, 2 + j)
+            source, into = outer - first, inner - first
+            both = np.flatnonzero((source >= 0) & (source < 4) & (into >= 0) & (into < 4))
+            bending[both, :, into[both]] += share[i, j] * table[both, :, source[both]]
         return first, table, bending
 
-    def rim_share(self, axis: int) -> float:
-        """Share of the outer two functions along an axis in the third one: 3 a / (h^2 + 3 a), or 0."""
-        if self.boundary != "clamped":
-            return 0.0
-        ratio = 3.0 * self.shear_mm2 / (self.size_mm[axis] / self.elements[axis]) ** 2
-        return ratio / (1.0 + ratio)
+    def end_shares(self, axis: int) -> Float64[np.ndarray, "2 2"]:
+        """Shares of the outer two functions along an axis (rows) in those of the first two nodes inside."""
+        e0, e1, e2 = self.clamped_end
+        if self.boundary != "clamped" or (self.shear_mm2, e0, e1, e2) == (0.0, 0.0, 0.0, 0.0):
+            return np.zeros((2, 2))
+        slope, second, third = self._end_derivatives(axis)
+        deflection = np.array([1.0, 0.0, 0.0, 0.0]) - self.shear_mm2 * second
+        held = np.stack([deflection + e1 * second - e2 * third, slope - e0 * second - e1 * third])
+        return np.asarray(-np.linalg.solve(held[:, :2], held[:, 2:]))
+
+    def end_curvatures(self, axis: int) -> Float64[np.ndarray, "2 2"]:
+        """Second and third derivatives (rows) at an end by the coefficients of the first two nodes inside."""
+        derivatives = self._end_derivatives(axis)[1:]
+        return np.asarray(derivatives[:, :2] @ self.end_shares(axis) + derivatives[:, 2:])
+
+    def _end_derivatives(self, axis: int) -> Float64[np.ndarray, "3 4"]:
+        """First to third derivatives of the outer four functions along an axis at its end, inwards."""
+        _, table = basis.values(self.size_mm[axis], self.elements[axis], np.zeros(1))
+        return np.asarray(table[0, 1:])
 
     def _window(
         self, axis: int, place_mm: Float64[np.ndarray, " k"]

@@ -5,10 +5,12 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Float64
+from scipy.sparse import coo_array, csr_array
 
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.shell import kernels as shell_kernels
 from manytouch.mechanics.shell import tangent_assembly, tangent_kernels
+from manytouch.mechanics.shell.clamped_end import clamped_end, end_stiffness
 from manytouch.mechanics.shell.force_products import ForceProducts
 from manytouch.values.arrays import read_only, read_only_view
 
@@ -37,12 +39,14 @@ class Shell:
     Derivation: docs/derivations/mechanics.md.
 
     Attributes:
-        patch: the rectangle that is modelled; its `shear_mm2` is replaced by that of this sheet.
+        patch: the rectangle that is modelled; its `shear_mm2` and `clamped_end` are replaced by those of this
+            sheet.
         thickness_mm: of the sheet, mounted.
         poisson: 0 to less than 0.5.
         pretension_over_E_mm: membrane force per length at rest, over E.
         bending_factor: on t^3 / (12 (1 - poisson^2)); 1 is a thin plate of this thickness.
-        shear_factor: a over t^2; 0 is a thin plate.
+        shear_factor: a over t^2; 0 is a thin plate. Of any other than the slab's the outline is clamped
+            without slope.
         support_per_mm: of the springs that hold a soft boundary, per E and area; has no effect on a
             clamped patch.
     """
@@ -61,7 +65,9 @@ class Shell:
         if not self.thickness_mm > 0.0:
             raise ValueError(f"the thickness of a sheet must be positive, not {self.thickness_mm} mm")
         shear_mm2 = self.shear_factor * self.thickness_mm**2
-        object.__setattr__(self, "patch", replace(self.patch, shear_mm2=shear_mm2))
+        is_slab = self.shear_factor == SHEAR_FACTOR
+        end = clamped_end(self.thickness_mm, self.poisson) if is_slab else (0.0, 0.0, 0.0)
+        object.__setattr__(self, "patch", replace(self.patch, shear_mm2=shear_mm2, clamped_end=end))
 
     @property
     def shear_mm2(self) -> float:
@@ -103,12 +109,14 @@ class Shell:
         """Energy over E (mm^3), 0 at rest."""
         springs = 0.5 * float((self._spring_mm[:, None] * coefficient_mm**2).sum())
         elastic = float(shell_kernels.energy(read_only_view(coefficient_mm), self._elements, self._stiffness))
-        return elastic + springs - float((self._rest_force * coefficient_mm).sum())
+        b = coefficient_mm[:, 2]
+        ends = 0.5 * float(b @ (self._end_stiffness @ b))
+        return elastic + springs + ends - float((self._rest_force * coefficient_mm).sum())
 
     def forces(self, coefficient_mm: Nodal) -> Nodal:
         """External forces over E (mm^2) in equilibrium with this shape: dW/dc, 0 for fixed unknowns."""
         force = self._products.forces(coefficient_mm, self._stiffness)
-        force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
+        self._add_boundary_forces(coefficient_mm, force)
         force[~self.patch.is_free] = 0.0
         return force
 
@@ -121,10 +129,12 @@ class Shell:
         tangent_assembly.forces_and_tangent(
             read_only_view(coefficient_mm), self._elements, self._stiffness, force, tangent
         )
-        force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
+        self._add_boundary_forces(coefficient_mm, force)
         middle = tangent_kernels.REACH
         for i in range(3):
             tangent[:, i, i, middle, middle] += self._spring_mm
+        node, slow, fast, stiffness = self._end_stencil
+        tangent[node, 2, 2, slow, fast] += stiffness
         tangent_kernels.fix(self.patch.is_free, self.patch.shape, force, tangent)
 
     def empty_tangent(self, precision: type[np.floating] = np.float64) -> Float[np.ndarray, "nodes 3 3 7 8"]:
@@ -136,6 +146,22 @@ class Shell:
         result = np.empty_like(nodal)
         tangent_kernels.product(tangent, self.patch.shape, np.ascontiguousarray(nodal), result)
         return result
+
+    def _add_boundary_forces(self, coefficient_mm: Nodal, force: Nodal) -> None:
+        force += self._spring_mm[:, None] * coefficient_mm - self._rest_force
+        force[:, 2] += self._end_stiffness @ coefficient_mm[:, 2]
+
+    @cached_property
+    def _end_stiffness(self) -> csr_array:
+        return end_stiffness(self.patch, self.rigidity_mm3)
+
+    @cached_property
+    def _end_stencil(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Node, places along slow and fast of the other node, and entry, as in `forces_and_tangent`."""
+        matrix, fast, middle = coo_array(self._end_stiffness), self.patch.shape[1], tangent_kernels.REACH
+        row, column = matrix.row, matrix.col
+        along_slow, along_fast = column // fast - row // fast, column % fast - row % fast
+        return row, along_slow + middle, along_fast + middle, matrix.data
 
     @cached_property
     def _spring_mm(self) -> Float64[np.ndarray, " nodes"]:

@@ -173,10 +173,8 @@ def test_a_small_motion_of_the_camera_is_no_force(model: InversionModel, motion:
     for grid in shaken:
         state, surface, contacts = ESTIMATE.step(state, grid)
         found += contacts.touching
-    # markers that move apart evenly may also be a shallow, wide press: its parts are near the least force
-    assert len(found) <= (2 if motion == "scale" else 0)
-    assert all(contact.normal_force_over_E_mm2 < 0.13 for contact in found)
-    assert np.abs(surface.displacement_mm[:, 2]).max() < (0.1 if motion == "scale" else 0.01)
+    assert not found
+    assert np.abs(surface.displacement_mm[:, 2]).max() < 0.01
     force = []
     for change in (lambda grid: grid, lambda grid: moved(grid, motion)):
         grids = [change(grid_of(model, pressed, seed=20 + k)) for k in range(6)]

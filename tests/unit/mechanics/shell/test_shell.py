@@ -72,7 +72,35 @@ def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
     tension = shell.pretension_over_E_mm * (strain[0] + strain[1] - stretched)  # balanced at rest
     springs = np.where(patch.is_rim, shell.support_per_mm * patch.area_mm2, 0.0)
     density = 0.5 * t * np.sum(layers, axis=0) + sheared + tension
-    return float(area_mm2 @ density + 0.5 * (springs[:, None] * coefficient_mm**2).sum())
+    ends = 0.5 * rigidity * outline_integral(shell, coefficient_mm)
+    return float(area_mm2 @ density + 0.5 * (springs[:, None] * coefficient_mm**2).sum()) + ends
+
+
+def outline_integral(shell: Shell, coefficient_mm: np.ndarray) -> float:
+    """Of e0 b_nn^2 + 2 e1 b_nn b_nnn - e2 b_nnn^2 over a clamped outline."""
+    patch = shell.patch
+    if patch.boundary != "clamped":
+        return 0.0
+    (e0, e1, e2), total = patch.clamped_end, 0.0
+    place, weight = np.polynomial.legendre.leggauss(4)
+    for across in (0, 1):
+        along, step = 1 - across, patch.size_mm[1 - across] / patch.elements[1 - across]
+        at = (np.arange(patch.elements[along])[:, None] + 0.5 * (place + 1.0)).ravel() * step
+        for inward in (1, -1):
+            point_mm = np.tile(patch.corner_mm, (len(at), 1))
+            point_mm[:, along] += at
+            if inward < 0:
+                point_mm[:, across] += patch.size_mm[across]
+            second, third = (
+                reference.derivative(patch, coefficient_mm, point_mm, *((n, 0) if across == 0 else (0, n)))[
+                    :, 2
+                ]
+                * inward**n
+                for n in (2, 3)
+            )
+            density = e0 * second**2 + 2.0 * e1 * second * third - e2 * third**2
+            total += float(np.tile(0.5 * step * weight, patch.elements[along]) @ density)
+    return total
 
 
 def test_the_energy_is_the_integral_of_its_density(shell: Shell, bent_mm: np.ndarray) -> None:
@@ -228,12 +256,20 @@ def even_pressure(patch: SplinePatch) -> np.ndarray:
 
 @pytest.mark.parametrize("shear_factor", [0.0, 0.2, 1.0])
 def test_a_clamped_strip_is_sheared(shear_factor: float) -> None:
-    """Even pressure q on a strip of width 2 l: w = q l^4 / (24 D) (1 + 12 a / l^2) in the middle."""
+    """Even pressure q on a strip of width 2 l: D b = q (y^4 + p y^2 + s) / 24, y from the middle."""
     width, t = 12.0, 1.0
     patch = SplinePatch(size_mm=(60.0, width), elements=(40, 16))
     shell = Shell(patch=patch, thickness_mm=t, shear_factor=shear_factor)
     rigidity, half, pressure = t**3 / (12.0 * (1.0 - 0.45**2)), 0.5 * width, 1e-8
-    expected = pressure * half**4 / (24.0 * rigidity) * (1.0 + 12.0 * shell.shear_mm2 / half**2)
+    a, (e0, e1, e2) = shell.shear_mm2, shell.patch.clamped_end
+    # the inward derivatives at y = l are those by -y
+    p = -(4.0 * half**3 + 12.0 * e0 * half**2 - 24.0 * e1 * half) / (2.0 * half + 2.0 * e0)
+    second, third = 12.0 * half**2 + 2.0 * p, 24.0 * half
+    s = (a - e1) * second - e2 * third - half**4 - p * half**2
+    expected = pressure / (24.0 * rigidity) * (s - 2.0 * a * p)
+    if shear_factor != 0.2:
+        known = pressure * half**4 / (24.0 * rigidity) * (1.0 + 12.0 * a / half**2)
+        assert expected == pytest.approx(known, rel=1e-12)
     assert deflection_mm(shell, pressure * even_pressure(shell.patch)) == pytest.approx(expected, rel=2e-3)
 
 

@@ -240,7 +240,7 @@ class Evidence:
         return float(off @ off)
 
     def _grid(self) -> NodeGrid:
-        shares = (self.patch.rim_share(axis) for axis in range(2))
+        shares = (self.patch.end_shares(axis) for axis in range(2))
         own = self.combinations
         return NodeGrid(own.knot_x_mm, own.knot_y_mm, own.local, self.patch.shear_mm2, *shares)
 

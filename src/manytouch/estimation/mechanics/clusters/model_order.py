@@ -186,7 +186,7 @@ class ModelOrder:
         share = pair.force_mm2 / pair.force_mm2.sum()
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
         is_pair = share.min() >= limit * self.min_share and limit * pair.deviation_mm <= 0.25 * gap_mm
-        return pair if is_pair else one
+        return pair if is_pair and evidence.patch.covers(pair.centre_mm).all() else one
 
     def _face_or(self, one: PatchFit, evidence: Evidence, element_mm: float) -> PatchFit:
         """An elliptic face that presses most with its rim, if it explains the markers clearly better."""

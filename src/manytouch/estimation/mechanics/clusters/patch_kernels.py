@@ -39,15 +39,16 @@ class NodeGrid(NamedTuple):
         knot_x, knot_y: knots along x and y.
         local: (nx, ny) number of each spline function's node among the n nodes, or -1.
         shear: a of the sheet, mm^2; a point force has the nodal forces B_j - a lap B_j.
-        share_x, share_y: of the two outer functions along x and y in the third one (`SplinePatch.functions`).
+        share_x, share_y: (2, 2) of the outer two functions along x and y in the next two
+            (`SplinePatch.end_shares`).
     """
 
     knot_x: Knots
     knot_y: Knots
     local: Int64[np.ndarray, "nx ny"]
     shear: float
-    share_x: float
-    share_y: float
+    share_x: Float64[np.ndarray, "2 2"]
+    share_y: Float64[np.ndarray, "2 2"]
 
 
 class Whitened(NamedTuple):
@@ -100,15 +101,25 @@ def _basis(
 
 @kernel()
 @no_type_check
-def _inside(function: int, count: int, share: float) -> tuple[int, float]:
-    """The function of which one of `count` along an axis is a part, and its share in it."""
-    if share == 0.0:
-        return function, 1.0
-    if function < 2:
-        return 2, share
-    if function > count - 3:
-        return count - 3, share
-    return function, 1.0
+def _move_inside(
+    first: int,
+    count: int,
+    share: Float64[np.ndarray, "2 2"],
+    value: Float64[np.ndarray, "4"],
+    curvature: Float64[np.ndarray, "4"],
+) -> None:
+    """Add the shares of the outer functions, of `count` along an axis, to the functions inside."""
+    if 1 < first < count - 5:
+        return
+    for side in range(2):
+        for i in range(2):
+            outer = (count - 1 - i if side else i) - first
+            if 0 <= outer < 4:
+                for j in range(2):
+                    inner = (count - 3 - j if side else 2 + j) - first
+                    if 0 <= inner < 4:
+                        value[inner] += share[i, j] * value[outer]
+                        curvature[inner] += share[i, j] * curvature[outer]
 
 
 @kernel()
@@ -118,15 +129,14 @@ def add_point(grid: NodeGrid, force: float, x: float, y: float, nodal: Float64[n
     along_x, along_y, curved_x, curved_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
     first_x = _basis(grid.knot_x, x, along_x, curved_x)
     first_y = _basis(grid.knot_y, y, along_y, curved_y)
+    _move_inside(first_x, grid.local.shape[0], grid.share_x, along_x, curved_x)
+    _move_inside(first_y, grid.local.shape[1], grid.share_y, along_y, curved_y)
     for i in range(4):
-        at_x, in_x = _inside(first_x + i, grid.local.shape[0], grid.share_x)
         for j in range(4):
-            at_y, in_y = _inside(first_y + j, grid.local.shape[1], grid.share_y)
-            k = grid.local[at_x, at_y]
+            k = grid.local[first_x + i, first_y + j]
             if k >= 0:
                 laplacian = curved_x[i] * along_y[j] + along_x[i] * curved_y[j]
-                part = along_x[i] * along_y[j] - grid.shear * laplacian
-                nodal[k] += force * in_x * in_y * part
+                nodal[k] += force * (along_x[i] * along_y[j] - grid.shear * laplacian)
 
 
 @kernel()

@@ -87,6 +87,7 @@ class InversionModel:
             young_MPa=self.young_MPa,
             shear_mm2=self.shell.shear_mm2,
             tilt_mm2=self.shell.tilt_mm2,
+            clamped_end=self.patch.clamped_end,
             pretension_over_E_mm=self.shell.pretension_over_E_mm,
             pretension_std_over_E_mm=pretension_std_mm,
         )

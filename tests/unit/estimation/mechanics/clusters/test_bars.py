@@ -21,7 +21,7 @@ BAR = np.array([0.8, 5.1, -3.2, 6.0, 2.5, 1.4, 0.3, 0.9])
 
 def slack_grid() -> tuple[NodeGrid, int]:
     nodes = np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE)
-    return NodeGrid(knots(0), knots(1), nodes, SHEAR_MM2, 0.0, 0.0), nodes.size
+    return NodeGrid(knots(0), knots(1), nodes, SHEAR_MM2, np.zeros((2, 2)), np.zeros((2, 2))), nodes.size
 
 
 def test_the_nodal_forces_of_a_bar() -> None:

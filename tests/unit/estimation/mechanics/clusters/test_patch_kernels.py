@@ -9,7 +9,8 @@ from manytouch.geometry.spline.patch import SplinePatch
 from spline_loads import SHAPE, SHEAR_MM2, SHEARED, knots, nodal_press
 
 NODES = np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE)
-GRID = NodeGrid(knots(0), knots(1), NODES, SHEAR_MM2, 0.0, 0.0)
+END = (-0.1, -0.7, 0.1)
+GRID = NodeGrid(knots(0), knots(1), NODES, SHEAR_MM2, np.zeros((2, 2)), np.zeros((2, 2)))
 ELLIPSE = np.array([0.8, 5.1, -3.2, 2.0, 0.7, 1.4])
 
 
@@ -52,12 +53,12 @@ def test_a_point_near_the_outline(x: float, y: float) -> None:
 @pytest.mark.parametrize("centre_mm", [(-21.5, 3.0), (20.0, 15.5), (0.0, -16.8), (1.0, 2.0)])
 def test_a_patch_near_the_clamp(centre_mm: tuple[float, float]) -> None:
     """Its forces are those of the patch of the sheet, whose outer functions belong to nodes within."""
-    sheet = SplinePatch(size_mm=(48.0, 36.0), elements=(12, 9), shear_mm2=SHEAR_MM2)
+    sheet = SplinePatch(size_mm=(48.0, 36.0), elements=(12, 9), shear_mm2=SHEAR_MM2, clamped_end=END)
     local = np.pad(np.arange(sheet.node_count).reshape(sheet.shape), 1, constant_values=-1)
     lines = [
         basis.knots(sheet.size_mm[axis], sheet.elements[axis]) - sheet.size_mm[axis] / 2 for axis in (0, 1)
     ]
-    grid = NodeGrid(*lines, local, SHEAR_MM2, sheet.rim_share(0), sheet.rim_share(1))
+    grid = NodeGrid(*lines, local, SHEAR_MM2, sheet.end_shares(0), sheet.end_shares(1))
     patch = np.array([0.8, *centre_mm, 1.0, 0.3, 0.6])
     places_mm, force = quadrature(patch)
     expected = sheet.load(places_mm, np.outer(force, [0.0, 0.0, 1.0]))[:, 2]
