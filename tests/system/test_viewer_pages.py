@@ -242,6 +242,11 @@ def test_nothing_stays_clickable_after_the_end(browser: Browser) -> None:
     assert page.is_enabled("#run")
     viewer.close()
     wait(page, "manytouch.state.ended || !manytouch.state.connected")
-    for control in ("#run", "#tare", "#record", "[data-mode=press]"):
+    for control in ("#run", "#tare", "#record", "#layer", "[data-mode=press]"):
         assert page.is_disabled(control)
+    assert "measure" not in page.inner_text("#hint")
+    page.mouse.click(*page.evaluate("manytouch.pane.onScreen(-20, 8)"))
+    page.keyboard.press("m")
+    assert page.evaluate("manytouch.state.points") == []
+    assert page.evaluate("manytouch.pointer.mode") == "view"
     page.close()

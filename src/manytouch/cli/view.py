@@ -36,6 +36,7 @@ def view(
     Example: manytouch view press.mcap --method paper
     """
     options.refuse_two_scales("view", sensor, pitch_mm, hfov_deg)
+    from manytouch.cli.run import is_playback
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.cli.terminal.viewing import ViewerAddress, viewers
@@ -44,7 +45,7 @@ def view(
 
     reporter = Reporter(bar=False)
     with StopOnSignal() as stop:
-        if any(option is not None for option in (pitch_mm, hfov_deg, roi, fps)):
+        if not is_playback(str(recording), pitch_mm, hfov_deg, roi, fps):
             job = prepare(
                 recording,
                 sensor=sensor,

@@ -1,5 +1,7 @@
 """Lines at the start and the end of contacts, with the nearest true contact of the same frame."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from manytouch.cli.terminal.contact_log import ContactLog
@@ -11,6 +13,7 @@ from manytouch.values import (
     Phase,
     Reading,
     Sensor,
+    Sheet,
     Surface,
     TrackedGrid,
     Truth,
@@ -100,6 +103,26 @@ def test_the_end_has_the_nearest_true_contact_of_the_deepest_frame():
 
 def test_open_contacts_are_printed_on_closing():
     assert "#4 still there" in lines_of(*ONE_CONTACT[:3])[-1]
+
+
+def test_forces_are_printed_where_the_sensor_states_the_modulus():
+    def pressed(each: Contact) -> Contact:
+        covariance = each.covariance.copy()
+        covariance[5, 5] = 0.01
+        return replace(each, force_N=np.array([0.0, 0.0, -1.25]), covariance=covariance)
+
+    sheet = Sheet(size_mm=np.array([40.0, 30.0]), thickness_mm=3.0, young_MPa=2.0)
+    lines: list[str] = []
+    near = pressed(contact(0, Phase.MOVE, 2.0))
+    known = Truth(frame_index=1, grid=GRID, surface=SURFACE, contacts=Contacts(contacts=(near,)))
+    log = ContactLog(replace(SENSOR, sheet=sheet), lines.append, lambda _: known)
+    log.write(reading(1, pressed(contact(4, Phase.START, 0.5))))
+    log.write(reading(2, contact(5, Phase.START, 0.5)))
+    headings, first, second = lines
+    assert "force (N)" in headings
+    assert "0.50 ± 0.50       1.25 ± 0.10     truth 3.00, -2.00, depth 2.00, 1.25 N" in first
+    assert "0.50 ± 0.50       unknown " in second
+    assert "force" not in lines_of(*ONE_CONTACT)[0]
 
 
 def test_nothing_is_printed_without_contacts():

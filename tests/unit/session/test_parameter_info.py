@@ -1,5 +1,7 @@
 """Labels, help and defaults of the parameters of every method."""
 
+import re
+
 import pytest
 
 from manytouch.session.methods import METHODS, parameter_info, parameters_of, pipeline_for
@@ -34,6 +36,16 @@ def test_every_parameter_has_help_and_its_default(method: str) -> None:
     essential = [name for name, each in info.items() if each.is_essential]
     assert 5 <= len(essential) <= 7
     assert list(info)[: len(essential)] == essential
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_help_and_labels_are_for_readers_of_the_page(method: str) -> None:
+    """No names of modules, no marks of code, no Python; whole sentences."""
+    for name, each in parameter_info(method).items():
+        assert not re.search(r"`|manytouch\.|None:", each.help), name
+        assert re.search(r"[.?)]$", each.help), name
+        if each.is_essential or name.startswith("interpolation."):
+            assert "›" not in each.label, name
 
 
 def test_every_essential_parameter_exists() -> None:

@@ -34,6 +34,13 @@ ESSENTIAL = {
 }
 """Parameters that are shown first, those that a method has: label and unit."""
 
+FURTHER = {
+    "interpolation.iterations": ("Inverse distance: points along a side", ""),
+    "interpolation.search_radius_pitch": ("Inverse distance: search radius", "pitches"),
+    "interpolation.power": ("Inverse distance: power", ""),
+}
+"""Label and unit of others that every method has."""
+
 UNITS = {"_px2": "px²", "_px": "px", "_mm": "mm", "_pitch": "pitches", "_rad": "rad", "_frames": "frames"}
 
 
@@ -48,17 +55,24 @@ def parameter_info(method: str) -> Mapping[str, ParameterInfo]:
     order = {name: place for place, name in enumerate(ESSENTIAL)}
     found = {}
     for name in sorted(defaults, key=lambda each: order.get(each, len(order))):
-        label, unit = ESSENTIAL.get(
+        label, unit = (ESSENTIAL | FURTHER).get(
             name, ("", next((unit for end, unit in UNITS.items() if name.endswith(end)), ""))
         )
         found[name] = ParameterInfo(
             label=label or name.replace(".", " › ").replace("_", " "),
             unit=unit,
-            help=help_of.get(name) or help_of.get(f"estimate.{name}", ""),
+            help=_without_code(help_of.get(name) or help_of.get(f"estimate.{name}", "")),
             default=defaults[name],
             is_essential=name in ESSENTIAL,
         )
     return MappingProxyType(found)
+
+
+def _without_code(text: str) -> str:
+    """A docstring for readers of a page: without references to modules, names as in the labels."""
+    text = re.sub(r",( and)?$", ".", re.sub(r" \(`[\w.]+`\)", "", text))
+    text = re.sub(r"(^|\. )None:", r"\1Automatic:", text).replace("None:", "automatic:")
+    return re.sub(r"`([\w.]+)`", lambda found: found[1].replace(".", " › ").replace("_", " "), text)
 
 
 def _docs(value: Any, path: str) -> Iterator[tuple[str, str]]:
