@@ -19,7 +19,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 from browser import CHROMIUM, FLAGS, wait, wait_for_text
 from manytouch.session.methods import choices_of, parameter_info, parameters_of, pipeline_for
 from manytouch.sinks.viewer import Viewer
-from manytouch.values import Comparison, Press, Reading, Tune
+from manytouch.values import Comparison, OutlineRing, Press, Reading, Tune
 from viewer_session import HEALTH, FakeSession, reading_of
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
@@ -168,7 +168,7 @@ def test_a_value_has_the_same_colour_on_every_slope(page: Page, viewer: Viewer) 
         (-8.3, 3.1),
         (8.3, 3.1),
         (3.2, 8.4),
-        (-6.2, -5.7),
+        (-6.2, -6.4),
         (6.2, 5.7),
         (-11.4, 6.3),
         (11.4, 6.3),
@@ -177,8 +177,8 @@ def test_a_value_has_the_same_colour_on_every_slope(page: Page, viewer: Viewer) 
         x, y = page.evaluate(f"manytouch.pane.onScreen({x_mm}, {y_mm})")
         expected = ramp[round(255 * np.clip((depth_mm - low) / (high - low), 0, 1))]
         patch = image[round(y) - 2 : round(y) + 3, round(x) - 2 : round(x) + 3].reshape(-1, 3)
-        errors.append(np.abs(np.median(patch, axis=0) - expected).max())
-    assert max(errors) < 16, errors
+        errors.append(np.abs(patch - expected).max(axis=1).min())
+    assert sorted(errors)[-3] < 6, errors  # lines of the grid and of equal depth may cross two of the places
     page.evaluate("document.getElementById('stretch').value = 5")
     page.dispatch_event("#stretch", "input")
 
@@ -222,6 +222,40 @@ def test_most_of_five_contacts_are_seen_without_scrolling(
         assert box is not None
         assert box["height"] >= 80
         assert box["y"] + box["height"] <= 768
+
+
+def test_the_profile_between_two_points_is_whole_and_every_pane_stays(page: Page, viewer: Viewer) -> None:
+    show(page, viewer, pressed(5, force_N=np.array([0.4, 0.3, -1.5]), torque_Nmm=-12.0, slip=True))
+    for at_mm in ((-50, -20), (45, 25)):
+        page.mouse.click(*page.evaluate(f"manytouch.pane.onScreen({at_mm[0]}, {at_mm[1]})"))
+    wait(page, "manytouch.state.measured?.points.length === 2")
+    wait_for_text(page, "#measure", "distance now")
+    for pane, least_px in (("#profile", 100), (".contacts", 180), (".measure", 250), (".health", 80)):
+        box = page.locator(pane).bounding_box()
+        assert box is not None
+        assert box["height"] >= least_px, pane
+        assert box["y"] + box["height"] <= 768, pane
+    profile, card = page.locator("#profile").bounding_box(), page.locator(".measure").bounding_box()
+    assert profile is not None
+    assert card is not None
+    assert profile["y"] + profile["height"] <= card["y"] + card["height"]
+    assert page.evaluate("((box) => box.scrollWidth <= box.clientWidth)(document.querySelector('.scroll'))")
+    page.keyboard.press("Escape")
+
+
+def test_an_outline_that_reaches_beyond_the_sheet_is_drawn_on_it(page: Page, viewer: Viewer) -> None:
+    corners_mm = 200.0 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    show(page, viewer, pressed(outline=(OutlineRing(point_mm=corners_mm),), half_major_mm=300.0))
+    reach = page.evaluate(
+        """(() => { let most = 0;
+        manytouch.pane.sheet.traverse(({ isLine, visible, geometry }) => {
+          if (!isLine || !visible) return;
+          const { array } = geometry.attributes.position;
+          for (let i = 0; i < array.length; i += 3) most = Math.max(most, Math.abs(array[i]));
+        });
+        return most; })()"""
+    )
+    assert 50 < reach < 75
 
 
 def test_the_wheel_changes_the_depth_of_fingers_and_zooms_with_control(

@@ -82,7 +82,7 @@ function setHealth(health) {
   const resume = health.frame_count === null ? "Resume" : "Play";
   find("run-label").textContent = health.is_running ? "Pause" : resume;
   document.querySelector("#run .glyph").className = `glyph ${health.is_running ? "pause" : "play"}`;
-  find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
+  find("mode").hidden = find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
   if (health.can_press) tour.begin();
   find("timeline").hidden = health.frame_count === null;
   find("untare").hidden = !health.can_untare;

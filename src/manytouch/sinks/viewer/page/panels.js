@@ -18,7 +18,7 @@ export function showContacts(contacts, others, { name, reach, head, pinned }) {
       withSmallStd(contact.depth_mm, contact.depth_std_mm, length), withSmallStd(contact.force_N, contact.force_std_N, force)];
     const near = nearest(contact, others, 0.1 * reach);
     const more = detail(contact);
-    const rows = more ? [own, ["tr", { class: "comparison", data: contact.id }, ["td", {}], ["td", { span: 4 }, more]]] : [own];
+    const rows = more ? [own, ["tr", { class: "comparison", data: contact.id }, ["td", {}], ["td", { class: "detail", span: 4 }, more]]] : [own];
     if (!near) return rows;
     return [...rows, ["tr", { class: "comparison" }, cell(name), cell(length(near.x_mm)), cell(length(near.y_mm)), cell(length(near.depth_mm)), cell(force(near.force_N))]];
   });
@@ -105,7 +105,7 @@ export function showHealth(health, head) {
   const seen = health.markers ? health.markers_seen / health.markers : 1;
   const quality = head?.image_quality, isLive = health.frame_count === null;
   const latency = health.message_ms_p50 ?? health.latency_ms_p50, latest = health.message_ms_p99 ?? health.latency_ms_p99;
-  const vitals = [[fixed(health.fps, 0), " fps"], ...(isLive ? [[fixed(latency, 0), " ms latency"], [health.dropped, " dropped"]] : []), [health.markers_seen, ` of ${health.markers} markers`]];
+  const vitals = [...(health.is_running ? [[fixed(health.fps, 0), " fps"]] : []), ...(isLive ? [[fixed(latency, 0), " ms latency"], [health.dropped, " dropped"]] : []), [health.markers_seen, ` of ${health.markers} markers`]];
   render(find("vitals"), vitals.map(([value, name]) => ["span", {}, ["b", {}, value], name]));
   const rows = [
     ["method", health.method, ""],
