@@ -45,11 +45,11 @@ class Sink(Protocol):
 
 @runtime_checkable
 class Output(Sink, Protocol):
-    """A sink that passes readings on to another program, without ever waiting for it."""
+    """A sink that passes readings on to other programs, without ever waiting for them."""
 
     @property
-    def state(self) -> OutputState:
-        """What was sent and dropped so far; safe from any thread."""
+    def states(self) -> tuple[OutputState, ...]:
+        """What was sent to each program and dropped so far; safe from any thread."""
 
 
 @runtime_checkable

@@ -153,7 +153,7 @@ class Playback:
             frame=self._place,
             frame_count=len(self._timeline),
             is_preparing=self._jobs.is_busy,
-            outputs=tuple(output.state for output in self._outputs),
+            outputs=tuple(state for output in self._outputs for state in output.states),
         )
 
     def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:

@@ -3,6 +3,8 @@
 import json
 
 import numpy as np
+import pandas
+import polars
 import pyarrow as pa
 import pytest
 
@@ -44,10 +46,23 @@ def test_markers_are_an_arrow_table_in_the_columns_of_the_files(reading_of) -> N
     assert table["depth_std_mm"].to_pylist()[0] == pytest.approx(0.1)
 
 
-@pytest.mark.parametrize("name", ["pandas", "polars"])
-def test_data_frames_take_contacts_and_markers(name: str, reading_of, contact_of) -> None:
-    library = pytest.importorskip(name)
-    reading = reading_of(0, (contact_of(3),))
-    make = library.DataFrame if name == "polars" else library.DataFrame.from_arrow
-    assert list(make(reading.contacts)["x_mm"]) == [2.5]
-    assert len(make(reading.markers)) == 24
+def test_pandas_takes_contacts_and_markers(reading_of, contact_of) -> None:
+    reading = reading_of(0, (contact_of(3), contact_of(4, Phase.END, slip=True)), unseen=(2,))
+    contacts = pandas.DataFrame.from_arrow(reading.contacts)
+    assert contacts["x_mm"].tolist() == [2.5, 2.5]
+    assert contacts["phase"].tolist() == ["move", "end"]
+    assert contacts["slip"].isna().tolist() == [True, False]
+    markers = pandas.DataFrame.from_arrow(reading.markers)
+    assert markers["seen"].tolist()[:4] == [True, True, False, True]
+    assert markers["x_px"].isna().tolist()[:4] == [False, False, True, False]
+
+
+def test_polars_takes_contacts_and_markers(reading_of, contact_of) -> None:
+    reading = reading_of(0, (contact_of(3), contact_of(4, Phase.END, slip=True)), unseen=(2,))
+    contacts = polars.DataFrame(reading.contacts)
+    assert contacts["x_mm"].to_list() == [2.5, 2.5]
+    assert contacts["phase"].to_list() == ["move", "end"]
+    assert contacts["slip"].to_list() == [None, True]
+    markers = polars.DataFrame(reading.markers)
+    assert markers["seen"].to_list()[:4] == [True, True, False, True]
+    assert markers["x_px"].is_null().to_list()[:4] == [False, False, True, False]

@@ -25,7 +25,7 @@ from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
 from manytouch.sinks.surface_grid import grid_corners
-from manytouch.values import Layout, Reading
+from manytouch.values import Layout, Reading, Sensor
 
 PORT = 8765
 MESH = "/mesh"
@@ -126,6 +126,21 @@ class FoxglovePublisher:
         if self._mesh is None or self._mesh.layout is not layout:
             self._mesh = _Mesh(layout)
         return self._mesh
+
+
+def warm_up(reading: Reading, sensor: Sensor) -> tuple[bytes, ...]:
+    """The messages of a reading."""
+    layout = sensor.layout
+    return (
+        json.dumps(reading.to_dict()).encode(),
+        bytes(surface_message(reading, 0).SerializeToString()),
+        _image(reading, 0),
+        *(() if layout is None else (_Mesh(layout)(reading, 0),)),
+        *(
+            describe(sensor.camera, "", 0).SerializeToString()
+            for _, describe in camera_messages(sensor.camera)
+        ),
+    )
 
 
 class _Mesh:
