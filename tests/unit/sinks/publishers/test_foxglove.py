@@ -1,21 +1,33 @@
 """The live server of Foxglove, as a client sees it that speaks its protocol (foxglove.sdk.v1)."""
 
 import json
+import signal
 import struct
+import subprocess
+import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.PointCloud_pb2 import PointCloud
 from foxglove_schemas_protobuf.SceneUpdate_pb2 import SceneUpdate
-from websockets.sync.client import connect
+from websockets.sync.client import ClientConnection, connect
 
 from manytouch.errors import OutputError
+from manytouch.sinks.publishers import foxglove_live
 from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.foxglove_live import FoxglovePublisher
 from manytouch.sinks.publishers.registry import open_outputs
+from manytouch.values import OutlineRing
+from waiting import wait_until
+
+RECEIVERS = Path(__file__).parents[3] / "peers" / "receivers.py"
 
 
 @pytest.fixture
@@ -71,6 +83,58 @@ def test_a_client_receives_image_cloud_mesh_and_numbers(publisher, reading_of, c
 def test_a_client_that_comes_again_receives_what_follows(publisher, reading_of) -> None:
     for index in range(2):
         assert json.loads(received(publisher, reading_of(index), ("/reading",))["/reading"])["frame"] == index
+
+
+@contextmanager
+def subscribed(
+    publisher: FoxglovePublisher, topics: tuple[str, ...]
+) -> Iterator[tuple[ClientConnection, dict[int, str]]]:
+    """A client of some topics, and their numbers."""
+    address = f"ws://127.0.0.1:{publisher.port}"
+    with connect(address, subprotocols=["foxglove.sdk.v1"], max_size=None) as client:
+        known: dict[int, str] = {}
+        while len(known) < 6:
+            message = client.recv(timeout=5)
+            if isinstance(message, str) and (decoded := json.loads(message))["op"] == "advertise":
+                known |= {channel["id"]: channel["topic"] for channel in decoded["channels"]}
+        wanted = [{"id": number, "channelId": number} for number, topic in known.items() if topic in topics]
+        client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+        wait_until(lambda: all(publisher._channels[topic].has_sinks() for topic in topics))
+        yield client, known
+
+
+def test_clouds_have_the_rate_of_the_readings_and_meshes_five_per_second(
+    publisher, reading_of, sensor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    clock_s = iter(np.arange(1000.0) / 30.0)
+    monkeypatch.setattr(foxglove_live, "time", SimpleNamespace(monotonic=lambda: float(next(clock_s))))
+    reading = reading_of(0, depth_mm=1.5)
+    reading = replace(reading, surface=replace(reading.surface, layout=sensor.layout))
+    counts = {"/surface": 0, "/mesh": 0}
+    with subscribed(publisher, ("/surface", "/mesh")) as (client, known):
+        for _ in range(60):  # two seconds
+            publisher.publish(reading)
+        while counts["/surface"] < 60:
+            message = client.recv(timeout=5)
+            if isinstance(message, bytes):
+                counts[known[struct.unpack_from("<I", message, 1)[0]]] += 1
+    assert counts["/mesh"] == 10
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="it has no signal that stops")
+def test_a_client_that_takes_nothing_any_more_delays_no_other_one(publisher, reading_of, contact_of) -> None:
+    contact = contact_of(
+        7, force_N=np.array([0.0, 0.0, -1.0]), outline=(OutlineRing(point_mm=np.zeros((100, 2))),)
+    )
+    command = [sys.executable, str(RECEIVERS), "foxglove", str(publisher.port)]
+    with subprocess.Popen(command, stdout=subprocess.DEVNULL) as stuck:
+        wait_until(publisher._channels["/reading"].has_sinks)
+        stuck.send_signal(signal.SIGSTOP)
+        for index in range(4000):  # more than sockets and the queue of the server hold
+            publisher.publish(reading_of(index, (contact,)))
+        last = reading_of(4000, (contact,))
+        assert json.loads(received(publisher, last, ("/reading",))["/reading"])["frame"] == 4000
+        stuck.kill()
 
 
 def test_without_a_client_nothing_is_encoded(publisher, reading_of, monkeypatch: pytest.MonkeyPatch) -> None:
