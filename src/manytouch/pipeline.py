@@ -255,6 +255,10 @@ class Pipeline:
     estimate: Estimator
     interpolation: Interpolation | None = None
 
+    def __repr__(self) -> str:
+        stages = ", ".join(type(stage).__name__ for stage in (self.detect, self.track, self.estimate))
+        return f"Pipeline({stages})"
+
     def run(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Reading]:
         """One reading per frame, in order.
 

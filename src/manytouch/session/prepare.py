@@ -28,6 +28,7 @@ from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.joined import JoinedSource
 from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Frame, Reading, Roi, Sensor
+from manytouch.values.arrays import count_of
 from manytouch.values.sensor_file import load_sensor
 
 REST_FRAMES = 15
@@ -69,6 +70,13 @@ class Job:
     roi_px: Roi | None = None
     request: Request
     files_stamp: str | None = None
+
+    def __repr__(self) -> str:
+        frames = "" if self.frame_count is None else f", {count_of(self.frame_count, 'frame')}"
+        return (
+            f"Job({self.text!r}{frames}, sensor {self.sensor.name!r}, method {self.method}, "
+            f"lengths in {self.sensor.length_unit})"
+        )
 
     @property
     def frame_count(self) -> int | None:

@@ -115,7 +115,7 @@ export function showHealth(health, head) {
     ["markers seen", `${health.markers_seen} of ${health.markers}`, seen < 0.8 ? "bad" : seen < 0.95 ? "warn" : ""],
     ["focus", quality ? `${fixed(100 * quality.focus, 0)} % of best` : "–", quality && quality.focus < 0.6 ? "warn" : ""],
     ["exposure", quality ? `${fixed(100 * quality.level, 0)} %, ${fixed(100 * quality.clipped, 1)} % clipped` : "–", quality && quality.clipped > 0.3 ? "warn" : ""],
-    ["depth at rest", isKnown(head?.residual_mm) ? `${length(head.residual_mm, 1)} ${units.length}` : "in contact", ""],
+    ["depth at rest", isKnown(head?.residual_mm) ? `${length(head.residual_mm, 1)} ${units.length}` : head?.contacts.length ? "in contact" : "–", ""],
     ...pretensionRow(head?.pretension),
   ];
   render(find("health"), rows.flatMap(([name, value, kind]) => [["dt", {}, name], ["dd", { class: kind }, value]]));
