@@ -130,9 +130,9 @@ def rest(
     import numpy as np
     from rich.console import Console
 
+    from manytouch.calibration.outline.pad_outline import pad_of
     from manytouch.calibration.rest.calibrate import calibrate_rest
     from manytouch.calibration.rest.report import describe, with_provenance
-    from manytouch.calibration.sheet.pad_outline import pad_of
     from manytouch.calibration.views import calibrate_views, describe_views, with_provenance_of_views
     from manytouch.cli.terminal.console import Steps
     from manytouch.sinks.files.atomic_output import check_file_writable

@@ -11,8 +11,8 @@ from manytouch.calibration.rest import register_rest as reference
 from manytouch.calibration.rest.assumed_sensor import sensor_from_dots
 from manytouch.calibration.rest.flatness import bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_dots
-from manytouch.calibration.rest.rest_frames import confirm_rest_dots, merge_rest_dots
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT
+from manytouch.calibration.rest_frames import confirm_rest_dots, merge_rest_dots
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.tracking import MarkerTracker

@@ -7,13 +7,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
+from manytouch.calibration.outline.clamp_line import ClampLine, clamp_line, clamp_warnings
+from manytouch.calibration.outline.pad_outline import pad_of, with_origin_at, with_seen_outline
 from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sharpness import edge_width_px, is_soft
-from manytouch.calibration.sheet.clamp_line import ClampLine, clamp_line, clamp_warnings
-from manytouch.calibration.sheet.pad_outline import pad_of, with_origin_at, with_seen_outline
 from manytouch.detection import expected_appearance
 from manytouch.detection.dot_appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError

@@ -58,7 +58,7 @@ class ModulusReading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MarkerSpacing:
+class SmallestGap:
     """Equation 1 on the printed press, at the pair of markers with the smallest gap.
 
     Attributes:
@@ -92,7 +92,7 @@ class PaperDesign:
 
     moduli: tuple[ModulusReading, ...]
     curves: tuple[DeflectionCurve, ...]
-    spacings: tuple[MarkerSpacing, ...]
+    spacings: tuple[SmallestGap, ...]
     hfov_deg: float
     stand_off: StandOff
     design: Design
@@ -166,7 +166,7 @@ def modulus_reading(curve: DeflectionCurve, young_MPa: float) -> ModulusReading:
     )
 
 
-def marker_spacing(curve: DeflectionCurve, height_mm: float, least_gap_mm: float) -> MarkerSpacing:
+def marker_spacing(curve: DeflectionCurve, height_mm: float, least_gap_mm: float) -> SmallestGap:
     """Equation 1 where the gap is smallest, on a press of the printed depth."""
     pairs = curve.pairs_rad(PITCH_MM, DEPTH_MM)
 
@@ -179,7 +179,7 @@ def marker_spacing(curve: DeflectionCurve, height_mm: float, least_gap_mm: float
     # equation 1 as printed has cos instead of sin in its fourth term
     misprint_mm = height_mm * (math.sin(slope + turn) - math.cos(slope + turn))
     limits = [{"gap_mm": least_gap_mm, "slope_rad": one, "turn_rad": change} for one, change in pairs]
-    return MarkerSpacing(
+    return SmallestGap(
         height_mm=height_mm,
         slope_deg=math.degrees(slope),
         turn_deg=math.degrees(turn),

@@ -34,9 +34,11 @@ class Goal:
 
     @property
     def text(self) -> str:
+        """The limit with its unit."""
         return f"{'≥' if self.is_least else '≤'} {self.limit:g} {self.unit}"
 
     def is_reached(self, value: float) -> bool:
+        """Whether a figure is within the limit."""
         return value >= self.limit if self.is_least else abs(value) <= self.limit
 
 

@@ -21,7 +21,7 @@ from typing import Any
 
 from manytouch.errors import MissingExtraError, OutputError
 from manytouch.sinks.publishers.address import OutputAddress
-from manytouch.sinks.publishers.touches import Touch, TouchScale
+from manytouch.sinks.publishers.touches import NormalisedTouch, TouchScale
 from manytouch.values import Reading
 
 MEMBERS = 15
@@ -90,7 +90,7 @@ class MpeEncoder:
             messages.append(Message("note_off", channel=voice.channel, note=voice.note, velocity=0))
         return messages
 
-    def _started(self, touch: Touch, step_s: float) -> list[Any]:
+    def _started(self, touch: NormalisedTouch, step_s: float) -> list[Any]:
         from mido import Message
 
         if not self._free:
@@ -103,7 +103,7 @@ class MpeEncoder:
         messages = [_value(voice.channel, place, value) for place, value in enumerate(voice.values)]
         return [*messages, Message("note_on", channel=channel, note=note, velocity=velocity)]
 
-    def _moved(self, touch: Touch, voice: _Voice) -> list[Any]:
+    def _moved(self, touch: NormalisedTouch, voice: _Voice) -> list[Any]:
         values = self._values(touch, voice.note)
         changed = [
             _value(voice.channel, place, value)
@@ -113,12 +113,12 @@ class MpeEncoder:
         voice.values = values
         return changed
 
-    def _values(self, touch: Touch, note: int) -> tuple[int, int, int]:
+    def _values(self, touch: NormalisedTouch, note: int) -> tuple[int, int, int]:
         """Pitch bend, CC 74 and channel pressure."""
         bend = round(8192 * (self._pitch(touch) - note) / BEND_SEMITONES)
         return min(max(bend, -8192), 8191), round(127 * (1.0 - touch.y)), round(127 * touch.pressure)
 
-    def _pitch(self, touch: Touch) -> float:
+    def _pitch(self, touch: NormalisedTouch) -> float:
         return self._low_note + self._notes * touch.x
 
 

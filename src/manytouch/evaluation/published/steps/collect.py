@@ -38,7 +38,7 @@ class SampleCalculation:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Steps:
+class PaperSteps:
     """One frame on its way through the method.
 
     Attributes:
@@ -84,7 +84,7 @@ class _Kept:
     frames: int
 
 
-def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | None = None) -> Steps:
+def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | None = None) -> PaperSteps:
     """Process the frames of a job with method `paper` and keep what one of them goes through.
 
     Args:
@@ -132,7 +132,7 @@ def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | N
     return _steps(job, kept, rest, estimating)
 
 
-def _steps(job: Job, kept: _Kept, rest: Reading | None, estimation: PaperEstimationState) -> Steps:
+def _steps(job: Job, kept: _Kept, rest: Reading | None, estimation: PaperEstimationState) -> PaperSteps:
     detect, image = job.pipeline.detect, kept.reading.frame.image
     assert isinstance(detect, PaperDetection)
     assert image is not None
@@ -148,7 +148,7 @@ def _steps(job: Job, kept: _Kept, rest: Reading | None, estimation: PaperEstimat
     true_mm = None
     if marker is not None and truth is not None:
         true_mm = -float(truth.surface.displacement_mm[marker, 2])
-    return Steps(
+    return PaperSteps(
         job=job,
         rest=rest,
         reading=kept.reading,

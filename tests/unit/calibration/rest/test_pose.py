@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 import pytest
 
+from manytouch.calibration.outline.clamp_line import describe, force_change
 from manytouch.calibration.rest.calibrate import calibrate_rest
 from manytouch.calibration.rest.pose import fit_pose
 from manytouch.calibration.rest.report import describe as describe_rest
-from manytouch.calibration.sheet.clamp_line import describe, force_change
 from manytouch.cli import main
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import onto_plane, project

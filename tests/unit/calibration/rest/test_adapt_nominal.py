@@ -7,11 +7,11 @@ import pytest
 
 from clips import COLUMNS, HEIGHT_PX, PITCH_PX, ROWS, WIDTH_PX, picture
 from layouts import lattice_layout
+from manytouch.calibration.outline.clamp_line import ClampLine
 from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.calibrate import RestCalibration
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.report import with_provenance
-from manytouch.calibration.sheet.clamp_line import ClampLine
 from manytouch.errors import LayoutError
 from manytouch.values import Frame, Sensor
 from manytouch.values.sensor_file import known_sensors, load_sensor

@@ -19,7 +19,7 @@ from manytouch.sources.cameras.capture import CameraRequest, backends, open_came
 from manytouch.sources.source import Source
 from manytouch.values import Frame
 
-BENCHMARKS = Path(__file__).parents[3] / "benchmarks"
+BENCHMARKS = Path(__file__).parents[4] / "benchmarks"
 sys.path.append(str(BENCHMARKS))
 ALL = CameraRequest(
     size_px=(1280, 720), fps=25.0, exposure_ms=8.0, gain=3.0, focus=40.0, white_balance_K=4500.0
@@ -247,10 +247,8 @@ def test_a_closed_source_ends_an_iteration_that_waits() -> None:
     frames = iter(source)
     next(frames)
     plugged.is_out = True
-    begun_s = time.monotonic()
     source.close()
-    assert list(frames) == []
-    assert time.monotonic() - begun_s < 2.0
+    assert list(frames) == []  # it would wait for the camera without end
 
 
 MS = 1_000_000

@@ -1,5 +1,6 @@
 """Worker processes: what the death of one costs."""
 
+import multiprocessing
 import time
 from pathlib import Path
 
@@ -46,12 +47,12 @@ def test_a_stop_ends_what_is_running() -> None:
     engine, begun_s = LocalProcesses(processes=1), time.monotonic()
     outcomes = list(engine.run(act, tasks_of("wait", "a"), lambda: time.monotonic() > begun_s + 2.0))
     assert outcomes == []
-    assert not engine._workers
+    assert "manytouch worker" not in {each.name for each in multiprocessing.active_children()}
 
 
 def test_workers_that_do_not_start_are_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(local_processes, "FAILED_STARTS", 1)
-    monkeypatch.setattr(local_processes, "_serve", exit_at_once)
+    monkeypatch.setattr(local_processes, "serve", exit_at_once)
     with pytest.raises(ManytouchError, match="before they are ready"):
         list(LocalProcesses(processes=1).run(act, tasks_of("a"), never))
 

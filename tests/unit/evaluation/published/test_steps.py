@@ -10,7 +10,7 @@ import pytest
 
 from drawn_source import DrawnSource
 from manytouch.errors import ManytouchError
-from manytouch.evaluation.published.steps.collect import Steps, collect_steps
+from manytouch.evaluation.published.steps.collect import PaperSteps, collect_steps
 from manytouch.evaluation.published.steps.page import figures, write_steps
 from manytouch.geometry.surface_sampling import sample
 from manytouch.session import prepare
@@ -23,11 +23,11 @@ DEPTHS = {"8-perimeters", "9-padded-grid", "10-surface"}
 
 
 @pytest.fixture(scope="module")
-def steps() -> Steps:
+def steps() -> PaperSteps:
     return collect_steps(prepare(DrawnSource(frames=45), method="paper"))
 
 
-def test_the_deepest_frame_is_explained_with_the_bits_of_the_method(steps: Steps) -> None:
+def test_the_deepest_frame_is_explained_with_the_bits_of_the_method(steps: PaperSteps) -> None:
     readings = list(prepare(DrawnSource(frames=45), method="paper").readings())
     deepest = max(
         readings, key=lambda one: max((each.depth_mm for each in one.contacts.touching), default=0.0)
@@ -43,7 +43,7 @@ def test_the_deepest_frame_is_explained_with_the_bits_of_the_method(steps: Steps
     np.testing.assert_array_equal(steps.stages.binary > 0, steps.stages.grey > steps.stages.level)
 
 
-def test_the_numbers_of_the_perimeter_give_the_depth_of_the_deepest_marker(steps: Steps) -> None:
+def test_the_numbers_of_the_perimeter_give_the_depth_of_the_deepest_marker(steps: PaperSteps) -> None:
     found = figures(steps)
     perimeter = found["perimeter"]
     depth = perimeter["distance"] * (1.0 - perimeter["before"] / perimeter["after"])
@@ -53,7 +53,7 @@ def test_the_numbers_of_the_perimeter_give_the_depth_of_the_deepest_marker(steps
     assert len(set(np.round(list(steps.depth_by_formula_mm.values()), 9))) == 5
 
 
-def test_the_sample_calculation_is_the_surface_at_its_point(steps: Steps) -> None:
+def test_the_sample_calculation_is_the_surface_at_its_point(steps: PaperSteps) -> None:
     sampled = steps.sample
     assert sampled is not None
     assert sum(sampled.share) == pytest.approx(1.0)
@@ -62,7 +62,7 @@ def test_the_sample_calculation_is_the_surface_at_its_point(steps: Steps) -> Non
     assert here.depth_mm == pytest.approx(sampled.result_mm)
 
 
-def test_the_page_shows_every_step_and_its_numbers(steps: Steps, tmp_path: Path) -> None:
+def test_the_page_shows_every_step_and_its_numbers(steps: PaperSteps, tmp_path: Path) -> None:
     page = write_steps(steps, tmp_path / "explained")
     text = page.read_text(encoding="utf-8")
     shown = re.findall(r'src="([^"]+)\.png"', text)

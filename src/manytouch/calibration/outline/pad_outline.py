@@ -5,7 +5,7 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from manytouch.calibration.sheet.clamp_line import ClampLine
+from manytouch.calibration.outline.clamp_line import ClampLine
 from manytouch.values import Sensor, Sheet
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor_file.default_std import sheet_std

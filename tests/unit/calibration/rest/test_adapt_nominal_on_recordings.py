@@ -11,7 +11,7 @@ from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.errors import LayoutError
 from manytouch.values.sensor_file import load_sensor
 
-SHARED = Path(__file__).resolve().parents[4] / "shared" / "data"
+SHARED = Path(__file__).resolve().parents[5] / "shared" / "data"
 
 
 def registered(path: Path, sensor: str) -> manytouch.Sensor:

@@ -15,7 +15,7 @@ from manytouch.simulation.demo_sensor import demo_sensor, pad_sensor
 from manytouch.simulation.fem.contact.indenters import Sphere
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
 from manytouch.simulation.scene.motion import poses
-from manytouch.simulation.scene.solve import shipped_states, solid_problem
+from manytouch.simulation.solve_scene import shipped_states, solid_problem
 from manytouch.values import Phase, Sensor, Status
 
 SENSOR = demo_sensor(640)
@@ -112,7 +112,7 @@ def test_it_agrees_with_the_shipped_3d_states() -> None:
 
 
 def test_the_outline_holds_what_presses() -> None:
-    grid = CoarseSheet(SENSOR.sheet)._fine
+    grid = CoarseSheet(SENSOR.sheet).fine
     value, stretch = np.zeros((5, *grid.energy.shape)), np.ones(grid.energy.shape)
     forces_N = np.array([[0.3, 0.1, -1.0], [0.0, -0.4, -2.0]])
     dead_N = grid.nodal(DeadLoad(place_mm=np.array([[-20.3, 3.1], [10.9, 11.0]]), force_N=forces_N))
