@@ -55,7 +55,7 @@ def sensor_from_rest(
         spread: returns frames of the whole recording, used where the first ones show no clear pattern.
 
     Returns:
-        A sensor whose layout holds the measured `rest_px`, `rest_mm` being their back-projection.
+        A sensor whose layout contains the measured `rest_px`, `rest_mm` being their back-projection.
 
     Raises:
         SourceError: no frame could be decoded, or frames differ in size.

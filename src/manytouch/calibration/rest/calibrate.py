@@ -43,7 +43,7 @@ class RestCalibration:
     """A sensor calibrated on its untouched sheet.
 
     Attributes:
-        sensor: with pose, layout, missing markers and noise; `rest_px` holds the measured positions.
+        sensor: with pose, layout, missing markers and noise; `rest_px` are the measured positions.
         residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN if missing.
         pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm).
         noise_px: noise of a marker's centre (`geometry.centre_noise`), median of the markers.
