@@ -54,7 +54,7 @@ class Output(Sink, Protocol):
 
 @runtime_checkable
 class Detector(Protocol):
-    """First stage: finds the dots of an image. Its state contains buffers and what the first frames showed."""
+    """First stage: finds the dots of an image. Its state has buffers and what the first frames showed."""
 
     def start(self, sensor: Sensor) -> Any:
         """State before the first frame."""
