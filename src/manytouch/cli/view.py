@@ -36,10 +36,9 @@ def view(
     Example: manytouch view press.mcap --method paper
     """
     options.refuse_two_scales("view", sensor, pitch_mm, hfov_deg)
-    from manytouch.cli.run import is_playback
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.interrupt import StopOnSignal
-    from manytouch.cli.terminal.viewing import ViewerAddress, viewers
+    from manytouch.cli.terminal.viewing import ViewerAddress, is_playback, viewers
     from manytouch.errors import MissingExtraError
     from manytouch.session import Playback, prepare, run
 

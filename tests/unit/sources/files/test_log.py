@@ -17,7 +17,7 @@ from rosbags.rosbag2 import Writer as BagWriter
 from rosbags.typesys import Stores, get_typestore
 
 from clips import picture
-from manytouch.cli.run import is_playback
+from manytouch.cli.terminal.viewing import is_playback
 from manytouch.errors import SourceError
 from manytouch.session.results import result_name
 from manytouch.sources import open_source
