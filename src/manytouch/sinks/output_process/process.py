@@ -71,6 +71,11 @@ class OutputProcess:
         )
 
     @property
+    def waiting(self) -> int:
+        """Number of readings that the process has not taken yet."""
+        return self._link.waiting
+
+    @property
     def states(self) -> tuple[OutputState, ...]:
         """What each output has sent and dropped so far."""
         link, process = self._link.state, self._process

@@ -99,7 +99,7 @@ def subscribed(
                 known |= {channel["id"]: channel["topic"] for channel in decoded["channels"]}
         wanted = [{"id": number, "channelId": number} for number, topic in known.items() if topic in topics]
         client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
-        wait_until(lambda: all(publisher._channels[topic].has_sinks() for topic in topics))
+        wait_until(lambda: all(publisher.channels[topic].has_sinks() for topic in topics))
         yield client, known
 
 
@@ -128,7 +128,7 @@ def test_a_client_that_takes_nothing_any_more_delays_no_other_one(publisher, rea
     )
     command = [sys.executable, str(RECEIVERS), "foxglove", str(publisher.port)]
     with subprocess.Popen(command, stdout=subprocess.DEVNULL) as stuck:
-        wait_until(publisher._channels["/reading"].has_sinks)
+        wait_until(publisher.channels["/reading"].has_sinks)
         stuck.send_signal(signal.SIGSTOP)
         for index in range(4000):  # more than sockets and the queue of the server hold
             publisher.publish(reading_of(index, (contact,)))

@@ -73,7 +73,7 @@ def test_a_killed_process_is_started_again_and_what_it_lost_is_counted(session, 
     os.kill(output.pid, signal.SIGSTOP)  # it takes nothing any more
     for index in range(1, 4):
         output.write(pressed(index))
-    wait_until(lambda: not output._link._queue)
+    wait_until(lambda: output.waiting == 0)
     os.kill(output.pid, signal.SIGKILL)
     index, problems = 4, set()
 
