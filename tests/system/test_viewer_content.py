@@ -224,6 +224,39 @@ def test_most_of_five_contacts_are_seen_without_scrolling(
         assert box["y"] + box["height"] <= 768
 
 
+def test_labels_of_contacts_at_one_place_do_not_cover_each_other(page: Page, viewer: Viewer) -> None:
+    reading = pressed(12, slip=True)
+    at_mm, at_px = np.array([-40.0, -20.0]), np.array([250.0, 90.0])
+    contacts = tuple(replace(one, centre_mm=at_mm, centre_px=at_px) for one in reading.contacts.contacts)
+    show(page, viewer, replace(reading, contacts=replace(reading.contacts, contacts=contacts)))
+    wait(page, "document.querySelectorAll('#scene .tag').length === 12")
+    page.wait_for_timeout(300)
+    tags = page.evaluate(
+        """[...document.querySelectorAll('#scene .tag, #scene .scale')].map((e) => e.getBoundingClientRect())
+        .map(({ left, top, width, height }) => [left, top, width, height])"""
+    )
+    names = [[x, y, wide, 12] for text, x, y, wide in page.evaluate("drawn.camera") if "slips" in text]
+    assert (len(tags), len(names)) == (13, 12)
+    for boxes in (tags, names):
+        for k, (x, y, wide, high) in enumerate(boxes):
+            for other_x, other_y, other_wide, other_high in boxes[k + 1 :]:
+                is_apart = x + wide <= other_x + 1 or other_x + other_wide <= x + 1
+                assert is_apart or y + high <= other_y + 1 or other_y + other_high <= y + 1
+
+
+def test_long_numbers_and_a_scroll_bar_leave_the_force_column_whole(page: Page, viewer: Viewer) -> None:
+    covariance = np.diag([4.0, 4.0, 0.05, 4.0, 4.0, 130.0, 99.0, 9.0])
+    force_N = np.array([-3.0, -2.0, -19.22])
+    show(page, viewer, pressed(9, force_N=force_N, covariance=covariance, torque_Nmm=-112.3, slip=True))
+    wait_for_text(page, "#contacts tbody", "#108", "19.22 ± 11.40")
+    needed, room = page.evaluate(
+        """((table, box) => { table.style.width = '0'; const needed = table.getBoundingClientRect().width;
+        table.style.width = ''; return [needed, box.clientWidth]; })
+        (document.getElementById('contacts'), document.querySelector('.scroll'))"""
+    )
+    assert needed <= room - 8  # the width of a thin scroll bar, which a headless browser does not show
+
+
 def test_the_profile_between_two_points_is_whole_and_every_pane_stays(page: Page, viewer: Viewer) -> None:
     show(page, viewer, pressed(5, force_N=np.array([0.4, 0.3, -1.5]), torque_Nmm=-12.0, slip=True))
     for at_mm in ((-50, -20), (45, 25)):
