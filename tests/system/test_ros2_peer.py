@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -18,6 +19,7 @@ from peer_python import python_with
 pytestmark = pytest.mark.slow
 
 PEERS = Path(__file__).parents[1] / "peers"
+PAGE = Path(__file__).parents[2] / "docs" / "ros2.md"
 MESSAGES = ("geometry", "sensor", "visualization", "diagnostic")  # there is no package tf2-msgs
 PACKAGES = (*("rclpy", "rmw-fastrtps-cpp"), *(f"{name}-msgs" for name in MESSAGES))
 ENVIRONMENT = {
@@ -124,6 +126,19 @@ def test_a_node_receives_what_is_recorded_after_another_one_was_killed(ros_pytho
     assert any(message["actions"] == [3, 0] for message in found["contact_markers"])
     assert found["diagnostics"][-1]["values"]["markers"] == "600"
     assert found["diagnostics"][-1]["values"]["dropped by ros2://skin"] == "0"
+
+
+@pytest.mark.skipif(not PAGE.is_file(), reason="the pages come with the repository, not with the wheel")
+def test_the_node_of_the_page_prints_the_force(ros_python, session, tmp_path: Path) -> None:
+    (text,) = re.findall(r"^```py\n(.*?)^```", PAGE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL)
+    script = tmp_path / "listen.py"
+    script.write_text(text)
+    node = subprocess.Popen([ros_python, str(script)], env=ENVIRONMENT, stdout=subprocess.PIPE, text=True)
+    assert node.stdout is not None
+    pressed = next(line for line in node.stdout if re.search(r"z=-[1-9]", line))
+    node.kill()
+    node.communicate()
+    assert pressed.startswith("geometry_msgs.msg.Vector3(x=")
 
 
 def compared(recording: Recording, messages: list[dict], require) -> int:
