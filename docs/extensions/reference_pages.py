@@ -239,7 +239,7 @@ def columns() -> str:
         ("frames.csv", "One line per frame.", "frames_csv", FRAME_COLUMNS),
         (
             "regions.parquet",
-            "One line per outline of a contact.",
+            "One line per outline of a contact; none where the mechanics of the sheet are not known.",
             "regions_parquet",
             region_schema("mm").names,
         ),
