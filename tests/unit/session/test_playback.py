@@ -1,5 +1,6 @@
 """A video with a timeline: frames in any order, processed from the place that is sought."""
 
+import time
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -7,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from clips import picture, write_video
+from clips import picture, pressed_video, write_video
 from manytouch.errors import SourceError
 from manytouch.session import Playback, prepare, run
 from manytouch.sources import open_source
 from manytouch.sources.files.frame_timeline import FrameTimeline, frame_timeline
-from manytouch.values import Frame, Reading, Seek, Start, Tune
+from manytouch.values import Frame, Phase, Reading, Seek, Start, Tune
 
 FRAMES = 20
 
@@ -120,3 +121,66 @@ def test_a_parameter_is_changed_during_the_playback(video: Path) -> None:
     sink = Seeking(playback, {2: Tune(parameter=name, value=value * 1.01)})
     run(playback, [sink], stop=lambda: playback.health().parameters[name] != value)
     assert playback.health().parameters[name] == pytest.approx(value * 1.01)
+
+
+@pytest.fixture(scope="module")
+def pressed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return pressed_video(tmp_path_factory.mktemp("clips") / "pressed.avi")
+
+
+class Waiting(Seeking):
+    """Waits at the given number of readings until what was requested is prepared."""
+
+    def __init__(self, playback: Playback, at: dict[int, object], waits_at: int) -> None:
+        super().__init__(playback, at)
+        self.waits_at = waits_at
+
+    def write(self, reading: Reading) -> None:
+        super().write(reading)
+        deadline_s = time.monotonic() + 30.0
+        while len(self.readings) == self.waits_at and self.playback.health().is_preparing:
+            assert time.monotonic() < deadline_s
+            time.sleep(0.01)
+
+
+@pytest.mark.parametrize(
+    ("method", "parameter", "value"),
+    [
+        ("paper", "estimate.formula", "printed"),
+        ("paper", "estimate.padding", "zero"),
+        ("paper", "estimate.contact_depth_pitch", 0.3),
+        ("paper", "interpolation.iterations", 80.0),
+        ("paper", "interpolation.power", 3.0),
+        ("perimeter", "track.damping", 0.4),
+    ],
+)
+def test_a_changed_parameter_keeps_identities_and_shows_the_present_frame_again(
+    pressed: Path, method: str, parameter: str, value: float | str
+) -> None:
+    playback = Playback(prepare(pressed, method=method, fps=500.0))
+    sink = Waiting(playback, {28: Tune(parameter=parameter, value=value)}, waits_at=32)
+    run(playback, [sink])
+    assert playback.health().parameters[parameter] == value
+    indices = [reading.frame.index for reading in sink.readings]
+    again = next(place for place in range(1, len(indices)) if indices[place] == indices[place - 1])
+    assert 28 <= again <= 33
+    ids = [{contact.id for contact in each.contacts.touching} for each in sink.readings[27:37]]
+    assert ids[0]
+    assert all(ids[0] <= each for each in ids), str(ids)
+    # contacts that start once more would begin in the frame that is shown again
+    assert {contact.phase for contact in sink.readings[again].contacts.contacts if contact.id in ids[0]} == {
+        Phase.MOVE
+    }
+    assert not any(each.grid.new_ids for each in sink.readings)
+    assert min(each.grid.is_seen.mean() for each in sink.readings) == 1.0
+
+
+def test_another_place_starts_without_identities_also_while_a_parameter_is_changed(pressed: Path) -> None:
+    playback = Playback(prepare(pressed, method="paper", fps=500.0))
+    tune = Tune(parameter="estimate.formula", value="printed")
+    sink = Waiting(playback, {28: tune, 31: Seek(frame=0)}, waits_at=31)
+    run(playback, [sink])
+    indices = [reading.frame.index for reading in sink.readings]
+    found = [contact for each in sink.readings[indices.index(0, 1) :] for contact in each.contacts.contacts]
+    begun = [contact.id for contact in found if contact.phase is Phase.START]
+    assert begun[0] == 0
