@@ -26,9 +26,12 @@ ESSENTIAL = {
     "estimate.contact_finder.tracker.bridge_frames": ("Gap within a contact", "frames"),
     "estimate.reference_drift.share": ("Drift of the reference", "per frame"),
     "detect.threshold": ("Threshold", "grey levels"),
+    "detect.kernel_px": ("Side of the opening", "px"),
     "detect.minimum_area_px2": ("Smallest dot", "px²"),
+    "detect.maximum_area_px2": ("Largest dot", "px²"),
     "track.gate_px": ("Farthest motion per frame", "px"),
     "estimate.formula": ("Reading of the formula", ""),
+    "estimate.padding": ("Depth at the edge", ""),
     "estimate.contact_depth_pitch": ("Least depth of a contact", "pitches"),
     "interpolation.kind": ("Surface between markers", ""),
 }
@@ -39,7 +42,8 @@ FURTHER = {
     "interpolation.search_radius_pitch": ("Inverse distance: search radius", "pitches"),
     "interpolation.power": ("Inverse distance: power", ""),
 }
-"""Label and unit of others that every method has."""
+"""Label and unit of others that every method has. With `paper`, whose user finds them by trial (Table 2), they are
+shown first too."""
 
 UNITS = {"_px2": "px²", "_px": "px", "_mm": "mm", "_pitch": "pitches", "_rad": "rad", "_frames": "frames"}
 
@@ -52,7 +56,8 @@ def parameter_info(method: str) -> Mapping[str, ParameterInfo]:
     for stage in fields(pipeline):
         help_of |= dict(_docs(getattr(pipeline, stage.name), f"{stage.name}."))
     defaults = parameters_of(pipeline)
-    order = {name: place for place, name in enumerate(ESSENTIAL)}
+    first = ESSENTIAL | (FURTHER if method == "paper" else {})
+    order = {name: place for place, name in enumerate(first)}
     found = {}
     for name in sorted(defaults, key=lambda each: order.get(each, len(order))):
         label, unit = (ESSENTIAL | FURTHER).get(
@@ -63,7 +68,7 @@ def parameter_info(method: str) -> Mapping[str, ParameterInfo]:
             unit=unit,
             help=_without_code(help_of.get(name) or help_of.get(f"estimate.{name}", "")),
             default=defaults[name],
-            is_essential=name in ESSENTIAL,
+            is_essential=name in first,
         )
     return MappingProxyType(found)
 
