@@ -14,6 +14,8 @@ from manytouch.evaluation.published.steps.collect import PaperSteps, collect_ste
 from manytouch.evaluation.published.steps.page import figures, write_steps
 from manytouch.geometry.surface_sampling import sample
 from manytouch.session import prepare
+from manytouch.session.run import NoObserver
+from manytouch.values import Reading, Sensor
 
 pytest.importorskip("matplotlib")
 pytest.importorskip("jinja2")
@@ -79,9 +81,23 @@ def test_the_page_shows_every_step_and_its_numbers(steps: PaperSteps, tmp_path: 
 
 def test_a_frame_can_be_chosen_and_one_that_does_not_exist_is_refused() -> None:
     job = prepare(DrawnSource(frames=30), method="paper")
-    assert collect_steps(job, frame=7).reading.frame.index == 7
+    watch = Counting()
+    assert collect_steps(job, frame=7, observer=watch).reading.frame.index == 7
+    assert (watch.frame_count, watch.readings) == (30, 8)
     with pytest.raises(ManytouchError, match="has no frame 99 with an image: 30 frames were read"):
         collect_steps(prepare(DrawnSource(frames=30), method="paper"), frame=99)
+
+
+class Counting(NoObserver):
+    """Counts what it is notified of."""
+
+    frame_count, readings = None, 0
+
+    def on_begin(self, sensor: Sensor, frame_count: int | None) -> None:
+        self.frame_count = frame_count
+
+    def on_reading(self, reading: Reading) -> None:
+        self.readings += 1
 
 
 def test_where_markers_are_never_numbered_the_page_says_why(tmp_path: Path) -> None:

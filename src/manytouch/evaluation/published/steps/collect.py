@@ -13,7 +13,7 @@ from manytouch.paper.detection import DetectionStages, PaperDetection, PaperDete
 from manytouch.paper.estimation import PaperEstimation, PaperEstimationState, perimeter_depth
 from manytouch.paper.perimeters import Formula, corner_values
 from manytouch.session.prepare import Job
-from manytouch.session.run import StopCondition
+from manytouch.session.run import NoObserver, Observer, StopCondition
 from manytouch.values import Reading
 from manytouch.values.arrays import Points2
 
@@ -84,12 +84,19 @@ class _Kept:
     frames: int
 
 
-def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | None = None) -> PaperSteps:
+def collect_steps(
+    job: Job,
+    *,
+    frame: int | None = None,
+    observer: Observer | None = None,
+    stop: StopCondition | None = None,
+) -> PaperSteps:
     """Process the frames of a job with method `paper` and keep what one of them goes through.
 
     Args:
         job: from `prepare`, with method "paper".
         frame: number of the frame; None selects the one with the most contacts, and of those the deepest.
+        observer: notified of begin and frames.
         stop: ends the search for the frame early.
 
     Raises:
@@ -101,6 +108,8 @@ def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | N
     assert isinstance(estimate, PaperEstimation)
     detecting, tracking = detect.start(sensor), pipeline.track.start(sensor)
     estimating = estimate.start(sensor)
+    watch = NoObserver() if observer is None else observer
+    watch.on_begin(sensor, job.frame_count)
     rest, kept, rank = None, None, (-1, -1.0)
     lost = new = count = 0
     for each in job.frames:
@@ -116,6 +125,7 @@ def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | N
             contacts=contacts,
             milliseconds=0.0,
         )
+        watch.on_reading(reading)
         lost, new, count = lost + (grid.lost_ids or 0), new + (grid.new_ids or 0), count + 1
         rest = reading if rest is None and grid.is_seen.any() else rest
         touching = contacts.touching

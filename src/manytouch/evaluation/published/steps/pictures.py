@@ -290,7 +290,7 @@ def _surface(steps: PaperSteps, path: Path) -> None:
                 x, y, 1.08 * contact.depth_mm, f"#{contact.id}  {contact.depth_mm:.2f} {unit}", zorder=9
             )
         axes.set_ylim(float(y_mm.max()), float(y_mm.min()))
-        axes.set_box_aspect((np.ptp(x_mm), np.ptp(y_mm), 0.3 * max(np.ptp(x_mm), np.ptp(y_mm))))
+        axes.set_box_aspect((np.ptp(x_mm), np.ptp(y_mm), 0.3 * max(np.ptp(x_mm), np.ptp(y_mm))), zoom=1.2)
         axes.view_init(elev=40, azim=-66)
         axes.set_xlabel(f"x ({unit})")
         axes.set_ylabel(f"y ({unit})")
