@@ -42,8 +42,7 @@ FURTHER = {
     "interpolation.search_radius_pitch": ("Inverse distance: search radius", "pitches"),
     "interpolation.power": ("Inverse distance: power", ""),
 }
-"""Label and unit of others that every method has. With `paper`, whose user finds them by trial (Table 2), they are
-shown first too."""
+"""Label and unit of others that every method has; shown first with `paper`, where they are found by trial."""
 
 UNITS = {"_px2": "px²", "_px": "px", "_mm": "mm", "_pitch": "pitches", "_rad": "rad", "_frames": "frames"}
 
