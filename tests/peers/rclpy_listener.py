@@ -2,7 +2,7 @@
 
 python rclpy_listener.py NAME SECONDS [tare]
 
-Of the surface, every tenth message is printed. With the word tare, it requests one tare first.
+Of the surface, every tenth message is printed. With the word tare, it requests a tare each second.
 """
 
 import json
@@ -100,11 +100,12 @@ if MarkerArray is not None:
     listen(DiagnosticArray, "/diagnostics", on_diagnostics)
 tare = node.create_publisher(Empty, f"/{name}/tare", 1) if "tare" in sys.argv else None
 show("ready")
-end = time.monotonic() + seconds
+next_tare = time.monotonic()
+end = next_tare + seconds
 while time.monotonic() < end:
     rclpy.spin_once(node, timeout_sec=0.1)
-    if tare is not None and tare.get_subscription_count():
-        tare.publish(Empty())
-        tare = None
+    if tare is not None and tare.get_subscription_count() and time.monotonic() > next_tare:
+        tare.publish(Empty())  # the first one may come before the reader has found the node
+        next_tare = time.monotonic() + 1.0
 node.destroy_node()
 rclpy.shutdown()
