@@ -100,6 +100,22 @@ class Counting(NoObserver):
         self.readings += 1
 
 
+def test_a_frame_with_contacts_and_all_markers_goes_before_one_with_lost_markers() -> None:
+    def hidden(index: int, image: np.ndarray) -> np.ndarray:
+        if index not in range(25, 36):
+            return image
+        shown = image.copy()
+        shown[:60, :80] = 190  # two rows of dots, far from the press
+        return shown
+
+    readings = list(prepare(DrawnSource(frames=45, change=hidden), method="paper").readings())
+    lost = {reading.frame.index for reading in readings if not reading.grid.is_seen.all()}
+    assert set(range(25, 36)) <= lost
+    steps = collect_steps(prepare(DrawnSource(frames=45, change=hidden), method="paper"))
+    assert steps.reading.contacts.touching
+    assert steps.reading.frame.index not in lost
+
+
 def test_where_markers_are_never_numbered_the_page_says_why(tmp_path: Path) -> None:
     job = prepare(
         DrawnSource(frames=20, is_touched=False), method="paper", parameters={"detect.threshold": 1}

@@ -14,7 +14,7 @@ from manytouch.paper.estimation import PaperEstimation, PaperEstimationState, pe
 from manytouch.paper.perimeters import Formula, corner_values
 from manytouch.session.prepare import Job
 from manytouch.session.run import NoObserver, Observer, StopCondition
-from manytouch.values import Reading
+from manytouch.values import Reading, Status
 from manytouch.values.arrays import Points2
 
 
@@ -95,7 +95,8 @@ def collect_steps(
 
     Args:
         job: from `prepare`, with method "paper".
-        frame: number of the frame; None selects the one with the most contacts, and of those the deepest.
+        frame: number of the frame; None selects the one with the most contacts, and of those the deepest;
+            frames in which all markers have their identity go before others.
         observer: notified of begin and frames.
         stop: ends the search for the frame early.
 
@@ -110,7 +111,7 @@ def collect_steps(
     estimating = estimate.start(sensor)
     watch = NoObserver() if observer is None else observer
     watch.on_begin(sensor, job.frame_count)
-    rest, kept, rank = None, None, (-1, -1.0)
+    rest, kept, rank = None, None, (False, False, -1, -1.0)
     lost = new = count = 0
     for each in job.frames:
         before = detecting
@@ -129,7 +130,12 @@ def collect_steps(
         lost, new, count = lost + (grid.lost_ids or 0), new + (grid.new_ids or 0), count + 1
         rest = reading if rest is None and grid.is_seen.any() else rest
         touching = contacts.touching
-        its_rank = (len(touching), max((contact.depth_mm for contact in touching), default=0.0))
+        its_rank = (
+            len(touching) > 0,
+            reading.status == Status.OK,
+            len(touching),
+            max((contact.depth_mm for contact in touching), default=0.0),
+        )
         is_wanted = each.index == frame if frame is not None else its_rank > rank
         if is_wanted and each.image is not None:
             rank = its_rank
