@@ -21,7 +21,7 @@ import numpy as np
 from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.methods import pipeline_for
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
-from manytouch.simulation.scene.solve import simulator, solve_scene, states_folder
+from manytouch.simulation.solve_scene import simulator, solve_scene, states_folder
 from manytouch.values import Frame, Sensor
 
 WARM_FRAMES = 20

@@ -16,7 +16,7 @@ from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene
 from manytouch.simulation.scene.motion import loading
 from manytouch.simulation.scene.solid_scene import SolidScene
-from manytouch.simulation.scene.solve import solid_problem, states_folder
+from manytouch.simulation.solve_scene import solid_problem, states_folder
 
 
 def main() -> None:

@@ -4,15 +4,18 @@
 
 Drawn frames of 600 dots are kept in memory and read by a live session, as fast as it can and at --fps. The
 outputs are TUIO 1.1 and 2.0, OSC, a MIDI file, ROS 2 on loopback and Foxglove. A process of its own reads all
-topics of ROS 2 and of Foxglove, so that all messages are made and sent. Sessions without and with them take
-turns. Rates and latencies of a busy machine differ from round to round; processor times do so less: of each
-output per reading, which is printed first, and of a session per reading, of all its threads and of the thread
-that estimates contacts.
+topics of ROS 2 and of Foxglove, so that all messages are made and sent, and notes when OSC arrives. Sessions
+without and with outputs take turns. Rates and latencies of a busy machine differ from round to round;
+processor times do so less, and are per reading: of publishing by each output and of passing a reading to
+their process, which are printed first; of a session, of all its threads and of the thread that estimates
+contacts; of the process of the outputs, and of the process that reads. "Waits" are how often the thread that
+estimates contacts has to wait, mostly for the interpreter.
 """
 
 import argparse
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -24,8 +27,10 @@ from pathlib import Path
 import numpy as np
 
 from manytouch.session import Live, prepare, run
+from manytouch.sinks.output_process.messages import packed, send
+from manytouch.sinks.output_process.process import OutputProcess
 from manytouch.sinks.publishers.address import parse_address
-from manytouch.sinks.publishers.registry import SCHEMES, open_outputs
+from manytouch.sinks.publishers.registry import SCHEMES
 from manytouch.sources.simulated import simulated_source
 from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Reading
@@ -39,27 +44,42 @@ DOMAIN = 89
 LOOPBACK = Path(__file__).parents[1] / "tests" / "peers" / "loopback.xml"
 
 READER = """
-import json, sys, threading, time
+import json, signal, socket, struct, sys, threading, time
 from websockets.sync.client import connect
 from manytouch.sinks.publishers.dds import DdsParticipant
 from manytouch.sinks.publishers.ros2 import TOPICS
 peer = DdsParticipant(int(sys.argv[1]))
 readers = [peer.reader(f"/bench/{topic}", kind, is_reliable=False) for topic, kind in TOPICS.items()]
+osc = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+osc.bind(("127.0.0.1", int(sys.argv[3])))
+arrived_ns = {}
+
+def note():
+    while True:
+        bundle = osc.recv(65536)  # 16 bytes, length, then /manytouch/frame, its type tags and the frame
+        arrived_ns[struct.unpack_from(">i", bundle, 20 + 20 + 8)[0]] = time.monotonic_ns()
+
+def end(*_):
+    print(json.dumps(arrived_ns), flush=True)
+    sys.exit()
+
+signal.signal(signal.SIGTERM, end)
+threading.Thread(target=note, daemon=True).start()
 print("ready", flush=True)
 sys.stdin.readline()
-with connect(f"ws://127.0.0.1:{sys.argv[2]}", subprotocols=["foxglove.sdk.v1"], max_size=None) as socket:
+with connect(f"ws://127.0.0.1:{sys.argv[2]}", subprotocols=["foxglove.sdk.v1"], max_size=None) as client:
     channels = []
     while len(channels) < 6:
-        message = socket.recv()
+        message = client.recv()
         if isinstance(message, str):
             channels += json.loads(message).get("channels", [])
     wanted = [{"id": each["id"], "channelId": each["id"]} for each in channels]
-    socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
+    client.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
     try:
         while True:
-            socket.recv()
+            client.recv()
     except Exception:
-        pass
+        signal.pause()
 """
 
 
@@ -104,20 +124,43 @@ class KeptFrames:
 class Counter:
     """Counts the readings after the first round of frames, and their latency."""
 
-    def __init__(self) -> None:
-        self.at_s: list[float] = []
+    def __init__(self, pids: list[int]) -> None:
+        self._pids, self._others_ms = pids, np.zeros(0)
+        self.at_ns: dict[int, int] = {}
         self.latency_ms: list[float] = []
-        self.spent_s: list[tuple[float, float]] = []
+        self.spent: list[tuple[float, ...]] = []
 
     def write(self, reading: Reading) -> None:
         if reading.frame.index < FRAMES or reading.frame.arrived_ns is None:
             return
-        self.at_s.append(time.monotonic())
-        self.spent_s.append((time.process_time(), time.thread_time()))
-        self.latency_ms.append((time.monotonic_ns() - reading.frame.arrived_ns) * 1e-6)
+        now_ns = time.monotonic_ns()
+        self.at_ns[reading.frame.index] = now_ns
+        waits = resource.getrusage(resource.RUSAGE_THREAD).ru_nvcsw
+        self.spent.append((1e3 * time.process_time(), 1e3 * time.thread_time(), waits))
+        if len(self.spent) == 1:
+            self._others_ms = np.array([processor_ms(pid) for pid in self._pids])
+        self.latency_ms.append((now_ns - reading.frame.arrived_ns) * 1e-6)
 
     def close(self) -> None:
-        """Nothing is open."""
+        """Note the processor times of the other processes."""
+        self._others_ms = np.array([processor_ms(pid) for pid in self._pids]) - self._others_ms
+
+    @property
+    def per_reading(self) -> np.ndarray:
+        """Of all threads, of the own one (ms); its waits; of the other processes (ms)."""
+        own = np.array(self.spent[-1]) - self.spent[0]
+        return np.append(own, self._others_ms) / (len(self.spent) - 1)
+
+    @property
+    def fps(self) -> float:
+        times_ns = list(self.at_ns.values())
+        return 1e9 * (len(times_ns) - 1) / (times_ns[-1] - times_ns[0])
+
+
+def processor_ms(pid: int) -> float:
+    """Processor time of another process."""
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return 1e3 * (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def urls_of(folder: str) -> list[str]:
@@ -132,7 +175,7 @@ def urls_of(folder: str) -> list[str]:
 
 
 def started_reader() -> subprocess.Popen[str]:
-    command = [sys.executable, "-c", READER, str(DOMAIN), str(PORTS["foxglove"])]
+    command = [sys.executable, "-c", READER, str(DOMAIN), str(PORTS["foxglove"]), str(PORTS["osc"])]
     reader = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert reader.stdout is not None
     reader.stdout.readline()
@@ -163,6 +206,7 @@ def print_processor_times(images: list[np.ndarray], options: argparse.Namespace)
     touching = np.mean([len(reading.contacts.touching) for reading in readings])
     print(f"{touching:.1f} contacts per reading")
     print(f"processor time of a reading: {np.median(spent_ms):.2f} ms, and of publishing it:")
+    print_time_of_passing(readings, live)
     reader = started_reader()
     with tempfile.TemporaryDirectory() as folder:
         for url in urls_of(folder):
@@ -186,32 +230,50 @@ def print_processor_times(images: list[np.ndarray], options: argparse.Namespace)
     reader.wait()
 
 
+def print_time_of_passing(readings: list[Reading], live: Live) -> None:
+    """Processor time of a session for passing a reading without an image to the process of the outputs."""
+    spent_ms = []
+    with subprocess.Popen(["cat"], stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, bufsize=0) as receiver:
+        for reading in readings:
+            begin_s = time.thread_time()
+            message = packed(reading, [], live.sensor, is_sensor_new=False, health=None)
+            send(receiver.stdin, message)  # type: ignore[arg-type]
+            spent_ms.append(1e3 * (time.thread_time() - begin_s))
+    print(f"  passing it to the process of the outputs: {np.median(spent_ms):.3f} ms (median)")
+
+
 def measured(
     images: list[np.ndarray], fps: float, options: argparse.Namespace, *, with_outputs: bool
 ) -> dict:
     """Rate and latency of one session, and what its outputs dropped."""
     source = KeptFrames(images=images, fps=fps, seconds=options.seconds)
     job = prepare(source, sensor=simulated_source().capabilities.sensor, method=options.method)
-    live, counter, reader = Live(job), Counter(), None
+    live, pids = Live(job), []
+    counter = Counter(pids)
     with tempfile.TemporaryDirectory() as folder:
         if with_outputs:
             reader = started_reader()
-            live.attach(open_outputs(urls_of(folder), live))
+            output = OutputProcess(urls_of(folder), live)
+            live.attach([output])
+            pids += [output.pid, reader.pid]
             released(reader)
         run(live, [counter])
-        if reader is not None:
-            reader.terminate()
-            reader.wait()
-    span_s = counter.at_s[-1] - counter.at_s[0]
-    all_ms, own_ms = 1e3 * (np.array(counter.spent_s[-1]) - counter.spent_s[0]) / (len(counter.at_s) - 1)
-    outputs = {each.name: (each.sent, each.dropped) for each in live.health().outputs}
+    found = dict(
+        zip(("all_ms", "own_ms", "waits", "outputs_ms", "reader_ms"), counter.per_reading, strict=False)
+    )
+    if with_outputs:
+        reader.terminate()
+        arrived_ns = {int(index): at for index, at in json.loads(reader.communicate()[0]).items()}
+        delays_ms = [
+            1e-6 * (arrived_ns[index] - at) for index, at in counter.at_ns.items() if index in arrived_ns
+        ]
+        found["osc_p50_ms"], found["osc_p99_ms"] = np.percentile(delays_ms, [50, 99])
     return {
-        "fps": (len(counter.at_s) - 1) / span_s,
+        **found,
+        "fps": counter.fps,
         "p50_ms": float(np.percentile(counter.latency_ms, 50)),
         "p99_ms": float(np.percentile(counter.latency_ms, 99)),
-        "all_ms": float(all_ms),
-        "own_ms": float(own_ms),
-        "outputs": outputs,
+        "outputs": {each.name: (each.sent, each.dropped) for each in live.health().outputs},
     }
 
 
@@ -237,16 +299,24 @@ def main() -> None:
         ]
         print(f"frames at {fps:g} per second, medians of {options.rounds} sessions")
         for name in ("without", "with"):
-            figures = {
-                key: np.median([each[name][key] for each in rounds])
-                for key in ("fps", "p50_ms", "p99_ms", "all_ms", "own_ms")
-            }
-            print(
-                f"  {name:8} {figures['fps']:7.1f} readings/s, "
-                f"latency {figures['p50_ms']:.2f} ms, {figures['p99_ms']:.2f} ms (99th percentile), "
-                f"processor {figures['all_ms']:.2f} ms, estimation {figures['own_ms']:.2f} ms"
-            )
+            print(f"  {name:8} " + described([each[name] for each in rounds]))
         print(f"  sent, dropped: {json.dumps(rounds[-1]['with']['outputs'])}")
+
+
+def described(rounds: list[dict]) -> str:
+    """Medians of sessions, in words."""
+    found = {key: np.median([each[key] for each in rounds]) for key in rounds[0] if key != "outputs"}
+    text = (
+        f"{found['fps']:7.1f} readings/s, latency {found['p50_ms']:.2f} ms, {found['p99_ms']:.2f} ms (99th "
+        f"percentile), processor {found['all_ms']:.2f} ms, estimation {found['own_ms']:.2f} ms, "
+        f"{found['waits']:.1f} waits"
+    )
+    if "outputs_ms" not in found:
+        return text
+    return (
+        f"{text}; outputs {found['outputs_ms']:.2f} ms, reader {found['reader_ms']:.2f} ms; OSC arrives "
+        f"{found['osc_p50_ms']:.2f} ms after the reading, {found['osc_p99_ms']:.2f} ms (99th percentile)"
+    )
 
 
 if __name__ == "__main__":

@@ -28,7 +28,7 @@ from manytouch.simulation.fem.contact.indenters import (
     SquarePunch,
 )
 from manytouch.simulation.fem.loading import Loading, press
-from manytouch.simulation.pad_presses import PadState, solve_pad
+from manytouch.simulation.pad_presses import PressedPad, solve_pad
 from manytouch.values import Contact, Sensor, TrackedGrid
 
 NOISE_PX = 0.02
@@ -136,7 +136,7 @@ def grid_of(position_px: np.ndarray, random: np.random.Generator) -> TrackedGrid
     )
 
 
-def states(case: Case, sensor: Sensor, folder: Path | None) -> Iterator[tuple[float, PadState]]:
+def states(case: Case, sensor: Sensor, folder: Path | None) -> Iterator[tuple[float, PressedPad]]:
     """The depths of a case and the solved pads."""
     path = sorted({*case.depths_mm, *(d for d in DEPTHS_MM if d <= max(case.depths_mm))})
     touch = press(
@@ -152,7 +152,7 @@ def states(case: Case, sensor: Sensor, folder: Path | None) -> Iterator[tuple[fl
             yield depth_mm, state
 
 
-def row(case: Case, depth_mm: float, state: PadState, touching: tuple[Contact, ...]) -> list[float]:
+def row(case: Case, depth_mm: float, state: PressedPad, touching: tuple[Contact, ...]) -> list[float]:
     """Errors of one state, printed and returned; [] where no contact was found."""
     true, mark = state.contacts[0], " held out" if case.held_out else ""
     label = f"{case.name:25} {depth_mm:5.2f} mm{mark:9}"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from manytouch.simulation.scene.deformation_file import STEP_MM, write_deformations
 from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene
-from manytouch.simulation.scene.solve import solid_problem, states_folder
+from manytouch.simulation.solve_scene import solid_problem, states_folder
 
 LIBRARY = Path(__file__).parents[1] / "src" / "manytouch" / "simulation" / "library"
 

@@ -34,7 +34,7 @@ from manytouch.simulation.fem.sheet import SheetModel
 from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.pad import rubber
-from manytouch.simulation.scene.solve import states_folder
+from manytouch.simulation.solve_scene import states_folder
 from manytouch.values import Sensor, Sheet
 
 NEGLIGIBLE_N = 0.1  # contacts with less force are not compared

@@ -1,10 +1,11 @@
 """Updates per second and latency of the viewer, measured by a client.
 
-    python benchmarks/viewer_rate.py [--seconds 20] [--method perimeter]
+    python benchmarks/viewer_rate.py [--seconds 20] [--method perimeter] [--change PARAMETER]
 
 Motion JPEG of 2560 x 1440 px arrives over HTTP on loopback at 30 images per second from another process and
 is processed live. A client in a third process connects to the viewer, decodes every update of 100 x 60 points
-with its image, and measures the time from the arrival of the frame to the decoded arrays.
+with its image, and measures the time from the arrival of the frame to the decoded arrays. With --change that
+parameter, a number such as interpolation.search_radius_pitch, is changed each second.
 """
 
 import argparse
@@ -26,8 +27,11 @@ from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sinks.viewer import Viewer
 from manytouch.sinks.viewer.update_format import unpack
+from manytouch.values import Tune
 
 SKIP_S = 3.0
+FACTORS = (1.0, 1.2, 1.4, 1.2)
+"""Of a parameter that is changed, relative to its value."""
 
 
 def listen(url: str, token: str, seconds: float) -> None:
@@ -70,6 +74,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=20.0)
     parser.add_argument("--fps", type=float, default=30.0)
     parser.add_argument("--method", default="perimeter")
+    parser.add_argument("--change", default=None, help="parameter to change each second")
     parser.add_argument("--listen", default=None, help=argparse.SUPPRESS)
     parser.add_argument("--token-file", default=None, help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -98,7 +103,16 @@ def measure(address: str, options: argparse.Namespace) -> None:
     command = [sys.executable, __file__, "--listen", viewer.access.stream_url]
     command += ["--token-file", str(viewer.token_file), "--seconds", str(options.seconds)]
     print(f"load of the machine {os.getloadavg()[0]:.1f}", flush=True)
-    subprocess.run(command, check=True)
+    client = subprocess.Popen(command)
+    value, count = None if options.change is None else live.health().parameters[options.change], 0
+    while client.poll() is None:
+        if isinstance(value, int | float):
+            live.send(Tune(parameter=options.change, value=round(value * FACTORS[count % len(FACTORS)], 3)))
+            count += 1
+        time.sleep(1.0)
+    assert client.returncode == 0
+    if count:
+        print(f"{options.change} was changed {count} times")
     print(f"{live.health().dropped - dropped} frames dropped by the pipeline meanwhile")
     over.set()
     session.join()

@@ -6,13 +6,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-from manytouch.batch.tasks import Outcome, Task, TaskState, Work
+from manytouch.batch.tasks import Outcome, Task, TaskFunction, TaskState
 
 
 class Serial:
     """An engine that does one task after the other in this process."""
 
-    def run(self, work: Work, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
+    def run(self, work: TaskFunction, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
         for task in tasks:
             if stop():
                 return

@@ -3,7 +3,7 @@
 import numpy as np
 
 from layouts import marker_layout, rows_and_columns
-from manytouch.values import Detections, Sensor
+from manytouch.values import Detections, Sensor, Status
 from straight import straight_camera
 
 
@@ -38,7 +38,7 @@ def rectangle_px(rows, columns, pitch_px=(40.0, 40.0), first_px=(0.0, 0.0)):
     return rows_and_columns(rows, columns)[:, ::-1] * np.array(pitch_px) + np.array(first_px)
 
 
-def detections_of(centre_px, *, std_px=0.02, area_px2=200.0, contrast=60.0):
+def detections_of(centre_px, *, std_px=0.02, area_px2=200.0, contrast=60.0, status=Status.OK):
     """Detections of dots (n, 2) with one covariance; area and contrast are numbers or (n,)."""
     n = len(centre_px)
     return Detections(
@@ -46,4 +46,5 @@ def detections_of(centre_px, *, std_px=0.02, area_px2=200.0, contrast=60.0):
         covariance_px2=np.tile(std_px**2 * np.eye(2), (n, 1, 1)),
         area_px2=np.broadcast_to(area_px2, n).astype(np.float64),
         contrast=np.broadcast_to(contrast, n).astype(np.float64),
+        status=status,
     )

@@ -116,7 +116,7 @@ def sensor_file_keys() -> str:
 def _keys(group: str, model: type[BaseModel]) -> str:
     fields = {field.alias or name: field for name, field in model.model_fields.items()}
     own = [name for name in fields if "_std" not in name]
-    meaning = _meanings(group, own)
+    meaning = meanings(group, own)
     rows = []
     for name in own:
         field = fields[name]
@@ -239,7 +239,7 @@ def columns() -> str:
         ("frames.csv", "One line per frame.", "frames_csv", FRAME_COLUMNS),
         (
             "regions.parquet",
-            "One line per outline of a contact.",
+            "One line per outline of a contact; none where the mechanics of the sheet are not known.",
             "regions_parquet",
             region_schema("mm").names,
         ),
@@ -265,7 +265,7 @@ def columns() -> str:
         "Select columns by name: [later versions may add some](stability.md).\n"
     ]
     for title, sentence, group, names in tables:
-        meaning = _meanings(group, names)
+        meaning = meanings(group, names)
         rows = [(f"`{name}`", _unit(name), meaning[name]) for name in names]
         parts.append(f"## {title}\n\n{sentence}\n\n{_table(('column', 'unit', 'meaning'), rows)}\n")
     return "\n".join(parts)
@@ -291,7 +291,7 @@ def environment() -> str:
     names += re.findall(r'"([A-Z]+_(?:NUM|MAXIMUM)_THREADS)"', text)
     names += re.findall(r'^[A-Z_]*VARIABLE = "([A-Z_]+)"', text, re.MULTILINE)
     names += [name for name in ("NUMBA_CACHE_DIR", "CYCLONEDDS_URI") if name in text]  # read by libraries
-    meaning = _meanings("environment", list(dict.fromkeys(names)))
+    meaning = meanings("environment", list(dict.fromkeys(names)))
     rows = [(f"`{name}`", sentence) for name, sentence in meaning.items()]
     return f"{HEAD}# Environment variables\n\nNone is needed.\n\n{_table(('variable', 'effect'), rows)}\n"
 
@@ -395,7 +395,7 @@ def api() -> str:
     return "\n".join(parts)
 
 
-def _meanings(group: str, names: Iterable[str]) -> dict[str, str]:
+def meanings(group: str, names: Iterable[str]) -> dict[str, str]:
     """The sentence of each name, in the order of the names.
 
     Raises:

@@ -45,16 +45,16 @@ class Sink(Protocol):
 
 @runtime_checkable
 class Output(Sink, Protocol):
-    """A sink that passes readings on to another program, without ever waiting for it."""
+    """A sink that passes readings on to other programs, without ever waiting for them."""
 
     @property
-    def state(self) -> OutputState:
-        """What was sent and dropped so far; safe from any thread."""
+    def states(self) -> tuple[OutputState, ...]:
+        """What was sent to each program and dropped so far; safe from any thread."""
 
 
 @runtime_checkable
 class Detector(Protocol):
-    """First stage: finds the dots of an image. Its state holds buffers and what the first frames showed."""
+    """First stage: finds the dots of an image. Its state has buffers and what the first frames showed."""
 
     def start(self, sensor: Sensor) -> Any:
         """State before the first frame."""
@@ -254,6 +254,10 @@ class Pipeline:
     track: Tracker
     estimate: Estimator
     interpolation: Interpolation | None = None
+
+    def __repr__(self) -> str:
+        stages = ", ".join(type(stage).__name__ for stage in (self.detect, self.track, self.estimate))
+        return f"Pipeline({stages})"
 
     def run(self, frames: Iterable[Frame], sensor: Sensor) -> Iterator[Reading]:
         """One reading per frame, in order.

@@ -64,6 +64,10 @@ def test_values_print_in_one_line() -> None:
     reading = next(job.readings())
     truth = source.truth(0)
     assert repr(reading) == "Reading(frame 0, 600 of 600 markers seen, 0 contacts, ok)"
+    assert repr(job).endswith("method mechanics, lengths in mm)")
+    assert repr(job.pipeline) == "Pipeline(DotSearch, MarkerTracker, MechanicsEstimator)"
+    for value in (job, job.pipeline):
+        assert len(repr(value)) <= 160
     values = [reading, truth, demo_sensor(640)]
     for value in values:  # and, appended on the way, the values in them
         if is_dataclass(value):

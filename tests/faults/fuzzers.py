@@ -25,7 +25,7 @@ from manytouch.session import pipeline_for, prepare
 from manytouch.session.methods.compile_stage import poor_images
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
-from manytouch.simulation.scene.solve import solid_problem
+from manytouch.simulation.solve_scene import solid_problem
 from manytouch.sinks.viewer.client_messages import parse_client_message
 from manytouch.sources import open_source
 from manytouch.values import Frame, Reading

@@ -106,9 +106,9 @@ def test_a_name_without_a_sentence_is_refused(monkeypatch: pytest.MonkeyPatch) -
     import reference_pages
 
     with pytest.raises(reference_pages.MeaningError, match="describe nonsense_mm in"):
-        reference_pages._meanings("frames_csv", ["frame", "nonsense_mm"])
+        reference_pages.meanings("frames_csv", ["frame", "nonsense_mm"])
     with pytest.raises(reference_pages.MeaningError, match="remove time_s"):
-        reference_pages._meanings("frames_csv", ["frame"])
+        reference_pages.meanings("frames_csv", ["frame"])
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from manytouch.simulation.scene.file import load_scene
-from manytouch.simulation.scene.solve import simulator, solid_problem, solve_scene
+from manytouch.simulation.solve_scene import simulator, solid_problem, solve_scene
 
 SCENES = sorted((Path(__file__).parents[2] / "examples" / "scenes").glob("*.toml"))
 

@@ -121,7 +121,10 @@ def test_output_states_sensor_assumptions_and_folder(results: tuple[Path, str]) 
     assert "\x1b" not in printed
 
 
-def test_annotated_video_has_every_frame(results: tuple[Path, str]) -> None:
+def test_annotated_video_has_every_frame_and_is_at_most_three_times_its_source(
+    results: tuple[Path, str], video: Path
+) -> None:
+    assert (results[0] / "annotated.mp4").stat().st_size <= 3 * video.stat().st_size
     film = cv2.VideoCapture(str(results[0] / "annotated.mp4"))
     frames = 0
     while film.read()[0]:

@@ -225,7 +225,7 @@ def change_parameters(page: Page) -> None:
     page.fill("[name='detect.threshold']", "120")
     page.press("[name='detect.threshold']", "Tab")
     wait(page, "manytouch.state.health.parameters['detect.threshold'] === 120")
-    assert page.locator("#essential .parameter").count() == 6
+    assert page.locator("#essential .parameter").count() == 12
     assert "Grey level" in page.inner_text("#essential")
     page.click("[data-parameter='detect.threshold']")
     wait(page, "manytouch.state.health.parameters['detect.threshold'] === null")

@@ -208,8 +208,10 @@ def test_a_frame_that_is_not_valid_is_not_called_untouched(
     page = opened_page(browser, viewer)
     bad = reading_of(1)
     grid = replace(bad.grid, status=Status.FEW_MARKERS)
-    viewer.write(replace(bad, grid=grid, contacts=replace(bad.contacts, contacts=())))
+    surface = replace(bad.surface, displacement_mm=np.full_like(bad.surface.displacement_mm, np.nan))
+    viewer.write(replace(bad, grid=grid, surface=surface, contacts=replace(bad.contacts, contacts=())))
     wait_for_text(page, ".contacts", "Not valid: few markers")
+    assert "in contact" not in page.inner_text("#health")
     viewer.write(replace(reading_of(2), contacts=replace(bad.contacts, contacts=())))
     wait_for_text(page, ".contacts", "No contacts.")
     page.close()
@@ -242,6 +244,11 @@ def test_nothing_stays_clickable_after_the_end(browser: Browser) -> None:
     assert page.is_enabled("#run")
     viewer.close()
     wait(page, "manytouch.state.ended || !manytouch.state.connected")
-    for control in ("#run", "#tare", "#record", "[data-mode=press]"):
+    for control in ("#run", "#tare", "#record", "#layer", "[data-mode=press]"):
         assert page.is_disabled(control)
+    assert "measure" not in page.inner_text("#hint")
+    page.mouse.click(*page.evaluate("manytouch.pane.onScreen(-20, 8)"))
+    page.keyboard.press("m")
+    assert page.evaluate("manytouch.state.points") == []
+    assert page.evaluate("manytouch.pointer.mode") == "view"
     page.close()

@@ -18,7 +18,7 @@ from manytouch.batch.index import merge_index, write_index
 from manytouch.batch.one_recording import process_recording, stamp_of
 from manytouch.batch.settings import Settings
 from manytouch.batch.storage import MARKER, LocalStore, Store, store_at
-from manytouch.batch.tasks import Engine, Outcome, Task, TaskState, Work
+from manytouch.batch.tasks import Engine, Outcome, Task, TaskFunction, TaskState
 from manytouch.errors import ManytouchError, OutputError
 from manytouch.session.run import StopCondition
 from manytouch.sinks.files.atomic_output import output_errors
@@ -43,7 +43,7 @@ class BatchObserver(Protocol):
 
 
 @dataclass(kw_only=True)
-class Report:
+class BatchReport:
     """What a batch has done.
 
     Attributes:
@@ -98,7 +98,7 @@ def run_batch(
     observer: BatchObserver,
     stop: StopCondition,
     shard: tuple[int, int] | None = None,
-) -> Report:
+) -> BatchReport:
     """Bring all results up to date, then failures.csv, results.parquet and contacts.parquet.
 
     A recording that another batch is processing is waited for.
@@ -115,7 +115,7 @@ def run_batch(
         OutputError: the tables cannot be written.
         ManytouchError: the engine has failed; the tables contain what is complete.
     """
-    report, store = Report(), store_at(settings.out)
+    report, store = BatchReport(), store_at(settings.out)
     observer.on_begin(len(tasks))
     broken: ManytouchError | None = None
     remaining = list(tasks)
@@ -129,7 +129,7 @@ def run_batch(
                     continue
                 report.add(outcome)
                 observer.on_outcome(outcome)
-            remaining = _when_free(busy, store, observer, stop)
+            remaining = wait_until_free(busy, store, observer, stop)
     except ManytouchError as error:
         broken = error
     report.is_stopped = stop()
@@ -165,7 +165,7 @@ def merge(out: str) -> int:
 
 
 def _outcomes(
-    tasks: Sequence[Task], settings: Settings, engine: Engine, work: Work, stop: StopCondition
+    tasks: Sequence[Task], settings: Settings, engine: Engine, work: TaskFunction, stop: StopCondition
 ) -> Iterator[Outcome]:
     """Outcomes of the engine and of the plan, as they come."""
     current: list[Outcome] = []
@@ -184,7 +184,7 @@ def _outcomes(
     yield from current
 
 
-def _when_free(
+def wait_until_free(
     busy: list[Task], store: Store, observer: BatchObserver, stop: Callable[[], bool]
 ) -> list[Task]:
     """Wait until another batch has ended one of the recordings; returns all, to be compared again."""
@@ -197,7 +197,9 @@ def _when_free(
     return busy
 
 
-def _write_tables(store: Store, tasks: Sequence[Task], report: Report, shard: tuple[int, int] | None) -> None:
+def _write_tables(
+    store: Store, tasks: Sequence[Task], report: BatchReport, shard: tuple[int, int] | None
+) -> None:
     with _tables_lock(store):
         write_failures(store, shard_file("failures", ".csv", shard), report.failed.values())
         names = store.names() if shard is None else [task.name for task in tasks]

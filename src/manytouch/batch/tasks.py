@@ -59,7 +59,7 @@ class Outcome:
 
 
 @runtime_checkable
-class Work(Protocol):
+class TaskFunction(Protocol):
     """A function that a worker calls with each task; it ends early once `stop` returns True."""
 
     def __call__(self, task: Task, *, stop: Callable[[], bool] | None = None) -> Outcome: ...
@@ -69,7 +69,7 @@ class Work(Protocol):
 class Engine(Protocol):
     """Runs tasks in processes of this machine, or on a cluster."""
 
-    def run(self, work: Work, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
+    def run(self, work: TaskFunction, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
         """The outcomes, one for each task, in the order in which tasks end.
 
         Args:

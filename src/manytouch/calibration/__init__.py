@@ -1,9 +1,9 @@
 """Calibration of camera, rest state and sheet: from frames, views of a board or presses to a `Sensor` with
 deviations.
 
-Inside are the camera (`camera`), pose, layout and noise of the untouched sheet (`rest`) and the mechanics
-of the
-sheet (`sheet`). Reading results of a calibrated sensor is not: that is estimation.
+Inside are the camera (`camera`), pose, layout and noise of the untouched sheet (`rest`), its outline in
+the image (`outline`) and the mechanics of the sheet (`sheet`). Reading results of a calibrated sensor is not:
+that is estimation.
 """
 
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest

@@ -125,28 +125,20 @@ def rest(
 
     Example: manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm 4 --out sensor.toml
     """
-    from dataclasses import replace
-
-    import numpy as np
     from rich.console import Console
 
-    from manytouch.calibration.rest.calibrate import calibrate_rest
-    from manytouch.calibration.rest.report import describe, with_provenance
-    from manytouch.calibration.sheet.pad_outline import pad_of
-    from manytouch.calibration.views import calibrate_views, describe_views, with_provenance_of_views
+    from manytouch.calibration.untouched import calibrate_untouched, stated_sheet
     from manytouch.cli.terminal.console import Steps
     from manytouch.sinks.files.atomic_output import check_file_writable
     from manytouch.sources import closing_source, open_source
     from manytouch.sources.opening import views_of
-    from manytouch.values import Sheet
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
     if sheet_mm is not None and thickness_mm is None:
         raise usage_error("calibrate rest", "--sheet-mm requires --thickness-mm")
     known = load_sensor(sensor)
-    has_views = bool(known.camera.views)
-    if has_views and (
+    if known.camera.views and (
         pitch_mm is not None or roi is not None or (thickness_mm is not None) > (sheet_mm is not None)
     ):
         raise usage_error(
@@ -154,26 +146,15 @@ def rest(
             "several views take pitch and outline from the sensor file: omit --pitch-mm and --roi, and give "
             "--thickness-mm only with --sheet-mm",
         )
-    sheet = pad_of(known)
-    if sheet is not None:
-        given_mm = sheet.size_mm if sheet_mm is None else np.array(sheet_mm, dtype=np.float64)
-        given_thickness_mm = sheet.thickness_mm if thickness_mm is None else float(thickness_mm)
-        sheet = replace(sheet, size_mm=given_mm, thickness_mm=given_thickness_mm)
-    elif sheet_mm is not None and thickness_mm is not None:
-        sheet = Sheet(size_mm=np.array(sheet_mm), thickness_mm=float(thickness_mm))
+    sheet = stated_sheet(known, sheet_mm, thickness_mm)
     check_file_writable(out)
     with Steps() as steps, closing_source(open_source(source)) as frames:
         first = list(steps.count("frames", islice(frames, REST_FRAMES), REST_FRAMES))
         steps.follow()("finding the markers and the pose of the sheet")
         name = ", ".join(Path(part).name for part in views_of(source))
-        if has_views:
-            joined = calibrate_views(known, first, sheet=sheet)
-            lines, calibrated = describe_views(joined), with_provenance_of_views(joined, name)
-        else:
-            found = calibrate_rest(
-                known, first, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
-            )
-            lines, calibrated = describe(found), with_provenance(found, name)
+        lines, calibrated = calibrate_untouched(
+            known, first, name, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
+        )
     for line in lines:
         console.print(f"  {line}")
     save_sensor(calibrated, out)
@@ -222,10 +203,10 @@ def sheet(
     from manytouch.calibration.sheet.describe_calibration import describe, with_provenance
     from manytouch.calibration.sheet.pad import calibrate_pad
     from manytouch.calibration.sheet.press_table import PressRow, measure_presses, read_press_table
-    from manytouch.calibration.sheet.protocol import probing_gcode, weight_table
+    from manytouch.calibration.sheet.protocol import write_plan
     from manytouch.calibration.sheet.typed_presses import read_typed_presses
     from manytouch.cli.terminal.console import Steps
-    from manytouch.sinks.files.atomic_output import check_file_writable, check_writable, output_errors
+    from manytouch.sinks.files.atomic_output import check_file_writable, check_writable
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     if plan is None and (presses is None or out is None):
@@ -240,11 +221,7 @@ def sheet(
         check_file_writable(out)
     if plan is not None:
         check_writable(plan)
-        texts = {"presses.csv": weight_table(known), "probing.gcode": probing_gcode(known)}
-        with output_errors(plan):
-            plan.mkdir(parents=True, exist_ok=True)
-            for name, text in texts.items():
-                (plan / name).write_text(text, encoding="utf-8")
+        write_plan(known, plan)
         console.print(f"  plan in {plan}")
         return 0
     assert presses is not None

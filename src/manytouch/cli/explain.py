@@ -39,7 +39,7 @@ def explain(
 
     Camera image, grey image, threshold, opening, contours, midpoints, identities,
     perimeters, padded grid and surface, each with its numbers on this frame. Open
-    DIR/index.html. The first half second must be untouched.
+    DIR/index.html. The sheet must be untouched for half a second somewhere.
 
     Example: manytouch explain press.mp4 --out explained
     """
@@ -58,8 +58,7 @@ def explain(
     require_packages()
     require_finite(video)
     check_writable(out)
-    reporter = Reporter(bar=False)
-    with StopOnSignal() as stop:
+    with StopOnSignal() as stop, Reporter() as reporter:
         job = prepare(
             video,
             sensor=sensor,
@@ -69,10 +68,11 @@ def explain(
             roi_px=roi,
             fps=fps,
             parameters=parameters,
+            whole_recording=True,
             observer=reporter,
         )
         try:
-            steps = collect_steps(job, frame=frame, stop=stop)
+            steps = collect_steps(job, frame=frame, observer=reporter, stop=stop)
         finally:
             job.close()
     page = write_steps(steps, out)

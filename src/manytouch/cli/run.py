@@ -82,7 +82,7 @@ def run(
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.cli.terminal.outputs import described_outputs, print_end_of_scene, print_outputs
-    from manytouch.cli.terminal.viewing import ViewerAddress, viewers
+    from manytouch.cli.terminal.viewing import ViewerAddress, is_playback, viewers
     from manytouch.session import Live, Playback, ResultFiles, prepare, result_name
     from manytouch.session import run as run_loop
     from manytouch.session.diagnosis.camera import describe_latency, describe_settings
@@ -162,13 +162,3 @@ def show_playback(
     run_loop(playback, [log, *shown], reporter, stop)
     print_outputs(playback.health(), reporter.print)
     return 0
-
-
-def is_playback(source: str, *options_given: object) -> bool:
-    """Whether the stored readings of a recording are shown, because no option requires processing."""
-    from manytouch.sources.files.log import is_log, split_topic
-
-    bare, topic = split_topic(source)
-    is_recording = bare.lower().endswith(".mcap") and not is_log(Path(bare))
-    is_topic = topic is not None and topic.startswith("/")  # else a sensor of a rig
-    return is_recording and not is_topic and not any(options_given)

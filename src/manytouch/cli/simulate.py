@@ -36,7 +36,7 @@ def simulate(
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.simulation.scene.file import load_scene
     from manytouch.simulation.scene.motion import held_presses
-    from manytouch.simulation.scene.solve import simulator, solve_scene, state_count, states_folder
+    from manytouch.simulation.solve_scene import simulator, solve_scene, state_count, states_folder
     from manytouch.sinks.files.atomic_output import check_writable
     from manytouch.sinks.files.simulated.simulated_folder import SimulatedFolder
     from manytouch.values.arrays import count_of

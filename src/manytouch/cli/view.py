@@ -38,13 +38,13 @@ def view(
     options.refuse_two_scales("view", sensor, pitch_mm, hfov_deg)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.interrupt import StopOnSignal
-    from manytouch.cli.terminal.viewing import ViewerAddress, viewers
+    from manytouch.cli.terminal.viewing import ViewerAddress, is_playback, viewers
     from manytouch.errors import MissingExtraError
     from manytouch.session import Playback, prepare, run
 
     reporter = Reporter(bar=False)
     with StopOnSignal() as stop:
-        if any(option is not None for option in (pitch_mm, hfov_deg, roi, fps)):
+        if not is_playback(str(recording), pitch_mm, hfov_deg, roi, fps):
             job = prepare(
                 recording,
                 sensor=sensor,

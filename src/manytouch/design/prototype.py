@@ -26,7 +26,7 @@ from manytouch.simulation.render.dot_images import dot_ellipses, outlines
 from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
 from manytouch.simulation.scene.solid_scene import SolidScene
-from manytouch.simulation.scene.solve import states_folder
+from manytouch.simulation.solve_scene import states_folder
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 
@@ -127,6 +127,7 @@ class Prototype:
         return replace(self.sensor, sheet=replace(sheet, young_std_MPa=0.0))
 
     def solve(self, body: Indenter, place_mm: np.ndarray, depth_mm: float) -> Deformation | None:
+        """The sheet pressed by a body at a place (2,) of the sheet; None where no equilibrium is found."""
         steps = int(np.ceil(depth_mm / STEP_MM))
         path = np.array([[*place_mm, depth_mm * (step + 1) / steps] for step in range(steps)])
         thickness_mm = self.model.thickness_mm

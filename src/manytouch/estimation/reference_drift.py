@@ -13,7 +13,7 @@ class ReferenceDrift:
     """Follows the markers by exponential smoothing, within a bound.
 
     Attributes:
-        share: of the difference between markers and reference that is taken over in a frame.
+        share: of the difference between markers and reference, the share that is taken over in a frame.
         max_drift_pitch: largest distance of the reference from the initial one, in pitches; a tare is needed
             for more.
     """

@@ -16,7 +16,7 @@ MOST_LISTED = 20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Report:
+class RepairReport:
     """What of a recording is whole.
 
     Attributes:
@@ -67,7 +67,7 @@ class Report:
             yield self.problem
 
 
-def check(path: Path) -> Report:
+def check(path: Path) -> RepairReport:
     """Check every chunk, message and reading of a recording.
 
     Raises:
@@ -89,7 +89,7 @@ def check(path: Path) -> Report:
     else:
         lost, lost_readings = recording.damaged_frames, recording.damaged_readings
         bad = sum(1 for _ in recording.bad_readings())
-    return Report(
+    return RepairReport(
         bytes=path.stat().st_size,
         is_complete=found.is_complete,
         has_index=found.has_index,

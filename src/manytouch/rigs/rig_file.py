@@ -32,7 +32,7 @@ Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
 Side = Annotated[int, Field(gt=0, le=32_768)]
 
 
-class PoseSection(Section):
+class RigPoseSection(Section):
     """Pose of a sensor: x_rig = R x_sheet + t; `rotation_vector` in rad (Rodrigues)."""
 
     rotation_vector: Vector = Field(default_factory=lambda: [0.0, 0.0, 0.0])
@@ -49,7 +49,7 @@ class SensorSection(Section):
     method: Literal["mechanics", "perimeter", "paper"] | None = None
     fps: Positive | None = None
     size_px: Annotated[list[Side], Field(min_length=2, max_length=2)] | None = None
-    pose: PoseSection = Field(default_factory=PoseSection)
+    pose: RigPoseSection = Field(default_factory=RigPoseSection)
 
     @field_validator("source")
     @classmethod

@@ -68,6 +68,7 @@ class SensorState:
 
     @property
     def pid(self) -> int | None:
+        """Number of the process; None before it has started."""
         return None if self.process is None else self.process.pid
 
 

@@ -163,7 +163,7 @@ class Live:
             can_untare=bool(self._before_tares),
             sensor_version=setup.version,
             is_preparing=self._setups.is_busy,
-            outputs=tuple(output.state for output in self._outputs),
+            outputs=tuple(state for output in self._outputs for state in output.states),
         )
 
     def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:

@@ -9,6 +9,13 @@ from manytouch.errors import SourceError
 from manytouch.pipeline import Output, Sink
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
+from manytouch.session.commands.continuation import (
+    Kept,
+    Setup,
+    kept,
+    resumed_estimation,
+    resumed_tracking,
+)
 from manytouch.session.methods import (
     METHODS,
     choices_of,
@@ -29,6 +36,7 @@ from manytouch.sources.source import Timeline
 from manytouch.values import (
     Command,
     Comparison,
+    Frame,
     Health,
     Play,
     Reading,
@@ -90,6 +98,8 @@ class Playback:
         self._is_held = False
         self._place = 0
         self._sought: int | None = None
+        self._continues = False
+        self._processed = _Processed()
         self._is_at_end = False
         self._outputs: tuple[Output, ...] = ()
 
@@ -153,7 +163,7 @@ class Playback:
             frame=self._place,
             frame_count=len(self._timeline),
             is_preparing=self._jobs.is_busy,
-            outputs=tuple(output.state for output in self._outputs),
+            outputs=tuple(state for output in self._outputs for state in output.states),
         )
 
     def start(self, observer: Observer, stop: StopCondition) -> Generator[Reading, None, None]:
@@ -197,7 +207,9 @@ class Playback:
         places = self._places(begin, stop)
         if self._is_processed:
             frames = (self._timeline.frame(place) for place in places)
-            readings = self._job.pipeline.run(frames, self.sensor)
+            before, self._processed = self._processed if self._continues else None, _Processed()
+            self._continues = False
+            readings = self._processed.readings(frames, self._job, before)
         else:
             found = (self._timeline.reading(place) for place in places)
             readings = (reading for reading in found if reading is not None)
@@ -225,8 +237,12 @@ class Playback:
         job = self._jobs.take()
         if job is not None:
             self._job, self._method, self._is_processed = job, job.method, True
-            self._sought = self._place if self._sought is None else self._sought
+            if self._sought is None:
+                self._sought, self._continues = self._place, True
             self._commands.note(f"frames are processed again with method {job.method}")
+
+    def _seek(self, place: int) -> None:
+        self._sought, self._continues = place, False
 
     def _refuse(self, reason: str) -> None:
         self._commands.note(f"not changed: {reason}")
@@ -236,7 +252,7 @@ class Playback:
             case Start():
                 self._is_held = False
                 if self._is_at_end and self._sought is None:
-                    self._sought = 0
+                    self._seek(0)
             case Stop():
                 self._is_held = True
             case Seek(frame=frame):
@@ -244,7 +260,7 @@ class Playback:
                     raise SourceError(
                         f"there is no frame {frame}: choose one of 0 to {len(self._timeline) - 1}"
                     )
-                self._sought = frame
+                self._seek(frame)
             case Play(speed=speed):
                 if not 0.01 <= speed <= 100.0:
                     raise SourceError(f"the speed must be between 0.01 and 100, not {speed:g}")
@@ -262,6 +278,27 @@ class Playback:
                     self._jobs.request(replace(job, pipeline=pipeline))
             case _:
                 self._commands.note(f"{type(command).__name__} is not possible with a recording")
+
+
+class _Processed:
+    """Readings of frames that follow one another, and the states of the stages after the last one."""
+
+    def __init__(self) -> None:
+        self._setup: Setup | None = None
+        self._tracking, self._estimation = Kept(), Kept()
+
+    def readings(self, frames: Iterator[Frame], job: Job, before: "_Processed | None") -> Iterator[Reading]:
+        """Process frames; identities go on from those before, if there are any and only parameters differ."""
+        setup = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
+        self._setup, was = setup, None if before is None else before._setup
+        tracking = estimation = None
+        if before is not None and was is not None and setup.is_variant_of(was):
+            tracking = resumed_tracking(setup.pipeline, setup.sensor, was.pipeline, before._tracking.value)
+            started = setup.pipeline.estimate.start(setup.sensor)
+            estimation = resumed_estimation(setup.pipeline, started, was.pipeline, before._estimation.value)
+        tracked = kept(setup.pipeline.track_frames(frames, setup.sensor, tracking), self._tracking.keep)
+        found = setup.pipeline.estimate_readings(tracked, setup.sensor, estimation)
+        yield from kept(found, self._estimation.keep)
 
 
 def _warmed_up(job: Job) -> Job:

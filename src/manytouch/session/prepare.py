@@ -25,9 +25,9 @@ from manytouch.session.warm_up import compiled_methods, warm_up_kernels
 from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.camera import without_password
 from manytouch.sources.cameras.capture import CameraRequest
-from manytouch.sources.joined import JoinedSource
 from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Frame, Reading, Roi, Sensor
+from manytouch.values.arrays import count_of
 from manytouch.values.sensor_file import load_sensor
 
 REST_FRAMES = 15
@@ -69,6 +69,13 @@ class Job:
     roi_px: Roi | None = None
     request: Request
     files_stamp: str | None = None
+
+    def __repr__(self) -> str:
+        frames = "" if self.frame_count is None else f", {count_of(self.frame_count, 'frame')}"
+        return (
+            f"Job({self.text!r}{frames}, sensor {self.sensor.name!r}, method {self.method}, "
+            f"lengths in {self.sensor.length_unit})"
+        )
 
     @property
     def frame_count(self) -> int | None:
@@ -358,17 +365,17 @@ def _require_views(source: Source, text: str, given: Sensor | None, roi_px: Roi 
         raise SensorError(
             f"a region of interest is a part of one picture, but {known.name!r} has several views: omit it"
         )
-    if given is None and isinstance(source, JoinedSource):
+    if given is None and source.capabilities.views > 1:
         raise SensorError(
             f"{text} needs a sensor file with [[views]], which states where each camera is: give --sensor"
         )
 
 
 def _require_fit(source: Source, text: str, sensor: Sensor) -> None:
-    camera = sensor.camera
-    if isinstance(source, JoinedSource) and len(source.views) != max(len(camera.views), 1):
+    camera, views = sensor.camera, source.capabilities.views
+    if views > 1 and views != max(len(camera.views), 1):
         raise SensorError(
-            f"{text} has {len(source.views)} views, but the sensor {sensor.name!r} has "
+            f"{text} has {views} views, but the sensor {sensor.name!r} has "
             f"{max(len(camera.views), 1)}: name one source for each of its [[views]], in their order"
         )
     if (camera.width_px, camera.height_px) != (source.width_px, source.height_px):

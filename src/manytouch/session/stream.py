@@ -15,7 +15,8 @@ from manytouch.session.prepare import prepare
 from manytouch.session.result_hashes import Pitch
 from manytouch.session.run import NoObserver, Observer
 from manytouch.session.warm_up import compiled_methods, warm_up_kernels
-from manytouch.sinks.publishers.registry import check_addresses, open_outputs
+from manytouch.sinks.output_process.process import start_outputs
+from manytouch.sinks.publishers.registry import check_addresses
 from manytouch.sources import Source
 from manytouch.values import Command, Health, Reading, Roi, Sensor
 
@@ -114,7 +115,7 @@ class Stream:
         with ExitStack() as closing:
             live = Live(job, record=self._record)
             closing.callback(live.close)
-            live.attach(open_outputs(self._to, live))
+            live.attach(start_outputs(self._to, live))
             for sink in live.own_sinks:
                 closing.callback(sink.close)
             self._readings = live.start(self._observer, lambda: False)

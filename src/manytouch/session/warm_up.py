@@ -52,10 +52,10 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
         Whether it was necessary.
     """
     own = OWN_KERNELS.get(method)
-    if own is None or _is_compiled(method, own):
+    if own is None or is_compiled(method, own):
         return False
     with compiling():
-        if _is_compiled(method, own):
+        if is_compiled(method, own):
             return False
         on_message = on_message or _print
         if compile_in_processes(method, on_message):
@@ -147,7 +147,8 @@ def compiled_mark(method: str) -> Path:
     return user_cache_path("manytouch") / "compiled" / digest
 
 
-def _is_compiled(method: str, own: str) -> bool:
+def is_compiled(method: str, own: str) -> bool:
+    """Whether the kernels of a method are on disk; `own` is the module that has its own kernels."""
     import_module(own)  # methods import it when they need it, and `kernels` lists what is imported
     if not any(is_cached for name, is_cached in kernels().items() if name.startswith(f"{own}.")):
         return False

@@ -22,14 +22,14 @@ from manytouch.simulation.scene.condense import condense, plane
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
 from manytouch.simulation.scene.pad import markers_mm, pad_solid
 from manytouch.simulation.scene.solid_scene import SolidScene
-from manytouch.simulation.scene.solve import states_folder
 from manytouch.simulation.simulator import Simulator
+from manytouch.simulation.solve_scene import states_folder
 from manytouch.values import Sensor, Truth
 from manytouch.values.arrays import Points2, Points3, Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PadState:
+class PressedPad:
     """A pressed pad in equilibrium.
 
     Attributes:
@@ -64,7 +64,7 @@ class PadState:
 
 def solve_pad(
     sensor: Sensor, loading: Loading, *, model: PadModel | None = None, folder: Path | None = None
-) -> Iterator[PadState]:
+) -> Iterator[PressedPad]:
     """The equilibria of a bonded pad at each step of a loading, each reached from the one before.
 
     With friction a step should be at most a quarter of a millimetre long.
@@ -91,7 +91,7 @@ def solve_pad(
     for state in StateCache(folder=folder or states_folder()).states(solid, loading):
         found = condense(state, loading, pad_markers_mm=markers_mm(sheet))
         scene = SolidScene(name="press", time_s=np.array([0.0, 1.0]), states=(found, found), duration_s=1.0)
-        yield PadState(
+        yield PressedPad(
             truth=Simulator(sensor=sensor, scene=scene).truth(0),
             contacts=found.contacts,
             markers=found,

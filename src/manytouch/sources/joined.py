@@ -86,7 +86,7 @@ class JoinedSource:
     @property
     def capabilities(self) -> Capabilities:
         files = tuple(path for view in self.views for path in view.capabilities.files)
-        return Capabilities(device=self._devices, files=files)
+        return Capabilities(device=self._devices, files=files, views=len(self.views))
 
     def __iter__(self) -> Iterator[Frame]:
         if self.is_live:

@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count, islice
 
-from manytouch.simulation.scene.interactive_indenters import InteractiveIndenters
-from manytouch.simulation.scene.solve import simulator, solid_scene
+from manytouch.simulation.interactive_indenters import InteractiveIndenters
+from manytouch.simulation.solve_scene import simulator, solid_scene
 from manytouch.sources.simulated import WIDTH_PX, Simulated, load_solved_scene
 from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Press, Release, Truth

@@ -7,8 +7,8 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.file import BUILT_IN, SceneFile, built_in_scenes, load_scene
-from manytouch.simulation.scene.solve import simulator, solve_scene, states_folder
 from manytouch.simulation.simulator import Simulator
+from manytouch.simulation.solve_scene import simulator, solve_scene, states_folder
 from manytouch.simulation.views import ViewsSimulator
 from manytouch.sources.source import Capabilities
 from manytouch.values import Frame, Sensor, Truth

@@ -75,6 +75,7 @@ class Capabilities:
         sensor: the sensor that belongs to the source.
         files: the files that are read; of images one per frame.
         is_images: single images instead of a video.
+        views: number of cameras whose pictures are joined in a frame.
     """
 
     truth: Callable[[int], Truth | None] | None = None
@@ -84,6 +85,7 @@ class Capabilities:
     sensor: Sensor | None = None
     files: tuple[Path, ...] = ()
     is_images: bool = False
+    views: int = 1
 
 
 @runtime_checkable

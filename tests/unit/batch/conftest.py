@@ -9,7 +9,7 @@ import pytest
 from batch_work import Notes, Serial, never
 from clips import picture, write_video
 from manytouch.batch.inputs import tasks_of
-from manytouch.batch.run_batch import Report, run_batch
+from manytouch.batch.run_batch import BatchReport, run_batch
 from manytouch.batch.settings import settings_for
 from manytouch.session import Request
 
@@ -27,7 +27,7 @@ def recordings(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def batch(tmp_path: Path) -> Callable[..., tuple[Report, Notes]]:
+def batch(tmp_path: Path) -> Callable[..., tuple[BatchReport, Notes]]:
     """Runs a batch into `tmp_path / "out"`."""
 
     def run(
@@ -37,7 +37,7 @@ def batch(tmp_path: Path) -> Callable[..., tuple[Report, Notes]]:
         shard: tuple[int, int] | None = None,
         stop: Callable[[], bool] = never,
         **options: Any,
-    ) -> tuple[Report, Notes]:
+    ) -> tuple[BatchReport, Notes]:
         kept = {name: options.pop(name) for name in ("surface", "is_verifying") if name in options}
         settings = settings_for(str(out or tmp_path / "out"), Request(**options), **kept)
         notes, tasks = Notes(), tasks_of([str(word) for word in words])

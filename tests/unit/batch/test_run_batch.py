@@ -142,14 +142,14 @@ def test_a_recording_in_work_elsewhere_is_waited_for(
     shutil.move(out / "press0", tmp_path / "done")
     lock = FolderLock(out / ".press0.lock", out / "press0")
     other = threading.Timer(0.5, lambda: (shutil.move(tmp_path / "done", out / "press0"), lock.release()))
-    when_free = run_batch._when_free
+    wait_until_free = run_batch.wait_until_free
 
     def begin_other(busy: list, *rest: object) -> object:
         if busy:
             other.start()
-        return when_free(busy, *rest)
+        return wait_until_free(busy, *rest)
 
-    monkeypatch.setattr(run_batch, "_when_free", begin_other)
+    monkeypatch.setattr(run_batch, "wait_until_free", begin_other)
     monkeypatch.setattr(run_batch, "BUSY_POLL_S", 0.1)
     report, notes = batch(path)
     other.join()

@@ -6,43 +6,34 @@ import cv2
 import numpy as np
 import pytest
 
+from flat_sensor import detections_of, rectangle_px
 from manytouch.calibration import examine, register_rest, sensor_from_rest
 from manytouch.calibration.rest import register_rest as reference
 from manytouch.calibration.rest.assumed_sensor import sensor_from_dots
 from manytouch.calibration.rest.flatness import bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_dots
-from manytouch.calibration.rest.rest_frames import confirm_rest_dots, merge_rest_dots
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT
+from manytouch.calibration.rest_frames import confirm_rest_dots, merge_rest_dots
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.tracking import MarkerTracker
 from manytouch.tracking.lattice.arrange import arrange
-from manytouch.values import Detections, Frame, Roi, Status
+from manytouch.values import Frame, Roi, Status
 
 WIDTH, HEIGHT = 640, 420
 
 
 def grid_px(rows=7, columns=10, pitch=(50.0, 40.0), corner=(80.0, 70.0)):
-    row, column = np.indices((rows, columns))
-    return np.column_stack([column.ravel() * pitch[0], row.ravel() * pitch[1]]) + np.array(corner)
+    return rectangle_px(rows, columns, pitch, corner)
 
 
-def detections_of(centre_px, status=Status.OK):
-    n = len(centre_px)
-    return Detections(
-        centre_px=np.array(centre_px, dtype=np.float64).reshape(n, 2),
-        covariance_px2=np.tile(0.01 * np.eye(2), (n, 1, 1)),
-        area_px2=np.full(n, 150.0),
-        contrast=np.full(n, 60.0),
-        status=status,
-    )
+def dots_of(centre_px, status=Status.OK):
+    return detections_of(centre_px, std_px=0.1, area_px2=150.0, status=status)
 
 
 def noisy(points, frames=9, noise=0.1, seed=0):
     rng = np.random.default_rng(seed)
-    return [
-        detections_of(rng.permutation(points + rng.normal(0.0, noise, points.shape))) for _ in range(frames)
-    ]
+    return [dots_of(rng.permutation(points + rng.normal(0.0, noise, points.shape))) for _ in range(frames)]
 
 
 def sensor_of(points, **options):
@@ -125,7 +116,7 @@ def test_the_still_frames_are_taken_when_the_sheet_is_pressed_early():
 
 
 def test_frames_with_a_bad_status_are_left_out():
-    still = merge_rest_dots([detections_of(grid_px() + 9.0, status=Status.DARK), *noisy(grid_px(), frames=3)])
+    still = merge_rest_dots([dots_of(grid_px() + 9.0, status=Status.DARK), *noisy(grid_px(), frames=3)])
     assert still.frames == (1, 2, 3)
 
 

@@ -22,7 +22,7 @@ from manytouch.design.write import write_prediction
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.simulation.scene.deformation import contact_from_row
-from manytouch.simulation.scene.solve import STATES_VARIABLE
+from manytouch.simulation.solve_scene import STATES_VARIABLE
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -27,6 +27,7 @@ def test_the_camera_is_where_the_paper_has_it_with_the_assumed_field_of_view(fou
     camera = found.design.sensor.camera
     assert camera.translation_mm[2] == 116.3
     assert 1440 * 116.3 / camera.fx_px == pytest.approx(80.0)
+    assert found.design.sensor.layout.height_mm == found.design.requirements.marker_height_mm == 1.0
     (camera_reason,) = (one for one in found.design.reasons if "camera" in one.about)
     assert "Assumed: a horizontal field of view of 62.9 degrees" in camera_reason.why
 

@@ -12,13 +12,14 @@ from hollows import bumps
 from layouts import lattice_layout
 from manytouch.evaluation.published import material, places, spacing
 from manytouch.evaluation.published.formulas import FormulaError, formula_errors, law_mm
-from manytouch.evaluation.published.page import Experiments, contents, row, write_page
+from manytouch.evaluation.published.page import Experiments, contents, deviations, row, write_page
 from manytouch.evaluation.published.speed import Speed, plain_map, plotted_ms
 from manytouch.evaluation.published.stall import StallTest, stall_tests
 from manytouch.evaluation.suite.cases import GROUPS, Case
-from manytouch.evaluation.suite.recordings import SimulatedRecording, simulate_case
+from manytouch.evaluation.suite.recordings import FemSimulation, SimulatedRecording, simulate_case
+from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.geometry.inverse_distance import inverse_distance_plane
-from manytouch.session import pipeline_for
+from manytouch.session import METHODS, pipeline_for
 from manytouch.simulation.fem.cache import StateCache
 from manytouch.sources.simulated import simulated_source
 
@@ -56,6 +57,7 @@ FOUND = Experiments(
             method="paper",
             step=4,
             motion_px=14.9,
+            gate_px=14.0,
             frames=60,
             incomplete_frames=23,
             first_incomplete=37,
@@ -184,6 +186,7 @@ def test_fast_motion_loses_identities_of_the_paper_and_stops_nothing() -> None:
     slow, fast = stall_tests({"paper": pipeline_for("paper")}, scene, steps=(2, 8))
     assert slow.motion_px < 7.0 < fast.motion_px  # the gate is 0.4 of 17.5 px
     assert (slow.frames, slow.lost, slow.new_ids, slow.first_incomplete) == (60, 0, 0, None)
+    assert slow.gate_px == pytest.approx(7.0, abs=0.1)
     assert fast.frames == 38
     assert fast.lost > 0
     assert fast.new_ids > 0
@@ -195,3 +198,48 @@ def test_a_plot_takes_time() -> None:
     pytest.importorskip("matplotlib")
     axis = np.linspace(0.0, 1.0, 12)
     assert plotted_ms(np.outer(axis, axis), axis, axis) > 0.0
+
+
+PAPER = (Path(__file__).parents[3] / "docs" / "paper.md").read_text(encoding="utf-8")
+
+
+def test_the_table_of_the_documentation_names_files_and_functions_that_exist() -> None:
+    table = PAPER[PAPER.index("| of the paper | file in") : PAPER.index("There is no equation 10.")]
+    package, count = Path(places.__file__).parents[2], 0
+    for cell in (line.split("|")[2] for line in table.splitlines() if line.startswith("|")):
+        for file, function in re.findall(r"`([\w/]+(?:\.py|/))`(?:: `(\w+)`)?", cell):
+            count += 1
+            assert (package / file).exists(), file
+            if function:
+                text = (package / file).read_text(encoding="utf-8")
+                assert f"def {function}(" in text, f"{file}: {function}"
+    assert count > 15
+
+
+@pytest.mark.slow
+def test_table_3_is_that_of_the_documentation_and_mechanics_within_2_percent(tmp_path: Path) -> None:
+    methods = {name: pipeline_for(name) for name in METHODS}
+    found = places.table(methods, FemSimulation(solutions=Solutions(folder=tmp_path)))
+    for name, presses in found.items():
+        if name == "truth":
+            continue
+        cells = [
+            f"{value:.2f} ± {std:.2f}" for value, std in zip(row(presses), deviations(presses), strict=True)
+        ]
+        assert f"| here: `--method {name}` | {' | '.join(cells)} |" in PAPER
+    assert row(found["truth"]) == pytest.approx([60.0, 115.0, 10.06], abs=0.2)
+    assert row(found["mechanics"])[2] == pytest.approx(10.06, rel=0.02)
+    assert row(found["mechanics"])[:2] == pytest.approx(row(found["truth"])[:2], abs=0.2)
+
+
+@pytest.mark.slow
+def test_fast_motion_is_as_documented() -> None:
+    found = stall_tests({name: pipeline_for(name) for name in ("paper", "perimeter")})
+    assert all(one.wrong == 0 for one in found)
+    for method in ("paper", "perimeter"):
+        mine = [one for one in found if one.method == method]
+        name = {"paper": "`paper`", "perimeter": "`perimeter`, `mechanics`"}[method]
+        lost = " | ".join(str(one.lost) for one in mine)
+        incomplete = " | ".join(f"{one.incomplete_frames} of {one.frames}" for one in mine)
+        assert f"| {name}: markers lost in the worst frame | {lost} |" in PAPER
+        assert f"| {name}: incomplete frames | {incomplete} |" in PAPER

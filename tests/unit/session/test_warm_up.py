@@ -186,7 +186,7 @@ def test_compiling_is_shown_on_standard_error_unless_an_observer_gets_it(
         on_message("compiling 1 of 2")
         return False
 
-    monkeypatch.setattr(warm_up, "_is_compiled", lambda *_: False)
+    monkeypatch.setattr(warm_up, "is_compiled", lambda *_: False)
     monkeypatch.setattr(warm_up, "compile_in_processes", compiled)
     messages: list[str] = []
     assert warm_up.warm_up_kernels("perimeter", messages.append if is_given else None)

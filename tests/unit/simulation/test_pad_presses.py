@@ -10,7 +10,7 @@ from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.demo_sensor import demo_sensor, pad_sensor
 from manytouch.simulation.fem.contact.indenters import Sphere
 from manytouch.simulation.fem.loading import Loading, press
-from manytouch.simulation.pad_presses import PadState, solve_pad
+from manytouch.simulation.pad_presses import PressedPad, solve_pad
 from manytouch.simulation.scene.pad import pad_solid
 
 SENSOR = pad_sensor()
@@ -20,13 +20,13 @@ LOADING = Loading(touches=(press(Sphere(radius_mm=5.0), thickness_mm=4.0, path_m
 
 
 @pytest.fixture(scope="module")
-def states(tmp_path_factory: pytest.TempPathFactory) -> list[PadState]:
+def states(tmp_path_factory: pytest.TempPathFactory) -> list[PressedPad]:
     assert SENSOR.sheet is not None
     model = pad_solid(SENSOR.sheet, LOADING, element_mm=3.0, contact_element_mm=1.2, layers=2)
     return list(solve_pad(SENSOR, LOADING, model=model, folder=tmp_path_factory.mktemp("states")))
 
 
-def test_states_have_contacts_and_depths_of_the_contact_face(states: list[PadState]) -> None:
+def test_states_have_contacts_and_depths_of_the_contact_face(states: list[PressedPad]) -> None:
     for state, depth_mm in zip(states, DEPTHS_MM, strict=True):
         (contact,) = state.contacts
         assert state.status == "ok"
@@ -38,7 +38,7 @@ def test_states_have_contacts_and_depths_of_the_contact_face(states: list[PadSta
     assert states[1].contacts[0].normal_force_N > 2.5 * states[0].contacts[0].normal_force_N
 
 
-def test_markers_move_with_the_solid_at_their_depth(states: list[PadState]) -> None:
+def test_markers_move_with_the_solid_at_their_depth(states: list[PressedPad]) -> None:
     assert SENSOR.layout is not None
     assert SENSOR.sheet is not None
     for state in states:

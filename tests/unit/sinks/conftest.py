@@ -1,4 +1,4 @@
-"""A small sensor, wider than high, and readings of it made by hand."""
+"""A small sensor, wider than high, readings of it made by hand, and a session for outputs."""
 
 from collections.abc import Callable
 
@@ -7,10 +7,13 @@ import pytest
 
 from layouts import lattice_layout
 from manytouch.values import (
+    Command,
+    Comparison,
     Contact,
     Contacts,
     Detections,
     Frame,
+    Health,
     Phase,
     Reading,
     Sensor,
@@ -101,6 +104,36 @@ def make_reading(
     )
 
 
+class Session:
+    """Controls of a session that does nothing but keep the commands."""
+
+    def __init__(self, sensor: Sensor) -> None:
+        self.sensor = sensor
+        self.commands: list[Command] = []
+
+    def send(self, command: Command) -> None:
+        self.commands.append(command)
+
+    def health(self) -> Health:
+        return Health(
+            is_running=True,
+            source="ok",
+            fps=30.0,
+            latency_ms_p50=2.0,
+            latency_ms_p99=3.0,
+            frames=1,
+            dropped=0,
+            markers_seen=23,
+            markers=23,
+            method="mechanics",
+            methods=("mechanics",),
+            parameters={},
+        )
+
+    def comparison(self, frame_index: int) -> Comparison | None:
+        return None
+
+
 @pytest.fixture
 def sensor() -> Sensor:
     return make_sensor()
@@ -119,3 +152,8 @@ def contact_of() -> Callable[..., Contact]:
 @pytest.fixture
 def reading_of() -> Callable[..., Reading]:
     return make_reading
+
+
+@pytest.fixture
+def session(sensor: Sensor) -> Session:
+    return Session(sensor)

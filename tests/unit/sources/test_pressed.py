@@ -5,7 +5,7 @@ from itertools import islice
 import numpy as np
 import pytest
 
-from manytouch.simulation.scene.interactive_indenters import ALONE_S, FIRST_ID, MOST_FINGERS
+from manytouch.simulation.interactive_indenters import ALONE_S, FIRST_ID, MOST_FINGERS
 from manytouch.simulation.simulator import Simulator
 from manytouch.sources.pressed import PressedSource
 from manytouch.sources.simulated import simulated_source

@@ -15,7 +15,7 @@ from manytouch.simulation.render.dot_images import polygon_ellipses
 from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
 from manytouch.simulation.scene.solid_scene import SolidScene
-from manytouch.simulation.scene.solve import LIBRARY, shipped_states, solid_problem
+from manytouch.simulation.solve_scene import LIBRARY, shipped_states, solid_problem
 from manytouch.sources import open_source
 from manytouch.sources.simulated import SimulatedSource, simulated_source
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from manytouch.batch.tasks import Outcome, Task, TaskState, Work
+from manytouch.batch.tasks import Outcome, Task, TaskFunction, TaskState
 from manytouch.errors import ManytouchError, MissingExtraError
 
 RETRIES = 2
@@ -40,7 +40,7 @@ class DaskEngine:
 
     client: Any
 
-    def run(self, work: Work, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
+    def run(self, work: TaskFunction, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
         """The outcomes in the order in which tasks end. See `Engine`.
 
         Dask blames the death of a worker on every task it held. Blamed tasks run again one at a time after
@@ -60,7 +60,7 @@ class DaskEngine:
                 yield outcome or Outcome(task=task, state=TaskState.FAILED, reason=WORKER_DEATH_MESSAGE)
 
     def _outcomes(
-        self, work: Work, tasks: Iterable[Task], stop: Callable[[], bool]
+        self, work: TaskFunction, tasks: Iterable[Task], stop: Callable[[], bool]
     ) -> Iterator[tuple[Task, Outcome | None]]:
         """Outcomes in the order in which tasks end; None for a task that is blamed for dead workers.
 
@@ -92,7 +92,7 @@ class DaskEngine:
         finally:
             self._cancel([future for _, future in in_work.values()])
 
-    def _submit(self, work: Work, task: Task) -> Any:
+    def _submit(self, work: TaskFunction, task: Task) -> Any:
         try:
             return self.client.submit(partial(on_worker, work), task, retries=RETRIES, pure=False)
         except Exception as error:
@@ -157,7 +157,7 @@ def require_dask() -> None:
         raise MissingExtraError("a batch on a cluster", "distributed", "batch") from None
 
 
-def on_worker(work: Work, task: Task) -> Outcome:
+def on_worker(work: TaskFunction, task: Task) -> Outcome:
     """Process a recording on a worker of dask, with one thread."""
     from manytouch.batch.engines.local_processes import use_one_thread
 

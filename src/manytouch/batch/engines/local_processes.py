@@ -13,7 +13,7 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 
-from manytouch.batch.tasks import Outcome, Task, TaskState, Work
+from manytouch.batch.tasks import Outcome, Task, TaskFunction, TaskState
 from manytouch.errors import ManytouchError
 
 TRIES = 2
@@ -55,7 +55,7 @@ class LocalProcesses:
     _workers: list[_Worker] = field(default_factory=list)
     _failed_starts: int = 0
 
-    def run(self, work: Work, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
+    def run(self, work: TaskFunction, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
         """The outcomes as they come; a task whose worker dies `TRIES` times has failed. See `Engine`."""
         waiting = _Queue(tasks)
         try:
@@ -71,13 +71,13 @@ class LocalProcesses:
         finally:
             self._end()
 
-    def _idle_worker(self, work: Work) -> _Worker | None:
+    def _idle_worker(self, work: TaskFunction) -> _Worker | None:
         """A worker without a task; a new one while there are fewer than `processes`."""
         idle = next((each for each in self._workers if each.is_idle), None)
         if idle is None and len(self._workers) < self.processes:
             here, there = _CONTEXT.Pipe()
             process = _CONTEXT.Process(
-                target=_serve, args=(there, work, self.memory_bytes), daemon=False, name="manytouch worker"
+                target=serve, args=(there, work, self.memory_bytes), daemon=False, name="manytouch worker"
             )
             process.start()
             there.close()
@@ -224,7 +224,7 @@ def _death(code: int | None) -> str:
         return f"signal {-code}"
 
 
-def _serve(connection: Connection, work: Work, memory_bytes: int | None) -> None:
+def serve(connection: Connection, work: TaskFunction, memory_bytes: int | None) -> None:
     """Do tasks until the connection is closed, in a worker."""
     terminated = threading.Event()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process decides

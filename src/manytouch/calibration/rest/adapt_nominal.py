@@ -10,10 +10,10 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.calibration.outline.pad_outline import pad_of
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose
 from manytouch.calibration.rest.register_rest import register_and_count
-from manytouch.calibration.sheet.pad_outline import pad_of
 from manytouch.errors import LayoutError
 from manytouch.geometry.refraction import rest_px
 from manytouch.values import Frame, Layout, Roi, Sensor

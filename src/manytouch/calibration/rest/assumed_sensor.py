@@ -18,8 +18,8 @@ from manytouch.calibration.rest.first_frames import (
 )
 from manytouch.calibration.rest.flatness import PRESSED_START, bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
-from manytouch.calibration.rest.rest_frames import RestDots
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
+from manytouch.calibration.rest_frames import RestDots
 from manytouch.errors import SensorError, require_type
 from manytouch.geometry.camera import onto_plane
 from manytouch.tracking.lattice.arrange import Arrangement
@@ -55,7 +55,7 @@ def sensor_from_rest(
         spread: returns frames of the whole recording, used where the first ones show no clear pattern.
 
     Returns:
-        A sensor whose layout holds the measured `rest_px`, `rest_mm` being their back-projection.
+        A sensor whose layout contains the measured `rest_px`, `rest_mm` being their back-projection.
 
     Raises:
         SourceError: no frame could be decoded, or frames differ in size.

@@ -7,13 +7,13 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
+from manytouch.calibration.outline.clamp_line import ClampLine, clamp_line, clamp_warnings
+from manytouch.calibration.outline.pad_outline import pad_of, with_origin_at, with_seen_outline
 from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sharpness import edge_width_px, is_soft
-from manytouch.calibration.sheet.clamp_line import ClampLine, clamp_line, clamp_warnings
-from manytouch.calibration.sheet.pad_outline import pad_of, with_origin_at, with_seen_outline
 from manytouch.detection import expected_appearance
 from manytouch.detection.dot_appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError
@@ -43,7 +43,7 @@ class RestCalibration:
     """A sensor calibrated on its untouched sheet.
 
     Attributes:
-        sensor: with pose, layout, missing markers and noise; `rest_px` holds the measured positions.
+        sensor: with pose, layout, missing markers and noise; `rest_px` are the measured positions.
         residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN if missing.
         pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm).
         noise_px: noise of a marker's centre (`geometry.centre_noise`), median of the markers.

@@ -5,9 +5,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from manytouch.calibration.outline.clamp_line import describe as describe_clamp
 from manytouch.calibration.rest.adapt_nominal import NOMINAL, NOMINAL_SHAPE
 from manytouch.calibration.rest.calibrate import RestCalibration
-from manytouch.calibration.sheet.clamp_line import describe as describe_clamp
 from manytouch.values import Sensor
 
 

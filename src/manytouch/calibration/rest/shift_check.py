@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from manytouch.calibration.rest.rest_frames import RestDots
+from manytouch.calibration.rest_frames import RestDots
 from manytouch.tracking import MarkerTracker
 from manytouch.tracking.lattice_graph import EXTERIOR_VISIBLE, LatticeGraph
 from manytouch.values import Roi, Sensor
@@ -23,7 +23,7 @@ def shift_is_undetectable(sensor: Sensor, still: RestDots, *, roi_px: Roi | None
     """Whether neither border, gaps, irregularity nor dot appearance distinguish a shift by whole pitches.
 
     Args:
-        sensor: with a layout that holds `rest_px`.
+        sensor: with a layout that contains `rest_px`.
         still: the dots that the layout was made from, or registered with.
         roi_px: region of interest.
     """

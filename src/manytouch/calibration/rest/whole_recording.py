@@ -43,7 +43,7 @@ _EVEN = 0.5  # of the score of the chosen arrangement: another one of it that ca
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Arrangement:
+class RestArrangement:
     """Frames that show the markers at the same positions.
 
     Attributes:
@@ -170,7 +170,7 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
     return _doubtful(settled, "two arrangements of the markers are about as common") if doubt else settled
 
 
-def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) -> list[Arrangement]:
+def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) -> list[RestArrangement]:
     """The arrangements of the frames, the one with the highest score first."""
     count = len(sample)
     motion = np.zeros((count, count))
@@ -185,7 +185,7 @@ def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) ->
             break
         visits = int(members[0]) + int(np.count_nonzero(members[1:] & ~members[:-1]))
         found.append(
-            Arrangement(
+            RestArrangement(
                 frames=tuple(np.flatnonzero(members).tolist()),
                 score=int(members.sum()) * visits,
                 position_px=_median(sample[members]),
@@ -195,7 +195,7 @@ def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) ->
     return sorted(found, key=lambda each: -each.score)
 
 
-def _least_pressed(found: list[Arrangement], compare: _Comparison) -> tuple[Arrangement | None, bool]:
+def _least_pressed(found: list[RestArrangement], compare: _Comparison) -> tuple[RestArrangement | None, bool]:
     """The arrangement that is the rest, and whether another one may be it as well."""
     if not found:
         return None, False

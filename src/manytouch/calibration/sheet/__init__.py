@@ -1,4 +1,5 @@
 """Pretension, bending factor, thickness and Young's modulus of a sheet from presses at known places.
 
-Inside are the press tables, the fit and the clamp line; detection and tracking of the markers are not.
+Inside are the press tables and the fit; the outline of the sheet (`calibration.outline`), detection and
+tracking of the markers are not.
 """

@@ -111,6 +111,7 @@ class PressFit:
 
     @staticmethod
     def start(sensor: Sensor, presses: Sequence[KnownPress]) -> "PressFit":
+        """The fit of a sensor with sheet and layout, at the values of its file."""
         sheet, layout = sensor.sheet, sensor.layout
         assert sheet is not None and layout is not None  # noqa: PT018 - checked before
         size = (float(sheet.size_mm[0]), float(sheet.size_mm[1]))

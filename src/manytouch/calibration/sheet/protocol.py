@@ -2,10 +2,12 @@
 
 import csv
 import io
+from pathlib import Path
 
 import numpy as np
 
 from manytouch.errors import SensorError
+from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 
@@ -35,6 +37,20 @@ def places_mm(sensor: Sensor) -> Points2:
         )
     x, y = RIM_SHARE * np.asarray(sensor.sheet.size_mm)
     return np.round(np.array([[0.0, 0.0], [-x, -y], [x, -y], [-x, y], [x, y]]), 1)
+
+
+def write_plan(sensor: Sensor, folder: Path) -> None:
+    """Write presses.csv for weights and probing.gcode for a 3-D printer.
+
+    Raises:
+        SensorError: the sheet's size is not known.
+        OutputError: the folder cannot be written.
+    """
+    texts = {"presses.csv": weight_table(sensor), "probing.gcode": probing_gcode(sensor)}
+    with output_errors(folder):
+        folder.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            (folder / name).write_text(text, encoding="utf-8")
 
 
 def weight_table(sensor: Sensor) -> str:

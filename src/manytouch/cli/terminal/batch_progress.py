@@ -4,7 +4,7 @@ import time
 
 from rich.console import Console
 
-from manytouch.batch.run_batch import Report
+from manytouch.batch.run_batch import BatchReport
 from manytouch.batch.tasks import Outcome, TaskState
 from manytouch.cli.terminal.console import PLAIN_EVERY_S, progress_bar
 from manytouch.values.arrays import count_of
@@ -55,7 +55,7 @@ class BatchProgress:
             self._printed_s = time.monotonic()
             self.on_message(self._rate())
 
-    def finish(self, report: Report, out: str) -> None:
+    def finish(self, report: BatchReport, out: str) -> None:
         """Print what was done."""
         words = [f"{count_of(report.computed, 'recording')} processed", f"{report.current} unchanged"]
         if report.failed:

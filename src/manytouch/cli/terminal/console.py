@@ -89,20 +89,29 @@ def progress_bar(console: Console) -> Progress:
 
 
 class Steps:
-    """Progress of work in steps: a bar on a terminal, a line every few seconds elsewhere."""
+    """Progress of work in steps: a bar on a terminal, a line every few seconds elsewhere.
 
-    def __init__(self) -> None:
-        self._console = Console(highlight=False, soft_wrap=True)
-        self._bar = progress_bar(self._console)
+    Attributes:
+        bar: the progress bar, disabled if the console is not a terminal.
+    """
+
+    def __init__(self, console: Console | None = None) -> None:
+        """Prepare the bar.
+
+        Args:
+            console: where to print; the standard output by default.
+        """
+        self._console = console or Console(highlight=False, soft_wrap=True)
+        self.bar = progress_bar(self._console)
 
     def __enter__(self) -> "Steps":
-        self._bar.start()
+        self.bar.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._bar.stop()
+        self.bar.stop()
 
     def print(self, sentence: str) -> None:
         """Print a line."""
@@ -114,12 +123,12 @@ class Steps:
         Args:
             total: number of messages, if known.
         """
-        task = self._bar.add_task("", total=total)
+        task = self.bar.add_task("", total=total)
 
         def show(sentence: str) -> None:
             if self._console.is_terminal:
-                done = self._bar.tasks[self._bar.task_ids.index(task)].completed
-                self._bar.update(task, description=sentence, completed=done + 1)
+                done = self.bar.tasks[self.bar.task_ids.index(task)].completed
+                self.bar.update(task, description=sentence, completed=done + 1)
             else:
                 self.print(f"  {sentence}")
 
@@ -127,14 +136,14 @@ class Steps:
 
     def count(self, noun: str, steps: Iterable[Step], total: int | None) -> Iterator[Step]:
         """Iterate over the steps and show how many are done, of a total that may not be known."""
-        task, printed_s = self._bar.add_task(noun, total=total), time.monotonic()
+        task, printed_s = self.bar.add_task(noun, total=total), time.monotonic()
         for number, step in enumerate(steps, start=1):
-            self._bar.advance(task)
+            self.bar.advance(task)
             if not self._console.is_terminal and time.monotonic() - printed_s > PLAIN_EVERY_S:
                 printed_s = time.monotonic()
                 self.print(f"  {number} {noun}" if total is None else f"  {number} of {total} {noun}")
             yield step
-        self._bar.remove_task(task)
+        self.bar.remove_task(task)
 
 
 LEAST_VALID = 0.5

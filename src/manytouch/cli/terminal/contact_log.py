@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 from manytouch.values import Contact, Phase, Reading, Sensor, Truth
 
-HEADINGS = f"{'time':>9}  {'contact':<15} {'x':>8} {'y':>8}   {'depth':<17} {'what'}"
+HEADINGS = f"{'time':>9}  {'contact':<15} {'x':>8} {'y':>8}   {'depth':<17}"
+FORCE_HEADING = f"{'force (N)':<15}"
 
 
 @dataclass(slots=True, eq=False)
@@ -21,7 +22,8 @@ class _OpenContact:
 class ContactLog:
     """Prints a line at the start and at the end of a contact; a sink.
 
-    If the ground truth is known, the line contains the nearest true contact of the same frame.
+    Lines have a column of normal forces if the sensor states the modulus of its sheet, and the nearest true
+    contact of the same frame if the ground truth is known.
     """
 
     def __init__(
@@ -31,6 +33,7 @@ class ContactLog:
         truth: Callable[[int], Truth | None] | None = None,
     ) -> None:
         self._unit = sensor.length_unit
+        self._has_forces = sensor.sheet is not None and sensor.sheet.young_MPa is not None
         self._line = write_line
         self._truth = truth
         self._open: dict[int, _OpenContact] = {}
@@ -68,11 +71,14 @@ class ContactLog:
 
     def _print(self, contact: Contact, word: str, what: str) -> None:
         x, y = contact.centre_mm
-        line = f"{self._now_ns * 1e-9:7.2f} s  {word:<15} {x:8.2f} {y:8.2f}   {_depth(contact):<17} {what}"
+        line = f"{self._now_ns * 1e-9:7.2f} s  {word:<15} {x:8.2f} {y:8.2f}   {_depth(contact):<17}"
         if not self._has_headings:
-            self._line(f"{HEADINGS}   (lengths in {self._unit})")
+            force = f" {FORCE_HEADING}" if self._has_forces else ""
+            self._line(f"{HEADINGS}{force} what   (lengths in {self._unit})")
             self._has_headings = True
-        self._line(line.rstrip())
+        if self._has_forces:
+            line += f" {_force(contact):<15}"
+        self._line(f"{line} {what}".rstrip())
 
     def _describe_truth(self, contact: Contact, truth: Truth | None, before: str = "") -> str:
         if truth is None:
@@ -82,11 +88,20 @@ class ContactLog:
             return f"{before}truth: no contact"
         nearest = min(known, key=lambda other: math.dist(other.centre_mm, contact.centre_mm))
         x, y = nearest.centre_mm
-        return f"{before}truth {x:.2f}, {y:.2f}, depth {nearest.depth_mm:.2f}"
+        force_N = -float(nearest.force_N[2])
+        force = f", {force_N:.2f} N" if self._has_forces and math.isfinite(force_N) else ""
+        return f"{before}truth {x:.2f}, {y:.2f}, depth {nearest.depth_mm:.2f}{force}"
 
 
 def _depth(contact: Contact) -> str:
-    if not math.isfinite(contact.depth_mm):
+    return _with_std(contact.depth_mm, contact.std("depth"))
+
+
+def _force(contact: Contact) -> str:
+    return _with_std(-float(contact.force_N[2]), contact.std("normal_force"))
+
+
+def _with_std(value: float, std: float) -> str:
+    if not math.isfinite(value):
         return "unknown"
-    std = contact.std("depth")
-    return f"{contact.depth_mm:.2f}" + (f" ± {std:.2f}" if math.isfinite(std) else "")
+    return f"{value:.2f}" + (f" ± {std:.2f}" if math.isfinite(std) else "")

@@ -9,23 +9,23 @@ from manytouch.values.arrays import count_of
 
 if TYPE_CHECKING:
     from manytouch.pipeline import Controls
-    from manytouch.sinks.publishers.queued import QueuedOutput
+    from manytouch.sinks.output_process.process import OutputProcess
     from manytouch.sources import Source
 
 
 def described_outputs(
     urls: Sequence[str], controls: "Controls", report: Callable[[str], None]
-) -> "list[QueuedOutput]":
-    """Open outputs, and print a line for each: what is sent where.
+) -> "list[OutputProcess]":
+    """Start outputs, and print a line for each: what is sent where.
 
     Raises:
-        ManytouchError: see `open_outputs`.
+        ManytouchError: see `start_outputs`.
     """
-    from manytouch.sinks.publishers.registry import open_outputs
+    from manytouch.sinks.output_process.process import start_outputs
 
-    outputs = open_outputs(urls, controls)
-    for output in outputs:
-        report(output.description)
+    outputs = start_outputs(urls, controls)
+    for description in (each for output in outputs for each in output.descriptions):
+        report(description)
     return outputs
 
 

@@ -5,6 +5,7 @@ import sys
 import webbrowser
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from pathlib import Path
 
 from manytouch.errors import MissingExtraError
 from manytouch.pipeline import Controls
@@ -63,3 +64,13 @@ def has_screen() -> bool:
     if sys.platform in ("darwin", "win32"):
         return "SSH_CONNECTION" not in os.environ
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def is_playback(source: str, *options_given: object) -> bool:
+    """Whether the stored readings of a recording are shown, because no option requires processing."""
+    from manytouch.sources.files.log import is_log, split_topic
+
+    bare, topic = split_topic(source)
+    is_recording = bare.lower().endswith(".mcap") and not is_log(Path(bare))
+    is_topic = topic is not None and topic.startswith("/")  # else a sensor of a rig
+    return is_recording and not is_topic and not any(options_given)

@@ -29,9 +29,11 @@ PRINTED_MPA, GPA_MPA = 0.01, 10.0
 """Table 1 prints 0.01 N/mm². 0.01 GPa, which would be a slip of the unit, is 10 N/mm²."""
 
 SIZES_MM = ((120.0, 80.0), (70.0, 70.0))
-PITCH_MM, RADIUS_MM, HEIGHTS_MM = 4.0, 1.0, (0.0, 1.0, 2.0)
+PITCH_MM, RADIUS_MM, HEIGHT_MM = 4.0, 1.0, 1.0
+HEIGHTS_MM = (0.0, HEIGHT_MM, 2.0)
 WIDTH_PX, HEIGHT_PX = 2560, 1440
-"""Assumed, except the size of the image (section 4). Table 3 measures up to 115 mm on the sheet."""
+"""Assumed, except the size of the image (section 4). Table 3 measures up to 115 mm on the sheet; the markers
+of Figure 3 stand on it."""
 
 MATERIAL = next(item for item in MATERIALS if item.name == "TPU, Shore A 60")
 """TPU is the paper's choice; this one has the tensile strength of Table 1, 20 N/mm²."""
@@ -58,7 +60,7 @@ class ModulusReading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class MarkerSpacing:
+class SmallestGap:
     """Equation 1 on the printed press, at the pair of markers with the smallest gap.
 
     Attributes:
@@ -92,7 +94,7 @@ class PaperDesign:
 
     moduli: tuple[ModulusReading, ...]
     curves: tuple[DeflectionCurve, ...]
-    spacings: tuple[MarkerSpacing, ...]
+    spacings: tuple[SmallestGap, ...]
     hfov_deg: float
     stand_off: StandOff
     design: Design
@@ -128,6 +130,7 @@ def paper_design(on_message: Callable[[str], object] | None = None) -> PaperDesi
             deepest_mm=DEPTH_MM,
             force_N=(0.1, FORCE_N),
             camera=Optics(width_px=WIDTH_PX, height_px=HEIGHT_PX, hfov_deg=hfov_deg, least_focus_mm=FOCUS_MM),
+            marker_height_mm=HEIGHT_MM,
             thickness_mm=THICKNESS_MM,
         ),
         sensor=sensor,
@@ -166,7 +169,7 @@ def modulus_reading(curve: DeflectionCurve, young_MPa: float) -> ModulusReading:
     )
 
 
-def marker_spacing(curve: DeflectionCurve, height_mm: float, least_gap_mm: float) -> MarkerSpacing:
+def marker_spacing(curve: DeflectionCurve, height_mm: float, least_gap_mm: float) -> SmallestGap:
     """Equation 1 where the gap is smallest, on a press of the printed depth."""
     pairs = curve.pairs_rad(PITCH_MM, DEPTH_MM)
 
@@ -179,7 +182,7 @@ def marker_spacing(curve: DeflectionCurve, height_mm: float, least_gap_mm: float
     # equation 1 as printed has cos instead of sin in its fourth term
     misprint_mm = height_mm * (math.sin(slope + turn) - math.cos(slope + turn))
     limits = [{"gap_mm": least_gap_mm, "slope_rad": one, "turn_rad": change} for one, change in pairs]
-    return MarkerSpacing(
+    return SmallestGap(
         height_mm=height_mm,
         slope_deg=math.degrees(slope),
         turn_deg=math.degrees(turn),
@@ -197,7 +200,8 @@ def marker_spacing(curve: DeflectionCurve, height_mm: float, least_gap_mm: float
 def reasons(found: PaperDesign) -> tuple[Reason, ...]:
     """Every number with its equation, table or figure, and what of it is assumed."""
     off, first = found.stand_off, found.moduli[0]
-    (x_mm, y_mm), flat = SIZES_MM[0], found.spacings[0]
+    x_mm, y_mm = SIZES_MM[0]
+    gap = next(one for one in found.spacings if one.height_mm == HEIGHT_MM)
     small = next(one for one in found.moduli if one.size_mm == SIZES_MM[1])
     return (
         Reason(
@@ -217,10 +221,11 @@ def reasons(found: PaperDesign) -> tuple[Reason, ...]:
         ),
         Reason(
             about="markers (Figure 3, equation 1)",
-            chosen=f"assumed: every {PITCH_MM:g} mm, radius {RADIUS_MM:g} mm; gap {flat.corrected_mm:.2f} mm",
-            why=f"on that press a marker's base is inclined by {abs(flat.slope_deg):.0f} degrees where the "
+            chosen=f"assumed: every {PITCH_MM:g} mm, radius {RADIUS_MM:g} mm, {HEIGHT_MM:g} mm high; gap "
+            f"{gap.corrected_mm:.2f} mm",
+            why=f"on that press a marker's base is inclined by {abs(gap.slope_deg):.0f} degrees where the "
             f"gap is smallest; it would be {MIN_GAP_PX:g} px with markers every "
-            f"{flat.smallest_pitch_mm:.2f} mm or a radius of {flat.largest_radius_mm:.2f} mm",
+            f"{gap.smallest_pitch_mm:.2f} mm or a radius of {gap.largest_radius_mm:.2f} mm",
         ),
         Reason(
             about="distance of the camera (equations 2 to 4)",
@@ -248,7 +253,7 @@ def _sensor(hfov_deg: float, young_MPa: float) -> Sensor:
             rotation_vector=read_only(np.zeros(3)),
             translation_mm=read_only(np.array([0.0, 0.0, DISTANCE_MM])),
         ),
-        layout=lattice(SIZES_MM[0], PITCH_MM, RADIUS_MM, 0.0),
+        layout=lattice(SIZES_MM[0], PITCH_MM, RADIUS_MM, HEIGHT_MM),
         sheet=Sheet(
             size_mm=read_only(np.array(SIZES_MM[0])),
             thickness_mm=THICKNESS_MM,

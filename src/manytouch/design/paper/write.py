@@ -11,9 +11,9 @@ from manytouch.design.paper.numbers import (
     GPA_MPA,
     PITCH_MM,
     RADIUS_MM,
-    MarkerSpacing,
     ModulusReading,
     PaperDesign,
+    SmallestGap,
 )
 from manytouch.design.plots import new_figure
 from manytouch.design.write import write_design
@@ -97,7 +97,7 @@ def table_1(moduli: tuple[ModulusReading, ...]) -> list[str]:
     return lines
 
 
-def equation_1(spacings: tuple[MarkerSpacing, ...]) -> list[str]:
+def equation_1(spacings: tuple[SmallestGap, ...]) -> list[str]:
     """Gaps for each height of the markers, as lines of a Markdown table."""
     lines = [
         "| height h, mm | θ, Δθ, degrees | gap corrected, mm | gap as printed, mm | smallest pitch, mm | "

@@ -31,7 +31,7 @@ CASING, CLAMP = "#7c8796", "#a3adba"  # lighter than they are printed, which dis
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Layer:
+class ExplodedLayer:
     """What is drawn at one height, from below to above.
 
     Attributes:
@@ -104,7 +104,7 @@ def assembly_layers(
     choices: CasingChoices,
     *,
     screw_mm: int,
-) -> tuple[Layer, ...]:
+) -> tuple[ExplodedLayer, ...]:
     """The layers of the assembly, from below to above; the camera looks up."""
     corner_mm = {part.name: meshes[part.name].corners_mm for part in parts}
     sheet_colour = next(part.colour for part in parts if part.name == "sheet")
@@ -129,29 +129,29 @@ def assembly_layers(
     )
     distance_mm = float(sensor.camera.translation_mm[2])
     return (
-        Layer(
+        ExplodedLayer(
             label="camera with lens, screwed\nunder the plate of the casing",
             corners_mm=(_corners(Solid(joined=(board,))), _corners(Solid(joined=(lens,)))),
             colours=(GREEN, GLASS),
         ),
-        Layer(
+        ExplodedLayer(
             label=f"casing, {height_mm(sensor, choices):.1f} mm high: the centre of the\n"
             f"lens is then {distance_mm:.1f} mm below the sheet",
             corners_mm=(corner_mm["casing"],),
             colours=(CASING,),
         ),
-        Layer(
+        ExplodedLayer(
             label="LED strip with white paper,\non the ledge in the casing",
             corners_mm=(_corners(strip),),
             colours=(YELLOW,),
         ),
-        Layer(
+        ExplodedLayer(
             label="sheet, markers down\n(towards the camera)",
             corners_mm=(_turned_over(corner_mm["sheet"]),),
             colours=(sheet_colour,),
         ),
-        Layer(label="clamp", corners_mm=(corner_mm["clamp"],), colours=(CLAMP,)),
-        Layer(
+        ExplodedLayer(label="clamp", corners_mm=(corner_mm["clamp"],), colours=(CLAMP,)),
+        ExplodedLayer(
             label=f"{len(places)} screws M3 x {screw_mm}, nuts\nin the flange of the casing",
             corners_mm=(_corners(screws),),
             colours=(STEEL,),

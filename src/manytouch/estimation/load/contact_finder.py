@@ -11,7 +11,7 @@ from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.load.displacement_load import DisplacementLoad
 from manytouch.estimation.load.load_peaks import LoadPeakFinder, LoadPeaks, chosen_peaks
-from manytouch.estimation.load.load_source import Load, LoadSource
+from manytouch.estimation.load.load_source import LoadEstimate, LoadSource
 from manytouch.estimation.load.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.geometry.camera import onto_plane, project
 from manytouch.geometry.refraction import rest_px
@@ -156,7 +156,12 @@ class LoadContactFinder:
         return bool(state.tracks.tracks)
 
     def _peaks(
-        self, state: LoadContactState, grid: TrackedGrid, load: Load, displacement_mm: Points2, std_mm: float
+        self,
+        state: LoadContactState,
+        grid: TrackedGrid,
+        load: LoadEstimate,
+        displacement_mm: Points2,
+        std_mm: float,
     ) -> tuple[LoadContactState, LoadPeaks, _Evidence]:
         """The peaks that are contacts, and the state that remembers the local motion of the frame."""
         motion, groups = self.local_motion, state.groups

@@ -25,7 +25,7 @@ from manytouch.estimation.load.cosine_series import (
     wave_numbers,
 )
 from manytouch.estimation.load.load_map import LoadMap, make_load_map
-from manytouch.estimation.load.load_source import Load
+from manytouch.estimation.load.load_source import LoadEstimate
 from manytouch.geometry.camera import cam_from_sheet
 from manytouch.values import Sensor, TrackedGrid
 from manytouch.values.arrays import Points2
@@ -181,16 +181,16 @@ class DisplacementLoad:
 
     def estimate_load(
         self, state: LoadMap, grid: TrackedGrid, displacement_mm: Points2, std_mm: float
-    ) -> Load:
+    ) -> LoadEstimate:
         """The load of a frame; see `LoadSource`."""
-        return Load(
+        return LoadEstimate(
             load_map=state,
             coefficients=state.coefficients(displacement_mm.T.ravel() / state.pitch_mm),
             variance=(std_mm / state.pitch_mm) ** 2,
             observed=np.zeros(0),
         )
 
-    def refine(self, state: LoadMap, load: Load, centre_mm: Points2) -> Points2:
+    def refine(self, state: LoadMap, load: LoadEstimate, centre_mm: Points2) -> Points2:
         """The centres of the load peaks."""
         return centre_mm
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.load.load_map import LoadMap
-from manytouch.estimation.load.load_source import Load
+from manytouch.estimation.load.load_source import LoadEstimate
 from manytouch.values.arrays import Mask, Points2, Scalars
 
 
@@ -72,7 +72,7 @@ class LoadPeakFinder:
 
     def __call__(
         self,
-        load: Load,
+        load: LoadEstimate,
         recent_load: float = 0.0,
         *,
         is_touched: bool = False,
@@ -136,7 +136,7 @@ class LoadPeakFinder:
             region=region,
         )
 
-    def none(self, load: Load) -> LoadPeaks:
+    def none(self, load: LoadEstimate) -> LoadPeaks:
         """No contacts: nothing on the sheet has moved."""
         return _no_peaks(load.load_map.divisor, float("inf"))
 

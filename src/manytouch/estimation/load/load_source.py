@@ -12,7 +12,7 @@ from manytouch.values.arrays import Points2, Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Load:
+class LoadEstimate:
     """The load of one frame.
 
     Attributes:
@@ -42,7 +42,9 @@ class LoadSource(Protocol):
     def load_map(self, state: Any) -> LoadMap:
         """The map of the state; the points at which it evaluates the load are the same in all frames."""
 
-    def estimate_load(self, state: Any, grid: TrackedGrid, displacement_mm: Points2, std_mm: float) -> Load:
+    def estimate_load(
+        self, state: Any, grid: TrackedGrid, displacement_mm: Points2, std_mm: float
+    ) -> LoadEstimate:
         """Estimate the load of a frame.
 
         Args:
@@ -52,7 +54,7 @@ class LoadSource(Protocol):
             std_mm: median standard deviation of these along an axis.
         """
 
-    def refine(self, state: Any, load: Load, centre_mm: Points2) -> Points2:
+    def refine(self, state: Any, load: LoadEstimate, centre_mm: Points2) -> Points2:
         """Centres (c, 2) of contacts, from those of the load peaks."""
 
     def update_rest(self, state: Any, grid: TrackedGrid, frames: int) -> Any:

@@ -16,11 +16,11 @@ from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, misfit_scale, pad_shape
-from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, PadModel
-from manytouch.estimation.pad.patch_fit import PatchFit, PatchFitter
+from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, ObservedPad
+from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter
 from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE
-from manytouch.estimation.pad.patch_search import Candidates, PatchSearch
+from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
@@ -45,8 +45,8 @@ class PadState:
         slip, tracks: of the contacts.
     """
 
-    model: PadModel
-    candidates: Candidates
+    model: ObservedPad
+    candidates: PatchCandidates
     neighbours: Neighbours
     initial_reference_px: Points2
     reference_px: Points2
@@ -194,11 +194,11 @@ class PadEstimator:
             after = replace(after, reference_px=reference_px)
         return after, self._surface(model, fit, found, shape, grid), contacts
 
-    def fit_frame(self, state: PadState, grid: TrackedGrid) -> PatchFit:
+    def fit_frame(self, state: PadState, grid: TrackedGrid) -> PadFit:
         """The contacts of the next frame."""
         return self._frame(state, grid)[0]
 
-    def _frame(self, state: PadState, grid: TrackedGrid) -> tuple[PatchFit, float]:
+    def _frame(self, state: PadState, grid: TrackedGrid) -> tuple[PadFit, float]:
         """The contacts of the next frame, and `PadState.refused_misfit`."""
         model, measured = state.model, self._measured(state, grid)
         fit = self._fit(model, state.contact, measured, state.displacement_mm)
@@ -218,7 +218,7 @@ class PadEstimator:
             fit = self._fit(model, longer.contact, measured, longer.marker_mm(model))
         return fit, refused_misfit
 
-    def _longer(self, state: PadState, fit: PatchFit, measured: _Measured) -> PatchFit | None:
+    def _longer(self, state: PadState, fit: PadFit, measured: _Measured) -> PadFit | None:
         """The fit with one contact more, where that explains the images better."""
         model = state.model
         guess, gain = self.search(state.candidates, fit.residual_px, fit.weight)
@@ -232,8 +232,8 @@ class PadEstimator:
         return longer
 
     def _if_better(
-        self, model: PadModel, fit: PatchFit, contact: np.ndarray, measured: _Measured
-    ) -> PatchFit | None:
+        self, model: ObservedPad, fit: PadFit, contact: np.ndarray, measured: _Measured
+    ) -> PadFit | None:
         """The fit of guesses, unless a contact is not clear or the misfit does not fall by enough."""
         images = self._images(model, measured, fit.marker_mm(model))
         first = self.fitter(model, contact, *images, is_sheet_known=True, with_covariance=False)
@@ -265,7 +265,7 @@ class PadEstimator:
         )
         return _Measured(moved_px=moved_px, gate=gate, noise_px2=noise_px2)
 
-    def _model_error_px2(self, model: PadModel, moved_px2: Scalars) -> Scalars:
+    def _model_error_px2(self, model: ObservedPad, moved_px2: Scalars) -> Scalars:
         """(m,) variances of marker images that the model does not explain, by their squared displacements."""
         share, reach = self.model_share, self.model_reach
         if model.shape_is_nominal:
@@ -273,7 +273,7 @@ class PadEstimator:
         shared = max(1.0, (reach * model.thickness_mm / model.pitch_mm) ** 2)
         return shared * ((self.model_std_pitch * model.pitch_px) ** 2 + share**2 * moved_px2)
 
-    def _fit(self, model: PadModel, contact: np.ndarray, measured: _Measured, moved_mm: Points3) -> PatchFit:
+    def _fit(self, model: ObservedPad, contact: np.ndarray, measured: _Measured, moved_mm: Points3) -> PadFit:
         """Patches for guesses, first with the weights for displacements (m, 3) of the markers.
 
         The parameters of the pad are fitted last: before, they would explain what is wrong with the guesses.
@@ -290,7 +290,7 @@ class PadEstimator:
         return self.fitter(model, contact, *images)
 
     def _images(
-        self, model: PadModel, measured: _Measured, moved_mm: Points3
+        self, model: ObservedPad, measured: _Measured, moved_mm: Points3
     ) -> tuple[Float64[np.ndarray, " r"], Float64[np.ndarray, " r"]]:
         """(2 m,) displacements without what is not linear in those (m, 3) of the markers; their weights."""
         linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
@@ -299,7 +299,7 @@ class PadEstimator:
         weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
         return (measured.moved_px - curved_px).ravel(), weight
 
-    def _pruned(self, model: PadModel, fit: PatchFit, measured: _Measured) -> PatchFit:
+    def _pruned(self, model: ObservedPad, fit: PadFit, measured: _Measured) -> PadFit:
         """The fit without contacts that are not significant, and with near ones as one if that is enough."""
         while len(fit.contact) > 0:
             stds = fit.force_mm2 / fit.force_std_mm2
@@ -319,7 +319,7 @@ class PadEstimator:
             fit = one
         return fit
 
-    def _nearest_pair(self, fit: PatchFit) -> tuple[int, int] | None:
+    def _nearest_pair(self, fit: PadFit) -> tuple[int, int] | None:
         """Two contacts whose pressures overlap most; None if none do."""
         centre, root = fit.contact[:, :2], np.abs(fit.contact[:, 2:SHAPE])
         reach = np.sqrt(0.5 * (root**2).sum(axis=1))
@@ -330,7 +330,7 @@ class PadEstimator:
         return None if overlap[first, second] > 3.0 else (int(first), int(second))
 
     def _surface(
-        self, model: PadModel, fit: PatchFit, found: Sequence[Contact], shape: PadShape, grid: TrackedGrid
+        self, model: ObservedPad, fit: PadFit, found: Sequence[Contact], shape: PadShape, grid: TrackedGrid
     ) -> Surface:
         covariance_mm2 = self.pad_contacts.surface_covariance(model, fit, found, shape, grid.is_seen)
         return Surface(
@@ -343,7 +343,7 @@ class PadEstimator:
         )
 
 
-def _is_near(place_mm: Points2, fit: PatchFit, reach_mm: float) -> Mask:
+def _is_near(place_mm: Points2, fit: PadFit, reach_mm: float) -> Mask:
     """(k,) places with a fitted contact nearby."""
     away_mm = np.linalg.norm(place_mm[:, None] - fit.contact[:, :2], axis=2)
     return np.asarray(away_mm.min(axis=1, initial=np.inf) < reach_mm)

@@ -8,8 +8,8 @@ from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.regions.footprints import Footprints
-from manytouch.estimation.pad.pad_model import MOTIONS, PadModel
-from manytouch.estimation.pad.patch_fit import PatchFit, forced
+from manytouch.estimation.pad.pad_model import MOTIONS, ObservedPad
+from manytouch.estimation.pad.patch_fit import PadFit, forced
 from manytouch.estimation.pad.patch_forces import OWN, fill_basis, fill_effects
 from manytouch.estimation.pad.patch_kernels import SHAPE
 from manytouch.geometry.refraction import project_through_window
@@ -57,7 +57,7 @@ def large_strain(depth_mm: Scalars, thickness_mm: float) -> Scalars:
     return np.where(depth_mm > 0.0, pressed, depth_mm)
 
 
-def pad_shape(model: PadModel, fit: PatchFit) -> PadShape:
+def pad_shape(model: ObservedPad, fit: PadFit) -> PadShape:
     """The pad under fitted patches."""
     nodal_mm2 = fit.nodal_mm2(model)
     node = np.flatnonzero(nodal_mm2.any(axis=1))
@@ -104,7 +104,7 @@ class PadContacts:
     torque_share: float = 0.05
     area_share: float = 0.25
 
-    def __call__(self, model: PadModel, fit: PatchFit, shape: PadShape) -> list[Contact]:
+    def __call__(self, model: ObservedPad, fit: PadFit, shape: PadShape) -> list[Contact]:
         """Contacts of a fit, without identity (id -1)."""
         if len(fit.contact) == 0:
             return []
@@ -116,7 +116,7 @@ class PadContacts:
         return float(np.linalg.norm((share, self.large_strain * strain, 0.5 * self.wide * root**2)))
 
     def surface_covariance(
-        self, model: PadModel, fit: PatchFit, found: Sequence[Contact], shape: PadShape, is_seen: Mask
+        self, model: ObservedPad, fit: PadFit, found: Sequence[Contact], shape: PadShape, is_seen: Mask
     ) -> Covariances3:
         """(m, 3, 3) covariances of the contact face over the markers, mm^2.
 
@@ -134,7 +134,7 @@ class PadContacts:
         return covariance
 
     def _contact(
-        self, model: PadModel, fit: PatchFit, shape: PadShape, clusters: Clusters, number: int
+        self, model: ObservedPad, fit: PadFit, shape: PadShape, clusters: Clusters, number: int
     ) -> Contact:
         own = fit.contact[number]
         centre_mm, press_mm2 = own[:2], float(own[SHAPE])
@@ -196,7 +196,7 @@ class PadContacts:
 
 
 def _depth(
-    model: PadModel, fit: PatchFit, shape: PadShape, number: int
+    model: ObservedPad, fit: PadFit, shape: PadShape, number: int
 ) -> tuple[float, Float64[np.ndarray, "8 p"], Float64[np.ndarray, "3"]]:
     """Largest depth of a contact; derivatives of `ESTIMATES`; displacement of its centre.
 
@@ -233,7 +233,7 @@ def _depth(
 
 
 def _basis(
-    model: PadModel, place_mm: Points2
+    model: ObservedPad, place_mm: Points2
 ) -> tuple[Int64[np.ndarray, "k 16"], Float64[np.ndarray, "k 16"]]:
     """Numbers of the nodes and values of the B-splines at places (k, 2) on the pad."""
     first, value = np.empty((len(place_mm), 2), dtype=np.int64), np.empty((len(place_mm), 4, 4))
@@ -247,7 +247,7 @@ def _basis(
     return node.reshape(-1, 16), value.reshape(-1, 16)
 
 
-def _unresolved_depth(model: PadModel, own: np.ndarray) -> float:
+def _unresolved_depth(model: ObservedPad, own: np.ndarray) -> float:
     """Depth at the centre of a dome that its nodes cannot show, after that of a half-space.
 
     The centre of a dome of radius a on a half-space is 8 (1 - nu^2) F / (3 pi a E) deep. The elements widen
@@ -259,19 +259,19 @@ def _unresolved_depth(model: PadModel, own: np.ndarray) -> float:
     return float(share * own[SHAPE] * (1.0 / root_mm - 1.0 / wide_mm))
 
 
-def _noise_px(fit: PatchFit) -> float:
+def _noise_px(fit: PadFit) -> float:
     """Median standard deviation of the marker images of a frame."""
     used = fit.weight[fit.weight > 0.0]
     return float(1.0 / np.sqrt(np.median(used))) if len(used) else np.nan
 
 
-def misfit_scale(fit: PatchFit) -> float:
+def misfit_scale(fit: PadFit) -> float:
     """Misfit per degree of freedom, at least 1."""
     freedom = int((fit.weight > 0.0).sum()) - OWN * len(fit.contact) - MOTIONS
     return max(1.0, float(fit.weight @ fit.residual_px**2) / max(freedom, 1))
 
 
-def _clusters(model: PadModel, fit: PatchFit) -> Clusters:
+def _clusters(model: ObservedPad, fit: PadFit) -> Clusters:
     """The patches as what `Footprints` computes regions of."""
     count = len(fit.contact)
     spread, covariance = np.empty((count, 2, 2)), np.empty((count, 6, 6))

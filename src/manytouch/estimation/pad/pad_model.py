@@ -28,7 +28,7 @@ _STEP_MM = 1e-4  # of the derivative of the projection
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PadModel:
+class ObservedPad:
     """A bonded pad as its markers show it. Forces are over E, images in px.
 
     Attributes:
@@ -129,7 +129,7 @@ class NominalPad:
     element_thickness: float = 1.0 / 3.0
     max_elements: int = 27
 
-    def __call__(self, sensor: Sensor) -> PadModel:
+    def __call__(self, sensor: Sensor) -> ObservedPad:
         """The model of a sensor's pad.
 
         Raises:
@@ -165,7 +165,7 @@ class NominalPad:
         focal = cameras.fx_px / sensor.camera.fx_px
         distance = float(cameras.translation_mm[2] / abs(sensor.camera.translation_mm[2]))
         pitch_mm = float(np.sqrt(np.prod(layout.pitch_mm)))
-        return PadModel(
+        return ObservedPad(
             camera=sensor.camera,
             layout=layout,
             sheet=sheet,

@@ -12,12 +12,12 @@ from dataclasses import dataclass, field
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.pad.pad_model import MOTIONS, PadModel
+from manytouch.estimation.pad.pad_model import MOTIONS, ObservedPad
 from manytouch.estimation.pad.patch_forces import OWN, add_answers, add_tractions
 from manytouch.estimation.pad.patch_kernels import DOME, SHAPE, SPREADS, add_dome, add_layer_images
 from manytouch.estimation.pad.patch_prior import LOADS, PatchPrior
 from manytouch.estimation.pad.patch_slopes import PatchPad
-from manytouch.estimation.pad.patch_steps import Common, Limits, Measured, Work, iterate
+from manytouch.estimation.pad.patch_steps import Common, Limits, Measured, Problem, Work, iterate
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points3, Scalars
 
@@ -44,7 +44,7 @@ class PatchImages:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class PatchFit:
+class PadFit:
     """Contacts that were fitted to a frame.
 
     Attributes:
@@ -80,16 +80,16 @@ class PatchFit:
         at = OWN * np.arange(len(self.contact)) + SHAPE
         return np.asarray(np.sqrt(np.diag(self.covariance)[at]))
 
-    def marker_mm(self, model: PadModel) -> Points3:
+    def marker_mm(self, model: ObservedPad) -> Points3:
         """(m, 3) linear displacement of the markers."""
         return forced(self.nodal_mm2(model), model.marker)
 
-    def nodal_mm2(self, model: PadModel) -> Nodal:
+    def nodal_mm2(self, model: ObservedPad) -> Nodal:
         """(n, 3) nodal forces over E of all contacts."""
         return model.by_node(tractions(model, self.contact))
 
 
-def tractions(model: PadModel, contact: Float64[np.ndarray, "c 10"]) -> Float64[np.ndarray, "nx ny 3"]:
+def tractions(model: ObservedPad, contact: Float64[np.ndarray, "c 10"]) -> Float64[np.ndarray, "nx ny 3"]:
     """Nodal forces over E of contacts (c, OWN)."""
     spread, nodal = np.zeros((2, SPREADS, model.grid.count_x + 3, model.grid.count_y + 3))
     for own in contact:
@@ -118,14 +118,14 @@ class PatchFitter:
 
     def __call__(
         self,
-        model: PadModel,
+        model: ObservedPad,
         contact: Float64[np.ndarray, "c 10"],
         measured_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
         *,
         is_sheet_known: bool = False,
         with_covariance: bool = True,
-    ) -> PatchFit:
+    ) -> PadFit:
         """The patches that explain the images best, from guesses.
 
         Args:
@@ -152,11 +152,13 @@ class PatchFitter:
         misfit = iterate(
             theta,
             count,
-            PatchPad(model.grid, model.table, model.markers, model.by_sides),
-            self.prior.numbers(model),
+            Problem(
+                pad=PatchPad(model.grid, model.table, model.markers, model.by_sides),
+                prior=self.prior.numbers(model),
+                common=common,
+                measured=Measured(np.ascontiguousarray(measured_px), np.ascontiguousarray(weight)),
+            ),
             self._limits(model),
-            common,
-            Measured(np.ascontiguousarray(measured_px), np.ascontiguousarray(weight)),
             work,
             self.max_steps,
             with_covariance,
@@ -165,7 +167,7 @@ class PatchFitter:
         covariance = by_sheet = np.zeros((0, 0))
         if with_covariance:
             covariance, by_sheet = self._covariances(work.curved, count)
-        return PatchFit(
+        return PadFit(
             contact=contacts,
             motion=motion,
             sheet=fitted,
@@ -179,7 +181,7 @@ class PatchFitter:
     def _covariances(
         self, curved: Float64[np.ndarray, "p p"], count: int
     ) -> tuple[Float64[np.ndarray, "p p"], Float64[np.ndarray, "p f"]]:
-        """`PatchFit.covariance` and `PatchFit.by_sheet` by the curvature of the misfit."""
+        """`PadFit.covariance` and `PadFit.by_sheet` by the curvature of the misfit."""
         size = np.sqrt(np.diag(curved))
         covariance = np.linalg.inv(curved / np.outer(size, size)) / np.outer(size, size)
         common = count * OWN + MOTIONS
@@ -195,7 +197,7 @@ class PatchFitter:
         covariance += change @ change.T
         return covariance, by_sheet
 
-    def images(self, model: PadModel, shapes: Float64[np.ndarray, "s 5"]) -> PatchImages:
+    def images(self, model: ObservedPad, shapes: Float64[np.ndarray, "s 5"]) -> PatchImages:
         """Images of a contact with each of the shapes (s, SHAPE)."""
         grid, count = model.grid, len(shapes)
         nodal = np.zeros((count, SPREADS, grid.count_x + 3, grid.count_y + 3))
@@ -220,7 +222,7 @@ class PatchFitter:
         sheet[_FITTED:] = _KEPT_STD
         return np.array([self.shift_px, self.shift_px, self.growth, self.turn_rad, *sheet])
 
-    def _limits(self, model: PadModel) -> Limits:
+    def _limits(self, model: ObservedPad) -> Limits:
         """How far contacts may go."""
         wide_mm, high_mm = model.patch.size_mm
         return Limits(
@@ -256,7 +258,7 @@ def _unit_loads(by_x: np.ndarray, by_y: np.ndarray, by_z: np.ndarray) -> Float64
     return np.stack([-by_z, by_x[:, 0], by_y[:, 0], by_y[:, 1] - by_x[:, 2], by_x[:, 1] + by_y[:, 2]], axis=1)
 
 
-def _by_sheet(model: PadModel, shape: Float64[np.ndarray, "5"]) -> Float64[np.ndarray, "k 5 r"]:
+def _by_sheet(model: ObservedPad, shape: Float64[np.ndarray, "5"]) -> Float64[np.ndarray, "k 5 r"]:
     """(k, LOADS, 2 m) changes of the images of a shape by the parameters of the pad."""
     nodal = np.zeros((SPREADS, model.grid.count_x + 3, model.grid.count_y + 3))
     add_dome(shape, model.grid, DOME, nodal)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from manytouch.estimation.pad.pad_model import PadModel
+from manytouch.estimation.pad.pad_model import ObservedPad
 from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE
 from manytouch.estimation.pad.patch_steps import PriorNumbers
@@ -34,7 +34,7 @@ class PatchPrior:
     radial_mean: float = -0.06
     radial_friction: float = 0.04
 
-    def numbers(self, model: PadModel) -> PriorNumbers:
+    def numbers(self, model: ObservedPad) -> PriorNumbers:
         """The prior on a pad, for compiled functions."""
         thickness_mm = model.thickness_mm
         return PriorNumbers(

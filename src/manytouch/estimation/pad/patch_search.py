@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.pad.pad_model import PadModel
+from manytouch.estimation.pad.pad_model import ObservedPad
 from manytouch.estimation.pad.patch_fit import PatchFitter
 from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE
@@ -15,7 +15,7 @@ _COLUMNS = 3  # normal force, shear x, shear y
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Candidates:
+class PatchCandidates:
     """Small patches on a lattice.
 
     Attributes:
@@ -45,7 +45,7 @@ class PatchSearch:
     root: float = 0.25
     max_shear: float = 1.0
 
-    def start(self, model: PadModel, fitter: PatchFitter) -> Candidates:
+    def start(self, model: ObservedPad, fitter: PatchFitter) -> PatchCandidates:
         """The candidates of a pad."""
         root_mm = self.root * model.thickness_mm
         half_mm = 0.5 * np.array(model.patch.size_mm) - 0.5 * root_mm
@@ -57,7 +57,7 @@ class PatchSearch:
             for centre in centre_mm
         ]
         every = np.stack(column)
-        return Candidates(
+        return PatchCandidates(
             centre_mm=read_only(centre_mm),
             column=read_only(np.concatenate(column)),
             root_mm=root_mm,
@@ -66,7 +66,7 @@ class PatchSearch:
 
     def __call__(
         self,
-        candidates: Candidates,
+        candidates: PatchCandidates,
         residual_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
     ) -> tuple[np.ndarray | None, float]:

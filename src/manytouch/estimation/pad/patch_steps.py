@@ -65,6 +65,15 @@ class Measured(NamedTuple):
     weight: Float64[np.ndarray, " r"]
 
 
+class Problem(NamedTuple):
+    """What decides the misfit of parameters: see the classes of its parts."""
+
+    pad: PatchPad
+    prior: PriorNumbers
+    common: Common
+    measured: Measured
+
+
 class Work(NamedTuple):
     """Results of an iteration, and what it overwrites: p parameters, r images."""
 
@@ -145,15 +154,10 @@ def _weighted(
 @kernel()
 @no_type_check
 def _misfit(
-    theta: Float64[np.ndarray, " p"],
-    count: int,
-    pad: PatchPad,
-    prior: PriorNumbers,
-    common: Common,
-    measured: Measured,
-    residual: Float64[np.ndarray, " r"],
+    theta: Float64[np.ndarray, " p"], count: int, problem: Problem, residual: Float64[np.ndarray, " r"]
 ) -> float:
     """Misfit of parameters, and what they leave of the images."""
+    pad, prior, common, measured = problem
     first, misfit = OWN * count, 0.0
     residual[:] = 0.0
     for j in range(len(common.std)):
@@ -180,16 +184,9 @@ def _misfit(
 
 @kernel()
 @no_type_check
-def _slopes(
-    theta: Float64[np.ndarray, " p"],
-    count: int,
-    pad: PatchPad,
-    prior: PriorNumbers,
-    common: Common,
-    measured: Measured,
-    work: Work,
-) -> None:
+def _slopes(theta: Float64[np.ndarray, " p"], count: int, problem: Problem, work: Work) -> None:
     """Pull towards smaller misfits and its curvature at parameters whose residual is known."""
+    pad, prior, common, measured = problem
     first, parameters = OWN * count, len(theta)
     slope, curved, pull = work.slope, work.curved, work.pull
     curved[:] = 0.0
@@ -286,11 +283,8 @@ def _limit(
 def iterate(
     theta: Float64[np.ndarray, " p"],
     count: int,
-    pad: PatchPad,
-    prior: PriorNumbers,
+    problem: Problem,
     limits: Limits,
-    common: Common,
-    measured: Measured,
     work: Work,
     max_steps: int,
     with_curvature: bool,
@@ -300,19 +294,19 @@ def iterate(
     Args:
         theta: parameters of the contacts, of the motion of the image and of the pad; overwritten.
         count: number of contacts.
-        pad, prior, limits, common, measured: see their classes.
+        problem, limits: see their classes.
         work: gets the residual, and with `with_curvature` the curvature, of the result.
         max_steps: of the iteration.
         with_curvature: whether the curvature of the result is wanted.
     """
-    now, damping = _misfit(theta, count, pad, prior, common, measured, work.residual), 1e-4
+    now, damping = _misfit(theta, count, problem, work.residual), 1e-4
     for _ in range(max_steps):
-        _slopes(theta, count, pad, prior, common, measured, work)
+        _slopes(theta, count, problem, work)
         before = now
         for _ in range(_TRIALS):
             moved = theta + _solve_damped(work.curved, damping, work.pull)
             _limit(theta, moved, count, limits)
-            tried = _misfit(moved, count, pad, prior, common, measured, work.tried)
+            tried = _misfit(moved, count, problem, work.tried)
             if tried <= now:
                 theta[:] = moved
                 work.residual[:] = work.tried
@@ -322,5 +316,5 @@ def iterate(
         if before - now < _LEAST_SHARE * before + _LEAST_GAIN:
             break
     if with_curvature:
-        _slopes(theta, count, pad, prior, common, measured, work)
+        _slopes(theta, count, problem, work)
     return now

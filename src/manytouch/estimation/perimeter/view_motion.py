@@ -10,7 +10,7 @@ from manytouch.values.arrays import Mask, Points2, read_only
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ViewMotion:
+class RigidMotion:
     """A shift and a small rotation of all markers in the plane of the sheet.
 
     Attributes:
@@ -87,7 +87,7 @@ class RigidMotionEstimator:
         is_seen: Mask,
         std_mm: float,
         hypotheses: MotionHypotheses,
-    ) -> ViewMotion:
+    ) -> RigidMotion:
         """The motion of the view, 0 when no marker is seen.
 
         Args:
@@ -101,4 +101,4 @@ class RigidMotionEstimator:
 
         search = MotionSearch(hypotheses.pairs, hypotheses.weight, self.share, self.voters, self.refinements)
         motion = estimate_motion(rest_mm, displacement_mm, is_seen, std_mm, plain(search))
-        return ViewMotion(shift_mm=read_only(motion[:2]), angle_rad=float(motion[2]))
+        return RigidMotion(shift_mm=read_only(motion[:2]), angle_rad=float(motion[2]))

@@ -8,7 +8,7 @@ from manytouch.estimation.load.contact_finder import LoadContactFinder
 from manytouch.estimation.load.displacement_load import LoadModel
 from manytouch.estimation.load.load_map import LoadMap
 from manytouch.estimation.load.load_peaks import LoadPeakFinder
-from manytouch.estimation.load.load_source import Load
+from manytouch.estimation.load.load_source import LoadEstimate
 from manytouch.estimation.load.local_motion import LocalMotion
 from manytouch.estimation.uncalibrated.dot_area import DotAreaChange
 from manytouch.estimation.uncalibrated.marker_spacing import MarkerSpacing, marker_spacing
@@ -75,7 +75,7 @@ class SwellingLoad:
 
     def estimate_load(
         self, state: SwellingLoadState, grid: TrackedGrid, displacement_mm: Points2, std_mm: float
-    ) -> Load:
+    ) -> LoadEstimate:
         """The load of a frame; see `LoadSource`."""
         by_displacement = state.displacement_map
         coefficients = by_displacement.coefficients(displacement_mm.T.ravel() / by_displacement.pitch_mm)
@@ -86,14 +86,14 @@ class SwellingLoad:
         coefficients = load_map.coefficients(swelling)
         scale = max(largest, 0.0) / max(float(load_map.load_on_grid(coefficients).max()), 1e-12)
         variance = state.spacing.noise * std_mm**2 + (self.dot_area.std(grid) or 0.0) ** 2
-        return Load(
+        return LoadEstimate(
             load_map=load_map,
             coefficients=scale * coefficients,
             variance=scale**2 * variance,
             observed=swelling,
         )
 
-    def refine(self, state: SwellingLoadState, load: Load, centre_mm: Points2) -> Points2:
+    def refine(self, state: SwellingLoadState, load: LoadEstimate, centre_mm: Points2) -> Points2:
         """Centres (c, 2) that fit the swelling of the frame best."""
         return self.swelling_model.fit_centres(state.swelling_map, centre_mm, load.observed)
 

@@ -45,7 +45,7 @@ class MethodErrors:
         name: of the recording.
         method: that is evaluated.
         unit: of everything named _mm.
-        true_frames: frames that the truth holds.
+        true_frames: frames of the truth.
         frames: of them, those that the method gave; only these are compared.
         failed: of these, those whose status is not "ok"; they are compared like all others.
         dots, depth, contacts, separation: samples of the metrics.

@@ -75,7 +75,7 @@ def depth_samples(truth: EvaluationRecord, estimated: EvaluationRecord) -> Depth
 
 
 def relative_place(place: Points2) -> Points2:
-    """Places from -1 to 1 within the box that holds them all."""
+    """Places from -1 to 1 within the box that contains them all."""
     if len(place) == 0:
         return place
     low, high = place.min(axis=0), place.max(axis=0)
@@ -113,7 +113,7 @@ def depth_figures(samples: DepthSamples, *, shallowest_mm: float = SHALLOWEST_PE
 
 
 def error_against_depth(true_mm: Scalars, error_mm: Scalars) -> dict[str, list[float]]:
-    """Median, 10th and 90th percentile of the error in classes of the true depth that hold 20 markers."""
+    """Median, 10th and 90th percentile of the error in classes of the true depth that contain 20 markers."""
     rows = []
     for low, high in pairwise(EDGES_MM):
         inside = error_mm[(true_mm >= low) & (true_mm < high)]

@@ -1,6 +1,6 @@
 """Are the dots found, where they are, and under their own numbers?
 
-All from the tracked positions of the markers, which is what the tables hold.
+All from the tracked positions of the markers, which is what the tables contain.
 """
 
 from dataclasses import dataclass
@@ -43,7 +43,7 @@ class DotSamples:
 
 
 def dot_samples(truth: EvaluationRecord, estimated: EvaluationRecord) -> DotSamples:
-    """Compare the dots of the same frames; both records must hold the same frame numbers."""
+    """Compare the dots of the same frames; both records must contain the same frame numbers."""
     own = own_numbers(truth, estimated)
     dot = np.full(estimated.centre_px.shape[:2], -1)
     frames = len(truth.frame)

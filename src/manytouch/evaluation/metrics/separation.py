@@ -35,7 +35,7 @@ class SeparationCurve:
 
     Attributes:
         force_ratio: which pairs: 1 or 0.3.
-        distance_mm: (c,) middle of each class that holds frames.
+        distance_mm: (c,) middle of each class that contains frames.
         share: (c,) resolved in it.
         frames: (c,) in it.
         from_mm: least distance from which on the share is 90 % or more; NaN when it never is.

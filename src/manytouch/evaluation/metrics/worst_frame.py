@@ -57,7 +57,7 @@ def find_worst_frame(
 ) -> WorstFrame | None:
     """The frame of the largest RMSE of depth among those in which something touches.
 
-    Both records must hold the same frames. None when nothing touches, or no depth is given.
+    Both records must contain the same frames. None when nothing touches, or no depth is given.
     """
     samples = depth_samples(truth, estimated)
     rmse = np.where(samples.is_pressed & np.isfinite(samples.rmse_mm), samples.rmse_mm, -np.inf)

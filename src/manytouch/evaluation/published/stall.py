@@ -11,7 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from manytouch.evaluation.report.svg_theme import METHOD_COLOURS, SIGNS, figure, svg
+from manytouch.evaluation.report.svg_theme import METHOD_COLOURS, SIGNS, SOFT, figure, svg
+from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sources.simulated import SimulatedSource, simulated_source
 from manytouch.values import TrackedGrid
@@ -30,6 +31,7 @@ class StallTest:
         method: name.
         step: every step-th frame of the scene was shown.
         motion_px: largest motion of a marker between two frames.
+        gate_px: motion beyond which the tracking of the paper gives another identity; None: of other methods.
         frames: number of frames, all of which gave a reading.
         incomplete_frames: frames in which not all markers have an identity.
         first_incomplete: the first of them; None: there is none.
@@ -41,6 +43,7 @@ class StallTest:
     method: str
     step: int
     motion_px: float
+    gate_px: float | None
     frames: int
     incomplete_frames: int
     first_incomplete: int | None
@@ -62,13 +65,17 @@ def stall_tests(
         motion_px = float(np.linalg.norm(np.diff(true_px, axis=0), axis=2).max())
         for method, pipeline in methods.items():
             grids = [each.grid for each in pipeline.track_frames(frames, scene.sensor)]
-            found.append(_test(method, step, motion_px, grids, true_px))
+            gate_px = None
+            if isinstance(pipeline.track, PaperTracking):
+                gate_px = pipeline.track.start(scene.sensor).gate_px
+            found.append(_test(method, (step, motion_px, gate_px), grids, true_px))
     return tuple(found)
 
 
 def _test(
-    method: str, step: int, motion_px: float, grids: list[TrackedGrid], true_px: list[Points2]
+    method: str, shown: tuple[int, float, float | None], grids: list[TrackedGrid], true_px: list[Points2]
 ) -> StallTest:
+    step, motion_px, gate_px = shown
     lost = [int((~grid.is_seen).sum()) for grid in grids]
     pitch_px = float(np.median(np.linalg.norm(np.diff(true_px[0], axis=0), axis=1)))
     wrong = [
@@ -81,6 +88,7 @@ def _test(
         method=method,
         step=step,
         motion_px=motion_px,
+        gate_px=gate_px,
         frames=len(grids),
         incomplete_frames=len(incomplete),
         first_incomplete=incomplete[0] if incomplete else None,
@@ -91,22 +99,36 @@ def _test(
 
 
 def stall_chart(tests: tuple[StallTest, ...]) -> str:
-    """Markers that are lost or wrong in the worst frame, against speed, as SVG."""
-    with figure(7.4, 3.2) as drawn:
-        axes = drawn.add_subplot()
+    """Lost and wrong identities, and incomplete frames, against speed, as SVG."""
+    with figure(7.4, 3.4) as drawn:
+        markers, frames = drawn.subplots(1, 2)
         for number, method in enumerate(dict.fromkeys(one.method for one in tests)):
-            mine = sorted((one.step, one.lost, one.wrong) for one in tests if one.method == method)
-            speed, lost, wrong = np.array(mine).T
+            mine = [one for one in tests if one.method == method]
+            speed_px = [one.motion_px for one in mine]
             style: dict[str, Any] = {
                 "color": METHOD_COLOURS[number],
                 "marker": SIGNS[number],
                 "markersize": 5,
             }
-            axes.plot(speed, lost, **style, label=f"{method}: lost")
-            axes.plot(speed, wrong, **style, linestyle=":", label=f"{method}: another's identity")
-        axes.set_xlabel("times as fast")
-        axes.set_ylabel("markers in the worst frame")
-        axes.set_ylim(bottom=-0.5)
-        axes.set_title("Identities against speed")
-        axes.legend(loc="upper left")
-        return svg(drawn, "Lost and wrong identities against the speed of the markers")
+            markers.plot(speed_px, [one.lost for one in mine], **style, label=f"{method}: lost")
+            wrong = [one.wrong for one in mine]
+            markers.plot(speed_px, wrong, **style, linestyle=":", label=f"{method}: another's identity")
+            share = [100.0 * one.incomplete_frames / one.frames for one in mine]
+            frames.plot(speed_px, share, **style, label=method)
+        gate_px = next((one.gate_px for one in tests if one.gate_px is not None), None)
+        for axes in (markers, frames):
+            if gate_px is not None:
+                axes.axvline(gate_px, color=SOFT, linewidth=0.8)
+            axes.set_xlabel("largest motion (px per frame)")
+            axes.legend(loc="upper left")
+        if gate_px is not None:
+            frames.text(
+                gate_px, 0.5, " gate of the paper", color=SOFT, transform=frames.get_xaxis_transform()
+            )
+        markers.set_ylim(bottom=-0.5)
+        markers.set_title("Markers, in the worst frame")
+        frames.set_ylim(-3.0, 100.0)
+        frames.set_title("Frames without all identities (%)")
+        return svg(
+            drawn, "Lost and wrong identities, and incomplete frames, against the speed of the markers"
+        )

@@ -63,7 +63,7 @@ def details(folder: Path) -> dict[str, Any]:
 
 def _load(folder: Path, what: str, *, method: str) -> EvaluationRecord:
     if not folder.is_dir():
-        raise EvaluationError(f"{what} is not a folder; give one that holds contacts.csv and markers.parquet")
+        raise EvaluationError(f"{what} is not a folder; give one with contacts.csv and markers.parquet")
     table = _markers(folder / "markers.parquet", what)
     unit = _unit(table.column_names, what)
     contacts, contact_unit = _contacts(folder / "contacts.csv", what)

@@ -65,7 +65,7 @@ def _record(
     if sensor.layout is None:
         raise EvaluationError(f"the sensor {sensor.name!r} has no markers; evaluate with one that has")
     if not frames:
-        raise EvaluationError(f"{name} holds no frame; evaluate at least one")
+        raise EvaluationError(f"{name} contains no frame; evaluate at least one")
     deviation_px = [np.sqrt(np.einsum("mii->mi", one.grid.covariance_px2)) for one in frames]
     seen = np.stack([one.grid.is_seen for one in frames])
     centre_px = np.stack([one.grid.position_px for one in frames])

@@ -34,9 +34,11 @@ class Goal:
 
     @property
     def text(self) -> str:
+        """The limit with its unit."""
         return f"{'≥' if self.is_least else '≤'} {self.limit:g} {self.unit}"
 
     def is_reached(self, value: float) -> bool:
+        """Whether a figure is within the limit."""
         return value >= self.limit if self.is_least else abs(value) <= self.limit
 
 
@@ -114,7 +116,7 @@ def goal_table(evaluation: Evaluation) -> list[GoalRow]:
 
 
 def parts(evaluation: Evaluation) -> Iterator[tuple[str, list[Trial]]]:
-    """Parts of the recordings of sheets that hold any: groups and halves, then the varied ones in detail."""
+    """Parts of the recordings of sheets, if any: groups and halves, then the varied ones in detail."""
     sheets = [(trial.case, trial) for trial in evaluation.trials if trial.case is not None]
     for group in (name for name in GROUPS if name not in PAD_GROUPS):
         for looked_at, word in ((True, "may be looked at"), (False, "held out")):

@@ -127,7 +127,8 @@ def load_or_run_case(
     """A case's trial: the one that is kept where nothing has changed since, else a new one, which is kept."""
     if kept is None:
         return run_case(case, methods, simulation.simulate(case))
-    depends = (code_of_the_package(), repr(case), repr(dict(methods)), repr(simulation))
+    stages = {name: (p.detect, p.track, p.estimate, p.interpolation) for name, p in methods.items()}
+    depends = (code_of_the_package(), repr(case), repr(stages), repr(simulation))
     path = kept / f"{hashlib.sha256(chr(10).join(depends).encode()).hexdigest()[:24]}{SUFFIX}"
     comparisons = read_comparisons(path)
     if comparisons is not None:

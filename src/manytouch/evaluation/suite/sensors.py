@@ -18,7 +18,7 @@ DISTORTION = (-0.04, 0.006, 2e-4, -3e-4, 0.0)
 
 
 def true_sensor(case: Case) -> Sensor:
-    """The sensor as it is: the picture just holds the sheet, the lens has a mild barrel distortion."""
+    """The sensor as it is: the sheet just fits into the picture, the lens has a mild barrel distortion."""
     width_mm, height_mm = case.size_mm
     share = case.width_px / DESIGNED_WIDTH_PX
     camera = Camera(
@@ -44,7 +44,7 @@ def true_sensor(case: Case) -> Sensor:
 
 
 def lattice(case: Case) -> Layout:
-    """As many dots as the sheet holds, without those that were not printed."""
+    """As many dots as fit on the sheet, without those that were not printed."""
     columns, rows = (int(size // case.pitch_mm) for size in case.size_mm)
     row, column = (index.ravel() for index in np.indices((rows, columns)))
     rest_mm = np.zeros((rows * columns, 3))

@@ -39,7 +39,7 @@ def run_tasks(
 ) -> Iterator[tuple[int, Result]]:
     """The results with the numbers of their tasks, as they come.
 
-    One process is this one. With more, `work` and everything it holds must be picklable.
+    One process is this one. With more, `work` and everything in it must be picklable.
 
     Args:
         work: done for each task.

@@ -9,7 +9,8 @@ b being the bending deflection, w = b - a b_nn that of the camera-side face, and
 inward normal (R. D. Gregory and F. Y. M. Wan 1984, doi:10.1007/BF00041081, for the conditions of a plate that
 a decaying state implies). The constants over powers of the thickness were computed by plane-strain finite
 elements of a slab that is bent by a couple and by a force at its other end
-(`benchmarks/clamped_end.py`). That the same e1 is in both is reciprocity. They are polynomials of Poisson's ratio, exact to 0.0001.
+(`benchmarks/clamped_end.py`). That the same e1 is in both is reciprocity. They are polynomials of Poisson's
+ratio, exact to 0.0001.
 
 Bending moment and shear force at the outline do work on this slope and deflection. The energy
 

@@ -13,7 +13,7 @@ from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver import band_kernels
 from manytouch.mechanics.solver.linearisation import Linearisation
-from manytouch.mechanics.solver.posterior import Posterior, WhiteRows, Workspace
+from manytouch.mechanics.solver.posterior import Posterior, PosteriorCache, WhiteRows
 
 MIN_DAMPING = 1e-7
 """First addition to the diagonal of a singular normal matrix, over its largest entry."""
@@ -95,7 +95,7 @@ class NormalEquations:
             information=information_per_px2,
             damping=damping,
             rows=WhiteRows(linearisation, factor),
-            workspace=Workspace(),
+            workspace=PosteriorCache(),
         )
 
     def _factorise(

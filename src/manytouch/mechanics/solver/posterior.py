@@ -47,7 +47,7 @@ class WhiteRows:
         return np.asarray(self._rows[self._row_of[number]])
 
 
-class Workspace:
+class PosteriorCache:
     """What was computed from one posterior and is needed again; it only saves time."""
 
     def __init__(self) -> None:
@@ -92,7 +92,7 @@ class Posterior:
     information: Float64[np.ndarray, "m 2 2"]
     damping: float
     rows: WhiteRows
-    workspace: Workspace
+    workspace: PosteriorCache
     full: "Posterior | None" = None
     reweightings: int = 0
 
@@ -164,7 +164,7 @@ class Posterior:
             factor=factor,
             weight=mixed,
             weighed_mm2=weighed_mm2,
-            workspace=Workspace(),
+            workspace=PosteriorCache(),
             full=full,
             reweightings=self.reweightings + 1,
         )

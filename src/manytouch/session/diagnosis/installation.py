@@ -12,7 +12,7 @@ import numpy as np
 import manytouch
 from manytouch.session.diagnosis.camera import describe_cameras, describe_usb_buses
 from manytouch.session.methods import kernels
-from manytouch.simulation.scene.solve import states_folder
+from manytouch.simulation.solve_scene import states_folder
 from manytouch.sinks.files.summary import installed
 from manytouch.sources.quiet_opencv import cv2
 

@@ -1,4 +1,7 @@
-"""The methods: which stages each one has, and their parameters by name."""
+"""The methods: which stages each one has, and their parameters by name.
+
+The stages themselves are in `detection`, `tracking`, `estimation` and `paper`.
+"""
 
 from manytouch.session.methods.parameter_info import parameter_info
 from manytouch.session.methods.parameters import Value, choices_of, parameters_of, tune, with_parameters

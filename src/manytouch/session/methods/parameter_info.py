@@ -26,13 +26,23 @@ ESSENTIAL = {
     "estimate.contact_finder.tracker.bridge_frames": ("Gap within a contact", "frames"),
     "estimate.reference_drift.share": ("Drift of the reference", "per frame"),
     "detect.threshold": ("Threshold", "grey levels"),
+    "detect.kernel_px": ("Side of the opening", "px"),
     "detect.minimum_area_px2": ("Smallest dot", "px²"),
+    "detect.maximum_area_px2": ("Largest dot", "px²"),
     "track.gate_px": ("Farthest motion per frame", "px"),
     "estimate.formula": ("Reading of the formula", ""),
+    "estimate.padding": ("Depth at the edge", ""),
     "estimate.contact_depth_pitch": ("Least depth of a contact", "pitches"),
     "interpolation.kind": ("Surface between markers", ""),
 }
 """Parameters that are shown first, those that a method has: label and unit."""
+
+FURTHER = {
+    "interpolation.iterations": ("Inverse distance: points along a side", ""),
+    "interpolation.search_radius_pitch": ("Inverse distance: search radius", "pitches"),
+    "interpolation.power": ("Inverse distance: power", ""),
+}
+"""Label and unit of others that every method has; shown first with `paper`, where they are found by trial."""
 
 UNITS = {"_px2": "px²", "_px": "px", "_mm": "mm", "_pitch": "pitches", "_rad": "rad", "_frames": "frames"}
 
@@ -45,20 +55,28 @@ def parameter_info(method: str) -> Mapping[str, ParameterInfo]:
     for stage in fields(pipeline):
         help_of |= dict(_docs(getattr(pipeline, stage.name), f"{stage.name}."))
     defaults = parameters_of(pipeline)
-    order = {name: place for place, name in enumerate(ESSENTIAL)}
+    first = ESSENTIAL | (FURTHER if method == "paper" else {})
+    order = {name: place for place, name in enumerate(first)}
     found = {}
     for name in sorted(defaults, key=lambda each: order.get(each, len(order))):
-        label, unit = ESSENTIAL.get(
+        label, unit = (ESSENTIAL | FURTHER).get(
             name, ("", next((unit for end, unit in UNITS.items() if name.endswith(end)), ""))
         )
         found[name] = ParameterInfo(
             label=label or name.replace(".", " › ").replace("_", " "),
             unit=unit,
-            help=help_of.get(name) or help_of.get(f"estimate.{name}", ""),
+            help=_without_code(help_of.get(name) or help_of.get(f"estimate.{name}", "")),
             default=defaults[name],
-            is_essential=name in ESSENTIAL,
+            is_essential=name in first,
         )
     return MappingProxyType(found)
+
+
+def _without_code(text: str) -> str:
+    """A docstring for readers of a page: without references to modules, names as in the labels."""
+    text = re.sub(r",( and)?$", ".", re.sub(r" \(`[\w.]+`\)", "", text))
+    text = re.sub(r"(^|\. )None:", r"\1Automatic:", text).replace("None:", "automatic:")
+    return re.sub(r"`([\w.]+)`", lambda found: found[1].replace(".", " › ").replace("_", " "), text)
 
 
 def _docs(value: Any, path: str) -> Iterator[tuple[str, str]]:

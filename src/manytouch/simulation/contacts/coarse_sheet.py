@@ -9,7 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from manytouch.compilation import plain
 from manytouch.simulation.contacts.ball_kernels import POINTS, Balls
-from manytouch.simulation.contacts.descent import PAIRS, Load, SheetArrays, Workspace, descend
+from manytouch.simulation.contacts.descent import PAIRS, DescentWorkspace, Load, SheetArrays, descend
 from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.shell.body_kernels import BodyLoads
 from manytouch.simulation.shell.energy import ShellEnergy
@@ -42,7 +42,7 @@ class DeadLoad:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Pressed:
+class SheetEquilibrium:
     """A sheet in equilibrium.
 
     Attributes:
@@ -58,8 +58,12 @@ class Pressed:
     has_converged: bool
 
 
-class _Grid:
-    """A grid of the sheet, and what its minimisation needs."""
+class SheetGrid:
+    """A grid of the sheet, and what its minimisation needs.
+
+    Attributes:
+        energy: of the sheet on the grid.
+    """
 
     def __init__(self, sheet: Sheet, spacing_mm: float) -> None:
         self.energy = energy = ShellEnergy(sheet, spacing_mm)
@@ -68,7 +72,7 @@ class _Grid:
         size = 5 * energy.shape[0] * energy.shape[1]
         slope, new_slope, tried, step, left = (np.empty((5, *energy.shape)) for _ in range(5))
         moved, change, product = np.empty((PAIRS, size)), np.empty((PAIRS, size)), np.empty(PAIRS)
-        self._work = plain(Workspace(slope, new_slope, tried, step, left, moved, change, product))
+        self._work = plain(DescentWorkspace(slope, new_slope, tried, step, left, moved, change, product))
         self._points = tuple(POINTS * (count - 1) for count in energy.shape)
         self._arrays = plain(
             SheetArrays(
@@ -117,7 +121,11 @@ class _Grid:
 
 
 class CoarseSheet:
-    """A clamped sheet that is solved for one load after the other, each from rest."""
+    """A clamped sheet that is solved for one load after the other, each from rest.
+
+    Attributes:
+        fine: the grid of the results; a coarser one gives its first guess.
+    """
 
     def __init__(self, sheet: Sheet) -> None:
         """Args: sheet: its material must be known.
@@ -126,21 +134,21 @@ class CoarseSheet:
             ValueError: the sheet has no Young's modulus or Poisson's ratio.
         """
         spacing_mm = math.sqrt(float(np.prod(sheet.size_mm)) / CELLS)
-        self._coarse, self._fine = _Grid(sheet, 2.0 * spacing_mm), _Grid(sheet, spacing_mm)
+        self._coarse, self.fine = SheetGrid(sheet, 2.0 * spacing_mm), SheetGrid(sheet, spacing_mm)
         self._to_fine = tuple(
             CubicSpline(rough, np.eye(len(rough)))(line)
             for rough, line in (
-                (self._coarse.energy.x_mm, self._fine.energy.x_mm),
-                (self._coarse.energy.y_mm, self._fine.energy.y_mm),
+                (self._coarse.energy.x_mm, self.fine.energy.x_mm),
+                (self._coarse.energy.y_mm, self.fine.energy.y_mm),
             )
         )
 
     @property
     def spacing_mm(self) -> float:
         """The larger spacing of the grid."""
-        return float(self._fine.energy.spacing_mm.max())
+        return float(self.fine.energy.spacing_mm.max())
 
-    def press(self, ball_mm: np.ndarray, dead: DeadLoad) -> Pressed:
+    def press(self, ball_mm: np.ndarray, dead: DeadLoad) -> SheetEquilibrium:
         """The sheet in equilibrium, first on a grid twice as wide, which balls enter step by step.
 
         Args:
@@ -161,18 +169,18 @@ class CoarseSheet:
         value = np.ascontiguousarray(along_x @ value @ along_y.T)
         for line in (value[:, 0], value[:, -1], value[:, :, 0], value[:, :, -1]):
             line[:] = 0.0
-        dead_N, posed = self._fine.nodal(dead), self._posed(ball_mm, 1.0)
+        dead_N, posed = self.fine.nodal(dead), self._posed(ball_mm, 1.0)
         stiffness = self._hertz(-loads.resultant[:, 2], ball_mm[:, 3])
         posed = posed._replace(stiffness_MPa_per_mm=np.maximum(posed.stiffness_MPa_per_mm, stiffness))
-        loads, has_converged = self._fine.descend(value, stretch, posed, dead_N)
-        face = camera_side_face(self._fine.energy, value, stretch)
-        return Pressed(face=face, energy=self._fine.energy, loads=loads, has_converged=has_converged)
+        loads, has_converged = self.fine.descend(value, stretch, posed, dead_N)
+        face = camera_side_face(self.fine.energy, value, stretch)
+        return SheetEquilibrium(face=face, energy=self.fine.energy, loads=loads, has_converged=has_converged)
 
     def _posed(self, ball_mm: np.ndarray, share: float) -> Balls:
         """Balls at a share of their depth, on a face with the stiffness of the live sheet's."""
         x_mm, y_mm, depth_mm, radius_mm = ball_mm.T
         there_mm = depth_mm - (1.0 - share) * np.maximum(depth_mm, 0.0)
-        height_mm = self._fine.energy.half_mm - there_mm + radius_mm
+        height_mm = self.fine.energy.half_mm - there_mm + radius_mm
         return Balls(
             centre_mm=np.column_stack([x_mm, y_mm, height_mm]),
             radius_mm=np.ascontiguousarray(radius_mm),
@@ -184,7 +192,7 @@ class CoarseSheet:
 
         Contacts that are small against the thickness are stiffer than the bed of the live sheet.
         """
-        sheet = self._fine.energy.sheet
+        sheet = self.fine.energy.sheet
         assert sheet.young_MPa is not None
         assert sheet.poisson is not None
         plane_MPa = sheet.young_MPa / (1.0 - sheet.poisson**2)
@@ -196,4 +204,4 @@ class CoarseSheet:
 
     @property
     def _bed(self) -> float:
-        return float(self._fine.energy.bed.stiffness_MPa_per_mm)
+        return float(self.fine.energy.bed.stiffness_MPa_per_mm)

@@ -39,7 +39,7 @@ class SheetArrays(NamedTuple):
     coupling: np.ndarray
 
 
-class Workspace(NamedTuple):
+class DescentWorkspace(NamedTuple):
     """Arrays of `descend` that are kept between calls to save time.
 
     Attributes:
@@ -141,7 +141,7 @@ def precondition(force: np.ndarray, sheet: SheetArrays, out: np.ndarray) -> None
 @kernel()
 @no_type_check
 def _newton_step(
-    slope: np.ndarray, work: Workspace, number: int, sheet: SheetArrays, out: np.ndarray
+    slope: np.ndarray, work: DescentWorkspace, number: int, sheet: SheetArrays, out: np.ndarray
 ) -> None:
     """Fill out (5, a, b) with minus the slope times the approximate inverse Hessian (two-loop recursion)."""
     kept = min(number, PAIRS)
@@ -174,7 +174,7 @@ def descend(
     plain_sheet: SheetArrays,
     plain_load: Load,
     plain_buffers: kernels.ElasticBuffers,
-    plain_work: Workspace,
+    plain_work: DescentWorkspace,
     tolerance: float,
     max_evaluations: int,
 ) -> int:
@@ -195,7 +195,7 @@ def descend(
     sheet = SheetArrays(plain_sheet[0], law, bed, *plain_sheet[3:])
     load = Load(Balls(*plain_load[0]), body_kernels.BodyLoads(*plain_load[1]), plain_load[2])
     buffers = kernels.ElasticBuffers(*plain_buffers)
-    work = Workspace(*plain_work)
+    work = DescentWorkspace(*plain_work)
     slope, tried, new_slope, step = work.slope, work.tried, work.new_slope, work.step
     flat_step, flat_slope, flat_new = step.reshape(-1), slope.reshape(-1), new_slope.reshape(-1)
     evaluations, number = 0, 0

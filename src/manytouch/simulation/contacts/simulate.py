@@ -10,7 +10,12 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.errors import ContactError, SensorError, require_type
-from manytouch.simulation.contacts.coarse_sheet import MOST_EVALUATIONS, CoarseSheet, DeadLoad, Pressed
+from manytouch.simulation.contacts.coarse_sheet import (
+    MOST_EVALUATIONS,
+    CoarseSheet,
+    DeadLoad,
+    SheetEquilibrium,
+)
 from manytouch.simulation.contacts.kinds import (
     STEEPEST,
     Ball,
@@ -118,7 +123,7 @@ class _Press:
 
     sensor: Sensor
     contacts: Press
-    pressed: Pressed
+    pressed: SheetEquilibrium
     seed: int
 
     def true_contacts(self) -> dict[int, TrueContact]:
@@ -179,7 +184,7 @@ class _Solver:
     def spacing_mm(self) -> float:
         return self._coarse.spacing_mm
 
-    def solve(self, press: Press, where: str) -> Pressed:
+    def solve(self, press: Press, where: str) -> SheetEquilibrium:
         """The sheet under contacts; where: which press it is, in front of errors.
 
         Raises:

@@ -42,7 +42,7 @@ def write_deformations(
     """
     states = list(deformations.values())
     if len({(state.x_mm.tobytes(), state.y_mm.tobytes(), len(state.contacts)) for state in states}) != 1:
-        raise ValueError("a file of deformations holds one sheet, one mesh and one number of contacts")
+        raise ValueError("a file of deformations contains one sheet, one mesh and one number of contacts")
     whole = np.rint(np.stack([state.face_mm for state in states]) / step_mm).astype(np.int64)
     packed = io.BytesIO()
     np.savez(

@@ -34,6 +34,7 @@ class ResultFolder:
         path: the final name.
         partial_path: where to write until `commit`.
         free_bytes: free space on the disk at the beginning.
+        lock: held from the beginning to the end.
     """
 
     def __init__(self, path: Path, results: Collection[str]) -> None:
@@ -58,15 +59,15 @@ class ResultFolder:
         with output_errors(path):
             self._created = [each for each in (self._parent, *self._parent.parents) if not each.exists()]
             self._parent.mkdir(parents=True, exist_ok=True)
-            self._lock = FolderLock(self._parent / f"{self._prefix}lock", path)
+            self.lock = FolderLock(self._parent / f"{self._prefix}lock", path)
         try:
             with output_errors(path):
-                if self._lock.is_held:
+                if self.lock.is_held:
                     self._complete_swap()
                 self.free_bytes = shutil.disk_usage(self._parent).free
                 self.partial_path.mkdir()
         except BaseException:
-            self._lock.release()
+            self.lock.release()
             raise
 
     def __enter__(self) -> "ResultFolder":
@@ -100,7 +101,7 @@ class ResultFolder:
             if not self.partial_path.exists():
                 break
             time.sleep(0.05)
-        self._lock.release()
+        self.lock.release()
         if not self._final.exists():
             for created in self._created:
                 try:

@@ -204,7 +204,7 @@ class MarkerTable:
 
 
 def marker_schema(unit: LengthUnit) -> pa.Schema:
-    """Types of markers.parquet: float32 holds 0.0002 px at 4096 px."""
+    """Types of markers.parquet: float32 resolves 0.0002 px at 4096 px."""
     kinds: dict[str, pa.DataType] = dict.fromkeys(("frame", "marker", "row", "column"), pa.int32())
     kinds |= {"time_s": pa.float64(), "seen": pa.bool_()}
     return pa.schema([(name, kinds.get(name, pa.float32())) for name in marker_column_names(unit)])

@@ -20,6 +20,9 @@ LONG_SIDE_PX = 1000
 LEAST_LONG_SIDE_PX = 640  # more would leave a video too few bits per pixel
 ARROW_SCALE = 3
 SMALLEST_ARROW_PX = 4.0
+SHEAR_SHARE_PER_N, LARGEST_SHEAR_SHARE = 0.03, 0.15
+"""Length of the arrow of a shear force over the long side of the picture."""
+LEAST_SHEAR_N = 0.05
 ASSUMED_FPS = 25.0
 
 
@@ -116,7 +119,17 @@ class Annotator:
             if not rings:
                 drawing.disc_outline(picture, (x, y), radius, drawing.VERMILION, width)
             drawing.cross(picture, (x, y), 1.5 * width + 2, drawing.VERMILION, width)
+            self._draw_shear(picture, contact, (float(x), float(y)), width)
             self._label(picture, contact, (float(x), float(y), radius), occupied)
+
+    def _draw_shear(self, picture: np.ndarray, contact: Contact, place: drawing.Position, width: int) -> None:
+        """The direction and size of a shear force; y of the sheet points down in the image."""
+        size_N = float(np.hypot(*contact.force_N[:2]))
+        if not size_N >= LEAST_SHEAR_N:  # also where it is not known
+            return
+        length = min(SHEAR_SHARE_PER_N * size_N, LARGEST_SHEAR_SHARE) * self._long_side
+        end = np.array(place) + contact.force_N[:2] * (length / size_N)
+        drawing.arrow(picture, place, (float(end[0]), float(end[1])), drawing.VERMILION, width)
 
     def _radius_of(self, contact: Contact) -> float:
         """Of a circle as large as the contact, in px of the drawn picture; half a pitch when not known."""
@@ -177,7 +190,10 @@ class Annotator:
 
     def _legend(self, whole: np.ndarray, baseline: float, width: int) -> None:
         bar_px = _round_number(0.4 * self._pitch / self.zoom / ARROW_SCALE)
-        entries = ("marker", "not seen", f"displacement {bar_px:g} px (arrows x{ARROW_SCALE})", "contact")
+        sheet = self._sensor.sheet
+        has_forces = sheet is not None and sheet.young_MPa is not None
+        contact = "contact, arrow: shear force" if has_forces else "contact"
+        entries = ("marker", "not seen", f"displacement {bar_px:g} px (arrows x{ARROW_SCALE})", contact)
         size = self._fit("oo".join(entries) + "oo" * 8, width)
         length = bar_px * ARROW_SCALE * self.zoom
         x, middle = self._text_px, baseline - 0.5 * size

@@ -25,7 +25,7 @@ from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
 from manytouch.sinks.surface_grid import grid_corners
-from manytouch.values import Layout, Reading
+from manytouch.values import Layout, Reading, Sensor
 
 PORT = 8765
 MESH = "/mesh"
@@ -49,7 +49,11 @@ READING_SCHEMA = {
 
 
 class FoxglovePublisher:
-    """Serves readings from its construction until `close`."""
+    """Serves readings from its construction until `close`.
+
+    Attributes:
+        channels: of the server by topic; each states whether a client reads it.
+    """
 
     def __init__(self, address: OutputAddress, controls: Controls) -> None:
         """Start serving.
@@ -72,7 +76,7 @@ class FoxglovePublisher:
         self._context = context = foxglove.Context()  # the channels end with it
         port = PORT if address.port is None else address.port
         self._host = address.host or "127.0.0.1"
-        self._channels = _channels(context)
+        self.channels = _channels(context)
         try:
             self._server: Any = foxglove.start_server(
                 name="manytouch", host=self._host, port=port, context=context
@@ -101,7 +105,7 @@ class FoxglovePublisher:
         log_ns = self._epoch_ns + frame.timestamp_ns
         self._log(READING, log_ns, lambda: json.dumps(reading.to_dict()).encode())
         self._log(SURFACE, log_ns, lambda: surface_message(reading, log_ns).SerializeToString())
-        if self._channels[CAMERA].has_sinks() and self._turns.take(frame):
+        if self.channels[CAMERA].has_sinks() and self._turns.take(frame):
             self._log(CAMERA, log_ns, lambda: _image(reading, log_ns))
         layout = reading.surface.layout
         if now_s >= self._next_mesh_s and layout is not None:
@@ -118,7 +122,7 @@ class FoxglovePublisher:
         self._server.stop()
 
     def _log(self, topic: str, log_ns: int, make: Callable[[], bytes]) -> None:
-        channel = self._channels[topic]
+        channel = self.channels[topic]
         if channel.has_sinks():
             channel.log(make(), log_time=log_ns)
 
@@ -126,6 +130,21 @@ class FoxglovePublisher:
         if self._mesh is None or self._mesh.layout is not layout:
             self._mesh = _Mesh(layout)
         return self._mesh
+
+
+def warm_up(reading: Reading, sensor: Sensor) -> tuple[bytes, ...]:
+    """The messages of a reading."""
+    layout = sensor.layout
+    return (
+        json.dumps(reading.to_dict()).encode(),
+        bytes(surface_message(reading, 0).SerializeToString()),
+        _image(reading, 0),
+        *(() if layout is None else (_Mesh(layout)(reading, 0),)),
+        *(
+            describe(sensor.camera, "", 0).SerializeToString()
+            for _, describe in camera_messages(sensor.camera)
+        ),
+    )
 
 
 class _Mesh:

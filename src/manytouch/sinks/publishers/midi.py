@@ -12,6 +12,7 @@ a channel is free. Of a contact
 Values are sent when they change. The control values come before the note, as the standard requires.
 """
 
+import time
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from typing import Any
 
 from manytouch.errors import MissingExtraError, OutputError
 from manytouch.sinks.publishers.address import OutputAddress
-from manytouch.sinks.publishers.touches import Touch, TouchScale
+from manytouch.sinks.publishers.touches import NormalisedTouch, TouchScale
 from manytouch.values import Reading
 
 MEMBERS = 15
@@ -29,6 +30,8 @@ ATTACK_S = 0.05
 ASSUMED_STEP_S = 1 / 30  # before the first reading that has another one before it
 TIMBRE = 74
 TICKS_PER_S = 960  # 480 per beat, 120 beats per minute
+PRESENCE_INTERVAL_S = 2.0
+"""How often a named port is looked for: the driver does not report that its program has ended."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -87,7 +90,7 @@ class MpeEncoder:
             messages.append(Message("note_off", channel=voice.channel, note=voice.note, velocity=0))
         return messages
 
-    def _started(self, touch: Touch, step_s: float) -> list[Any]:
+    def _started(self, touch: NormalisedTouch, step_s: float) -> list[Any]:
         from mido import Message
 
         if not self._free:
@@ -100,7 +103,7 @@ class MpeEncoder:
         messages = [_value(voice.channel, place, value) for place, value in enumerate(voice.values)]
         return [*messages, Message("note_on", channel=channel, note=note, velocity=velocity)]
 
-    def _moved(self, touch: Touch, voice: _Voice) -> list[Any]:
+    def _moved(self, touch: NormalisedTouch, voice: _Voice) -> list[Any]:
         values = self._values(touch, voice.note)
         changed = [
             _value(voice.channel, place, value)
@@ -110,12 +113,12 @@ class MpeEncoder:
         voice.values = values
         return changed
 
-    def _values(self, touch: Touch, note: int) -> tuple[int, int, int]:
+    def _values(self, touch: NormalisedTouch, note: int) -> tuple[int, int, int]:
         """Pitch bend, CC 74 and channel pressure."""
         bend = round(8192 * (self._pitch(touch) - note) / BEND_SEMITONES)
         return min(max(bend, -8192), 8191), round(127 * (1.0 - touch.y)), round(127 * touch.pressure)
 
-    def _pitch(self, touch: Touch) -> float:
+    def _pitch(self, touch: NormalisedTouch) -> float:
         return self._low_note + self._notes * touch.x
 
 
@@ -140,8 +143,10 @@ class MidiPublisher:
             raise MissingExtraError("MIDI", "mido", "connect") from None
         self._encoder = encoder
         self._port: Any = None
+        self._next_look_s = time.monotonic() + PRESENCE_INTERVAL_S
         target = f"{address.host}/{address.path}" if address.path else address.host
         self._path = Path(target) if target.lower().endswith(".mid") else None
+        self._is_of_other = bool(target)
         self._track = mido.MidiTrack()
         self._first_ns: int | None = None
         self._ticks = 0
@@ -157,7 +162,12 @@ class MidiPublisher:
         )
 
     def publish(self, reading: Reading) -> None:
-        """Send or store the messages of a reading."""
+        """Send or store the messages of a reading.
+
+        Raises:
+            OutputError: the port has disappeared; it can be opened again once it is back.
+        """
+        self._require_port()
         if self._first_ns is None:
             self._first_ns = reading.frame.timestamp_ns
         elapsed_s = (reading.frame.timestamp_ns - self._first_ns) * 1e-9
@@ -178,6 +188,16 @@ class MidiPublisher:
             else:
                 self._track.append(message.copy(time=ticks - self._ticks))
                 self._ticks = ticks
+
+    def _require_port(self) -> None:
+        """Look, from time to time, whether there still is the port of another program or device."""
+        if self._port is None or not self._is_of_other or time.monotonic() < self._next_look_s:
+            return
+        import mido
+
+        self._next_look_s = time.monotonic() + PRESENCE_INTERVAL_S
+        if self._port.name not in mido.get_output_names():
+            raise OutputError(f"the MIDI port {self._port.name!r} has disappeared")
 
     def _save(self) -> None:
         import mido

@@ -87,6 +87,12 @@ class QueuedOutput:
         with self._changed:
             return OutputState(name=self._name, sent=self._sent, dropped=self._dropped, problem=self._problem)
 
+    @property
+    def waiting(self) -> int:
+        """Number of readings that are queued."""
+        with self._changed:
+            return len(self._queue)
+
     def write(self, reading: Reading) -> None:
         """Queue a reading; never waits. A reading that is written after `close` is dropped."""
         with self._changed:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Controls
+from manytouch.sinks.publishers import foxglove_live, ros2
 from manytouch.sinks.publishers.address import OutputAddress, parse_address
 from manytouch.sinks.publishers.foxglove_live import FoxglovePublisher
 from manytouch.sinks.publishers.midi import MidiPublisher, MpeEncoder
@@ -15,6 +16,7 @@ from manytouch.sinks.publishers.touches import FULL_SCALES, scale_of
 from manytouch.sinks.publishers.tuio import PORT as TUIO_PORT
 from manytouch.sinks.publishers.tuio import Tuio11, Tuio20
 from manytouch.sinks.publishers.udp import OscPublisher
+from manytouch.values import Reading, Sensor
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,12 +28,14 @@ class Scheme:
         purpose: what receives it.
         options: names that may follow "?" in the URL.
         open_publisher: opens it.
+        warm_up: makes messages of a reading without sending them, so that the first ones take no longer.
     """
 
     example: str
     purpose: str
     options: tuple[str, ...]
     open_publisher: Callable[[OutputAddress, Controls], Publisher]
+    warm_up: Callable[[Reading, Sensor], object] | None = None
 
 
 def _osc(address: OutputAddress, _: Controls) -> Publisher:
@@ -60,12 +64,14 @@ SCHEMES: Mapping[str, Scheme] = {
         purpose="nodes of ROS 2, which need not be installed here",
         options=("domain", "images"),
         open_publisher=Ros2Publisher,
+        warm_up=ros2.warm_up,
     ),
     "foxglove": Scheme(
         example="foxglove://127.0.0.1:8765",
         purpose="Foxglove and Lichtblick",
         options=("images",),
         open_publisher=FoxglovePublisher,
+        warm_up=foxglove_live.warm_up,
     ),
     "tuio": Scheme(
         example="tuio://127.0.0.1:3333",
@@ -109,6 +115,14 @@ def open_outputs(urls: Sequence[str], controls: Controls) -> list[QueuedOutput]:
             output.close()
         raise
     return opened
+
+
+def warm_up(urls: Sequence[str], reading: Reading, sensor: Sensor) -> None:
+    """Make the messages of outputs once, which loads packages and kernels for a second; nothing is sent."""
+    for scheme in {parse_address(url).scheme for url in urls}:
+        prepare = SCHEMES[scheme].warm_up
+        if prepare is not None:
+            prepare(reading, sensor)
 
 
 def check_addresses(urls: Sequence[str]) -> None:

@@ -15,7 +15,7 @@ from manytouch.sinks.publishers.dds import DdsParticipant
 from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
 from manytouch.sinks.ros2.messages import RosMessage, RosMessages
-from manytouch.values import Reading, Tare
+from manytouch.values import Reading, Sensor, Tare
 
 NAME = "manytouch"
 DIAGNOSTICS_INTERVAL_S = 1.0
@@ -106,6 +106,19 @@ class Ros2Publisher:
 
     def _is_read(self, topic: str) -> bool:
         return self._dds.is_read(self._messages.topic(topic))
+
+
+def warm_up(reading: Reading, sensor: Sensor) -> tuple[RosMessage, ...]:
+    """All messages of a reading."""
+    messages = RosMessages(sensor)
+    return (
+        messages.wrench(reading, 0),
+        messages.contacts(reading, 0),
+        messages.surface(reading, 0),
+        messages.markers(reading, 0),
+        messages.image(*encoded_image(reading.frame), 0),
+        *(() if sensor.camera.views else (messages.camera_info(0),)),
+    )
 
 
 def _domain_of_environment() -> float:

@@ -14,7 +14,7 @@ FULL_SCALES = ("force-N", "depth-pitch")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Touch:
+class NormalisedTouch:
     """A contact in normalised numbers.
 
     Attributes:
@@ -60,7 +60,7 @@ class TouchScale:
         self._last: dict[int, tuple[float, float]] = {}
         self._last_ns: int | None = None
 
-    def __call__(self, reading: Reading) -> tuple[Touch, ...]:
+    def __call__(self, reading: Reading) -> tuple[NormalisedTouch, ...]:
         """The contacts that are present in a reading, without those that just ended."""
         now_ns = reading.frame.timestamp_ns
         step_s = 0.0 if self._last_ns is None else (now_ns - self._last_ns) * 1e-9
@@ -75,12 +75,12 @@ class TouchScale:
         share = force_N / self._force_N if np.isfinite(force_N) else contact.depth_mm / self._depth_mm
         return float(np.clip(np.nan_to_num(share), 0.0, 1.0))
 
-    def _touch(self, contact: Contact, step_s: float) -> Touch:
+    def _touch(self, contact: Contact, step_s: float) -> NormalisedTouch:
         size = self._high - self._low
         x, y = (float(value) for value in np.clip((contact.centre_mm - self._low) / size, 0.0, 1.0))
         before = self._last.get(contact.id)
         moved = (0.0, 0.0) if before is None or step_s <= 0 else (x - before[0], y - before[1])
-        return Touch(
+        return NormalisedTouch(
             id=contact.id,
             x=x,
             y=y,

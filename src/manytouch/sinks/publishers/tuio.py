@@ -15,7 +15,7 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from manytouch.sinks.publishers.touches import Touch, TouchScale
+from manytouch.sinks.publishers.touches import NormalisedTouch, TouchScale
 from manytouch.sinks.publishers.udp import Message
 from manytouch.values import Reading
 
@@ -38,7 +38,7 @@ class Tuio11:
         touches = self._scale(reading)
         return [self._bundle(f"/tuio/{profile}", profile, touches) for profile in PROFILES]
 
-    def _bundle(self, path: str, profile: str, touches: Sequence[Touch]) -> list[Message]:
+    def _bundle(self, path: str, profile: str, touches: Sequence[NormalisedTouch]) -> list[Message]:
         return [
             (path, [("s", "source"), ("s", SOURCE)]),
             (path, [("s", "alive"), *(("i", touch.id) for touch in touches)]),
@@ -47,7 +47,7 @@ class Tuio11:
         ]
 
 
-def _set(profile: str, touch: Touch) -> tuple[float, ...]:
+def _set(profile: str, touch: NormalisedTouch) -> tuple[float, ...]:
     """Numbers of a `set` message behind the session id."""
     place, velocity = (touch.x, touch.y), (touch.x_per_s, touch.y_per_s)
     if profile == "2Dcur":
@@ -89,7 +89,7 @@ class Tuio20:
         ]
 
 
-def _pointer(touch: Touch) -> tuple[Message, Message]:
+def _pointer(touch: NormalisedTouch) -> tuple[Message, Message]:
     radius = 0.5 * (touch.width + touch.height) / 2.0
     pointer = (touch.x, touch.y, touch.angle_rad, 0.0, radius, touch.pressure)
     motion = (touch.x_per_s, touch.y_per_s, 0.0, 0.0, 0.0)

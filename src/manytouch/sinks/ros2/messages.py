@@ -28,12 +28,19 @@ from manytouch.sinks.ros2.prepared import (
     with_stamp,
     without_last_length,
 )
-from manytouch.values import Contact, Health, Phase, Reading, Sensor, Status
+from manytouch.values import ESTIMATES, Contact, Health, Phase, Reading, Sensor, Status
 
 M_PER_MM, PA_PER_KPA = 1e-3, 1e3
+STDS_TO_SI = {
+    **dict.fromkeys(("x", "y", "depth"), M_PER_MM),
+    **dict.fromkeys(("normal_force", "shear_x", "shear_y"), 1.0),
+    **{"torque": M_PER_MM, "area": M_PER_MM**2},
+}
+STD_PLACES = [ESTIMATES.index(name) for name in STDS_TO_SI]
+STD_FACTORS = np.array(list(STDS_TO_SI.values()))
 CONTACT_FIELDS = (
     *("x", "y", "z", "depth", "fx", "fy", "fz", "torque", "area"),
-    *("x_std", "y_std", "depth_std", "normal_force_std"),
+    *(f"{name}_std" for name in STDS_TO_SI),
 )
 SURFACE_FIELDS = ("x", "y", "z", "depth", "pressure")
 CONTACT_POINT = np.dtype([("id", "<u4"), ("phase", "<u4"), *((name, "<f4") for name in CONTACT_FIELDS)])
@@ -341,8 +348,5 @@ def _contact_numbers(contact: Contact) -> tuple[float, ...]:
         *contact.force_N.tolist(),
         contact.torque_Nmm * M_PER_MM,
         contact.area_mm2 * M_PER_MM**2,
-        contact.std("x") * M_PER_MM,
-        contact.std("y") * M_PER_MM,
-        contact.std("depth") * M_PER_MM,
-        contact.std("normal_force"),
+        *(np.sqrt(contact.covariance[STD_PLACES, STD_PLACES]) * STD_FACTORS).tolist(),
     )

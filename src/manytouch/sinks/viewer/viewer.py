@@ -13,6 +13,7 @@ from manytouch.pipeline import Controls
 from manytouch.sinks.viewer.access import access_to, write_token
 from manytouch.sinks.viewer.client_messages import SessionRequest
 from manytouch.sinks.viewer.clients import MAX_CLIENTS, Clients
+from manytouch.sinks.viewer.recent_contacts import RecentContacts
 from manytouch.sinks.viewer.server import Server, listening_socket, page_files
 from manytouch.sinks.viewer.update_encoder import UpdateEncoder, ViewerUpdate
 from manytouch.sinks.viewer.update_format import number
@@ -25,7 +26,8 @@ LATENCIES = 300
 class Viewer:
     """Serves the page from its construction until `close`.
 
-    Wrap it in `LatestOnly`, so that the pipeline never waits for it. Without clients a reading costs nothing.
+    Wrap it in `LatestOnly`, so that the pipeline never waits for it. Without clients only the numbers of the
+    contacts are kept, for the curves of a page that is opened later.
 
     Attributes:
         access: who may use it.
@@ -61,6 +63,7 @@ class Viewer:
         self._encoder = UpdateEncoder(controls.sensor)
         self._sensor_version = controls.health().sensor_version
         self._latest: Reading | None = None
+        self._recent = RecentContacts()
         self._number = 0
         self._latency_ms: deque[float] = deque(maxlen=LATENCIES)
         self._lock = threading.Lock()
@@ -95,6 +98,7 @@ class Viewer:
     def write(self, reading: Reading) -> None:
         """Show a reading."""
         self._latest = reading
+        self._recent.add(reading)
         if self._clients:
             self._show(reading)
 
@@ -139,7 +143,7 @@ class Viewer:
 
     async def _serve_client(self, socket: WebSocket) -> None:
         health = self._controls.health()
-        greeting = [self._scene_info(), _parameters(health), self._health(health)]
+        greeting = [self._scene_info(), _parameters(health), self._health(health), self._recent.message()]
         await self._clients.serve(socket, greeting)
 
     async def _broadcast_health(self) -> None:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from urllib.parse import urlsplit
 
 from manytouch.errors import SourceError
-from manytouch.sources.cameras.capture import CameraRequest, Capture, Shot, open_camera
+from manytouch.sources.cameras.capture import CameraRequest, Capture, CapturedImage, open_camera
 from manytouch.sources.cameras.stream import open_stream
 from manytouch.sources.encoded import decoded
 from manytouch.sources.source import Capabilities
@@ -196,7 +196,7 @@ class CameraSource:
         self._append(shot)
         return capture
 
-    def _append(self, shot: Shot) -> None:
+    def _append(self, shot: CapturedImage) -> None:
         arrived_ns = self._arrived_ns = time.monotonic_ns()
         frame = self._frame(shot, self._clock.at(shot.driver_ns, arrived_ns), arrived_ns)
         self._index += 1
@@ -207,7 +207,7 @@ class CameraSource:
             self._waiting.append(frame)
             self._arrival.notify()
 
-    def _frame(self, shot: Shot, timestamp_ns: int, arrived_ns: int) -> Frame:
+    def _frame(self, shot: CapturedImage, timestamp_ns: int, arrived_ns: int) -> Frame:
         return Frame(
             index=self._index,
             timestamp_ns=timestamp_ns,

@@ -50,7 +50,7 @@ class CameraRequest:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Shot:
+class CapturedImage:
     """An image from a driver; either `image` or `encoded` is set.
 
     Attributes:
@@ -72,7 +72,7 @@ class Capture(Protocol):
     def settings(self) -> tuple[Setting, ...]:
         """What was requested, and what the camera reports."""
 
-    def read(self) -> Shot | None:
+    def read(self) -> CapturedImage | None:
         """Wait for the next image; None when none came."""
 
     def release(self) -> None:
@@ -252,7 +252,7 @@ class OpenCvCapture:
             ),
         )
 
-    def read(self) -> Shot | None:
+    def read(self) -> CapturedImage | None:
         """Wait for the next image; None when none came."""
         if not self._capture.grab():
             return None
@@ -261,13 +261,13 @@ class OpenCvCapture:
         if not decoded or image is None or image.size == 0:
             return None
         if not self._is_raw:
-            return Shot(image=read_only(image.copy()), encoded=None, driver_ns=driver_ns)
+            return CapturedImage(image=read_only(image.copy()), encoded=None, driver_ns=driver_ns)
         encoded = whole_jpeg(image)
         if encoded is None:  # the camera gives no JPEG: let the driver convert
             self._is_raw = False
             self._capture.set(_PROPERTY["convert"], 1.0)
             return None
-        return Shot(image=None, encoded=encoded, driver_ns=driver_ns)
+        return CapturedImage(image=None, encoded=encoded, driver_ns=driver_ns)
 
     def release(self) -> None:
         """Release the device."""

@@ -5,7 +5,14 @@ import urllib.error
 import urllib.request
 from http.client import HTTPException, HTTPResponse
 
-from manytouch.sources.cameras.capture import FFMPEG, JPEG_BEGIN, CameraRequest, Capture, OpenCvCapture, Shot
+from manytouch.sources.cameras.capture import (
+    FFMPEG,
+    JPEG_BEGIN,
+    CameraRequest,
+    Capture,
+    CapturedImage,
+    OpenCvCapture,
+)
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.values import Setting
 
@@ -34,7 +41,7 @@ class MultipartCapture:
             Setting(name="format", requested=None, found="MJPG"),
         )
 
-    def read(self) -> Shot | None:
+    def read(self) -> CapturedImage | None:
         """Wait for the next image; None when the stream has ended or sends nothing."""
         try:
             return self._next()
@@ -45,7 +52,7 @@ class MultipartCapture:
         """Close the connection."""
         self._response.close()
 
-    def _next(self) -> Shot | None:
+    def _next(self) -> CapturedImage | None:
         self._until(self._boundary, MOST_IMAGE_BYTES)
         headers = _headers(self._until(b"\r\n\r\n", MOST_HEADER_BYTES))
         length = headers.get("content-length")
@@ -56,7 +63,7 @@ class MultipartCapture:
             body = self._exactly(int(length))
         if not body.startswith(JPEG_BEGIN):
             return None
-        return Shot(image=None, encoded=body, driver_ns=_time_ns(headers.get("x-timestamp")))
+        return CapturedImage(image=None, encoded=body, driver_ns=_time_ns(headers.get("x-timestamp")))
 
     def _until(self, mark: bytes, most: int) -> bytes:
         """Read up to a mark; return what is before it, and drop the mark."""

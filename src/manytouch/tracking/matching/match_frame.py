@@ -101,7 +101,7 @@ def match_frame(
         return _no_match(graph, state)
     best = _try_guess(graph, dots, guess_px, state, pool)
     if not _is_sufficient(best, number, present):
-        for other_px in _other_guesses(graph, dots.centre_px, guess_px):
+        for other_px in other_guesses(graph, dots.centre_px, guess_px):
             match = _try_guess(graph, dots, other_px, state, pool)
             if (match.found, match.explained) > (best.found, best.explained):
                 best = match
@@ -115,7 +115,7 @@ def match_frame(
     return _no_match(graph, state)
 
 
-def _other_guesses(graph: LatticeGraph, centre_px: Points2, guess_px: Markers2) -> Iterator[np.ndarray]:
+def other_guesses(graph: LatticeGraph, centre_px: Points2, guess_px: Markers2) -> Iterator[np.ndarray]:
     """Positions (m, 2) to begin from when the first guess was poor.
 
     They are read-only as the first one is: the kernels are compiled once for each type.

@@ -1,1 +1,4 @@
-"""Values as plain dictionaries, and as tables for pandas, polars and others."""
+"""Values as plain dictionaries, and as tables for pandas, polars and others.
+
+They are not written to files here but in `manytouch.sinks.files`.
+"""

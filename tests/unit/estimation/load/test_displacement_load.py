@@ -1,7 +1,6 @@
 """The estimate of loads: that of the Gaussian process, and finest_affordable_wavelength for many markers."""
 
 import gc
-import time
 import tracemalloc
 from dataclasses import replace
 
@@ -98,17 +97,14 @@ def test_a_thousand_markers_keep_all_products():
     assert load_map.estimate.shape == every.estimate.shape
 
 
-def test_ten_thousand_markers_start_soon_and_in_little_memory():
+def test_ten_thousand_markers_start_in_little_memory():
     sensor = lattice(80, 125)
     tracemalloc.start()
-    begun = time.process_time()
     state = PerimeterEstimator().start(sensor)
-    spent = time.process_time() - begun
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert len(state.geometry.layout.rest_mm) == 10_000
-    assert peak < 400e6
-    assert spent < 15.0  # about 2 s on one core; it was minutes
+    assert peak < 400e6  # 800e6 for a matrix of all pairs of markers, whose solution takes minutes
 
 
 def test_steps_at_a_thousand_markers_keep_no_memory():

@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from layouts import grid_at, lattice_layout
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
-from manytouch.values import ESTIMATES, Layout, Sensor, Sheet, TrackedGrid
+from manytouch.values import ESTIMATES, Sensor, Sheet, TrackedGrid
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
 from same_bits import assert_same_bits
@@ -22,10 +23,6 @@ ESTIMATE = MechanicsEstimator()
 
 
 def sensor_of(**sheet: float | None) -> Sensor:
-    row, column = (index.ravel() for index in np.indices((ROWS, COLUMNS)))
-    rest_mm = np.zeros((ROWS * COLUMNS, 3))
-    rest_mm[:, 0] = (column - (COLUMNS - 1) / 2) * PITCH_MM
-    rest_mm[:, 1] = (row - (ROWS - 1) / 2) * PITCH_MM
     known = {
         "thickness_mm": 3.0,
         "young_MPa": YOUNG_MPA,
@@ -36,14 +33,7 @@ def sensor_of(**sheet: float | None) -> Sensor:
     return Sensor(
         name="test",
         camera=straight_camera(1600, 1200, focal_px=2000.0, distance_mm=100.0),
-        layout=Layout(
-            rest_mm=rest_mm,
-            row_column=np.column_stack([row, column]).astype(np.int64),
-            pitch_mm=np.array([PITCH_MM, PITCH_MM]),
-            radius_mm=np.full(len(rest_mm), 1.0),
-            polarity="light",
-            is_missing=np.zeros(len(rest_mm), dtype=bool),
-        ),
+        layout=lattice_layout(ROWS, COLUMNS, PITCH_MM),
         sheet=Sheet(size_mm=np.array([64.0, 48.0]), **{**known, **sheet}),
     )
 
@@ -63,15 +53,8 @@ def bent(model: InversionModel, *presses: tuple[float, float, float], radius_mm:
 def grid_of(model: InversionModel, shape: np.ndarray, noise_px: float = 0.02, seed: int = 0) -> TrackedGrid:
     from manytouch.geometry.camera import project
 
-    centre = project(model.camera, model.layout.rest_mm) + model.dots.displacement_px(shape)
-    centre += np.random.default_rng(seed).normal(0, noise_px, centre.shape)
-    count = len(centre)
-    return TrackedGrid(
-        position_px=read_only(centre),
-        covariance_px2=read_only(np.tile(noise_px**2 * np.eye(2), (count, 1, 1))),
-        is_seen=read_only(np.ones(count, dtype=bool)),
-        frames_unseen=read_only(np.zeros(count, dtype=np.int64)),
-    )
+    centre_px = project(model.camera, model.layout.rest_mm) + model.dots.displacement_px(shape)
+    return grid_at(centre_px, std_px=noise_px, noise_px=noise_px, seed=seed)
 
 
 def without(grid: TrackedGrid, lost: np.ndarray) -> TrackedGrid:

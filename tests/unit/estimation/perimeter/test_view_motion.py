@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.perimeter.view_motion import RigidMotionEstimator, ViewMotion
+from manytouch.estimation.perimeter.view_motion import RigidMotion, RigidMotionEstimator
 
 ROWS, COLUMNS = 9, 14
 PLACE = np.stack(np.meshgrid(np.arange(COLUMNS) * 4.0 - 26.0, np.arange(ROWS) * 5.0 - 20.0), axis=-1).reshape(
@@ -12,7 +12,7 @@ PLACE = np.stack(np.meshgrid(np.arange(COLUMNS) * 4.0 - 26.0, np.arange(ROWS) * 
 VIEW = RigidMotionEstimator()
 HYPOTHESES = VIEW.hypotheses(PLACE)
 ALL = np.ones(len(PLACE), dtype=np.bool_)
-MOTION = ViewMotion(shift_mm=np.array([1.7, -0.9]), angle_rad=0.01)
+MOTION = RigidMotion(shift_mm=np.array([1.7, -0.9]), angle_rad=0.01)
 
 
 def press(centre: tuple[float, float], depth: float, radius: float) -> np.ndarray:

@@ -11,11 +11,11 @@ from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.scene.deformation import Deformation, undeformed
 from manytouch.simulation.scene.file import BUILT_IN, SceneFile, load_scene
 from manytouch.simulation.scene.motion import poses
-from manytouch.simulation.scene.solve import shipped_states, solid_problem
 from manytouch.simulation.shell.energy import ContactBodies, PosedIndenter, prestretch
 from manytouch.simulation.shell.kernels import power
 from manytouch.simulation.shell.live_sheet import LiveSheet
 from manytouch.simulation.shell.minimisation import EnergyMinimiser
+from manytouch.simulation.solve_scene import shipped_states, solid_problem
 from manytouch.values import Sheet
 
 FOUND = demo_sensor().sheet

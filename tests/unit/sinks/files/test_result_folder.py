@@ -89,7 +89,7 @@ def interrupted(monkeypatch: pytest.MonkeyPatch, folder: Path, after: int) -> No
         patch.setattr("shutil.rmtree", counted(__import__("shutil").rmtree))
         with contextlib.suppress(Killed):
             results.commit()
-    results._lock.release()  # as the operating system does for a dead process
+    results.lock.release()  # as the operating system does for a dead process
 
 
 @pytest.mark.parametrize("after", range(8))

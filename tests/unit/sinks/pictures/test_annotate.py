@@ -154,6 +154,24 @@ def test_arrows_are_what_markers_moved_in_the_image(sensor, reading_of):
     assert count(moved, YELLOW) > count(at_rest, YELLOW)  # the legend has one too
 
 
+def test_a_shear_force_is_an_arrow_from_the_centre_of_the_contact(sensor, reading_of, contact_of):
+    annotate = Annotator(sensor)
+    bar = (annotate(reading_of(0)).shape[0] - 480) // 2
+
+    def drawn(force_N):
+        contact = contact_of(force_N=np.array(force_N), centre_px=np.array([159.5, 119.5]))
+        image = annotate(reading_of(0, (contact,)))[bar : bar + 480]
+        rows, columns = np.nonzero(np.all(image == np.array(VERMILION, np.uint8), axis=2))
+        return columns, rows
+
+    still, pulled = drawn((0.0, 0.0, -1.5)), drawn((3.0, 0.0, -1.5))
+    assert pulled[0].max() == pytest.approx(319.5 + 0.09 * 640, abs=3)
+    assert pulled[0].min() == still[0].min()
+    assert drawn((0.0, -40.0, -1.5))[1].min() == pytest.approx(239.5 - 0.15 * 640, abs=3)
+    unknown = drawn((np.nan, np.nan, -1.5))
+    assert len(unknown[0]) == len(still[0])
+
+
 def test_a_label_contains_newtons_where_there_are_any(contact_of):
     assert force_text(contact_of(force_N=np.full(3, np.nan))) == ""
     covariance = np.full((8, 8), np.nan)

@@ -1,5 +1,6 @@
 """MIDI polyphonic expression, byte by byte, and a file that mido reads."""
 
+import threading
 from pathlib import Path
 
 import mido
@@ -7,8 +8,11 @@ import numpy as np
 import pytest
 
 from manytouch.errors import OutputError
+from manytouch.sinks.publishers import midi
+from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.midi import MpeEncoder
-from manytouch.sinks.publishers.registry import open_outputs
+from manytouch.sinks.publishers.queued import QueuedOutput
+from manytouch.sinks.publishers.registry import SCHEMES, open_outputs
 from manytouch.sinks.publishers.touches import TouchScale
 from manytouch.values import Phase
 
@@ -88,3 +92,49 @@ def test_a_file_has_the_messages_at_their_times(tmp_path: Path, session, reading
 def test_without_ports_the_names_and_the_remedy_are_stated(session) -> None:
     with pytest.raises(OutputError, match=r"python-rtmidi|those of this computer"):
         open_outputs(["midi://no such port"], session)
+
+
+class Port:
+    """A port of another program, and what it has received."""
+
+    name = "Synth:in 20:0"
+
+    def __init__(self) -> None:
+        self.messages: list[mido.Message] = []
+
+    def send(self, message: mido.Message) -> None:
+        self.messages.append(message)
+
+    def close(self) -> None:
+        """Nothing is open."""
+
+
+def test_a_port_that_disappears_is_opened_again_once_it_is_back(
+    session, reading_of, touch, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[Port] = []
+    names = [Port.name]
+    monkeypatch.setattr(midi, "PRESENCE_INTERVAL_S", 0.0)
+    monkeypatch.setattr(mido, "get_output_names", lambda: list(names))
+    monkeypatch.setattr(mido, "open_output", lambda _: opened.append(Port()) or opened[-1])
+    address = parse_address("midi://synth")
+    output = QueuedOutput(
+        "synth", lambda: SCHEMES["midi"].open_publisher(address, session), retry_interval_s=0.01
+    )
+
+    def publish(until) -> None:
+        for index in range(500):
+            output.write(reading_of(index, (touch(3, 0.5, 0.25, 5.0),)))
+            if until():
+                return
+            threading.Event().wait(0.01)
+        raise AssertionError(output.state)
+
+    publish(lambda: any(message.type == "note_on" for message in opened[0].messages))
+    names.clear()
+    publish(lambda: "there is no MIDI port 'synth'" in (output.state.problem or ""))
+    names.append(Port.name)
+    publish(lambda: len(opened) > 1 and any(each.type == "note_on" for each in opened[-1].messages))
+    output.close()
+    assert output.state.problem is None
+    assert output.state.dropped > 0

@@ -14,6 +14,7 @@ class Slow:
     """A publisher that waits for a permission before each reading."""
 
     def __init__(self) -> None:
+        self.has_begun = threading.Event()
         self.may_go = threading.Semaphore(0)
         self.indices: list[int] = []
         self.is_closed = False
@@ -21,6 +22,7 @@ class Slow:
     description = "readings of a test"
 
     def publish(self, reading: Reading) -> None:
+        self.has_begun.set()
         self.may_go.acquire()
         self.indices.append(reading.frame.index)
 
@@ -52,7 +54,7 @@ def test_of_more_readings_than_fit_the_oldest_are_dropped_and_counted(reading_of
     publisher = Slow()
     output = QueuedOutput("slow", lambda: publisher, queue_length=3)
     output.write(reading_of(0))
-    wait_until(lambda: not output._queue)  # the thread has it
+    assert publisher.has_begun.wait(10.0)
     for index in range(1, 11):
         output.write(reading_of(index))
     assert output.state.dropped == 7

@@ -31,6 +31,20 @@ def pressed(reading_of, contact_of):
     return reading_of(7, (one, ended), depth_mm=1.0)
 
 
+def test_a_contact_has_all_standard_deviations_in_si_units(sensor, reading_of, contact_of) -> None:
+    covariance = np.diag(np.arange(1.0, 9.0) ** 2)  # of x, y, depth, shear x, y, normal force, torque, area
+    message = RosMessages(sensor).contacts(reading_of(0, (contact_of(3, covariance=covariance),)), 0)
+    cloud = typestore().deserialize_cdr(message.cdr, message.type)
+    numbers = np.frombuffer(cloud.data[8:], "<f4")  # behind id and phase
+    found = dict(zip(CONTACT_FIELDS, numbers.tolist(), strict=True))
+    assert {name: value for name, value in found.items() if name.endswith("_std")} == pytest.approx(
+        {
+            **{"x_std": 1e-3, "y_std": 2e-3, "depth_std": 3e-3, "shear_x_std": 4.0, "shear_y_std": 5.0},
+            **{"normal_force_std": 6.0, "torque_std": 7e-3, "area_std": 8e-6},
+        }
+    )
+
+
 def samples_of(reader) -> list:
     return reader.take(N=10)
 

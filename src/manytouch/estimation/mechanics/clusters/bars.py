@@ -19,18 +19,25 @@ from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 MIN_F = 8.0
 """Least F of two patches against a bar, by which there are two. It was fitted: balls of 2 mm radius on a
 sheet of 3 mm, 6 to 16 mm apart, have 9 and more; bars and blocks of the varied cases -50 to 14 (ADR 84)."""
+MIN_INSIDE = 0.8
+"""Least share of the force of a face on the nodes of the evidence; nothing limits it beyond them."""
 _TWO_PARAMETERS = 7
 _START_MM = 0.1
-LEAST_INSIDE = 0.8
-"""Least share of the force of a face on the nodes of the evidence; nothing limits it beyond them."""
 
 
-def f_of_two(evidence: Evidence, two_misfit: float, bar: PatchFit, *, min_mean_misfit: float = 0.1) -> float:
+def f_of_two(
+    evidence: Evidence,
+    two_misfit: float,
+    bar: PatchFit,
+    *,
+    min_mean_misfit: float = 0.1,
+    min_inside: float = MIN_INSIDE,
+) -> float:
     """F of two patches against a bar: the difference of the misfits over that per degree of freedom.
 
-    It is infinite for a bar with a part beyond the nodes of the evidence.
+    It is infinite for a bar with less than `min_inside` of its force on the nodes of the evidence.
     """
-    if bar.nodal_mm2.sum() < LEAST_INSIDE * bar.force_mm2:
+    if bar.nodal_mm2.sum() < min_inside * bar.force_mm2:
         return np.inf
     mean_misfit = two_misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1)
     return (bar.misfit - two_misfit) / max(mean_misfit, min_mean_misfit)
@@ -49,6 +56,7 @@ class BarRule:
         max_size_ratio: of wide patches, of their second moments.
         unlike_size_ratio: from this ratio on two bodies are not described by two patches of one size.
         max_nodes: largest number of nodes of an evidence.
+        min_inside: least share of the force of a bar on these nodes.
     """
 
     min_f: float = MIN_F
@@ -59,6 +67,7 @@ class BarRule:
     max_size_ratio: float = 4.0
     unlike_size_ratio: float = 30.0
     max_nodes: int = 96
+    min_inside: float = MIN_INSIDE
 
     def __call__(
         self,
@@ -95,7 +104,8 @@ class BarRule:
             # the two ellipses that were fitted one by one
             apart = evidence.misfit(np.nan_to_num(clusters.fitted_mm2[evidence.combinations.node]))
             two_misfit = min(two_misfit, apart)
-        return f_of_two(evidence, two_misfit, fit_bar(evidence, pair)) <= limit * self.min_f
+        f = f_of_two(evidence, two_misfit, fit_bar(evidence, pair), min_inside=self.min_inside)
+        return f <= limit * self.min_f
 
     def _nodes(
         self, model: InversionModel, clusters: Clusters, own: Int64[np.ndarray, "2"]

@@ -239,7 +239,8 @@ class Evidence:
         off = self.aim - self.combinations.white @ nodal_mm2
         return float(off @ off)
 
-    def _grid(self) -> NodeGrid:
+    def node_grid(self) -> NodeGrid:
+        """The nodes of the evidence, for compiled functions."""
         shares = (self.patch.end_shares(axis) for axis in range(2))
         own = self.combinations
         return NodeGrid(own.knot_x_mm, own.knot_y_mm, own.local, self.patch.shear_mm2, *shares)
@@ -247,13 +248,13 @@ class Evidence:
     def nodal(self, theta: Scalars) -> Float64[np.ndarray, " nodes"]:
         """(n,) forces of fitted patches on the nodes, over E; `theta` as in `patch_kernels`."""
         nodal = np.zeros(len(self.combinations.node))
-        add_patches(theta, self._grid(), nodal)
+        add_patches(theta, self.node_grid(), nodal)
         return nodal
 
     def fit(self, theta: Scalars, step: list[float]) -> tuple[float, Float64[np.ndarray, "p p"]]:
         """Least misfit and its curvature; `theta` is changed in place."""
         likelihood = Whitened(self.combinations.white, self.aim)
-        misfit, curved = fit_patches(theta, np.array(step), self._grid(), likelihood, _MAX_STEPS)
+        misfit, curved = fit_patches(theta, np.array(step), self.node_grid(), likelihood, _MAX_STEPS)
         return float(misfit), curved
 
 

@@ -20,7 +20,16 @@ from manytouch.values.arrays import Points2, Scalars
 
 @runtime_checkable
 class ForcePatch(Protocol):
-    """A patch of pressure that was fitted to the markers; see `evidence.PatchFit`."""
+    """A patch of pressure that was fitted to the markers; see `evidence.PatchFit`.
+
+    Attributes:
+        force_mm2: normal force over E.
+        centre_mm: (2,) on the sheet.
+        spread_mm2: (2, 2) second moment of the pressure about the centre.
+        covariance: (6, 6) of force, x, y and the moments xx, xy, yy, by the noise.
+        sheet_covariance: (6, 6) the same by the parameters of the sheet that are not exactly known.
+        corner_mm: (k, 2) outline of a rigid face; (0, 2) of others.
+    """
 
     @property
     def force_mm2(self) -> float: ...

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.estimation.mechanics.clusters.bars import LEAST_INSIDE, MIN_F, f_of_two
+from manytouch.estimation.mechanics.clusters.bars import MIN_F, MIN_INSIDE, f_of_two
 from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_rim
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
@@ -56,6 +56,7 @@ class ModelOrder:
         min_rim: least second moment of such a face over that under even pressure.
         min_face: least minor half axis of the ellipse for this, in elements.
         min_f_bar: least F of two patches against a bar.
+        min_inside: least share of the force of a bar or a face on the nodes of the evidence.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.
         hysteresis: multiplies all limits where there were two contacts in the previous frame.
         max_shift: largest distance from the centroid of the forces to the fitted centre, in elements.
@@ -75,6 +76,7 @@ class ModelOrder:
     min_rim: float = 1.15
     min_face: float = 1.0
     min_f_bar: float = MIN_F
+    min_inside: float = MIN_INSIDE
     min_mean_misfit: float = 0.1
     hysteresis: float = 0.7
     max_shift: float = 1.0
@@ -180,7 +182,13 @@ class ModelOrder:
         if one.misfit - pair.misfit <= limit * self.min_f * noise * mean_misfit:
             return one
         bar = fit_bar(evidence, pair)
-        f = f_of_two(evidence, pair.misfit, bar, min_mean_misfit=self.min_mean_misfit)
+        f = f_of_two(
+            evidence,
+            pair.misfit,
+            bar,
+            min_mean_misfit=self.min_mean_misfit,
+            min_inside=self.min_inside,
+        )
         if f <= limit * self.min_f_bar and bar.misfit < one.misfit:
             return bar
         share = pair.force_mm2 / pair.force_mm2.sum()
@@ -197,7 +205,7 @@ class ModelOrder:
         mean_misfit = max(face.misfit / max(len(evidence.aim) - _FACE_PARAMETERS, 1), self.min_mean_misfit)
         arm_mm2 = float(np.square(face.corner_mm - face.centre_mm).sum(axis=1).mean())
         is_rim = 2.0 * float(np.trace(face.spread_mm2)) > self.min_rim * arm_mm2
-        is_inside = bool(face.nodal_mm2.sum() >= LEAST_INSIDE * face.force_mm2)
+        is_inside = bool(face.nodal_mm2.sum() >= self.min_inside * face.force_mm2)
         is_better = one.misfit - face.misfit > self.min_f_face * mean_misfit
         return face if is_inside and is_better and is_rim else one
 

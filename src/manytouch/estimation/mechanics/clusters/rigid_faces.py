@@ -25,8 +25,6 @@ from manytouch.values.arrays import Points2, Scalars
 
 _PLACES = np.linspace(0.0, 1.0, 17)
 _PLANE = 4  # clusters from which on their depths are not on one plane by chance
-_EDGE_SHARE = 0.5  # of the extent of the pressure where a face presses; fitted to punches on 3-D solids
-_EDGE_MM = 2.0  # at most
 _ROW = 0.1  # width of a row of clusters over its length
 
 
@@ -51,6 +49,9 @@ class RigidFaces:
         max_depth_ratio: largest difference of their depths, over the deeper one.
         plane_share: largest distance of the depths of four clusters or more from a plane, over their depth.
         reach_pitch: a contact of the previous frame within this distance is the same, in pitches.
+        edge_share: part of the half extent of the pressure at an end that lies within the face, whose edge
+            presses most; fitted to punches on 3-D solids,
+        max_edge_mm: but at most this.
         bars: decides by the markers whether a pair is one bar.
     """
 
@@ -66,6 +67,8 @@ class RigidFaces:
     max_depth_ratio: float = 0.06
     plane_share: float = 0.06
     reach_pitch: float = 1.5
+    edge_share: float = 0.5
+    max_edge_mm: float = 2.0
     bars: BarRule = field(default_factory=BarRule)
 
     def __call__(
@@ -94,13 +97,13 @@ class RigidFaces:
         joined, is_done = clusters, np.zeros(count, dtype=np.bool_)
         for own in _components(is_flat):
             if self._is_plane(clusters, depth_mm, own):
-                joined, is_done[own] = _join(joined, clusters, own), True
+                joined, is_done[own] = self._join(joined, clusters, own), True
         for own in _components(is_about_flat & ~is_done & ~is_done[:, None]):
             was_two = bool(was_apart[np.ix_(own, own)].any())
             if self._is_one(
                 model, clusters, depth_mm, own, previous_mm, evidence_at=evidence_at, was_two=was_two
             ):
-                joined = _join(joined, clusters, own)
+                joined = self._join(joined, clusters, own)
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
         order = kept[np.argsort(-joined.normal_mm2[kept], kind="stable")]
         return joined.select(order)
@@ -180,6 +183,55 @@ class RigidFaces:
             and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm
         )
 
+    def _join(self, result: Clusters, clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Clusters:
+        """`result` with clusters joined to the first of them; the others get no force."""
+        share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
+        centre_mm = share @ clusters.centre_mm[own]
+        arm = clusters.centre_mm[own] - centre_mm
+        force_mm2 = clusters.force_mm2[own].sum(axis=0)
+        turned = arm[:, 0] * clusters.force_mm2[own, 1] - arm[:, 1] * clusters.force_mm2[own, 0]
+        spread = np.einsum("k,kij->ij", share, clusters.spread_mm2[own] + arm[:, :, None] * arm[:, None, :])
+        covariance = _joint_covariance(clusters.covariance[own], share)
+        by_sheet = _joint_covariance(clusters.sheet_covariance[own], share, is_common=True)
+        first, others = own[0], own[1:]
+
+        def changed(old: np.ndarray, new: np.ndarray | float) -> np.ndarray:
+            copy = old.copy()
+            copy[first] = new
+            return copy
+
+        force = changed(result.force_mm2, force_mm2)
+        force[others] = 0.0
+        label = result.label.copy()
+        label[np.isin(label, others)] = first
+        return replace(
+            result,
+            centre_mm=changed(result.centre_mm, centre_mm),
+            force_mm2=force,
+            torque_mm3=changed(result.torque_mm3, float((clusters.torque_mm3[own] + turned).sum())),
+            spread_mm2=changed(result.spread_mm2, spread),
+            covariance=changed(result.covariance, covariance),
+            sheet_covariance=changed(result.sheet_covariance, by_sheet),
+            label=label,
+            is_face=changed(result.is_face, True),
+            corner_points_mm=(
+                *result.corner_points_mm[:first],
+                self._corner_points(clusters, own),
+                *result.corner_points_mm[first + 1 :],
+            ),
+        )
+
+    def _corner_points(self, clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "_ 2"]:
+        """Points around each place where a face presses.
+
+        The pressure is highest at the edge, so that only a part of its extent lies within the face.
+        """
+        size, axes = np.linalg.eigh(clusters.spread_mm2[own])
+        half_mm = self.edge_share * 2.0 * np.sqrt(np.maximum(size, 0.0))
+        arm_mm = axes.transpose(0, 2, 1) * np.minimum(half_mm, self.max_edge_mm)[:, :, None]
+        around_mm = clusters.centre_mm[own][:, None] + np.concatenate([arm_mm, -arm_mm], axis=1)
+        return np.asarray(around_mm.reshape(-1, 2))
+
 
 def _components(is_joined: np.ndarray) -> list[Int64[np.ndarray, " k"]]:
     """Connected groups of two clusters or more."""
@@ -197,57 +249,6 @@ def _nearest_within(
     away_mm = np.linalg.norm(centre_mm[:, None] - place_mm, axis=2)
     nearest = away_mm.argmin(axis=1)
     return np.where(away_mm.min(axis=1) <= reach_mm, nearest, -1).astype(np.int64)
-
-
-def _join(result: Clusters, clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Clusters:
-    """`result` with clusters joined to the first of them; the others get no force."""
-    share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
-    centre_mm = share @ clusters.centre_mm[own]
-    arm = clusters.centre_mm[own] - centre_mm
-    force_mm2 = clusters.force_mm2[own].sum(axis=0)
-    turned = arm[:, 0] * clusters.force_mm2[own, 1] - arm[:, 1] * clusters.force_mm2[own, 0]
-    spread = np.einsum("k,kij->ij", share, clusters.spread_mm2[own] + arm[:, :, None] * arm[:, None, :])
-    covariance = _joint_covariance(clusters.covariance[own], share)
-    by_sheet = _joint_covariance(clusters.sheet_covariance[own], share, is_common=True)
-    first, others = own[0], own[1:]
-
-    def changed(old: np.ndarray, new: np.ndarray | float) -> np.ndarray:
-        copy = old.copy()
-        copy[first] = new
-        return copy
-
-    force = changed(result.force_mm2, force_mm2)
-    force[others] = 0.0
-    label = result.label.copy()
-    label[np.isin(label, others)] = first
-    return replace(
-        result,
-        centre_mm=changed(result.centre_mm, centre_mm),
-        force_mm2=force,
-        torque_mm3=changed(result.torque_mm3, float((clusters.torque_mm3[own] + turned).sum())),
-        spread_mm2=changed(result.spread_mm2, spread),
-        covariance=changed(result.covariance, covariance),
-        sheet_covariance=changed(result.sheet_covariance, by_sheet),
-        label=label,
-        is_face=changed(result.is_face, True),
-        corner_points_mm=(
-            *result.corner_points_mm[:first],
-            _corner_points(clusters, own),
-            *result.corner_points_mm[first + 1 :],
-        ),
-    )
-
-
-def _corner_points(clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "_ 2"]:
-    """Points around each place where a face presses.
-
-    The pressure is highest at the edge, so that only a part of its extent lies within the face.
-    """
-    size, axes = np.linalg.eigh(clusters.spread_mm2[own])
-    half_mm = _EDGE_SHARE * 2.0 * np.sqrt(np.maximum(size, 0.0))
-    arm_mm = axes.transpose(0, 2, 1) * np.minimum(half_mm, _EDGE_MM)[:, :, None]
-    around_mm = clusters.centre_mm[own][:, None] + np.concatenate([arm_mm, -arm_mm], axis=1)
-    return np.asarray(around_mm.reshape(-1, 2))
 
 
 def _joint_covariance(

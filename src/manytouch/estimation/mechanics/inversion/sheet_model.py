@@ -219,6 +219,12 @@ def _young_relative_std(sheet: Sheet) -> float:
 
 
 def checked_layout(sensor: Sensor) -> Layout:
+    """The layout of a sensor.
+
+    Raises:
+        SensorError: it has none.
+        LayoutError: it has fewer than `MIN_MARKERS` markers.
+    """
     layout = sensor.layout
     if layout is None:
         raise SensorError(

@@ -13,8 +13,8 @@ from manytouch.paper.detection import DetectionStages, PaperDetection, PaperDete
 from manytouch.paper.estimation import PaperEstimation, PaperEstimationState, perimeter_depth
 from manytouch.paper.perimeters import Formula, corner_values
 from manytouch.session.prepare import Job
-from manytouch.session.run import StopCondition
-from manytouch.values import Reading
+from manytouch.session.run import NoObserver, Observer, StopCondition
+from manytouch.values import Reading, Status
 from manytouch.values.arrays import Points2
 
 
@@ -38,7 +38,7 @@ class SampleCalculation:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Steps:
+class PaperSteps:
     """One frame on its way through the method.
 
     Attributes:
@@ -84,12 +84,20 @@ class _Kept:
     frames: int
 
 
-def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | None = None) -> Steps:
+def collect_steps(
+    job: Job,
+    *,
+    frame: int | None = None,
+    observer: Observer | None = None,
+    stop: StopCondition | None = None,
+) -> PaperSteps:
     """Process the frames of a job with method `paper` and keep what one of them goes through.
 
     Args:
         job: from `prepare`, with method "paper".
-        frame: number of the frame; None selects the one with the most contacts, and of those the deepest.
+        frame: number of the frame; None selects the one with the most contacts, and of those the deepest;
+            frames in which all markers have their identity go before others.
+        observer: notified of begin and frames.
         stop: ends the search for the frame early.
 
     Raises:
@@ -101,7 +109,9 @@ def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | N
     assert isinstance(estimate, PaperEstimation)
     detecting, tracking = detect.start(sensor), pipeline.track.start(sensor)
     estimating = estimate.start(sensor)
-    rest, kept, rank = None, None, (-1, -1.0)
+    watch = NoObserver() if observer is None else observer
+    watch.on_begin(sensor, job.frame_count)
+    rest, kept, rank = None, None, (False, False, -1, -1.0)
     lost = new = count = 0
     for each in job.frames:
         before = detecting
@@ -116,10 +126,16 @@ def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | N
             contacts=contacts,
             milliseconds=0.0,
         )
+        watch.on_reading(reading)
         lost, new, count = lost + (grid.lost_ids or 0), new + (grid.new_ids or 0), count + 1
         rest = reading if rest is None and grid.is_seen.any() else rest
         touching = contacts.touching
-        its_rank = (len(touching), max((contact.depth_mm for contact in touching), default=0.0))
+        its_rank = (
+            len(touching) > 0,
+            reading.status == Status.OK,
+            len(touching),
+            max((contact.depth_mm for contact in touching), default=0.0),
+        )
         is_wanted = each.index == frame if frame is not None else its_rank > rank
         if is_wanted and each.image is not None:
             rank = its_rank
@@ -132,7 +148,7 @@ def collect_steps(job: Job, *, frame: int | None = None, stop: StopCondition | N
     return _steps(job, kept, rest, estimating)
 
 
-def _steps(job: Job, kept: _Kept, rest: Reading | None, estimation: PaperEstimationState) -> Steps:
+def _steps(job: Job, kept: _Kept, rest: Reading | None, estimation: PaperEstimationState) -> PaperSteps:
     detect, image = job.pipeline.detect, kept.reading.frame.image
     assert isinstance(detect, PaperDetection)
     assert image is not None
@@ -148,7 +164,7 @@ def _steps(job: Job, kept: _Kept, rest: Reading | None, estimation: PaperEstimat
     true_mm = None
     if marker is not None and truth is not None:
         true_mm = -float(truth.surface.displacement_mm[marker, 2])
-    return Steps(
+    return PaperSteps(
         job=job,
         rest=rest,
         reading=kept.reading,

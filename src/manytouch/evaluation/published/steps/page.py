@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from manytouch.evaluation.published.steps.collect import Steps
+from manytouch.evaluation.published.steps.collect import PaperSteps
 from manytouch.evaluation.published.steps.pictures import draw_steps
 from manytouch.evaluation.report.page import require_packages
 from manytouch.paper.detection import PaperDetection
@@ -18,7 +18,7 @@ from manytouch.values import Status
 TEMPLATE = "steps.html.jinja"
 
 
-def write_steps(steps: Steps, folder: Path) -> Path:
+def write_steps(steps: PaperSteps, folder: Path) -> Path:
     """Write a picture of each step and index.html, which shows them.
 
     Raises:
@@ -45,7 +45,7 @@ def write_steps(steps: Steps, folder: Path) -> Path:
     return page
 
 
-def figures(steps: Steps) -> dict[str, Any]:
+def figures(steps: PaperSteps) -> dict[str, Any]:
     """All numbers of the page."""
     pipeline, stages, reading = steps.job.pipeline, steps.stages, steps.reading
     detect, track, estimate = pipeline.detect, pipeline.track, pipeline.estimate
@@ -95,7 +95,7 @@ def figures(steps: Steps) -> dict[str, Any]:
     }
 
 
-def _perimeter(steps: Steps, marker: int) -> dict[str, float]:
+def _perimeter(steps: PaperSteps, marker: int) -> dict[str, float]:
     """AP and BP of the quad of a marker (of its first, if it has several), d, and the marker's depth."""
     quads = steps.estimation.quads
     quad = marker if quads.is_corner is None else int(quads.is_corner[[marker]].indices[0])

@@ -8,7 +8,7 @@ from typing import Any
 import cv2
 import numpy as np
 
-from manytouch.evaluation.published.steps.collect import Steps
+from manytouch.evaluation.published.steps.collect import PaperSteps
 from manytouch.geometry.inverse_distance import plane_of
 from manytouch.paper.perimeters import corner_values
 from manytouch.sinks.files.atomic_output import atomic_file
@@ -21,7 +21,7 @@ FEW_NUMBERS = 700  # markers up to which every depth is written
 WINDOW_DOTS = 2.6  # half the side of the picture of centres, in distances between dots
 
 
-def draw_steps(steps: Steps, folder: Path) -> list[str]:
+def draw_steps(steps: PaperSteps, folder: Path) -> list[str]:
     """Draw all steps that the frame reached; returns the names of the files in their order."""
     drawings = [
         ("1-camera.png", _camera),
@@ -74,7 +74,7 @@ def _image8(image: np.ndarray | None) -> np.ndarray:
     return image if image.ndim == 2 else cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
 
 
-def _camera(steps: Steps, path: Path) -> None:
+def _camera(steps: PaperSteps, path: Path) -> None:
     image = _image8(steps.reading.frame.image)
     width, height = steps.view.view.window_px[2:]
     inner = np.array([[0, 0], [width - 1, 0], [width - 1, height - 1], [0, height - 1], [0, 0]], np.float64)
@@ -85,14 +85,14 @@ def _camera(steps: Steps, path: Path) -> None:
         axes.plot(*outline_px.T, color=MARK, linewidth=1.5)
 
 
-def _grey(steps: Steps, path: Path) -> None:
+def _grey(steps: PaperSteps, path: Path) -> None:
     grey = steps.stages.grey
     inverted = ", inverted" if steps.view.view.is_dark else ""
     with _figure(path, _height_in(grey)) as figure:
         _show(figure.add_subplot(), grey, f"undistorted, aligned, cropped, grey{inverted}")
 
 
-def _threshold(steps: Steps, path: Path) -> None:
+def _threshold(steps: PaperSteps, path: Path) -> None:
     stages = steps.stages
     with _figure(path, _height_in(stages.grey, 0.7)) as figure:
         left, right = figure.subplots(1, 2, width_ratios=(7, 3))
@@ -105,7 +105,7 @@ def _threshold(steps: Steps, path: Path) -> None:
         right.set_title("pixels per level", fontsize=10, loc="left")
 
 
-def _opened(steps: Steps, path: Path) -> None:
+def _opened(steps: PaperSteps, path: Path) -> None:
     stages = steps.stages
     shown = np.repeat(stages.opened[..., None], 3, axis=2)
     removed = (stages.binary > 0) & (stages.opened == 0)
@@ -115,7 +115,7 @@ def _opened(steps: Steps, path: Path) -> None:
         _show(figure.add_subplot(), shown, words)
 
 
-def _contours(steps: Steps, path: Path) -> None:
+def _contours(steps: PaperSteps, path: Path) -> None:
     stages, detect = steps.stages, steps.job.pipeline.detect
     shown = cv2.cvtColor(stages.grey, cv2.COLOR_GRAY2RGB)
     for contour, is_marker in zip(stages.contours, stages.is_marker, strict=True):
@@ -134,7 +134,7 @@ def _contours(steps: Steps, path: Path) -> None:
         right.set_title("contours", fontsize=10, loc="left")
 
 
-def _centres(steps: Steps, path: Path) -> None:
+def _centres(steps: PaperSteps, path: Path) -> None:
     """A part of the picture around the deepest marker, or around the middle of the image."""
     stages = steps.stages
     midpoint_px = stages.midpoint_px[stages.is_marker]
@@ -162,12 +162,12 @@ def _centres(steps: Steps, path: Path) -> None:
         axes.set_ylim(middle_px[1] + half_px, middle_px[1] - half_px)
 
 
-def _apart_px(steps: Steps) -> float:
+def _apart_px(steps: PaperSteps) -> float:
     """About the distance between neighbouring dots."""
     return float(np.sqrt(steps.stages.grey.size / max(int(steps.stages.is_marker.sum()), 1)))
 
 
-def _identities(steps: Steps, path: Path) -> None:
+def _identities(steps: PaperSteps, path: Path) -> None:
     """The identities of a part of the image at rest and now, and the whole image with those that are lost."""
     image, grid, rest = _image8(steps.reading.frame.image), steps.reading.grid, steps.rest
     is_lost = ~grid.is_seen & ~steps.estimation.layout.is_missing
@@ -204,7 +204,7 @@ def _number(axes: Any, position_px: np.ndarray, centre_px: np.ndarray, half_px: 
         axes.text(*position_px[marker], str(marker), color=PRESENT, **place)
 
 
-def _perimeters(steps: Steps, path: Path) -> None:
+def _perimeters(steps: PaperSteps, path: Path) -> None:
     assert steps.marker is not None
     unit, quads = steps.job.sensor.length_unit, steps.estimation.quads
     cells = [steps.marker]
@@ -240,7 +240,7 @@ def _perimeters(steps: Steps, path: Path) -> None:
         axes.legend(fontsize=8, loc="upper right")
 
 
-def _padded_grid(steps: Steps, path: Path) -> None:
+def _padded_grid(steps: PaperSteps, path: Path) -> None:
     layout = steps.estimation.layout
     rows, columns = layout.shape or (1, 1)
     depth = -steps.reading.surface.displacement_mm[:, 2].reshape(rows, columns)
@@ -269,7 +269,7 @@ def _padded_grid(steps: Steps, path: Path) -> None:
         figure.colorbar(shown, ax=axes, label=f"depth ({steps.job.sensor.length_unit})", shrink=0.8)
 
 
-def _surface(steps: Steps, path: Path) -> None:
+def _surface(steps: PaperSteps, path: Path) -> None:
     unit, layout = steps.job.sensor.length_unit, steps.estimation.layout
     between = steps.reading.surface.interpolation
     plane = plane_of(layout, between if between.kind == "idw" else INVERSE_DISTANCE)
@@ -290,7 +290,7 @@ def _surface(steps: Steps, path: Path) -> None:
                 x, y, 1.08 * contact.depth_mm, f"#{contact.id}  {contact.depth_mm:.2f} {unit}", zorder=9
             )
         axes.set_ylim(float(y_mm.max()), float(y_mm.min()))
-        axes.set_box_aspect((np.ptp(x_mm), np.ptp(y_mm), 0.3 * max(np.ptp(x_mm), np.ptp(y_mm))))
+        axes.set_box_aspect((np.ptp(x_mm), np.ptp(y_mm), 0.3 * max(np.ptp(x_mm), np.ptp(y_mm))), zoom=1.2)
         axes.view_init(elev=40, azim=-66)
         axes.set_xlabel(f"x ({unit})")
         axes.set_ylabel(f"y ({unit})")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES, VARIED_GROUPS, Case
-from manytouch.evaluation.suite.varied.presses import SHAPES, Drawn, Press
+from manytouch.evaluation.suite.varied.presses import SHAPES, Drawn, VariedPress
 from manytouch.evaluation.suite.varied.sheets import SHEETS
 
 HELD_OUT_SHAPES = ("ring", "palm")
@@ -45,7 +45,7 @@ class VariedCase(Case):
 
     shape: str
     sheet: str
-    presses: tuple[Press, ...]
+    presses: tuple[VariedPress, ...]
     shares: tuple[float, ...] = SHARES
     stiffening: tuple[float, float] = (0.0, 0.0)
     drag_mm: tuple[float, float] = (0.0, 0.0)

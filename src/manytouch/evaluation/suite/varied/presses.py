@@ -12,7 +12,7 @@ Kind = Literal["ball", "block", "punch", "cylinder", "ring", "corner", "fingerti
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Press:
+class VariedPress:
     """One body, or a given pressure.
 
     Attributes:
@@ -69,6 +69,7 @@ class Drawn:
     deepest_mm: float
 
     def between(self, low: float, high: float) -> float:
+        """A number with two digits after the point, even between two limits."""
         return round(float(self.rng.uniform(low, high)), 2)
 
     def length(self, low_mm: float, high_mm: float, share: float) -> float:
@@ -77,17 +78,19 @@ class Drawn:
         return self.between(min(low_mm, 0.6 * most_mm), min(high_mm, most_mm))
 
     def several(self, low: int, high: int) -> int:
+        """A whole number between two limits, which may be drawn too."""
         return int(self.rng.integers(low, high + 1))
 
     def body(self, kind: Kind, *size_mm: float) -> tuple[Kind, tuple[float, ...]]:
+        """A body that is not placed yet; sizes as listed at `VariedPress.kind`."""
         return kind, size_mm
 
     def placed(
         self, bodies: list[tuple[Kind, tuple[float, ...]]], *, tilt_rad: float = 0.0, turned: bool = True
-    ) -> tuple[Press, ...]:
+    ) -> tuple[VariedPress, ...]:
         """The bodies at places that keep apart and off the rim; those that find no room are left out."""
         half_mm, gap_mm = 0.5 * np.array(self.sheet.size_mm), self.sheet.gap_mm
-        found: list[Press] = []
+        found: list[VariedPress] = []
         for number, (kind, size_mm) in enumerate(bodies):
             reach_mm = _reach_mm(kind, size_mm)
             room_mm = half_mm - reach_mm - gap_mm
@@ -101,7 +104,7 @@ class Drawn:
             share = 1.0 if number == 0 else self.between(0.5, 1.0)
             rim_mm = float((half_mm - np.abs(place)).min())
             found.append(
-                Press(
+                VariedPress(
                     kind=kind,
                     size_mm=size_mm,
                     at_mm=(float(place[0]), float(place[1])),
@@ -125,35 +128,35 @@ class Drawn:
         return round(depth_mm, 3)
 
 
-def balls(drawn: Drawn) -> tuple[Press, ...]:
+def balls(drawn: Drawn) -> tuple[VariedPress, ...]:
     """One to three of R 2 to 5 mm."""
     return drawn.placed([drawn.body("ball", drawn.between(2.0, 5.0)) for _ in range(drawn.several(1, 3))])
 
 
-def large_balls(drawn: Drawn) -> tuple[Press, ...]:
+def large_balls(drawn: Drawn) -> tuple[VariedPress, ...]:
     """One or two of R 8 to 25 mm."""
     return drawn.placed(
         [drawn.body("ball", drawn.length(8.0, 25.0, 0.3)) for _ in range(drawn.several(1, 2))]
     )
 
 
-def square(drawn: Drawn) -> tuple[Press, ...]:
+def square(drawn: Drawn) -> tuple[VariedPress, ...]:
     """A square end of 6 to 25 mm, in half of the cases with a ball."""
     side_mm = drawn.length(6.0, 25.0, 0.3)
     return drawn.placed([drawn.body("block", side_mm, side_mm), *_perhaps_a_ball(drawn)])
 
 
-def round_punch(drawn: Drawn) -> tuple[Press, ...]:
+def round_punch(drawn: Drawn) -> tuple[VariedPress, ...]:
     """A flat round end of R 3 to 12 mm, in half of the cases with a ball."""
     return drawn.placed([drawn.body("punch", drawn.length(3.0, 12.0, 0.15)), *_perhaps_a_ball(drawn)])
 
 
-def oblong(drawn: Drawn) -> tuple[Press, ...]:
+def oblong(drawn: Drawn) -> tuple[VariedPress, ...]:
     """A rectangular end, 4 to 8 by 15 to 35 mm."""
     return drawn.placed([drawn.body("block", drawn.length(15.0, 35.0, 0.35), drawn.between(4.0, 8.0))])
 
 
-def line(drawn: Drawn) -> tuple[Press, ...]:
+def line(drawn: Drawn) -> tuple[VariedPress, ...]:
     """A lying cylinder of R 2 to 5 mm, 12 to 40 mm long, in half of the cases with a ball."""
     radius_mm = drawn.between(2.0, 5.0)
     return drawn.placed(
@@ -161,36 +164,36 @@ def line(drawn: Drawn) -> tuple[Press, ...]:
     )
 
 
-def ring(drawn: Drawn) -> tuple[Press, ...]:
+def ring(drawn: Drawn) -> tuple[VariedPress, ...]:
     """A ring of R 5 to 12 mm."""
     return drawn.placed([drawn.body("ring", drawn.length(5.0, 12.0, 0.14), drawn.between(1.0, 2.0))])
 
 
-def corner(drawn: Drawn) -> tuple[Press, ...]:
+def corner(drawn: Drawn) -> tuple[VariedPress, ...]:
     """One or two corners of cubes."""
     return drawn.placed(
         [drawn.body("corner", drawn.length(8.0, 20.0, 0.25)) for _ in range(drawn.several(1, 2))]
     )
 
 
-def tilted(drawn: Drawn) -> tuple[Press, ...]:
+def tilted(drawn: Drawn) -> tuple[VariedPress, ...]:
     """A square end of 8 to 18 mm, tilted by 2 to 8 degrees."""
     side_mm = drawn.length(8.0, 18.0, 0.25)
     return drawn.placed([drawn.body("block", side_mm, side_mm)], tilt_rad=drawn.between(0.06, 0.14))
 
 
-def fingers(drawn: Drawn) -> tuple[Press, ...]:
+def fingers(drawn: Drawn) -> tuple[VariedPress, ...]:
     """One to four soft fingertips."""
     return drawn.placed([_finger(drawn) for _ in range(drawn.several(1, 4))])
 
 
-def palm(drawn: Drawn) -> tuple[Press, ...]:
+def palm(drawn: Drawn) -> tuple[VariedPress, ...]:
     """A palm-like wide load, and one to three soft fingertips."""
     wide = drawn.body("dome", drawn.length(30.0, 60.0, 0.45), drawn.length(25.0, 45.0, 0.4))
     return drawn.placed([wide, *(_finger(drawn) for _ in range(drawn.several(1, 3)))])
 
 
-def mixed(drawn: Drawn) -> tuple[Press, ...]:
+def mixed(drawn: Drawn) -> tuple[VariedPress, ...]:
     """Three to eight balls, rigid fingertips, punches and soft fingertips."""
     kinds: tuple[Callable[[Drawn], tuple[Kind, tuple[float, ...]]], ...] = (
         lambda one: one.body("ball", one.between(2.0, 7.0)),
@@ -212,7 +215,7 @@ def _perhaps_a_ball(drawn: Drawn) -> list[tuple[Kind, tuple[float, ...]]]:
     return [drawn.body("ball", drawn.between(2.5, 6.0))] if drawn.rng.random() < 0.5 else []
 
 
-SHAPES: dict[str, Callable[[Drawn], tuple[Press, ...]]] = {
+SHAPES: dict[str, Callable[[Drawn], tuple[VariedPress, ...]]] = {
     "balls": balls,
     "large-balls": large_balls,
     "square": square,

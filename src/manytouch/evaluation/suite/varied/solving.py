@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from manytouch.evaluation.suite.varied.cases import VariedCase
-from manytouch.evaluation.suite.varied.presses import Kind, Press
+from manytouch.evaluation.suite.varied.presses import Kind, VariedPress
 from manytouch.simulation.fem.cache import problem_keys
 from manytouch.simulation.fem.contact.indenters import (
     Fingertip,
@@ -100,7 +100,7 @@ def problem_key(case: VariedCase) -> str:
     return "".join(problem_keys(*problem(case))[-1:]) + f"{case.pitch_mm:g}"
 
 
-def _touch(case: VariedCase, one: Press, shares: np.ndarray) -> IndenterPath:
+def _touch(case: VariedCase, one: VariedPress, shares: np.ndarray) -> IndenterPath:
     at_mm = np.tile(one.at_mm, (len(shares), 1))
     at_mm[-1] += case.drag_mm
     lift_mm = CORNER_EDGE_MM * math.log(3.0) * math.sqrt(1.5) if one.kind == "corner" else 0.0
@@ -117,7 +117,7 @@ def _touch(case: VariedCase, one: Press, shares: np.ndarray) -> IndenterPath:
     return replace(path, rotation_vector=np.tile([*one.tilt_rad, one.yaw_rad], (len(shares), 1)))
 
 
-def _dome(case: VariedCase, one: Press, shares: np.ndarray) -> PressurePatch:
+def _dome(case: VariedCase, one: VariedPress, shares: np.ndarray) -> PressurePatch:
     """With friction the last state has half of the shear at which it would slip."""
     force_N = np.column_stack([np.zeros((len(shares), 2)), -one.strength * shares])
     if case.friction > 0.0:
@@ -128,7 +128,7 @@ def _dome(case: VariedCase, one: Press, shares: np.ndarray) -> PressurePatch:
     )
 
 
-def indenter(one: Press) -> Indenter:
+def indenter(one: VariedPress) -> Indenter:
     """The rigid body of a press.
 
     Raises:
@@ -156,7 +156,7 @@ def _cube_on_its_corner(edge_mm: float) -> np.ndarray:
     return np.asarray(edge_mm * corner @ frame.T)
 
 
-def _refined(case: VariedCase, one: Press, finer: float) -> Refinement:
+def _refined(case: VariedCase, one: VariedPress, finer: float) -> Refinement:
     """Where a press touches, and where it is dragged to."""
     contact_mm = one.reach_mm
     if one.kind in {"ball", "fingertip"}:

@@ -100,4 +100,5 @@ class Yeoh(NeoHooke):
 
     @property
     def stiffening(self) -> tuple[float, float]:
+        """The factors a and b of its energy."""
         return self.second, self.third

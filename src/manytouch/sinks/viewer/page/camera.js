@@ -5,7 +5,7 @@ import { freePlace, overlaps } from "./label_places.js";
 import { isKnown } from "./numbers.js";
 import { sized } from "./plot.js";
 
-const SHEAR_PX_PER_N = 20, MOST_SHEAR_PX = 90;
+const SHEAR_PX_PER_N = 20, MOST_SHEAR_PX = 90, FAR_NAME_PX = 24;
 const SKY = "#6cc4f5", LOST = "#ff7a3d", ARROW = "#f7e04b";
 
 export class CameraPane {
@@ -148,6 +148,11 @@ export class CameraPane {
     const text = slip ? `#${id} slips` : `#${id}`, wide = context.measureText(text).width + 4;
     const [left, top] = freePlace([x + 0.5 * wide + 12, y], [wide, 15], size, taken, 2);
     taken.push([left, top, wide, 15]);
+    const nearest = [Math.min(Math.max(x, left), left + wide), Math.min(Math.max(y, top), top + 15)];
+    if (Math.hypot(nearest[0] - x, nearest[1] - y) > FAR_NAME_PX) {
+      context.lineWidth = 1.5; context.strokeStyle = contactColour(id);
+      context.beginPath(); context.moveTo(x, y); context.lineTo(...nearest); context.stroke();
+    }
     context.lineWidth = 3.5; context.strokeStyle = "rgb(0 0 0 / 75%)"; context.fillStyle = "#fff";
     context.strokeText(text, left + 2, top + 8); context.fillText(text, left + 2, top + 8);
   }

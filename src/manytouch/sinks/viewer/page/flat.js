@@ -131,6 +131,11 @@ export class FlatMarks {
       context.closePath(); context.stroke();
     };
     context.lineWidth = 2;
+    const { scale, left, top, wide, high } = pane.frame();
+    context.save();
+    context.beginPath(); context.rect(left, top, scale * wide, scale * high); context.clip(); // estimates may reach beyond the sheet
+    for (const { outline_mm, id } of this.contacts) { context.strokeStyle = contactColour(id); (outline_mm ?? []).forEach(polygon); }
+    context.restore();
     for (const { x_mm, y_mm, area_mm2 } of this.others) {
       const [x, y] = pane.toCanvas(x_mm, y_mm), radius = Math.sqrt((area_mm2 ?? 0) / Math.PI) || 0.02 * pane.reach;
       context.strokeStyle = "#fff"; context.setLineDash([4, 3]);
@@ -138,7 +143,6 @@ export class FlatMarks {
     }
     for (const contact of this.contacts) {
       context.strokeStyle = contactColour(contact.id);
-      (contact.outline_mm ?? []).forEach(polygon);
       const [x, y] = pane.toCanvas(contact.x_mm, contact.y_mm);
       context.beginPath(); context.arc(x, y, 6, 0, 2 * Math.PI); context.stroke();
       const text = isKnown(contact.force_N) ? `${withStd(contact.force_N, contact.force_std_N, force)} ${units.force}` : `${withStd(contact.depth_mm, contact.depth_std_mm, length)} ${units.length}`;

@@ -19,13 +19,10 @@ class Log {
     this.values = new Float32Array(MOST_ROWS * Object.keys(COLUMNS).length);
   }
 
-  add(time, contact) {
+  add(time, id, numbers) {
     const row = this.count++ % MOST_ROWS;
-    this.time[row] = time; this.id[row] = contact.id;
-    Object.values(COLUMNS).forEach((of, at, all) => {
-      const value = typeof of === "string" ? contact[of] : of(contact);
-      this.values[row * all.length + at] = value ?? NaN;
-    });
+    this.time[row] = time; this.id[row] = id;
+    numbers.forEach((value, at) => { this.values[row * numbers.length + at] = value ?? NaN; });
   }
 
   clear() { this.count = 0; }
@@ -60,25 +57,56 @@ class Ring {
 
 export class History {
   constructor(depthCanvas, forceCanvas) {
-    Object.assign(this, { depthCanvas, forceCanvas, rings: new Map(), now: 0, hasForce: false, log: new Log(), pinned: null });
+    Object.assign(this, { depthCanvas, forceCanvas, rings: new Map(), now: -Infinity, log: new Log(), pinned: null });
   }
 
-  add(head) {
-    if (head.time_s < this.now - 1e-6 || head.time_s > this.now + SPAN_S) { this.rings.clear(); this.log.clear(); }
-    this.now = head.time_s;
-    this.keep("", head.contacts);
-    for (const contact of head.contacts) this.log.add(head.time_s, contact);
-    if (head.comparison) this.keep("comparison ", head.comparison.contacts);
+  /** Take an update; one that repeats a reading, for another layer or measurement, adds nothing. */
+  add({ time_s, contacts, comparison }) {
+    if (time_s === this.now) return;
+    this.begin(time_s);
+    this.now = time_s;
+    for (const contact of contacts) {
+      const numbers = Object.values(COLUMNS).map((of) => (typeof of === "string" ? contact[of] : of(contact)));
+      this.log.add(time_s, contact.id, numbers);
+      this.ring("", contact.id).add(time_s, contact.depth_mm, contact.force_N);
+    }
+    for (const { id, depth_mm, force_N } of comparison?.contacts ?? []) this.ring("comparison ", id).add(time_s, depth_mm, force_N);
+    this.forget();
+  }
+
+  /** Take what was read before the page was opened, or while it was not connected. */
+  recall({ time_s, columns, rows }) {
+    if (time_s === null) return;
+    this.begin(time_s);
+    const order = Object.keys(COLUMNS).map((name) => columns.indexOf(name)), since = this.now;
+    for (const [time, id, ...given] of rows) {
+      if (time <= since) continue;
+      const numbers = order.map((at) => given[at]), [, , depth, , force] = numbers;
+      this.log.add(time, id, numbers);
+      this.ring("", id).add(time, depth, force);
+    }
+    this.now = time_s;
+    this.forget();
+  }
+
+  /** A time before the last one is of another place of a recording: begin again. After a gap only the curves do. */
+  begin(time_s) {
+    if (time_s >= this.now && time_s <= this.now + SPAN_S) return;
+    this.rings.clear();
+    if (time_s >= this.now) return;
+    this.log.clear();
+    this.now = -Infinity;
+  }
+
+  ring(kind, id) {
+    const key = kind + id;
+    if (!this.rings.has(key)) this.rings.set(key, new Ring(id));
+    return this.rings.get(key);
+  }
+
+  forget() {
     for (const [key, ring] of this.rings) if (ring.last < this.now - SPAN_S) this.rings.delete(key);
     while (this.rings.size > MOST) this.rings.delete(this.rings.keys().next().value);
-  }
-
-  keep(kind, contacts) {
-    for (const contact of contacts) {
-      const key = kind + contact.id;
-      if (!this.rings.has(key)) this.rings.set(key, new Ring(contact.id));
-      this.rings.get(key).add(this.now, contact.depth_mm, contact.force_N);
-    }
   }
 
   draw(showComparison) {
@@ -104,8 +132,8 @@ export class History {
           colour: isComparison ? styled("--quiet") : contactColour(ring.id), dash: isComparison ? [4, 4] : [],
           label: !isComparison && ring.last === this.now ? `#${ring.id}` : "" };
       });
-      const none = this.rings.size ? "this method does not estimate forces" : "no contact yet";
-      const empty = name === "force" && !isEstimated && all.length ? none : hasAny ? "" : "no contact yet";
+      const without = this.log.count ? `no contact in the last ${SPAN_S} s` : "no contact yet";
+      const empty = name === "force" && !isEstimated && all.length ? "this method does not estimate forces" : hasAny ? "" : without;
       plot(canvas, { lines, xs, tickLabel, empty, ys: [0, niceCeiling(Math.max(1.12 * most, convert(0.5)))], title: `${title} (${unit})` });
     }
   }

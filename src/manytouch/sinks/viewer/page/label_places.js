@@ -16,7 +16,19 @@ export function freePlace([x, y], [width, height], [wide, high], taken, away = 1
   }
   const isInside = ([a, b]) => a >= 0 && b >= 0 && a + width <= wide && b + height <= high;
   const inside = places.filter(isInside);
-  return inside.find((place) => !taken.some((other) => overlaps([...place, width, height], other))) ?? inside[0] ?? [left, Math.max(y - height - away, 0)];
+  const isFree = (place) => !taken.some((other) => overlaps([...place, width, height], other));
+  return inside.find(isFree) ?? nearestFree([x - width / 2, y - height / 2], [width, height], [wide, high], isFree)
+    ?? inside[0] ?? [left, Math.max(y - height - away, 0)];
+}
+
+/** The free place nearest to a wanted one, anywhere in the pane; null if it is full. */
+function nearestFree([x, y], [width, height], [wide, high], isFree) {
+  let best = null, least = Infinity;
+  for (let top = 2; top + height <= high - 2; top += height + GAP + 1) for (let left = 2; left + width <= wide - 2; left += 0.25 * width) {
+    const away = Math.hypot(left - x, top - y);
+    if (away < least && isFree([left, top])) { best = [left, top]; least = away; }
+  }
+  return best;
 }
 
 /** Move the tags of a pane (elements that a renderer has positioned) apart; hide axis labels that something covers. */

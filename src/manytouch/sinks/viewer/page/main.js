@@ -15,7 +15,7 @@ import { Tour } from "./tour.js";
 
 const find = (id) => document.getElementById(id);
 const LAYERS = { depth: "depth", strain: "largest strain", pressure: "pressure" };
-const LIVE_CONTROLS = ["run", "tare", "untare", "record", "play", "seek", "speed", "method", "lift-all", "press-depth", "press-stay", "tare-yes"];
+const LIVE_CONTROLS = ["run", "tare", "untare", "record", "play", "seek", "speed", "method", "layer", "lift-all", "press-depth", "press-stay", "tare-yes"];
 const DECAY = 0.995; // of the colour range from one update to the next
 
 const state = {
@@ -48,6 +48,7 @@ function onMessage(message) {
     scene_info: setSceneInfo, health: setHealth, note: ({ text }) => toast(text),
     parameters: ({ parameters }) => { state.parameters = parameters; fillSettings(state); },
     measurement: (found) => { state.measured = found; state.isDirty = true; },
+    recent: (found) => { history.recall(found); state.isDirty = true; },
     end: () => { state.ended = true; showState(); enableControls(); },
   };
   listeners[message.kind]?.(message);
@@ -81,7 +82,7 @@ function setHealth(health) {
   const resume = health.frame_count === null ? "Resume" : "Play";
   find("run-label").textContent = health.is_running ? "Pause" : resume;
   document.querySelector("#run .glyph").className = `glyph ${health.is_running ? "pause" : "play"}`;
-  find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
+  find("mode").hidden = find("mode").querySelector("[data-mode=press]").hidden = !health.can_press;
   if (health.can_press) tour.begin();
   find("timeline").hidden = health.frame_count === null;
   find("untare").hidden = !health.can_untare;
@@ -112,6 +113,7 @@ function showState() {
   const [kind, label] = !connected ? [ended ? "" : "bad", ended ? "session ended" : state.reason || "not connected, retrying"]
     : !health ? ["", "waiting"]
     : health.source !== "ok" ? ["bad", health.source]
+    : !health.is_running && isAtEnd(health) ? ["", "at the end"]
     : !health.is_running ? ["warn", "paused"]
     : !state.update ? ["", "waiting for the first frame"]
     : status !== "ok" ? ["warn", status.replaceAll("_", " ")]
@@ -119,6 +121,8 @@ function showState() {
   find("state").className = `state ${kind}`;
   find("state-label").textContent = label;
 }
+
+const isAtEnd = ({ frame, frame_count }) => frame_count !== null && frame >= frame_count - 1;
 
 function toast(text) {
   const box = find("toast");
@@ -207,7 +211,7 @@ function choosePoint(point) {
 function clearPoints() { state.points = []; state.measured = null; sendPoints(); state.isDirty = true; }
 
 function setLayer(layer) {
-  if (find("layer").querySelector(`[value=${layer}]`).disabled) return;
+  if (find("layer").disabled || find("layer").querySelector(`[value=${layer}]`).disabled) return;
   state.layer = find("layer").value = layer;
   state.peak = 0; state.scale = "";
   show();
@@ -245,7 +249,7 @@ function flipTheme() { setTheme(document.documentElement.dataset.theme === "dark
 function flipRun() { send(state.health?.is_running ? "stop" : "start"); }
 function flipRecord() { if (!find("record").hidden) send(state.health?.recording ? "stop_recording" : "record"); }
 function flip(id) { const box = find(id); box.checked = !box.checked; box.dispatchEvent(new Event("change")); }
-function seek(frame) { find("seek").value = frame; send("seek", { frame: Math.max(0, Math.round(frame)) }); }
+function seek(frame) { if (find("seek").disabled) return; find("seek").value = frame; send("seek", { frame: Math.max(0, Math.round(frame)) }); }
 
 /** Tare at once if nothing touches the sheet; otherwise after a question. */
 function requestTare() {
@@ -294,7 +298,7 @@ function enableControls() {
   for (const id of LIVE_CONTROLS) find(id).disabled = isOver;
   for (const input of find("parameters").querySelectorAll("input, select, button")) input.disabled = isOver;
   find("mode").querySelector("[data-mode=press]").disabled = isOver;
-  if (isOver && pointer?.mode === "press") pointer.setMode("view");
+  pointer?.setOver(isOver);
 }
 
 function bind() {

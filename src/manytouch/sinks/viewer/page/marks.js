@@ -29,12 +29,17 @@ function ring(colour) {
   return line;
 }
 
+/** The nearest point of the sheet: what is estimated of a contact may reach beyond it. */
+function onSheet({ x, y }, px, py) {
+  return [Math.min(Math.max(px, x[0]), x.at(-1)), Math.min(Math.max(py, y[0]), y.at(-1))];
+}
+
 /** Project a ring onto the surface; `axes` are the columns of a 2 x 2 matrix that makes an ellipse of a circle. */
 function drape(line, pane, x, y, axes) {
   const { array } = line.geometry.attributes.position;
   for (let i = 0; i < AROUND; i++) {
     const angle = (2 * Math.PI * i) / AROUND, c = Math.cos(angle), s = Math.sin(angle);
-    const px = x + axes[0] * c + axes[1] * s, py = y + axes[2] * c + axes[3] * s;
+    const [px, py] = onSheet(pane, x + axes[0] * c + axes[1] * s, y + axes[2] * c + axes[3] * s);
     array[3 * i] = px; array[3 * i + 1] = pane.depthAt(px, py) * pane.stretch; array[3 * i + 2] = py;
   }
   line.geometry.attributes.position.needsUpdate = true;
@@ -59,8 +64,8 @@ function drapePolygons(line, pane, polygons) {
   const { array } = geometry.attributes.position;
   let at = 0;
   for (const polygon of polygons) polygon.forEach(([x, y], corner) => {
-    const [nx, ny] = polygon[(corner + 1) % polygon.length];
-    pane.place(x, y).toArray(array, at); pane.place(nx, ny).toArray(array, at + 3); at += 6;
+    const next = polygon[(corner + 1) % polygon.length];
+    pane.place(...onSheet(pane, x, y)).toArray(array, at); pane.place(...onSheet(pane, ...next)).toArray(array, at + 3); at += 6;
   });
   geometry.attributes.position.needsUpdate = true;
 }

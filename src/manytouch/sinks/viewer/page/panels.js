@@ -18,7 +18,7 @@ export function showContacts(contacts, others, { name, reach, head, pinned }) {
       withSmallStd(contact.depth_mm, contact.depth_std_mm, length), withSmallStd(contact.force_N, contact.force_std_N, force)];
     const near = nearest(contact, others, 0.1 * reach);
     const more = detail(contact);
-    const rows = more ? [own, ["tr", { class: "comparison", data: contact.id }, ["td", {}], ["td", { span: 4 }, more]]] : [own];
+    const rows = more ? [own, ["tr", { class: "comparison", data: contact.id }, ["td", {}], ["td", { class: "detail", span: 4 }, more]]] : [own];
     if (!near) return rows;
     return [...rows, ["tr", { class: "comparison" }, cell(name), cell(length(near.x_mm)), cell(length(near.y_mm)), cell(length(near.depth_mm)), cell(force(near.force_N))]];
   });
@@ -105,7 +105,7 @@ export function showHealth(health, head) {
   const seen = health.markers ? health.markers_seen / health.markers : 1;
   const quality = head?.image_quality, isLive = health.frame_count === null;
   const latency = health.message_ms_p50 ?? health.latency_ms_p50, latest = health.message_ms_p99 ?? health.latency_ms_p99;
-  const vitals = [[fixed(health.fps, 0), " fps"], ...(isLive ? [[fixed(latency, 0), " ms latency"], [health.dropped, " dropped"]] : []), [health.markers_seen, ` of ${health.markers} markers`]];
+  const vitals = [...(health.is_running ? [[fixed(health.fps, 0), " fps"]] : []), ...(isLive ? [[fixed(latency, 0), " ms latency"], [health.dropped, " dropped"]] : []), [health.markers_seen, ` of ${health.markers} markers`]];
   render(find("vitals"), vitals.map(([value, name]) => ["span", {}, ["b", {}, value], name]));
   const rows = [
     ["method", health.method, ""],
@@ -115,7 +115,7 @@ export function showHealth(health, head) {
     ["markers seen", `${health.markers_seen} of ${health.markers}`, seen < 0.8 ? "bad" : seen < 0.95 ? "warn" : ""],
     ["focus", quality ? `${fixed(100 * quality.focus, 0)} % of best` : "–", quality && quality.focus < 0.6 ? "warn" : ""],
     ["exposure", quality ? `${fixed(100 * quality.level, 0)} %, ${fixed(100 * quality.clipped, 1)} % clipped` : "–", quality && quality.clipped > 0.3 ? "warn" : ""],
-    ["depth at rest", isKnown(head?.residual_mm) ? `${length(head.residual_mm, 1)} ${units.length}` : "in contact", ""],
+    ["depth at rest", isKnown(head?.residual_mm) ? `${length(head.residual_mm, 1)} ${units.length}` : head?.contacts.length ? "in contact" : "–", ""],
     ...pretensionRow(head?.pretension),
   ];
   render(find("health"), rows.flatMap(([name, value, kind]) => [["dt", {}, name], ["dd", { class: kind }, value]]));

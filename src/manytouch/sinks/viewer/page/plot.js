@@ -26,7 +26,7 @@ export function plot(canvas, { lines, xs, ys, title, tickLabel, empty, marks = [
   if (width < 40 || height < 40) return;
   context.font = "600 11.5px system-ui, sans-serif";
   const named = lines.filter((line) => line.label).map((line) => context.measureText(line.label).width);
-  const left = 46, right = named.length ? Math.max(...named) + 16 : 14, top = 24, bottom = 22;
+  const left = 46, right = named.length ? Math.max(...named) + 16 : 14, top = 28, bottom = 22;
   const textColour = styled("--text"), quiet = styled("--quiet"), rule = styled("--line");
   const toX = (x) => left + ((x - xs[0]) / (xs[1] - xs[0])) * (width - left - right);
   const toY = (y) => height - bottom - ((y - ys[0]) / (ys[1] - ys[0])) * (height - top - bottom);
@@ -51,7 +51,7 @@ export function plot(canvas, { lines, xs, ys, title, tickLabel, empty, marks = [
   context.textAlign = "left";
   context.fillStyle = textColour;
   context.font = "600 12px system-ui, sans-serif";
-  context.fillText(title, 10, 13);
+  context.fillText(title, 10, 11);
   context.font = "11.5px system-ui, sans-serif";
   if (empty) {
     context.textAlign = "center";

@@ -10,10 +10,11 @@ const HINTS = {
 };
 
 const FLAT_HINTS = { view: "click to measure", press: "press and drag · wheel changes the depth" };
+const MEASURE_HINT = /( · )?click to measure/;
 
 export class Pointer {
   constructor(pane, { send, choose }) {
-    Object.assign(this, { pane, send, choose, mode: "view", down: null, fingers: new Map(), last: 0, stayed: [] });
+    Object.assign(this, { pane, send, choose, mode: "view", isOver: false, down: null, fingers: new Map(), last: 0, stayed: [] });
     const canvas = pane.renderer.domElement, find = (id) => document.getElementById(id);
     Object.assign(this, { tools: find("press-tools"), depth: find("press-depth"), stay: find("press-stay"), hint: find("hint") });
     // In the capture phase on the stage, so that a press does not rotate the view as well.
@@ -29,16 +30,28 @@ export class Pointer {
 
   setMode(mode) {
     const button = document.querySelector(`[data-mode=${mode}]`);
-    if (button.hidden) return;
+    if (button.hidden || button.disabled) return;
     this.mode = mode;
     for (const other of button.parentElement.children) other.classList.toggle("on", other === button);
     this.tools.hidden = mode !== "press";
     this.pane.stage.classList.toggle("press", mode === "press");
-    this.hint.textContent = (this.pane.isFlat ? FLAT_HINTS : HINTS)[mode];
+    this.showHint();
     const { controls } = this.pane;
     controls.mouseButtons = mode === "press" ? { LEFT: null, MIDDLE: THREE.MOUSE.PAN, RIGHT: THREE.MOUSE.ROTATE }
       : { LEFT: THREE.MOUSE.ROTATE, MIDDLE: THREE.MOUSE.DOLLY, RIGHT: THREE.MOUSE.PAN };
     this.showDepth();
+  }
+
+  /** After the end the view can still be turned; there is no session that measures or is pressed. */
+  setOver(isOver) {
+    this.isOver = isOver;
+    if (isOver && this.mode === "press") this.setMode("view");
+    this.showHint();
+  }
+
+  showHint() {
+    const hint = (this.pane.isFlat ? FLAT_HINTS : HINTS)[this.mode];
+    this.hint.textContent = this.isOver ? hint.replace(MEASURE_HINT, "") : hint;
   }
 
   showDepth() { document.getElementById("press-depth-label").textContent = `${length(Number(this.depth.value))} ${units.length}`; }
@@ -70,7 +83,7 @@ export class Pointer {
       this.fingers.delete(event.pointerId);
       if (this.stay.checked) this.stayed.push(held.finger); else this.send("release", { finger: held.finger });
     }
-    if (!this.down || this.mode !== "view" || event.type !== "pointerup") return;
+    if (!this.down || this.mode !== "view" || this.isOver || event.type !== "pointerup") return;
     const [x, y] = this.down;
     this.down = null;
     if (Math.hypot(event.clientX - x, event.clientY - y) > STILL_PX || event.target !== this.pane.renderer.domElement) return;
