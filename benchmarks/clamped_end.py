@@ -4,8 +4,8 @@
 
 A slab of thickness 1 in plane strain, whose side face is held, is bent by a couple and by a force at its
 other end. Straight lines are fitted to what its camera-side face moves beyond a beam, far from both ends. The
-table has e0, e1 from both loads, which must agree by reciprocity, and e2, and then the polynomials that the shell
-uses; below it are polynomials of degree 5 that were fitted to the table.
+table has e0, e1 from both loads, which must agree by reciprocity, and e2, and then the polynomials that the
+shell uses; below it are polynomials of degree 5 that were fitted to the table.
 """
 
 import argparse
