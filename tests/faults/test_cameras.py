@@ -11,7 +11,7 @@ import pytest
 from cameras import numbered
 from manytouch.sources.cameras import camera as camera_module
 from manytouch.sources.cameras.camera import ArrivalClock, CameraSource
-from manytouch.sources.cameras.capture import Shot
+from manytouch.sources.cameras.capture import CapturedImage
 from manytouch.values import Frame, Setting
 from waiting import wait_until
 
@@ -25,10 +25,10 @@ class Capture:
         self.is_released = False
         self._image = image
 
-    def read(self) -> Shot | None:
+    def read(self) -> CapturedImage | None:
         time.sleep(0.001)
         image = self._image()
-        return None if image is None else Shot(image=image, encoded=None, driver_ns=None)
+        return None if image is None else CapturedImage(image=image, encoded=None, driver_ns=None)
 
     def release(self) -> None:
         self.is_released = True
