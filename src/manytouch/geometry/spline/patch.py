@@ -230,6 +230,13 @@ class SplinePatch:
 
     def end_shares(self, axis: int) -> Float64[np.ndarray, "2 2"]:
         """Shares of the outer two functions along an axis (rows) in those of the first two nodes inside."""
+        return self._end_shares[axis]
+
+    @cached_property
+    def _end_shares(self) -> tuple[Float64[np.ndarray, "2 2"], Float64[np.ndarray, "2 2"]]:
+        return read_only(self._solved_end_shares(0)), read_only(self._solved_end_shares(1))
+
+    def _solved_end_shares(self, axis: int) -> Float64[np.ndarray, "2 2"]:
         e0, e1, e2 = self.clamped_end
         if self.boundary != "clamped" or (self.shear_mm2, e0, e1, e2) == (0.0, 0.0, 0.0, 0.0):
             return np.zeros((2, 2))
