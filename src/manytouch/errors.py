@@ -73,4 +73,4 @@ def require_type(what: str, value: object, types: type | tuple[type, ...], expec
 
 def without_password(text: str) -> str:
     """A text whose addresses lack user and password, to be shown and stored."""
-    return re.sub(r"(?<=://)[^/?#]*@", "", text)
+    return re.sub(r"(?<=://)[^/?#\n]*@", "", text)

@@ -13,6 +13,7 @@ from manytouch.errors import without_password
         ("http://me:secret@[::1", "http://[::1"),
         ("http://cam.local/a@b", "http://cam.local/a@b"),
         ("/dev/video0", "/dev/video0"),
+        ("no http://a:b@cam\nat http://\nme@home", "no http://cam\nat http://\nme@home"),
     ],
 )
 def test_passwords_are_not_shown(text: str, shown: str) -> None:

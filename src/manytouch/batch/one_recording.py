@@ -54,7 +54,12 @@ def process_recording(settings: Settings, task: Task, stop: StopCondition | None
             reason=f"internal error: {type(error).__name__}: {error}",
             traceback=traceback.format_exc(),
         )
-    return replace(outcome, seconds=time.monotonic() - begun_s)
+    return replace(
+        outcome,
+        reason=without_password(outcome.reason),
+        traceback=without_password(outcome.traceback),
+        seconds=time.monotonic() - begun_s,
+    )
 
 
 def _require_version(version: str) -> None:
