@@ -14,6 +14,8 @@ and what to do.
     └── MissingExtraError  an optional package that the request needs is not installed
 """
 
+import re
+
 
 class ManytouchError(Exception):
     """Base of all errors that users can cause and correct; the message is one sentence."""
@@ -67,3 +69,8 @@ def require_type(what: str, value: object, types: type | tuple[type, ...], expec
     """
     if not isinstance(value, types):
         raise ArgumentError(f"{what} is of type {type(value).__name__}: give {expected}")
+
+
+def without_password(text: str) -> str:
+    """A text whose addresses lack user and password, to be shown and stored."""
+    return re.sub(r"(?<=://)[^/?#\n]*@", "", text)

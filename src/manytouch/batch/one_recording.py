@@ -15,7 +15,7 @@ from manytouch.batch.remote import download, is_remote, remote_stamp
 from manytouch.batch.settings import Settings, request_of
 from manytouch.batch.storage import MARKER, LocalStore, RemoteStore, Store, store_at
 from manytouch.batch.tasks import Outcome, Task, TaskState
-from manytouch.errors import ManytouchError, OutputError, SourceError
+from manytouch.errors import ManytouchError, OutputError, SourceError, without_password
 from manytouch.session import ResultFiles, prepare, request_hashes, run
 from manytouch.session.prepare import Job
 from manytouch.session.result_hashes import files_stamp
@@ -23,7 +23,6 @@ from manytouch.session.results import require_finite
 from manytouch.session.run import StopCondition
 from manytouch.sinks.files.folder_lock import FolderInUseError
 from manytouch.sources import open_source
-from manytouch.sources.cameras.camera import without_password
 from manytouch.sources.source import close
 
 
@@ -55,7 +54,12 @@ def process_recording(settings: Settings, task: Task, stop: StopCondition | None
             reason=f"internal error: {type(error).__name__}: {error}",
             traceback=traceback.format_exc(),
         )
-    return replace(outcome, seconds=time.monotonic() - begun_s)
+    return replace(
+        outcome,
+        reason=without_password(outcome.reason),
+        traceback=without_password(outcome.traceback),
+        seconds=time.monotonic() - begun_s,
+    )
 
 
 def _require_version(version: str) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import urlsplit
 
-from manytouch.errors import ManytouchError, MissingExtraError, SourceError
+from manytouch.errors import ManytouchError, MissingExtraError, SourceError, without_password
 from manytouch.sources.files.images import IMAGE_SUFFIXES
 from manytouch.sources.files.video import VIDEO_SUFFIXES
 
@@ -41,14 +41,14 @@ def file_system(url: str) -> tuple[Any, str]:
 
         files, path = fsspec.core.url_to_fs(url)
     except ImportError:
-        raise MissingExtraError(f"reading and writing {url}", package, "batch") from None
+        raise MissingExtraError(f"reading and writing {without_password(url)}", package, "batch") from None
     return files, str(path)
 
 
 def remote_stamp(url: str) -> str | None:
     """What changes when the object changes, such as its ETag; None where the server does not state it."""
     files, path = file_system(url)
-    with remote_errors(SourceError, f"{url} cannot be read"):
+    with remote_errors(SourceError, f"{without_password(url)} cannot be read"):
         files.invalidate_cache()
         found = files.info(path)
     stated = [found.get(key) for key in ("ETag", "etag", "LastModified", "mtime", "updated", "md5Hash")]
@@ -64,10 +64,10 @@ def download(url: str, folder: Path) -> Path:
     files, path = file_system(url)
     local = folder / PurePosixPath(remote_name(url)).name
     try:
-        with remote_errors(SourceError, f"{url} cannot be read"):
+        with remote_errors(SourceError, f"{without_password(url)} cannot be read"):
             files.get_file(path, str(local))
     except FileNotFoundError:
-        raise SourceError(f"there is no {url}: check the address") from None
+        raise SourceError(f"there is no {without_password(url)}: check the address") from None
     return local
 
 
@@ -79,7 +79,5 @@ def remote_errors(kind: type[ManytouchError], words: str) -> Iterator[None]:
     except (FileNotFoundError, ManytouchError):
         raise
     except Exception as error:
-        raise kind(
-            f"{words}: {' '.join(str(error).split()) or type(error).__name__}; check the address, the "
-            "connection and the credentials"
-        ) from error
+        cause = without_password(" ".join(str(error).split())) or type(error).__name__
+        raise kind(f"{words}: {cause}; check the address, the connection and the credentials") from error

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from manytouch.batch.remote import file_system, is_remote, remote_errors
-from manytouch.errors import OutputError
+from manytouch.errors import OutputError, without_password
 from manytouch.sinks.files.atomic_output import atomic_file, output_errors, remove
 from manytouch.sinks.files.result_folder import is_in_use
 
@@ -167,4 +167,4 @@ class RemoteStore:
         shutil.rmtree(folder, ignore_errors=True)
 
     def _errors(self, verb: str) -> Any:
-        return remote_errors(OutputError, f"cannot {verb} {self.url}")
+        return remote_errors(OutputError, f"cannot {verb} {without_password(self.url)}")

@@ -31,12 +31,12 @@ class _Layers:
 
 
 def project_through_window(camera: Camera, sheet: Sheet, point_mm: Points3) -> Points2:
-    """Pixels of points inside a bonded pad, seen through pad, window and air.
+    """Pixels of points of a sheet; those inside a pad are seen through pad, window and air.
 
     Args:
         camera: with its distortion and pose; it is on the air side of the window.
-        sheet: a bonded pad. Without `window_mm` nothing refracts, and the result is that of `camera.project`;
-            an index that is not stated is 1.
+        sheet: any; only a pad with `window_mm` refracts, otherwise the result is that of `camera.project`. An
+            index that is not stated is 1.
         point_mm: (n, 3) sheet frame; NaN stays NaN. A point below the bonded face counts as being on it.
 
     Returns:

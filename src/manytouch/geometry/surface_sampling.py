@@ -1,8 +1,8 @@
 """Depth, strain and pressure of a surface at any point of the sheet, with standard deviations.
 
-Everything that draws, measures or exports a surface evaluates it here, so that a number and a picture of
-the same point agree. How is a property of the surface (`Interpolation`). By "spline", a surface with a spline
-is the spline; what its markers differ from the spline is interpolated between them, as other surfaces are
+Every map, profile and export of a surface is evaluated here, so that a number and a picture of the same point
+agree. The interpolation is a field of the surface (`Interpolation`). By "spline", a surface with a spline is
+the spline; the difference of its markers from the spline is interpolated between them, as other surfaces are
 (`geometry.sampling`). By "idw", every surface is interpolated between its markers
 (`geometry.inverse_distance`), and is not known outside of them.
 """
@@ -108,7 +108,12 @@ def sample(
 
 
 def sampler_at(layout: Layout, point_mm: Points2) -> "SurfaceSampler":
-    """Prepare n points (n, 2) of the undeformed sheet for many surfaces; results have the shape (n,)."""
+    """Prepare n points for many surfaces; results have the shape (n,).
+
+    Args:
+        layout: of the surfaces.
+        point_mm: (n, 2) on the undeformed sheet, sheet frame, in the unit of the layout.
+    """
 
     def interpolate(how: Interpolation, dx_mm: float, dy_mm: float) -> tuple[Sampling, Points2]:
         moved_mm = _limited(layout, how, point_mm, (dx_mm, dy_mm))
@@ -120,7 +125,13 @@ def sampler_at(layout: Layout, point_mm: Points2) -> "SurfaceSampler":
 
 
 def sampler_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"]) -> "SurfaceSampler":
-    """Prepare a grid of columns x_mm (nx,) and rows y_mm (ny,); results have the shape (ny, nx)."""
+    """Prepare a grid for many surfaces; results have the shape (ny, nx).
+
+    Args:
+        layout: of the surfaces.
+        x_mm: (nx,) columns on the undeformed sheet, sheet frame, in the unit of the layout.
+        y_mm: (ny,) its rows.
+    """
 
     def interpolate(how: Interpolation, dx_mm: float, dy_mm: float) -> tuple[Sampling, Points2]:
         x_row = np.column_stack([x_mm, np.full(len(x_mm), layout.rest_mm[0, 1])])
@@ -138,9 +149,10 @@ def sampler_on(layout: Layout, x_mm: Scalars, y_mm: Float64[np.ndarray, " ny"]) 
 class SurfaceSampler:
     """Evaluates surfaces of one layout at the same points again and again.
 
-    What depends on the points only is computed once per interpolation. Results have the shape of the points.
-    They are NaN farther than half a pitch outside the markers ("idw": anywhere outside), and where the
-    nearest marker of a surface is not known ("idw": no marker within the search radius).
+    What depends on the points only is computed once per interpolation; `strain_std` repeats it at each call
+    for the eight points around each. Results have the shape of the points, and lengths the unit of the
+    layout. They are NaN farther than half a pitch outside the markers ("idw": anywhere outside), and where
+    the nearest marker of a surface is not known ("idw": no marker within the search radius).
     """
 
     def __init__(self, layout: Layout, interpolate: Interpolate) -> None:
@@ -151,11 +163,11 @@ class SurfaceSampler:
         self._at_markers = _at_markers(layout)
 
     def displacement(self, surface: Surface) -> Float64[np.ndarray, "*shape 3"]:
-        """Displacement of the camera-side face in the sheet frame."""
+        """Displacement of the camera-side face along x, y and z of the sheet frame."""
         return self._here(surface).displacement(_spline_of(surface), self._residual_mm(surface))
 
     def depth(self, surface: Surface) -> Field:
-        """Depth, positive when pressed."""
+        """Displacement of the camera-side face along -z; positive when pressed."""
         if _spline_of(surface) is None:
             return self._here(surface).between_markers(-surface.displacement_mm[:, 2])
         return -self.displacement(surface)[..., 2]
@@ -192,7 +204,10 @@ class SurfaceSampler:
         return np.asarray(np.sqrt(off2 / len(posterior) + (STRAIN_SHARE * largest) ** 2))
 
     def pressure_kPa(self, surface: Surface) -> Field:
-        """Pressure, positive in compression; NaN where forces or Young's modulus are not known."""
+        """Pressure, positive in compression; NaN where forces or Young's modulus are not known.
+
+        It is always that of the spline, also where the shape is interpolated by "idw".
+        """
         return self._points(SPLINE, 0.0, 0.0).pressure_kPa(surface.spline)
 
     def pressure_std_kPa(self, surface: Surface, posterior: Sequence[SheetSpline]) -> Field:
@@ -259,7 +274,7 @@ class _Points:
 
     @property
     def is_inside(self) -> np.ndarray:
-        """Points that are not too far outside the markers."""
+        """Points within `BEYOND_PITCH` pitches of the markers; by "idw", within the markers."""
         return self._placed.is_inside
 
     def between_markers(self, value: Float64[np.ndarray, " m"]) -> Field:

@@ -16,14 +16,13 @@ from manytouch.calibration.rest.whole_recording import (
     with_doubt_of_start,
     with_unrelated_pictures,
 )
-from manytouch.errors import ManytouchError, SensorError, SourceError, require_type
+from manytouch.errors import ManytouchError, SensorError, SourceError, require_type, without_password
 from manytouch.pipeline import Pipeline, Sink
 from manytouch.session.methods import DEFAULT, Value, default_method, pipeline_for, require_method_for
 from manytouch.session.result_hashes import Pitch, Request
 from manytouch.session.run import NoObserver, Observer, StopCondition
 from manytouch.session.warm_up import compiled_methods, warm_up_kernels
 from manytouch.sources import Source, open_source
-from manytouch.sources.cameras.camera import without_password
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Frame, Reading, Roi, Sensor

@@ -8,7 +8,7 @@ from pathlib import Path
 import manytouch
 from manytouch.recording.json_codec import to_json
 from manytouch.session.methods import Value, default_method, pipeline_for
-from manytouch.sinks.files.result_hash import files_hash, text_hash, values_hash
+from manytouch.sinks.files.hashing import files_hash, text_hash, values_hash
 from manytouch.sinks.files.summary import parameters
 from manytouch.sources import Source
 from manytouch.values import Roi, Sensor

@@ -5,7 +5,7 @@ from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 
-from manytouch.errors import OutputError, SourceError, require_type
+from manytouch.errors import OutputError, SourceError, require_type, without_password
 from manytouch.pipeline import Sink
 from manytouch.session.methods import Value
 from manytouch.session.prepare import Job, prepare
@@ -19,7 +19,6 @@ from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.sinks.pictures.annotate import AnnotatedPictures
 from manytouch.sinks.pictures.surface_picture import SelectedFrames
 from manytouch.sources import Source
-from manytouch.sources.cameras.camera import without_password
 from manytouch.sources.files.log import split_topic
 from manytouch.sources.joined import VIEWS
 from manytouch.sources.opening import is_camera, views_of

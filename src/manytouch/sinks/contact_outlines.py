@@ -18,6 +18,8 @@ Polygon = Float64[np.ndarray, "_ 2"]
 def outlines_px(sensor: Sensor, surface: Surface, contacts: Iterable[Contact]) -> dict[int, list[Polygon]]:
     """Rings of the outline of each contact with a known region, as pixels of the image, by its id.
 
+    Rings and their corners are in the order of `Contact.outline`, holes included.
+
     The outline lies on the camera-side face, of a bonded pad on its contact face. Where the displacement of
     the face is unknown, that of the nearest corner with a known one is used; without any, it is at rest.
 
@@ -25,14 +27,20 @@ def outlines_px(sensor: Sensor, surface: Surface, contacts: Iterable[Contact]) -
         sensor: its camera and sheet.
         surface: of the same frame, with its layout.
         contacts: their outlines are in undeformed sheet coordinates.
+
+    Returns:
+        For each id the corners (n, 2) of each ring, px; no entry where the region is not known.
+
+    Raises:
+        SensorError: the camera lies inside the window of a pad or in front of it.
     """
     rings = [(contact.id, ring.point_mm) for contact in contacts for ring in contact.outline or ()]
     if not rings:
         return {}
     rest_mm = np.concatenate([point_mm for _, point_mm in rings])
     sheet = sensor.sheet
-    height_mm = 0.0 if sheet is None or sheet.marker_depth_mm is None else sheet.marker_depth_mm
-    place_mm = np.column_stack([rest_mm, np.full(len(rest_mm), height_mm)])
+    face_z_mm = 0.0 if sheet is None or sheet.marker_depth_mm is None else sheet.marker_depth_mm
+    place_mm = np.column_stack([rest_mm, np.full(len(rest_mm), face_z_mm)])
     if surface.layout is not None:
         place_mm += _filled(rest_mm, sampler_at(surface.layout, rest_mm).displacement(surface))
     if sheet is None:
@@ -41,8 +49,8 @@ def outlines_px(sensor: Sensor, surface: Surface, contacts: Iterable[Contact]) -
         place_px = project_through_window(sensor.camera, sheet, place_mm)
     shown_px = np.split(place_px, np.cumsum([len(point_mm) for _, point_mm in rings])[:-1])
     found: dict[int, list[Polygon]] = {}
-    for (number, _), ring_px in zip(rings, shown_px, strict=True):
-        found.setdefault(number, []).append(ring_px)
+    for (contact_id, _), ring_px in zip(rings, shown_px, strict=True):
+        found.setdefault(contact_id, []).append(ring_px)
     return found
 
 

@@ -19,13 +19,16 @@ from manytouch.tracking.matching.records import (
 )
 
 
-class UpdateParameters(NamedTuple):
-    """Attributes:
-    presence_rate: of the running mean of presence.
-    least_presence, most_presence: of markers.
-    least_exterior_presence, most_exterior_presence: of other nodes.
-    bins_per_spacing, bins: of the histogram of motions.
-    motion_share: share of the seen markers that moved less than the motion that is returned.
+class UpdateConstants(NamedTuple):
+    """Constants, compiled into the kernels.
+
+    Attributes:
+        presence_rate: weight of a new frame in the running mean of presence.
+        least_presence, most_presence: bounds of the presence of markers that the layout has.
+        least_exterior_presence, most_exterior_presence: bounds of that of missing and exterior nodes.
+        bins_per_spacing, bins: of the histogram of motions from frame to frame, which ends at
+            `bins / bins_per_spacing` spacings.
+        motion_share: share of the seen markers that moved by at most the motion that is returned.
     """
 
     presence_rate: float = 0.05
@@ -44,8 +47,8 @@ class NextState(NamedTuple):
     Attributes:
         position_px: (m, 2) where the markers are, or are predicted from their neighbours.
         expected_px: (m, 2) where they are expected in the next frame; NaN: known to be missing.
-        frames_unseen: (m,).
-        presence: (N,).
+        frames_unseen: (m,) number of successive frames in which each marker was not seen; 0: seen now.
+        presence: (N,) running mean of whether each node has a dot, from 0 to 1.
     """
 
     position_px: np.ndarray
@@ -55,13 +58,13 @@ class NextState(NamedTuple):
 
 
 class Measurements(NamedTuple):
-    """What was measured of the markers; NaN where they are not seen.
+    """What was measured of the markers; NaN, or False, where they are not seen.
 
     Attributes:
-        position_px: (m, 2).
-        covariance_px2: (m, 2, 2).
-        area_px2: (m,).
-        is_seen: (m,).
+        position_px: (m, 2) centres of their dots.
+        covariance_px2: (m, 2, 2) of the centres.
+        area_px2: (m,) of their dots.
+        is_seen: (m,) whether the layout has the marker and it has a dot.
     """
 
     position_px: np.ndarray
@@ -70,7 +73,7 @@ class Measurements(NamedTuple):
     is_seen: np.ndarray
 
 
-UPDATE = UpdateParameters()
+UPDATE = UpdateConstants()
 
 
 @kernel()
@@ -102,7 +105,7 @@ def _update_markers(
     after: NextState,
     is_seen: np.ndarray,
 ) -> tuple[float, int]:
-    """Writes positions, expectations and what is seen; returns the motion of 95 % and how many are seen."""
+    """Writes positions, expectations and what is seen; returns what `update_state` does."""
     rest, kind, spacing = graph.rest_px, graph.kind, graph.spacing_px
     dot, displacement, _ = assignment
     place, expected, frames, _ = after
@@ -123,12 +126,11 @@ def _update_markers(
             if unseen[k] == 0:
                 expected[k, 0] += damping * dx
                 expected[k, 1] += damping * dy
-    below = 0
-    for b in range(UPDATE.bins + 1):
+    below, b = count[0], 0
+    while below < UPDATE.motion_share * seen:
+        b += 1
         below += count[b]
-        if below >= UPDATE.motion_share * seen:
-            return (b + 1) / UPDATE.bins_per_spacing, seen
-    return np.inf, seen
+    return (b + 1) / UPDATE.bins_per_spacing, seen
 
 
 @kernel()
@@ -161,16 +163,17 @@ def update_state(
 
     Args:
         dots: of the frame.
-        assignment: of the frame; displacements are written.
+        assignment: of the frame; its displacements (N, 2) from rest are written.
         state: before the frame.
         graph: of the layout.
-        damping: part of the motion that is expected again.
-        workspace: of the layout.
+        damping: share of a marker's motion that is expected again in the next frame.
+        workspace: of the layout; its `position_px` may be that of the assignment's displacements.
         after: written.
         out: written.
 
     Returns:
-        The motion that 95 % of the seen markers stayed below, in spacings, and how many are seen.
+        The motion since the frame before that `motion_share` of the seen markers stayed below, in spacings:
+        the upper end of its bin, and that of the first bin if no marker is seen; and how many are seen.
     """
     dots, graph, state = DotArrays(*dots), GraphArrays(*graph), MatchingState(*state)
     assignment, workspace = Assignment(*assignment), Workspace(*workspace)

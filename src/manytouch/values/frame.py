@@ -11,7 +11,8 @@ class Frame:
 
     Attributes:
         index: number of the frame in its source, from 0; a gap means dropped frames.
-        timestamp_ns: middle of the exposure, monotonic, 0 at the start of the source.
+        timestamp_ns: time of the image, monotonic, 0 at the start of the source: the middle of the exposure
+            in simulation; else as the driver or the file states it, by the frame rate, or of arrival.
         camera: name of the source or camera.
         image: (h, w) or (h, w, 3) in BGR order, uint8 or uint16; None if it could not be decoded.
         encoded: the bytes as the camera delivered them, or None.

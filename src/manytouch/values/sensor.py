@@ -110,7 +110,7 @@ class Layout:
     """Rest positions and properties of the markers, in the order of their numbers.
 
     Attributes:
-        rest_mm: (m, 3) sheet frame, z = 0 on the camera-side face.
+        rest_mm: (m, 3) sheet frame, z = 0 on the camera-side face; of a pad, on the plane of its markers.
         row_column: (m, 2) with marker = row * columns + column; None if the layout is not a lattice.
         pitch_mm: (2,) pitch along x and y (median neighbour distance if the layout is not a lattice).
         radius_mm: (m,) of each marker.

@@ -134,10 +134,11 @@ def test_a_recording_on_a_web_server(
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, daemon=True).start()
         address = f"http://127.0.0.1:{server.server_port}"
-        report, _ = batch(f"{address}/press0.mp4", f"{address}/gone.mp4")
+        report, _ = batch(f"{address}/press0.mp4", f"{address.replace('//', '//me:secret@')}/gone.mp4")
         server.shutdown()
     assert report.computed == 1
     assert "gone.mp4" in report.failed["gone"].reason
+    assert "secret" not in report.failed["gone"].reason + report.failed["gone"].traceback
     expected = process(recordings / "press0.mp4", out=tmp_path / "expected")
     found = tmp_path / "out" / "press0"
     assert differences(without_place(found), without_place(expected)) == []

@@ -87,14 +87,16 @@ def calibrate_rest(
     """Estimate pose, layout and noise from some seconds of the untouched sheet.
 
     A bonded pad is seen through its window: the pose is that of its markers, with the tilt by the glue, and
-    sides of the outline that the image shows replace those of the sensor file (`sheet.pad_outline`).
+    sides of the outline that the image shows replace those of the sensor file
+    (`calibration.outline.pad_outline`).
 
     Args:
         sensor: with a calibrated camera; its layout is used if it has one, and found otherwise.
         frames: of one recording of the untouched sheet.
         pitch_mm: distance of neighbouring markers, required if the sensor has no layout.
         sheet: for the calibrated sensor; None keeps that of `sensor`.
-        thickness_mm: of a sheet whose outline is to be measured in the image.
+        thickness_mm: of a clamped sheet whose outline is to be measured in the image, and which replaces that
+            of `sensor`; no effect if `sheet` is given or the sensor has a pad.
         roi_px: x, y, width, height of the region of interest.
 
     Raises:

@@ -45,17 +45,18 @@ class LoadPeakFinder:
     Attributes:
         start_load: least load times pitch (the angle in rad by which the slope turns within a pitch) of a new
             contact; a sheet that creeps back or settles after its frame was moved stays below.
-        stay_load: a contact lasts while it stays above.
+        stay_load: least load times pitch of a contact that continues.
         creep_share: share of an earlier press that a soft sheet keeps for a while; no contact is below it.
-        creep_memory: factor by which that fades from frame to frame.
+        creep_memory: factor by which an earlier press fades from frame to frame.
         noise_stds: a new contact exceeds this many standard deviations of the noise, a lasting one half of
             it.
         start_share: a new contact exceeds this share of the strongest load in the frame.
-        stay_share: a lasting one exceeds this share.
+        stay_share: a contact that continues exceeds this share of the strongest load in the frame.
         merge: two peaks are one if the saddle between them is above this share of the lower one.
         top_share: the centre is the centroid of the load above this share of the peak.
         model_std_pitch: least standard deviation of a centre that the model does not explain, in pitches.
-        model_std_radius: the same as a share of the radius of the contact; both are added in quadrature.
+        model_std_radius: standard deviation of a centre that the model does not explain, over the radius of
+            the contact; added to `model_std_pitch` in quadrature.
     """
 
     start_load: float = 0.02

@@ -88,7 +88,8 @@ class LocalMotion:
     Attributes:
         floor_pitch: no local motion below this is a touch, in pitches. Untouched rubber and gel show
             up to half of it.
-        noise_stds: nor what is left of the motion of a marker without this many standard deviations of it.
+        noise_stds: no local motion below this many of its standard deviations is a touch; the motion of a
+            marker is reduced by so many of its own, as far as they exceed the median.
         creep_share: share of the strongest press that a sheet may keep after it.
         creep_growth: largest ratio of what it keeps to the smallest local motion since that press.
         exceeded_by: share of a group that moves at least as far as its local motion.

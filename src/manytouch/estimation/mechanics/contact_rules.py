@@ -18,10 +18,10 @@ class ContactRules:
     Attributes:
         start_force: least normal force of a new contact where there was a cluster in the previous frame.
         sudden_force: least normal force of a new contact elsewhere.
-        clamp_factor: multiplies both within `clamp_thickness` thicknesses of the edge of the part in which
-            contacts are found. A camera that moves a little displaces all markers alike; the fit explains
-            this by small forces near the clamp.
-        clamp_thickness: see `clamp_factor`.
+        clamp_factor: factor of these least forces within `clamp_thickness` thicknesses of the edge of the
+            part in which contacts are found. A camera that moves a little displaces all markers alike; the
+            fit explains this by small forces near the clamp.
+        clamp_thickness: distance from the edge, in thicknesses, within which `clamp_factor` applies.
         max_friction: largest ratio of shear to normal force of a new contact.
         least_stds: clusters with a smaller normal force, in standard deviations, are not examined.
         start_stds, last_stds: least normal force of a new contact and of one that continues, in standard

@@ -39,26 +39,28 @@ class ModelError:
     Where two parameters are given for one quantity, their contributions add in quadrature.
 
     Attributes:
-        position_pitch, position_radius: of a centre along each axis, in pitches and in radii of the contact.
-        position_clamp: of a centre at four thicknesses from a clamp and across it, in thicknesses; e times as
-            much one thickness nearer. A solid near its clamp shears where the shell bends.
-        depth_share, depth_pitch: of the depth, over the depth and in pitches.
-        force_share, force_least: of the normal force, over that force and over the least force of a contact.
-            A thickness that is uneven by 1.5 % changes the stiffness in bending by 4.5 %.
-        force_clamp: of the normal force over that force at four thicknesses from a clamp; e times as much one
-            thickness nearer, like `position_clamp`.
-        shear_share, own_shear_share: of the shear force along each axis, over the normal force and over the
-            shear force.
-        sheet_shear_share: of the shear force along each axis, over the deviation of the normal force by the
-            parameters of the sheet. Wrong ones are compensated by forces in all directions. It was fitted to
-            the varied cases with drawn sensor files.
-        friction: of the shear force over the normal force; smaller ones hardly move a centre, and those on an
-            assumed sheet do not.
-        torque_share: of the torque, over the normal force times the contact's radius.
-        area_share: of the area of the region, over that area.
-        area_force: the same of a contact with the least force; inversely proportional to the force. Noise
-            spreads faint forces over more nodes.
-        assumed_sheet_factor: multiplies all of them where the sheet was assumed.
+        position_pitch, position_radius: standard deviation of a centre along each axis, in pitches and in
+            radii of the contact.
+        position_clamp: standard deviation of a centre at four thicknesses from a clamp and across it, in
+            thicknesses; e times as much one thickness nearer. A solid near its clamp shears where the shell
+            bends.
+        depth_share, depth_pitch: standard deviation of the depth, over the depth and in pitches.
+        force_share, force_least: standard deviation of the normal force, over that force and over the least
+            force of a contact. A thickness that is uneven by 1.5 % changes the stiffness in bending by 4.5 %.
+        force_clamp: standard deviation of the normal force over that force at four thicknesses from a clamp;
+            e times as much one thickness nearer, like `position_clamp`.
+        shear_share, own_shear_share: standard deviation of the shear force along each axis, over the normal
+            force and over the shear force.
+        sheet_shear_share: standard deviation of the shear force along each axis, over the deviation of the
+            normal force by the parameters of the sheet. Wrong ones are compensated by forces in all
+            directions. It was fitted to the varied cases with drawn sensor files.
+        friction: standard deviation of the ratio of shear to normal force; smaller ratios hardly move a
+            centre, and those on an assumed sheet do not.
+        torque_share: standard deviation of the torque, over the normal force times the contact's radius.
+        area_share: standard deviation of the area of the region, over that area.
+        area_force: standard deviation of the area of a contact with the least force, over that area;
+            inversely proportional to the force. Noise spreads faint forces over more nodes.
+        assumed_sheet_factor: multiplies all these deviations where the sheet was assumed.
     """
 
     position_pitch: float = 0.02

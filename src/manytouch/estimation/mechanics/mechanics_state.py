@@ -12,7 +12,7 @@ from manytouch.estimation.mechanics.inversion.gauss_newton import SheetShape
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     ParameterResponse,
-    Pretension,
+    PretensionEstimate,
     SheetVariant,
 )
 from manytouch.estimation.mechanics.surface_covariance import MarkerDeviation
@@ -60,7 +60,7 @@ class MechanicsState:
     shape: SheetShape
     posterior: Posterior | None
     posterior_frames: int
-    pretension: Pretension
+    pretension: PretensionEstimate
     variants: tuple[SheetVariant, ...]
     response: ParameterResponse | None
     response_is_due: bool

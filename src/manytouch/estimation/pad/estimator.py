@@ -201,10 +201,9 @@ class PadEstimator:
     def _frame(self, state: PadState, grid: TrackedGrid) -> tuple[PadFit, float]:
         """The contacts of the next frame, and `PadState.refused_misfit`."""
         model, measured = state.model, self._measured(state, grid)
-        fit = self._fit(model, state.contact, measured, state.displacement_mm)
+        fit = self._pruned(model, self._fit(model, state.contact, measured, state.displacement_mm), measured)
         refused_misfit = state.refused_misfit
         for _ in range(self.max_contacts - len(fit.contact)):
-            fit = self._pruned(model, fit, measured)
             if len(fit.contact) != len(state.contact):
                 refused_misfit = 0.0
             if 0.0 < fit.misfit < self.retry_misfit * refused_misfit:
@@ -215,7 +214,9 @@ class PadEstimator:
                 refused_misfit = fit.misfit
                 break
             # what the first fit leaves is no sign of another contact: its weights are those before it
-            fit = self._fit(model, longer.contact, measured, longer.marker_mm(model))
+            fit = self._pruned(
+                model, self._fit(model, longer.contact, measured, longer.marker_mm(model)), measured
+            )
         return fit, refused_misfit
 
     def _longer(self, state: PadState, fit: PadFit, measured: _Measured) -> PadFit | None:
@@ -304,7 +305,7 @@ class PadEstimator:
         while len(fit.contact) > 0:
             stds = fit.force_mm2 / fit.force_std_mm2
             weakest = int(np.argmin(stds))
-            if stds[weakest] >= self.last_stds:
+            if stds[weakest] >= self.last_stds and len(fit.contact) <= self.max_contacts:
                 break
             rest = np.delete(fit.contact, weakest, axis=0)
             fit = self._fit(model, rest, measured, fit.marker_mm(model))

@@ -80,16 +80,22 @@ class PadContacts:
 
     Attributes:
         footprints: regions of the contacts.
-        position_pitch, position_root: standard deviations of a centre along each axis that the model does not
-            explain, in pitches and in roots of the contact's second moment.
-        depth_share, depth_pitch: of the depth, over the depth and in pitches.
-        force_share: of the normal force, over it.
-        large_strain: of both, over them, times depth over thickness.
-        wide: the same times the square of the root of the second moment over the thickness. Markers hardly
-            show the pressure in the middle of a wide contact.
-        shear_share: of the shear along each axis, over the normal force.
-        torque_share: of the torque, over the normal force times the radius.
-        area_share: of the area.
+        position_pitch: standard deviation of a centre along each axis that the model does not explain, in
+            pitches.
+        position_root: standard deviation of a centre along each axis that the model does not explain, over
+            the square root of the trace of the contact's second moment.
+        depth_share: standard deviation of the depth that the model does not explain, over the depth.
+        depth_pitch: standard deviation of the depth that the model does not explain, in pitches.
+        force_share: standard deviation of the normal force that the model does not explain, over it.
+        large_strain: standard deviation of depth and normal force by large strains, over their values, where
+            the depth is one thickness; proportional to the depth.
+        wide: standard deviation of depth and normal force of wide contacts, over their values, where the mean
+            of the two principal second moments is the squared thickness; proportional to this mean. Markers
+            hardly show the pressure in the middle of a wide contact.
+        shear_share: standard deviation of the shear along each axis, over the normal force.
+        torque_share: standard deviation of the torque, over the normal force times the square root of the
+            trace of the contact's second moment.
+        area_share: standard deviation of the area that the model does not explain, over the area.
     """
 
     footprints: Footprints = field(default_factory=Footprints)

@@ -13,9 +13,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.pad.pad_model import MOTIONS, ObservedPad
-from manytouch.estimation.pad.patch_forces import OWN, add_answers, add_tractions
-from manytouch.estimation.pad.patch_kernels import DOME, SHAPE, SPREADS, add_dome, add_layer_images
-from manytouch.estimation.pad.patch_prior import LOADS, PatchPrior
+from manytouch.estimation.pad.patch_forces import LOAD_COUNT, OWN, add_answers, add_tractions
+from manytouch.estimation.pad.patch_kernels import DISTRIBUTION_COUNT, DOME, SHAPE, add_dome, add_layer_images
+from manytouch.estimation.pad.patch_prior import PatchPrior
 from manytouch.estimation.pad.patch_slopes import PatchPad
 from manytouch.estimation.pad.patch_steps import Common, Limits, Measured, Problem, Work, iterate
 from manytouch.geometry.spline.patch import Nodal
@@ -33,8 +33,8 @@ class PatchImages:
     """Images of some shapes of a contact.
 
     Attributes:
-        nodal: (s, SPREADS, nx, ny) nodal forces of the pressure with unit force.
-        column: (s, LOADS, 2 m) marker images by unit loads.
+        nodal: (s, DISTRIBUTION_COUNT, nx, ny) nodal forces of the pressure with unit force.
+        column: (s, LOAD_COUNT, 2 m) marker images by unit loads.
         scale: (s, 2) what the torque and the radial shear are divided by.
     """
 
@@ -91,7 +91,7 @@ class PadFit:
 
 def tractions(model: ObservedPad, contact: Float64[np.ndarray, "c 10"]) -> Float64[np.ndarray, "nx ny 3"]:
     """Nodal forces over E of contacts (c, OWN)."""
-    spread, nodal = np.zeros((2, SPREADS, model.grid.count_x + 3, model.grid.count_y + 3))
+    spread, nodal = np.zeros((2, DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
     for own in contact:
         add_tractions(own, model.grid, spread, nodal)
     return np.moveaxis(nodal, 0, -1)
@@ -137,7 +137,7 @@ class PatchFitter:
             with_covariance: False leaves the covariances empty.
         """
         count, parameters, rows = len(contact), len(model.by_parameter), len(measured_px)
-        sheet = np.zeros((0, parameters, LOADS, rows))
+        sheet = np.zeros((0, parameters, LOAD_COUNT, rows))
         if not is_sheet_known and count > 0:
             sheet = np.stack([_by_sheet(model, own[:SHAPE]) for own in contact])
         common = Common(motion=model.motion, sheet=sheet, std=self._common_std(parameters))
@@ -200,19 +200,19 @@ class PatchFitter:
     def images(self, model: ObservedPad, shapes: Float64[np.ndarray, "s 5"]) -> PatchImages:
         """Images of a contact with each of the shapes (s, SHAPE)."""
         grid, count = model.grid, len(shapes)
-        nodal = np.zeros((count, SPREADS, grid.count_x + 3, grid.count_y + 3))
+        nodal = np.zeros((count, DISTRIBUTION_COUNT, grid.count_x + 3, grid.count_y + 3))
         scale = np.empty((count, 2))
-        column = np.zeros((count, LOADS, 2 * len(model.rest_px)))
+        column = np.zeros((count, LOAD_COUNT, 2 * len(model.rest_px)))
         for number, shape in enumerate(shapes):
             add_dome(shape, grid, DOME, nodal[number])
             add_layer_images(shape, model.table, DOME, model.markers, column[number])
             scale[number] = _load_scale(shape)
         window = _window(np.asarray(nodal[:, 0].any(axis=0)))
-        load = nodal[:, :, *window].reshape(count * SPREADS, -1)
+        load = nodal[:, :, *window].reshape(count * DISTRIBUTION_COUNT, -1)
         rows = column.shape[-1]
         x, y, z = (model.by_sides[axis][window].reshape(-1, rows) for axis in range(3))
-        by_x, by_y = ((load @ axis).reshape(count, SPREADS, rows) for axis in (x, y))
-        column += _unit_loads(by_x, by_y, load[::SPREADS] @ z)
+        by_x, by_y = ((load @ axis).reshape(count, DISTRIBUTION_COUNT, rows) for axis in (x, y))
+        column += _unit_loads(by_x, by_y, load[::DISTRIBUTION_COUNT] @ z)
         column[:, 3:] /= scale[:, :, None]
         return PatchImages(nodal=nodal, column=column, scale=scale)
 
@@ -254,16 +254,21 @@ def _window(is_used: np.ndarray) -> tuple[slice, slice]:
 
 
 def _unit_loads(by_x: np.ndarray, by_y: np.ndarray, by_z: np.ndarray) -> Float64[np.ndarray, "s 5 r"]:
-    """(s, LOADS, r) images from those by forces along x, y (s, SPREADS, r) and z (s, r) as in `SPREADS`."""
+    """(s, LOAD_COUNT, r) images from those by the distributions of force along x and y, and by force along z.
+
+    Args:
+        by_x, by_y: (s, DISTRIBUTION_COUNT, r) by force along x and along y.
+        by_z: (s, r) by force along z, distributed as the pressure.
+    """
     return np.stack([-by_z, by_x[:, 0], by_y[:, 0], by_y[:, 1] - by_x[:, 2], by_x[:, 1] + by_y[:, 2]], axis=1)
 
 
 def _by_sheet(model: ObservedPad, shape: Float64[np.ndarray, "5"]) -> Float64[np.ndarray, "k 5 r"]:
-    """(k, LOADS, 2 m) changes of the images of a shape by the parameters of the pad."""
-    nodal = np.zeros((SPREADS, model.grid.count_x + 3, model.grid.count_y + 3))
+    """(k, LOAD_COUNT, 2 m) changes of the images of a shape by the parameters of the pad."""
+    nodal = np.zeros((DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
     add_dome(shape, model.grid, DOME, nodal)
     window = _window(nodal[0].astype(np.bool_))
-    load = nodal[:, *window].reshape(SPREADS, -1)
+    load = nodal[:, *window].reshape(DISTRIBUTION_COUNT, -1)
     count, rows = len(model.by_parameter), model.by_parameter.shape[-1]
     x, y, z = (model.by_parameter[:, axis, *window].reshape(count, -1, rows) for axis in range(3))
     column = _unit_loads(load @ x, load @ y, load[0] @ z)

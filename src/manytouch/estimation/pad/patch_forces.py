@@ -6,8 +6,11 @@ from jaxtyping import Float64, Int64
 from manytouch.compilation import REORDER, kernel, no_type_check
 from manytouch.estimation.pad.patch_kernels import DOME, SHAPE, PadGrid, add_dome, cubic
 
-OWN = SHAPE + 5
-"""Parameters of a contact: those of its shape, then its loads (`patch_prior.LOADS`)."""
+LOAD_COUNT = 5
+"""Number of loads of a contact: normal force, shear x, y and torque, over E; radial shear over normal
+force."""
+OWN = SHAPE + LOAD_COUNT
+"""Number of parameters of a contact: those of its shape, then its loads."""
 
 
 @kernel()

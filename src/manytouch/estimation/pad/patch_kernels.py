@@ -8,9 +8,10 @@ from jaxtyping import Float64
 from manytouch.compilation import kernel, no_type_check
 
 SHAPE = 5
-"""Parameters of the shape of a patch: centre x, y and the triangular root xx, yx, yy of its second moment."""
-SPREADS = 3
-"""Loads of a patch: even over its pressure, and proportional to x and to y from its centre."""
+"""Number of parameters of the shape of a patch, mm: centre x, y, and the triangular root xx, yx, yy of the
+second moment of its pressure."""
+DISTRIBUTION_COUNT = 3
+"""Number of distributions of unit load over a patch: as its pressure; that times x and y from its centre."""
 
 
 class PadGrid(NamedTuple):
@@ -113,7 +114,7 @@ def add_dome(
         shape: (5,) parameters.
         grid: of the pad.
         points: (q, 3) quadrature with unit second moments: x, y, weight.
-        nodal: result; for each of the loads `SPREADS`, on the B-splines along x and y.
+        nodal: result; for each of the distributions of `DISTRIBUTION_COUNT`, on the B-splines along x and y.
     """
     along_x, along_y = np.empty(4), np.empty(4)
     for k in range(len(points)):

@@ -3,27 +3,31 @@
 from dataclasses import dataclass
 
 from manytouch.estimation.pad.pad_model import ObservedPad
-from manytouch.estimation.pad.patch_forces import OWN
-from manytouch.estimation.pad.patch_kernels import SHAPE
 from manytouch.estimation.pad.patch_steps import PriorNumbers
-
-LOADS = OWN - SHAPE
-"""Loads of a contact: normal force, shear x, y and torque, over E; radial shear over the normal force."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PatchPrior:
     """Broad normal distributions of the parameters of a contact; that of its centre is as wide as the pad.
 
+    The root of the second moment is the square root of the determinant of its triangular root
+    (`patch_kernels.SHAPE`): the geometric mean of the standard deviations of the place of the pressure along
+    its two principal directions.
+
     Attributes:
-        usual_radius: radius of a rigid ball, in thicknesses, whose contact on a half-space with the same
-            force (H. Hertz 1882) has the expected root of the second moment,
-        root_limits: within these limits, in thicknesses,
-        root_spread: and the standard deviation of its logarithm.
-        stretch_spread: standard deviation of the logarithm of the ratio of its two principal roots.
-        friction: standard deviation of shear over normal force,
-        radial_mean, radial_friction: mean and standard deviation of radial shear over normal force; it is
-            negative where an object sticks to a pad that spreads under it.
+        usual_radius: radius, in thicknesses, of the rigid ball whose contact with the same force on a
+            half-space (H. Hertz 1882) has the expected root of the second moment.
+        root_limits: least and largest expected root of the second moment, in thicknesses; an estimated root
+            may lie outside.
+        root_spread: standard deviation of the logarithm of the ratio of the root of the second moment to the
+            expected one.
+        stretch_spread: standard deviation of the logarithm of the ratio of the standard deviations of the
+            pressure along its two principal directions.
+        friction: standard deviation of each component of the shear over the normal force; of the torque over
+            the normal force times the square root of the trace of the second moment.
+        radial_mean: mean of the radial shear over the normal force; negative where an object sticks to a pad
+            that spreads under it.
+        radial_friction: standard deviation of the radial shear over the normal force.
     """
 
     usual_radius: float = 1.0

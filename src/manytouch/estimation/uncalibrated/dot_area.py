@@ -15,24 +15,24 @@ class DotAreaChange:
 
     Attributes:
         limit: changes are clipped to this size; a dot that a glint cuts seems to shrink by more.
-        drift: share of the remaining change that a frame at rest adds to the areas at rest.
+        drift: least weight of a new frame in the running mean of the logarithms at rest.
     """
 
     limit: float = 0.4
     drift: float = 0.01
 
-    def __call__(self, grid: TrackedGrid, rest: Scalars, neighbours: Neighbours) -> Scalars | None:
-        """(m,) change for all markers; None for a frame without areas.
+    def __call__(self, grid: TrackedGrid, rest_log_area: Scalars, neighbours: Neighbours) -> Scalars | None:
+        """(m,) change for all markers; None if the detection does not measure areas.
 
         Args:
             grid: markers of the frame.
-            rest: (m,) logarithm of the areas at rest in px^2, NaN where not known.
+            rest_log_area: (m,) logarithm of the areas at rest in px^2, NaN where not known.
             neighbours: of the markers; a marker without an area gets the mean of its neighbours, or 0.
         """
         if grid.area_px2 is None:
             return None
         with np.errstate(invalid="ignore", divide="ignore"):
-            growth: Scalars = np.clip(np.log(grid.area_px2) - rest, -self.limit, self.limit)
+            growth: Scalars = np.clip(np.log(grid.area_px2) - rest_log_area, -self.limit, self.limit)
         known = np.isfinite(growth)
         growth[~known] = 0.0
         blank = np.flatnonzero(~known)
@@ -42,10 +42,12 @@ class DotAreaChange:
         return read_only(growth)
 
     def std(self, grid: TrackedGrid) -> float | None:
-        """Median standard deviation of a change, from that of the centres; None for a frame without areas.
+        """Standard deviation of a change: sqrt(2 pi v / A); None if the detection does not measure areas.
 
-        Noise on the outline of a disc of radius r moves its centre along an axis by s and changes the
-        logarithm of its area by sqrt(2) s / r: the weights along the outline are cos and 1.
+        v is the variance of a centre along x and A the area of a dot, medians of the seen markers. Noise of
+        the outline, of the radius r at the angle t, moves the centre by the mean of 2 noise cos t and changes
+        the logarithm of the area by the mean of 2 noise / r: the mean of cos^2 t is 1/2, hence
+        sqrt(2 v) / r, with A = pi r^2.
         """
         if grid.area_px2 is None:
             return None
@@ -54,12 +56,22 @@ class DotAreaChange:
         variance_px2 = median_where(grid.covariance_px2[:, 0, 0], grid.is_seen)
         return float(np.sqrt(2.0 * np.pi * variance_px2 / median_where(grid.area_px2, grid.is_seen)))
 
-    def at_rest(self, grid: TrackedGrid, rest: Scalars, frames: int) -> Scalars:
-        """(m,) logarithm of the areas at rest after one more frame at rest; `frames` came before it."""
+    def updated_rest(self, grid: TrackedGrid, rest_log_area: Scalars, frames_before: int) -> Scalars:
+        """(m,) logarithm of the areas at rest in px^2 after one more frame at rest.
+
+        It is the mean of the first 1 / `drift` frames, then falls off exponentially. A marker without an area
+        keeps its value; where that is NaN, the first area is taken.
+
+        Args:
+            grid: markers of the frame.
+            rest_log_area: (m,) before it, NaN where not known.
+            frames_before: number of frames at rest before it.
+        """
         if grid.area_px2 is None:
-            return rest
+            return rest_log_area
         with np.errstate(invalid="ignore", divide="ignore"):
             now = np.log(grid.area_px2)
         now[~np.isfinite(now)] = np.nan
-        moved = rest + max(self.drift, 1.0 / (frames + 1)) * (now - rest)
-        return read_only(np.where(np.isnan(rest), now, np.where(np.isnan(moved), rest, moved)))
+        moved = rest_log_area + max(self.drift, 1.0 / (frames_before + 1)) * (now - rest_log_area)
+        kept = np.where(np.isnan(moved), rest_log_area, moved)
+        return read_only(np.where(np.isnan(rest_log_area), now, kept))

@@ -28,14 +28,14 @@ class SwellingLoadState:
         swelling_map: from the swelling to where the load is.
         spacing: from displacements to the changes of spacings.
         neighbours: of each marker.
-        rest_area: (m,) logarithm of the areas of the dots at rest in px^2, NaN where not known.
+        rest_log_area: (m,) logarithm of the areas of the dots at rest in px^2, NaN where not known.
     """
 
     displacement_map: LoadMap
     swelling_map: SwellingMap
     spacing: MarkerSpacing
     neighbours: Neighbours
-    rest_area: Scalars
+    rest_log_area: Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -66,7 +66,7 @@ class SwellingLoad:
             swelling_map=self.swelling_model(sensor.layout, rest_mm, self.model.points_per_pitch),
             spacing=marker_spacing(rest_mm, axis_mm, neighbours),
             neighbours=neighbours,
-            rest_area=read_only(np.full(len(rest_mm), np.nan)),
+            rest_log_area=read_only(np.full(len(rest_mm), np.nan)),
         )
 
     def load_map(self, state: SwellingLoadState) -> LoadMap:
@@ -80,7 +80,7 @@ class SwellingLoad:
         by_displacement = state.displacement_map
         coefficients = by_displacement.coefficients(displacement_mm.T.ravel() / by_displacement.pitch_mm)
         largest = float(by_displacement.load_on_grid(coefficients).max())
-        growth = self.dot_area(grid, state.rest_area, state.neighbours)
+        growth = self.dot_area(grid, state.rest_log_area, state.neighbours)
         swelling = self.swelling_model.swelling(growth, *state.spacing(displacement_mm))
         load_map = state.swelling_map.load_map
         coefficients = load_map.coefficients(swelling)
@@ -99,7 +99,7 @@ class SwellingLoad:
 
     def update_rest(self, state: SwellingLoadState, grid: TrackedGrid, frames: int) -> SwellingLoadState:
         """The state with the dot areas of a frame at rest; `frames` at rest came before it."""
-        return replace(state, rest_area=self.dot_area.at_rest(grid, state.rest_area, frames))
+        return replace(state, rest_log_area=self.dot_area.updated_rest(grid, state.rest_log_area, frames))
 
 
 def uncalibrated_contact_finder() -> LoadContactFinder:

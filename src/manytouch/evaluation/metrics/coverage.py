@@ -1,4 +1,7 @@
-"""Do intervals contain the truth? One sample of each contact, so that samples are independent."""
+"""Coverage of intervals: one sample of each contact, so that samples are independent.
+
+`uncertainty_calibration` compares the same deviations with the errors of all frames, without a band.
+"""
 
 from dataclasses import dataclass
 
@@ -8,10 +11,12 @@ from scipy.stats import binom, norm
 from manytouch.evaluation.metrics.contacts import ContactSamples
 from manytouch.values.arrays import Scalars
 
-LEVELS = (0.5, 0.9, 0.95)
+COVERED_LEVELS = (0.5, 0.9, 0.95)
 BAND = 0.99
+"""Probability that the share within the 95 % interval is within its bounds if the deviations are right."""
 FEWEST = 5
 COVERED = ("position", "depth", "force", "shear", "torque", "area")
+"""Quantities of a contact whose intervals are compared with the truth."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,9 +25,10 @@ class Coverage:
 
     Attributes:
         contacts: with an error and a deviation above 0.
-        coverage_50, coverage_90, coverage_95: share of the errors within these intervals.
-        low_95, high_95: in which the share within the 95 % interval lies in 99 of 100 cases where the
-            deviations are right and contacts independent.
+        coverage_50, coverage_90, coverage_95: share of the errors within these intervals; of the last frame
+            of each contact, unlike `UncertaintyCalibration.coverage_95`.
+        low_95, high_95: bounds that contain coverage_95 in 99 % of cases if the deviations are right and the
+            contacts independent.
         chi2_per_dof: mean square of error over deviation.
     """
 
@@ -36,12 +42,12 @@ class Coverage:
 
     @property
     def is_right(self) -> bool:
-        """Whether the share within the 95 % interval is within the band."""
+        """Whether coverage_95 is within its bounds."""
         return self.low_95 <= self.coverage_95 <= self.high_95
 
 
 def coverages(samples: ContactSamples) -> dict[str, Coverage | None]:
-    """Of each of `COVERED`, from the last frame of each contact; x and y are components of their own.
+    """Of each of `COVERED`, from the last frame of each contact; x and y are two components of one contact.
 
     The area is compared on a logarithmic scale, where its error is more even.
     """
@@ -58,21 +64,31 @@ def coverages(samples: ContactSamples) -> dict[str, Coverage | None]:
         "torque": (samples.torque_Nmm - samples.true_torque_Nmm, samples.torque_std_Nmm),
         "area": (area, area_std),
     }
-    return {
-        name: coverage_of(error[last].ravel(), std[last].ravel(), components=error[last].ndim)
-        for name, (error, std) in errors.items()
-    }
+    found = {}
+    for name in COVERED:
+        error, std = errors[name]
+        found[name] = coverage_of(error[last].ravel(), std[last].ravel(), components=error[last].ndim)
+    return found
 
 
 def coverage_of(error: Scalars, std: Scalars, *, components: int = 1) -> Coverage | None:
-    """Of errors and deviations (n,), `components` of them from one contact; None of less than 5 contacts."""
+    """Coverage of errors and deviations in the same unit.
+
+    Args:
+        error, std: (n,) of all contacts and components.
+        components: errors of one contact: all count for the shares, the bounds are those of
+            n / components contacts.
+
+    Returns:
+        None if fewer than 5 contacts have both.
+    """
     has_both = np.isfinite(error) & np.isfinite(std) & (std > 0)
     contacts = int(has_both.sum()) // components
     if contacts < FEWEST:
         return None
     z = np.abs(error[has_both] / std[has_both])
-    inside = [float((z <= norm.ppf(0.5 + level / 2)).mean()) for level in LEVELS]
-    low, high = binom.interval(BAND, contacts, LEVELS[-1])
+    inside = [float((z <= norm.ppf(0.5 + level / 2)).mean()) for level in COVERED_LEVELS]
+    low, high = binom.interval(BAND, contacts, COVERED_LEVELS[-1])
     return Coverage(
         contacts=contacts,
         coverage_50=inside[0],

@@ -7,7 +7,7 @@ from scipy.stats import norm
 
 from manytouch.values.arrays import Scalars
 
-LEVELS = tuple(np.round(np.arange(0.05, 1.0, 0.05), 2).tolist())
+CALIBRATION_LEVELS = tuple(np.round(np.arange(0.05, 1.0, 0.05), 2).tolist())
 FEWEST = 20
 
 
@@ -20,7 +20,8 @@ class UncertaintyCalibration:
         given: share of the errors that come with a deviation above 0.
         chi2_per_dof: mean of z^2; 1 is right, more is overconfident. Outliers weigh heavily.
         spread: half the width of the middle 68.27 % of z; 1 is right. Outliers weigh little.
-        coverage_68, coverage_95: share of |z| below 0.994 and 1.960; 0.68 and 0.95 are right.
+        coverage_68, coverage_95: share of |z| below 0.994 and 1.960; 0.68 and 0.95 are right. Of all frames,
+            unlike `Coverage.coverage_95`.
         levels, coverage: the same for all levels from 5 to 95 %.
         predicted, observed: root mean square of predicted deviation and of error, in tenths of the
             components ordered by their deviation.
@@ -52,7 +53,8 @@ def uncertainty_calibration(error: Scalars, std: Scalars) -> UncertaintyCalibrat
     error, std = error[has_both], std[has_both]
     z = error / std
     low, high = np.percentile(z, [15.865, 84.135])
-    coverage = [float((np.abs(z) <= norm.ppf(0.5 + level / 2)).mean()) for level in (*LEVELS, 0.68, 0.95)]
+    levels = (*CALIBRATION_LEVELS, 0.68, 0.95)
+    coverage = [float((np.abs(z) <= norm.ppf(0.5 + level / 2)).mean()) for level in levels]
     tenths = np.array_split(np.argsort(std, kind="stable"), 10)
     return UncertaintyCalibration(
         count=count,
@@ -61,7 +63,7 @@ def uncertainty_calibration(error: Scalars, std: Scalars) -> UncertaintyCalibrat
         spread=float(high - low) / 2,
         coverage_68=coverage[-2],
         coverage_95=coverage[-1],
-        levels=LEVELS,
+        levels=CALIBRATION_LEVELS,
         coverage=tuple(coverage[:-2]),
         predicted=tuple(float(np.sqrt(np.mean(std[tenth] ** 2))) for tenth in tenths),
         observed=tuple(float(np.sqrt(np.mean(error[tenth] ** 2))) for tenth in tenths),

@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from manytouch.evaluation.metrics.comparison import figures, pooled
+from manytouch.evaluation.metrics.coverage import COVERED, Coverage
 from manytouch.evaluation.metrics.metric_specs import plain
 from manytouch.evaluation.suite.cases import GROUPS, PAD_GROUPS, VARIED_GROUPS
 from manytouch.evaluation.suite.runner import Evaluation, Trial
@@ -73,8 +74,7 @@ GOALS = (
     Goal(label="peak", section="depth", key="peak_percent", limit=1),
     Goal(label="peak, 95 %", section="depth", key="peak_p95_percent", limit=3),
 )
-COVERED = ("position", "depth", "force", "shear", "torque", "area")
-LEVELS = ("coverage_50", "coverage_90", "coverage_95")
+COVERAGE_KEYS = ("coverage_50", "coverage_90", "coverage_95")
 PROPERTIES: dict[str, Callable[[VariedCase], bool]] = {
     "friction": lambda case: case.friction > 0.0,
     "Yeoh's law": lambda case: any(case.stiffening),
@@ -92,9 +92,9 @@ class GoalRow:
         part, method: which.
         recordings: in it.
         cells: (text, is reached) of each of `GOALS`; None where there is no figure or no goal.
-        coverage: texts of `LEVELS` of each of `COVERED`, "" where not given, and whether the share within the
-            95 % interval is within its band.
-        missed: goals and bands that are not reached.
+        coverage: texts of `COVERAGE_KEYS` of each of `COVERED`, "" where not given, and whether the share
+            within the 95 % interval is within its bounds.
+        missed: goals and bounds that are not reached.
     """
 
     part: str
@@ -164,9 +164,9 @@ def _row(name: str, trials: list[Trial], method: str) -> GoalRow | None:
         if one is None:
             coverage.append(("", None))
             continue
-        texts = " / ".join(f"{100 * one[level]:.0f}" for level in LEVELS)
-        is_right = one["low_95"] <= one["coverage_95"] <= one["high_95"]
-        coverage.append((f"{texts} (n {one['contacts']}, chi² {plain(one['chi2_per_dof'])})", is_right))
+        texts = " / ".join(f"{100 * one[level]:.0f}" for level in COVERAGE_KEYS)
+        text = f"{texts} (n {one['contacts']}, chi² {plain(one['chi2_per_dof'])})"
+        coverage.append((text, Coverage(**one).is_right))
     return GoalRow(
         part=name,
         method=method,

@@ -11,9 +11,10 @@ import numpy as np
 
 from manytouch.errors import MissingExtraError
 from manytouch.evaluation.metrics.comparison import MethodErrors, uncertainty_calibrations
+from manytouch.evaluation.metrics.coverage import COVERED
 from manytouch.evaluation.metrics.separation import RATIOS
 from manytouch.evaluation.report import charts, maps
-from manytouch.evaluation.report.goals import COVERED, GOALS, goal_table
+from manytouch.evaluation.report.goals import GOALS, goal_table
 from manytouch.evaluation.report.pad_goals import goal_rows
 from manytouch.evaluation.report.ratings import case_rows, halves_rows, rate_methods, table
 from manytouch.evaluation.report.report_data import contents, main_trials, part, unit_of

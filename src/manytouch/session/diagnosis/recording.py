@@ -50,7 +50,7 @@ def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[
             f"none of the first {REST_FRAMES} frames of {text} could be decoded; convert the file, or "
             "check it in a video player"
         )
-    yield _describe_exposure(frames)
+    yield _describe_brightness(frames)
     try:
         surveyed = survey(frames, roi_px=roi_px)
     except LayoutError as error:
@@ -80,7 +80,7 @@ def _describe_source(source: Source) -> str:
     return f"{source.width_px} x {source.height_px} px, {rate}{count}"
 
 
-def _describe_exposure(frames: Sequence[Frame]) -> str:
+def _describe_brightness(frames: Sequence[Frame]) -> str:
     levels = [
         np.asarray(frame.image, dtype=np.float32) * level_scale(np.asarray(frame.image)) for frame in frames
     ]

@@ -14,8 +14,8 @@ import numpy as np
 import manytouch
 from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.atomic_output import output_errors
+from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.rest_noise import RestNoise
-from manytouch.sinks.files.result_hash import result_hash
 from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict
 from manytouch.values import Reading, Roi, Sensor, SheetSpline, Status
 

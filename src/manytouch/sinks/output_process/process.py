@@ -63,7 +63,7 @@ class OutputProcess:
     ) -> None:
         """Start the process, and wait until it has opened the outputs; see `start_outputs`."""
         self._urls, self._controls = tuple(urls), controls
-        self._before = tuple(OutputState(name=url, sent=0, dropped=0, problem=None) for url in urls)
+        self._before = _nothing_sent(urls)
         self._process: _Process | None = None
         self.descriptions: tuple[str, ...] = ()
         self._link = QueuedOutput(
@@ -124,7 +124,7 @@ class _Process:
         self._next_health_s = time.monotonic() + HEALTH_INTERVAL_S
         self._child, self._to_child, self._from_child = _started()
         self.pid = self._child.pid
-        self.states = tuple(OutputState(name=url, sent=0, dropped=0, problem=None) for url in urls)
+        self.states = _nothing_sent(urls)
         try:
             self.descriptions = self._opened(urls)
         except BaseException:
@@ -238,6 +238,11 @@ def _error(answer: Refused) -> ManytouchError:
 def _image_turns(urls: Sequence[str]) -> list[ImageTurns]:
     addresses = [parse_address(url) for url in urls]
     return [ImageTurns(each) for each in addresses if "images" in SCHEMES[each.scheme].options]
+
+
+def _nothing_sent(urls: Sequence[str]) -> tuple[OutputState, ...]:
+    names = (parse_address(url).text for url in urls)
+    return tuple(OutputState(name=name, sent=0, dropped=0, problem=None) for name in names)
 
 
 def _sums(before: Sequence[OutputState], now: Sequence[OutputState]) -> tuple[OutputState, ...]:

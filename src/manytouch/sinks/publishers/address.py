@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from urllib.parse import parse_qsl, unquote, urlsplit
 
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, without_password
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -12,7 +12,7 @@ class OutputAddress:
     """Parts of the URL of an output.
 
     Attributes:
-        text: the URL as given.
+        text: the URL as given, without user and password, which messages do not show.
         scheme: before "://", in lower case.
         host: without brackets; empty if there is none.
         port: None if there is none.
@@ -69,18 +69,22 @@ def parse_address(text: str) -> OutputAddress:
     Raises:
         ManytouchError: it is not a URL.
     """
-    parts = urlsplit(text)
+    shown = without_password(text)
+    try:
+        parts = urlsplit(text)
+    except ValueError:
+        raise ManytouchError(f"{shown!r}: an IPv6 address has brackets, such as osc://[::1]:9000") from None
     try:
         port = parts.port
     except ValueError:
-        raise ManytouchError(f"{text!r}: the port is not a number from 0 to 65535") from None
+        raise ManytouchError(f"{shown!r}: the port is not a number from 0 to 65535") from None
     if "://" not in text:
-        raise ManytouchError(f"{text!r} is not the address of an output, such as osc://127.0.0.1:9000")
+        raise ManytouchError(f"{shown!r} is not the address of an output, such as osc://127.0.0.1:9000")
     host = unquote(parts.netloc).rpartition("@")[2]
     if port is not None:
         host = host.rpartition(":")[0]
     return OutputAddress(
-        text=text,
+        text=shown,
         scheme=parts.scheme.lower(),
         host=host.removesuffix(":").strip("[]"),
         port=port,

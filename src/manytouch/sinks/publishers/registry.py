@@ -136,7 +136,9 @@ def _known_address(url: str) -> OutputAddress:
     scheme = SCHEMES.get(address.scheme)
     if scheme is None:
         known = ", ".join(each.example for each in SCHEMES.values())
-        raise ManytouchError(f"{url!r}: there is no output {address.scheme}://; choose one like {known}")
+        raise ManytouchError(
+            f"{address.text!r}: there is no output {address.scheme}://; choose one like {known}"
+        )
     address.refuse_options_except(*scheme.options)
     return address
 

@@ -13,7 +13,7 @@ SATURATED_LEVEL = 251
 
 
 class ImageQuality:
-    """Focus and exposure of the images of a source.
+    """Focus and brightness of the images of a source.
 
     Focus is the variance of the Laplacian of an image over its variance, relative to the best image so far:
     1 is as sharp as the sharpest.

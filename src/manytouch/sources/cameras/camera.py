@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from urllib.parse import urlsplit
 
-from manytouch.errors import SourceError
+from manytouch.errors import SourceError, without_password
 from manytouch.sources.cameras.capture import CameraRequest, Capture, CapturedImage, open_camera
 from manytouch.sources.cameras.stream import open_stream
 from manytouch.sources.encoded import decoded
@@ -261,14 +261,6 @@ def camera_source(text: str, request: CameraRequest | None = None) -> CameraSour
         return CameraSource(text, lambda: open_stream(text))
     number_or_path = int(text) if text.isdigit() else text
     return CameraSource(text, lambda: open_camera(number_or_path, wanted))
-
-
-def without_password(text: str) -> str:
-    """An address without user and password, to be shown and stored; any other text unchanged."""
-    if "://" not in text:
-        return text
-    parts = urlsplit(text)
-    return parts._replace(netloc=parts.netloc.rpartition("@")[2]).geturl()
 
 
 def _not_opened(text: str) -> str:

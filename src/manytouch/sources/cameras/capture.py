@@ -119,13 +119,13 @@ class Backend:
     automatic: float = 1.0
     has_timestamps: bool = False
 
-    def exposure(self, milliseconds: float) -> float:
-        """An exposure in the driver's unit."""
-        return 10.0 * milliseconds if self.exposure_is == "100us" else math.log2(1e-3 * milliseconds)
+    def driver_exposure(self, exposure_ms: float) -> float:
+        """The driver's number for an exposure time."""
+        return 10.0 * exposure_ms if self.exposure_is == "100us" else math.log2(1e-3 * exposure_ms)
 
-    def milliseconds(self, exposure: float) -> float:
-        """An exposure from the driver's unit."""
-        return 0.1 * exposure if self.exposure_is == "100us" else 1e3 * 2.0**exposure
+    def exposure_ms(self, driver_exposure: float) -> float:
+        """The exposure time of the driver's number."""
+        return 0.1 * driver_exposure if self.exposure_is == "100us" else 1e3 * 2.0**driver_exposure
 
 
 _LIGHT = (
@@ -199,7 +199,7 @@ def driver_values(request: CameraRequest, backend: Backend) -> dict[str, float]:
         manual, automatic = (backend.manual, backend.automatic) if name == "exposure" else (0.0, 1.0)
         wanted[f"automatic {name}"] = automatic if amount == "auto" else manual
         if amount != "auto":
-            wanted[name] = backend.exposure(amount) if name == "exposure" else amount
+            wanted[name] = backend.driver_exposure(amount) if name == "exposure" else amount
     return {name: value for name, value in wanted.items() if name in backend.order}
 
 
@@ -226,7 +226,7 @@ class OpenCvCapture:
         width, height = self._found("width"), self._found("height")
         found_size = None if width is None or height is None else f"{width:g} x {height:g} px"
         code = self._found("format")
-        exposure = self._found("exposure")
+        driver_exposure = self._found("exposure")
         return (
             Setting(name="driver", requested=None, found=self._backend.name),
             Setting(name="size", requested=requested_size, found=found_size),
@@ -241,7 +241,9 @@ class OpenCvCapture:
             Setting(
                 name="exposure",
                 requested=_words(request.exposure_ms, "ms"),
-                found=None if exposure is None else _words(self._backend.milliseconds(exposure), "ms"),
+                found=None
+                if driver_exposure is None
+                else _words(self._backend.exposure_ms(driver_exposure), "ms"),
             ),
             Setting(name="gain", requested=_words(request.gain), found=_words(self._found("gain"))),
             Setting(name="focus", requested=_words(request.focus), found=_words(self._found("focus"))),

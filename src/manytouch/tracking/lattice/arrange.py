@@ -13,13 +13,21 @@ from scipy.ndimage import label
 from manytouch.tracking.lattice.find import Lattice, find_lattice, local_spacing
 from manytouch.values.arrays import Mask, Points2, read_only
 
-_LEAST_FILL = 2 / 3
-_LEAST_BORDER = 1 / 3
-_MOST_TRIMMED = 0.06
-_MOST_OUTSIDE = 0.1
-_BAND_GAP = 0.25
+_LEAST_MEMBERS = 0.6  # share of the dots that belong to the lattice
+_LEAST_FILL = 2 / 3  # share of the places of the rectangle that have dots
+_LEAST_BORDER = 1 / 3  # share of the places of a border line that have whole dots
+_MOST_TRIMMED = 0.06  # share of the whole dots that the removal of border lines may cost
+_MOST_OUTSIDE = 0.1  # share of the places of the rectangle that are empty beyond the outline of the dots
+_BAND_GAP = 0.25  # gap between rings or lines of dots, in spacings
 _ODD_ANGLE_RAD = 0.1  # no symmetric pattern has two rows as far from this direction
-_UNIMODULAR = (((1, 0), (0, 1)), ((1, 0), (1, 1)), ((1, 0), (-1, 1)), ((1, 1), (0, 1)), ((1, -1), (0, 1)))
+# matrices of integers with determinant 1 or -1: other axes of the same lattice
+_CHANGES_OF_BASIS = (
+    ((1, 0), (0, 1)),
+    ((1, 0), (1, 1)),
+    ((1, 0), (-1, 1)),
+    ((1, 1), (0, 1)),
+    ((1, -1), (0, 1)),
+)
 # Directions between these angles count as "x", others as "y"; 45 degrees, which is common, is well inside.
 _X_FROM_RAD, _X_TO_RAD = np.deg2rad(-38.0), np.deg2rad(52.0)
 
@@ -31,7 +39,7 @@ class Arrangement:
     Attributes:
         dot: (m,) index of the dot of each marker, -1 where the dot is missing.
         row_column: (m, 2), or None when the layout is not a rectangle.
-        centre_px: (m, 2) the dots' centres; where one is missing, interpolated from its neighbours.
+        centre_px: (m, 2) the dots' centres; where one is missing, interpolated by a thin-plate spline.
         pitch_px: (2,) median spacing along x (columns) and y (rows); both are the median neighbour
             distance when there are no rows.
     """
@@ -46,26 +54,31 @@ def arrange(centre_px: Points2, is_cut: Mask) -> Arrangement:
     """Number dots, which are in any order.
 
     A border line of the lattice is not part of the rectangle if less than a third of its places have whole
-    dots. The result is a table, without rows and columns, if there is no lattice, if it fills less than two
-    thirds of its rectangle, or if more than a tenth of the rectangle is empty beyond the outline of the dots
-    (cut corners).
+    dots; but if this would remove more than two whole dots and more than 6 % of them, only border lines
+    without any whole dot are removed. The result is a table, a layout without rows and columns, if
+
+    - there is no lattice, it is closed (`find.Lattice`), or less than 60 % of the dots are its members; the
+      table then has all dots that are not cut, or all if fewer than three of them are whole;
+    - the lattice fills less than two thirds of its rectangle, the rectangle is a single line, or more than a
+      tenth of it is empty beyond the outline of the dots (cut corners); the table then has the members that
+      are not cut.
 
     Args:
         centre_px: (n, 2) at least one dot.
         is_cut: (n,) dots that the image's border cuts.
     """
     lattice = find_lattice(centre_px)
-    if lattice is None or lattice.is_closed or lattice.is_member.sum() < 0.6 * len(centre_px):
+    if lattice is None or lattice.is_closed or lattice.is_member.sum() < _LEAST_MEMBERS * len(centre_px):
         return _table(
             centre_px, None, np.flatnonzero(~is_cut) if (~is_cut).sum() >= 3 else np.arange(len(centre_px))
         )
     whole_grid = _choose_grid(lattice, centre_px, is_cut)
-    grid = trim(whole_grid, is_cut)
+    grid = _trim(whole_grid, is_cut)
     fill = (grid >= 0).mean()
     if fill < _LEAST_FILL or min(grid.shape) < 2 or _count_outside(grid) > _MOST_OUTSIDE * grid.size:
         return _table(centre_px, whole_grid, np.flatnonzero(lattice.is_member & ~is_cut))
     rows, columns = np.indices(grid.shape)
-    position = fill_gaps(grid, centre_px)
+    position = _fill_gaps(grid, centre_px)
     return Arrangement(
         dot=read_only(grid.ravel().astype(np.int64)),
         row_column=read_only(np.column_stack([rows.ravel(), columns.ravel()]).astype(np.int64)),
@@ -81,9 +94,9 @@ def _choose_grid(lattice: Lattice, centre_px: Points2, is_cut: Mask) -> np.ndarr
     """
     dots = np.flatnonzero(lattice.is_member)
     best: tuple[tuple[float, float, float], np.ndarray] | None = None
-    for change in _UNIMODULAR:
+    for change in _CHANGES_OF_BASIS:
         grid = _orient(lattice.place[dots] @ np.array(change), dots, centre_px)
-        fill = round(float((trim(grid, is_cut) >= 0).mean()), 2)
+        fill = round(float((_trim(grid, is_cut) >= 0).mean()), 2)
         position = _position(grid, centre_px)
         size = float(np.hypot(_median_step(position, 0), _median_step(position, 1)))
         coarse = -round(np.log(size) * 20.0) if np.isfinite(size) else -np.inf
@@ -119,7 +132,7 @@ def _orient(place: np.ndarray, dots: np.ndarray, centre_px: Points2) -> np.ndarr
     return grid
 
 
-def trim(grid: np.ndarray, is_cut: Mask) -> np.ndarray:
+def _trim(grid: np.ndarray, is_cut: Mask) -> np.ndarray:
     """The grid without border lines that have few whole dots, unless that would remove many dots."""
     whole = (grid >= 0) & ~is_cut[np.maximum(grid, 0)]
     top, bottom, left, right = 0, grid.shape[0], 0, grid.shape[1]
@@ -162,7 +175,7 @@ def _median_step(position: np.ndarray, axis: int) -> float:
     return float(np.median(known)) if len(known) else float("nan")
 
 
-def fill_gaps(grid: np.ndarray, centre_px: Points2) -> np.ndarray:
+def _fill_gaps(grid: np.ndarray, centre_px: Points2) -> np.ndarray:
     """(rows, columns, 2) px of a grid; empty places are interpolated by a thin-plate spline."""
     position = _position(grid, centre_px)
     empty = grid < 0

@@ -112,7 +112,8 @@ class Workspace(NamedTuple):
         queue, delayed: (N,) nodes.
         is_queued: (N,) booleans.
         attempted: (N,) counts.
-        position_px: (N, 2).
+        position_px: (N, 2) any pairs in pixels: guessed positions and motions while a frame is matched, then
+            the displacements of its `Assignment`.
     """
 
     marker_of_dot: np.ndarray

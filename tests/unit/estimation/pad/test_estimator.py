@@ -97,6 +97,24 @@ def test_a_contact_keeps_its_identity_and_ends(pad_state: PadState) -> None:
     assert [each.phase for each in last.contacts] == [Phase.END]
 
 
+def test_contacts_end_where_no_more_are_allowed(pad_state: PadState) -> None:
+    estimate = replace(ESTIMATE, max_contacts=1)
+    state, _, pressed = estimate.step(pad_state, grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0))
+    assert len(pressed.touching) == 1
+    state, _, lifted = estimate.step(state, grid_at(pad_state.model.rest_px, noise_px=0.01, seed=1))
+    assert not lifted.touching
+    assert len(state.contact) == 0
+
+
+def test_contacts_beyond_the_largest_number_are_dropped(pad_state: PadState) -> None:
+    two = np.vstack([ONE, [-5.0, 2.0, 0.7, 0.0, 0.7, 1.2, 0.0, 0.1, 0.0, 0.0]])
+    state, _, contacts = steps(pad_state, pressed_px(pad_state, two))
+    assert len(contacts.touching) == 2
+    fewer = replace(ESTIMATE, max_contacts=1)
+    state, _, _ = fewer.step(state, grid_at(pressed_px(pad_state, two), noise_px=0.01, seed=4))
+    assert len(state.contact) == 1
+
+
 def test_interleaved_states_give_the_same_bits(pad_state: PadState) -> None:
     position_px = pressed_px(pad_state, ONE)
     alone, _, one = steps(pad_state, position_px)

@@ -56,15 +56,15 @@ def test_rest_is_the_mean_of_the_first_frames_and_then_drifts_slowly() -> None:
     change = DotAreaChange(drift=0.01)
     rest = np.full(len(PLANE_MM), np.nan)
     for frame, area in enumerate((100.0, 121.0)):
-        rest = change.at_rest(grid(np.full(len(PLANE_MM), area)), rest, frame)
+        rest = change.updated_rest(grid(np.full(len(PLANE_MM), area)), rest, frame)
     np.testing.assert_allclose(rest, np.log(110.0))
-    later = change.at_rest(grid(np.full(len(PLANE_MM), 220.0)), rest, 5000)
+    later = change.updated_rest(grid(np.full(len(PLANE_MM), 220.0)), rest, 5000)
     np.testing.assert_allclose(later - rest, 0.01 * np.log(2.0))
 
 
 def test_a_dot_that_is_hidden_keeps_its_rest() -> None:
     area = np.full(len(PLANE_MM), 100.0)
     area[3] = np.nan
-    rest = DotAreaChange().at_rest(grid(area), np.full(len(PLANE_MM), np.log(80.0)), 3)
+    rest = DotAreaChange().updated_rest(grid(area), np.full(len(PLANE_MM), np.log(80.0)), 3)
     assert rest[3] == pytest.approx(np.log(80.0))
     assert rest[4] > np.log(80.0)

@@ -11,8 +11,8 @@ from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
+from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.rest_noise import RestNoise
-from manytouch.sinks.files.result_hash import result_hash
 from manytouch.sinks.files.sensor_description import describe_sensor, pitch_px
 from manytouch.sinks.files.summary import Summary, parameters
 from manytouch.values import Phase, Roi, SheetSpline, Status

@@ -34,7 +34,7 @@ def pressed(reading_of, contact_of) -> Callable[[int], Reading]:
 def test_all_outputs_have_sent_every_reading_when_the_session_ends(session, pressed, tmp_path: Path) -> None:
     receiver, path = Receiver(), tmp_path / "take.mid"
     urls = [f"osc://127.0.0.1:{receiver.port}", f"midi://{path}"]
-    (output,) = start_outputs(urls, session)
+    (output,) = start_outputs([urls[0].replace("//", "//me:secret@"), urls[1]], session)
     assert [each.partition(": ")[0] for each in output.descriptions] == urls
     pid = output.pid
     for index in range(5):

@@ -27,6 +27,7 @@ def test_the_parts_of_an_address() -> None:
         ("tuio://127.0.0.1:99999", "the port is not a number from 0 to 65535"),
         ("tuio://127.0.0.1?colour=red", "no option 'colour': known are version"),
         ("osc://127.0.0.1:9000?colour=red", "no option 'colour': it has none"),
+        ("osc://[::1:9000", "an IPv6 address has brackets"),
     ],
 )
 def test_a_wrong_address_is_one_sentence(url: str, words: str) -> None:
@@ -47,6 +48,24 @@ def test_a_wrong_address_is_one_sentence(url: str, words: str) -> None:
 def test_an_output_that_cannot_be_opened_is_one_sentence(url: str, words: str, session) -> None:
     with pytest.raises(ManytouchError, match=words):
         open_outputs(["osc://127.0.0.1:9000", url], session)
+
+
+@pytest.mark.parametrize(
+    "rest", ["host:99999", "[::1", "host?colour=red", "host:9000?version=3", "no-such-host.invalid"]
+)
+def test_an_error_shows_no_password(rest: str, session) -> None:
+    for scheme in ("tuio", "smoke"):
+        with pytest.raises(ManytouchError) as error:
+            open_outputs([f"{scheme}://me:secret@{rest}"], session)
+        assert "secret" not in str(error.value)
+        assert rest in str(error.value)
+
+
+def test_the_name_of_an_output_has_no_password(session) -> None:
+    (output,) = open_outputs(["osc://me:secret@127.0.0.1:9000"], session)
+    output.close()
+    assert output.state.name == "osc://127.0.0.1:9000"
+    assert "secret" not in output.description
 
 
 def test_every_example_is_an_address_of_its_scheme() -> None:

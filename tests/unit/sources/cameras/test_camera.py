@@ -14,7 +14,7 @@ from cameras import MJPG, Driver, jpeg, number_of, numbered
 from manytouch.errors import SourceError
 from manytouch.sources import open_source
 from manytouch.sources.cameras import camera as camera_module
-from manytouch.sources.cameras.camera import ArrivalClock, CameraSource, without_password
+from manytouch.sources.cameras.camera import ArrivalClock, CameraSource
 from manytouch.sources.cameras.capture import CameraRequest, backends, open_camera
 from manytouch.sources.source import Source
 from manytouch.values import Frame
@@ -277,11 +277,6 @@ def test_timestamps_grow_whatever_the_driver_reports() -> None:
     clock = ArrivalClock()
     found = [clock.at(each * MS, 40 * MS * i) for i, each in enumerate([100, 100, 60, 220])]
     assert found == sorted(set(found))
-
-
-def test_passwords_are_not_shown() -> None:
-    assert without_password("rtsp://me:secret@cam.local:554/x?y=1") == "rtsp://cam.local:554/x?y=1"
-    assert without_password("/dev/video0") == "/dev/video0"
 
 
 @pytest.mark.skipif(not BENCHMARKS.is_dir(), reason="the benchmarks are not part of a wheel")

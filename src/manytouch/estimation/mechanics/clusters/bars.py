@@ -48,12 +48,13 @@ class BarRule:
     """Parameters of the decision.
 
     Attributes:
-        min_f: least F of two patches against a bar,
-        was_two: times this where they were two contacts in the previous frame,
-        wide: or times this where two patches are wide and of about one size: then they are no balls.
-        wide_gap: least radius of wide patches, two deviations of their pressure, over their distance,
-        wide_thickness: and over the thickness, below which it is not visible.
-        max_size_ratio: of wide patches, of their second moments.
+        min_f: F of two patches against a bar above which they are two contacts.
+        was_two: factor of `min_f` where they were two contacts in the previous frame.
+        wide: factor of `min_f`, instead of `was_two`, where two patches are wide and of about one size: then
+            they are no balls.
+        wide_gap: least radius of wide patches, two deviations of their pressure, over their distance.
+        wide_thickness: least radius of wide patches over the thickness; a smaller one is not visible.
+        max_size_ratio: largest ratio of the second moments of two wide patches.
         unlike_size_ratio: from this ratio on two bodies are not described by two patches of one size.
         max_nodes: largest number of nodes of an evidence.
         min_inside: least share of the force of a bar on these nodes.

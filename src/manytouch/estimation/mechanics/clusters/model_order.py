@@ -50,11 +50,11 @@ class ModelOrder:
             cluster's force in force units; it applies to weak clusters.
         min_share: least share of the force of the weaker part.
         min_f: least F of two patches against one. It is multiplied by the ratio of the marker noise to the
-            usual one, which the error of the model exceeds,
-        max_noise: but at most by this.
+            usual one, which the error of the model exceeds; at most by `max_noise`.
+        max_noise: largest factor by which marker noise multiplies `min_f`.
         min_f_face: least F of an elliptic face against an even ellipse.
         min_rim: least second moment of such a face over that under even pressure.
-        min_face: least minor half axis of the ellipse for this, in elements.
+        min_face: least minor half axis of an ellipse that may be a face, in elements.
         min_f_bar: least F of two patches against a bar.
         min_inside: least share of the force of a bar or a face on the nodes of the evidence.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.

@@ -35,7 +35,7 @@ class RigidFaces:
     Attributes:
         max_plane_thickness: neighbours among clusters on a plane or in a row are at most so far apart, in
             thicknesses.
-        max_pair_thickness: the same of two clusters.
+        max_pair_thickness: two clusters of one face are at most so far apart, in thicknesses.
         resolved_thickness: at this distance two contacts are not seen as one when they begin, in thicknesses;
             on nearer ones only the markers decide, where they can.
         min_pair_elements: other clusters that are nearer to each other are joined only if they continue one
@@ -44,14 +44,14 @@ class RigidFaces:
             within this distance of its centre, in pitches.
         rise_mm, rise_share: the sheet between two places of one face may be this much less deep than the line
             between them, in mm and over their depth; the error of the shape.
-        pair_rise_share: the same of a pair that the markers may show to be one bar.
+        pair_rise_share: like `rise_share`, of a pair that the markers may show to be one bar.
         min_force_ratio: least ratio of the forces of two or three clusters.
         max_depth_ratio: largest difference of their depths, over the deeper one.
         plane_share: largest distance of the depths of four clusters or more from a plane, over their depth.
         reach_pitch: a contact of the previous frame within this distance is the same, in pitches.
         edge_share: part of the half extent of the pressure at an end that lies within the face, whose edge
-            presses most; fitted to punches on 3-D solids,
-        max_edge_mm: but at most this.
+            presses most; fitted to punches on 3-D solids.
+        max_edge_mm: largest part of that half extent that lies within the face.
         bars: decides by the markers whether a pair is one bar.
     """
 

@@ -110,7 +110,8 @@ class NominalSheet:
             in its plane by half the thickness times the slope, so that depths are too small by about 0.6
             times the share by which the thickness is too large, whose deviation is 40 %; the outline adds to
             it.
-        assumed_view_std: the same where the field of view was assumed: that of the distance to the camera.
+        assumed_view_std: relative standard deviation of a depth where the field of view was assumed: that of
+            the distance to the camera.
         clamp_thickness: contacts with a centre within this distance of a clamp are left out, in thicknesses.
             A clamp line that is wrong by a third of it causes forces there.
     """

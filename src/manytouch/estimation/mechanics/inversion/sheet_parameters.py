@@ -3,6 +3,9 @@
 With a parameter p changed, the same marker images mean another shape and other forces. The shape changes by
 c_p = -H^-1 (J^T W r_p + R^T D T f_p), with f_p and r_p the changes of forces and marker images of the same
 shape (the derivative of the minimum of the objective of `gauss_newton`), and the forces by f_p + K c_p.
+There J, K and R are the derivatives of marker images, forces and balance by the coefficients, T turns forces
+into balance (tangential and normal forces), W and D are the weights of images and balance, and H = J^T W J +
+R^T D R.
 An unknown pretension is estimated: with a wrong one, forces are needed where nothing presses, and residuals
 remain. One frame gives the Gauss-Newton step of this misfit along p. Nodes under contacts are left out, whose
 forces the sparse prior would reduce.
@@ -35,13 +38,13 @@ class SheetVariant:
 
     Attributes:
         shell: with the parameter moved by a step.
-        stds: standard deviation of the parameter over the step.
-        dots: the marker images of this sheet; None if those of a shape do not depend on the parameter.
+        std_over_step: standard deviation of the parameter over the step.
+        marker_images: of this sheet; None if those of a shape do not depend on the parameter.
     """
 
     shell: Shell
-    stds: float
-    dots: MarkerImages | None = None
+    std_over_step: float
+    marker_images: MarkerImages | None = None
 
     def with_pretension(self, over_E_mm: float) -> "SheetVariant":
         """The variant with another pretension over E, on which marker images do not depend."""
@@ -58,8 +61,8 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
         found.append(
             SheetVariant(
                 shell=thicker,
-                stds=std.thickness_mm / step_mm,
-                dots=replace(model.dots, shell=thicker),
+                std_over_step=std.thickness_mm / step_mm,
+                marker_images=replace(model.dots, shell=thicker),
             )
         )
     if std.poisson:
@@ -67,7 +70,7 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
         found.append(
             SheetVariant(
                 shell=replace(shell, poisson=min(other, _MAX_POISSON)),
-                stds=std.poisson / abs(_POISSON_STEP),
+                std_over_step=std.poisson / abs(_POISSON_STEP),
             )
         )
     if std.bending_factor:
@@ -75,18 +78,18 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
         found.append(
             SheetVariant(
                 shell=replace(shell, bending_factor=factor * (1.0 + _STEP)),
-                stds=std.bending_factor / (factor * _STEP),
+                std_over_step=std.bending_factor / (factor * _STEP),
             )
         )
     return tuple(found)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class Pretension:
+class PretensionEstimate:
     """The pretension over E, known, or estimated from what presses the sheet.
 
     Attributes:
-        mean_mm: membrane force per length over E.
+        mean_mm: membrane force per length over E (N/mm over MPa, which is mm).
         std_mm: its standard deviation.
         is_estimated: whether it is estimated.
         information: of the frame that determined it best, per mm^2.
@@ -106,8 +109,9 @@ class PretensionEstimator:
 
     Attributes:
         prior_strain: mean and standard deviation of the strain of a mounted sheet, if nothing is known.
-        gain: share of the correction by a frame that is as informative as the best one before, twice. Frames
-            of one press have the same error of the model, so that their number does not count.
+        gain: g in the weight g I / (I + I_best) of the correction by a frame with the information I, where
+            I_best is the largest before. Frames of one press have the same error of the model, so that their
+            number does not count.
         memory: share of the scatter of the corrections that is kept from frame to frame.
         model_share, model_strain: standard deviation by the model, over the pretension and as a strain.
         new_model_stds, new_model_share: the model of the sheet is replaced when the mean has changed by this
@@ -122,24 +126,29 @@ class PretensionEstimator:
     new_model_stds: float = 0.3
     new_model_share: float = 0.02
 
-    def start(self, model: InversionModel, sheet: Sheet) -> Pretension:
+    def start(self, model: InversionModel, sheet: Sheet) -> PretensionEstimate:
         """What is known before the first frame."""
         if sheet.pretension_N_per_mm is not None:
             std, young = sheet_std(sheet).pretension_N_per_mm or 0.0, sheet.young_MPa
             over_E_mm = 0.0 if young is None else std / young
-            return Pretension(mean_mm=model.shell.pretension_over_E_mm, std_mm=over_E_mm, is_estimated=False)
+            return PretensionEstimate(
+                mean_mm=model.shell.pretension_over_E_mm, std_mm=over_E_mm, is_estimated=False
+            )
         prior_mm = self.prior_strain * self._per_strain_mm(model)
-        return Pretension(mean_mm=prior_mm, std_mm=prior_mm, is_estimated=True, information=1.0 / prior_mm**2)
+        return PretensionEstimate(
+            mean_mm=prior_mm, std_mm=prior_mm, is_estimated=True, information=1.0 / prior_mm**2
+        )
 
     def update(
-        self, before: Pretension, model: InversionModel, gradient: float, information: float
-    ) -> Pretension:
+        self, before: PretensionEstimate, model: InversionModel, gradient: float, information: float
+    ) -> PretensionEstimate:
         """The pretension with the evidence of one more frame.
 
         Args:
             before: without it.
             model: of the frame.
-            gradient, information: derivatives of half the cost by the pretension over E.
+            gradient: derivative of half the misfit by the pretension over E, 1/mm.
+            information: its second derivative, 1/mm^2.
         """
         prior_mm = self.prior_strain * self._per_strain_mm(model)
         change_mm = -gradient / max(information, 1.0 / prior_mm**2)
@@ -150,7 +159,7 @@ class PretensionEstimator:
         scatter_mm2 = before.scatter_mm2 + (1.0 - self.memory) * weight * (off_mm**2 - before.scatter_mm2)
         best = max(before.information, information)
         model_mm = np.hypot(self.model_share * mean_mm, self.model_strain * self._per_strain_mm(model))
-        return Pretension(
+        return PretensionEstimate(
             mean_mm=mean_mm,
             std_mm=float(np.sqrt(1.0 / best + scatter_mm2 + model_mm**2)),
             is_estimated=True,
@@ -158,7 +167,7 @@ class PretensionEstimator:
             scatter_mm2=scatter_mm2,
         )
 
-    def is_new_model_due(self, model: InversionModel, now: Pretension) -> bool:
+    def is_new_model_due(self, model: InversionModel, now: PretensionEstimate) -> bool:
         """Has the estimate left the pretension of the model?"""
         off_mm = abs(now.mean_mm - model.shell.pretension_over_E_mm)
         return off_mm > self.new_model_stds * now.std_mm and off_mm > self.new_model_share * now.mean_mm
@@ -176,8 +185,8 @@ class ParameterResponse:
         columns: (p, nodes) change of the normal forces over E (mm^2, z component) for one standard deviation
             of each parameter.
         balance_slope: (nodes, 3) derivative of tangential and normal forces over E by the pretension over E,
-            at shapes that fit the markers.
-        image_slope_px: (m, 2) the same of the marker images.
+            mm, at shapes that fit the markers.
+        image_slope_px: (m, 2) the same of the marker images, px/mm.
     """
 
     columns: Columns
@@ -185,12 +194,12 @@ class ParameterResponse:
     image_slope_px: Points2
 
     def misfit_slope(self, model: InversionModel, fit: Fit, is_pressed: Mask) -> tuple[float, float]:
-        """Derivatives of half the misfit by the pretension over E: gradient and information.
+        """Gradient (1/mm) and information (1/mm^2): derivatives of half the misfit by the pretension over E.
 
         Args:
             model: of the sheet.
             fit: of this frame.
-            is_pressed: (nodes,) nodes whose normal forces are those of contacts.
+            is_pressed: (nodes,) nodes whose normal forces are those of contacts; their forces do not count.
         """
         weight = fit.posterior.weight.copy()
         weight[is_pressed] = 0.0
@@ -205,7 +214,7 @@ class ParameterResponse:
 
 
 def parameter_response(
-    model: InversionModel, variants: tuple[SheetVariant, ...], pretension: Pretension, fit: Fit
+    model: InversionModel, variants: tuple[SheetVariant, ...], pretension: PretensionEstimate, fit: Fit
 ) -> ParameterResponse:
     """The response of a fitted frame; one column for the pretension, then one for each variant."""
     posterior, shape = fit.posterior, fit.shape
@@ -218,10 +227,10 @@ def parameter_response(
     for variant in variants:
         force_changes.append(variant.shell.forces(coefficient_mm) - shape.force_mm2)
         moved = np.zeros((count, 2))
-        if variant.dots is not None:
-            moved = variant.dots.displacement_px(coefficient_mm) - shape.displacement_px
+        if variant.marker_images is not None:
+            moved = variant.marker_images.displacement_px(coefficient_mm) - shape.displacement_px
         image_changes.append(moved)
-        stds.append(variant.stds)
+        stds.append(variant.std_over_step)
     balances = [balance(model, coefficient_mm, each) for each in force_changes]
     gradients = np.stack(
         [

@@ -1,4 +1,4 @@
-"""Hashes by which a result is known to be current: of input, sensor, parameters and version."""
+"""SHA-256, in hexadecimal, of files, texts and values; see `session.result_hashes` for what is hashed."""
 
 import hashlib
 import json
@@ -12,7 +12,8 @@ BLOCK = 2**20
 def files_hash(paths: Sequence[Path]) -> str:
     """SHA-256 of the bytes of an input, read in blocks.
 
-    For one file as `sha256sum` prints it; for several that of the lines of `sha256sum *`, in the order given.
+    For one file as `sha256sum` prints it, whatever its name; for several that of the lines that `sha256sum`
+    prints for them in the order given, with their names without folders; for none that of an empty text.
 
     Raises:
         OSError: a file cannot be read.
@@ -25,7 +26,11 @@ def files_hash(paths: Sequence[Path]) -> str:
 
 
 def values_hash(values: Any) -> str:
-    """SHA-256 of values that JSON can represent, independent of the order of keys."""
+    """SHA-256 of values, independent of the order of keys.
+
+    Raises:
+        TypeError: JSON cannot represent a value.
+    """
     return text_hash(json.dumps(values, sort_keys=True, separators=(",", ":"), ensure_ascii=False))
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 
-from manytouch.sinks.files.result_hash import files_hash, result_hash, values_hash
+from manytouch.sinks.files.hashing import files_hash, result_hash, values_hash
 
 
 def test_a_file_has_the_hash_of_its_bytes_however_long(tmp_path):
