@@ -12,10 +12,12 @@ from jaxtyping import jaxtyped
 
 from manytouch.errors import SourceError
 from manytouch.geometry.sheet_face import patch_of
+from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.limits import LARGEST_NUMBER, MAX_MARKERS, size_mistake
 from manytouch.values import Contacts, Detections, Layout, Reading, Sensor, SheetSpline, Surface, TrackedGrid
 
 LEAST_ELEMENTS, MAX_ELEMENTS = 4, 1000
+MAX_END_SHARE = 100.0
 
 
 def require_sensor(sensor: Any) -> Sensor:
@@ -81,8 +83,20 @@ def _require_spline(spline: SheetSpline) -> None:
     _require(all(is_count), "surface.spline.elements")
     lengths = (*spline.size_mm, spline.thickness_mm)
     _require(all(0 < each < LARGEST_NUMBER for each in lengths), "surface.spline")
-    nodes = patch_of(spline).node_count
-    _require(len(spline.coefficient_mm) == nodes, "surface.spline.coefficient_mm")
+    most = (spline.thickness_mm**power for power in (1, 2, 3))
+    is_end = [abs(each) <= limit for each, limit in zip(spline.clamped_end, most, strict=True)]
+    patch = patch_of(spline)
+    _require(all(is_end) and _is_held(patch), "surface.spline.clamped_end")
+    _require(len(spline.coefficient_mm) == patch.node_count, "surface.spline.coefficient_mm")
+
+
+def _is_held(patch: SplinePatch) -> bool:
+    """Do the conditions on the outline determine the outermost coefficients?"""
+    try:
+        shares = [patch.end_shares(axis) for axis in (0, 1)]
+    except (np.linalg.LinAlgError, ValueError):
+        return False
+    return bool((np.abs(shares) <= MAX_END_SHARE).all())
 
 
 def _require(is_valid: bool | np.bool_, what: str) -> None:

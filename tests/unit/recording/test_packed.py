@@ -1,6 +1,7 @@
 """Packed arrays: their precision, their size, and descriptions that do not fit."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
+from manytouch.errors import SourceError
 from manytouch.recording.compression import compressed, decompressed
 from manytouch.recording.messages import decode_reading, encode_reading, surface_message
 from manytouch.recording.packed import PackedBlock, unpack
@@ -126,3 +128,18 @@ def test_a_reading_of_mechanics_comes_back(eight_contacts: Reading) -> None:
         for ring, ring_again in zip(one.outline, other.outline, strict=True):
             assert ring.is_hole == ring_again.is_hole
             np.testing.assert_allclose(ring_again.point_mm, ring.point_mm, atol=0.00051)
+
+
+@pytest.mark.parametrize("end", [(np.nan, 0.0, 0.0), (1e9, 0.0, 0.0), (0.0, 0.0, 1e3), "singular"])
+def test_an_impossible_outline_is_refused(
+    eight_contacts: Reading, end: tuple[float, float, float] | str
+) -> None:
+    spline, frame = eight_contacts.surface.spline, eight_contacts.frame
+    assert spline is not None
+    if end == "singular":  # both conditions become one equation for the outer two coefficients
+        step_mm = spline.size_mm[0] / spline.elements[0]
+        spline, end = replace(spline, shear_mm2=-(step_mm**2) / 3.0), (0.0, 0.0, 0.0)
+    surface = replace(eight_contacts.surface, spline=replace(spline, clamped_end=end))
+    changed = encode_reading(replace(eight_contacts, surface=surface))
+    with pytest.raises(SourceError, match="clamped_end"):
+        decode_reading(changed, frame, eight_contacts.surface.layout)
