@@ -75,6 +75,7 @@ class ContactTracker:
 
     Attributes:
         gate_pitch: largest distance that a contact moves from frame to frame, in pitches of the layout.
+        gate_stds: this many standard deviations of its centre are added to that distance.
         confirm_frames: a contact starts when it was found in this many frames in a row.
         bridge_frames: a contact may be missing for this many frames if something still loads the sheet there.
         absorbed: a missing contact ends at once if another one has become one with it: the other has moved at
@@ -83,6 +84,7 @@ class ContactTracker:
     """
 
     gate_pitch: float = 2.0
+    gate_stds: float = 0.0
     confirm_frames: int = 2
     bridge_frames: int = 2
     absorbed: float = 0.5
@@ -166,12 +168,18 @@ class ContactTracker:
         now = np.array([contact.centre_mm for contact in found])
         distance = np.linalg.norm(before[:, None] - now, axis=-1)
         gate = state.gate_mm * (1.0 + np.array([track.unseen for track in state.tracks]))[:, None]
+        if self.gate_stds > 0.0:
+            tracked = np.array([_centre_variance_mm2(track.contact) for track in state.tracks])
+            seen = np.array([_centre_variance_mm2(contact) for contact in found])
+            gate = gate + self.gate_stds * np.sqrt(np.nan_to_num(tracked[:, None] + seen))
+        else:
+            gate = np.broadcast_to(gate, distance.shape)
         waits = np.array([track.contact.id < 0 for track in state.tracks])[:, None]
         # A pair beyond the gate must cost more than all allowed pairs that it could replace.
         far = (len(before) + len(now)) * 2.0
         cost = np.where(distance <= gate, (distance / gate) ** 2 + 0.5 * waits, far)
         rows, columns = linear_sum_assignment(cost)
-        return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= gate[r, 0]}
+        return {int(r): int(c) for r, c in zip(rows, columns, strict=True) if distance[r, c] <= gate[r, c]}
 
     def _confirm(self, track: ContactTrack, next_id: int) -> tuple[ContactTrack, int]:
         """The track, with an identity if it was seen often enough, and the next identity."""
@@ -211,6 +219,11 @@ class ContactTracker:
             if near and moved >= self.absorbed and now_mm2 - before_mm2 >= self.absorbed * lost_mm2:
                 return True
         return False
+
+
+def _centre_variance_mm2(contact: Contact) -> float:
+    """Mean variance of the centre along an axis."""
+    return 0.5 * (contact.std("x") ** 2 + contact.std("y") ** 2)
 
 
 def _extrapolate(contact: Contact, unseen: int) -> Contact:

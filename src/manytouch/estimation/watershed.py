@@ -22,9 +22,9 @@ def watershed(height: np.ndarray, floor: float, merge: float) -> tuple[np.ndarra
         (rows, columns) number of the region or -1, and (p,) flat indices of the peaks, the highest first.
     """
     flat = height.ravel()
-    above = np.flatnonzero(flat > floor)
+    above, down = _points_above(flat, floor)
     # sorted here, because numpy sorts faster than compiled loops
-    label, peak = _flood(flat, above[np.argsort(-flat[above])], height.shape[1], merge)
+    label, peak = _flood(flat, above, np.argsort(down), height.shape[1], merge)
     return label.reshape(height.shape), peak
 
 
@@ -39,9 +39,23 @@ def _root(parent: Integers, region: int) -> int:
 
 @kernel()
 @no_type_check
-def _flood(flat: Floats, order: Integers, columns: int, merge: float) -> tuple[Integers, Integers]:
-    """As `watershed`, from the flat indices (n,) of the points above the floor, the highest first."""
-    rows = len(flat) // columns
+def _points_above(flat: Floats, floor: float) -> tuple[Integers, Floats]:
+    """Flat indices (n,) of the points that are higher than the floor, and their negative heights."""
+    above, down, count = np.empty(len(flat), np.int64), np.empty(len(flat)), 0
+    for i in range(len(flat)):
+        if flat[i] > floor:
+            above[count], down[count] = i, -flat[i]
+            count += 1
+    return above[:count], down[:count]
+
+
+@kernel()
+@no_type_check
+def _flood(
+    flat: Floats, above: Integers, sorting: Integers, columns: int, merge: float
+) -> tuple[Integers, Integers]:
+    """As `watershed`, from the flat indices (n,) of the points above the floor and what sorts them."""
+    rows, order = len(flat) // columns, above[sorting]
     label = np.full(rows * columns, -1, np.int64)
     parent = np.empty(len(order), np.int64)
     peak = np.empty(len(order), np.int64)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 from scipy.interpolate import BSpline, make_interp_spline
 from scipy.sparse import csr_array
 from scipy.spatial import ConvexHull, QhullError, cKDTree
@@ -28,7 +28,6 @@ Values = Float64[np.ndarray, " m"]
 _EVEN = 1e-6
 _NEAREST = 12
 _REACH = 1.35
-_FEW = 4  # points per row of a grid up to which it is quicker to sample them than the whole grid
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -114,16 +113,26 @@ class GridSampling:
         is_known = np.isfinite(value)[self.nearest] & self.is_inside
         return np.where(is_known, self._evaluate(_fill_missing(self.rest_mm, value)), np.nan)
 
-    def at(self, value: Values, row: np.ndarray, column: np.ndarray) -> Float64[np.ndarray, " k"]:
-        """(k,) values at some points of the grid, the same as there on the whole map."""
-        if self.points is not None or len(row) > _FEW * len(self.y_mm):
-            return np.asarray(self(value)[row, column])
-        assert self.along_x is not None
-        assert self.along_y is not None
-        is_known = np.isfinite(value)[self.nearest[row, column]] & self.is_inside[row, column]
-        lattice = self._lattice(_fill_missing(self.rest_mm, value))
-        found = ((self.along_y.whole[row] @ lattice) * self.along_x.whole[column]).sum(axis=1)
-        return np.where(is_known, found, np.nan)
+    def at(
+        self, value: Float64[np.ndarray, "v m"], place: Int64[np.ndarray, "k 2"]
+    ) -> Float64[np.ndarray, "v k"]:
+        """(v, k) values at some points of the grid, the same as there on v whole maps.
+
+        Args:
+            value: (v, m) of the markers.
+            place: (k, 2) row and column of each point.
+        """
+        if self.points is None and self.is_all_inside:
+            from manytouch.geometry.sampling_kernels import evaluate_at_points
+
+            assert self.along_x is not None
+            assert self.along_y is not None
+            assert self.order is not None
+            found = evaluate_at_points(value, self.order, self.along_y, self.along_x, place)
+            if np.isfinite(found).all():  # as every value counts, all are known
+                return found
+        row, column = place.T
+        return np.stack([self(each)[row, column] for each in value])
 
     def std(self, std: Values) -> Float64[np.ndarray, "ny nx"]:
         """(ny, nx) standard deviations of the samples when the markers' (m,) are independent."""

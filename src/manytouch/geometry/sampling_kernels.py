@@ -59,3 +59,31 @@ def evaluate_on_grid(value: np.ndarray, order: np.ndarray, along_y: Spline, alon
             here = a * wide[r, x] + b * wide[r + u64(1), x]
             out[y, x] = here + c * wide[r + u64(2), x] + d * wide[r + u64(3), x]
     return out
+
+
+@kernel(fastmath={"contract", "nsz"})
+@no_type_check
+def evaluate_at_points(
+    value: np.ndarray, order: np.ndarray, along_y: Spline, along_x: Spline, place: np.ndarray
+) -> np.ndarray:
+    """(v, k) values of v surfaces through the values of a lattice.
+
+    Args:
+        value: (v, m) of the markers.
+        order: (m,) marker at each place of the lattice, row by row.
+        along_y, along_x: splines through the rows and the columns, evaluated on a grid.
+        place: (k, 2) row and column of the grid.
+    """
+    out = np.empty((len(value), len(place)))
+    columns = along_x.whole.shape[1]
+    for k in range(len(place)):
+        by_row, by_column = along_y.whole[place[k, 0]], along_x.whole[place[k, 1]]
+        for v in range(len(value)):
+            total = 0.0
+            for r in range(len(by_row)):
+                part = 0.0
+                for c in range(columns):
+                    part += by_column[c] * value[v, order[r * columns + c]]
+                total += by_row[r] * part
+            out[v, k] = total
+    return out

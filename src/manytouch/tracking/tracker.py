@@ -63,7 +63,8 @@ class MarkerTrackerState:
         appearance: (m, 2) usual relative area and contrast of each marker's dot; NaN: not known.
         appearance_difference: (2,) usual mean difference of a frame's dots from that.
         learned_frames: number of frames that the appearance was learned from.
-        is_lost: the last frame showed fewer markers than the one before, or moved faster than windows allow.
+        needs_full_search: the last frame showed fewer markers than the one before, or they moved farther than
+            windows allow: it has to be searched again as a whole.
     """
 
     graph: LatticeGraph
@@ -80,7 +81,7 @@ class MarkerTrackerState:
     appearance: np.ndarray
     appearance_difference: np.ndarray
     learned_frames: int
-    is_lost: bool
+    needs_full_search: bool
 
     def for_matching(self) -> MatchingState:
         """What the kernels take of it; an appearance learned from few frames is withheld."""
@@ -103,11 +104,13 @@ class MarkerTracker:
     """Which dot is which marker, for any layout.
 
     Attributes:
-        damping: part of the last motion that is expected again.
-        window_motion_pitches: dots are searched in windows while motion stays below this, per frame,
-        window_share: and while this share of the markers is seen.
-        least_share: below this share of the markers the status is few_markers.
-        roi_px: region of interest that is searched for dots; None: the whole image.
+        damping: share of a marker's motion since the frame before that is expected again in the next one.
+        window_motion_pitches: largest motion of the markers per frame, in spacings of the pattern, after
+            which dots are searched in windows around their expected positions only.
+        window_share: least share of the markers that must be seen in a frame so that the next one is
+            searched in windows only.
+        least_share: least share of the markers that must be seen; below it the status is few_markers.
+        roi_px: region of interest that is searched for dots, in pixels; None: the whole image.
     """
 
     damping: float = 0.5
@@ -153,7 +156,7 @@ class MarkerTracker:
             appearance=read_only(np.full((len(rest), APPEARANCE_QUANTITIES), np.nan)),
             appearance_difference=_unknown_difference(),
             learned_frames=0,
-            is_lost=False,
+            needs_full_search=False,
         )
 
     def _bounds(self, sensor: Sensor, layout: Layout, rest_px: Points2) -> tuple[float, float, float, float]:
@@ -195,9 +198,9 @@ class MarkerTracker:
         is_sparse = state.seen_count < self.window_share * state.graph.present_count
         return None if is_fast or is_sparse else state.expected_px
 
-    def is_lost(self, state: MarkerTrackerState) -> bool:
-        """Whether the last frame showed fewer markers than before, or moved faster than windows allow."""
-        return state.is_lost
+    def needs_full_search(self, state: MarkerTrackerState) -> bool:
+        """Whether the last frame has to be searched again as a whole; see `MarkerTrackerState`."""
+        return state.needs_full_search
 
     def resume(self, started: MarkerTrackerState, before: MarkerTrackerState) -> MarkerTrackerState:
         """The state before, which contains no parameter."""
@@ -258,7 +261,7 @@ class MarkerTracker:
             appearance=appearance,
             appearance_difference=difference,
             learned_frames=state.learned_frames + int(is_good),
-            is_lost=few or motion > _WINDOW_LIMIT_PITCHES,
+            needs_full_search=few or motion > _WINDOW_LIMIT_PITCHES,
         ), measured
 
 
@@ -291,7 +294,7 @@ def _state_without_match(state: MarkerTrackerState, match: FrameMatch) -> Marker
         motion_pitches=np.inf,
         is_consecutive=False,
         is_ambiguous=match.is_ambiguous,
-        is_lost=True,
+        needs_full_search=True,
     )
 
 

@@ -146,3 +146,11 @@ def test_a_sensor_without_markers_raises():
     camera: Camera = SENSOR.camera
     with pytest.raises(SensorError, match="no \\[markers\\]"):
         TRACKER.start(Sensor(name="bare", camera=camera))
+
+
+def test_an_uncertain_centre_may_jump_further():
+    frames = [[contact(0, 0)], [contact(0, 0)], [contact(9.5, 0)]]
+    uncertain = ContactTracker(gate_stds=2.0)  # both centres have a deviation of 1 mm
+    for tracker, x_mm in ((TRACKER, 0.0), (uncertain, 9.5)):
+        (last,) = track(frames, tracker=tracker)[-1].touching
+        assert last.centre_mm[0] == x_mm

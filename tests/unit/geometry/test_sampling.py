@@ -112,7 +112,9 @@ def test_some_points_of_a_grid_are_those_of_the_whole(some: Layout, count: int):
     x_mm, y_mm = np.linspace(-14, 14, 23), np.linspace(-9, 9, 17)
     on = sampling_on(some, x_mm, y_mm)
     chance = np.random.default_rng(3)
-    value = chance.normal(size=len(some.rest_mm))
-    value[len(value) // 2] = np.nan
-    row, column = chance.integers(17, size=count), chance.integers(23, size=count)
-    np.testing.assert_allclose(on.at(value, row, column), on(value)[row, column], rtol=1e-12, atol=1e-12)
+    place = np.column_stack([chance.integers(17, size=count), chance.integers(23, size=count)])
+    values = chance.normal(size=(3, len(some.rest_mm)))
+    for _ in range(2):
+        expected = [on(value)[place[:, 0], place[:, 1]] for value in values]
+        np.testing.assert_allclose(on.at(values, place), expected, rtol=1e-12, atol=1e-12)
+        values[1, len(some.rest_mm) // 2] = np.nan

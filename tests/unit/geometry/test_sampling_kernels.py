@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import RectBivariateSpline, make_interp_spline
 
 from manytouch.geometry.sampling import Spline
-from manytouch.geometry.sampling_kernels import evaluate_on_grid
+from manytouch.geometry.sampling_kernels import evaluate_at_points, evaluate_on_grid
 
 
 def spline(knot: np.ndarray, at: np.ndarray) -> Spline:
@@ -30,3 +30,9 @@ def test_the_grid_equals_the_product_of_the_splines(rows: int, columns: int) -> 
     np.testing.assert_allclose(found, along_y.whole @ lattice @ along_x.whole.T, atol=1e-12)
     expected = RectBivariateSpline(y, x, lattice, kx=3, ky=3)(np.sort(at_y), np.sort(at_x))
     np.testing.assert_allclose(found, expected, atol=1e-10)
+    values = chance.normal(0.0, 1.0, (3, rows * columns))
+    place = np.column_stack([chance.integers(0, 17, 5), chance.integers(0, 23, 5)])
+    grids = [evaluate_on_grid(each, order, along_y, along_x) for each in values]
+    expected = [grid[place[:, 0], place[:, 1]] for grid in grids]
+    some = evaluate_at_points(values, order, along_y, along_x, place)
+    np.testing.assert_allclose(some, expected, atol=1e-12)

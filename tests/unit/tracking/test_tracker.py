@@ -228,7 +228,7 @@ def test_windows_are_used_in_slow_motion_only():
     assert sequence.tracker.expected_px(sequence.state) is not None
     sequence.show(rest + 0.4 * PITCH)
     assert sequence.tracker.expected_px(sequence.state) is None
-    assert sequence.tracker.is_lost(sequence.state)
+    assert sequence.tracker.needs_full_search(sequence.state)
 
 
 def test_fewer_dots_in_windows_require_a_search_of_the_whole_image():
@@ -236,7 +236,7 @@ def test_fewer_dots_in_windows_require_a_search_of_the_whole_image():
     sequence = sequence_of(rest)
     sequence.show(rest)
     sequence.show(rest, np.arange(len(rest)) % 15 != 0)
-    assert sequence.tracker.is_lost(sequence.state)
+    assert sequence.tracker.needs_full_search(sequence.state)
 
 
 def test_the_order_of_detections_changes_nothing():

@@ -38,8 +38,8 @@ class NoiseModel(NamedTuple):
 
     Attributes:
         least_variance: smallest variance of a pixel.
-        even_slope: usual change of light over a radius, in parts of the contrast,
-        even_dots: weight of this prior, in dots.
+        even_slope: usual change of light over the radius of a dot, over its contrast.
+        even_dots: weight of this usual change against those of the dots, in dots.
         steep: times the mean square of a slope; noise exceeds it once in 8000 dots.
         clearance_px: least distance of core and rim of a dot with a steep slope.
         outlier: times the mean variance; 64 plain pixels seldom exceed it.

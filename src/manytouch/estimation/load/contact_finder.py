@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Int64
 
 from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
@@ -198,20 +198,25 @@ class LoadContactFinder:
         """
         if len(peaks.load) == 0:
             return []
-        surface, sampling = motion.surface, state.sampling
-        row, column = np.nonzero(peaks.region >= 0)
-        peak_at = peaks.region[row, column]
-        depth_at = sampling.at(-surface.displacement_mm[:, 2], row, column)
-        height = np.where(np.isfinite(depth_at), depth_at, -np.inf)
-        regions = [np.flatnonzero(peak_at == peak) for peak in range(len(peaks.load))]
-        deepest = [int(region[np.argmax(height[region])]) for region in regions]
-        depth_std = sampling.at(np.sqrt(surface.covariance_mm2[:, 2, 2]), row[deepest], column[deepest])
-        now_mm = peaks.centre_mm + _displacement_at(sampling, motion.displacement_mm, peaks.centre_mm)
-        centre_px = project(state.camera, np.column_stack([now_mm, np.zeros(len(now_mm))]))
+        from manytouch.estimation.load.peak_kernels import deepest_points
+
+        surface, sampling, count = motion.surface, state.sampling, len(peaks.load)
+        depth_map_mm = sampling(-surface.displacement_mm[:, 2])
+        deepest = deepest_points(depth_map_mm, peaks.region, count)
+        depth_mm = depth_map_mm[deepest[:, 0], deepest[:, 1]]
+        place = np.concatenate([deepest, _nearest_place(sampling, peaks.centre_mm)])
+        each = np.empty((3, len(motion.displacement_mm)))
+        each[:2] = motion.displacement_mm.T
+        np.sqrt(surface.covariance_mm2[:, 2, 2], out=each[2])
+        found = sampling.at(each, place)
+        depth_std, shift_mm = found[2, :count], found[:2, count:].T
+        now_mm = np.zeros((count, 3))
+        now_mm[:, :2] = peaks.centre_mm + np.where(np.isfinite(shift_mm), shift_mm, 0.0)
+        centre_px = project(state.camera, now_mm)
         most_mm = (self.most_depth_std_pitch or np.inf) * self.load.load_map(state.load).pitch_mm
-        is_unknown = (depth_std > most_mm) & (np.abs(depth_at[deepest]) < 2.0 * depth_std)
-        is_unknown |= depth_at[deepest] <= 0.0
-        depth_mm, depth_std = (np.where(is_unknown, np.nan, each) for each in (depth_at[deepest], depth_std))
+        is_unknown = (depth_std > most_mm) & (np.abs(depth_mm) < 2.0 * depth_std)
+        is_unknown |= depth_mm <= 0.0
+        depth_mm, depth_std = (np.where(is_unknown, np.nan, one) for one in (depth_mm, depth_std))
         contacts = []
         for peak in range(len(peaks.load)):
             covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
@@ -249,13 +254,10 @@ def _relative_std(grid: TrackedGrid) -> Scalars:
     return np.asarray(np.where(grid.is_seen & (middle > 0.0), std_px / max(middle, 1e-12), 1.0))
 
 
-def _displacement_at(
-    sampling: GridSampling, displacement_mm: Float64[np.ndarray, "m 2"], point_mm: Points2
-) -> Points2:
-    """Displacements (n, 2) at the points of the grid nearest to the given ones; 0 where unknown."""
-    x_mm, y_mm = sampling.x_mm, sampling.y_mm
-    column = np.rint((point_mm[:, 0] - x_mm[0]) / (x_mm[1] - x_mm[0])).astype(int)
-    row = np.rint((point_mm[:, 1] - y_mm[0]) / (y_mm[1] - y_mm[0])).astype(int)
-    row, column = np.clip(row, 0, len(y_mm) - 1), np.clip(column, 0, len(x_mm) - 1)
-    at = np.column_stack([sampling.at(displacement_mm[:, axis], row, column) for axis in range(2)])
-    return np.where(np.isfinite(at), at, 0.0)
+def _nearest_place(sampling: GridSampling, point_mm: Points2) -> Int64[np.ndarray, "n 2"]:
+    """(n, 2) row and column of the points of the grid that are nearest to the given ones."""
+    axes = sampling.y_mm, sampling.x_mm
+    low_mm = np.array([axis[0] for axis in axes])
+    step_mm = np.array([axis[1] - axis[0] for axis in axes])
+    place = np.rint((point_mm[:, ::-1] - low_mm) / step_mm).astype(np.int64)
+    return np.asarray(np.minimum(np.maximum(place, 0), [len(axis) - 1 for axis in axes]))

@@ -183,9 +183,11 @@ class DisplacementLoad:
         self, state: LoadMap, grid: TrackedGrid, displacement_mm: Points2, std_mm: float
     ) -> LoadEstimate:
         """The load of a frame; see `LoadSource`."""
+        observed = np.empty((2, len(displacement_mm)), dtype=state.estimate.dtype)
+        np.divide(displacement_mm.T, state.pitch_mm, out=observed, casting="same_kind")
         return LoadEstimate(
             load_map=state,
-            coefficients=state.coefficients(displacement_mm.T.ravel() / state.pitch_mm),
+            coefficients=state.coefficients(observed.ravel()),
             variance=(std_mm / state.pitch_mm) ** 2,
             observed=np.zeros(0),
         )

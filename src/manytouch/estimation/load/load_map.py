@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float32, Float64
 
-from manytouch.estimation.load.cosine_series import cosine_products, cosines, products_at
+from manytouch.estimation.load.cosine_series import cosines, products_at
 from manytouch.values import Layout
 from manytouch.values.arrays import Points2, Scalars, read_only
+
+Observed = Float64[np.ndarray, " n"] | Float32[np.ndarray, " n"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -42,14 +44,15 @@ class LoadMap:
     divisor: np.ndarray
     pitch_mm: float
 
-    def coefficients(self, observed: Scalars) -> Float64[np.ndarray, "k l"]:
+    def coefficients(self, observed: Observed) -> Float64[np.ndarray, "k l"]:
         """Coefficients of the load from observations (n,)."""
-        coefficients = self.estimate @ observed.astype(self.estimate.dtype)
+        coefficients = self.estimate @ observed.astype(self.estimate.dtype, copy=False)
         return np.asarray(coefficients.reshape(len(self.wave_x), len(self.wave_y)).astype(np.float64))
 
     def load_on_grid(self, coefficients: Float64[np.ndarray, "k l"]) -> Float64[np.ndarray, "ny nx"]:
         """Load (ny, nx) at the points of the map, positive under a contact."""
-        return np.asarray(self.along_y @ coefficients.T @ self.along_x.T / self.divisor)
+        load = np.asarray(self.along_y @ coefficients.T @ self.along_x.T)
+        return load if self.sensitivity is None else load / self.divisor
 
     def load_at(self, point_mm: Points2, coefficients: Float64[np.ndarray, "k l"]) -> Scalars:
         """(n,) load at points (n, 2) of the sheet."""
@@ -69,22 +72,12 @@ class LoadMap:
 
         At a maximum grad q = 0, so noise moves it by -H^-1 grad dq with H the second derivatives of q.
         """
-        count = len(point_mm)
+        from manytouch.estimation.load.load_kernels import covariances_of_maxima, slopes_at_points
+
         place = point_mm / self.pitch_mm - self.low
-        x = [cosines(place[:, 0], self.wave_x, order) for order in range(3)]
-        y = [cosines(place[:, 1], self.wave_y, order) for order in range(3)]
-        slope = np.concatenate([products_at(x[1], y[0]), products_at(x[0], y[1])])
-        weighted = self._spread(slope, variance).reshape(2, count, -1)
-        gradient = np.einsum("anq,bnq->nab", weighted, slope.reshape(2, count, -1)) * self.pitch_mm**2
-        rows = [each @ coefficients for each in x]
-        bend = np.empty((count, 2, 2))
-        bend[:, 0, 0] = (rows[2] * y[0]).sum(axis=1)
-        bend[:, 1, 1] = (rows[0] * y[2]).sum(axis=1)
-        bend[:, 0, 1] = bend[:, 1, 0] = (rows[1] * y[1]).sum(axis=1)
-        # Limits the covariance at a flat top: curvature as of a peak that is two pitches wide.
-        bend -= 0.25 * np.abs((rows[0] * y[0]).sum(axis=1))[:, None, None] * np.eye(2)
-        inverse = np.linalg.inv(bend)
-        return np.asarray(inverse @ gradient @ inverse)
+        slope, bend = slopes_at_points(place, self.wave_x, self.wave_y, coefficients)
+        weighted = slope.astype(self.spread.dtype) @ self.spread
+        return covariances_of_maxima(slope, weighted, bend, variance * self.pitch_mm**2)
 
     def _spread(self, basis: np.ndarray, variance: float) -> np.ndarray:
         """(n, q) basis times the covariance of the coefficients."""
@@ -97,7 +90,9 @@ class LoadMap:
         return np.asarray(np.sqrt((weighted * basis).sum(axis=1)))
 
     def _basis(self, point_mm: Points2) -> np.ndarray:
-        return cosine_products(point_mm / self.pitch_mm - self.low, self.wave_x, self.wave_y)
+        from manytouch.estimation.load.load_kernels import products_at_points
+
+        return products_at_points(point_mm / self.pitch_mm - self.low, self.wave_x, self.wave_y)
 
 
 def make_load_map(

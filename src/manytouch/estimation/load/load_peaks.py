@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.load.load_map import LoadMap
 from manytouch.estimation.load.load_source import LoadEstimate
 from manytouch.values.arrays import Mask, Points2, Scalars
 
@@ -89,12 +88,14 @@ class LoadPeakFinder:
             moved: (ny, nx) how far markers have moved near each point of the map, to be used instead of the
                 load. None: the load.
         """
+        from manytouch.estimation.load.peak_kernels import shapes_of_peaks
         from manytouch.estimation.watershed import watershed
 
         load_map = load.load_map
-        value = load_map.load_on_grid(load.coefficients)
-        if moved is not None:
-            value = self.stay_load / float(moved.max()) * moved
+        if moved is None:
+            value = np.ascontiguousarray(load_map.load_on_grid(load.coefficients))
+        else:
+            value = np.ascontiguousarray(self.stay_load / float(moved.max()) * moved)
         strongest = float(value.max())
         crept = self.creep_share * recent_load
         least = max(self.stay_load, crept)
@@ -103,7 +104,7 @@ class LoadPeakFinder:
             floor = min(floor, 0.99 * strongest)
         if not strongest > floor:
             return _no_peaks(value, least)
-        label, peak = watershed(np.ascontiguousarray(value), floor / 2.0, self.merge)
+        label, peak = watershed(value, floor / 2.0, self.merge)
         height = value.ravel()[peak]
         column, row = peak % len(load_map.x_mm), peak // len(load_map.x_mm)
         peak_mm = np.column_stack([load_map.x_mm[column], load_map.y_mm[row]])
@@ -115,7 +116,9 @@ class LoadPeakFinder:
         stays[0] |= is_touched
         if not stays.any():
             return _no_peaks(value, least)
-        centre_mm, area_mm2, region = self._shapes(load_map, value, label, height, stays)
+        centre_mm, area_mm2, region = shapes_of_peaks(
+            value, label, height, stays, load_map.x_mm, load_map.y_mm, self.top_share
+        )
         height, std, peak_mm = height[stays], std[stays], peak_mm[stays]
         model_mm = np.hypot(
             self.model_std_pitch * load_map.pitch_mm, self.model_std_radius * np.sqrt(area_mm2 / np.pi)
@@ -144,26 +147,6 @@ class LoadPeakFinder:
     def fade(self, peaks: LoadPeaks, recent_load: float) -> float:
         """The strongest load of this frame and of those before, which fades."""
         return float(max([self.creep_memory * recent_load, *peaks.load.tolist()]))
-
-    def _shapes(
-        self, load_map: LoadMap, load: np.ndarray, label: np.ndarray, height: np.ndarray, stays: np.ndarray
-    ) -> tuple[Points2, Scalars, np.ndarray]:
-        """Centres (c, 2), areas (c,) and regions (ny, nx) of the peaks that stay."""
-        at = np.flatnonzero(label >= 0)
-        at = at[stays[label.ravel()[at]]]
-        peak, value = (np.cumsum(stays) - 1)[label.ravel()[at]], load.ravel()[at]
-        share = value / height[stays][peak]
-        region = np.full(load.shape, -1, dtype=np.int64)
-        region.ravel()[at[share > 0.5]] = peak[share > 0.5]
-        count = int(stays.sum())
-        cell_mm2 = float((load_map.x_mm[1] - load_map.x_mm[0]) * (load_map.y_mm[1] - load_map.y_mm[0]))
-        area_mm2 = np.bincount(peak[share > 0.5], minlength=count) * cell_mm2
-        weight = np.where(share > self.top_share, value, 0.0)
-        row, column = np.divmod(at, load.shape[1])
-        total = np.bincount(peak, weight, minlength=count)
-        x_mm = np.bincount(peak, weight * load_map.x_mm[column], minlength=count) / total
-        y_mm = np.bincount(peak, weight * load_map.y_mm[row], minlength=count) / total
-        return np.column_stack([x_mm, y_mm]), area_mm2, region
 
 
 def chosen_peaks(peaks: LoadPeaks, keep: Mask) -> LoadPeaks:

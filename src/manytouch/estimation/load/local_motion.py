@@ -148,8 +148,11 @@ class LocalMotion:
     def limits(self, memory: TouchMemory, std_pitch: float) -> tuple[float, float]:
         """Local motions in pitches above which anything has moved, and above which the sheet is touched."""
         least = max(self.floor_pitch, self.noise_stds * std_pitch)
-        kept = min(self.creep_share * memory.strongest, self.creep_growth * memory.lowest)
-        return least, max(least, kept)
+        return least, max(least, self.kept(memory))
+
+    def kept(self, memory: TouchMemory) -> float:
+        """Largest local motion in pitches that a sheet may keep of earlier presses."""
+        return min(self.creep_share * memory.strongest, self.creep_growth * memory.lowest)
 
     def remember(self, memory: TouchMemory, largest: float) -> TouchMemory:
         """The memory after a frame with this largest local motion."""

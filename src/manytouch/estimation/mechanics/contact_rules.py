@@ -7,8 +7,11 @@ from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.values.arrays import Mask, Points2
+from manytouch.values.arrays import Mask, Points2, Scalars
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -26,6 +29,9 @@ class ContactRules:
         least_stds: clusters with a smaller normal force, in standard deviations, are not examined.
         start_stds, last_stds: least normal force of a new contact and of one that continues, in standard
             deviations.
+        outline_stds: least normal force of a contact on a known sheet over its change by one standard
+            deviation of the outline. A clamp that is not where the sensor file has it causes forces next to
+            it. True contacts of the varied cases with drawn sensor files have 4 and more.
         noise_share: nodal forces below this share of what noise adds to `GaussNewton.negligible_force` belong
             to no cluster.
     """
@@ -38,32 +44,60 @@ class ContactRules:
     least_stds: float = 1.0
     start_stds: float = 4.0
     last_stds: float = 2.5
+    outline_stds: float = 4.0
     noise_share: float = 0.3
 
-    def may_start(
-        self,
-        lattice: ForceLattice,
-        clusters: Clusters,
-        is_new: Mask,
-        *,
-        least_mm2: float,
-        thickness_mm: float,
-    ) -> Mask:
+    def may_start(self, model: InversionModel, clusters: Clusters, is_new: Mask) -> Mask:
         """(c,) whether each cluster is strong enough to start a contact.
 
         Args:
-            lattice: of the nodes.
+            model: of the sheet.
             clusters: of this frame.
             is_new: (c,) whether there was no cluster here in the previous frame.
-            least_mm2: least normal force of a cluster over E.
-            thickness_mm: of the sheet.
         """
-        needed_mm2 = least_mm2 * np.where(is_new, self.sudden_force, self.start_force)
+        lattice = model.lattice
+        needed_mm2 = lattice.least_force_mm2 * np.where(is_new, self.sudden_force, self.start_force)
         inside_mm = (lattice.inner_mm - np.abs(clusters.centre_mm)).min(axis=1, initial=np.inf)
-        is_near_clamp = inside_mm < self.clamp_thickness * thickness_mm
+        is_near_clamp = inside_mm < self.clamp_thickness * model.thickness_mm
         shear_mm2 = np.linalg.norm(clusters.force_mm2[:, :2], axis=1)
         is_strong = clusters.normal_mm2 >= np.where(is_near_clamp, self.clamp_factor * needed_mm2, needed_mm2)
         return np.asarray(is_strong & (shear_mm2 <= self.max_friction * clusters.normal_mm2))
+
+    def certain(
+        self, model: InversionModel, clusters: Clusters, fit: Fit, response: ParameterResponse | None
+    ) -> tuple[Clusters, Scalars]:
+        """Clusters that neither noise nor a wrong outline explains, with the error by the sheet.
+
+        Args:
+            model: of the sheet.
+            clusters: of this frame.
+            fit: of this frame.
+            response: of the forces to the parameters of the sheet, if it is known.
+
+        Returns:
+            the clusters, and their normal forces (c,) in standard deviations by noise.
+        """
+        clusters, stds = significant(clusters, fit, self.last_stds)
+        if response is None:
+            return clusters, stds
+        clusters = clusters.with_sheet_error(model.lattice, response.columns)
+        if model.is_assumed:
+            return clusters, stds
+        node = np.flatnonzero(clusters.label >= 0)
+        change_mm2 = np.bincount(clusters.label[node], response.by_outline_mm2[node], minlength=len(clusters))
+        chosen = np.flatnonzero(clusters.normal_mm2 >= self.outline_stds * np.abs(change_mm2))
+        return clusters.select(chosen), stds[chosen]
+
+
+def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Clusters, Scalars]:
+    """Clusters whose normal force has at least so many standard deviations, and these numbers (c,)."""
+    inside = clusters.label == np.arange(len(clusters))[:, None]
+    std_mm2 = np.sqrt(clusters.covariance[:, 0, 0])
+    is_open = ~np.isfinite(std_mm2)
+    std_mm2[is_open] = fit.posterior.force_std(inside[is_open].astype(np.float64), 2)
+    stds = clusters.normal_mm2 / np.maximum(std_mm2, np.finfo(np.float64).tiny)
+    chosen = np.flatnonzero(stds >= least_stds)
+    return clusters.select(chosen), stds[chosen]
 
 
 def has_force_near(

@@ -15,7 +15,7 @@ from manytouch.geometry.camera import project
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import Face
 from manytouch.values import ESTIMATES, Contact, Phase
-from manytouch.values.arrays import Scalars, read_only
+from manytouch.values.arrays import read_only
 
 _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
@@ -42,8 +42,9 @@ class ModelError:
         position_pitch, position_radius: standard deviation of a centre along each axis, in pitches and in
             radii of the contact.
         position_clamp: standard deviation of a centre at four thicknesses from a clamp and across it, in
-            thicknesses; e times as much one thickness nearer. A solid near its clamp shears where the shell
-            bends.
+            thicknesses; e times as much one thickness nearer. The shell has the conditions of a slab at its
+            clamp, but not the disturbance within half a thickness of it, and it is too soft under a press
+            next to the clamp that is deeper than that.
         depth_share, depth_pitch: standard deviation of the depth, over the depth and in pitches.
         force_share, force_least: standard deviation of the normal force, over that force and over the least
             force of a contact. A thickness that is uneven by 1.5 % changes the stiffness in bending by 4.5 %.
@@ -79,15 +80,6 @@ class ModelError:
     area_share: float = 0.15
     area_force: float = 0.4
     assumed_sheet_factor: float = 3.0
-
-    def outline_share(self, model: InversionModel, centre_mm: np.ndarray) -> float:
-        """Standard deviation of a force over the force, by that of the outline.
-
-        The stiffness of a sheet against a force at a distance d from its clamp is about proportional to
-        d^-2, that of a clamped strip of this length in bending.
-        """
-        inside_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(centre_mm - model.patch.centre_mm)
-        return 2.0 * model.outline_std_mm / max(float(inside_mm.min()), model.thickness_mm)
 
     def variances(
         self,
@@ -235,8 +227,6 @@ class ContactEstimator:
         forces = np.array([*clusters.force_mm2[number, :2], press_mm2, clusters.torque_mm3[number]])
         scaled[is_force] = model.young_relative_std * forces
         covariance = covariance + np.outer(scaled, scaled)
-        scaled[is_force] = self.error.outline_share(model, clusters.centre_mm[number]) * forces
-        covariance = covariance + np.outer(scaled, scaled)
         return Contact(
             id=-1,
             phase=Phase.MOVE,
@@ -325,14 +315,3 @@ def with_shear(
     counts = squared / (squared + friction_std**2) / np.maximum(1.0, np.sqrt(squared))
     shift_mm = 0.5 * model.thickness_mm * counts * friction
     return replace(clusters, force_mm2=force, centre_mm=clusters.centre_mm - shift_mm)
-
-
-def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Clusters, Scalars]:
-    """Clusters whose normal force has at least so many standard deviations, and these numbers (c,)."""
-    inside = clusters.label == np.arange(len(clusters))[:, None]
-    std_mm2 = np.sqrt(clusters.covariance[:, 0, 0])
-    is_open = ~np.isfinite(std_mm2)
-    std_mm2[is_open] = fit.posterior.force_std(inside[is_open].astype(np.float64), 2)
-    stds = clusters.normal_mm2 / np.maximum(std_mm2, np.finfo(np.float64).tiny)
-    chosen = np.flatnonzero(stds >= least_stds)
-    return clusters.select(chosen), stds[chosen]

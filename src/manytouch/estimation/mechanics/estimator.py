@@ -2,8 +2,8 @@
 
 `GaussNewton` fits the shape of the sheet that explains the marker images with few, compressive forces. Depth
 is evaluated on the shape, contacts are clusters of its nodal forces (`force_clusters`), standard deviations
-come from the posterior of the last step and the model's error. Frames that an assumed sheet does not describe
-have the surface and the contacts of `perimeter` (`assumed_sheet`).
+come from the posterior of the last step and the model's error. Frames that the sheet does not describe have
+the surface and the contacts of `perimeter` (`undescribed_frames`).
 """
 
 from dataclasses import dataclass, field, replace
@@ -16,14 +16,18 @@ from manytouch.blas_threads import limit_blas_threads
 from manytouch.errors import SensorError
 from manytouch.estimation.bonded import BondedEstimator
 from manytouch.estimation.contact_tracker import ContactTracker
-from manytouch.estimation.mechanics.assumed_sheet import AssumedSheetRules, WithoutSheet
 from manytouch.estimation.mechanics.clusters.evidence import ForcePosterior
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
 from manytouch.estimation.mechanics.clusters.local_deflection import local_deflection
 from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
-from manytouch.estimation.mechanics.contact_rules import ContactRules, has_force_near, is_far_from
-from manytouch.estimation.mechanics.contacts import ContactEstimator, significant
+from manytouch.estimation.mechanics.contact_rules import (
+    ContactRules,
+    has_force_near,
+    is_far_from,
+    significant,
+)
+from manytouch.estimation.mechanics.contacts import ContactEstimator
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, GaussNewton, SheetShape
 from manytouch.estimation.mechanics.inversion.sheet_model import NominalSheet, checked_layout
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
@@ -37,6 +41,7 @@ from manytouch.estimation.mechanics.surface_covariance import (
     SurfaceError,
     marker_variances_px2,
 )
+from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
 from manytouch.estimation.mechanics.view_motion import ViewMotion
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
@@ -73,7 +78,7 @@ class MechanicsEstimator:
         surface_error: covariances of the marker displacements.
         reference_drift: update of the reference while nothing touches the sheet.
         slip_detector: flags contacts that slide.
-        assumed_sheet: frames of a sheet that was assumed.
+        undescribed_frames: those that the sheet does not describe.
         pad: the estimator of sheets with boundary = "bonded"; None refuses them.
     """
 
@@ -92,7 +97,7 @@ class MechanicsEstimator:
     surface_error: SurfaceError = field(default_factory=SurfaceError)
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
     slip_detector: SlipDetector = field(default_factory=SlipDetector)
-    assumed_sheet: AssumedSheetRules = field(default_factory=AssumedSheetRules)
+    undescribed_frames: UndescribedFrames = field(default_factory=UndescribedFrames)
     pad: BondedEstimator | None = None
 
     def start(self, sensor: Sensor) -> Any:
@@ -118,9 +123,9 @@ class MechanicsEstimator:
             model = model.with_pretension(pretension.mean_mm)
         at_rest_px = rest_px(sensor, layout)
         pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
-        model_std_px = self.marker_noise.model_std_px(pitch_px)
-        rest_mm = read_only(np.zeros((model.patch.node_count, 3)))
-        weight_mm4 = self.gauss_newton.weights(model, rest_mm)
+        model_std_px = self.marker_noise.constant_std_px(pitch_px, sensor)
+        shape = SheetShape.at_rest(model)
+        weight_mm4 = self.gauss_newton.weights(model, shape.force_mm2)
         centre_noise_px = sensor.centre_noise_px or self.marker_noise.default_centre_noise_px
         std_px = float(np.hypot(model_std_px, centre_noise_px))
         return MechanicsState(
@@ -133,7 +138,7 @@ class MechanicsEstimator:
             reference_px=read_only(at_rest_px.copy()),
             pitch_px=pitch_px,
             model_std_px=model_std_px,
-            shape=SheetShape.at(model, rest_mm),
+            shape=shape,
             posterior=None,
             posterior_frames=0,
             pretension=pretension,
@@ -143,44 +148,44 @@ class MechanicsEstimator:
             previous_mm=read_only(np.zeros((0, 2))),
             slip=SlipState(),
             tracks=self.contact_tracker.start(sensor),
-            without_sheet=self.assumed_sheet.start(sensor) if model.is_assumed else None,
+            without_sheet=self.undescribed_frames.start(sensor),
+            undescribed=0,
         )
 
     def step(self, state: Any, grid: TrackedGrid) -> tuple[Any, Surface, Contacts]:
         """Surface and contacts of the next frame. It never raises; an unusable frame has a status."""
         if self.pad is not None and not isinstance(state, MechanicsState):
             return self.pad.step(state, grid)
+        usual_std_px, rules, model = state.model_std_px, self.undescribed_frames, state.model
+        if model.is_assumed:
+            state = replace(state, without_sheet=rules.step(state.without_sheet, grid))
         if grid.is_seen.sum() < MIN_MARKERS:
-            return self._step_without_markers(state, grid)
-        usual_std_px, rules = state.model_std_px, self.assumed_sheet
-        if state.without_sheet is not None:
-            without_sheet = rules.step(state.without_sheet, grid)
-            model_std_px = rules.model_std_px(grid, state.reference_px, usual_std_px)
-            state = replace(state, without_sheet=without_sheet, model_std_px=model_std_px)
+            return self._step_without_shape(state, grid, Status.FEW_MARKERS)
+        if not rules.is_fitted(model, state.undescribed):
+            return self._step_without_sheet(_from_rest(state), grid)
+        if model.is_assumed:
+            state = replace(state, model_std_px=rules.model_std_px(grid, state.reference_px, usual_std_px))
         fit = self.fit_frame(state, grid)
         state = replace(state, model_std_px=usual_std_px)
-        if state.without_sheet is not None and not rules.describes(
-            fit, grid, state.reference_px, state.pitch_px
-        ):
-            return self._step_without_sheet(state, state.without_sheet, grid)
-        status = grid.status if grid.status is not Status.OK else fit.status
+        if not rules.describes(model, fit, grid, state.reference_px, state.pitch_px):
+            is_lost = model.is_assumed or fit.status is not Status.OK
+            state = _from_rest(state) if is_lost else _with_fit(state, fit)
+            if model.is_assumed or state.undescribed >= rules.wait_frames:
+                return self._step_without_sheet(state, grid)
+            waiting = replace(state, undescribed=state.undescribed + 1)
+            return self._step_without_shape(waiting, grid, Status.NOT_CONVERGED)
+        state, status = replace(state, undescribed=0), grid.status
         noise = self.marker_noise.noise_ratio(grid, state.model_std_px)
         earlier, state = state.response, self._with_response(state, fit)
-        forces = ForcePosterior(state.model, fit, None if state.response is None else state.response.columns)
-        clusters = self._clusters(state, fit, forces, noise)
-        shape = self._unbiased_shape(state, clusters, forces)
+        forces = ForcePosterior(state.model, fit)
         touching_mm = np.array([contact.centre_mm for contact in state.tracks.touching]).reshape(-1, 2)
+        clusters = self._clusters(state, fit, forces, touching_mm, noise=noise)
+        shape = self._unbiased_shape(state, clusters, forces)
         clusters = self.rigid_faces(state.model, shape.coefficient_mm, clusters, touching_mm, forces.evidence)
-        clusters, significance = significant(clusters, fit, self.contact_rules.last_stds)
+        clusters, significance = self.contact_rules.certain(state.model, clusters, fit, state.response)
         surface = self._surface(state, grid, shape, clusters, status)
-        after = replace(
-            state,
-            shape=fit.shape,
-            posterior=fit.posterior,
-            posterior_frames=state.posterior_frames + 1 if fit.posterior is state.posterior else 0,
-        )
+        after = _with_fit(state, fit)
         may_start = self._may_start(state, clusters) & (significance >= self.contact_rules.start_stds)
-        may_start &= fit.status is Status.OK
         after, contacts = self._track(
             after, clusters, replace(fit, shape=shape), may_start=may_start, noise=noise, status=status
         )
@@ -196,8 +201,9 @@ class MechanicsEstimator:
         It is computed in the frame after that step, whose time thus has a lower bound, unless it has a full
         step too.
         """
+        is_new = bool(fit.steps) or (state.response is not None and state.response.is_stale(state.model, fit))
         is_next = state.response is not None and bool(fit.steps) and not state.response_is_due
-        if fit.status is not Status.OK or is_next or not (fit.steps or state.response_is_due):
+        if fit.status is not Status.OK or is_next or not (is_new or state.response_is_due):
             return replace(state, response_is_due=state.response_is_due or is_next)
         response = parameter_response(state.model, state.variants, state.pretension, fit)
         return replace(state, response=response, response_is_due=False)
@@ -252,7 +258,9 @@ class MechanicsEstimator:
         )
         return np.asarray((weight / variance_px2)[:, None, None] * np.eye(2))
 
-    def _clusters(self, state: MechanicsState, fit: Fit, forces: ForcePosterior, noise: float) -> Clusters:
+    def _clusters(
+        self, state: MechanicsState, fit: Fit, forces: ForcePosterior, touching_mm: Points2, *, noise: float
+    ) -> Clusters:
         """Force clusters that noise does not explain."""
         model = state.model
         unit_mm2 = model.lattice.force_unit_mm2
@@ -262,14 +270,8 @@ class MechanicsEstimator:
         force_mm2 = np.where(force_mm2[:, 2:] > -hidden_mm2, 0.0, force_mm2)
         clusters = self.force_clusters(model.lattice, force_mm2)
         clusters, _ = significant(clusters, fit, rules.least_stds)
-        held_mm = np.array([contact.centre_mm for contact in state.tracks.touching]).reshape(-1, 2)
         clusters = self.model_order(
-            model.lattice,
-            force_mm2,
-            clusters,
-            held_mm,
-            evidence_at=forces.evidence,
-            noise=noise,
+            model.lattice, force_mm2, clusters, touching_mm, evidence_at=forces.evidence, noise=noise
         )
         return significant(clusters, fit, rules.last_stds)[0]
 
@@ -290,13 +292,8 @@ class MechanicsEstimator:
     def _may_start(self, state: MechanicsState, clusters: Clusters) -> Mask:
         model = state.model
         gate_mm = self.contact_tracker.gate_pitch * model.pitch_mm
-        return self.contact_rules.may_start(
-            model.lattice,
-            clusters,
-            is_far_from(clusters, state.previous_mm, gate_mm),
-            least_mm2=model.lattice.least_force_mm2,
-            thickness_mm=model.thickness_mm,
-        )
+        is_new = is_far_from(clusters, state.previous_mm, gate_mm)
+        return self.contact_rules.may_start(model, clusters, is_new)
 
     def _track(
         self,
@@ -321,11 +318,7 @@ class MechanicsEstimator:
             found,
             may_start=may_start.tolist(),
             is_loaded=lambda place_mm: has_force_near(
-                model.lattice,
-                own_mm2,
-                place_mm,
-                radius_mm=model.pitch_mm,
-                least_mm2=least_mm2,
+                model.lattice, own_mm2, place_mm, radius_mm=model.pitch_mm, least_mm2=least_mm2
             ),
             status=status,
         )
@@ -334,22 +327,18 @@ class MechanicsEstimator:
         return replace(state, tracks=tracks, slip=slip, previous_mm=previous_mm), contacts
 
     def _step_without_sheet(
-        self, state: MechanicsState, found: WithoutSheet, grid: TrackedGrid
+        self, state: MechanicsState, grid: TrackedGrid
     ) -> tuple[MechanicsState, Surface, Contacts]:
-        """A frame that the assumed sheet does not describe; the next one begins at rest."""
-        model = state.model
+        """A frame that the sheet does not describe."""
+        model, found, rules = state.model, state.without_sheet, self.undescribed_frames
+        if not model.is_assumed:
+            state = replace(state, undescribed=state.undescribed + 1)
+            if rules.is_torn(grid, state.reference_px, state.neighbours):
+                return self._step_without_shape(state, grid, Status.NOT_CONVERGED)
+            found = rules.step(found, grid)
         surface = unknown_surface(model.layout, grid.status) if found.surface is None else found.surface
         tracks, contacts = self.contact_tracker.step(state.tracks, found.touching, status=grid.status)
-        at_rest_mm = read_only(np.zeros((model.patch.node_count, 3)))
-        after = replace(
-            state,
-            tracks=tracks,
-            shape=SheetShape.at(model, at_rest_mm),
-            posterior=None,
-            posterior_frames=0,
-            response=None,
-            response_is_due=False,
-        )
+        after = replace(state, tracks=tracks, without_sheet=found)
         if grid.status is Status.OK and not found.is_touched:
             after = self._update_reference(after, grid)
         return after, surface, contacts
@@ -360,16 +349,13 @@ class MechanicsEstimator:
         )
         return replace(state, reference_px=reference_px)
 
-    def _step_without_markers(
-        self, state: MechanicsState, grid: TrackedGrid
+    def _step_without_shape(
+        self, state: MechanicsState, grid: TrackedGrid, reason: Status
     ) -> tuple[MechanicsState, Surface, Contacts]:
-        """A frame with too few markers: no surface, and contacts that wait."""
-        status = Status.FEW_MARKERS if grid.status is Status.OK else grid.status
-        surface = unknown_surface(state.model.layout, status)
-        if state.without_sheet is not None:
-            state = replace(state, without_sheet=self.assumed_sheet.step(state.without_sheet, grid))
+        """A frame with too few markers, or that no shape explains: no surface, and contacts that wait."""
+        status = reason if grid.status is Status.OK else grid.status
         tracks, contacts = self.contact_tracker.step(state.tracks, (), status=status)
-        return replace(state, tracks=tracks), surface, contacts
+        return replace(state, tracks=tracks), unknown_surface(state.model.layout, status), contacts
 
     def _surface(
         self,
@@ -398,3 +384,15 @@ class MechanicsEstimator:
             spline=model.spline(shape.coefficient_mm, shape.force_mm2, state.pretension.std_mm),
             status=status,
         )
+
+
+def _with_fit(state: MechanicsState, fit: Fit) -> MechanicsState:
+    frames = state.posterior_frames + 1 if fit.posterior is state.posterior else 0
+    return replace(state, shape=fit.shape, posterior=fit.posterior, posterior_frames=frames)
+
+
+def _from_rest(state: MechanicsState) -> MechanicsState:
+    """The state from which the next fit begins at rest; a shape that failed may be one to stay in."""
+    rest = SheetShape.at_rest(state.model)
+    state = replace(state, shape=rest, posterior=None, posterior_frames=0)
+    return replace(state, response=None, response_is_due=False)

@@ -6,7 +6,6 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
-from manytouch.estimation.mechanics.assumed_sheet import WithoutSheet
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import SheetShape
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -16,6 +15,7 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     SheetVariant,
 )
 from manytouch.estimation.mechanics.surface_covariance import MarkerDeviation
+from manytouch.estimation.mechanics.undescribed_frames import WithoutSheet
 from manytouch.estimation.slip_detector import SlipState
 from manytouch.geometry.neighbours import Neighbours
 from manytouch.mechanics.solver.posterior import Posterior
@@ -45,7 +45,8 @@ class MechanicsState:
         previous_mm: (k, 2) centres of the clusters of the previous frame, contacts or not.
         slip: of the contacts.
         tracks: of the contacts.
-        without_sheet: what the markers show without a model, for a sheet that was assumed; else None.
+        without_sheet: what the markers show without a model.
+        undescribed: number of frames in a row that the sheet did not describe.
     """
 
     model: InversionModel
@@ -67,4 +68,5 @@ class MechanicsState:
     previous_mm: Float64[np.ndarray, "k 2"]
     slip: SlipState
     tracks: ContactTrackerState
-    without_sheet: WithoutSheet | None
+    without_sheet: WithoutSheet
+    undescribed: int

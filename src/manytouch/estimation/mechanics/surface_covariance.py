@@ -7,11 +7,13 @@ from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.values import TrackedGrid
+from manytouch.values import Sensor, TrackedGrid
 from manytouch.values.arrays import Covariances3, Mask, Points3, Scalars, read_only
 
 _SAMPLES = 60
 """Number of markers whose noise is computed; the median is taken."""
+USUAL_REST_FRAMES = 15
+"""Number of frames at rest with which `model_std_pitch` was determined."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -32,9 +34,20 @@ class MarkerNoise:
         """Standard deviation of what the model does not explain, for a pitch in the image."""
         return pitch_px * self.model_std_pitch
 
+    def constant_std_px(self, pitch_px: float, sensor: Sensor) -> float:
+        """Standard deviation that all frames have in common: of the model, and of the rest positions.
+
+        A rest position is the mean over the frames at rest of this recording. With the usual number of them
+        its noise is part of `model_std_pitch`; with fewer, what is missing is added.
+        """
+        frames = USUAL_REST_FRAMES if sensor.rest_frames is None else sensor.rest_frames
+        noise_px = sensor.centre_noise_px or self.default_centre_noise_px
+        excess = max(0.0, 1.0 / frames - 1.0 / USUAL_REST_FRAMES)
+        return float(np.hypot(self.model_std_px(pitch_px), noise_px * excess**0.5))
+
     def frame_std_px(self, grid: TrackedGrid, model_std_px: float) -> float:
         """Median standard deviation of the marker images of a frame along an axis."""
-        noise_px2 = 0.5 * np.trace(grid.covariance_px2[grid.is_seen], axis1=1, axis2=2)
+        noise_px2 = _variance_px2(grid)[grid.is_seen]
         return float(np.sqrt(np.median(noise_px2) + model_std_px**2))
 
     def noise_ratio(self, grid: TrackedGrid, model_std_px: float) -> float:
@@ -44,8 +57,13 @@ class MarkerNoise:
 
 def marker_variances_px2(grid: TrackedGrid, model_std_px: float) -> Scalars:
     """(m,) variance of each marker image along an axis; that of a marker that is not seen is arbitrary."""
-    noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
+    noise_px2 = np.where(grid.is_seen, _variance_px2(grid), 1.0)
     return np.asarray(noise_px2 + model_std_px**2)
+
+
+def _variance_px2(grid: TrackedGrid) -> Scalars:
+    """(m,) mean variance along both axes."""
+    return np.asarray(0.5 * (grid.covariance_px2[:, 0, 0] + grid.covariance_px2[:, 1, 1]))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

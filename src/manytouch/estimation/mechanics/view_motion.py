@@ -15,6 +15,7 @@ from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.values.arrays import Mask, Points2, Scalars
 
 _MIN_SCALE_PX = 1e-3
+_RANK = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -61,8 +62,8 @@ class ViewMotion:
             length = np.linalg.norm(change - fitted, axis=1)
             scale_px = max(1.4826 * float(np.median(length)) / np.sqrt(2.0), _MIN_SCALE_PX)
             weight = np.maximum(1.0 - (length / (self.scale_stds * scale_px)) ** 2, 0.0) ** 2
-            rows = np.repeat(np.sqrt(weight), 2)
-            found = np.linalg.lstsq(rows[:, None] * design, rows * change.ravel(), rcond=None)[0]
+            weighted = np.repeat(weight, 2)[:, None] * design
+            found = np.linalg.lstsq(weighted.T @ design, change.ravel() @ weighted, rcond=_RANK)[0]
             fitted = (design @ found).reshape(-1, 2)
         explained, left = (fitted**2).sum(), ((change - fitted) ** 2).sum()
         share = max(1.0 - left / max(float(explained), 1e-12), 0.0)

@@ -14,11 +14,13 @@ from jaxtyping import Float64
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
+from manytouch.estimation.load.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, misfit_scale, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, ObservedPad
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter
 from manytouch.estimation.pad.patch_forces import OWN
+from manytouch.estimation.pad.patch_guesses import halved, joined, nearest_pair
 from manytouch.estimation.pad.patch_kernels import SHAPE
 from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
@@ -38,6 +40,8 @@ class PadState:
         model: of the pad.
         candidates: where a contact may begin.
         neighbours: of each marker.
+        groups: of neighbouring markers, for their local motion.
+        touch: local motions of the frames before.
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         contact: (c, OWN) parameters of the patches of the last frame.
         displacement_mm: (m, 3) of the markers in the last frame.
@@ -48,6 +52,8 @@ class PadState:
     model: ObservedPad
     candidates: PatchCandidates
     neighbours: Neighbours
+    groups: MarkerGroups
+    touch: TouchMemory
     initial_reference_px: Points2
     reference_px: Points2
     contact: np.ndarray
@@ -83,22 +89,27 @@ class PadEstimator:
         outlier_gate: weights of the markers.
         pad_contacts: contacts with their covariances.
         contact_tracker: identities of contacts.
+        local_motion: what a pad may keep of an earlier press.
         reference_drift: update of the reference while nothing touches the pad.
         slip_detector: flags contacts that slide.
         model_std_pitch: standard deviation of a marker image that the model does not explain, in pitches.
-        model_share: the same over the displacement of the marker.
+        model_share: the same standard deviation over the displacement of the marker.
         model_reach: distance in thicknesses within which markers have this error in common.
-        nominal_share, nominal_reach: the same where the shape of the pad is that of a nominal sensor file;
-            chosen on three recordings of gels with two kinds of markers.
+        nominal_share, nominal_reach: `model_share` and `model_reach` where the shape of the pad is that of a
+            nominal sensor file; chosen on three recordings of gels with two kinds of markers.
         max_contacts: largest number of contacts.
-        start_gain: least reduction of the misfit by a new contact, with the model's error for it; for a
-            further contact, over the misfit per degree of freedom with it (at least 1),
-        sure_gain: or without that error.
+        start_gain: least reduction of the misfit by a new contact, with weights that contain the model's
+            error under it; for a further contact, over the misfit per degree of freedom with it (at least 1).
+        sure_gain: reduction of the misfit by a new contact, with weights that lack the model's error under
+            it, from which it is accepted at once; for a further contact, as in `start_gain`.
         start_stds, last_stds: least normal force of a contact that starts and of one that lasts, in standard
-            deviations.
+            deviations by noise and priors. Where all markers may have stayed displaced by an earlier press,
+            force or depth must also be `last_stds` of the deviations that are reported.
         least_depth: least depth of a contact, in thicknesses.
-        retry_misfit: growth of the misfit after which another contact is tried again,
-        refusal_lasts: which falls by this factor in each frame.
+        retry_misfit: ratio of the misfit to that of the frame in which another contact was last tried in
+            vain, from which one is tried again.
+        refusal_lasts: factor by which the misfit of that frame is reduced in each further frame, if that of
+            the further frame is not less.
         split_misfit: misfit per image coordinate above which the widest contact may be two.
         merge_gain: least increase of the misfit if two near contacts were one, over that per degree of
             freedom (at least 1).
@@ -111,7 +122,10 @@ class PadEstimator:
     search: PatchSearch = field(default_factory=PatchSearch)
     outlier_gate: OutlierGate = field(default_factory=OutlierGate)
     pad_contacts: PadContacts = field(default_factory=PadContacts)
-    contact_tracker: ContactTracker = field(default_factory=lambda: ContactTracker(confirm_frames=1))
+    contact_tracker: ContactTracker = field(
+        default_factory=lambda: ContactTracker(confirm_frames=1, gate_stds=2.0)
+    )
+    local_motion: LocalMotion = field(default_factory=lambda: LocalMotion(refinements=4))
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
     slip_detector: SlipDetector = field(default_factory=SlipDetector)
     model_std_pitch: float = 5e-4
@@ -146,6 +160,8 @@ class PadEstimator:
             model=model,
             candidates=self.search.start(model, self.fitter),
             neighbours=nearest_neighbours(layout.rest_mm[:, :2]),
+            groups=marker_groups(layout.rest_mm[:, :2], model.pitch_mm),
+            touch=TouchMemory(),
             initial_reference_px=read_only(at_rest_px.copy()),
             reference_px=read_only(at_rest_px.copy()),
             contact=read_only(np.zeros((0, OWN))),
@@ -165,10 +181,16 @@ class PadEstimator:
         fit, refused_misfit = self._frame(state, grid)
         shape = pad_shape(model, fit)
         found = self.pad_contacts(model, fit, shape)
+        touch, may_be_kept = self._remembered(state, grid)
+        is_kept = np.array([may_be_kept and not self._is_clear(contact) for contact in found], dtype=np.bool_)
+        if is_kept.any():
+            fit = self._fit(model, fit.contact[~is_kept], self._measured(state, grid), fit.marker_mm(model))
+            refused_misfit, shape = fit.misfit, pad_shape(model, fit)
+            found = self.pad_contacts(model, fit, shape)
         least_mm = self.least_depth * model.thickness_mm
         force_std_mm2 = np.sqrt(misfit_scale(fit)) * fit.force_std_mm2
         may_start = [
-            bool(contact.depth_mm >= least_mm and force >= self.start_stds * std)
+            bool(not contact.depth_mm < least_mm and force >= self.start_stds * std)
             for contact, force, std in zip(found, fit.force_mm2, force_std_mm2, strict=True)
         ]
         tracks, contacts = self.contact_tracker.step(
@@ -184,6 +206,7 @@ class PadEstimator:
             contact=read_only(fit.contact),
             displacement_mm=read_only(fit.marker_mm(model)),
             refused_misfit=refused_misfit,
+            touch=touch,
             slip=slip,
             tracks=tracks,
         )
@@ -193,6 +216,21 @@ class PadEstimator:
             )
             after = replace(after, reference_px=reference_px)
         return after, self._surface(model, fit, found, shape, grid), contacts
+
+    def _remembered(self, state: PadState, grid: TrackedGrid) -> tuple[TouchMemory, bool]:
+        """Local motions with those of a frame, and whether they may all be what the pad keeps of a press."""
+        mm_per_px = state.model.pitch_mm / state.model.pitch_px
+        moved_mm = mm_per_px * (grid.position_px - state.reference_px)
+        largest = float(self.local_motion(state.groups, moved_mm, grid.is_seen).max())
+        memory = state.touch
+        if grid.status is Status.OK:
+            memory = self.local_motion.remember(memory, largest)
+        return memory, largest <= self.local_motion.kept(memory)
+
+    def _is_clear(self, contact: Contact) -> bool:
+        """Whether force or depth of a contact are more than their deviations."""
+        is_deep = contact.depth_mm >= self.last_stds * contact.std("depth")
+        return is_deep or bool(-contact.force_N[2] >= self.last_stds * contact.std("normal_force"))
 
     def fit_frame(self, state: PadState, grid: TrackedGrid) -> PadFit:
         """The contacts of the next frame."""
@@ -207,7 +245,7 @@ class PadEstimator:
             if len(fit.contact) != len(state.contact):
                 refused_misfit = 0.0
             if 0.0 < fit.misfit < self.retry_misfit * refused_misfit:
-                refused_misfit *= self.refusal_lasts
+                refused_misfit = min(self.refusal_lasts * refused_misfit, fit.misfit)
                 break
             longer = self._longer(state, fit, measured)
             if longer is None:
@@ -229,7 +267,7 @@ class PadEstimator:
         is_poor = fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum())
         if longer is None and is_poor and len(fit.contact) > 0:
             widest = int(np.argmax((fit.contact[:, 2:SHAPE] ** 2).sum(axis=1)))
-            longer = self._if_better(model, fit, _halved(fit.contact, widest), measured)
+            longer = self._if_better(model, fit, halved(fit.contact, widest), measured)
         return longer
 
     def _if_better(
@@ -310,25 +348,15 @@ class PadEstimator:
             rest = np.delete(fit.contact, weakest, axis=0)
             fit = self._fit(model, rest, measured, fit.marker_mm(model))
         while len(fit.contact) > 1:
-            pair = self._nearest_pair(fit)
+            pair = nearest_pair(fit.contact)
             if pair is None:
                 break
             linear_px, _ = self._images(model, measured, fit.marker_mm(model))
-            one = self.fitter(model, _joined(fit.contact, *pair), linear_px, fit.weight)
+            one = self.fitter(model, joined(fit.contact, *pair), linear_px, fit.weight)
             if one.misfit - fit.misfit > self.merge_gain * misfit_scale(fit):
                 break
             fit = one
         return fit
-
-    def _nearest_pair(self, fit: PadFit) -> tuple[int, int] | None:
-        """Two contacts whose pressures overlap most; None if none do."""
-        centre, root = fit.contact[:, :2], np.abs(fit.contact[:, 2:SHAPE])
-        reach = np.sqrt(0.5 * (root**2).sum(axis=1))
-        away = np.linalg.norm(centre[:, None] - centre, axis=2)
-        overlap = away / (reach[:, None] + reach)
-        overlap[np.diag_indices(len(centre))] = np.inf
-        first, second = np.unravel_index(int(np.argmin(overlap)), overlap.shape)
-        return None if overlap[first, second] > 3.0 else (int(first), int(second))
 
     def _surface(
         self, model: ObservedPad, fit: PadFit, found: Sequence[Contact], shape: PadShape, grid: TrackedGrid
@@ -348,35 +376,3 @@ def _is_near(place_mm: Points2, fit: PadFit, reach_mm: float) -> Mask:
     """(k,) places with a fitted contact nearby."""
     away_mm = np.linalg.norm(place_mm[:, None] - fit.contact[:, :2], axis=2)
     return np.asarray(away_mm.min(axis=1, initial=np.inf) < reach_mm)
-
-
-def _halved(contact: np.ndarray, number: int) -> np.ndarray:
-    """The guesses with one contact as two halves along its longer axis."""
-    own = contact[number]
-    root = np.array([[own[2], 0.0], [own[3], own[4]]])
-    size, axes = np.linalg.eigh(root @ root.T)
-    arm, narrow = axes[:, 1] * np.sqrt(size[1]), float(np.sqrt(max(size[0], 0.05 * size[1])))
-    half = own.copy()
-    half[2:SHAPE], half[SHAPE : OWN - 1] = (narrow, 0.0, narrow), 0.5 * own[SHAPE : OWN - 1]
-    halves = np.stack([half, half])
-    halves[0, :2] += arm
-    halves[1, :2] -= arm
-    return np.vstack([np.delete(contact, number, axis=0), halves])
-
-
-def _joined(contact: np.ndarray, first: int, second: int) -> np.ndarray:
-    """The guesses with two contacts as one with their force, centre and moments."""
-    press = np.maximum(contact[[first, second], SHAPE], 1e-9)
-    share = press / press.sum()
-    centre = share @ contact[[first, second], :2]
-    spread = np.zeros((2, 2))
-    for part, number in zip(share, (first, second), strict=True):
-        xx, yx, yy = contact[number, 2:SHAPE]
-        root = np.array([[xx, 0.0], [yx, yy]])
-        arm = contact[number, :2] - centre
-        spread += part * (root @ root.T + np.outer(arm, arm))
-    root = np.linalg.cholesky(spread)
-    load = contact[[first, second], SHAPE:].sum(axis=0)
-    one = np.array([*centre, root[0, 0], root[1, 0], root[1, 1], *load])
-    one[OWN - 1] = share @ contact[[first, second], OWN - 1]
-    return np.vstack([np.delete(contact, [first, second], axis=0), one])

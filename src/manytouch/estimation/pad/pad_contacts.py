@@ -1,13 +1,14 @@
 """Shape of a pad and contacts with deviations, from fitted patches."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
-from manytouch.estimation.mechanics.regions.footprints import Footprints
+from manytouch.estimation.mechanics.regions.footprints import Footprint, Footprints
+from manytouch.estimation.mechanics.regions.outlines import polygon_area, within_rectangle
 from manytouch.estimation.pad.pad_model import MOTIONS, ObservedPad
 from manytouch.estimation.pad.patch_fit import PadFit, forced
 from manytouch.estimation.pad.patch_forces import OWN, fill_basis, fill_effects
@@ -96,6 +97,8 @@ class PadContacts:
         torque_share: standard deviation of the torque, over the normal force times the square root of the
             trace of the contact's second moment.
         area_share: standard deviation of the area that the model does not explain, over the area.
+        most_depth_std: largest standard deviation of a depth, in thicknesses; beyond, the depth is unknown.
+            A depth lies between 0 and the thickness, so that nothing is known about one with half of it.
     """
 
     footprints: Footprints = field(default_factory=Footprints)
@@ -109,6 +112,7 @@ class PadContacts:
     shear_share: float = 0.02
     torque_share: float = 0.05
     area_share: float = 0.25
+    most_depth_std: float = 0.5
 
     def __call__(self, model: ObservedPad, fit: PadFit, shape: PadShape) -> list[Contact]:
         """Contacts of a fit, without identity (id -1)."""
@@ -132,7 +136,8 @@ class PadContacts:
         share = self.depth_share
         if found:
             strongest = max(found, key=lambda contact: contact.normal_force_over_E_mm2)
-            share = strongest.std("depth") / max(strongest.depth_mm, 1e-9)
+            known = strongest.std("depth") / max(strongest.depth_mm, 1e-9)
+            share = known if np.isfinite(known) else 1.0
         growth = np.where(is_seen, 1.0, 2.0)[:, None]
         std_mm = growth * np.hypot(noise_mm, share * np.abs(shape.face_mm))
         covariance = np.zeros((len(std_mm), 3, 3))
@@ -151,7 +156,7 @@ class PadContacts:
         covariance = misfit_scale(fit) * slope @ fit.covariance[np.ix_(part, part)] @ slope.T
         by_sheet = slope @ fit.by_sheet[part]
         covariance += by_sheet @ by_sheet.T
-        footprint = self.footprints(clusters, number, model.pitch_mm)
+        footprint = _on_pad(self.footprints(clusters, number, model.pitch_mm), model)
         area_mm2 = footprint.area_mm2
         trace = float(np.sqrt(own[2] ** 2 + own[3] ** 2 + own[4] ** 2))
         place_mm = np.hypot(self.position_pitch * model.pitch_mm, self.position_root * trace)
@@ -172,6 +177,9 @@ class PadContacts:
         if is_unclear:
             area_mm2 = np.nan
             covariance[_AREA, :] = covariance[:, _AREA] = np.nan
+        if covariance[_DEPTH, _DEPTH] > (self.most_depth_std * model.thickness_mm) ** 2:
+            depth_mm = np.nan
+            covariance[_DEPTH, :] = covariance[:, _DEPTH] = np.nan
         common = np.zeros(len(ESTIMATES))
         common[_FORCES] = own[[6, 7, 5, 8]]
         covariance = covariance + (model.young_std**2 + model.scale_std**2) * np.outer(common, common)
@@ -236,6 +244,20 @@ def _depth(
         slope[ESTIMATES.index(estimate), parameter] = 1.0
     slope[0, 0] = slope[1, 1] = 1.0
     return depth_mm, slope, moved_mm[0]
+
+
+def _on_pad(footprint: Footprint, model: ObservedPad) -> Footprint:
+    """The footprint without what is beyond the outline of the pad."""
+    low_mm = np.asarray(model.patch.corner_mm)
+    high_mm = low_mm + np.asarray(model.patch.size_mm)
+    rings = []
+    for ring in footprint.outline:
+        inside = ((low_mm <= ring.point_mm) & (ring.point_mm <= high_mm)).all()
+        point_mm = ring.point_mm if inside else within_rectangle(ring.point_mm, low_mm, high_mm)
+        if len(point_mm) > 2:
+            rings.append(replace(ring, point_mm=read_only(point_mm)))
+    area_mm2 = [abs(polygon_area(ring.point_mm)) * (-1.0 if ring.is_hole else 1.0) for ring in rings]
+    return replace(footprint, outline=tuple(rings), area_mm2=min(float(np.sum(area_mm2)), footprint.area_mm2))
 
 
 def _basis(

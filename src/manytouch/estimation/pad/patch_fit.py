@@ -14,7 +14,16 @@ from jaxtyping import Float64
 
 from manytouch.estimation.pad.pad_model import MOTIONS, ObservedPad
 from manytouch.estimation.pad.patch_forces import LOAD_COUNT, OWN, add_answers, add_tractions
-from manytouch.estimation.pad.patch_kernels import DISTRIBUTION_COUNT, DOME, SHAPE, add_dome, add_layer_images
+from manytouch.estimation.pad.patch_kernels import (
+    DENSE_DOME,
+    DENSEST_DOME,
+    DISTRIBUTION_COUNT,
+    DOME,
+    SHAPE,
+    add_dome,
+    add_layer_images,
+    density,
+)
 from manytouch.estimation.pad.patch_prior import PatchPrior
 from manytouch.estimation.pad.patch_slopes import PatchPad
 from manytouch.estimation.pad.patch_steps import Common, Limits, Measured, Problem, Work, iterate
@@ -26,6 +35,8 @@ _FITTED = 2
 contact; it counts in the covariance only, as a consider parameter (S. F. Schmidt 1966)."""
 _KEPT_STD = 1e-6  # of a parameter that is not fitted
 _MIN_ROOT = 0.05  # least root of a second moment, in thicknesses
+_MOST_ROOT = 12.0**-0.5
+"""Largest root along an axis, in sizes of the pad: that of a uniform pressure on all of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -93,7 +104,7 @@ def tractions(model: ObservedPad, contact: Float64[np.ndarray, "c 10"]) -> Float
     """Nodal forces over E of contacts (c, OWN)."""
     spread, nodal = np.zeros((2, DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
     for own in contact:
-        add_tractions(own, model.grid, spread, nodal)
+        add_tractions(own, model.grid, density(own, model.grid), spread, nodal)
     return np.moveaxis(nodal, 0, -1)
 
 
@@ -204,7 +215,7 @@ class PatchFitter:
         scale = np.empty((count, 2))
         column = np.zeros((count, LOAD_COUNT, 2 * len(model.rest_px)))
         for number, shape in enumerate(shapes):
-            add_dome(shape, grid, DOME, nodal[number])
+            add_dome(shape, grid, _points(model, shape), nodal[number])
             add_layer_images(shape, model.table, DOME, model.markers, column[number])
             scale[number] = _load_scale(shape)
         window = _window(np.asarray(nodal[:, 0].any(axis=0)))
@@ -227,7 +238,8 @@ class PatchFitter:
         wide_mm, high_mm = model.patch.size_mm
         return Limits(
             least_mm=_MIN_ROOT * model.thickness_mm,
-            most_mm=0.5 * min(wide_mm, high_mm),
+            most_x_mm=_MOST_ROOT * wide_mm,
+            most_y_mm=_MOST_ROOT * high_mm,
             half_x_mm=0.5 * wide_mm,
             half_y_mm=0.5 * high_mm,
             step_mm=0.7 * model.thickness_mm,
@@ -266,7 +278,7 @@ def _unit_loads(by_x: np.ndarray, by_y: np.ndarray, by_z: np.ndarray) -> Float64
 def _by_sheet(model: ObservedPad, shape: Float64[np.ndarray, "5"]) -> Float64[np.ndarray, "k 5 r"]:
     """(k, LOAD_COUNT, 2 m) changes of the images of a shape by the parameters of the pad."""
     nodal = np.zeros((DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
-    add_dome(shape, model.grid, DOME, nodal)
+    add_dome(shape, model.grid, _points(model, shape), nodal)
     window = _window(nodal[0].astype(np.bool_))
     load = nodal[:, *window].reshape(DISTRIBUTION_COUNT, -1)
     count, rows = len(model.by_parameter), model.by_parameter.shape[-1]
@@ -274,6 +286,11 @@ def _by_sheet(model: ObservedPad, shape: Float64[np.ndarray, "5"]) -> Float64[np
     column = _unit_loads(load @ x, load @ y, load[0] @ z)
     column[:, 3:] /= _load_scale(shape)[:, None]
     return column
+
+
+def _points(model: ObservedPad, shape: np.ndarray) -> Float64[np.ndarray, "q 3"]:
+    """The quadrature of the nodal forces of a shape."""
+    return (DOME, DENSE_DOME, DENSEST_DOME)[density(shape, model.grid)]
 
 
 def _load_scale(shape: np.ndarray) -> Float64[np.ndarray, "2"]:

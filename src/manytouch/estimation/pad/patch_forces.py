@@ -4,7 +4,16 @@ import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.compilation import REORDER, kernel, no_type_check
-from manytouch.estimation.pad.patch_kernels import DOME, SHAPE, PadGrid, add_dome, cubic
+from manytouch.estimation.pad.patch_kernels import (
+    DENSE_DOME,
+    DENSEST_DOME,
+    DOME,
+    SHAPE,
+    PadGrid,
+    add_dome,
+    cubic,
+    density,
+)
 
 LOAD_COUNT = 5
 """Number of loads of a contact: normal force, shear x, y and torque, over E; radial shear over normal
@@ -18,12 +27,16 @@ OWN = SHAPE + LOAD_COUNT
 def add_tractions(
     own: Float64[np.ndarray, "10"],
     grid: PadGrid,
+    level: int,
     spread: Float64[np.ndarray, "3 nx ny"],
     nodal: Float64[np.ndarray, "3 nx ny"],
 ) -> None:
-    """Add the nodal forces over E of a contact to `nodal`; `spread` is overwritten by those of unit loads."""
+    """Add the nodal forces over E of a contact to `nodal`; `spread` is overwritten by those of unit loads.
+
+    `level` is the `density` of the contact, or of one near it where both are compared.
+    """
     spread[:] = 0.0
-    add_dome(own, grid, DOME, spread)
+    add_dome(own, grid, DENSEST_DOME if level == 2 else DENSE_DOME if level == 1 else DOME, spread)
     trace = own[2] * own[2] + own[3] * own[3] + own[4] * own[4]
     turn, grow = own[8] / trace, own[5] * own[9] / np.sqrt(0.5 * trace)
     for i in range(spread.shape[1]):
@@ -46,12 +59,13 @@ def fill_effects(
     """Slopes, over steps of each parameter of a contact, of its nodal forces times their effects, summed."""
     shape = (3, effect.shape[0], effect.shape[1])
     spread, nodal, moved = np.empty(shape), np.zeros(shape), own.copy()
-    add_tractions(own, grid, spread, nodal)
+    level = density(own, grid)
+    add_tractions(own, grid, level, spread, nodal)
     change = np.empty(shape)
     for parameter in range(OWN):
         moved[parameter] = own[parameter] + step[parameter]
         change[:] = -nodal
-        add_tractions(moved, grid, spread, change)
+        add_tractions(moved, grid, level, spread, change)
         total = 0.0
         for i in range(shape[1]):
             for j in range(shape[2]):

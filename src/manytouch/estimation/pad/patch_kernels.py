@@ -57,20 +57,20 @@ class Markers(NamedTuple):
     slope: Float64[np.ndarray, "m 2 3"]
 
 
-def _dome() -> Float64[np.ndarray, "24 3"]:
+def _dome(rings: int, count: int) -> Float64[np.ndarray, "q 3"]:
     """Quadrature of the pressure 1 - r^2 over a disc with unit second moments: x, y, weight."""
-    place, weight = np.polynomial.legendre.leggauss(3)
+    place, weight = np.polynomial.legendre.leggauss(rings)
     square = 0.5 * (place + 1.0)
     share = weight * (1.0 - square)
     share /= share.sum()
-    angle = 2.0 * np.pi * np.arange(8) / 8.0
+    angle = 2.0 * np.pi * np.arange(count) / count
     radius = np.sqrt(6.0 * square)  # the second moment of a dome of radius a is a^2 / 6
-    turned = angle[None] + np.array([0.0, np.pi / 8.0, 0.0])[:, None]
+    turned = angle[None] + (np.pi / count * (np.arange(rings) % 2))[:, None]
     points = np.stack(
         [
             radius[:, None] * np.cos(turned),
             radius[:, None] * np.sin(turned),
-            np.repeat(share[:, None] / 8.0, 8, axis=1),
+            np.repeat(share[:, None] / count, count, axis=1),
         ],
         axis=-1,
     ).reshape(-1, 3)
@@ -78,7 +78,22 @@ def _dome() -> Float64[np.ndarray, "24 3"]:
     return np.ascontiguousarray(points)
 
 
-DOME = _dome()
+DOME = _dome(3, 8)
+"""For Gaussians at its points, and for nodal forces of narrow patches."""
+DENSE_DOME, DENSEST_DOME = _dome(9, 27), _dome(15, 45)
+"""For nodal forces of patches with roots of more than `_DENSE` and `_DENSEST` elements, on which fewer points
+would be separate loads."""
+_DENSE, _DENSEST = 0.75, 2.5
+
+
+@kernel()
+@no_type_check
+def density(shape: Float64[np.ndarray, " k"], grid: PadGrid) -> int:
+    """Which of the quadratures the nodal forces of a patch need: 0, 1 or 2."""
+    wide_x = abs(shape[2]) / grid.step_x
+    wide_y = np.sqrt(shape[3] * shape[3] + shape[4] * shape[4]) / grid.step_y
+    wide = max(wide_x, wide_y)
+    return 2 if wide > _DENSEST else 1 if wide > _DENSE else 0
 
 
 @kernel()

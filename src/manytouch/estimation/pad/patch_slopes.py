@@ -16,6 +16,7 @@ from manytouch.estimation.pad.patch_kernels import (
     LayerTable,
     Markers,
     PadGrid,
+    density,
     spread_of,
 )
 
@@ -180,7 +181,7 @@ def add_image(own: Float64[np.ndarray, "10"], pad: PatchPad, image: Float64[np.n
             image[2 * m + axis] += slope[0] * ux + slope[1] * uy + slope[2] * uz
     shape = pad.by_sides.shape
     unit, nodal = np.empty((3, shape[1], shape[2])), np.zeros((3, shape[1], shape[2]))
-    add_tractions(own, pad.grid, unit, nodal)
+    add_tractions(own, pad.grid, density(own, pad.grid), unit, nodal)
     low_x, high_x, low_y, high_y = _window(pad.grid, own)
     for axis in range(3):
         for i in range(low_x, high_x):
@@ -352,10 +353,11 @@ def _add_sides(own: Float64[np.ndarray, "10"], pad: PatchPad, slope: Float64[np.
     plain = np.zeros((3, shape[1], shape[2]))
     force = np.zeros((10, 3, shape[1], shape[2]))
     moved = own.copy()
-    add_tractions(own, pad.grid, unit, plain)
+    level = density(own, pad.grid)
+    add_tractions(own, pad.grid, level, unit, plain)
     for parameter in range(5):
         moved[parameter] = own[parameter] + _STEP_MM
-        add_tractions(moved, pad.grid, moved_unit, force[parameter])
+        add_tractions(moved, pad.grid, level, moved_unit, force[parameter])
         force[parameter] -= plain
         force[parameter] /= _STEP_MM
         moved[parameter] = own[parameter]

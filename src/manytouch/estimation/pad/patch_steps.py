@@ -34,10 +34,11 @@ class PriorNumbers(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Limits of a contact: roots of its moments, half the size of the pad, largest motion in a step, mm."""
+    """Limits of a contact, mm: roots of its moments, half the size of the pad, largest motion in a step."""
 
     least_mm: float
-    most_mm: float
+    most_x_mm: float
+    most_y_mm: float
     half_x_mm: float
     half_y_mm: float
     step_mm: float
@@ -273,8 +274,8 @@ def _limit(
             new[axis] = min(max(near_mm, -half_mm), half_mm)
         for j in (2, 4):
             near_mm = min(max(new[j], 0.5 * old[j]), 2.0 * old[j])
-            new[j] = min(max(near_mm, limits.least_mm), limits.most_mm)
-        new[3] = min(max(new[3], -limits.most_mm), limits.most_mm)
+            new[j] = min(max(near_mm, limits.least_mm), limits.most_x_mm if j == 2 else limits.most_y_mm)
+        new[3] = min(max(new[3], -limits.most_y_mm), limits.most_y_mm)
         new[9] = min(max(new[9], -1.0), 1.0)
 
 

@@ -2,8 +2,8 @@
 
 from dataclasses import dataclass
 
+from manytouch.estimation.perimeter.surface_inputs import InterpolationRule
 from manytouch.geometry.neighbours import Neighbours
-from manytouch.values.arrays import Covariances2, Mask, Points2
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -20,25 +20,12 @@ class MarkerInterpolation:
     floor_pitch: float = 0.02
     rounds: int = 32
 
-    def __call__(
-        self,
-        displacement_mm: Points2,
-        covariance_mm2: Covariances2,
-        is_seen: Mask,
-        neighbours: Neighbours,
-        pitch_mm: float,
-    ) -> tuple[Points2, Covariances2]:
-        """Displacements (m, 2) and covariances (m, 2, 2) of all markers.
+    def rule(self, neighbours: Neighbours, pitch_mm: float) -> InterpolationRule:
+        """Neighbours and parameters as the kernels take them.
 
         Where no neighbour is known, the displacement is 0 with a standard deviation of one pitch.
         """
-        if is_seen.all():
-            return displacement_mm, covariance_mm2
-        from manytouch.estimation.perimeter.interpolation_kernels import InterpolationRule, interpolate_unseen
-
         floor_mm = self.floor_pitch * pitch_mm
-        rule = InterpolationRule(
+        return InterpolationRule(
             neighbours.index, neighbours.distance, self.spread, floor_mm, pitch_mm, self.rounds
         )
-        displacement, covariance = interpolate_unseen(displacement_mm, covariance_mm2, is_seen, rule)
-        return displacement, covariance

@@ -1,30 +1,10 @@
 """Compiled loops that interpolate the displacements of markers that are not seen."""
 
-from typing import NamedTuple
-
 import numpy as np
 
 from manytouch.compilation import kernel, no_type_check
-from manytouch.values.arrays import Flags, Floats, Integers
-
-
-class InterpolationRule(NamedTuple):
-    """Neighbours and parameters of the interpolation; see `MarkerInterpolation`.
-
-    Attributes:
-        neighbour, distance: (m, k) neighbours of each marker, and their distances.
-        spread: factor of the variance among the neighbours.
-        floor: least standard deviation of an interpolated displacement.
-        unknown_std: standard deviation where no neighbour is known.
-        rounds: largest number of rounds.
-    """
-
-    neighbour: Integers
-    distance: Floats
-    spread: float
-    floor: float
-    unknown_std: float
-    rounds: int
+from manytouch.estimation.perimeter.surface_inputs import InterpolationRule
+from manytouch.values.arrays import Flags, Floats
 
 
 @kernel()

@@ -20,13 +20,14 @@ from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.perimeter.interpolation import MarkerInterpolation
 from manytouch.estimation.perimeter.law import PerimeterLaw, perimeter_law
 from manytouch.estimation.perimeter.law_inputs import LawErrors
-from manytouch.estimation.perimeter.view_motion import MotionHypotheses, RigidMotionEstimator
+from manytouch.estimation.perimeter.surface_inputs import SurfaceInputs
+from manytouch.estimation.perimeter.view_motion import RigidMotionEstimator
 from manytouch.geometry.camera import cam_from_sheet, onto_plane
 from manytouch.geometry.neighbours import Neighbours, lattice_cells, nearest_neighbours, triangle_cells
-from manytouch.geometry.plane_table import PlaneTable, plane_from_px, plane_table
+from manytouch.geometry.plane_table import plane_from_px, plane_table
 from manytouch.geometry.refraction import rest_px
 from manytouch.values import Layout, Sensor, Status, Surface, TrackedGrid
-from manytouch.values.arrays import Covariances2, read_only
+from manytouch.values.arrays import read_only
 
 MIN_MARKERS = 4
 """A frame with fewer seen markers has no surface."""
@@ -37,24 +38,12 @@ class MarkerGeometry:
     """What a surface needs of the sensor.
 
     Attributes:
-        law: the paper's depth.
-        errors: of the law.
-        neighbours: of each marker.
-        plane: from pixels to the plane of the sheet.
-        plane_from_px: (m, 2, 2) its derivative at the markers.
-        hypotheses: for the motion of the view.
+        inputs: of the compiled surface.
         layout: of the sensor.
-        pitch_mm: geometric mean of the pitches.
     """
 
-    law: PerimeterLaw
-    errors: LawErrors
-    neighbours: Neighbours
-    plane: PlaneTable
-    plane_from_px: Covariances2
-    hypotheses: MotionHypotheses
+    inputs: SurfaceInputs
     layout: Layout
-    pitch_mm: float
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -104,47 +93,32 @@ class MarkerSurface:
         neighbours = nearest_neighbours(plane_mm)
         lever_mm = 0.5 * (pitch_mm if sensor.sheet is None else sensor.sheet.thickness_mm)
         scale_std = self.assumed_scale_std if view_is_assumed(sensor) else 0.0
-        return MarkerGeometry(
-            law=law,
-            errors=self._law_errors(law, neighbours, lever_mm, scale_std),
-            neighbours=neighbours,
-            plane=plane_table(camera),
+        inputs = SurfaceInputs(
+            rest=layout.rest_mm,
+            nodes=plain(plane_table(camera).nodes),
             plane_from_px=read_only(plane_from_px(camera, at_rest_px)),
-            hypotheses=self.view_motion.hypotheses(plane_mm),
-            layout=layout,
-            pitch_mm=pitch_mm,
+            interpolation=plain(self.interpolation.rule(neighbours, pitch_mm)),
+            search=plain(self.view_motion.search(self.view_motion.hypotheses(plane_mm))),
+            rays=plain(law.rays),
+            cells=plain(law.lists),
+            errors=plain(self._law_errors(law, neighbours, lever_mm, scale_std)),
+            least=MIN_MARKERS,
         )
+        return MarkerGeometry(inputs=inputs, layout=layout)
 
     def __call__(self, geometry: MarkerGeometry, grid: TrackedGrid) -> MarkerMotion | None:
         """Surface and displacements of a frame; None where it shows fewer than four markers."""
-        if grid.is_seen.sum() < MIN_MARKERS:
-            return None
-        from manytouch.estimation.perimeter.law_kernels import surface_at_markers
-        from manytouch.estimation.perimeter.view_kernels import median_std
-        from manytouch.geometry.plane_kernels import displacements_in_plane
+        from manytouch.estimation.perimeter.surface_kernels import surface_of_markers
 
-        law, plane, is_seen = geometry.law, geometry.plane, grid.is_seen
-        displacement_mm, covariance_mm2 = displacements_in_plane(
-            grid.position_px, grid.covariance_px2, plane.nodes, law.rest_mm, geometry.plane_from_px
+        position_mm, without_view_mm, covariance_mm2, displacement_mm, std_mm = surface_of_markers(
+            grid.position_px, grid.covariance_px2, grid.is_seen, plain(geometry.inputs)
         )
-        displacement_mm, covariance_mm2 = self.interpolation(
-            displacement_mm, covariance_mm2, is_seen, geometry.neighbours, geometry.pitch_mm
-        )
-        std_mm = median_std(covariance_mm2, is_seen)
-        view = self.view_motion(law.rest_mm, displacement_mm, is_seen, std_mm, geometry.hypotheses)
-        view_motion = np.array([*view.shift_mm, view.angle_rad])
-        without_view_mm, surface_mm2 = surface_at_markers(
-            displacement_mm,
-            view_motion,
-            plain(law.rays),
-            plain(law.lists),
-            covariance_mm2,
-            plain(geometry.errors),
-        )
+        if len(position_mm) == 0:
+            return None
         surface = Surface(
-            position_mm=read_only(geometry.layout.rest_mm + without_view_mm),
+            position_mm=read_only(position_mm),
             displacement_mm=read_only(without_view_mm),
-            covariance_mm2=read_only(surface_mm2),
+            covariance_mm2=read_only(covariance_mm2),
             layout=geometry.layout,
             status=grid.status,
         )

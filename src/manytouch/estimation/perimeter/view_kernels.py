@@ -2,32 +2,13 @@
 
 # ruff: noqa: PLR0917 - compiled functions take positional arguments
 
-from typing import NamedTuple
-
 import numpy as np
 
 from manytouch.compilation import REORDER, kernel, no_type_check
-from manytouch.values.arrays import Flags, Floats, Integers
+from manytouch.estimation.perimeter.surface_inputs import MotionSearch
+from manytouch.values.arrays import Flags, Floats
 
 STD_SAMPLE = 256  # covariances that a median is taken of, because they differ little
-
-
-class MotionSearch(NamedTuple):
-    """Hypotheses and parameters of the search; see `RigidMotionEstimator`.
-
-    Attributes:
-        pairs: (n, 2) markers that define a motion each.
-        weight: (m,) of the markers.
-        share: of the weight that must fit.
-        voters: approximate number of markers on which motions are compared.
-        rounds: of the refinement.
-    """
-
-    pairs: Integers
-    weight: Floats
-    share: float
-    voters: int
-    rounds: int
 
 
 @kernel()

@@ -6,6 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.compilation import plain
+from manytouch.estimation.perimeter.surface_inputs import MotionSearch
 from manytouch.values.arrays import Mask, Points2, read_only
 
 
@@ -80,6 +81,10 @@ class RigidMotionEstimator:
         pairs = np.column_stack([first[best], second[best]])
         return MotionHypotheses(pairs=pairs, weight=border_weights(rest_mm, self.border_weight))
 
+    def search(self, hypotheses: MotionHypotheses) -> MotionSearch:
+        """Hypotheses and parameters as the kernels take them."""
+        return MotionSearch(hypotheses.pairs, hypotheses.weight, self.share, self.voters, self.refinements)
+
     def __call__(
         self,
         rest_mm: Points2,
@@ -97,8 +102,8 @@ class RigidMotionEstimator:
             std_mm: standard deviation of a marker's position; smaller residuals are not weighted.
             hypotheses: from `hypotheses`.
         """
-        from manytouch.estimation.perimeter.view_kernels import MotionSearch, estimate_motion
+        from manytouch.estimation.perimeter.view_kernels import estimate_motion
 
-        search = MotionSearch(hypotheses.pairs, hypotheses.weight, self.share, self.voters, self.refinements)
-        motion = estimate_motion(rest_mm, displacement_mm, is_seen, std_mm, plain(search))
+        search = plain(self.search(hypotheses))
+        motion = estimate_motion(rest_mm, displacement_mm, is_seen, std_mm, search)
         return RigidMotion(shift_mm=read_only(motion[:2]), angle_rad=float(motion[2]))

@@ -65,24 +65,25 @@ class SwellingMap:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SwellingModel:
-    """Prior of fingers and of the background; lengths in pitches.
+    """Prior of fingers and of the background. A swelling is a logarithmic change, without unit.
 
     Attributes:
         shape_weight: c, the weight of the sheet's shape relative to light and blur.
-        radius: standard deviation of the bump under a finger in the map.
-        size: of its swelling.
-        reach: length over which the background changes.
-        background: its standard deviation, and
-        level: that of its constant part.
-        error: standard deviation of a swelling. It increases with the fourth power of the ratio of the median
-            dot area at rest to the dot's own, because a half-printed dot seems to grow when the light
-            changes.
-        margin: extent of the model beyond the outer markers.
-        finest: shortest wavelength of the map.
+        radius: standard deviation of the bump under a finger in the map, in pitches.
+        size: usual height of the bump under a finger, as a swelling.
+        reach: length over which the background changes, in pitches.
+        background: standard deviation of the part of the background that changes slowly, as a swelling.
+        level: standard deviation of the constant part of the background, as a swelling.
+        error: standard deviation of the swelling at a marker by noise. It increases with the fourth power of
+            the ratio of the median dot area at rest to the dot's own, because a half-printed dot seems to
+            grow when the light changes.
+        margin: extent of the model beyond the outer markers, in pitches.
+        finest: shortest wavelength of the map, in pitches.
         most_products: largest number of cosine products in the map.
-        fit_radius: of a bump when its centre is fitted; a finger lies on the sheet behind its tip.
-        farthest, prior_std: largest and usual distance of a fitted centre from the initial one.
-        steps: of a fit.
+        fit_radius: standard deviation of a bump when its centre is fitted, in pitches; a finger lies on the
+            sheet behind its tip.
+        farthest, prior_std: largest and usual distance of a fitted centre from the initial one, in pitches.
+        steps: number of Gauss-Newton steps of a fit.
     """
 
     shape_weight: float = 0.8

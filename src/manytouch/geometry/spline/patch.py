@@ -228,6 +228,23 @@ class SplinePatch:
             bending[both, :, into[both]] += share[i, j] * table[both, :, source[both]]
         return first, table, bending
 
+    def element_polynomials(self, axis: int) -> Float64[np.ndarray, "elements 4 4"]:
+        """(elements, 4, 4) coefficients of 1, s, s^2, s^3 of the four functions of the bending deflection.
+
+        s runs from 0 to 1 along each element of an axis.
+        """
+        return self._element_polynomials[axis]
+
+    @cached_property
+    def _element_polynomials(
+        self,
+    ) -> tuple[Float64[np.ndarray, "elements_x 4 4"], Float64[np.ndarray, "elements_y 4 4"]]:
+        x, y = (self.functions(axis, self._starts_mm(axis))[2] * self._powers_mm(axis) for axis in range(2))
+        return (
+            read_only(np.ascontiguousarray(x.transpose(0, 2, 1))),
+            read_only(np.ascontiguousarray(y.transpose(0, 2, 1))),
+        )
+
     def end_shares(self, axis: int) -> Float64[np.ndarray, "2 2"]:
         """Shares of the outer two functions along an axis (rows) in those of the first two nodes inside."""
         return self._end_shares[axis]
@@ -259,14 +276,51 @@ class SplinePatch:
         self, axis: int, place_mm: Float64[np.ndarray, " k"]
     ) -> tuple[Int64[np.ndarray, " k"], Float64[np.ndarray, "k 4 4"], Float64[np.ndarray, "k 4 4"]]:
         """First of 4 nodes along an axis and both kinds of functions; dropped ones are left out."""
-        first, *tables = self.functions(axis, place_mm - self.corner_mm[axis])
-        nodes = self.elements[axis] + basis.DEGREE - 2 * self.dropped
-        start = np.clip(first - self.dropped, 0, nodes - 4)
-        source = np.arange(4) + (start - first + self.dropped)[:, None]
-        is_there = ((source >= 0) & (source < 4))[:, None, :]
-        held = np.clip(source, 0, 3)[:, None, :]
-        plane, bending = (np.take_along_axis(table, held, axis=2) * is_there for table in tables)
-        return start, plane, bending
+        start, polynomials = self._window_polynomials[axis]
+        length, elements = self.size_mm[axis], self.elements[axis]
+        held_mm, knot_mm = (
+            np.clip(place_mm - self.corner_mm[axis], 0.0, length),
+            basis.knots(length, elements),
+        )
+        knot_mm = knot_mm[basis.DEGREE : -basis.DEGREE]
+        element = np.searchsorted(knot_mm[1:-1], held_mm, side="right")
+        per_mm = elements / length
+        s = ((held_mm - knot_mm[element]) * per_mm)[:, None]
+        c0, c1, c2, c3 = np.moveaxis(polynomials[element], 1, 0)
+        table = np.empty((len(element), 4, 8))
+        table[:, 0] = c0 + s * (c1 + s * (c2 + s * c3))
+        table[:, 1] = (c1 + s * (2.0 * c2 + 3.0 * s * c3)) * per_mm
+        table[:, 2] = (2.0 * c2 + 6.0 * s * c3) * per_mm**2
+        table[:, 3] = 6.0 * c3 * per_mm**3
+        return start[element], table[:, :, :4], table[:, :, 4:]
+
+    @cached_property
+    def _window_polynomials(
+        self,
+    ) -> tuple[tuple[Int64[np.ndarray, " _"], Float64[np.ndarray, "_ 4 8"]], ...]:
+        """For both axes the first of 4 nodes in each element, and the polynomials of both kinds of functions.
+
+        A polynomial is (elements, 4, 8) coefficients of 1, s, s^2, s^3, where s runs from 0 to 1.
+        """
+        found = []
+        for axis in range(2):
+            first, *tables = self.functions(axis, self._starts_mm(axis))
+            nodes = self.elements[axis] + basis.DEGREE - 2 * self.dropped
+            start = np.clip(first - self.dropped, 0, nodes - 4)
+            source = np.arange(4) + (start - first + self.dropped)[:, None]
+            is_there = ((source >= 0) & (source < 4))[:, None, :]
+            held = np.clip(source, 0, 3)[:, None, :]
+            kept = [np.take_along_axis(table, held, axis=2) * is_there for table in tables]
+            found.append((start, np.concatenate(kept, axis=2) * self._powers_mm(axis)))
+        return tuple(found)
+
+    def _starts_mm(self, axis: int) -> Float64[np.ndarray, " elements"]:
+        return basis.knots(self.size_mm[axis], self.elements[axis])[basis.DEGREE : -basis.DEGREE - 1]
+
+    def _powers_mm(self, axis: int) -> Float64[np.ndarray, "4 1"]:
+        """h^k / k!: coefficients of s^k of a polynomial over the derivatives at the start of an element."""
+        length_mm = self.size_mm[axis] / self.elements[axis]
+        return np.asarray(length_mm ** np.arange(4) / np.array([1.0, 1.0, 2.0, 6.0]))[:, None]
 
     @cached_property
     def _at_nodes(self) -> tuple[NodeTable, NodeTable, NodeTable, NodeTable]:

@@ -1,12 +1,16 @@
-"""Internal forces of the shell at all Gauss points at once, as products of small matrices.
+"""Internal forces of the shell, eight elements after the other, compiled.
 
 The basis functions are products of functions along the slow and the fast axis, and so are the sums over
-elements: strains at all points, and forces from all stresses, are matrix products along one axis after the
-other (sum factorisation; S. A. Orszag 1980, doi:10.1016/0021-9991(80)90005-4). Symbols are as in `kernels`.
-An isotropic sheet is the same with x and y exchanged, so that x is the slow axis here.
+elements (sum factorisation; S. A. Orszag 1980, doi:10.1016/0021-9991(80)90005-4). Of each function four are
+not 0 at a point. What is computed for eight elements of a row is kept in arrays of constant size: LLVM forms
+vectors only where all distances in memory are constants. Symbols are as in `kernels`. An isotropic sheet is
+the same with x and y exchanged, so that x is the slow axis here.
 """
 
+# ruff: noqa: PLR0917 - compiled functions take positional arguments
+
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
@@ -16,168 +20,265 @@ from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.shell.kernels import Elements, Stiffness, squared_cosine
 from manytouch.mechanics.shell.material import stress
 
-Along = Float64[np.ndarray, "_ _ _"]
-Fields = Float64[np.ndarray, "fields slow fast"]
+A10, A11, A12, A20, A21, A22, K1, K2, K3, L1, L2 = range(11)
+"""Strains of a group of points. A12 and A22 are those of b."""
 
-A10, A11, A20, A21, K1, L1S, A12S, K2, L2S, A22S, K3, L1F, L2F = range(13)
-"""Rows of the strains. Those with S and F are parts of one sum: by higher derivatives along slow and fast."""
+PX, QX, PY, QY, RX, RY, M1, M2, M3, LX, LY = range(11)
+"""Stresses of a group of points, times their weights."""
 
-GROUP = 16
-"""Gauss points whose stresses are computed together."""
+GROUP = 8
+"""Elements of a row that are computed together, at one place in each."""
 
-PX, QX, PY, QY, RX, M1, LX, M2, RY, M3, LY = range(11)
-"""Rows of the stresses; the order makes the factors of each basis function neighbours."""
+STRIDE = 16
+"""Distance in memory of the fields at the GROUP + 3 nodes of these elements."""
+
+FUNCTIONS = 24
+"""4 functions of 6 kinds: displacements along x and y by order 0, 1; bending deflection by order 0 to 3."""
+
+P0, P1, B0, B1, B2, B3 = (4 * kind * GROUP for kind in range(6))
+"""Where each kind begins among the functions of a group."""
+
+Flat = Float64[np.ndarray, " n"]
+
+
+class RowTables(NamedTuple):
+    """Basis functions at the Gauss points.
+
+    Attributes:
+        plane_slow: (rows, 2, 4) value and derivative of the functions of the displacements along x and y that
+            are not 0 in a row of points.
+        bending_slow: (rows, 4, 4) value and three derivatives of those of the bending deflection.
+        fast: (groups, 3, FUNCTIONS * GROUP) functions along the fast axis, for each place in an element; 0
+            for elements beyond the last one.
+        weight: (3, 3) of the points of an element, mm^2.
+        dropped: number of functions along each side that are 0 and not nodes.
+        order: component of the coefficients along the slow, the fast, and the third axis.
+        lanes: GROUP as a variable; LLVM unrolls a loop with a constant of eight, and then forms no vectors.
+    """
+
+    plane_slow: Float64[np.ndarray, "rows 2 4"]
+    bending_slow: Float64[np.ndarray, "rows 4 4"]
+    fast: Float64[np.ndarray, "groups 3 k"]
+    weight: Float64[np.ndarray, "3 3"]
+    dropped: int
+    order: tuple[int, int, int]
+    lanes: int
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ForceProducts:
-    """Basis functions of a patch along its axes, with their derivatives, at the Gauss points.
+    """The forces of a patch.
 
     Attributes:
-        plane_slow, plane_fast: (2, points, nodes) of the displacements along x and y, orders 0 and 1.
-        bending_slow, bending_fast: (4, points, nodes) of the bending deflection, orders 0 to 3.
-        weight: (points along slow, points along fast) of the Gauss points, mm^2.
-        is_x_slow: whether x is the slow axis.
+        tables: basis functions at the Gauss points.
+        shape: number of nodes along the slow and the fast axis.
     """
 
-    plane_slow: Along
-    plane_fast: Along
-    bending_slow: Along
-    bending_fast: Along
-    weight: Float64[np.ndarray, "slow fast"]
-    is_x_slow: bool
+    tables: RowTables
+    shape: tuple[int, int]
 
     @staticmethod
     def of(elements: Elements) -> "ForceProducts":
-        """The products of the elements of a patch."""
-        slow, fast = (len(table) for table in (elements.slow, elements.fast))
-        weight = np.tile(elements.weight.reshape(3, 3), (slow, fast))
-        tables = (
-            _along(table, elements.dropped, orders)
-            for orders, table in (
-                (2, elements.slow),
-                (2, elements.fast),
-                (4, elements.bending_slow),
-                (4, elements.bending_fast),
-            )
+        """The forces of the elements of a patch."""
+        tables = RowTables(
+            plane_slow=np.ascontiguousarray(elements.slow.reshape(-1, 4, 4)[:, :2]),
+            bending_slow=np.ascontiguousarray(elements.bending_slow.reshape(-1, 4, 4)),
+            fast=_in_groups(np.concatenate([elements.fast[:, :, :2], elements.bending_fast], axis=2)),
+            weight=np.ascontiguousarray(elements.weight.reshape(3, 3)),
+            dropped=elements.dropped,
+            order=(0, 1, 2) if elements.is_x_slow else (1, 0, 2),
+            lanes=GROUP,
         )
-        plane_slow, plane_fast, bending_slow, bending_fast = tables
-        return ForceProducts(
-            plane_slow=plane_slow,
-            plane_fast=plane_fast,
-            bending_slow=bending_slow,
-            bending_fast=bending_fast,
-            weight=weight,
-            is_x_slow=elements.is_x_slow,
-        )
+        return ForceProducts(tables=tables, shape=elements.shape)
 
     def forces(self, coefficient_mm: Nodal, stiffness: Stiffness) -> Nodal:
         """Derivative (nodes, 3) of the energy over E by the coefficients, mm^2."""
-        strain = self._strains(coefficient_mm)
-        resultant = np.empty((11, *self.weight.shape))
-        stresses(strain.reshape(len(strain), -1), self.weight.ravel(), stiffness, resultant.reshape(11, -1))
-        return self._assembled(resultant)
-
-    def _strains(self, coefficient_mm: Nodal) -> Fields:
-        """(13, slow points, fast points) derivatives of displacements and of the bending deflection."""
-        slow, fast = self.bending_slow.shape[2], self.bending_fast.shape[2]
-        first, second = (0, 1) if self.is_x_slow else (1, 0)
-        nodal = coefficient_mm.reshape(slow, fast, 3)
-        p0, p1 = self.plane_fast.transpose(0, 2, 1)
-        b0, b1, b2, b3 = self.bending_fast.transpose(0, 2, 1)
-        s0, s1 = self.plane_slow
-        _, d1, d2, d3 = self.bending_slow
-        low, high = self.bending_slow[:3], self.bending_slow[1:]
-        out = np.empty((13, *self.weight.shape))
-        for axis, row in ((first, 0), (second, 1)):
-            own = np.ascontiguousarray(nodal[:, :, axis])
-            np.matmul(s1, own @ p0, out=out[A10 + row])
-            np.matmul(s0, own @ p1, out=out[A20 + row])
-        w = np.ascontiguousarray(nodal[:, :, 2])
-        w0, w1, w2, w3 = w @ b0, w @ b1, w @ b2, w @ b3
-        np.matmul(d1, w0, out=out[A12S])
-        np.matmul(d2, w0, out=out[K1])
-        np.matmul(d3, w0, out=out[L1S])
-        np.matmul(low[0], w1, out=out[A22S])
-        np.matmul(low[1], w1, out=out[K3])
-        np.matmul(low[2], w1, out=out[L2S])
-        np.matmul(low[0], w2, out=out[K2])
-        np.matmul(high[0], w2, out=out[L1F])
-        np.matmul(low[0], w3, out=out[L2F])
-        return out
-
-    def _assembled(self, resultant: Fields) -> Nodal:
-        """(nodes, 3) sums over all Gauss points of the stresses times the derivatives of the functions."""
-        first, second = (0, 1) if self.is_x_slow else (1, 0)
-        s0, s1 = self.plane_slow.transpose(0, 2, 1)
-        p0, p1 = self.plane_fast
-        b0, b1, b2, b3 = self.bending_fast
-        d0, d1, d2, d3 = self.bending_slow.transpose(0, 2, 1)
-        out = np.empty((len(s0), p0.shape[1], 3))
-        for axis, row in ((first, 0), (second, 1)):
-            out[:, :, axis] = (s1 @ resultant[PX + row]) @ p0 + (s0 @ resultant[PY + row]) @ p1
-        out[:, :, 2] = (
-            (d1 @ resultant[RX] + d2 @ resultant[M1] + d3 @ resultant[LX]) @ b0
-            + (d0 @ resultant[RY] + d1 @ resultant[M3] + d2 @ resultant[LY]) @ b1
-            + (d1 @ resultant[LX] + d0 @ resultant[M2]) @ b2
-            + (d0 @ resultant[LY]) @ b3
-        )
-        return np.asarray(out.reshape(-1, 3))
+        slow, fast = self.shape
+        result = np.empty((slow, fast, 3))
+        nodal = np.ascontiguousarray(coefficient_mm).reshape(slow, fast, 3)
+        add_rows(nodal, self.tables, stiffness, result)
+        return result.reshape(-1, 3)
 
 
-def _along(table: Float64[np.ndarray, "elements 3 4 4"], dropped: int, orders: int) -> Along:
-    """Functions of all kept nodes along an axis at all its Gauss points."""
-    elements, points = table.shape[:2]
-    whole = np.zeros((orders, elements, points, elements + 3))
-    for function in range(4):
-        number = np.arange(elements)
-        whole[:, number, :, number + function] = table[:, :, :orders, function].transpose(0, 2, 1)
-    kept = slice(dropped, elements + 3 - dropped)
-    return np.ascontiguousarray(whole.reshape(orders, elements * points, -1)[:, :, kept])
+def _in_groups(table: Float64[np.ndarray, "elements 3 6 4"]) -> Float64[np.ndarray, "groups 3 k"]:
+    groups = -(-len(table) // GROUP)
+    whole = np.zeros((groups * GROUP, *table.shape[1:]))
+    whole[: len(table)] = table
+    split = whole.reshape(groups, GROUP, 3, FUNCTIONS)
+    return np.ascontiguousarray(split.transpose(0, 2, 3, 1).reshape(groups, 3, FUNCTIONS * GROUP))
 
 
 @kernel(fastmath=True)
 @no_type_check
-def stresses(
-    strain: Float64[np.ndarray, "13 n"],
-    weight: Float64[np.ndarray, " n"],
+def add_rows(
+    coefficient: Float64[np.ndarray, "slow fast 3"],
+    tables: RowTables,
     stiffness: Stiffness,
-    resultant: Float64[np.ndarray, "11 n"],
+    result: Float64[np.ndarray, "slow fast 3"],
 ) -> None:
-    """Stresses at n Gauss points, times their weights, from strains; rows are named above.
-
-    Points are copied in groups: LLVM forms vectors only where all distances in memory are constants.
-    """
-    inside, out = np.ones((13 + 1) * GROUP), np.empty(11 * GROUP)
-    for start in range(0, len(weight), GROUP):
-        count = min(GROUP, len(weight) - start)
-        for row in range(13):
-            for n in range(count):
-                inside[row * GROUP + n] = strain[row, start + n]
-        for n in range(count):
-            inside[13 * GROUP + n] = weight[start + n]
-        stresses_of_group(inside, stiffness, out)
-        for row in range(11):
-            for n in range(count):
-                resultant[row, start + n] = out[row * GROUP + n]
+    """Derivative of the energy over E by the coefficients, into `result`."""
+    rows, dropped, order = len(tables.plane_slow), tables.dropped, tables.order
+    slow, fast = coefficient.shape[:2]
+    across, along = rows // 3 + 3, GROUP * len(tables.fast) + 3
+    nodal, force = np.zeros((across, 3, along)), np.zeros((across, 3, along))
+    for s in range(slow):
+        for f in range(fast):
+            for i in range(3):
+                nodal[s + dropped, i, f + dropped] = coefficient[s, f, order[i]]
+    field, back = np.zeros((8, along)), np.zeros((8, along))
+    work = np.zeros(8 * STRIDE), np.zeros(8 * STRIDE), np.empty(11 * GROUP), np.empty(11 * GROUP)
+    for row in range(rows):
+        plane, bending, near = (
+            tables.plane_slow[row],
+            tables.bending_slow[row],
+            nodal[row // 3 : row // 3 + 4],
+        )
+        for k in range(2):
+            add_four(field[k], near[:, 0], plane[k], 0.0)
+            add_four(field[2 + k], near[:, 1], plane[k], 0.0)
+        for k in range(4):
+            add_four(field[4 + k], near[:, 2], bending[k], 0.0)
+        forces_of_row(field, tables, row % 3, stiffness, work, back)
+        for a in range(4):
+            to, p0, p1 = force[row // 3 + a], plane[0, a], plane[1, a]
+            for n in range(along):
+                to[0, n] += p0 * back[0, n] + p1 * back[1, n]
+                to[1, n] += p0 * back[2, n] + p1 * back[3, n]
+            add_four(to[2], back[4:], bending[:, a], 1.0)
+    for s in range(slow):
+        for f in range(fast):
+            for i in range(3):
+                result[s, f, order[i]] = force[s + dropped, i, f + dropped]
 
 
 @kernel(fastmath=True)
 @no_type_check
-def stresses_of_group(
-    strain: Float64[np.ndarray, " k"], stiffness: Stiffness, resultant: Float64[np.ndarray, " j"]
+def forces_of_row(
+    field: Float64[np.ndarray, "8 along"],
+    tables: RowTables,
+    place_slow: int,
+    stiffness: Stiffness,
+    work: tuple[Flat, Flat, Flat, Flat],
+    back: Float64[np.ndarray, "8 along"],
 ) -> None:
-    """Stresses of GROUP points from their strains and weights, rows one after the other."""
+    """What the stresses of a row of points do to the derivatives along the slow axis, into `back`.
+
+    Args:
+        field: derivatives along the slow axis at the nodes; rows as in `strains_of_group`.
+        tables: basis functions.
+        place_slow: number of the row in its elements.
+        stiffness: of the sheet.
+        work: space for a group: fields at the nodes, and their forces; strains and stresses.
+        back: result.
+    """
+    near, pull, strain, resultant = work
+    back[:] = 0.0
+    for group in range(len(tables.fast)):
+        begin = GROUP * group
+        for k in range(8):
+            for n in range(GROUP + 3):
+                near[k * STRIDE + n] = field[k, begin + n]
+                pull[k * STRIDE + n] = 0.0
+        for place in range(3):
+            functions, weight = tables.fast[group, place], tables.weight[place_slow, place]
+            strains_of_group(tables.lanes, near, functions, strain)
+            stresses_of_group(tables.lanes, strain, weight, stiffness, resultant)
+            add_moments(tables.lanes, resultant, functions, pull)
+        for k in range(8):
+            for n in range(GROUP + 3):
+                back[k, begin + n] += pull[k * STRIDE + n]
+
+
+@kernel(fastmath=True)
+@no_type_check
+def add_four(
+    to: Flat, rows: Float64[np.ndarray, "4 n"], factor: Float64[np.ndarray, "4"], kept: float
+) -> None:
+    """Multiply a row by `kept`, 0 or 1, and add four others times their factors."""
+    r0, r1, r2, r3 = rows[0], rows[1], rows[2], rows[3]
+    f0, f1, f2, f3 = factor[0], factor[1], factor[2], factor[3]
+    for n in range(len(to)):
+        to[n] = kept * to[n] + (f0 * r0[n] + f1 * r1[n]) + (f2 * r2[n] + f3 * r3[n])
+
+
+@kernel(fastmath=True)
+@no_type_check
+def strains_of_group(lanes: int, field: Flat, functions: Flat, strain: Flat) -> None:
+    """Strains of GROUP points.
+
+    Args:
+        field: (8 * STRIDE,) derivatives along the slow axis at the nodes: of u and v by order 0, 1 and
+            of b by order 0 to 3.
+        functions: (FUNCTIONS * GROUP,) along the fast axis.
+        strain: (11 * GROUP,) result.
+    """
+    u0, u1, v0, v1, b0, b1, b2, b3 = (
+        0,
+        STRIDE,
+        2 * STRIDE,
+        3 * STRIDE,
+        4 * STRIDE,
+        5 * STRIDE,
+        6 * STRIDE,
+        7 * STRIDE,
+    )
+    for n in range(lanes):
+        a10 = a11 = a12 = a20 = a21 = a22 = k1 = k2 = k3 = l1 = l2 = 0.0
+        for b in range(4):
+            at, m = b * GROUP + n, n + b
+            p0, p1 = functions[P0 + at], functions[P1 + at]
+            d0, d1 = functions[B0 + at], functions[B1 + at]
+            d2, d3 = functions[B2 + at], functions[B3 + at]
+            w0, w1, w2, w3 = field[b0 + m], field[b1 + m], field[b2 + m], field[b3 + m]
+            a10 += p0 * field[u1 + m]
+            a20 += p1 * field[u0 + m]
+            a11 += p0 * field[v1 + m]
+            a21 += p1 * field[v0 + m]
+            a12 += d0 * w1
+            a22 += d1 * w0
+            k1 += d0 * w2
+            k2 += d2 * w0
+            k3 += d1 * w1
+            l1 += d0 * w3 + d2 * w1
+            l2 += d1 * w2 + d3 * w0
+        strain[A10 * GROUP + n], strain[A11 * GROUP + n], strain[A12 * GROUP + n] = a10, a11, a12
+        strain[A20 * GROUP + n], strain[A21 * GROUP + n], strain[A22 * GROUP + n] = a20, a21, a22
+        strain[K1 * GROUP + n], strain[K2 * GROUP + n], strain[K3 * GROUP + n] = k1, k2, k3
+        strain[L1 * GROUP + n], strain[L2 * GROUP + n] = l1, l2
+
+
+@kernel(fastmath=True)
+@no_type_check
+def add_moments(lanes: int, resultant: Flat, functions: Flat, field: Flat) -> None:
+    """Add what the stresses of GROUP points do to the derivatives in `field` of `strains_of_group`."""
+    r, g = resultant, functions
+    for b in range(4):
+        for n in range(lanes):
+            at, m = b * GROUP + n, n + b
+            field[m] += g[P1 + at] * r[PY * GROUP + n]
+            field[STRIDE + m] += g[P0 + at] * r[PX * GROUP + n]
+            field[2 * STRIDE + m] += g[P1 + at] * r[QY * GROUP + n]
+            field[3 * STRIDE + m] += g[P0 + at] * r[QX * GROUP + n]
+            d0, d1, d2, d3 = g[B0 + at], g[B1 + at], g[B2 + at], g[B3 + at]
+            lx, ly = r[LX * GROUP + n], r[LY * GROUP + n]
+            field[4 * STRIDE + m] += d1 * r[RY * GROUP + n] + d2 * r[M2 * GROUP + n] + d3 * ly
+            field[5 * STRIDE + m] += d0 * r[RX * GROUP + n] + d1 * r[M3 * GROUP + n] + d2 * lx
+            field[6 * STRIDE + m] += d0 * r[M1 * GROUP + n] + d1 * ly
+            field[7 * STRIDE + m] += d0 * lx
+
+
+@kernel(fastmath=True)
+@no_type_check
+def stresses_of_group(lanes: int, strain: Flat, weight: float, stiffness: Stiffness, resultant: Flat) -> None:
+    """Stresses of GROUP points of one weight from their strains, rows one after the other."""
     t, mu, bulk, tension, lever, shear, shear_stiffness = stiffness
-    for n in range(GROUP):
+    for n in range(lanes):
         a10, a11 = 1.0 + strain[A10 * GROUP + n], strain[A11 * GROUP + n]
         a20, a21 = strain[A20 * GROUP + n], 1.0 + strain[A21 * GROUP + n]
-        l1 = strain[L1S * GROUP + n] + strain[L1F * GROUP + n]
-        l2 = strain[L2S * GROUP + n] + strain[L2F * GROUP + n]
-        b1, b2 = strain[A12S * GROUP + n], strain[A22S * GROUP + n]
+        l1, l2 = strain[L1 * GROUP + n], strain[L2 * GROUP + n]
+        b1, b2 = strain[A12 * GROUP + n], strain[A22 * GROUP + n]
         a12, a22 = b1 - shear * l1, b2 - shear * l2
         k1, k2, k3 = strain[K1 * GROUP + n], strain[K2 * GROUP + n], 2.0 * strain[K3 * GROUP + n]
-        weight = strain[13 * GROUP + n]
         e1 = 0.5 * (a10 * a10 + a11 * a11 + a12 * a12 - 1.0)
         e2 = 0.5 * (a20 * a20 + a21 * a21 + a22 * a22 - 1.0)
         e3 = a10 * a20 + a11 * a21 + a12 * a22

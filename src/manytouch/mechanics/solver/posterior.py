@@ -9,6 +9,7 @@ from jaxtyping import Float64, Int64
 
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.banded.band import BandFactor
+from manytouch.mechanics.shell import tangent_kernels
 from manytouch.mechanics.solver.linearisation import Linearisation
 from manytouch.mechanics.solver.reweighting import ReweightedFactor, reweighted_factor
 
@@ -29,8 +30,8 @@ class WhiteRows:
         self._rows = np.zeros((0, unknowns))
         self._count = 0
 
-    def __call__(self, number: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "k n"]:
-        """The rows of components of T f, 3 times the node plus the axis."""
+    def __call__(self, number: Int64[np.ndarray, " k"], first: int = 0) -> Float64[np.ndarray, "k n"]:
+        """The rows of components of T f, 3 times the node plus the axis, from an unknown on."""
         new = number[self._row_of[number] < 0]
         if len(new) > 0:
             patch = self._linearisation.shell.patch
@@ -44,7 +45,13 @@ class WhiteRows:
             self._rows[self._count : end] = white
             self._row_of[new] = np.arange(self._count, end)
             self._count = end
-        return np.asarray(self._rows[self._row_of[number]])
+        return np.asarray(self._rows[self._row_of[number], first:])
+
+    def first(self, number: Int64[np.ndarray, " k"]) -> int:
+        """An unknown before which all of these rows are 0."""
+        columns = self._linearisation.shell.patch.shape[1]
+        node = int(number.min(initial=self._row_of.size)) // 3
+        return 3 * max(node - tangent_kernels.REACH * (columns + 1), 0)
 
 
 class PosteriorCache:
@@ -98,16 +105,19 @@ class Posterior:
 
     def force_covariance(self, node: Int64[np.ndarray, " k"]) -> Float64[np.ndarray, "k k"]:
         """Covariance of the normal forces over E at free nodes, mm^4."""
-        white = self.rows(3 * node + 2)
+        first = self.rows.first(3 * node)
+        white = self.rows(3 * node + 2, first)
         if isinstance(self.factor, ReweightedFactor):
-            return self.factor.products(white)
+            return self.factor.products(white, first)
         return np.asarray(white @ white.T)
 
     def change_by_forces(
         self, node: Int64[np.ndarray, " k"], pull: Float64[np.ndarray, " k"]
     ) -> Float64[np.ndarray, "nodes 3"]:
         """Covariance of the coefficients with the normal forces at free nodes, times `pull`."""
-        white = (pull @ self.rows(3 * node + 2))[None]
+        first = self.rows.first(3 * node)
+        white = np.zeros((1, self.weight.size))
+        white[0, first:] = pull @ self.rows(3 * node + 2, first)
         if isinstance(self.factor, ReweightedFactor):
             white = self.factor.turned(white)
         change = self.factor.colour(white)[0].reshape(-1, 3)

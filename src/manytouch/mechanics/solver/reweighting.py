@@ -51,9 +51,9 @@ class ReweightedFactor:
         """M^-1 times each row: rows whitened by L become rows whitened by L M."""
         return self._times(self.stretch**-0.5, white)
 
-    def products(self, white: Rows) -> Float64[np.ndarray, "k k"]:
-        """Scalar products of rows that were whitened by L after `turned`."""
-        along = white @ self.axes.T
+    def products(self, white: Rows, first: int = 0) -> Float64[np.ndarray, "k k"]:
+        """Scalar products, after `turned`, of rows that were whitened by L; they are 0 before `first`."""
+        along = white @ self.axes[:, first:].T
         return np.asarray(white @ white.T + (along * (1.0 / self.stretch - 1.0)) @ along.T)
 
     def _times(self, sizes: Float64[np.ndarray, " r"], white: Rows) -> Rows:

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from manytouch.detection.measurement.covariance import MODEL, add_noise, pixel_noise
 from manytouch.detection.measurement.records import COLUMNS, CXX, CXY, CYY, GAIN, LOW, DotStatistics, X, Y
@@ -54,7 +54,8 @@ def numpy_noise(of: DotStatistics, is_light: bool) -> tuple[float, float, float,
 
 
 def tail(z: np.ndarray) -> np.ndarray:
-    return np.where(z > 6.0, 0.0, (1.0 + z * z) * norm.sf(z) - z * norm.pdf(z))
+    density = np.exp(-0.5 * z * z) / np.sqrt(2.0 * np.pi)
+    return np.where(z > 6.0, 0.0, (1.0 + z * z) * ndtr(-z) - z * density)
 
 
 def numpy_added(of: DotStatistics, radius: np.ndarray, is_light: bool) -> np.ndarray:

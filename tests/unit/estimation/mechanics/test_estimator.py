@@ -1,6 +1,7 @@
 """The inversion on sheets that are deformed by its own mechanics: tests the algebra, not the accuracy."""
 
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ from layouts import grid_at, lattice_layout
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.values import ESTIMATES, Sensor, Sheet, TrackedGrid
@@ -68,7 +70,7 @@ def without(grid: TrackedGrid, lost: np.ndarray) -> TrackedGrid:
 
 @pytest.fixture(scope="module")
 def model() -> InversionModel:
-    return ESTIMATE.start(sensor_of()).model
+    return started().model
 
 
 @pytest.fixture(scope="module")
@@ -76,8 +78,13 @@ def shape(model: InversionModel) -> np.ndarray:
     return bent(model, (-12.0, -6.0, 0.6), (10.0, 5.0, 0.9))
 
 
+@cache
+def started() -> MechanicsState:
+    return ESTIMATE.start(sensor_of())
+
+
 def read(grids: list[TrackedGrid], sensor: Sensor | None = None):
-    state = ESTIMATE.start(sensor_of() if sensor is None else sensor)
+    state = started() if sensor is None else ESTIMATE.start(sensor)
     for grid in grids:
         state, surface, contacts = ESTIMATE.step(state, grid)
     return state, surface, contacts
@@ -341,13 +348,25 @@ def test_an_impossible_frame_has_a_status_and_is_forgotten(model: InversionModel
     grid = grid_of(model, shape)
     chance = np.random.default_rng(0)
     torn = replace(grid, position_px=grid.position_px + chance.normal(0, 40.0, grid.position_px.shape))
-    state, surface, _ = read([grid, grid, torn])
-    assert np.isfinite(surface.displacement_mm).all()
-    assert surface.status == "not_converged"
+    state, surface, contacts = read([grid, grid, torn])
+    assert surface.status == contacts.status == "not_converged"
+    assert np.isnan(surface.displacement_mm).all()
+    assert len(contacts.touching) == 2
     for _ in range(4):
         state, surface, contacts = ESTIMATE.step(state, grid)
     assert surface.status == "ok"
-    assert len(contacts.touching) == 2
+    assert [contact.id for contact in contacts.touching] == [0, 1]
+
+
+def test_contacts_end_if_no_shape_explains_the_frames_for_long(
+    model: InversionModel, shape: np.ndarray
+) -> None:
+    grid = grid_of(model, shape)
+    chance = np.random.default_rng(0)
+    torn = replace(grid, position_px=grid.position_px + chance.normal(0, 40.0, grid.position_px.shape))
+    _, _, contacts = read([grid, grid, *[torn] * 22])
+    assert contacts.status == "not_converged"
+    assert not contacts.touching
 
 
 def test_without_stiffness_forces_are_relative() -> None:
@@ -447,6 +466,34 @@ def test_frames_that_an_assumed_sheet_does_not_describe_are_those_of_the_perimet
     blind = without(grid, np.ones(ROWS * COLUMNS, dtype=bool))
     state, surface, contacts = ESTIMATE.step(state, blind)
     assert surface.status == "few_markers"
+    assert len(contacts.touching) == 2
+
+
+def test_frames_that_the_sheet_of_the_file_does_not_describe_for_long_are_those_of_perimeter(
+    model: InversionModel, shape: np.ndarray
+) -> None:
+    """After a few frames, in which contacts wait; the sheet is used again as soon as it describes a frame."""
+    rules = ESTIMATE.undescribed_frames
+    state = ESTIMATE.start(sensor_of())
+    flat = np.zeros((model.patch.node_count, 3))
+    away_mm = np.linalg.norm(model.layout.rest_mm[:, :2] - [6.0, 4.0], axis=1)
+    pull_px = 25.0 * np.exp(-0.5 * (away_mm / 6.0) ** 2)
+    last = 3 + rules.wait_frames + 8
+    for frame in range(last + rules.retry_frames + 2):
+        is_pulled = 3 <= frame < last
+        grid = grid_of(model, flat if frame < last else shape, seed=frame)
+        if is_pulled:
+            grid = replace(grid, position_px=grid.position_px + pull_px[:, None] * [1.0, 0.4])
+        state, surface, contacts = ESTIMATE.step(state, grid)
+        waits = is_pulled and frame < 3 + rules.wait_frames
+        assert surface.status == contacts.status == ("not_converged" if waits else "ok")
+        if waits:
+            assert np.isnan(surface.displacement_mm).all()
+            assert not contacts.touching
+        elif is_pulled:
+            assert surface.spline is None
+            assert np.isfinite(surface.displacement_mm).all()
+    assert surface.spline is not None
     assert len(contacts.touching) == 2
 
 

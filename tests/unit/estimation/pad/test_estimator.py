@@ -10,6 +10,7 @@ from layouts import grid_at
 from manytouch import sample
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
+from manytouch.estimation.mechanics.regions.outlines import polygon_area
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
 from manytouch.estimation.pad.pad_contacts import large_strain
 from manytouch.estimation.pad.patch_fit import tractions
@@ -175,6 +176,41 @@ def test_a_fit_ends_at_the_same_contact_from_narrow_and_wide_guesses(
     )
     assert far.misfit == pytest.approx(near.misfit, abs=0.3)
     assert far.force_mm2[0] == pytest.approx(near.force_mm2[0], abs=0.3 * near.force_std_mm2[0])
+
+
+WIDE = np.array([[0.5, -0.5, 3.4, 0.2, 3.2, 60.0, 2.0, 0.0, 0.0, -0.06]])
+
+
+def test_what_a_pad_keeps_of_a_wide_press_is_no_contact(pad_state: PadState) -> None:
+    """Its force and depth contain 0; a touch of the same strength is a contact after the pad came back."""
+    nominal = replace(pad_state, model=replace(pad_state.model, shape_is_nominal=True))
+    pressed, kept = (pressed_px(pad_state, WIDE * _strength(share)) for share in (1.0, 0.1))
+    state, _, contacts = steps(nominal, pressed)
+    assert len(contacts.touching) == 1
+    state, _, contacts = steps(state, kept, count=12)
+    assert not contacts.contacts
+    state, _, _ = steps(state, pad_state.model.rest_px)
+    _, _, contacts = steps(state, kept)
+    assert len(contacts.touching) == 1
+
+
+def _strength(share: float) -> np.ndarray:
+    return np.where(np.isin(np.arange(10), (5, 6, 7, 8)), share, 1.0)
+
+
+def test_no_region_is_beyond_the_pad(pad_state: PadState) -> None:
+    near_side = np.array([[10.5, 8.0, 1.6, 0.0, 1.6, 6.0, 0.0, 0.0, 0.0, -0.06]])
+    (found,) = steps(pad_state, pressed_px(pad_state, near_side))[2].touching
+    assert found.outline is not None
+    half_mm = 0.5 * np.array(pad_state.model.patch.size_mm)
+    assert (np.abs(found.outline[0].point_mm) <= half_mm + 1e-9).all()
+    assert found.area_mm2 == pytest.approx(polygon_area(found.outline[0].point_mm))
+
+
+def test_a_motion_that_no_contact_explains_delays_no_later_contact(pad_state: PadState) -> None:
+    after, _, contacts = steps(replace(pad_state, refused_misfit=1e6), seen_px(pad_sensor()), count=1)
+    assert not contacts.touching
+    assert len(steps(after, pressed_px(pad_state, ONE), count=1)[2].touching) == 1
 
 
 def test_few_markers_are_a_status(pad_state: PadState) -> None:

@@ -1,18 +1,29 @@
 """Nodal forces and marker images of patches against plain numpy."""
 
 import numpy as np
+import pytest
+from scipy.ndimage import maximum_filter
 
 from bonded_pad import gaussian_on_layer
 from manytouch.estimation.pad.estimator import PadState
-from manytouch.estimation.pad.patch_kernels import DOME, Markers, add_dome, add_layer_images
+from manytouch.estimation.pad.patch_fit import forced, tractions
+from manytouch.estimation.pad.patch_kernels import (
+    DENSE_DOME,
+    DENSEST_DOME,
+    DOME,
+    Markers,
+    add_dome,
+    add_layer_images,
+)
 from manytouch.geometry.spline.patch import SplinePatch
 
 SHAPE = np.array([9.3, -2.0, 1.0, 0.3, 0.8])
 ROOT = np.array([[1.0, 0.0], [0.3, 0.8]])
 
 
-def test_the_quadrature_has_unit_moments() -> None:
-    x, y, weight = DOME.T
+@pytest.mark.parametrize("points", [DOME, DENSE_DOME, DENSEST_DOME])
+def test_the_quadrature_has_unit_moments(points: np.ndarray) -> None:
+    x, y, weight = points.T
     assert np.isclose(weight.sum(), 1.0)
     np.testing.assert_allclose([weight @ x, weight @ y, weight @ (x * y)], 0.0, atol=1e-12)
     np.testing.assert_allclose([weight @ x**2, weight @ y**2], 1.0)
@@ -81,3 +92,31 @@ def test_turn_and_growth_are_shear_in_proportion_to_the_arm() -> None:
         expected[3] += weight * (away_mm[0] * one[2] - away_mm[1] * one[1])
         expected[4] += weight * (away_mm[0] * one[1] + away_mm[1] * one[2])
     np.testing.assert_allclose(whole[3:], expected[3:], atol=1e-9)
+
+
+def test_a_wide_patch_presses_one_hollow(pad_state: PadState) -> None:
+    """The points of its quadrature are no separate loads."""
+    model = pad_state.model
+    wide = np.array([[0.5, -0.5, 3.6, 0.3, 3.2, 40.0, 0.0, 0.0, 0.0, -0.1]])
+    face_mm = forced(model.by_node(tractions(model, wide)), model.face)
+    x_mm, y_mm = (np.linspace(-0.49, 0.49, 61) * size for size in model.patch.size_mm)
+    place_mm = np.stack(np.meshgrid(x_mm, y_mm, indexing="ij"), axis=-1)
+    depth_mm = -model.patch.at(place_mm.reshape(-1, 2)).displacement(face_mm)[:, 2].reshape(61, 61)
+    is_peak = (depth_mm == maximum_filter(depth_mm, 9)) & (depth_mm > 0.2 * depth_mm.max())
+    assert is_peak.sum() == 1
+    deepest_mm = place_mm.reshape(-1, 2)[depth_mm.argmax()]
+    assert np.linalg.norm(deepest_mm - wide[0, :2]) < 1.5
+
+
+def test_both_quadratures_load_narrow_patches_the_same(pad_state: PadState) -> None:
+    """So the misfit does not jump where the one takes over from the other."""
+    model = pad_state.model
+    shape = np.array([0.5, -1.0, 0.75 * model.grid.step_x, 0.1, 0.7 * model.grid.step_y])
+    few, many = np.zeros((2, 3, model.grid.count_x + 3, model.grid.count_y + 3))
+    add_dome(shape, model.grid, DOME, few)
+    add_dome(shape, model.grid, DENSE_DOME, many)
+    rows = model.by_sides.shape[-1]
+    for axis in range(3):
+        sides = model.by_sides[axis].reshape(-1, rows)
+        found, expected = few[0].ravel() @ sides, many[0].ravel() @ sides
+        np.testing.assert_allclose(found, expected, atol=0.01 * np.abs(expected).max())

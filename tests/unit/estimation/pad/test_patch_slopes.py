@@ -1,5 +1,7 @@
 """Images of contacts under their loads and their slopes, against those by unit loads and differences."""
 
+from functools import cache
+
 import numpy as np
 
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
@@ -20,7 +22,12 @@ def pad_of(state: PadState) -> PatchPad:
 def image_px(state: PadState, own: np.ndarray) -> np.ndarray:
     """By the images of unit loads, with all points for every marker."""
     load = np.array([*own[5:9], own[5] * own[9]])
-    return np.asarray(load @ FITTER.images(state.model, own[None, :5]).column[0])
+    return np.asarray(load @ unit_images_px(state, *own[:5]))
+
+
+@cache
+def unit_images_px(state: PadState, *shape: float) -> np.ndarray:
+    return FITTER.images(state.model, np.array([shape])).column[0]
 
 
 def test_few_points_have_the_moments_of_the_dome() -> None:

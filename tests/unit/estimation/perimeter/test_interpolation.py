@@ -3,6 +3,7 @@
 import numpy as np
 
 from manytouch.estimation.perimeter.interpolation import MarkerInterpolation
+from manytouch.estimation.perimeter.interpolation_kernels import interpolate_unseen
 from manytouch.geometry.neighbours import nearest_neighbours
 
 PITCH, ROWS, COLUMNS = 1.3, 11, 15
@@ -16,7 +17,7 @@ def interpolate(displacement_mm: np.ndarray, is_seen: np.ndarray) -> tuple[np.nd
     covariance_mm2 = np.tile(1e-4 * np.eye(2), (len(PLACE), 1, 1))
     covariance_mm2[~is_seen] = np.nan
     given_mm = np.where(is_seen[:, None], displacement_mm, np.nan)
-    return MarkerInterpolation()(given_mm, covariance_mm2, is_seen, NEAR, PITCH)
+    return interpolate_unseen(given_mm, covariance_mm2, is_seen, MarkerInterpolation().rule(NEAR, PITCH))
 
 
 def test_a_hole_is_filled_from_its_rim_with_growing_deviation() -> None:

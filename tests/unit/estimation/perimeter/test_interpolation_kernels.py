@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.perimeter.interpolation_kernels import InterpolationRule, interpolate_unseen
+from manytouch.estimation.perimeter.interpolation_kernels import interpolate_unseen
+from manytouch.estimation.perimeter.surface_inputs import InterpolationRule
 from manytouch.geometry.neighbours import nearest_neighbours
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from manytouch.estimation.perimeter.surface_inputs import MotionSearch
 from manytouch.estimation.perimeter.view_kernels import (
-    MotionSearch,
     border_weights,
     estimate_motion,
     median_std,

@@ -144,6 +144,14 @@ def test_the_work_of_a_load_is_that_of_its_nodal_forces(patch: SplinePatch, bent
     assert (patch.load(point, force) * bent_mm).sum() == pytest.approx(work)
 
 
+def test_points_on_the_rectangle_and_its_outline_are_covered() -> None:
+    patch = SplinePatch(size_mm=(40.0, 30.0), elements=(9, 7), centre_mm=(100.0, -10.0))
+    inside_mm = np.array([[100.0, -10.0], [80.0, -10.0], [120.0, 5.0], [81.0, -24.0]])
+    outside_mm = np.array([[79.9, -10.0], [120.1, 0.0], [100.0, 5.1], [100.0, -25.1], [0.0, 0.0]])
+    assert patch.covers(inside_mm).tolist() == [True] * 4
+    assert patch.covers(outside_mm).tolist() == [False] * 5
+
+
 def test_areas_sum_up_to_the_patch(patch: SplinePatch) -> None:
     if patch.boundary == "soft":
         assert patch.area_mm2.sum() == pytest.approx(np.prod(patch.size_mm))

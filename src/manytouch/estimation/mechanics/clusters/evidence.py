@@ -16,15 +16,10 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.estimation.mechanics.clusters.patch_kernels import (
-    NodeGrid,
-    Whitened,
-    add_patches,
-    fit_patches,
-)
+from manytouch.estimation.mechanics.clusters.patch_fits import Whitened, fit_patches
+from manytouch.estimation.mechanics.clusters.patch_kernels import NodeGrid, add_patches, node_grid
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
-from manytouch.geometry.spline import basis
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.solver.posterior import Posterior
 from manytouch.values import Status
@@ -37,6 +32,9 @@ LENGTH_MM = 1e-3
 _START_MM2 = 0.3  # added to the spread of nodal forces, from which the fit of a patch starts
 MIN_MEAN_MISFIT = 0.1
 """Lower limit of the misfit per degree of freedom in covariances."""
+_LEAST_SIZE = (
+    1e-8  # directions of parameters with less curvature than this share of the largest have no variance
+)
 _RANK = 1e-6  # combinations with less information than this share of the best one's are dropped
 
 
@@ -51,7 +49,6 @@ class PatchFit:
         spread_mm2: (2, 2) second moment of the pressure about the centre.
         covariance: (6, 6) of force, x, y, and the moments xx, xy, yy by the noise; it is scaled by the mean
             misfit.
-        sheet_covariance: (6, 6) of the same by the parameters of the sheet that are not exactly known.
         nodal_mm2: (n,) its forces on the nodes of the evidence, over E, positive in compression.
         corner_mm: (k, 2) corners of a rigid face; of an even ellipse (0, 2).
     """
@@ -61,7 +58,6 @@ class PatchFit:
     centre_mm: Float64[np.ndarray, "2"]
     spread_mm2: Float64[np.ndarray, "2 2"]
     covariance: Float64[np.ndarray, "6 6"]
-    sheet_covariance: Float64[np.ndarray, "6 6"]
     nodal_mm2: Float64[np.ndarray, " n"]
     corner_mm: Float64[np.ndarray, "_ 2"]
 
@@ -75,7 +71,7 @@ class PairFit:
         force_mm2: (2,) normal forces over E.
         centre_mm: (2, 2) undeformed coordinates.
         deviation_mm: standard deviation of the pressure of each along an axis.
-        covariance, sheet_covariance: (2, 3, 3) of force, x, y of each, as those of `PatchFit`.
+        covariance: (2, 3, 3) of force, x, y of each, as that of `PatchFit`.
         nodal_mm2: (n,) the forces of both on the nodes of the evidence, over E, positive in compression.
     """
 
@@ -84,7 +80,6 @@ class PairFit:
     centre_mm: Float64[np.ndarray, "2 2"]
     deviation_mm: float
     covariance: Float64[np.ndarray, "2 3 3"]
-    sheet_covariance: Float64[np.ndarray, "2 3 3"]
     nodal_mm2: Float64[np.ndarray, " n"]
 
 
@@ -96,17 +91,14 @@ class Combinations:
         white: (q, n) the combinations, each divided by its standard deviation.
         white_of_mean: (q, n) derivatives of their most likely values by the posterior means of the normal
             forces.
-        knot_x_mm, knot_y_mm: of the splines along x and y.
         node: (n,) numbers of the nodes.
-        local: (nx, ny) number of each spline function's node among the n, or -1.
+        grid: the splines of these nodes, for compiled functions.
     """
 
     white: Float64[np.ndarray, "q n"]
     white_of_mean: Float64[np.ndarray, "q n"]
-    knot_x_mm: Float64[np.ndarray, " kx"]
-    knot_y_mm: Float64[np.ndarray, " ky"]
     node: Int64[np.ndarray, " n"]
-    local: Int64[np.ndarray, "nx ny"]
+    grid: NodeGrid
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -117,14 +109,11 @@ class Evidence:
         combinations: of the forces.
         aim: (q,) their most likely values.
         patch: of the sheet.
-        columns: (p, n) change of the forces over E (z component) for one standard deviation of each
-            parameter of the sheet that is not exactly known.
     """
 
     combinations: Combinations
     aim: Float64[np.ndarray, " q"]
     patch: SplinePatch
-    columns: Float64[np.ndarray, "p n"]
 
     def fit_one(
         self,
@@ -149,7 +138,6 @@ class Evidence:
             centre_mm=theta[1:3],
             spread_mm2=np.array([[xx * xx, xx * yx], [xx * yx, yx * yx + yy * yy]]),
             covariance=per_combination * change @ inverse @ change.T,
-            sheet_covariance=change @ self.sheet_covariance(theta, step, inverse) @ change.T,
             nodal_mm2=self.nodal(theta),
             corner_mm=np.zeros((0, 2)),
         )
@@ -164,7 +152,6 @@ class Evidence:
         misfit, curved = self.fit(theta, step.tolist())
         per_combination = max(misfit / max(len(self.aim) - len(theta), 1), MIN_MEAN_MISFIT)
         inverse = inverse_of(curved)
-        by_sheet = self.sheet_covariance(theta, step, inverse)
         own = np.array([[0, 1, 2], [3, 4, 5]])
         return PairFit(
             misfit=misfit,
@@ -172,7 +159,6 @@ class Evidence:
             centre_mm=np.array([theta[1:3], theta[4:6]]),
             deviation_mm=abs(float(theta[6])),
             covariance=per_combination * inverse[own[:, :, None], own[:, None, :]],
-            sheet_covariance=by_sheet[own[:, :, None], own[:, None, :]],
             nodal_mm2=self.nodal(theta),
         )
 
@@ -212,62 +198,32 @@ class Evidence:
         weight = np.exp(-0.5 * (score - score.min())).sum(axis=1)
         return np.asarray(weight / weight.sum())
 
-    def sheet_covariance(
-        self, theta: Scalars, step: Scalars, inverse: Float64[np.ndarray, "k k"]
-    ) -> Float64[np.ndarray, "k k"]:
-        """Covariance of fitted parameters by the unknown parameters of the sheet.
-
-        Args:
-            theta: the parameters.
-            step: of finite differences.
-            inverse: of the curvature of their misfit.
-        """
-        if len(self.columns) == 0:
-            return np.zeros_like(inverse)
-        at, slope = self.nodal(theta), np.empty((len(self.combinations.node), len(theta)))
-        for number, size in enumerate(step):
-            moved = theta.copy()
-            moved[number] += size
-            slope[:, number] = (self.nodal(moved) - at) / size
-        # a change of the nodal forces moves the aim by `white` times its normal component
-        by_columns = self.combinations.white_of_mean @ -self.columns.T
-        changes = inverse @ (self.combinations.white @ slope).T @ by_columns
-        return np.asarray(changes @ changes.T)
-
     def misfit(self, nodal_mm2: Float64[np.ndarray, " n"]) -> float:
         """Of forces on the nodes, over E, positive in compression."""
         off = self.aim - self.combinations.white @ nodal_mm2
         return float(off @ off)
 
-    def node_grid(self) -> NodeGrid:
-        """The nodes of the evidence, for compiled functions."""
-        shares = (self.patch.end_shares(axis) for axis in range(2))
-        own = self.combinations
-        return NodeGrid(own.knot_x_mm, own.knot_y_mm, own.local, self.patch.shear_mm2, *shares)
-
     def nodal(self, theta: Scalars) -> Float64[np.ndarray, " nodes"]:
         """(n,) forces of fitted patches on the nodes, over E; `theta` as in `patch_kernels`."""
         nodal = np.zeros(len(self.combinations.node))
-        add_patches(theta, self.node_grid(), nodal)
+        add_patches(theta, self.combinations.grid, nodal)
         return nodal
 
     def fit(self, theta: Scalars, step: list[float]) -> tuple[float, Float64[np.ndarray, "p p"]]:
         """Least misfit and its curvature; `theta` is changed in place."""
         likelihood = Whitened(self.combinations.white, self.aim)
-        misfit, curved = fit_patches(theta, np.array(step), self.node_grid(), likelihood, _MAX_STEPS)
+        misfit, curved = fit_patches(theta, np.array(step), self.combinations.grid, likelihood, _MAX_STEPS)
         return float(misfit), curved
 
 
 def inverse_of(curved: np.ndarray) -> np.ndarray:
     """Inverse of a curvature (p, p); parameters that do not change the misfit get no variance."""
-    size = np.sqrt(np.diag(curved))
-    used = np.flatnonzero(size > 0.0)
-    scaled = curved[np.ix_(used, used)] / np.outer(size[used], size[used])
-    inverse = np.zeros_like(curved)
-    inverse[np.ix_(used, used)] = np.linalg.pinv(scaled, rcond=1e-8, hermitian=True) / np.outer(
-        size[used], size[used]
-    )
-    return inverse
+    scale = np.sqrt(np.diag(curved))
+    scale = np.where(scale > 0.0, 1.0 / np.where(scale > 0.0, scale, 1.0), 0.0)
+    size, axes = np.linalg.eigh(curved * scale[:, None] * scale)
+    part = axes[:, size > _LEAST_SIZE * size[-1]]
+    white = scale[:, None] * part / np.sqrt(size[size > _LEAST_SIZE * size[-1]])
+    return np.asarray(white @ white.T)
 
 
 EvidenceAt = Callable[[Int64[np.ndarray, " n"]], Evidence | None]
@@ -280,15 +236,11 @@ class ForcePosterior:
     Attributes:
         model: of the sheet.
         fit: of the frame.
-        columns: (p, nodes) see `Evidence`.
     """
 
-    def __init__(
-        self, model: InversionModel, fit: Fit, columns: Float64[np.ndarray, "p nodes"] | None = None
-    ) -> None:
+    def __init__(self, model: InversionModel, fit: Fit) -> None:
         self.model = model
         self.fit = fit
-        self.columns = np.zeros((0, model.patch.node_count)) if columns is None else columns
 
     def evidence(self, node: Int64[np.ndarray, " n"]) -> Evidence | None:
         """The likelihood of the normal forces of some nodes; None if there are too few or the fit has failed.
@@ -305,7 +257,6 @@ class ForcePosterior:
         return Evidence(
             combinations=combinations,
             aim=-combinations.white_of_mean @ self.fit.shape.force_mm2[node, 2],
-            columns=self.columns[:, node],
             patch=self.model.patch,
         )
 
@@ -320,10 +271,8 @@ class ForcePosterior:
         node = np.flatnonzero(np.isfinite(press_mm2))
         posterior = self.fit.posterior
         off_mm2 = -press_mm2[node] - self.fit.shape.force_mm2[node, 2]
-        inverse = posterior.workspace.kept(
-            "inverse covariance", node, lambda: np.linalg.inv(posterior.force_covariance(node))
-        )
-        return posterior.change_by_forces(node, inverse @ off_mm2)
+        covariance = posterior.workspace.kept("covariance", node, lambda: posterior.force_covariance(node))
+        return posterior.change_by_forces(node, np.linalg.solve(covariance, off_mm2))
 
 
 def _combinations(model: InversionModel, posterior: Posterior, node: Int64[np.ndarray, " n"]) -> Combinations:
@@ -337,15 +286,8 @@ def _combinations(model: InversionModel, posterior: Posterior, node: Int64[np.nd
         white=np.ascontiguousarray(root[:, None] * axes.T),
         white_of_mean=axes.T @ inverse / root[:, None],
         node=node,
-        knot_x_mm=_knots_mm(model, 0),
-        knot_y_mm=_knots_mm(model, 1),
-        local=_local(model, node),
+        grid=node_grid(model.patch, _local(model, node)),
     )
-
-
-def _knots_mm(model: InversionModel, axis: int) -> Scalars:
-    patch = model.patch
-    return np.asarray(basis.knots(patch.size_mm[axis], patch.elements[axis]) + patch.corner_mm[axis])
 
 
 def _local(model: InversionModel, node: Int64[np.ndarray, " n"]) -> Int64[np.ndarray, "nx ny"]:

@@ -72,7 +72,6 @@ def _face(
         change[:, number] = (estimates(moved) - at) / step[number]
     inverse = inverse_of(curved)
     per_combination = max(misfit / max(len(evidence.aim) - len(theta), 1), MIN_MEAN_MISFIT)
-    by_sheet = evidence.sheet_covariance(theta, np.where(step > 0.0, step, 1.0), inverse)
     xx, xy, yy = at[3:]
     return PatchFit(
         misfit=misfit,
@@ -80,7 +79,6 @@ def _face(
         centre_mm=at[1:3],
         spread_mm2=np.array([[xx, xy], [xy, yy]]),
         covariance=per_combination * change @ inverse @ change.T,
-        sheet_covariance=change @ by_sheet @ change.T,
         nodal_mm2=evidence.nodal(theta),
         corner_mm=corner_mm,
     )

@@ -27,7 +27,6 @@ class ForcePatch(Protocol):
         centre_mm: (2,) on the sheet.
         spread_mm2: (2, 2) second moment of the pressure about the centre.
         covariance: (6, 6) of force, x, y and the moments xx, xy, yy, by the noise.
-        sheet_covariance: (6, 6) the same by the parameters of the sheet that are not exactly known.
         corner_mm: (k, 2) outline of a rigid face; (0, 2) of others.
     """
 
@@ -44,9 +43,6 @@ class ForcePatch(Protocol):
     def covariance(self) -> Float64[np.ndarray, "6 6"]: ...
 
     @property
-    def sheet_covariance(self) -> Float64[np.ndarray, "6 6"]: ...
-
-    @property
     def corner_mm(self) -> Float64[np.ndarray, "_ 2"]: ...
 
 
@@ -61,8 +57,8 @@ class Clusters:
         spread_mm2: (c, 2, 2) second moment of the normal force about the centre.
         covariance: (c, 6, 6) of normal force, x, y, and the moments xx, xy, yy of a patch that was fitted to
             the markers, by the noise; NaN where these are those of the nodal forces.
-        sheet_covariance: (c, 6, 6) the same by the parameters of the sheet that are not exactly known; 0
-            where no patch was fitted.
+        sheet_covariance: (c, 6, 6) the same by the parameters of the sheet that are not exactly known; see
+            `with_sheet_error`.
         label: (n,) cluster of each node, or -1.
         is_face: (c,) clusters under a rigid face: bars, and those that several ones were joined to.
         corner_points_mm: for each cluster under a rigid face, (k, 2) points around the places where it
@@ -124,7 +120,6 @@ class Clusters:
             torque_mm3=changed(self.torque_mm3, self.torque_mm3[number] - turned),
             spread_mm2=changed(self.spread_mm2, patch.spread_mm2),
             covariance=changed(self.covariance, patch.covariance),
-            sheet_covariance=changed(self.sheet_covariance, patch.sheet_covariance),
             shape_probability=changed(self.shape_probability, shape_probability),
             is_face=changed(self.is_face, len(patch.corner_mm) > 0),
             corner_points_mm=(
@@ -133,6 +128,27 @@ class Clusters:
                 *self.corner_points_mm[number + 1 :],
             ),
         )
+
+    def with_sheet_error(
+        self, lattice: ForceLattice, columns_mm2: Float64[np.ndarray, "p nodes"]
+    ) -> "Clusters":
+        """The clusters with `sheet_covariance`: what the parameters do to force, centroid and moments.
+
+        Args:
+            lattice: of the nodes.
+            columns_mm2: change of the nodal normal forces over E (z component) for one standard deviation of
+                each parameter.
+        """
+        covariance = np.zeros((len(self), 6, 6))
+        for number, force_mm2 in enumerate(self.normal_mm2):
+            node = np.flatnonzero(self.label == number)
+            x, y = (lattice.place_mm[node] - self.centre_mm[number]).T
+            nodal_mm2 = self.spread_mm2[number] + np.diag(lattice.own_spread_mm2)
+            xx, xy, yy = x * x - nodal_mm2[0, 0], x * y - nodal_mm2[0, 1], y * y - nodal_mm2[1, 1]
+            moments = np.column_stack([np.full(len(node), force_mm2), x, y, xx, xy, yy]) / force_mm2
+            changes = columns_mm2[:, node] @ moments
+            covariance[number] = changes.T @ changes
+        return replace(self, sheet_covariance=covariance)
 
     def with_nodal(self, node: Int64[np.ndarray, " n"], press_mm2: Float64[np.ndarray, " n"]) -> "Clusters":
         """The clusters with the normal forces of a fitted patch on nodes; those of several patches add."""

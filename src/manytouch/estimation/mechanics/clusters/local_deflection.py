@@ -26,6 +26,8 @@ _REACH = 2.5  # elements, from the force
 _STEPS = 21
 _ROOT = 2.0 * np.cos(np.pi * np.arange(1, 6) / 6.0)  # Gauss points of a semicircle, in standard deviations
 _SHARE = np.sin(np.pi * np.arange(1, 6) / 6.0) ** 2 / 3.0
+_DISC = np.stack(np.meshgrid(_ROOT, _ROOT, indexing="ij"), axis=-1).reshape(-1, 2)
+_SHARES = np.outer(_SHARE, _SHARE).ravel()
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -49,13 +51,12 @@ class LocalDeflection:
         for number in np.flatnonzero(np.isfinite(clusters.covariance[:, 0, 0]) & ~clusters.is_face):
             size, axes = np.linalg.eigh(clusters.spread_mm2[number])
             root = axes * np.sqrt(np.maximum(size, 0.0))
-            grid = np.stack(np.meshgrid(_ROOT, _ROOT, indexing="ij"), axis=-1).reshape(-1, 2)
-            points_mm = clusters.centre_mm[number] + grid @ root.T
+            points_mm = clusters.centre_mm[number] + _DISC @ root.T
             reach_mm = _REACH * self.element_mm + np.abs(points_mm - clusters.centre_mm[number]).max(axis=0)
             near = np.flatnonzero((np.abs(place_mm - clusters.centre_mm[number]) < reach_mm).all(axis=1))
             if len(near) == 0:
                 continue
-            force_mm2 = clusters.normal_mm2[number] * np.outer(_SHARE, _SHARE).ravel()
+            force_mm2 = clusters.normal_mm2[number] * _SHARES
             place = (place_mm[near] - self.corner_mm) / self.element_mm
             missing_mm[near] += missing_depth(
                 (points_mm - self.corner_mm) / self.element_mm, force_mm2, place, self.table_per_mm

@@ -48,7 +48,8 @@ class ModelOrder:
         min_variance: least V of two contacts, over the squared length of an element.
         min_variance_force: least V of two contacts, over the squared length of an element, times the
             cluster's force in force units; it applies to weak clusters.
-        min_share: least share of the force of the weaker part.
+        min_share: least share of the force of the weaker part of two contacts, or end of a bar. Errors of the
+            model at the clamp are like a weak second contact.
         min_f: least F of two patches against one. It is multiplied by the ratio of the marker noise to the
             usual one, which the error of the model exceeds; at most by `max_noise`.
         max_noise: largest factor by which marker noise multiplies `min_f`.
@@ -179,7 +180,9 @@ class ModelOrder:
         start = np.clip(parts.share, self.min_share, 1.0 - self.min_share)
         pair = evidence.fit_two(start * press_mm2, parts.centre_mm, float(np.sqrt(parts.variance_mm2)) + 0.1)
         mean_misfit = max(pair.misfit / max(len(evidence.aim) - _TWO_PARAMETERS, 1), self.min_mean_misfit)
-        if one.misfit - pair.misfit <= limit * self.min_f * noise * mean_misfit:
+        share = pair.force_mm2 / pair.force_mm2.sum()
+        gain = one.misfit - pair.misfit
+        if gain <= limit * self.min_f * noise * mean_misfit or share.min() < limit * self.min_share:
             return one
         bar = fit_bar(evidence, pair)
         f = f_of_two(
@@ -191,9 +194,8 @@ class ModelOrder:
         )
         if f <= limit * self.min_f_bar and bar.misfit < one.misfit:
             return bar
-        share = pair.force_mm2 / pair.force_mm2.sum()
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
-        is_pair = share.min() >= limit * self.min_share and limit * pair.deviation_mm <= 0.25 * gap_mm
+        is_pair = limit * pair.deviation_mm <= 0.25 * gap_mm
         return pair if is_pair and evidence.patch.covers(pair.centre_mm).all() else one
 
     def _face_or(self, one: PatchFit, evidence: Evidence, element_mm: float) -> PatchFit:
@@ -268,8 +270,6 @@ def _split(
     spread = np.tile(pair.deviation_mm**2 * np.eye(2), (2, 1, 1))
     covariance = np.full((2, 6, 6), np.nan)
     covariance[:, :3, :3] = pair.covariance
-    by_sheet = np.zeros((2, 6, 6))
-    by_sheet[:, :3, :3] = pair.sheet_covariance
 
     def with_parts(old: np.ndarray, new: np.ndarray) -> Float64[np.ndarray, "..."]:
         joined = np.concatenate([old, new[1:]])
@@ -282,7 +282,7 @@ def _split(
         torque_mm3=with_parts(clusters.torque_mm3, torque),
         spread_mm2=with_parts(clusters.spread_mm2, spread),
         covariance=with_parts(clusters.covariance, covariance),
-        sheet_covariance=with_parts(clusters.sheet_covariance, by_sheet),
+        sheet_covariance=with_parts(clusters.sheet_covariance, np.zeros((2, 6, 6))),
         label=label,
         is_face=np.append(clusters.is_face, False),
         corner_points_mm=(*clusters.corner_points_mm, np.zeros((0, 2))),

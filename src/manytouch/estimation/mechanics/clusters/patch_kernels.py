@@ -1,11 +1,14 @@
-"""Fits one or two patches, a ring, or a bar of pressure to nodal forces, compiled."""
+"""Nodal forces of one or two patches, a ring, a bar, or a face of pressure, compiled."""
+
+# ruff: noqa: PLR0917 - compiled functions take positional arguments
 
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64, Int64
 
-from manytouch.compilation import kernel, no_type_check
+from manytouch.compilation import REORDER, inlined_kernel, kernel, no_type_check
+from manytouch.geometry.spline.patch import SplinePatch
 
 ONE = 6
 """Number of parameters of one patch: force, x, y, and the triangular root xx, yx, yy of its second moment.
@@ -28,124 +31,95 @@ MAX_RIM = 3.0
 _RIM_ANGLES = 12
 _RING_POINTS = 24
 
-Knots = Float64[np.ndarray, " knots"]
 Parameters = Float64[np.ndarray, " p"]
+Forces = Float64[np.ndarray, " n"]
+
+
+class Line(NamedTuple):
+    """The functions of the bending deflection along an axis, elements of one length.
+
+    Attributes:
+        start: where the first element begins, mm.
+        per_mm: elements per mm.
+        table: (elements, 4, 4) coefficients of 1, s, s^2, s^3 of the four functions in each element, where s
+            runs from 0 to 1.
+    """
+
+    start: float
+    per_mm: float
+    table: Float64[np.ndarray, "elements 4 4"]
 
 
 class NodeGrid(NamedTuple):
     """The splines whose nodal forces are known.
 
     Attributes:
-        knot_x, knot_y: knots along x and y.
+        x, y: functions along both axes.
         local: (nx, ny) number of each spline function's node among the n nodes, or -1.
         shear: a of the sheet, mm^2; a point force has the nodal forces B_j - a lap B_j.
-        share_x, share_y: (2, 2) of the outer two functions along x and y in the next two
-            (`SplinePatch.end_shares`).
     """
 
-    knot_x: Knots
-    knot_y: Knots
+    x: Line
+    y: Line
     local: Int64[np.ndarray, "nx ny"]
     shear: float
-    share_x: Float64[np.ndarray, "2 2"]
-    share_y: Float64[np.ndarray, "2 2"]
 
 
-class Whitened(NamedTuple):
-    """The likelihood of n nodal forces.
-
-    Attributes:
-        white: (q, n) combinations, each divided by its standard deviation.
-        aim: (q,) their most likely values.
-    """
-
-    white: Float64[np.ndarray, "q n"]
-    aim: Float64[np.ndarray, " q"]
+def node_grid(patch: SplinePatch, local: Int64[np.ndarray, "nx ny"]) -> NodeGrid:
+    """The splines of a patch; `local` as in `NodeGrid`."""
+    lines = []
+    for axis in range(2):
+        per_mm = patch.elements[axis] / patch.size_mm[axis]
+        table = patch.element_polynomials(axis)
+        lines.append(Line(float(patch.corner_mm[axis]), float(per_mm), table))
+    return NodeGrid(lines[0], lines[1], local, float(patch.shear_mm2))
 
 
 _PLACE = 2.0 * np.cos(np.pi * np.arange(1, 6) / 6.0)  # in standard deviations
 _WEIGHT = np.sin(np.pi * np.arange(1, 6) / 6.0) ** 2 / 3.0
 
 
-@kernel()
+@inlined_kernel(fastmath=REORDER)
 @no_type_check
-def _basis(
-    knot: Knots, place: float, value: Float64[np.ndarray, "4"], curvature: Float64[np.ndarray, "4"]
-) -> int:
-    """The four cubic B-splines at a place (Cox-de Boor), into `value`, and their second derivatives, into
-    `curvature`; returns the number of the first."""
-    place = min(max(place, knot[3]), knot[-4])
-    span = 3
-    while span < len(knot) - 5 and place >= knot[span + 1]:
-        span += 1
-    value[0] = 1.0
-    for degree in range(1, 4):
-        if degree == 2:  # value has the two linear functions
-            first = 2.0 * value[0] / (knot[span + 1] - knot[span - 1])
-            second = 2.0 * value[1] / (knot[span + 2] - knot[span])
-            # derivatives of the three quadratic functions, over the lengths of their supports
-            low = -first / (knot[span + 1] - knot[span - 2])
-            middle = (first - second) / (knot[span + 2] - knot[span - 1])
-            high = second / (knot[span + 3] - knot[span])
-            curvature[0], curvature[1] = -3.0 * low, 3.0 * (low - middle)
-            curvature[2], curvature[3] = 3.0 * (middle - high), 3.0 * high
-        saved = 0.0
-        for k in range(degree):
-            right, left = knot[span + k + 1], knot[span + 1 - degree + k]
-            part = value[k] / (right - left)
-            value[k] = saved + (right - place) * part
-            saved = (place - left) * part
-        value[degree] = saved
-    return span - 3
+def _functions(line: Line, place: float, out: Float64[np.ndarray, "2 4"]) -> int:
+    """Values of the four functions at a place and their second derivatives; returns the number of the first.
 
-
-@kernel()
-@no_type_check
-def _move_inside(
-    first: int,
-    count: int,
-    share: Float64[np.ndarray, "2 2"],
-    value: Float64[np.ndarray, "4"],
-    curvature: Float64[np.ndarray, "4"],
-) -> None:
-    """Add the shares of the outer functions, of `count` along an axis, to the functions inside."""
-    if 1 < first < count - 5:
-        return
-    for side in range(2):
-        for i in range(2):
-            outer = (count - 1 - i if side else i) - first
-            if 0 <= outer < 4:
-                for j in range(2):
-                    inner = (count - 3 - j if side else 2 + j) - first
-                    if 0 <= inner < 4:
-                        value[inner] += share[i, j] * value[outer]
-                        curvature[inner] += share[i, j] * curvature[outer]
-
-
-@kernel()
-@no_type_check
-def add_point(grid: NodeGrid, force: float, x: float, y: float, nodal: Float64[np.ndarray, " n"]) -> None:
-    """Add the nodal forces of a point force to `nodal`; those on other nodes are left out."""
-    along_x, along_y, curved_x, curved_y = np.empty(4), np.empty(4), np.empty(4), np.empty(4)
-    first_x = _basis(grid.knot_x, x, along_x, curved_x)
-    first_y = _basis(grid.knot_y, y, along_y, curved_y)
-    _move_inside(first_x, grid.local.shape[0], grid.share_x, along_x, curved_x)
-    _move_inside(first_y, grid.local.shape[1], grid.share_y, along_y, curved_y)
+    Places beyond the ends are moved to them.
+    """
+    last = len(line.table) - 1
+    along = (place - line.start) * line.per_mm
+    along = min(along, last + 1.0) if along > 0.0 else 0.0
+    element = min(int(along), last)
+    s, squared = along - element, line.per_mm * line.per_mm
     for i in range(4):
+        c2, c3 = line.table[element, i, 2], line.table[element, i, 3]
+        out[0, i] = line.table[element, i, 0] + s * (line.table[element, i, 1] + s * (c2 + s * c3))
+        out[1, i] = (2.0 * c2 + 6.0 * s * c3) * squared
+    return element
+
+
+@inlined_kernel(fastmath=REORDER)
+@no_type_check
+def _add_point(
+    grid: NodeGrid, force: float, x: float, y: float, work: Float64[np.ndarray, "2 2 4"], nodal: Forces
+) -> None:
+    """Add the nodal forces of a point force to `nodal`; those on other nodes are left out."""
+    first_x, first_y = _functions(grid.x, x, work[0]), _functions(grid.y, y, work[1])
+    for i in range(4):
+        value, curved = force * work[0, 0, i], force * grid.shear * work[0, 1, i]
         for j in range(4):
             k = grid.local[first_x + i, first_y + j]
             if k >= 0:
-                laplacian = curved_x[i] * along_y[j] + along_x[i] * curved_y[j]
-                nodal[k] += force * (along_x[i] * along_y[j] - grid.shear * laplacian)
+                nodal[k] += (value - curved) * work[1, 0, j] - value * grid.shear * work[1, 1, j]
 
 
-@kernel()
+@kernel(fastmath=REORDER)
 @no_type_check
-def add_patch(grid: NodeGrid, patch: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
+def add_patch(grid: NodeGrid, patch: Parameters, nodal: Forces) -> None:
     """Add the nodal forces of a uniform elliptical patch to `nodal`, by 25 quadrature points.
 
     The density of an ellipse along an axis is a semicircle, for which these points and weights are Gauss's
-    (of Chebyshev's second kind).
+    (of Chebyshev's second kind). Points with one x share their functions along x.
 
     Args:
         grid: of the nodes; forces on other nodes are left out.
@@ -153,16 +127,31 @@ def add_patch(grid: NodeGrid, patch: Parameters, nodal: Float64[np.ndarray, " n"
         nodal: result.
     """
     force, x, y, xx, yx, yy = patch[0], patch[1], patch[2], patch[3], patch[4], patch[5]
+    at_x, at_y = np.empty((2, 4)), np.empty((2, 4))
+    value, sheared = np.zeros(grid.local.shape[1]), np.zeros(grid.local.shape[1])
     for a in range(5):
+        first_x = _functions(grid.x, x + _PLACE[a] * xx, at_x)
+        low, high = grid.local.shape[1], 0
         for b in range(5):
-            share = force * _WEIGHT[a] * _WEIGHT[b]
-            at_y = y + _PLACE[a] * yx + _PLACE[b] * yy
-            add_point(grid, share, x + _PLACE[a] * xx, at_y, nodal)
+            first_y = _functions(grid.y, y + _PLACE[a] * yx + _PLACE[b] * yy, at_y)
+            low, high = min(low, first_y), max(high, first_y + 4)
+            for j in range(4):
+                value[first_y + j] += _WEIGHT[b] * at_y[0, j]
+                sheared[first_y + j] += _WEIGHT[b] * (at_y[0, j] - grid.shear * at_y[1, j])
+        share = force * _WEIGHT[a]
+        for i in range(4):
+            along, curved = share * at_x[0, i], share * grid.shear * at_x[1, i]
+            for j in range(low, high):
+                k = grid.local[first_x + i, j]
+                if k >= 0:
+                    nodal[k] += along * sheared[j] - curved * value[j]
+        value[low:high] = 0.0
+        sheared[low:high] = 0.0
 
 
-@kernel()
+@kernel(fastmath=REORDER)
 @no_type_check
-def add_ring(grid: NodeGrid, ring: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
+def add_ring(grid: NodeGrid, ring: Parameters, nodal: Forces) -> None:
     """Add the nodal forces of a thin ring with even pressure to `nodal`, by points on the circle.
 
     Args:
@@ -170,10 +159,11 @@ def add_ring(grid: NodeGrid, ring: Parameters, nodal: Float64[np.ndarray, " n"])
         ring: (4,) force, x, y, radius.
         nodal: result.
     """
+    work = np.empty((2, 2, 4))
     for point in range(_RING_POINTS):
         angle = 2.0 * np.pi * point / _RING_POINTS
         x, y = ring[1] + ring[3] * np.cos(angle), ring[2] + ring[3] * np.sin(angle)
-        add_point(grid, ring[0] / _RING_POINTS, x, y, nodal)
+        _add_point(grid, ring[0] / _RING_POINTS, x, y, work, nodal)
 
 
 ALONG, _ALONG_WEIGHT = np.polynomial.legendre.leggauss(7)
@@ -189,9 +179,9 @@ def bar_profile(bar: Parameters) -> Float64[np.ndarray, "7"]:
     return np.asarray(weight / weight.sum())
 
 
-@kernel()
+@kernel(fastmath=REORDER)
 @no_type_check
-def add_bar(grid: NodeGrid, bar: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
+def add_bar(grid: NodeGrid, bar: Parameters, nodal: Forces) -> None:
     """Add the nodal forces of a bar to `nodal`, by 7 x 3 Gauss points.
 
     Args:
@@ -201,13 +191,13 @@ def add_bar(grid: NodeGrid, bar: Parameters, nodal: Float64[np.ndarray, " n"]) -
     """
     length = max(np.hypot(bar[3], bar[4]), 1e-9)
     across_x, across_y = -bar[5] * bar[4] / length, bar[5] * bar[3] / length
-    weight = bar_profile(bar)
+    weight, work = bar_profile(bar), np.empty((2, 2, 4))
     for a in range(len(ALONG)):
         for b in range(len(_ACROSS)):
             share = bar[0] * weight[a] * 0.5 * _ACROSS_WEIGHT[b]
             x = bar[1] + ALONG[a] * bar[3] + _ACROSS[b] * across_x
             y = bar[2] + ALONG[a] * bar[4] + _ACROSS[b] * across_y
-            add_point(grid, share, x, y, nodal)
+            _add_point(grid, share, x, y, work, nodal)
 
 
 _SQUARE, _SQUARE_WEIGHT = np.polynomial.legendre.leggauss(4)
@@ -228,9 +218,9 @@ def rim_profile(face: Parameters) -> Float64[np.ndarray, "4"]:
     return np.asarray(weight / weight.sum())
 
 
-@kernel()
+@kernel(fastmath=REORDER)
 @no_type_check
-def add_rim(grid: NodeGrid, face: Parameters, nodal: Float64[np.ndarray, " n"]) -> None:
+def add_rim(grid: NodeGrid, face: Parameters, nodal: Forces) -> None:
     """Add the nodal forces of an elliptic face to `nodal`, by 4 x 12 points.
 
     Args:
@@ -238,18 +228,19 @@ def add_rim(grid: NodeGrid, face: Parameters, nodal: Float64[np.ndarray, " n"]) 
         face: (9,) see `RIM`.
         nodal: result.
     """
-    weight = rim_profile(face)
+    weight, work = rim_profile(face), np.empty((2, 2, 4))
     for a in range(len(weight)):
         share = face[0] * weight[a] / _RIM_ANGLES
         for b in range(_RIM_ANGLES):
             angle = 2.0 * np.pi * (b + 0.5 * (a % 2)) / _RIM_ANGLES
             u, v = 2.0 * _RADIUS[a] * np.cos(angle), 2.0 * _RADIUS[a] * np.sin(angle)
-            add_point(grid, share, face[1] + face[3] * u, face[2] + face[4] * u + face[5] * v, nodal)
+            x, y = face[1] + face[3] * u, face[2] + face[4] * u + face[5] * v
+            _add_point(grid, share, x, y, work, nodal)
 
 
 @kernel()
 @no_type_check
-def add_patches(theta: Parameters, grid: NodeGrid, nodal: Float64[np.ndarray, " n"]) -> None:
+def add_patches(theta: Parameters, grid: NodeGrid, nodal: Forces) -> None:
     """Add the nodal forces of a patch (6,), two (7,), a ring (4,), a bar (8,) or a face (9,) to `nodal`."""
     if len(theta) == ONE:
         add_patch(grid, theta, nodal)
@@ -266,69 +257,3 @@ def add_patches(theta: Parameters, grid: NodeGrid, nodal: Float64[np.ndarray, " 
             if theta[k] != 0.0:
                 patch[:3] = theta[k : k + 3]
                 add_patch(grid, patch, nodal)
-
-
-@kernel()
-@no_type_check
-def _residual(
-    theta: Parameters, grid: NodeGrid, likelihood: Whitened, result: Float64[np.ndarray, " q"]
-) -> float:
-    """Whitened residual of what `theta` describes, into `result`; returns its square."""
-    white, aim = likelihood.white, likelihood.aim
-    nodal = np.zeros(white.shape[1])
-    add_patches(theta, grid, nodal)
-    total = 0.0
-    for q in range(len(aim)):
-        left = aim[q]
-        for k in range(len(nodal)):
-            left -= white[q, k] * nodal[k]
-        result[q] = left
-        total += left * left
-    return total
-
-
-@kernel()
-@no_type_check
-def fit_patches(
-    theta: Parameters, step: Parameters, grid: NodeGrid, likelihood: Whitened, max_steps: int
-) -> tuple[float, Float64[np.ndarray, "p p"]]:
-    """Fits one or two patches, a ring, or a bar by Levenberg-Marquardt.
-
-    Args:
-        theta: (6,), (7,), (4,), (8,) or (9,) parameters of one or two patches, a ring, a bar or an elliptic
-            face; initial values, replaced by the result.
-        step: (p,) of finite differences; parameters with 0 are fixed.
-        grid: of the nodes.
-        likelihood: of the nodal forces.
-        max_steps: of the iteration.
-
-    Returns:
-        Least misfit, and its curvature (p, p), the inverse covariance of the parameters.
-    """
-    count, rows = len(theta), len(likelihood.aim)
-    now, tried, slope = np.empty(rows), np.empty(rows), np.zeros((rows, count))
-    misfit, damping = _residual(theta, grid, likelihood, now), 1e-3
-    gram = np.zeros((count, count))
-    for _ in range(max_steps):
-        for p in range(count):
-            if step[p] != 0.0:
-                moved = theta.copy()
-                moved[p] += step[p]
-                _residual(moved, grid, likelihood, tried)
-                slope[:, p] = (now - tried) / step[p]
-        gram, pull = slope.T @ slope, slope.T @ now
-        before = misfit
-        for _ in range(6):
-            damped = gram.copy()
-            for p in range(count):
-                damped[p, p] += damping * gram[p, p] + 1e-9
-            moved = theta + np.linalg.solve(damped, pull)
-            found = _residual(moved, grid, likelihood, tried)
-            if found < misfit:
-                theta[:], now[:], misfit = moved, tried, found
-                damping = max(0.1 * damping, 1e-9)
-                break
-            damping = max(10.0 * damping, 1e-6)
-        if before - misfit <= 1e-4 * before + 0.01:
-            break
-    return misfit, gram

@@ -61,7 +61,7 @@ class RigidFaces:
     min_pair_elements: float = 4.5
     same_centre_pitch: float = 0.4
     rise_mm: float = 0.004
-    rise_share: float = 0.007
+    rise_share: float = 0.015
     pair_rise_share: float = 0.04
     min_force_ratio: float = 0.3
     max_depth_ratio: float = 0.06
@@ -98,12 +98,14 @@ class RigidFaces:
         for own in _components(is_flat):
             if self._is_plane(clusters, depth_mm, own):
                 joined, is_done[own] = self._join(joined, clusters, own), True
-        for own in _components(is_about_flat & ~is_done & ~is_done[:, None]):
-            was_two = bool(was_apart[np.ix_(own, own)].any())
-            if self._is_one(
-                model, clusters, depth_mm, own, previous_mm, evidence_at=evidence_at, was_two=was_two
-            ):
-                joined = self._join(joined, clusters, own)
+        are_alike = is_about_flat & self._are_alike(clusters, depth_mm)
+        for is_one, least in ((are_alike, 3), (is_about_flat, 2)):
+            for own in _components(is_one & ~is_done & ~is_done[:, None], least):
+                was_two = bool(was_apart[np.ix_(own, own)].any())
+                if self._is_one(
+                    model, clusters, depth_mm, own, previous_mm, evidence_at=evidence_at, was_two=was_two
+                ):
+                    joined, is_done[own] = self._join(joined, clusters, own), True
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
         order = kept[np.argsort(-joined.normal_mm2[kept], kind="stable")]
         return joined.select(order)
@@ -130,6 +132,14 @@ class RigidFaces:
         depth_mm[first], depth_mm[second] = found_mm[:, 0], found_mm[:, -1]
         return depth_mm, pairs[0], pairs[1]
 
+    def _are_alike(self, clusters: Clusters, depth_mm: Scalars) -> np.ndarray:
+        """(c, c) pairs that are about as deep and as strong."""
+        force_mm2 = clusters.normal_mm2
+        ratio = np.minimum.outer(force_mm2, force_mm2) / np.maximum.outer(force_mm2, force_mm2)
+        off_mm = np.abs(np.subtract.outer(depth_mm, depth_mm))
+        limit_mm = self.max_depth_ratio * np.maximum.outer(depth_mm, depth_mm) + self.rise_mm
+        return np.asarray((ratio >= self.min_force_ratio) & (off_mm <= limit_mm))
+
     def _is_plane(self, clusters: Clusters, depth_mm: Scalars, own: Int64[np.ndarray, " k"]) -> bool:
         """Do four clusters or more, or three in a row, lie on one plane?"""
         place, depth = clusters.centre_mm[own], depth_mm[own]
@@ -140,8 +150,8 @@ class RigidFaces:
         is_row = extent[1] <= _ROW * extent[0]
         if len(own) < _PLANE and not is_row:
             return False
-        design = np.column_stack([np.ones(len(own)), arm])
-        off = depth - design @ np.linalg.lstsq(design, depth, rcond=_ROW if is_row else None)[0]
+        off = depth - depth.mean()
+        off -= arm @ np.linalg.lstsq(arm, off, rcond=_ROW if is_row else None)[0]
         return bool(np.abs(off).max() <= self.plane_share * depth.max() + 2.0 * self.rise_mm)
 
     def _is_one(
@@ -192,7 +202,6 @@ class RigidFaces:
         turned = arm[:, 0] * clusters.force_mm2[own, 1] - arm[:, 1] * clusters.force_mm2[own, 0]
         spread = np.einsum("k,kij->ij", share, clusters.spread_mm2[own] + arm[:, :, None] * arm[:, None, :])
         covariance = _joint_covariance(clusters.covariance[own], share)
-        by_sheet = _joint_covariance(clusters.sheet_covariance[own], share, is_common=True)
         first, others = own[0], own[1:]
 
         def changed(old: np.ndarray, new: np.ndarray | float) -> np.ndarray:
@@ -211,7 +220,6 @@ class RigidFaces:
             torque_mm3=changed(result.torque_mm3, float((clusters.torque_mm3[own] + turned).sum())),
             spread_mm2=changed(result.spread_mm2, spread),
             covariance=changed(result.covariance, covariance),
-            sheet_covariance=changed(result.sheet_covariance, by_sheet),
             label=label,
             is_face=changed(result.is_face, True),
             corner_points_mm=(
@@ -233,11 +241,11 @@ class RigidFaces:
         return np.asarray(around_mm.reshape(-1, 2))
 
 
-def _components(is_joined: np.ndarray) -> list[Int64[np.ndarray, " k"]]:
-    """Connected groups of two clusters or more."""
+def _components(is_joined: np.ndarray, least: int = 2) -> list[Int64[np.ndarray, " k"]]:
+    """Connected groups of so many clusters or more."""
     groups, label = connected_components(csr_array(is_joined), directed=False)
     found = [np.flatnonzero(label == group) for group in range(groups)]
-    return [own for own in found if len(own) > 1]
+    return [own for own in found if len(own) >= least]
 
 
 def _nearest_within(
@@ -251,21 +259,13 @@ def _nearest_within(
     return np.where(away_mm.min(axis=1) <= reach_mm, nearest, -1).astype(np.int64)
 
 
-def _joint_covariance(
-    each: Float64[np.ndarray, "k 6 6"], share: Scalars, *, is_common: bool = False
-) -> Float64[np.ndarray, "6 6"]:
-    """Covariance of the sum of forces, and of the means of the other estimates.
-
-    Errors of the clusters are independent, or have one common cause.
-    """
+def _joint_covariance(each: Float64[np.ndarray, "k 6 6"], share: Scalars) -> Float64[np.ndarray, "6 6"]:
+    """Covariance of the sum of forces, and of the means of the other estimates, with independent errors."""
     if np.isnan(each).any():
         return np.full((6, 6), np.nan)
     total = np.zeros((6, 6))
     scale = np.ones((len(share), 6))
     scale[:, 1:] = share[:, None]
-    if is_common:
-        std = (scale * np.sqrt(np.diagonal(each, axis1=1, axis2=2))).sum(axis=0)
-        return np.asarray(np.diag(std**2))
     for part, covariance in zip(scale, each, strict=True):
         total += part[:, None] * covariance * part
     return total

@@ -31,6 +31,7 @@ class ForceLattice:
 
 def smooth(value: Float64[np.ndarray, "slow fast"]) -> Float64[np.ndarray, "slow fast"]:
     """Binomial means over 3 x 3 nodes; values beyond the border are 0."""
-    wide = np.pad(value, 1)
+    wide = np.zeros((value.shape[0] + 2, value.shape[1] + 2))
+    wide[1:-1, 1:-1] = value
     rows = 0.25 * wide[:-2] + 0.5 * wide[1:-1] + 0.25 * wide[2:]
     return np.asarray(0.25 * rows[:, :-2] + 0.5 * rows[:, 1:-1] + 0.25 * rows[:, 2:])

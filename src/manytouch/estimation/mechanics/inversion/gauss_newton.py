@@ -54,6 +54,11 @@ class SheetShape:
     displacement_px: Points2
 
     @staticmethod
+    def at_rest(model: InversionModel) -> "SheetShape":
+        """The shape of a sheet that nothing touches."""
+        return SheetShape.at(model, np.zeros((model.patch.node_count, 3)))
+
+    @staticmethod
     def at(model: InversionModel, coefficient_mm: Nodal) -> "SheetShape":
         """The shape with coefficients (n, 3), which become read-only."""
         return SheetShape(
@@ -279,35 +284,33 @@ class GaussNewton:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class _Iterate:
-    """A shape with the residuals of the markers and the tangential and normal forces."""
+    """A shape with the residuals of the markers, their misfit, and the tangential and normal forces."""
 
     shape: SheetShape
     measured_px: Points2
     information: Covariances2
+    residual_px: Points2
+    misfit: float
     balance_mm2: Nodal
 
     @staticmethod
     def at(
         model: InversionModel, shape: SheetShape, measured_px: Points2, information: Covariances2
     ) -> "_Iterate":
+        residual_px = np.asarray(shape.displacement_px - measured_px)
+        pull = np.einsum("mij,mj->mi", information, residual_px)
         return _Iterate(
             shape=shape,
             measured_px=measured_px,
             information=information,
+            residual_px=residual_px,
+            misfit=float((residual_px * pull).sum()),
             balance_mm2=balance(model, shape.coefficient_mm, shape.force_mm2),
         )
 
     def move(self, model: InversionModel, change_mm: Nodal) -> "_Iterate":
         there = SheetShape.at(model, self.shape.coefficient_mm + change_mm)
         return _Iterate.at(model, there, self.measured_px, self.information)
-
-    @property
-    def residual_px(self) -> Points2:
-        return np.asarray(self.shape.displacement_px - self.measured_px)
-
-    @property
-    def misfit(self) -> float:
-        return float(np.einsum("mi,mij,mj->", self.residual_px, self.information, self.residual_px))
 
     @property
     def chi2(self) -> float:

@@ -35,7 +35,6 @@ class InversionModel:
         thickness_mm: of the sheet.
         young_MPa: None if forces are relative, over E.
         young_relative_std: its standard deviation over its value.
-        outline_std_mm: standard deviation of each side of the clamp.
         is_excluded: (n,) nodes so near a clamp that they have its forces.
         is_assumed: whether thickness and outline were assumed.
         assumed_depth_std: relative standard deviation of depths by what was assumed of sheet and camera.
@@ -52,7 +51,6 @@ class InversionModel:
     thickness_mm: float
     young_MPa: float | None
     young_relative_std: float
-    outline_std_mm: float
     is_excluded: Mask
     is_assumed: bool
     assumed_depth_std: float
@@ -166,7 +164,6 @@ class NominalSheet:
             thickness_mm=thickness_mm,
             young_MPa=sheet.young_MPa if sensor.scale_is_known else None,
             young_relative_std=_young_relative_std(sheet),
-            outline_std_mm=sheet_std(sheet).outline_mm,
             is_excluded=read_only((np.abs(patch.place_mm) > inner_mm).any(axis=1)),
             is_assumed=sheet.is_assumed,
             assumed_depth_std=float(

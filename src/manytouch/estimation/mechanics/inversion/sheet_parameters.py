@@ -28,6 +28,7 @@ from manytouch.values.sensor_file.default_std import sheet_std
 _STEP = 0.02  # of a finite difference, over the thickness or over the bending factor
 _POISSON_STEP = -0.01
 _MAX_POISSON = 0.495
+_STALE = 1.5  # ratio of total forces from which on a response is computed again
 
 Columns = Float64[np.ndarray, "p nodes"]
 
@@ -39,11 +40,13 @@ class SheetVariant:
     Attributes:
         shell: with the parameter moved by a step.
         std_over_step: standard deviation of the parameter over the step.
+        is_outline: whether the parameter is the place of the clamp.
         marker_images: of this sheet; None if those of a shape do not depend on the parameter.
     """
 
     shell: Shell
     std_over_step: float
+    is_outline: bool = False
     marker_images: MarkerImages | None = None
 
     def with_pretension(self, over_E_mm: float) -> "SheetVariant":
@@ -73,6 +76,16 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
                 std_over_step=std.poisson / abs(_POISSON_STEP),
             )
         )
+    if shell.patch.boundary == "clamped" and std.outline_mm > 0.0:
+        larger = _larger(shell, _STEP * shell.thickness_mm)
+        found.append(
+            SheetVariant(
+                shell=larger,
+                std_over_step=std.outline_mm / (_STEP * shell.thickness_mm),
+                is_outline=True,
+                marker_images=replace(model.dots, shell=larger),
+            )
+        )
     if std.bending_factor:
         factor = shell.bending_factor
         found.append(
@@ -82,6 +95,13 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
             )
         )
     return tuple(found)
+
+
+def _larger(shell: Shell, step_mm: float) -> Shell:
+    """The shell with each side of its outline farther outwards."""
+    size_x_mm, size_y_mm = shell.patch.size_mm
+    size_mm = (size_x_mm + 2.0 * step_mm, size_y_mm + 2.0 * step_mm)
+    return replace(shell, patch=replace(shell.patch, size_mm=size_mm))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -183,15 +203,24 @@ class ParameterResponse:
 
     Attributes:
         columns: (p, nodes) change of the normal forces over E (mm^2, z component) for one standard deviation
-            of each parameter.
+            of each parameter; of the outline, if all its sides are off by that.
+        by_outline_mm2: (nodes,) the column of the outline; 0 where there is none.
+        total_mm2: sum of the normal forces over E, positive in compression, of the frame.
         balance_slope: (nodes, 3) derivative of tangential and normal forces over E by the pretension over E,
             mm, at shapes that fit the markers.
         image_slope_px: (m, 2) the same of the marker images, px/mm.
     """
 
     columns: Columns
+    by_outline_mm2: Float64[np.ndarray, " nodes"]
+    total_mm2: float
     balance_slope: Nodal
     image_slope_px: Points2
+
+    def is_stale(self, model: InversionModel, fit: Fit) -> bool:
+        """Have the forces of a frame clearly other sizes than those of the response?"""
+        total_mm2, before_mm2 = total_force_mm2(model, fit), self.total_mm2
+        return not before_mm2 / _STALE <= total_mm2 <= before_mm2 * _STALE
 
     def misfit_slope(self, model: InversionModel, fit: Fit, is_pressed: Mask) -> tuple[float, float]:
         """Gradient (1/mm) and information (1/mm^2): derivatives of half the misfit by the pretension over E.
@@ -211,6 +240,11 @@ class ParameterResponse:
         gradient = float((weight * self.balance_slope * now).sum() + (pull * residual_px).sum())
         curvature = float((weight * self.balance_slope**2).sum() + (pull * self.image_slope_px).sum())
         return gradient, curvature
+
+
+def total_force_mm2(model: InversionModel, fit: Fit) -> float:
+    """Sum of the normal forces over E that press, at least the least force of a contact."""
+    return max(float(np.maximum(-fit.shape.force_mm2[:, 2], 0.0).sum()), model.lattice.least_force_mm2)
 
 
 def parameter_response(
@@ -246,8 +280,11 @@ def parameter_response(
         ]
     )
     node = model.dots.tips.basis.node
+    is_outline = np.array([False, *(variant.is_outline for variant in variants)])
     return ParameterResponse(
         columns=columns,
+        by_outline_mm2=columns[is_outline].sum(axis=0),
+        total_mm2=total_force_mm2(model, fit),
         balance_slope=balances[0] - linearisation.balance_change(solved[0]),
         image_slope_px=-np.einsum("mjka,mka->mj", linearisation.derivative, solved[0][node]),
     )

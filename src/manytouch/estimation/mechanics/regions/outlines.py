@@ -6,8 +6,8 @@ equal forces, so that its smoothed density is a sum of Gaussians.
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.ndimage import map_coordinates
 
+from manytouch.compilation import kernel, no_type_check
 from manytouch.values import ContactShape
 from manytouch.values.arrays import Points2
 
@@ -63,11 +63,13 @@ def region_of(point_mm: Points2, std_mm: float) -> tuple[float, tuple[Float64[np
     falling = np.sort(density.ravel())[::-1]
     carried = np.cumsum(falling)
     threshold = float(falling[np.searchsorted(carried, SHARE * carried[-1])])
-    outer = _crossings(density, reach_mm, threshold)
+    outer = np.empty((_ANGLES, 2))
+    _crossings(density, reach_mm, threshold, False, outer)
     area_mm2 = polygon_area(outer)
     if density[_GRID // 2, _GRID // 2] >= threshold:
         return area_mm2, (outer,)
-    inner = _crossings(density, reach_mm, threshold, is_inner=True)
+    inner = np.empty((_ANGLES, 2))
+    _crossings(density, reach_mm, threshold, True, inner)
     return area_mm2 - polygon_area(inner), (outer, inner[::-1].copy())
 
 
@@ -75,35 +77,71 @@ def _bells(place_mm: np.ndarray, centre_mm: np.ndarray, std_mm: float) -> Float6
     return np.asarray(np.exp(-0.5 * ((place_mm[:, None] - centre_mm) / std_mm) ** 2))
 
 
+@kernel()
+@no_type_check
 def _crossings(
     density: Float64[np.ndarray, "g g"],
     reach_mm: Float64[np.ndarray, "2"],
     threshold: float,
-    *,
-    is_inner: bool = False,
-) -> Float64[np.ndarray, "_ 2"]:
-    """Where rays from the middle of a grid last (or first) cross a threshold of its density, (k, 2)."""
-    angle = 2.0 * np.pi * np.arange(_ANGLES) / _ANGLES
-    direction = np.column_stack([np.cos(angle), np.sin(angle)])
-    end_mm = 1.0 / (np.abs(direction) / reach_mm).max(axis=1)  # at the border of the grid
-    radius_mm = np.linspace(0.0, 1.0, _RADII)[:, None] * end_mm
-    place = (radius_mm[:, :, None] * direction / reach_mm + 1.0) * (0.5 * (_GRID - 1))
-    sampled = map_coordinates(density, np.moveaxis(place, 2, 0), order=1, mode="nearest")
-    above = sampled >= threshold
-    if is_inner:
-        after = np.maximum(above.argmax(axis=0), 1)
-        before = after - 1
-    else:
-        before = np.minimum(_RADII - 1 - above[::-1].argmax(axis=0), _RADII - 2)
-        after = before + 1
-    ray = np.arange(_ANGLES)
-    low, high = sampled[before, ray], sampled[after, ray]
-    share = np.clip((threshold - low) / np.where(high == low, 1.0, high - low), 0.0, 1.0)
-    crossing_mm = radius_mm[before, ray] + share * (radius_mm[after, ray] - radius_mm[before, ray])
-    return np.asarray(crossing_mm[:, None] * direction)
+    is_inner: bool,
+    crossing_mm: Float64[np.ndarray, "_ 2"],
+) -> None:
+    """Where rays from the middle of a grid last (or first) cross a threshold of its density.
+
+    The density is interpolated linearly, at `_RADII` places of each ray.
+    """
+    half, last = 0.5 * (_GRID - 1), _RADII - 1
+    for ray in range(_ANGLES):
+        angle = 2.0 * np.pi * ray / _ANGLES
+        x, y = np.cos(angle), np.sin(angle)
+        end_mm = 1.0 / max(abs(x) / reach_mm[0], abs(y) / reach_mm[1])  # at the border of the grid
+        step_x, step_y = half * end_mm * x / reach_mm[0] / last, half * end_mm * y / reach_mm[1] / last
+        low = high = 0.0
+        after = 0
+        for number in range(_RADII):
+            radius = number if is_inner else last - number
+            across = min(max(half + radius * step_x, 0.0), _GRID - 1.0)
+            along = min(max(half + radius * step_y, 0.0), _GRID - 1.0)
+            i, j = min(int(across), _GRID - 2), min(int(along), _GRID - 2)
+            u, v = across - i, along - j
+            value = (1.0 - u) * ((1.0 - v) * density[i, j] + v * density[i, j + 1])
+            value += u * ((1.0 - v) * density[i + 1, j] + v * density[i + 1, j + 1])
+            if is_inner:
+                low, high, after = high, value, radius
+                if value >= threshold and radius > 0:
+                    break
+            else:
+                low, high, after = value, low, radius + 1
+                if value >= threshold and radius < last:
+                    break
+        share = 0.0 if high == low else min(max((threshold - low) / (high - low), 0.0), 1.0)
+        radius_mm = (after - 1 + share) * end_mm / last
+        crossing_mm[ray, 0], crossing_mm[ray, 1] = radius_mm * x, radius_mm * y
 
 
 def polygon_area(corner_mm: Points2) -> float:
     """Area of a polygon (k, 2), positive if it runs from x to y."""
     x, y = corner_mm.T
     return 0.5 * float((x * np.roll(y, -1) - np.roll(x, -1) * y).sum())
+
+
+def within_rectangle(
+    corner_mm: Float64[np.ndarray, "k 2"], low_mm: Float64[np.ndarray, "2"], high_mm: Float64[np.ndarray, "2"]
+) -> Points2:
+    """The part (n, 2) of a polygon (k, 2) in the rectangle between corners (2,) low and high; may be empty.
+
+    One half-plane after the other (I. E. Sutherland, G. W. Hodgman 1974, doi:10.1145/360767.360802).
+    """
+    kept = corner_mm
+    for axis in range(2):
+        for sign, limit_mm in ((1.0, high_mm[axis]), (-1.0, -low_mm[axis])):
+            beyond_mm = sign * kept[:, axis] - limit_mm
+            points = []
+            for number, point in enumerate(kept):
+                before, own = beyond_mm[number - 1], beyond_mm[number]
+                if (before > 0.0) != (own > 0.0):
+                    points.append(kept[number - 1] + before / (before - own) * (point - kept[number - 1]))
+                if own <= 0.0:
+                    points.append(point)
+            kept = np.array(points).reshape(-1, 2)
+    return kept

@@ -11,9 +11,10 @@ from manytouch.estimation.mechanics.clusters.patch_kernels import (
     add_bar,
     add_patches,
     bar_profile,
+    node_grid,
 )
 from pressed_sheet import THICKNESS_MM, contacts_of, disc_mm, pressed
-from spline_loads import SHAPE, SHEAR_MM2, knots, nodal_press
+from spline_loads import PATCH, SHAPE, SHEAR_MM2, nodal_press
 from synthetic_evidence import evidence_of
 
 BAR = np.array([0.8, 5.1, -3.2, 6.0, 2.5, 1.4, 0.3, 0.9])
@@ -21,7 +22,7 @@ BAR = np.array([0.8, 5.1, -3.2, 6.0, 2.5, 1.4, 0.3, 0.9])
 
 def slack_grid() -> tuple[NodeGrid, int]:
     nodes = np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE)
-    return NodeGrid(knots(0), knots(1), nodes, SHEAR_MM2, np.zeros((2, 2)), np.zeros((2, 2))), nodes.size
+    return node_grid(PATCH, nodes), nodes.size
 
 
 def test_the_nodal_forces_of_a_bar() -> None:

@@ -36,7 +36,7 @@ def test_a_small_ring_is_a_patch() -> None:
 
 def test_the_nodal_forces_of_a_ring_have_its_sum_centre_and_moment() -> None:
     nodal = np.zeros(len(NODE))
-    add_ring(evidence_of([1.0, 3.0, -2.0, 5.0]).node_grid(), np.array([0.7, 3.0, -2.0, 5.0]), nodal)
+    add_ring(evidence_of([1.0, 3.0, -2.0, 5.0]).combinations.grid, np.array([0.7, 3.0, -2.0, 5.0]), nodal)
     assert nodal.sum() == pytest.approx(0.7)
     centre_mm = nodal @ PATCH.place_mm / nodal.sum()
     np.testing.assert_allclose(centre_mm, [3.0, -2.0], atol=1e-9)

@@ -1,5 +1,6 @@
 """Number and centres of contacts, from exact nodal forces of known loads."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -8,7 +9,9 @@ import pytest
 from manytouch.estimation.mechanics.clusters.evidence import Combinations, Evidence
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
 from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
-from spline_loads import PATCH, SHAPE, SHEAR_MM2, knots
+from manytouch.estimation.mechanics.clusters.patch_kernels import node_grid
+from manytouch.geometry.spline.patch import SplinePatch
+from spline_loads import PATCH, SHAPE, SHEAR_MM2
 from spline_loads import SHEARED as LATTICE
 from spline_loads import pressed as pressed_thin
 
@@ -18,7 +21,7 @@ NONE_BEFORE = np.zeros((0, 2))
 NOISE_MM2 = 2e-3
 
 
-def evidence_of(force_mm2: np.ndarray, noise_mm2: float = NOISE_MM2):
+def evidence_of(force_mm2: np.ndarray, noise_mm2: float = NOISE_MM2, patch: SplinePatch = PATCH):
     """A likelihood that is centred on the force of each node, with some noise."""
     seen_mm2 = force_mm2[:, 2] + np.random.default_rng(1).normal(0.0, noise_mm2, len(force_mm2))
 
@@ -29,14 +32,11 @@ def evidence_of(force_mm2: np.ndarray, noise_mm2: float = NOISE_MM2):
             combinations=Combinations(
                 white=np.eye(len(node)) / noise_mm2,
                 white_of_mean=np.eye(len(node)) / noise_mm2,
-                knot_x_mm=knots(0),
-                knot_y_mm=knots(1),
                 node=node,
-                local=local.reshape(SHAPE),
+                grid=node_grid(PATCH, local.reshape(SHAPE)),
             ),
             aim=-seen_mm2[node] / noise_mm2,
-            patch=PATCH,
-            columns=np.zeros((0, len(node))),
+            patch=patch,
         )
 
     return evidence_at
@@ -61,6 +61,17 @@ def test_two_narrow_presses_are_two_contacts(share: float, angle: float, half_mm
     np.testing.assert_allclose(ends, [way + 1.0, 1.0 - way], atol=0.2)
     np.testing.assert_allclose(np.sort(found.normal_mm2), np.sort([1.0, share]), rtol=0.08)
     assert set(np.unique(found.label)) == {-1, 0, 1}
+
+
+@pytest.mark.parametrize(("shift_mm", "count"), [(0.0, 2), (38.0, 2), (46.0, 1)])
+def test_two_contacts_of_which_one_is_not_on_the_sheet_are_one(shift_mm: float, count: int) -> None:
+    """The sheet is 88 mm wide: shifted by 46 mm, it ends between the two presses."""
+    force = pressed((-4.0, 0.0, 1.0, 1.0), (4.0, 0.0, 1.0, 1.0))
+    patch = replace(PATCH, centre_mm=(shift_mm, 0.0))
+    found = ORDER(
+        LATTICE, force, CLUSTER(LATTICE, force), NONE_BEFORE, evidence_at=evidence_of(force, patch=patch)
+    )
+    assert len(found) == count
 
 
 def test_one_press_of_any_width_is_one_contact() -> None:

@@ -1,16 +1,15 @@
-"""Nodal forces of patches against scipy, and the fit against its own truth."""
+"""Nodal forces of patches against scipy."""
 
 import numpy as np
 import pytest
 
-from manytouch.estimation.mechanics.clusters.patch_kernels import NodeGrid, Whitened, add_patch, fit_patches
-from manytouch.geometry.spline import basis
+from manytouch.estimation.mechanics.clusters.patch_kernels import NodeGrid, add_patch, node_grid
 from manytouch.geometry.spline.patch import SplinePatch
-from spline_loads import SHAPE, SHEAR_MM2, SHEARED, knots, nodal_press
+from spline_loads import PATCH, SHAPE, SHEAR_MM2, SHEARED, nodal_press
 
 NODES = np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE)
 END = (-0.1, -0.7, 0.1)
-GRID = NodeGrid(knots(0), knots(1), NODES, SHEAR_MM2, np.zeros((2, 2)), np.zeros((2, 2)))
+GRID = node_grid(PATCH, NODES)
 ELLIPSE = np.array([0.8, 5.1, -3.2, 2.0, 0.7, 1.4])
 
 
@@ -55,10 +54,7 @@ def test_a_patch_near_the_clamp(centre_mm: tuple[float, float]) -> None:
     """Its forces are those of the patch of the sheet, whose outer functions belong to nodes within."""
     sheet = SplinePatch(size_mm=(48.0, 36.0), elements=(12, 9), shear_mm2=SHEAR_MM2, clamped_end=END)
     local = np.pad(np.arange(sheet.node_count).reshape(sheet.shape), 1, constant_values=-1)
-    lines = [
-        basis.knots(sheet.size_mm[axis], sheet.elements[axis]) - sheet.size_mm[axis] / 2 for axis in (0, 1)
-    ]
-    grid = NodeGrid(*lines, local, SHEAR_MM2, sheet.end_shares(0), sheet.end_shares(1))
+    grid = node_grid(sheet, local)
     patch = np.array([0.8, *centre_mm, 1.0, 0.3, 0.6])
     places_mm, force = quadrature(patch)
     expected = sheet.load(places_mm, np.outer(force, [0.0, 0.0, 1.0]))[:, 2]
@@ -74,13 +70,3 @@ def test_the_second_moment_of_a_patch() -> None:
     second = (nodal * arm) @ arm.T / nodal.sum() - np.diag(SHEARED.own_spread_mm2)
     root = np.array([[ELLIPSE[3], 0.0], [ELLIPSE[4], ELLIPSE[5]]])
     np.testing.assert_allclose(second, root @ root.T, atol=1e-9)
-
-
-def test_a_fit_finds_the_patch_and_its_curvature() -> None:
-    likelihood = Whitened(np.eye(NODES.size) / 1e-3, reference(ELLIPSE) / 1e-3)
-    theta = ELLIPSE * np.array([1.2, 1.1, 0.9, 1.2, 0.5, 0.8])
-    step = np.array([1e-4, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3])
-    misfit, curvature = fit_patches(theta, step, GRID, likelihood, 30)
-    assert misfit < 0.1
-    np.testing.assert_allclose(theta, ELLIPSE, atol=0.02)
-    assert (np.linalg.eigvalsh(curvature) > 0.0).all()

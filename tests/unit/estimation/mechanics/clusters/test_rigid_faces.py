@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
+from manytouch.estimation import MechanicsEstimator
+from manytouch.estimation.mechanics.clusters.force_clusters import cluster_moments
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
-from pressed_sheet import contacts_of, pressed
+from pressed_sheet import contacts_of, pressed, slack_sensor
 
 HALF_MM = 5.5  # from the middle of the face to each of two edges that press
 
@@ -33,3 +35,26 @@ def test_a_face_that_comes_to_press_with_two_edges_stays_one_contact(began_as_on
     if began_as_one:
         np.testing.assert_allclose(contacts.touching[0].centre_mm, 0.0, atol=0.5)
         assert len(contacts_of([*rest, *flat, *split], RigidFaces(same_centre_pitch=0.0)).touching) == 2
+
+
+@pytest.mark.parametrize("half_mm", [6.0, 21.0])
+@pytest.mark.parametrize("depths_mm", [(1.0, 1.0, 1.0, 1.0), (1.0, 0.5, 0.8, 0.3)])
+def test_four_forces_in_a_row_are_one_bar_if_the_sheet_is_flat_under_them(
+    half_mm: float, depths_mm: tuple[float, ...]
+) -> None:
+    model = MechanicsEstimator().start(slack_sensor()).model
+    place_mm = np.column_stack([np.linspace(-half_mm, half_mm, 4), np.zeros(4)])
+    coefficient_mm = np.zeros((model.patch.node_count, 3))
+    away_mm = np.abs(model.lattice.place_mm[:, None, 0] - place_mm[:, 0])
+    coefficient_mm[:, 2] = -np.array(depths_mm)[away_mm.argmin(axis=1)]
+    node = np.linalg.norm(model.lattice.place_mm - place_mm[:, None], axis=2).argmin(axis=1)
+    force_mm2, label = np.zeros_like(coefficient_mm), np.full(len(coefficient_mm), -1)
+    force_mm2[node, 2], label[node] = -0.01, np.arange(4)
+    found = RigidFaces()(
+        model,
+        coefficient_mm,
+        cluster_moments(model.lattice, force_mm2, label),
+        np.zeros((0, 2)),
+        lambda node: None,
+    )
+    assert len(found) == (1 if len(set(depths_mm)) == 1 else 4)

@@ -9,6 +9,7 @@ from manytouch.estimation.mechanics.regions.outlines import (
     polygon_area,
     region_of,
     shape_points,
+    within_rectangle,
 )
 from manytouch.values import ContactShape
 
@@ -64,3 +65,13 @@ def test_the_points_of_a_shape_have_the_moments_of_its_ellipse(shape) -> None:
 def test_a_wide_region_has_nearly_the_area_of_its_pressure() -> None:
     area_mm2, _ = region_of(shape_points(ContactShape.PATCH, np.array([30.0, 20.0])), 1.0)
     assert area_mm2 == pytest.approx(np.pi * 30.0 * 20.0, rel=0.06)
+
+
+def test_a_region_ends_at_a_rectangle() -> None:
+    diamond = np.array([[3.0, 0.0], [0.0, 3.0], [-3.0, 0.0], [0.0, -3.0]])
+    low_mm, high_mm = np.array([-4.0, -4.0]), np.array([1.0, 4.0])
+    inside = within_rectangle(diamond, low_mm, high_mm)
+    assert polygon_area(inside) == pytest.approx(18.0 - 4.0)
+    assert inside[:, 0].max() == pytest.approx(1.0)
+    np.testing.assert_array_equal(within_rectangle(diamond, low_mm, np.array([4.0, 4.0])), diamond)
+    assert len(within_rectangle(diamond, np.array([5.0, 5.0]), np.array([6.0, 6.0]))) == 0

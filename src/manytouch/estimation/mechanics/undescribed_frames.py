@@ -1,9 +1,9 @@
-"""Frames of a sheet that was assumed: whether it describes them, and what is known where it does not.
+"""Frames that the sheet does not describe, and what is known of them.
 
 The outline, the thickness and the pretension of an assumed sheet differ from the true ones, so that its
 marker images differ by a share of the motion of the markers; a pad bonded to a window, or a sheet that is
-drawn in from beyond the view, differs by much more. Such frames have the surface and the contacts of
-`perimeter`, without forces.
+drawn in from beyond the view, differs by much more. So does a sheet that is not that of the sensor file. Such
+frames have the surface and the contacts of `perimeter`, without forces.
 """
 
 from dataclasses import dataclass, field, replace
@@ -13,8 +13,10 @@ import numpy as np
 
 from manytouch.estimation.contact_finder import ContactFinder
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
+from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.perimeter.marker_surface import MarkerGeometry, MarkerSurface
 from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
+from manytouch.geometry.neighbours import Neighbours
 from manytouch.values import Contact, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Points2
 
@@ -39,8 +41,8 @@ class WithoutSheet:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class AssumedSheetRules:
-    """Parameters of the frames of an assumed sheet.
+class UndescribedFrames:
+    """Parameters of the frames that the sheet does not describe.
 
     Attributes:
         marker_surface: depth of the markers without a model of the sheet.
@@ -49,6 +51,13 @@ class AssumedSheetRules:
             motion of the markers in this frame.
         most_misfit: largest RMS residual of a sheet that is described, over the RMS motion of the markers.
         misfit_pitch: residuals below this are no misfit, in pitches.
+        most_chi2: least mean square of residuals over their deviation that is a misfit of a known sheet; the
+            varied cases, with drawn sensor files too, have 5 at most.
+        wait_frames: number of frames in a row that a known sheet may not describe before `perimeter` is used;
+            tracking may have failed in them.
+        retry_frames: after these, as many in each group of this number of frames are fitted.
+        most_rough: largest RMS difference of the motions of a marker and of its nearest neighbour, over the
+            RMS motion, that a sheet has; above it tracking has failed, and contacts wait.
     """
 
     marker_surface: MarkerSurface = field(default_factory=MarkerSurface)
@@ -56,6 +65,10 @@ class AssumedSheetRules:
     model_share: float = 0.005
     most_misfit: float = 0.07
     misfit_pitch: float = 0.003
+    most_chi2: float = 10.0
+    wait_frames: int = 5
+    retry_frames: int = 15
+    most_rough: float = 0.7
 
     def start(self, sensor: Sensor) -> WithoutSheet:
         """The state before the first frame."""
@@ -79,10 +92,25 @@ class AssumedSheetRules:
         """Standard deviation of a marker image that the assumed sheet does not explain in a frame."""
         return float(np.hypot(model_std_px, self.model_share * _rms(grid.position_px - reference_px, grid)))
 
-    def describes(self, fit: Fit, grid: TrackedGrid, reference_px: Points2, pitch_px: float) -> bool:
-        """Does the assumed sheet describe the frame?"""
+    def is_fitted(self, model: InversionModel, undescribed: int) -> bool:
+        """Is the next frame fitted, after so many in a row that the sheet did not describe?"""
+        return model.is_assumed or undescribed % self.retry_frames < self.wait_frames
+
+    def is_torn(self, grid: TrackedGrid, reference_px: Points2, neighbours: Neighbours) -> bool:
+        """Do neighbours move so differently that the markers are not those of one sheet?"""
+        motion_px, nearest = grid.position_px - reference_px, neighbours.index[:, 0]
+        both = grid.is_seen & grid.is_seen[nearest]
+        rough_px = motion_px[both] - motion_px[nearest[both]]
+        return bool(np.square(rough_px).sum() > self.most_rough**2 * np.square(motion_px[both]).sum())
+
+    def describes(
+        self, model: InversionModel, fit: Fit, grid: TrackedGrid, reference_px: Points2, pitch_px: float
+    ) -> bool:
+        """Does the sheet describe the frame?"""
         if fit.status is not Status.OK:
             return False
+        if not model.is_assumed and fit.chi2 <= self.most_chi2:
+            return True
         moved_px = _rms(grid.position_px - reference_px, grid)
         return _rms(fit.residual_px, grid) <= max(self.most_misfit * moved_px, self.misfit_pitch * pitch_px)
 
