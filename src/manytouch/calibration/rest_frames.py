@@ -18,7 +18,7 @@ _ENLARGED = 1.03
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class RestDots:
-    """Dots that most rest frames show, each with its medians over them.
+    """Dots that at least two fifths of the rest frames show, each with its medians over them.
 
     Attributes:
         centre_px: (n, 2).
@@ -27,7 +27,7 @@ class RestDots:
         noise_px: (n,) noise of a centre (`geometry.centre_noise`); NaN below three frames.
         times_seen: (n,) number of rest frames that show the dot.
         frames: indices of the rest frames among the given frames.
-        moved: whether the dots moved in other frames.
+        moved: whether more than a fifth of the usable frames do not agree with the rest frames.
     """
 
     centre_px: Points2
@@ -40,7 +40,9 @@ class RestDots:
 
 
 def merge_rest_dots(detections: Sequence[Detections]) -> RestDots:
-    """Merge the dots of frames that agree with each other; the earliest group of sufficient size is used.
+    """Merge the dots of the frames that agree with one frame.
+
+    That is the earliest one with which at least 60 % as many frames agree as with any other.
 
     Frames with a bad status are left out unless there is no other. A dot counts when at least two
     fifths of the group's frames show it.
@@ -61,11 +63,14 @@ def merge_rest_dots(detections: Sequence[Detections]) -> RestDots:
 def confirm_rest_dots(still: RestDots, known: RestDots, *, is_same_time: bool) -> RestDots:
     """Return the rest dots that belong to the pattern of the `known` dots of one frame.
 
-    A search by size alone also finds glints and stripes. A dot is accepted if the survey found it, or if
-    it lies
-    on the lattice inside the surveyed pattern, unless there are many such dots. Known dots that the search
-    missed
-    are added if they were measured in the same frames.
+    A search by size alone also finds glints and stripes. A dot is accepted if the survey found it, or if it
+    lies on the lattice inside the surveyed pattern, unless there are many such dots. Known dots that the
+    search missed are added if they were measured in the same frames.
+
+    Args:
+        still: dots that were found by their size in the rest frames.
+        known: dots that the survey found in one frame.
+        is_same_time: whether that is one of the rest frames.
     """
     if len(known.centre_px) < 2 or len(still.centre_px) < 2:
         return known if is_same_time else still

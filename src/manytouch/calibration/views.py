@@ -33,12 +33,13 @@ def calibrate_views(
 ) -> ViewsCalibration:
     """Estimate the pose of each view, missing markers and noise from some seconds of the untouched sheet.
 
-    The views share the markers of the sensor file, whose numbers follow from the given poses; these may be
-    off by 0.4 pitch.
+    All views share the markers of the sensor file. The given poses decide which dot is which marker; they may
+    misplace the markers by up to 0.4 pitch. A marker is missing if the view that shows it nearest to the
+    middle of its image does not find it. The noise is the median over the views.
 
     Args:
         sensor: with several views and a layout.
-        frames: of all views in a row.
+        frames: one after the other; the image of each contains the pictures of all views.
         sheet: for the calibrated sensor; None keeps that of `sensor`.
 
     Raises:
@@ -76,13 +77,15 @@ def calibrate_views(
 
 
 def describe_views(calibration: ViewsCalibration) -> Iterator[str]:
-    """Lines about each view, begun by its name."""
+    """The report of each view; every line starts with the name of the view."""
     for name, view in calibration.views.items():
         yield from (f"view {name}: {line}" for line in describe(view))
 
 
 def with_provenance_of_views(calibration: ViewsCalibration, source_name: str) -> Sensor:
-    """The calibrated sensor; its provenance names source, residuals and warnings of each view."""
+    """The calibrated sensor; its provenance names the source, the smallest number of frames of a view,
+    and residuals and warnings of each view.
+    """
     views = calibration.views
     provenance = {
         **calibration.sensor.provenance,

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 Points2 = Float64[np.ndarray, "n 2"]
 Covariances2 = Float64[np.ndarray, "n 2 2"]
+Matrices2 = Float64[np.ndarray, "n 2 2"]
 Points3 = Float64[np.ndarray, "n 3"]
 Covariances3 = Float64[np.ndarray, "n 3 3"]
 Scalars = Float64[np.ndarray, " n"]

@@ -1,17 +1,20 @@
 """Contacts of one frame."""
 
+import math
 from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
 from jaxtyping import Float64
 
+from manytouch.errors import ManytouchError
 from manytouch.values.arrays import Points2, count_of
 from manytouch.values.display.html import columns_table, with_std
 from manytouch.values.status import Status
 
 ESTIMATES = ("x", "y", "depth", "shear_x", "shear_y", "normal_force", "torque", "area")
-"""Order of rows and columns of `Contact.covariance`."""
+"""Names for `Contact.std`, and the order of rows and columns of `Contact.covariance`."""
+SHOWN = 4  # contacts in the text of `Contacts`
 
 
 class Phase(StrEnum):
@@ -93,8 +96,24 @@ class Contact:
     shape_probability: float = float("nan")
     outline: tuple[OutlineRing, ...] | None = None
 
+    @property
+    def normal_force_N(self) -> float:
+        """Normal force, positive in compression: -z of `force_N`; NaN if unknown."""
+        return -float(self.force_N[2])
+
     def std(self, estimate: str) -> float:
-        """Standard deviation of one of `ESTIMATES`, in its own unit; NaN if unknown."""
+        """Standard deviation of an estimate, in its own unit; NaN if unknown.
+
+        Args:
+            estimate: "x", "y", "depth", "shear_x", "shear_y", "normal_force", "torque" or "area"; what the
+                name of a column adds, such as `_N`, is not part of it.
+
+        Raises:
+            ManytouchError: there is no such estimate.
+        """
+        if estimate not in ESTIMATES:
+            names = ", ".join(ESTIMATES)
+            raise ManytouchError(f"a contact has no estimate {estimate!r}: give one of {names}")
         index = ESTIMATES.index(estimate)
         return float(np.sqrt(self.covariance[index, index]))
 
@@ -102,7 +121,7 @@ class Contact:
         x_mm, y_mm = self.centre_mm
         return (
             f"Contact({self.id}, {self.phase}, at ({x_mm:.2f}, {y_mm:.2f}) mm, depth {self.depth_mm:.2f} mm, "
-            f"normal force {-self.force_N[2]:.3g} N)"
+            f"normal force {self.normal_force_N:.3g} N)"
         )
 
     def _repr_html_(self) -> str:
@@ -135,11 +154,23 @@ class Contacts:
         return arrow_stream(contact_values_by_column(self), requested_schema)
 
     def __repr__(self) -> str:
-        return f"Contacts({count_of(len(self.touching), 'contact')}, {self.status})"
+        shown = [_in_short(contact) for contact in self.touching[:SHOWN]]
+        more = len(self.touching) - len(shown)
+        listed = "; ".join([*shown, f"{more} more"] if more else shown)
+        head = f"{count_of(len(self.touching), 'contact')}, {self.status}"
+        return f"Contacts({head}: {listed})" if listed else f"Contacts({head})"
 
     def _repr_html_(self) -> str:
         header = ("contact", "phase", "x (mm)", "y (mm)", "depth (mm)", "normal force (N)")
         return columns_table(header, (_cells(contact) for contact in self.contacts))
+
+
+def _in_short(contact: Contact) -> str:
+    """Depth and normal force of a contact."""
+    depth = with_std(contact.depth_mm, contact.std("depth"))
+    force = contact.normal_force_N
+    newtons = f", {with_std(force, contact.std('normal_force'), 3)} N" if math.isfinite(force) else ""
+    return f"{contact.id}: depth {depth} mm{newtons}"
 
 
 def _cells(contact: Contact) -> tuple[str, ...]:
@@ -149,5 +180,5 @@ def _cells(contact: Contact) -> tuple[str, ...]:
         *(str(contact.id), contact.phase.value),
         *(with_std(x_mm, contact.std("x")), with_std(y_mm, contact.std("y"))),
         with_std(contact.depth_mm, contact.std("depth")),
-        with_std(-float(contact.force_N[2]), contact.std("normal_force"), 3),
+        with_std(contact.normal_force_N, contact.std("normal_force"), 3),
     )

@@ -240,6 +240,13 @@ class Sensor:
         return self.is_nominal or self.provenance.get("nominal_shape") is True
 
     @property
+    def rest_frames(self) -> int | None:
+        """Number of frames of the recording whose mean the rest positions are; None if it is not known."""
+        count, still = self.provenance.get("rest_frames"), self.provenance.get("still_frames")
+        found = len(still) if count is None and isinstance(still, list) else count
+        return found if isinstance(found, int) and found > 0 else None
+
+    @property
     def length_unit(self) -> LengthUnit:
         """The unit that writers name in columns and labels: "mm", or "pitch" if the scale is unknown."""
         return "mm" if self.scale_is_known else "pitch"

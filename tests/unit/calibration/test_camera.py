@@ -265,6 +265,9 @@ def test_the_verb_writes_a_sensor_file_that_can_be_read(pictures, tmp_path: Path
     assert main(["calibrate", "camera", str(folder), str(tmp_path / "torn.png"), *words]) == 0
     sensor = load_sensor(tmp_path / "camera.toml")
     assert sensor.camera.fx_px == pytest.approx(430.0, abs=1.0)
+    assert 0.0 < sensor.camera.fx_std_px < 1.0
+    assert sensor.camera.distortion_std.shape == sensor.camera.distortion.shape
+    assert sensor.camera.distortion_std[0] > 0.0
     assert sensor.layout is None
     assert "rejected: torn.png cannot be decoded" in capsys.readouterr().out
     assert main(["calibrate", "camera", str(tmp_path / "nothing"), *words]) == 1

@@ -23,7 +23,7 @@ from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.sources import open_source
-from manytouch.values.sensor_file import save_sensor
+from manytouch.values.sensor_file import load_sensor, save_sensor
 
 YOUNG_MPA, THICKNESS_MM, PRETENSION_N_PER_MM = 2.4, 3.3, 0.15
 PLACES = (
@@ -260,8 +260,10 @@ def test_presses_are_read_from_a_recording(tmp_path):
     images = [cv2.cvtColor(shown.frame(index).image, cv2.COLOR_GRAY2BGR) for index in range(16)]
     write_video(tmp_path / "short.avi", images)
     table.write_text("input,time_s,x_mm,y_mm\nshort.avi,60,14,-8\n")
-    with pytest.raises(SourceError, match="correct time_s"):
+    with pytest.raises(SourceError, match="correct time_s, or give the rate of the recording with --fps"):
         measure_presses(sensor, read_press_table(table), tmp_path)
+    (press,) = measure_presses(sensor, read_press_table(table), tmp_path, fps=0.25)  # 16 frames in 60 s
+    assert press.is_seen.any()
 
 
 def test_the_plan_is_a_table_that_can_be_read_and_gcode_that_presses(tmp_path, capsys):
@@ -277,6 +279,16 @@ def test_the_plan_is_a_table_that_can_be_read_and_gcode_that_presses(tmp_path, c
     assert code == probing_gcode(sensor)
     assert code.count("G1 Z-2.5") == 5
     assert "G1 X-30 Y-20" in code
+    pad = load_sensor("gelsight-mini")  # 4 mm thick, bonded
+    depths_mm = [
+        float(word[1:])
+        for line in probing_gcode(pad).splitlines()
+        for word in line.split()[1:2]
+        if word.startswith("Z-")
+    ]
+    assert len(depths_mm) == 10
+    assert min(depths_mm) == -0.25 * pad.sheet.thickness_mm
+    assert "a quarter of the pad's thickness of" in probing_gcode(pad)
     assert weight_table(sensor).startswith("# Glue a ball of 16 mm")
     assert main([*words, "--out", "x.toml"]) == 2
     assert "or --plan DIR" in capsys.readouterr().err

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from manytouch.design.parts import pictures
 from manytouch.design.parts.casing import (
     CasingChoices,
     make_parts,
@@ -20,7 +21,8 @@ from manytouch.values.sensor_file import load_sensor
 FEW_SCREWS = CasingChoices(screw_every_mm=80.0)
 
 
-def test_a_design_is_written_with_all_its_files(found, tmp_path: Path):
+def test_a_design_is_written_with_all_its_files(found, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(pictures, "SAMPLES_PER_PX", 1.0)
     assert write_design(found, tmp_path, choices=FEW_SCREWS, step=True) == ()
     names = {str(path.relative_to(tmp_path)) for path in tmp_path.rglob("*") if path.is_file()}
     assert names >= {

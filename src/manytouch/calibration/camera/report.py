@@ -1,6 +1,7 @@
 """Report of a camera calibration: text, ROS `camera_info`, JSON and a plot."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +12,7 @@ from manytouch.calibration.camera.calibrate import CameraCalibration
 from manytouch.errors import MissingExtraError, OutputError
 from manytouch.geometry.camera import camera_matrix
 from manytouch.values import Camera, Sensor
+from manytouch.values.arrays import read_only
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -195,14 +197,21 @@ def _matrix(name: str, values: np.ndarray) -> list[str]:
 
 
 def calibrated_camera(calibration: CameraCalibration, name: str) -> Sensor:
-    """A sensor with the calibrated camera only; its provenance names the board and the residuals."""
+    """A sensor with the calibrated camera and its deviations only; its provenance has board and residuals."""
     found, board = calibration.intrinsics, calibration.board
     provenance = {
         "camera": (
             f"calibrated from {len(calibration.views)} views of a {board}, square {board.square_mm:g} mm"
         ),
         "camera_rms_px": round(found.rms_px, 4),
-        **{f"camera_std_{key}": value for key, value in found.std.items()},
         "new_camera_matrix": found.new_matrix.tolist(),
     }
-    return Sensor(name=name, camera=found.camera, provenance=provenance)
+    camera = replace(
+        found.camera,
+        fx_std_px=found.std["fx_px"],
+        fy_std_px=found.std["fy_px"],
+        cx_std_px=found.std["cx_px"],
+        cy_std_px=found.std["cy_px"],
+        distortion_std=read_only(np.array([value for name, value in found.std.items() if "_px" not in name])),
+    )
+    return Sensor(name=name, camera=camera, provenance=provenance)

@@ -131,10 +131,17 @@ def clamp_warnings(seen: ClampLine, sheet: Sheet | None) -> list[str]:
     far = [number for number in range(4) if abs(off[number]) > ODD_MM]
     if not far:
         return []
+    remedy = (
+        "if the pad ends there, correct size_mm and offset_mm; if that is the edge of the light or "
+        "of the frame "
+        "around it, leave them"
+        if sheet.boundary == "bonded"
+        else "if it is clamped there, correct size_mm and offset_mm"
+    )
     sides = ", ".join(f"{SIDES[number]} at {seen.side_mm[number]:.1f} mm" for number in far)
     return [
         f"the edge of the illuminated sheet differs from [sheet] ({sides}, from the centre of the sheet): "
-        "if it is clamped there, correct size_mm and offset_mm"
+        f"{remedy}"
     ]
 
 

@@ -20,7 +20,10 @@ from manytouch.values import Frame, Layout, Roi, Sensor
 from manytouch.values.arrays import Points2, read_only
 
 NOMINAL, NOMINAL_SHAPE = "nominal", "nominal_shape"
-"""Key of `[provenance]` in the sensor files of the package, which describe a kind of sensor, not a device."""
+"""Key of `[provenance]` in the sensor files of the package, which describe a kind of sensor, not a device;
+and that of a calibrated sensor, whose thickness and outline are still those of such a file."""
+NOMINAL_NAME = " (nominal)"
+"""End of the names of such sensors."""
 MOST_RESIDUAL = 0.15
 """RMS residual of a pose, in pitches, beyond which a file describes another kind of sensor."""
 _ADVICE = ": give the file of this sensor, calibrate one (manytouch calibrate rest), or leave the file out"

@@ -11,7 +11,7 @@ from manytouch.calibration.outline.clamp_line import ClampLine, clamp_line, clam
 from manytouch.calibration.outline.pad_outline import pad_of, with_origin_at, with_seen_outline
 from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
-from manytouch.calibration.rest.pose import fit_pose
+from manytouch.calibration.rest.pose import fit_pose, pose_std_by_lens
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.detection import expected_appearance
@@ -43,9 +43,10 @@ class RestCalibration:
     """A sensor calibrated on its untouched sheet.
 
     Attributes:
-        sensor: with pose, layout, missing markers and noise; `rest_px` are the measured positions.
+        sensor: with pose and its deviations, layout, missing markers and noise; `rest_px` are the measured
+            positions.
         residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN if missing.
-        pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm).
+        pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm), also by the lens.
         noise_px: noise of a marker's centre (`geometry.centre_noise`), median of the markers.
         contrast: grey levels between markers and background.
         frames: number of frames used: those in which the markers are at rest.
@@ -134,6 +135,10 @@ def calibrate_rest(
     place_px = seen.median_px(np.ones(len(seen.timestamp_ns), dtype=np.bool_))
     there = ~is_missing & np.isfinite(place_px[:, 0])
     camera, std = fit_pose(laid.camera, layout.rest_mm[there], place_px[there], pad)
+    std = np.hypot(std, pose_std_by_lens(camera, layout.rest_mm[there], pad))
+    camera = replace(
+        camera, rotation_vector_std=read_only(std[:3].copy()), translation_std_mm=read_only(std[3:].copy())
+    )
     px_per_mm = _px_per_mm(camera, sensor.sheet, place_px[there])
     if sensor.layout is None:
         layout = _with_measured_radius(layout, px_per_mm, seen, there)
@@ -164,7 +169,7 @@ def calibrate_rest(
         motion_px=float(np.nanmax(motion_px[at_rest])),
         clamp=seen_clamp,
         warnings=(
-            *_warnings(sensor, found, residual, every, px_per_mm),
+            *_warnings(sensor, found, residual, seen, px_per_mm),
             *clamp_warnings(seen_clamp, found.sheet),
             *_focus_warnings(found, frames, roi_px),
         ),
@@ -291,15 +296,21 @@ def _warnings(
     left = np.sqrt(np.nanmean(np.square(residual).sum(axis=1)))
     if left > MAX_RESIDUAL_PITCHES * pitch_px:
         sentences.append(
-            f"markers lie {left:.2f} px (RMS) off a flat lattice: the sheet is not flat, the lens is not "
-            "calibrated, or pitch_mm along x or y is wrong"
+            f"markers lie {left:.2f} px (RMS) off a flat lattice: calibrate the lens (manytouch calibrate "
+            "camera, with views of a board), and check pitch_mm along x and y; what remains is a "
+            "sheet that is "
+            "not flat, which results allow for"
         )
     lost = int((~there).sum()) - (int(given.layout.is_missing.sum()) if given.layout is not None else 0)
     if lost > 0:
         sentences.append(f"{lost} markers were not seen and are treated as missing")
     drift = np.nanmax(np.linalg.norm(seen.position_px[-1] - seen.position_px[0], axis=1))
     if drift > MAX_DRIFT_PITCHES * pitch_px:
-        sentences.append(f"a marker moved by {drift:.2f} px during the recording: was the sheet touched?")
+        sentences.append(
+            f"a marker moved by {drift:.2f} px between the first and the last of the frames that were "
+            "used: if the "
+            "sheet was touched, record two seconds without touching it, and repeat"
+        )
     contrast = float(np.nanmedian(seen.contrast))
     if contrast < MIN_CONTRAST_GREY:
         sentences.append(

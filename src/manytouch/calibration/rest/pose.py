@@ -11,6 +11,7 @@ from manytouch.geometry.camera import cam_from_sheet, camera_matrix, project
 from manytouch.geometry.refraction import project_through_window
 from manytouch.values import Camera, Sheet
 from manytouch.values.arrays import Points2, read_only
+from manytouch.values.sensor_file.default_std import camera_std
 
 _INSIDE_PX = 1e4
 """Residual of a pose whose camera is inside of the window."""
@@ -56,8 +57,10 @@ def fit_pose(
         return best, _pose_std(best, rest_mm, place_px, sheet)
     except np.linalg.LinAlgError as error:
         raise LayoutError(
-            "from no place would the camera of the sensor file see the markers of the recording as they lie: "
-            "give the file of this sensor, or calibrate one (manytouch calibrate rest)"
+            "this recording is of another sensor: from no place would the camera of the sensor file see its "
+            "markers; give the file of the sensor that was recorded, or make one (manytouch "
+            "calibrate camera, "
+            "then calibrate rest)"
         ) from error
 
 
@@ -104,9 +107,38 @@ def _refine_pose(first: Camera, rest_mm: np.ndarray, place_px: Points2, sheet: S
     return _posed(first, found.x)
 
 
-def _pose_std(
-    camera: Camera, rest_mm: np.ndarray, place_px: Points2, sheet: Sheet | None
+def pose_std_by_lens(
+    camera: Camera, rest_mm: np.ndarray, sheet: Sheet | None = None
 ) -> Float64[np.ndarray, "6"]:
+    """Deviations (6,) of a fitted pose by those of focal length, principal point and distortion.
+
+    An error of the focal length moves the fitted sheet away by the same share, one of the principal point
+    moves it to the side, and one of the distortion tilts it.
+
+    Args:
+        camera: in the fitted pose; deviations that it does not state are the defaults.
+        rest_mm: (n, 3) markers in the sheet frame.
+        sheet: a pad that is seen through its window; None or no window: nothing refracts.
+    """
+    std, here = camera_std(camera), _seen(camera, sheet, rest_mm)
+    share = max(std.fx_px / camera.fx_px, std.fy_px / camera.fy_px)
+    changed = [
+        replace(camera, fx_px=camera.fx_px * (1.0 + share), fy_px=camera.fy_px * (1.0 + share)),
+        replace(camera, cx_px=camera.cx_px + std.cx_px),
+        replace(camera, cy_px=camera.cy_px + std.cy_px),
+        *(
+            replace(camera, distortion=camera.distortion + step)
+            for step in np.diag(std.distortion)
+            if step.any()
+        ),
+    ]
+    moved_px = np.column_stack([(_seen(each, sheet, rest_mm) - here).ravel() for each in changed])
+    answer, *_ = np.linalg.lstsq(_pose_slope(camera, rest_mm, sheet), moved_px, rcond=None)
+    return np.asarray(np.sqrt(np.square(answer).sum(axis=1)))
+
+
+def _pose_slope(camera: Camera, rest_mm: np.ndarray, sheet: Sheet | None) -> Float64[np.ndarray, "r 6"]:
+    """Motion of the images of the markers by rotation vector and translation."""
     here = _seen(camera, sheet, rest_mm)
     columns = []
     for number, step in enumerate((1e-6, 1e-6, 1e-6, 1e-4, 1e-4, 1e-4)):
@@ -118,6 +150,12 @@ def _pose_std(
             translation_mm=camera.translation_mm + change[3:],
         )
         columns.append((_seen(moved, sheet, rest_mm) - here).ravel() / step)
-    slope = np.array(columns).T
+    return np.stack(columns, axis=1)
+
+
+def _pose_std(
+    camera: Camera, rest_mm: np.ndarray, place_px: Points2, sheet: Sheet | None
+) -> Float64[np.ndarray, "6"]:
+    here, slope = _seen(camera, sheet, rest_mm), _pose_slope(camera, rest_mm, sheet)
     variance = float(np.square(here - place_px).sum()) / max(here.size - 6, 1)
-    return np.sqrt(variance * np.diag(np.linalg.inv(slope.T @ slope)))
+    return np.asarray(np.sqrt(variance * np.diag(np.linalg.inv(slope.T @ slope))))

@@ -146,6 +146,7 @@ def _register_and_count_dots(
         sensor,
         layout=replace(layout, rest_px=state.position_px),
         assumptions=(*sensor.assumptions, sentence),
+        provenance={**sensor.provenance, "rest_frames": still_frames},
     )
     return registered, found
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from manytouch.calibration.outline.clamp_line import describe as describe_clamp
-from manytouch.calibration.rest.adapt_nominal import NOMINAL, NOMINAL_SHAPE
+from manytouch.calibration.rest.adapt_nominal import NOMINAL, NOMINAL_NAME, NOMINAL_SHAPE
 from manytouch.calibration.rest.calibrate import RestCalibration
 from manytouch.values import Sensor
 
@@ -49,7 +49,8 @@ def _frames_used(calibration: RestCalibration) -> str:
 def with_provenance(calibration: RestCalibration, source_name: str) -> Sensor:
     """The calibrated sensor; its provenance names source and residuals.
 
-    It is not nominal any more; only the shape of its sheet is still that of the nominal file.
+    It is not nominal any more, and its name does not state so; only the shape of its sheet is still that of
+    the nominal file.
     """
     sensor = calibration.sensor
     shape = {NOMINAL_SHAPE: True} if sensor.is_nominal else {}
@@ -60,4 +61,4 @@ def with_provenance(calibration: RestCalibration, source_name: str) -> Sensor:
         "rest_rms_px": round(calibration.rms_px, 4),
         "rest_warnings": list(calibration.warnings),
     }
-    return replace(sensor, provenance=provenance)
+    return replace(sensor, name=sensor.name.removesuffix(NOMINAL_NAME), provenance=provenance)

@@ -236,7 +236,11 @@ def _with_rest(sensor: Sensor, position_px: Points2, frames: Sequence[int]) -> S
         sensor,
         layout=replace(layout, rest_px=read_only(rest_px)),
         assumptions=(*kept, sentence),
-        provenance={**sensor.provenance, "from": "whole recording", "still_frames": list(frames)},
+        provenance={
+            **{name: value for name, value in sensor.provenance.items() if name != "rest_frames"},
+            "from": "whole recording",
+            "still_frames": list(frames),
+        },
     )
 
 

@@ -123,12 +123,14 @@ def _result(
     }
     if young is not None:
         deviations["pretension_std_N_per_mm"] = young * float(std[0])
-    if any(has_force) and young is not None:
-        deviations["young_std_MPa"] = young * float(std[3])
     residual_px = np.array([fit.residual_rms_px(best, number) for number in range(count)])
     error = np.full(count, np.nan)
     for number in [number for number in range(count) if has_force[number] and sum(has_force) > 1]:
         error[number] = np.exp(fit.leave_one_out_error(best, linear, number, spread[number])) - 1.0
+    if any(has_force) and young is not None:
+        predicted = np.log1p(error[np.isfinite(error)])
+        least = float(np.sqrt(np.mean(predicted**2))) if len(predicted) else 0.0
+        deviations["young_std_MPa"] = young * max(float(std[3]), least)
     calibrated = replace(
         sheet,
         thickness_mm=thickness,

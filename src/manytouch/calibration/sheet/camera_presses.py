@@ -1,4 +1,4 @@
-"""Presses in front of a camera: each is measured while it is held, and its frames are saved as images."""
+"""Presses with a live camera: each is measured while it is held, and its frames are saved as images."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -17,7 +17,7 @@ from manytouch.values import Frame, Sensor
 
 HELD_FRAMES = 8
 STALE_FRAMES = 5
-"""Frames that may have been buffered before the key was pressed."""
+"""Frames that may have been buffered before Enter was pressed."""
 MIN_MOTION_PX = 0.5
 
 Print = Callable[[str], object]
@@ -28,7 +28,7 @@ class CameraPresses:
     """Measures presses with a camera and saves the frames of each as images.
 
     Attributes:
-        folder: of the images; the times of the presses refer to it as a source.
+        folder: of the images; times of the presses are those of a source of images without a rate.
     """
 
     def __init__(self, sensor: Sensor, camera: Source, table: Path, *, report: Print, prompt: Prompt) -> None:
@@ -37,9 +37,9 @@ class CameraPresses:
         Args:
             sensor: with its layout.
             camera: open; it is not closed here.
-            table: of the presses; the folder has its name with a number.
+            table: CSV file of the presses; the images go to a new folder near it, such as `table-1`.
             report: prints a sentence.
-            prompt: prints a prompt and waits for Enter.
+            prompt: prints a prompt and returns the line that is typed.
 
         Raises:
             LayoutError: the markers are not found.
@@ -65,7 +65,7 @@ class CameraPresses:
         """Wait until the press is held, save its frames, and return it with their time in the folder.
 
         Raises:
-            SensorError: hardly any marker moved.
+            SensorError: no marker moved by `MIN_MOTION_PX`.
             OutputError: the images cannot be saved.
         """
         self._prompt(f"    press at {row.x_mm:g}, {row.y_mm:g} mm, hold still, then press Enter: ")
@@ -76,7 +76,8 @@ class CameraPresses:
         farthest_px = float(np.nanmax(moved_px, initial=0.0))
         if farthest_px < MIN_MOTION_PX:
             raise SensorError(
-                f"no marker moved by more than {farthest_px:.2f} px: press harder, or check the position"
+                f"the markers moved by at most {farthest_px:.2f} px, {MIN_MOTION_PX:g} px are needed: press "
+                "harder, or check the position"
             )
         self._report(f"    markers moved by up to {farthest_px:.1f} px; release the sheet")
         middle = self._saved + HELD_FRAMES // 2

@@ -22,10 +22,8 @@ def describe(calibration: SheetCalibration) -> Iterator[str]:
     yield f"largest RMS residual of a press {calibration.residual_px.max():.3f} px"
     errors = [100 * value for value in calibration.leave_one_out_error.tolist() if math.isfinite(value)]
     if errors:
-        yield (
-            f"leave-one-out force error {sum(errors) / len(errors):+.1f} % (mean), "
-            f"{max(map(abs, errors)):.1f} % (maximum)"
-        )
+        rms = math.sqrt(sum(value**2 for value in errors) / len(errors))
+        yield f"leave-one-out force error {rms:.1f} % (RMS), {max(map(abs, errors)):.1f} % (maximum)"
     yield from calibration.undetermined
     yield from (f"warning: {sentence}" for sentence in calibration.warnings)
 

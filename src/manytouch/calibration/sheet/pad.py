@@ -73,7 +73,8 @@ def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibra
     leave_one_out_error = np.full(len(presses), np.nan)
     without = (log_young[known].sum() - log_young[known]) / (len(known) - 1)
     leave_one_out_error[known] = np.exp(without - log_young[known]) - 1.0
-    std = float(np.hypot(log_young[known].std(ddof=1) / np.sqrt(len(known)), MODEL_SHARE))
+    scatter = float(np.hypot(log_young[known].std(ddof=1) / np.sqrt(len(known)), MODEL_SHARE))
+    std = max(scatter, float(np.sqrt(np.mean((without - log_young[known]) ** 2))))
     young_MPa = float(np.exp(mean))
     return SheetCalibration(
         sheet=replace(sheet, young_MPa=young_MPa, young_std_MPa=std * young_MPa),

@@ -122,27 +122,34 @@ def write_press_table(rows: Sequence[PressRow], path: Path) -> None:
         raise OutputError(f"cannot write the table of presses {path}: {error.strerror}") from None
 
 
-def measure_presses(sensor: Sensor, rows: Iterable[PressRow], folder: Path) -> tuple[KnownPress, ...]:
+def measure_presses(
+    sensor: Sensor, rows: Iterable[PressRow], folder: Path, fps: float | None = None
+) -> tuple[KnownPress, ...]:
     """Measure the marker displacements of each press.
 
     Args:
         sensor: with its layout; each recording has its own reference, its first untouched frames.
         rows: from `read_press_table`.
         folder: inputs are relative to it.
+        fps: rate of the recordings in frames per second instead of their own; images without a rate have 30.
 
     Raises:
         SourceError: a recording cannot be opened, or a time lies outside it.
         LayoutError: its markers were not found.
     """
     found: dict[str, tuple[MarkerTracks, np.ndarray, float]] = {}
-    return tuple(_press(sensor, row, folder, found) for row in rows)
+    return tuple(_press(sensor, row, folder, fps, found) for row in rows)
 
 
 def _press(
-    sensor: Sensor, row: PressRow, folder: Path, found: dict[str, tuple[MarkerTracks, np.ndarray, float]]
+    sensor: Sensor,
+    row: PressRow,
+    folder: Path,
+    fps: float | None,
+    found: dict[str, tuple[MarkerTracks, np.ndarray, float]],
 ) -> KnownPress:
     if row.input not in found:
-        found[row.input] = _track_recording(sensor, row.input, folder)
+        found[row.input] = _track_recording(sensor, row.input, folder, fps)
     seen, rest_px, noise_px = found[row.input]
     time_s = seen.timestamp_ns * 1e-9
     end_s = float(time_s[-1])
@@ -150,7 +157,7 @@ def _press(
     if not time_s[0] <= at_s <= end_s:
         raise SourceError(
             f"press {row.line} is listed at {at_s:g} s, but {row.input} lasts from "
-            f"{time_s[0]:.1f} to {end_s:.1f} s: correct time_s"
+            f"{time_s[0]:.1f} to {end_s:.1f} s: correct time_s, or give the rate of the recording with --fps"
         )
     near = np.abs(time_s - at_s) <= HELD_S / 2
     near[np.argmin(np.abs(time_s - at_s))] = True
@@ -168,10 +175,12 @@ def _press(
     )
 
 
-def _track_recording(sensor: Sensor, name: str, folder: Path) -> tuple[MarkerTracks, np.ndarray, float]:
+def _track_recording(
+    sensor: Sensor, name: str, folder: Path, fps: float | None
+) -> tuple[MarkerTracks, np.ndarray, float]:
     """Marker tracks of a recording, their rest positions (m, 2) and the noise of a displacement (px)."""
     text = name if name.startswith("sim:") or Path(name).is_absolute() else str(folder / name)
-    frames = list(open_source(text))
+    frames = list(open_source(text, fps=fps))
     register_dots = register_rest(sensor, frames[:REST_FRAMES])
     seen = track_markers(register_dots, frames)
     first = np.arange(len(seen.timestamp_ns)) < REST_FRAMES

@@ -2,6 +2,7 @@
 
 import csv
 import io
+import math
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +19,8 @@ SAFE_MM = 15.0
 FEED_MM_PER_MIN = 600
 DWELL_MS = 2000
 DEPTHS_MM = (1.0, 2.5)
+BONDED_SHARE = 0.25
+"""Deepest press of a pad over its thickness: its rubber cannot give way, and a gel may tear or come off."""
 TIP_RADIUS_MM = 8.0
 """Radius of the round tip: a flat foot presses with its edge wherever the sheet slopes (ADR 0021)."""
 TOUCHED_RADIUS_MM = 2.0
@@ -37,6 +40,16 @@ def places_mm(sensor: Sensor) -> Points2:
         )
     x, y = RIM_SHARE * np.asarray(sensor.sheet.size_mm)
     return np.round(np.array([[0.0, 0.0], [-x, -y], [x, -y], [-x, y], [x, y]]), 1)
+
+
+def press_depths_mm(sensor: Sensor) -> tuple[float, ...]:
+    """Depths to which a printer presses, mm; of a bonded pad at most a quarter of its thickness."""
+    sheet = sensor.sheet
+    if sheet is None or sheet.boundary != "bonded":
+        return DEPTHS_MM
+    limit_mm = BONDED_SHARE * sheet.thickness_mm
+    scale = min(1.0, limit_mm / max(DEPTHS_MM))
+    return tuple(math.floor(100.0 * scale * depth + 1e-9) / 100.0 for depth in DEPTHS_MM)
 
 
 def write_plan(sensor: Sensor, folder: Path) -> None:
@@ -59,9 +72,9 @@ def weight_table(sensor: Sensor) -> str:
     table.write(
         f"# Glue a ball of {2 * TIP_RADIUS_MM:g} mm under a cup, 50 g in total; only the ball may touch "
         f"the sheet.\n"
-        "# Place it at each position for a second, with 50, 100 or 200 g in total, without pressing; "
-        "note the time.\n"
-        "# Record everything in one recording that starts with two untouched seconds.\n"
+        "# Place it at x_mm, y_mm for a second, without pressing; note the time in time_s. "
+        f"normal_force_N is the weight of {', '.join(f'{mass:g}' for mass in WEIGHTS_G)} g in total.\n"
+        "# Make one recording of all presses; nothing may touch the sheet in its first two seconds.\n"
     )
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(["input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N"])
@@ -77,14 +90,15 @@ def probing_gcode(sensor: Sensor) -> str:
     """G-code that presses a round tip in the printer's head onto the sheet, at each place to each depth.
 
     The sensor lies on the bed, touched face up, with its x axis along that of the printer; both frames are
-    right-handed with z up, so the y axes coincide too. When the script starts, the tip just touches the
-    centre
-    of the sheet; that position becomes 0, 0, 0.
+    right-handed with z up, so the y axes are parallel too. When the script starts, the tip just touches the
+    centre of the sheet; that position becomes 0, 0, 0.
     """
+    depths_mm = press_depths_mm(sensor)
     lines = [
         f"; presses for manytouch, with a round tip of radius {TIP_RADIUS_MM:g} mm; only the tip may touch",
         "; start with the tip just touching the centre of the sheet",
-        "; times are counted from the first G4: two untouched seconds",
+        f"; deepest press {max(depths_mm):g} mm{_limit_of(sensor)}",
+        "; nothing may touch the sheet during the first G4, 2 s; note when each press is held",
         "G21 ; mm",
         "G90 ; absolute",
         "G92 X0 Y0 Z0 ; centre of the sheet, not yet pressed",
@@ -93,10 +107,16 @@ def probing_gcode(sensor: Sensor) -> str:
     ]
     for x, y in places_mm(sensor).tolist():
         lines.append(f"G1 X{x:g} Y{y:g} F{FEED_MM_PER_MIN}")
-        for depth in DEPTHS_MM:
+        for depth in depths_mm:
             lines += [
                 f"G1 Z{-depth:g} F{FEED_MM_PER_MIN}",
                 f"G4 P{DWELL_MS} ; held {depth:g} mm at {x:g}, {y:g} mm",
             ]
         lines.append(f"G1 Z{SAFE_MM:g} F{FEED_MM_PER_MIN}")
     return "\n".join([*lines, "M400", ""])
+
+
+def _limit_of(sensor: Sensor) -> str:
+    if press_depths_mm(sensor) == DEPTHS_MM or sensor.sheet is None:
+        return ""
+    return f": a quarter of the pad's thickness of {sensor.sheet.thickness_mm:g} mm"

@@ -12,12 +12,18 @@ from manytouch.calibration.sheet.press_table import PressRow, read_press_table, 
 from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, TOUCHED_RADIUS_MM
 from manytouch.errors import ManytouchError, OutputError, SensorError, SourceError
 from manytouch.sources import Source, open_source
-from manytouch.sources.source import close
+from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Sensor, Sheet
 
 
 def read_typed_presses(
-    sensor: Sensor, source: str, table: Path, *, report: Print, prompt: Prompt = input
+    sensor: Sensor,
+    source: str,
+    table: Path,
+    *,
+    report: Print,
+    prompt: Prompt = input,
+    fps: float | None = None,
 ) -> tuple[PressRow, ...] | None:
     """Prompt for presses until `done`, and save them in a table.
 
@@ -30,6 +36,7 @@ def read_typed_presses(
         table: CSV file, written after every line.
         report: prints a sentence.
         prompt: prints a prompt and returns the typed line; raises EOFError at the end of the input.
+        fps: rate of the recording in frames per second instead of its own.
 
     Returns:
         The presses; None if Ctrl-C was pressed.
@@ -47,9 +54,14 @@ def read_typed_presses(
     rows = list(read_press_table(table)) if table.is_file() else []
     if rows:
         report(f"{_count(rows)} already in {table}; undo removes the last one")
-    opened = open_source(source)
+    opened = open_source(source, fps=fps)
     try:
         if opened.capabilities.device is not None:
+            if fps is not None:
+                raise SourceError(
+                    f"a frame rate of {fps:g} was given with the camera {source!r}, which has its own: "
+                    "leave out --fps"
+                )
             measure = CameraPresses(sensor, opened, table, report=report, prompt=prompt)
             context = PressContext(input=measure.folder.name, begin_s=None, end_s=None, sheet=sensor.sheet)
             report(f"type one press per line: x,y in mm, force or mass, such as {EXAMPLE}")
@@ -71,6 +83,10 @@ def _describe_recording(
     times = [frame.timestamp_ns * 1e-9 for frame in opened]
     if not times:
         raise SourceError(f"{source} has no frames: give a recording of the presses, or a camera")
+    if opened.fps is None:
+        report(
+            f"the images state no rate: {ASSUMED_FPS:g} frames per second are assumed; --fps gives another"
+        )
     name = source if source.startswith("sim:") else os.path.relpath(source, table.parent)
     report(f"{source} covers {times[0]:.1f} to {times[-1]:.1f} s; nothing may touch the sheet at its start")
     report(f"type one press per line: x,y in mm, force or mass, time, such as {EXAMPLE} 3.4 s")

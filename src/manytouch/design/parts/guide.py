@@ -22,14 +22,18 @@ def assembly(found: Design, choices: CasingChoices) -> str:
         "that of the camera through the hole. Cover the strip with white paper to diffuse the light.",
         "Paint the inside matt black, or line it with black flock, so that only the markers are bright.",
         "Lay the printed marker pattern on the rim, markers down, and focus the camera on it. Lock focus, "
-        "exposure and white balance. Remove the pattern and run `manytouch calibrate camera --board "
-        f"{board} --square-mm {board.square_mm:g}` with images of the printed "
-        f"`patterns/{str(board).replace(':', '-')}.pdf`; "
+        "exposure and white balance. Remove the pattern, take 15 or more images of the printed "
+        f"`patterns/{str(board).replace(':', '-')}.pdf` into a folder `views`, and run `manytouch "
+        "calibrate camera "
+        f"views --board {board} --square-mm {board.square_mm:g} --out camera.toml`; "
         "this is not possible after the sheet is mounted.",
         f"Insert {screws} M3 nuts into the flange from below. Lay the sheet on the rim, markers down, "
         "without stretching it. Lay the clamp on it and tighten the screws crosswise, a little at a time.",
-        "Run `manytouch calibrate rest`, then `manytouch calibrate sheet` with presses of known force. "
-        "Forces are calibrated only after this step.",
+        f"Record two untouched seconds and run `{_rest_command(found)}`. Then `manytouch calibrate "
+        "sheet --sensor "
+        "rested.toml --plan plan` writes a plan of known presses, and `manytouch calibrate sheet "
+        "presses.csv --sensor "
+        "rested.toml --out sensor.toml` calibrates with them. Forces are calibrated only after this step.",
     )
     lines = [
         f"# {sensor.name}",
@@ -45,6 +49,18 @@ def assembly(found: Design, choices: CasingChoices) -> str:
         "",
     ]
     return "\n".join(lines)
+
+
+def _rest_command(found: Design) -> str:
+    sheet, layout = found.sensor.sheet, found.sensor.layout
+    assert sheet is not None and layout is not None  # noqa: PT018 - a design has both
+    (wide_mm, high_mm), (x_mm, y_mm) = sheet.size_mm, layout.pitch_mm
+    pitch = f"{x_mm:g}" if abs(x_mm - y_mm) < 1e-6 else f"{x_mm:g},{y_mm:g}"
+    return (
+        f"manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm {pitch} --sheet-mm "
+        f"{wide_mm:g},{high_mm:g} "
+        f"--thickness-mm {sheet.thickness_mm:g} --out rested.toml"
+    )
 
 
 def _sheet_step(found: Design, choices: CasingChoices) -> str:

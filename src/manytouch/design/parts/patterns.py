@@ -93,7 +93,7 @@ def board_page(board: Board) -> "Figure":
         ]
         axes.add_patch(PathPatch(Outline.make_compound_path(*outlines), fc="black", ec="none"))
         label = f"{board}, {'squares' if board.has_corners else 'distance'} of {side:g} mm"
-        axes.text(size[0] / 2, size[1] / 2 + 7.0, label, ha="right", va="center", fontsize=8)
+        axes.text(-size[0] / 2, -size[1] / 2 - 4.0, label, ha="left", va="center", fontsize=8)
         _ruler(axes, -size[0] / 2, size[1] / 2 + 5.0)
 
     return _page(A4_MM, draw)

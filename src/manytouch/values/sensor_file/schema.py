@@ -281,7 +281,11 @@ class SensorFile(Section):
     @model_validator(mode="after")
     def _check_pose_and_outline(self) -> "SensorFile":
         if self.markers is not None and self.camera is not None and self.camera.pose is None:
-            raise ValueError("a sensor with [markers] needs [camera.pose]")
+            raise ValueError(
+                "a sensor with [markers] needs [camera.pose]; or leave [markers] out: manytouch "
+                "calibrate rest "
+                "finds both"
+            )
         if self.markers is not None and self.sheet is not None:
             if self.sheet.boundary == "bonded" and self.markers.height_mm > 0.0:
                 raise ValueError(

@@ -1,6 +1,7 @@
 """Nominal sensor files on recordings with other rows and columns."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -98,6 +99,12 @@ def rest_calibration(sensor: Sensor) -> RestCalibration:
     )
 
 
+def test_the_name_of_a_sensor_that_was_calibrated_at_rest_is_not_that_of_a_nominal_one() -> None:
+    sensor = load_sensor("gelsight-mini")
+    assert sensor.name == "GelSight Mini with markers (nominal)"
+    assert with_provenance(rest_calibration(sensor), "rest.mcap").name == "GelSight Mini with markers"
+
+
 def test_a_calibration_at_rest_does_not_make_the_shape_of_the_pad_that_of_the_device() -> None:
     sensor = load_sensor("gelsight-mini")
     assert sensor.is_nominal
@@ -106,3 +113,14 @@ def test_a_calibration_at_rest_does_not_make_the_shape_of_the_pad_that_of_the_de
     assert not rested.is_nominal
     assert rested.shape_is_nominal
     assert not with_provenance(rest_calibration(replace(sensor, provenance={})), "rest.mcap").shape_is_nominal
+
+
+def test_the_keys_of_the_provenance_are_described() -> None:
+    page = Path(__file__).parents[4] / "docs" / "sensor-file.md"
+    if not page.exists():
+        pytest.skip("the pages come with the repository, not with the wheel")
+    sensors = [load_sensor(name) for name in known_sensors()]
+    sensors += [with_provenance(rest_calibration(sensor), "rest.mcap") for sensor in sensors]
+    text = page.read_text(encoding="utf-8")
+    keys = {key for sensor in sensors for key in sensor.provenance}
+    assert not [key for key in keys if f"`{key}" not in text]

@@ -57,7 +57,7 @@ class Empty(Still):
 
 @pytest.fixture
 def film(monkeypatch):
-    monkeypatch.setattr(module, "open_source", lambda text: Still())
+    monkeypatch.setattr(module, "open_source", lambda text, fps: Still())
 
 
 def test_every_press_is_saved_at_once(film, tmp_path):
@@ -119,7 +119,7 @@ def test_a_pad_needs_two_presses_with_a_force(film, tmp_path):
 
 
 def test_a_source_without_frames_raises(monkeypatch, tmp_path):
-    monkeypatch.setattr(module, "open_source", lambda text: Empty())
+    monkeypatch.setattr(module, "open_source", lambda text, fps: Empty())
     with pytest.raises(SourceError, match=r"a\.mp4 has no frames"):
         User().type_in("a.mp4", tmp_path / "p.csv")
 
@@ -163,9 +163,20 @@ class Camera:
             number += 1
 
 
+def test_a_frame_rate_is_refused_with_a_camera(monkeypatch, tmp_path):
+    camera, user = Camera(), User()
+    monkeypatch.setattr(module, "open_source", lambda text, fps: camera)
+    with pytest.raises(SourceError, match=r"a frame rate of 60 .* '0', which has its own: leave out --fps"):
+        read_typed_presses(
+            demo_sensor(WIDTH_PX), "0", tmp_path / "a.csv", report=print, prompt=user.answer, fps=60.0
+        )
+    assert camera.is_closed
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_camera_measures_each_press(monkeypatch, tmp_path):
     camera, table, sensor = Camera(), tmp_path / "sensor-presses.csv", demo_sensor(WIDTH_PX)
-    monkeypatch.setattr(module, "open_source", lambda text: camera)
+    monkeypatch.setattr(module, "open_source", lambda text, fps: camera)
     monkeypatch.setattr(module, "LEAST_PRESSES", 1)
     user = User("", "14,-8 1 N", "", "14,-8 1 N", "", "undo", "14,-8 2 N", "")
 

@@ -65,6 +65,16 @@ def test_a_chessboard_has_true_squares_and_fits_the_page(tmp_path: Path):
         write_board(parse_board("chessboard:12x9", 25.0), tmp_path / "board")
 
 
+@pytest.mark.parametrize("side_mm", [4.0, 7.5, 25.0])
+def test_texts_of_a_board_do_not_overlap(side_mm: float):
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure = board_page(parse_board("chessboard:9x6", side_mm))
+    canvas = FigureCanvasAgg(figure)
+    first, second = (text.get_window_extent(canvas.get_renderer()) for text in figure.axes[0].texts)
+    assert not first.overlaps(second)
+
+
 BOARDS = {"chessboard:9x6": 25.0, "charuco:10x7": 25.0, "circles-asymmetric:4x11": 16.0}
 
 
