@@ -10,7 +10,7 @@ import pyarrow.csv as pa_csv
 import pyarrow.parquet as pq
 
 from manytouch.batch.completion import parse_summary
-from manytouch.batch.storage import MARKER, Store
+from manytouch.batch.storage import SUMMARY, Store
 from manytouch.batch.tasks import Outcome
 from manytouch.errors import OutputError
 from manytouch.sinks.files.parquet_file import ParquetFile
@@ -66,7 +66,7 @@ def write_index(
         table = ParquetFile(path, RESULTS)
         lines: list[dict[str, Any]] = []
         for name in sorted({*names, *failed}):
-            summary = parse_summary(store.read(f"{name}/{MARKER}"))
+            summary = parse_summary(store.read(f"{name}/{SUMMARY}"))
             if summary is None and name not in failed:
                 continue
             line = _line(name, summary, failed.get(name))

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
 from manytouch.batch.remote import RECORDING_SUFFIXES, file_system, is_remote, remote_errors, remote_name
-from manytouch.batch.storage import MARKER
+from manytouch.batch.storage import SUMMARY
 from manytouch.batch.tasks import Task
 from manytouch.errors import SourceError
 from manytouch.session.results import result_names
@@ -110,7 +110,7 @@ def _remote(word: str) -> Iterator[str]:
             found = [path]
         else:
             found = [str(each) for each in files.find(path)]
-            done = {each.rsplit("/", 1)[0] for each in found if each.endswith(f"/{MARKER}")}
+            done = {each.rsplit("/", 1)[0] for each in found if each.endswith(f"/{SUMMARY}")}
             found = [
                 each
                 for each in found
@@ -135,7 +135,7 @@ def _below(folder: Path) -> Iterator[Path]:
 
 
 def _is_result(path: Path) -> bool:
-    return (path / MARKER).is_file() or (path.parent / MARKER).is_file()
+    return (path / SUMMARY).is_file() or (path.parent / SUMMARY).is_file()
 
 
 def _path_key(path: Path) -> list[tuple[list[str | int], str]]:

@@ -13,7 +13,7 @@ import manytouch
 from manytouch.batch.completion import parse_summary, why_changed, why_not_complete
 from manytouch.batch.remote import download, is_remote, remote_stamp
 from manytouch.batch.settings import Settings, request_of
-from manytouch.batch.storage import MARKER, LocalStore, RemoteStore, Store, store_at
+from manytouch.batch.storage import SUMMARY, LocalStore, RemoteStore, Store, store_at
 from manytouch.batch.tasks import Outcome, Task, TaskState
 from manytouch.errors import ManytouchError, OutputError, SourceError, without_password
 from manytouch.session import ResultFiles, prepare, request_hashes, run
@@ -92,7 +92,7 @@ def _processed(settings: Settings, task: Task, stop: StopCondition | None) -> Ou
         else:
             require_finite(text)
             local = text
-        summary = parse_summary(store.read(f"{task.name}/{MARKER}"))
+        summary = parse_summary(store.read(f"{task.name}/{SUMMARY}"))
         reason = why_not_complete(store, task.name, settings, summary)
         if reason is None and summary is not None:
             reason = _why_changed(settings, summary, local, text)

@@ -12,20 +12,24 @@ from manytouch.sources.files.video import VIDEO_SUFFIXES
 
 RECORDING_SUFFIXES = (".mcap", *VIDEO_SUFFIXES)
 OBJECT_STORES = {"s3": "s3fs", "gs": "gcsfs", "gcs": "gcsfs"}
+"""Package that fsspec needs for each scheme."""
 WEB = {"http": "aiohttp", "https": "aiohttp"}
 
 
 def is_remote(text: str) -> bool:
-    """Whether a text is the address of a file or prefix that is copied; not that of a stream."""
+    """Whether a text is the address of an object, a prefix, or a file on a web server, which are copied.
+
+    Addresses of live streams are not.
+    """
     scheme = urlsplit(text).scheme if "://" in text else ""
     if scheme in WEB:
         suffix = PurePosixPath(urlsplit(text).path).suffix.lower()
-        return text.endswith(".txt") or suffix in (*RECORDING_SUFFIXES, *IMAGE_SUFFIXES)
+        return suffix in (".txt", *RECORDING_SUFFIXES, *IMAGE_SUFFIXES)
     return scheme in OBJECT_STORES
 
 
 def remote_name(url: str) -> str:
-    """Path of an address, for its file name."""
+    """Path of an address; results are named after it."""
     return urlsplit(url).path
 
 
@@ -46,7 +50,10 @@ def file_system(url: str) -> tuple[Any, str]:
 
 
 def remote_stamp(url: str) -> str | None:
-    """What changes when the object changes, such as its ETag; None where the server does not state it."""
+    """Size and version (ETag or time) of an object as one text, which differs once the object has changed.
+
+    None if the server does not state a version.
+    """
     files, path = file_system(url)
     with remote_errors(SourceError, f"{without_password(url)} cannot be read"):
         files.invalidate_cache()
@@ -73,7 +80,7 @@ def download(url: str, folder: Path) -> Path:
 
 @contextmanager
 def remote_errors(kind: type[ManytouchError], words: str) -> Iterator[None]:
-    """Report a refusal of a server as one sentence; a missing object stays a FileNotFoundError."""
+    """Report any failure of a transfer as one sentence; a missing object stays a FileNotFoundError."""
     try:
         yield
     except (FileNotFoundError, ManytouchError):

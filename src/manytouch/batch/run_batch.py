@@ -17,7 +17,7 @@ from manytouch.batch.failures import merge_failures, shard_file, shards_of, writ
 from manytouch.batch.index import merge_index, write_index
 from manytouch.batch.one_recording import process_recording, stamp_of
 from manytouch.batch.settings import Settings
-from manytouch.batch.storage import MARKER, LocalStore, Store, store_at
+from manytouch.batch.storage import SUMMARY, LocalStore, Store, store_at
 from manytouch.batch.tasks import Engine, Outcome, Task, TaskFunction, TaskState
 from manytouch.errors import ManytouchError, OutputError
 from manytouch.session.run import StopCondition
@@ -77,7 +77,7 @@ def plan(tasks: Iterable[Task], settings: Settings) -> Iterator[Task | Outcome]:
     """
     store = store_at(settings.out)
     for task in tasks:
-        summary = parse_summary(store.read(f"{task.name}/{MARKER}"))
+        summary = parse_summary(store.read(f"{task.name}/{SUMMARY}"))
         reason = why_not_complete(store, task.name, settings, summary)
         if reason is None and summary is not None:
             try:

@@ -1,4 +1,4 @@
-"""Where results are: a folder, or a prefix of an object store, which has neither locks nor renaming."""
+"""The results of a batch: a folder, or a prefix of an object store, which has neither locks nor renaming."""
 
 import shutil
 import tempfile
@@ -12,7 +12,7 @@ from manytouch.errors import OutputError, without_password
 from manytouch.sinks.files.atomic_output import atomic_file, output_errors, remove
 from manytouch.sinks.files.result_folder import is_in_use
 
-MARKER = "summary.json"
+SUMMARY = "summary.json"
 
 
 @runtime_checkable
@@ -26,10 +26,10 @@ class Store(Protocol):
         """Names of files and folders in a result folder; empty where there is none."""
 
     def read(self, path: str) -> bytes | None:
-        """Content of a file, by its path in the store; None where there is none."""
+        """Content of a file, by its path relative to the store, with /; None where there is none."""
 
     def tables(self, pattern: str) -> list[str]:
-        """Names of files of the store itself that match, sorted."""
+        """Names of the files directly in the store that match a glob pattern, sorted."""
 
     def new_file(self, path: str) -> Any:
         """A context with a local path to write; at its end the file is in the store as a whole."""
@@ -38,7 +38,7 @@ class Store(Protocol):
         """Remove a file, if it exists."""
 
     def is_in_use(self, name: str) -> bool:
-        """Whether another process of this machine writes a result folder."""
+        """Whether another process of this machine writes a result folder; False for an object store."""
 
 
 def store_at(out: str) -> Store:
@@ -60,7 +60,7 @@ class LocalStore:
         if not self.path.is_dir():
             return []
         folders = (each.name for each in self.path.iterdir() if not each.name.startswith("."))
-        return sorted(name for name in folders if (self.path / name / MARKER).is_file())
+        return sorted(name for name in folders if (self.path / name / SUMMARY).is_file())
 
     def entries(self, name: str) -> set[str]:
         folder = self.path / name
@@ -89,7 +89,7 @@ class LocalStore:
 
 
 class RemoteStore:
-    """A prefix of an object store. An object appears as a whole; the last one of a result is its marker."""
+    """A prefix of an object store. An object appears as a whole; the last one of a result is summary.json."""
 
     def __init__(self, url: str) -> None:
         self.url = url.rstrip("/")
@@ -98,7 +98,7 @@ class RemoteStore:
 
     def names(self) -> list[str]:
         with self._errors("read"):
-            found = self._files.glob(f"{self._root}/*/{MARKER}")
+            found = self._files.glob(f"{self._root}/*/{SUMMARY}")
         return sorted(str(each).rsplit("/", 2)[-2] for each in found)
 
     def entries(self, name: str) -> set[str]:
@@ -140,10 +140,12 @@ class RemoteStore:
         return False
 
     def upload(self, folder: Path, name: str) -> None:
-        """Replace a result: the old marker is removed first, and the new one is written last.
+        """Replace a result: the old summary.json is removed first, and the new one is written last.
+
+        Objects that the new result does not have are removed too.
 
         Args:
-            folder: a complete result folder.
+            folder: a complete result folder; it is deleted after the upload.
             name: of the result in the store.
 
         Raises:
@@ -153,17 +155,17 @@ class RemoteStore:
         with self._errors("write"):
             self._files.invalidate_cache()
             before = set(self._files.find(target)) if self._files.exists(target) else set()
-            marker = f"{target}/{MARKER}"
-            if marker in before:
-                self._files.rm_file(marker)
-            written = {marker}
+            summary = f"{target}/{SUMMARY}"
+            if summary in before:
+                self._files.rm_file(summary)
+            written = {summary}
             for path in sorted(folder.rglob("*")):
-                if path.is_file() and path != folder / MARKER:
+                if path.is_file() and path != folder / SUMMARY:
                     written.add(f"{target}/{path.relative_to(folder).as_posix()}")
                     self._files.put_file(str(path), f"{target}/{path.relative_to(folder).as_posix()}")
             for left in sorted(before - written):
                 self._files.rm_file(left)
-            self._files.put_file(str(folder / MARKER), marker)
+            self._files.put_file(str(folder / SUMMARY), summary)
         shutil.rmtree(folder, ignore_errors=True)
 
     def _errors(self, verb: str) -> Any:

@@ -12,17 +12,12 @@ from manytouch.errors import OutputError
 from manytouch.rigs.run_rig import SensorState
 
 _HEADERS = {
-    "Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'; script-src 'self'; "
+    "Content-Security-Policy": "default-src 'none'; style-src 'self'; script-src 'self'; "
     "connect-src 'self'; frame-src http://127.0.0.1:*; base-uri 'none'; form-action 'none'; "
     "frame-ancestors 'none'",
     "Cache-Control": "no-store",
     "X-Content-Type-Options": "nosniff",
 }
-_STYLE = (
-    "body{font-family:sans-serif;margin:1em}td,th{padding:.2em 1em;text-align:left}.over{opacity:.5}"
-    "#tiles{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(40em,100%),1fr));gap:.5em}"
-    "iframe{width:100%;height:70vh;border:1px solid #888}iframe[hidden]{display:none}"
-)
 _COLUMNS = ("sensor", "state", "frames per second", "frames", "dropped", "restarts")
 
 
@@ -44,12 +39,15 @@ class OverviewPage:
         Raises:
             OutputError: the port is in use.
         """
-        script = (files("manytouch.rigs") / "page.js").read_text(encoding="utf-8")
+        script, style = (
+            (files("manytouch.rigs") / f"page.{kind}").read_text(encoding="utf-8") for kind in ("js", "css")
+        )
 
         class Handler(_Handler):
             content: ClassVar[Mapping[str, Any]] = {
                 "/": ("text/html", lambda: overview(name)),
                 "/page.js": ("text/javascript", lambda: script),
+                "/page.css": ("text/css", lambda: style),
                 "/states": ("application/json", lambda: json.dumps(described(states))),
             }
 
@@ -101,7 +99,9 @@ def overview(name: str) -> str:
     """The page as HTML; its script fills table and tiles every two seconds."""
     title, head = html.escape(name), "".join(f"<th>{column}" for column in _COLUMNS)
     return (
-        f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title><style>{_STYLE}</style>"
+        f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title>"
+        '<meta name=viewport content="width=device-width, initial-scale=1">'
+        "<link rel=stylesheet href=/page.css>"
         f"<h1>{title}</h1><table><thead><tr>{head}</thead><tbody id=sensors></tbody></table>"
         "<div id=tiles></div><script src=/page.js></script></html>"
     )

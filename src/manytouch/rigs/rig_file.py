@@ -49,6 +49,7 @@ class SensorSection(Section):
     method: Literal["mechanics", "perimeter", "paper"] | None = None
     fps: Positive | None = None
     size_px: Annotated[list[Side], Field(min_length=2, max_length=2)] | None = None
+    to: Annotated[list[Text], Field(max_length=16)] = Field(default_factory=list)
     pose: RigPoseSection = Field(default_factory=RigPoseSection)
 
     @field_validator("source")
@@ -93,6 +94,7 @@ class RigSensor:
         source: what `open_source` takes.
         sensor: path of the sensor file; None: the layout is found in the first frames.
         method, fps, size_px: see `manytouch.session.prepare`.
+        to: addresses of its outputs.
         rotation, translation_mm: x_rig = rotation @ x_sheet + translation_mm.
     """
 
@@ -104,6 +106,7 @@ class RigSensor:
     size_px: tuple[int, int] | None
     rotation: Floats
     translation_mm: Floats
+    to: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -164,6 +167,7 @@ def _sensor(section: SensorSection, folder: Path) -> RigSensor:
         size_px=None if size is None else (size[0], size[1]),
         rotation=read_only(Rotation.from_rotvec(section.pose.rotation_vector).as_matrix()),
         translation_mm=read_only(np.array(section.pose.translation_mm)),
+        to=tuple(section.to),
     )
 
 

@@ -12,22 +12,19 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from manytouch.recording.merge import merge_recordings
+from manytouch.rigs.common_start import CommonStart, ReadyMessage
+from manytouch.rigs.rig_contact import COLUMNS, RigContact
 from manytouch.rigs.rig_file import Rig, RigSensor
 from manytouch.rigs.sensor_process import (
     ContactsMessage,
     HealthMessage,
     NoteMessage,
-    RigContact,
     SensorOptions,
     run_sensor,
 )
 from manytouch.sinks.files.atomic_output import atomic_file
-from manytouch.sinks.files.tables import six_digits
+from manytouch.sources.opening import is_camera
 
-COLUMNS = (
-    *("time_s", "sensor", "frame", "contact", "phase", "x_mm", "y_mm", "z_mm", "depth_mm"),
-    *("force_x_N", "force_y_N", "force_z_N"),
-)
 POLL_S, END_S = 0.2, 15.0
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0
 MOST_FAILURES = 5  # in a row, before any frame
@@ -80,7 +77,7 @@ class RigObserver(Protocol):
         """A sentence about a sensor."""
 
     def on_contacts(self, sensor: str, time_s: float, contacts: tuple[RigContact, ...]) -> None:
-        """Contacts of a frame in the frame of the rig; seconds since the rig began."""
+        """Contacts of a frame in the frame of the rig; seconds by the clock of the rig."""
 
 
 def run_rig(
@@ -117,7 +114,7 @@ def run_rig(
     states = {sensor.name: SensorState(sensor) for sensor in rig.sensors}
     if on_states is not None:
         on_states(states)
-    began_ns = time.monotonic_ns()
+    start = CommonStart(has_camera=any(is_camera(sensor.source) for sensor in rig.sensors))
     with ExitStack() as closing:
         rows: Any = None
         if out is not None:
@@ -128,10 +125,11 @@ def run_rig(
             while not stop() and not all(state.is_over for state in states.values()):
                 _start_due(states, out, record, viewer)
                 for state, message in _messages(states):
-                    _take(state, message, observer, rows, began_ns)
+                    _take(state, message, observer, rows, start)
                 _bury_dead(states, observer)
+                start.begin_if_ready(_expected(states))
         finally:
-            _end(states, lambda state, message: _take(state, message, observer, rows, began_ns))
+            _end(states, lambda state, message: _take(state, message, observer, rows, start))
     if record is not None:
         _merge(states, record)
     return states
@@ -186,7 +184,16 @@ def _received(state: SensorState) -> Iterator[Any]:
         state.connection = None
 
 
-def _take(state: SensorState, message: Any, observer: RigObserver, rows: Any, began_ns: int) -> None:
+def _expected(states: Mapping[str, SensorState]) -> dict[str, bool]:
+    """The sensors without a camera, and whether the others wait for each: not for one that has failed."""
+    return {
+        name: not state.is_over and not state.failures
+        for name, state in states.items()
+        if not is_camera(state.sensor.source)
+    }
+
+
+def _take(state: SensorState, message: Any, observer: RigObserver, rows: Any, start: CommonStart) -> None:
     name = state.sensor.name
     if isinstance(message, HealthMessage):
         state.health = message
@@ -197,16 +204,12 @@ def _take(state: SensorState, message: Any, observer: RigObserver, rows: Any, be
         state.failure = message.sentence if message.is_failure else state.failure
         observer.on_note(name, message.sentence)
     elif isinstance(message, ContactsMessage):
-        time_s = (message.arrived_ns - began_ns) * 1e-9
+        time_s = (message.at_ns - start.began_ns) * 1e-9
         observer.on_contacts(name, time_s, message.contacts)
         if rows is not None:
-            rows.writerows(_row(name, time_s, contact) for contact in message.contacts)
-
-
-def _row(name: str, time_s: float, contact: RigContact) -> list[object]:
-    numbers = (*contact.position_mm, contact.depth_mm, *contact.force_N)
-    texts = [six_digits(value) for value in numbers]
-    return [f"{time_s:.6f}", name, contact.frame, contact.id, contact.phase, *texts]
+            rows.writerows(contact.row(name, time_s) for contact in message.contacts)
+    elif isinstance(message, ReadyMessage) and state.connection is not None:
+        start.ready(name, state.connection, message)
 
 
 def _bury_dead(states: Mapping[str, SensorState], observer: RigObserver) -> None:

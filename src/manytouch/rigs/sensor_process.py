@@ -5,43 +5,27 @@ import signal
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-import numpy as np
-
 from manytouch.pipeline import Sink
+from manytouch.rigs.common_start import BeginMessage, ReadyMessage
+from manytouch.rigs.rig_contact import RigContact, in_rig
 from manytouch.rigs.rig_file import RigSensor
-from manytouch.values import Contact, Reading, Sensor
+from manytouch.values import Reading, Sensor
 
-HEALTH_EVERY_S = 0.5
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RigContact:
-    """A contact in the frame of the rig; NaN where the sensor does not state it.
-
-    Attributes:
-        id, phase, frame: see `manytouch.Contact`.
-        position_mm: of its centre on the pressed surface.
-        force_N: of the object on the sheet.
-        depth_mm: see `manytouch.Contact`.
-    """
-
-    id: int
-    phase: str
-    frame: int
-    position_mm: tuple[float, float, float]
-    force_N: tuple[float, float, float]
-    depth_mm: float
+HEALTH_EVERY_S, POLL_S = 0.5, 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ContactsMessage:
-    """The contacts of one frame; `arrived_ns` is by the clock that all processes of a machine share."""
+    """The contacts of one frame; `at_ns` is by the clock that all processes of a machine share.
 
-    arrived_ns: int
+    It is the arrival of a camera's frame; that of a file or a simulation follows from its timestamp.
+    """
+
+    at_ns: int
     contacts: tuple[RigContact, ...]
 
 
@@ -81,24 +65,6 @@ class SensorOptions:
     page_origin: str | None = None
 
 
-def in_rig(contact: Contact, sensor: Sensor, rig: RigSensor, frame: int) -> RigContact:
-    """A contact in the frame of the rig; without coordinates if the sensor's scale is not known."""
-    x, y = (float(value) for value in contact.centre_mm)
-    if sensor.length_unit == "mm":
-        position = rig.rotation @ np.array([x, y, -contact.depth_mm]) + rig.translation_mm
-    else:
-        position = np.full(3, np.nan)
-    force = rig.rotation @ np.asarray(contact.force_N, dtype=np.float64)
-    return RigContact(
-        id=contact.id,
-        phase=contact.phase.value,
-        frame=frame,
-        position_mm=(float(position[0]), float(position[1]), float(position[2])),
-        force_N=(float(force[0]), float(force[1]), float(force[2])),
-        depth_mm=float(contact.depth_mm) if sensor.length_unit == "mm" else float("nan"),
-    )
-
-
 class ContactStream:
     """A sink that sends contacts, and from time to time the health of the session."""
 
@@ -108,17 +74,21 @@ class ContactStream:
         sensor: Callable[[], Sensor],
         health: Callable[[], HealthMessage],
         to: Connection,
+        begun_ns: Callable[[], int | None],
     ) -> None:
         self._rig, self._sensor, self._health, self._to = rig, sensor, health, to
+        self._begun_ns = begun_ns
         self._sent_s = 0.0
 
     def write(self, reading: Reading) -> None:
         """Send the contacts of a frame, those that just ended too."""
         frame, sensor = reading.frame, self._sensor()
         if reading.contacts.contacts:
+            begun_ns = self._begun_ns()
             arrived_ns = time.monotonic_ns() if frame.arrived_ns is None else frame.arrived_ns
-            found = (in_rig(contact, sensor, self._rig, frame.index) for contact in reading.contacts.contacts)
-            self._to.send(ContactsMessage(arrived_ns=arrived_ns, contacts=tuple(found)))
+            at_ns = arrived_ns if begun_ns is None else begun_ns + frame.timestamp_ns
+            found = (in_rig(contact, sensor, self._rig, frame) for contact in reading.contacts.contacts)
+            self._to.send(ContactsMessage(at_ns=at_ns, contacts=tuple(found)))
         if time.monotonic() - self._sent_s > HEALTH_EVERY_S:
             self._sent_s = time.monotonic()
             self._to.send(self._health())
@@ -145,6 +115,26 @@ class _Notes:
         pass
 
 
+class _Begin:
+    """Waits until the first process lets files and simulations begin.
+
+    Attributes:
+        at_ns: when timestamp 0 is due; None before, and for a camera.
+    """
+
+    def __init__(self, connection: Connection, started_unix_ns: int | None, stop: Callable[[], bool]) -> None:
+        self._connection, self._started_unix_ns, self._stop = connection, started_unix_ns, stop
+        self.at_ns: int | None = None
+
+    def __call__(self) -> int:
+        self._connection.send(ReadyMessage(started_unix_ns=self._started_unix_ns))
+        while not self._stop() and not self._connection.poll(POLL_S):
+            pass
+        message = self._connection.recv() if self._connection.poll() else None
+        self.at_ns = message.at_ns if isinstance(message, BeginMessage) else time.monotonic_ns()
+        return self.at_ns
+
+
 def run_sensor(connection: Connection, rig: RigSensor, options: SensorOptions) -> None:
     """Run one sensor until its source ends or SIGTERM; its failure is a message, and exit status 1."""
     stopped = threading.Event()
@@ -161,6 +151,7 @@ def run_sensor(connection: Connection, rig: RigSensor, options: SensorOptions) -
 
 def _run(connection: Connection, rig: RigSensor, options: SensorOptions, stop: Callable[[], bool]) -> None:
     from manytouch.session import Live, ResultFiles, prepare, run
+    from manytouch.sinks.output_process.process import start_outputs
     from manytouch.sources.cameras.capture import CameraRequest
 
     notes = _Notes(connection)
@@ -172,7 +163,12 @@ def _run(connection: Connection, rig: RigSensor, options: SensorOptions, stop: C
         camera=CameraRequest(size_px=rig.size_px, is_mjpg=True),
         observer=notes,
     )
-    live = Live(job, record=options.record)
+    begin = _Begin(connection, job.source.capabilities.started_unix_ns, stop)
+    live = Live(job, record=options.record, begin=None if job.source.is_live else begin)
+    outputs = start_outputs(rig.to, live)
+    live.attach(outputs)
+    for description in (each for output in outputs for each in output.descriptions):
+        notes.on_message(description)
 
     def health() -> HealthMessage:
         found = live.health()
@@ -180,15 +176,15 @@ def _run(connection: Connection, rig: RigSensor, options: SensorOptions, stop: C
             frames=found.frames, dropped=found.dropped, fps=found.fps or 0.0, source=found.source
         )
 
-    sinks: list[Sink] = [ContactStream(rig, lambda: live.sensor, health, connection)]
+    sinks: list[Sink] = [ContactStream(rig, lambda: live.sensor, health, connection, lambda: begin.at_ns)]
     if options.viewer_host is not None:
         from manytouch.sinks.latest_only import LatestOnly
-        from manytouch.sinks.viewer import Viewer
+        from manytouch.sinks.viewer import UPDATE_INTERVAL_S, Viewer
 
         viewer = Viewer(live, host=options.viewer_host, embedded_in=options.page_origin)
         connection.send(NoteMessage(sentence=f"viewer at {viewer.url}", viewer=viewer.url))
-        sinks.append(LatestOnly(viewer))
-    connection.send(health())
+        sinks.append(LatestOnly(viewer, interval_s=UPDATE_INTERVAL_S))
+    connection.send(replace(health(), source="compiling"))
     if options.out is None:
         run(live, sinks, notes, stop)
         return

@@ -1,5 +1,6 @@
 """Short recordings, and a batch of them in this process."""
 
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -16,14 +17,18 @@ from manytouch.session import Request
 FRAMES = 18
 
 
-@pytest.fixture
-def recordings(tmp_path: Path) -> Path:
-    """A folder with three recordings."""
-    folder = tmp_path / "recordings"
-    folder.mkdir()
+@pytest.fixture(scope="session")
+def three_videos(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("videos")
     for number in range(3):
         write_video(folder / f"press{number}.mp4", (picture(seed=each) for each in range(FRAMES + number)))
     return folder
+
+
+@pytest.fixture
+def recordings(tmp_path: Path, three_videos: Path) -> Path:
+    """A folder with three recordings, of this test alone."""
+    return Path(shutil.copytree(three_videos, tmp_path / "recordings"))
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import pytest
 
 from batch_work import Notes
 from manytouch.batch.inputs import tasks_of
-from manytouch.batch.remote import file_system
+from manytouch.batch.remote import file_system, is_remote
 from manytouch.batch.run_batch import merge
 from manytouch.errors import OutputError, SourceError
 from manytouch.session import process
@@ -119,6 +119,13 @@ def test_addresses_are_expanded_and_missing_ones_are_failures(
     report, _ = batch("s3://bucket/day1/gone.mp4", "s3://nowhere/a.mp4")
     assert set(report.failed) == {"gone", "a"}
     assert "there is no s3://bucket/day1/gone.mp4" in report.failed["gone"].reason
+
+
+def test_files_of_a_web_server_are_copied_and_streams_are_not() -> None:
+    for name in ("list.txt", "LIST.TXT?token=a", "a.MP4", "a.mcap", "0.png"):
+        assert is_remote(f"https://lab.example/{name}")
+    for text in ("https://lab.example/stream", "rtsp://lab.example/a.mp4", "list.txt"):
+        assert not is_remote(text)
 
 
 def test_a_recording_on_a_web_server(

@@ -175,6 +175,13 @@ def test_an_input_that_changes_while_it_is_processed_has_no_result(
     assert "vanished" in report.failed["press0"].reason
     assert not (tmp_path / "out" / "press0").exists()
 
+    monkeypatch.undo()
+    assert set(batch(recordings, path)[0].failed) == {"press0"}
+    shutil.copy(recordings / "press1.mp4", path)
+    report, _ = batch(recordings)
+    assert (report.computed, report.current, report.complete) == (1, 2, 3)
+    assert differences(tmp_path / "out" / "press0", process(path, out=tmp_path / "expected")) == []
+
 
 def test_a_full_disk_leaves_earlier_results_and_no_parts(
     recordings: Path, tmp_path: Path, batch: Batch, monkeypatch: pytest.MonkeyPatch
@@ -198,3 +205,5 @@ def test_a_full_disk_leaves_earlier_results_and_no_parts(
     assert (out / "press0" / "summary.json").read_text() == before
     assert not list(out.glob(".*.partial"))
     assert batch(recordings)[0].complete == 3
+    for path in sorted(recordings.iterdir()):
+        assert differences(out / path.stem, process(path, out=tmp_path / "expected")) == []

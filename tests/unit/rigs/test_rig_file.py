@@ -2,14 +2,10 @@
 
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from manytouch.errors import SourceError
 from manytouch.rigs.rig_file import camera_with_serial, load_rig
-from manytouch.rigs.sensor_process import in_rig
-from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.values import Contact, Phase
 
 GOOD = """
 schema = 1
@@ -42,25 +38,6 @@ def test_paths_are_relative_to_the_rig_file_where_they_exist(tmp_path: Path) -> 
     index, thumb = load_rig(written(tmp_path, GOOD)).sensors
     assert (index.source, index.sensor) == (str(tmp_path / "press.mp4"), "gelsight-mini")
     assert (thumb.source, thumb.fps, thumb.size_px) == ("sim:one", 10.0, (640, 480))
-
-
-def test_a_contact_is_turned_and_moved_into_the_frame_of_the_rig(tmp_path: Path) -> None:
-    thumb = load_rig(written(tmp_path, GOOD)).sensors[1]
-    contact = Contact(
-        id=3,
-        phase=Phase.START,
-        centre_mm=np.array([1.0, 2.0]),
-        centre_px=np.array([0.0, 0.0]),
-        depth_mm=0.5,
-        force_N=np.array([1.0, 0.0, -4.0]),
-        torque_Nmm=0.0,
-        area_mm2=1.0,
-        covariance=np.zeros((8, 8)),
-    )
-    found = in_rig(contact, demo_sensor(640), thumb, frame=7)
-    assert found.position_mm == pytest.approx((10.0 - 2.0, 20.0 + 1.0, 30.0 - 0.5))
-    assert found.force_N == pytest.approx((0.0, 1.0, -4.0))
-    assert (found.id, found.phase, found.frame, found.depth_mm) == (3, "start", 7, 0.5)
 
 
 def test_all_mistakes_are_listed_at_once(tmp_path: Path) -> None:

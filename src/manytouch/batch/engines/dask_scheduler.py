@@ -2,10 +2,11 @@
 
 import queue
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
+from manytouch.batch.engines.worker_wait import WorkerWait
 from manytouch.batch.tasks import Outcome, Task, TaskFunction, TaskState
 from manytouch.errors import ManytouchError, MissingExtraError
 
@@ -36,9 +37,11 @@ class DaskEngine:
 
     Attributes:
         client: a `distributed.Client`.
+        wait: for workers.
     """
 
     client: Any
+    wait: WorkerWait = field(default_factory=WorkerWait)
 
     def run(self, work: TaskFunction, tasks: Iterable[Task], stop: Callable[[], bool]) -> Iterator[Outcome]:
         """The outcomes in the order in which tasks end. See `Engine`.
@@ -47,7 +50,7 @@ class DaskEngine:
         all others; one that is blamed again has failed.
 
         Raises:
-            ManytouchError: the connection to the scheduler was lost.
+            ManytouchError: the connection to the scheduler was lost, or no worker has come in time.
         """
         blamed: list[Task] = []
         for task, outcome in self._outcomes(work, tasks, stop):
@@ -65,8 +68,9 @@ class DaskEngine:
         """Outcomes in the order in which tasks end; None for a task that is blamed for dead workers.
 
         Raises:
-            ManytouchError: the connection to the scheduler was lost.
+            ManytouchError: the connection to the scheduler was lost, or no worker has come in time.
         """
+        self.wait.begin()
         done: queue.SimpleQueue[Any] = queue.SimpleQueue()
         in_work: dict[str, tuple[Task, Any]] = {}
         remaining = iter(tasks)
@@ -83,6 +87,7 @@ class DaskEngine:
                     finished = done.get(timeout=POLL_INTERVAL_S)
                 except queue.Empty:
                     self._require_connection()
+                    self.wait.check(self._threads)
                     continue
                 if finished.status in ("lost", "pending"):  # its worker died; dask gives it to another
                     finished.add_done_callback(done.put)
@@ -100,9 +105,12 @@ class DaskEngine:
 
     def _limit(self) -> int:
         """Number of tasks that the scheduler may have at once."""
+        return min(max(TASKS_PER_THREAD * self._threads(), LEAST_TASKS), MOST_TASKS)
+
+    def _threads(self) -> int:
+        """Number of threads of all workers."""
         workers = self.client.scheduler_info(n_workers=-1).get("workers", {}).values()
-        threads = sum(int(worker["nthreads"]) for worker in workers)
-        return min(max(TASKS_PER_THREAD * threads, LEAST_TASKS), MOST_TASKS)
+        return sum(int(worker["nthreads"]) for worker in workers)
 
     def _require_connection(self) -> None:
         if self.client.status not in ("running", "connecting"):
@@ -126,8 +134,12 @@ class DaskEngine:
             self.client.cancel(futures)
 
 
-def connect(address: str) -> DaskEngine:
+def connect(address: str, wait: WorkerWait | None = None) -> DaskEngine:
     """Connect to the scheduler at an address, such as tcp://host:8786.
+
+    Args:
+        address: of the scheduler.
+        wait: for workers; None: the default.
 
     Raises:
         MissingExtraError: dask is not installed.
@@ -137,12 +149,13 @@ def connect(address: str) -> DaskEngine:
     from distributed import Client
 
     try:
-        return DaskEngine(client=Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False))
+        client = Client(address, timeout=CONNECT_TIMEOUT_S, set_as_default=False)
     except (OSError, ValueError, TimeoutError) as error:
         raise ManytouchError(
             f"no dask scheduler answers at {address} ({' '.join(str(error).split())}): start it with 'dask "
             "scheduler', and give the address that it prints"
         ) from error
+    return DaskEngine(client=client, wait=wait or WorkerWait())
 
 
 def require_dask() -> None:
