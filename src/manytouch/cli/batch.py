@@ -12,6 +12,7 @@ from manytouch.cli.terminal import method_options, options
 from manytouch.cli.terminal.failures import usage_error
 
 if TYPE_CHECKING:
+    from manytouch.batch.engines.worker_wait import WorkerWait
     from manytouch.batch.settings import Settings
     from manytouch.batch.tasks import Engine, Task
 
@@ -74,7 +75,16 @@ def batch(
             metavar="I/N",
             converter=_shard,
             n_tokens=1,
-            help="Only every N-th recording, from number I (0 to N-1).",
+            help="Only every N-th recording, from number I: 0 to N-1, or 1 to N, where N/N is 0/N.",
+        ),
+    ] = None,
+    wait_h: Annotated[
+        float | None,
+        Parameter(
+            metavar="HOURS",
+            converter=options.positive("a time in hours"),
+            n_tokens=1,
+            help="Fail after so long without any worker of a scheduler or of SLURM. [default: 24]",
         ),
     ] = None,
     merge: Annotated[bool, options.switch("Join the tables of all shards in DIR; process nothing.")] = False,
@@ -99,6 +109,14 @@ def batch(
     options.refuse_two_scales("batch", sensor, pitch_mm, hfov_deg)
     if scheduler is not None and slurm is not None:
         raise usage_error("batch", "--scheduler and --slurm exclude each other")
+    if slurm is not None and shard is not None:
+        raise usage_error(
+            "batch",
+            "--slurm and --shard exclude each other: --slurm starts the jobs of one batch itself, --shard is "
+            "for job arrays whose tasks call manytouch",
+        )
+    if wait_h is not None and scheduler is None and slurm is None:
+        raise usage_error("batch", "--wait-h needs --scheduler or --slurm: other batches wait for no worker")
     if merge == bool(inputs):
         raise usage_error("batch", "give inputs, or --merge without inputs")
     parameters = between.parameters("batch", method) | paper.parameters("batch", method)
@@ -137,56 +155,75 @@ def batch(
         settings = replace(settings, out=absolute(out))
     if dry_run:
         return _print_plan(tasks, settings, slurm)
-    with _engine(len(tasks), workers, memory_GB, scheduler, slurm) as engine:
-        return _run(tasks, settings, engine, shard)
-
-
-@contextmanager
-def _engine(
-    tasks: int, workers: int | None, memory_GB: float | None, scheduler: str | None, slurm: Path | None
-) -> Iterator["Engine"]:
-    if scheduler is not None:
-        from manytouch.batch.engines.dask_scheduler import connect
-
-        yield connect(scheduler)
-        return
-    if slurm is not None:
-        from manytouch.batch.engines.slurm_jobs import read_options, slurm_jobs
-
-        with slurm_jobs(read_options(slurm)) as engine:
-            yield engine
-        return
-    from manytouch.batch.engines.local_processes import LocalProcesses, memory_per_worker, processors
-
-    processes = max(min(workers or processors(), tasks), 1)
-    limit = memory_per_worker(processes) if memory_GB is None else int(memory_GB * 1e9)
-    yield LocalProcesses(processes=processes, memory_bytes=limit)
-
-
-def _run(
-    tasks: "Sequence[Task]", settings: "Settings", engine: "Engine", shard: tuple[int, int] | None
-) -> int:
+    from manytouch.batch.engines.worker_wait import LONGEST_WAIT_H, WorkerWait
     from manytouch.batch.run_batch import run_batch
     from manytouch.cli.terminal.batch_progress import BatchProgress
     from manytouch.cli.terminal.interrupt import StopOnSignal
 
     with StopOnSignal() as stop, BatchProgress() as progress:
-        report = run_batch(tasks, settings, engine, observer=progress, stop=stop, shard=shard)
+        wait = WorkerWait(notify=progress.on_message, longest_h=wait_h or LONGEST_WAIT_H)
+        with _engine(
+            tasks,
+            settings,
+            wait,
+            workers=workers,
+            memory_GB=memory_GB,
+            scheduler=scheduler,
+            slurm=slurm,
+        ) as engine:
+            report = run_batch(tasks, settings, engine, observer=progress, stop=stop, shard=shard)
         progress.finish(report, settings.out)
     return 1 if report.failed else 0
 
 
-def _print_plan(tasks: "Sequence[Task]", settings: "Settings", slurm: Path | None) -> int:
+@contextmanager
+def _engine(
+    tasks: "Sequence[Task]",
+    settings: "Settings",
+    wait: "WorkerWait",
+    *,
+    workers: int | None,
+    memory_GB: float | None,
+    scheduler: str | None,
+    slurm: Path | None,
+) -> Iterator["Engine"]:
+    if scheduler is not None:
+        from manytouch.batch.engines.dask_scheduler import connect
+
+        yield connect(scheduler, wait)
+        return
+    if slurm is not None:
+        from manytouch.batch.engines.slurm_jobs import read_options, require_sbatch, slurm_jobs
+
+        found = read_options(slurm)
+        require_sbatch()
+        if recordings := len(_to_do(tasks, settings)):
+            with slurm_jobs(found, recordings, wait) as engine:
+                yield engine
+            return
+    from manytouch.batch.engines.local_processes import LocalProcesses, memory_per_worker, processors
+
+    processes = max(min(workers or processors(), len(tasks)), 1)
+    limit = memory_per_worker(processes) if memory_GB is None else int(memory_GB * 1e9)
+    yield LocalProcesses(processes=processes, memory_bytes=limit)
+
+
+def _to_do(tasks: "Sequence[Task]", settings: "Settings") -> "list[Task]":
     from manytouch.batch.run_batch import plan
     from manytouch.batch.tasks import Task
 
-    to_do = [each for each in plan(tasks, settings) if isinstance(each, Task)]
+    return [each for each in plan(tasks, settings) if isinstance(each, Task)]
+
+
+def _print_plan(tasks: "Sequence[Task]", settings: "Settings", slurm: Path | None) -> int:
+    from manytouch.values.arrays import count_of
+
+    to_do = _to_do(tasks, settings)
     for task in to_do:
         print(f"{task.name}: {task.input} ({task.reason})")
-    print(f"{len(to_do)} of {len(tasks)} recordings would be processed")
+    print(f"{len(to_do)} of {count_of(len(tasks), 'recording')} would be processed")
     if slurm is not None:
-        from manytouch.batch.engines.slurm_jobs import job_script, read_options
+        from manytouch.batch.engines.slurm_jobs import describe_jobs, read_options
 
-        found = read_options(slurm)
-        print(f"by {found.jobs} jobs with this script:\n{job_script(found)}")
+        print(describe_jobs(read_options(slurm), len(to_do)))
     return 0

@@ -94,8 +94,14 @@ def rest(
     /,
     *,
     sensor: Annotated[
-        str, Parameter(metavar="FILE", help="Sensor file with [camera]; [markers] and [sheet] are optional.")
-    ],
+        str | None,
+        Parameter(
+            metavar="FILE",
+            help="Sensor file with [camera], required; [markers] and [sheet] are optional. calibrate "
+            "camera makes "
+            "it; of a sensor that you bought, its name, such as gelsight-mini.",
+        ),
+    ] = None,
     out: Annotated[Path, Parameter(metavar="FILE", help="Sensor file to write.")],
     pitch_mm: options.PitchMm = None,
     sheet_mm: Annotated[
@@ -135,6 +141,13 @@ def rest(
     from manytouch.values.sensor_file import load_sensor, save_sensor
 
     console = Console(highlight=False, soft_wrap=True, markup=False)
+    if sensor is None:
+        raise usage_error(
+            "calibrate rest",
+            "specify --sensor FILE with [camera]: manytouch calibrate camera makes it from views of "
+            "a board; of a "
+            "sensor that you bought give its name, such as gelsight-mini",
+        )
     if sheet_mm is not None and thickness_mm is None:
         raise usage_error("calibrate rest", "--sheet-mm requires --thickness-mm")
     known = load_sensor(sensor)
@@ -182,12 +195,14 @@ def sheet(
             "Only write presses.csv for weights and probing.gcode for a 3-D printer to this folder."
         ),
     ] = None,
+    fps: options.Fps = None,
 ) -> int:
     """Estimate pretension, bending factor, thickness and stiffness from presses at known places.
 
     The table has the columns input, time_s, x_mm, y_mm, radius_mm, normal_force_N.
     Each recording starts with the untouched sheet; time_s is the time at which a
-    press is held (empty: the end of the recording). The stiffness requires at least
+    press is held (empty: the end of the recording); images without a rate count as
+    30 frames per second unless --fps gives another. The stiffness requires at least
     one force in N. A weight on a tilted sensor has weight_N, tilt_x_deg and
     tilt_y_deg (of the axes below the horizontal) instead of normal_force_N.
     --plan writes such a table for weights of 50, 100 and 200 g. For a recording or
@@ -231,12 +246,14 @@ def sheet(
         rows: tuple[PressRow, ...] | None = read_press_table(table)
     else:
         table = out.with_name(f"{out.stem}-presses.csv")
-        rows = read_typed_presses(known, presses, table, report=lambda text: console.print(f"  {text}"))
+        rows = read_typed_presses(
+            known, presses, table, report=lambda text: console.print(f"  {text}"), fps=fps
+        )
     if rows is None:
         return 0
     is_pad = known.sheet is not None and known.sheet.boundary == "bonded"
     with Steps() as steps:
-        measured = measure_presses(known, steps.count("presses", rows, len(rows)), table.parent)
+        measured = measure_presses(known, steps.count("presses", rows, len(rows)), table.parent, fps)
         steps.follow()("fitting the sheet")
         found = (calibrate_pad if is_pad else calibrate_sheet)(known, measured)
     for line in describe(found):

@@ -10,7 +10,12 @@ from manytouch.cli.terminal import options
 Pair = Annotated[
     Any,
     Parameter(
-        converter=options.pair("X,Y"), n_tokens=1, metavar="X,Y", negative=(), allow_leading_hyphen=True
+        converter=options.pair("X,Y"),
+        n_tokens=1,
+        metavar="X,Y",
+        show_default=options.as_typed,
+        negative=(),
+        allow_leading_hyphen=True,
     ),
 ]
 
@@ -42,6 +47,7 @@ def design(
             converter=options.numbers(3, "X,Y,Z"),
             n_tokens=1,
             metavar="X,Y,Z",
+            show_default=options.as_typed,
             negative=(),
             allow_leading_hyphen=True,
             help="Build volume of the printer.",
@@ -129,7 +135,8 @@ def design(
             )
         for sentence in against:
             steps.print(f"  warning: {sentence}")
-        steps.print(f"  design in {out}")
+        guide = "" if parts == "none" else f"; next: print and assemble it as {out / 'assembly.md'} describes"
+        steps.print(f"  design in {out}{guide}")
     return 0
 
 

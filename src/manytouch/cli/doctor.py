@@ -29,14 +29,17 @@ def doctor(
 
     from manytouch.session.diagnosis.installation import describe_installation
     from manytouch.session.diagnosis.recording import diagnose
+    from manytouch.session.warm_up import warm_up_kernels
 
     console = Console(highlight=False, soft_wrap=True)
     found = iter(()) if source is None else diagnose(source, roi)
     first = next(found, None)  # a source that cannot be opened is the only message
-    for line in describe_installation():
-        console.print(line, markup=False)
     if first is not None:
-        console.print(f"\n{source}", markup=False)
+        warm_up_kernels("perimeter")
+        console.print(str(source), markup=False)
         for line in chain((first,), found):
             console.print(f"  {line}", markup=False)
+        console.print("\nthis installation", markup=False)
+    for line in describe_installation():
+        console.print(line, markup=False)
     return 0

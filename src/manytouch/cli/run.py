@@ -70,12 +70,14 @@ def run(
         from manytouch.cli.terminal.rig_run import run_rig_file
 
         given = {"--sensor": sensor, "--method": method, "--pitch-mm": pitch_mm, "--hfov-deg": hfov_deg}
-        given |= {"--roi": roi, "--fps": fps, "--size": size, "--to": to, "--token": token}
+        given |= {"--roi": roi, "--fps": fps, "--size": size, "--token": token}
         given |= {"--exposure-ms": exposure_ms, "--gain": gain, "--focus": focus, "--no-mjpg": no_mjpg}
         given |= {"--white-balance-K": white_balance_K, "--host": host != "127.0.0.1"}
         given |= {"--max-clients": max_clients != 16}
         given |= {"options of a method": between.parameters("run", method) | paper.parameters("run", method)}
-        return run_rig_file(Path(source), given, out=out, record=record, is_viewing=not no_view, port=port)
+        return run_rig_file(
+            Path(source), given, out=out, record=record, to=to, is_viewing=not no_view, port=port
+        )
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
     parameters = between.parameters("run", method) | paper.parameters("run", method)
     from manytouch.cli.terminal.console import Reporter

@@ -10,7 +10,12 @@ from manytouch.cli.terminal import options
 
 def simulate(
     scene: Annotated[
-        Path, Parameter(name="SCENE.toml", negative=(), help="Scene file: sensor, indenters and motions.")
+        str,
+        Parameter(
+            name="SCENE.toml",
+            negative=(),
+            help="Scene file: sensor, indenters and motions; or a built-in scene, such as sim:pad.",
+        ),
     ],
     /,
     *,
@@ -30,20 +35,22 @@ def simulate(
     a calibration board.
 
     Example: manytouch simulate two_fingers.toml --out simulated
+    Example: manytouch simulate sim:pad --out pad
     """
     from manytouch.calibration.camera.simulated_views import is_board_scene
     from manytouch.cli.terminal.console import Steps
     from manytouch.cli.terminal.interrupt import StopOnSignal
-    from manytouch.simulation.scene.file import load_scene
+    from manytouch.simulation.scene.file import load_scene, scene_path
     from manytouch.simulation.scene.motion import held_presses
     from manytouch.simulation.solve_scene import simulator, solve_scene, state_count, states_folder
     from manytouch.sinks.files.atomic_output import check_writable
     from manytouch.sinks.files.simulated.simulated_folder import SimulatedFolder
     from manytouch.values.arrays import count_of
 
-    if is_board_scene(scene):
-        return _simulate_views(scene, out)
-    loaded = load_scene(scene)
+    path = scene_path(scene)
+    if is_board_scene(path):
+        return _simulate_views(path, out)
+    loaded = load_scene(path)
     check_writable(out)
     with StopOnSignal() as stop, Steps() as steps:
         steps.print(

@@ -57,6 +57,7 @@ class Recording:
         is_complete: whether the file was closed; a truncated file is read up to its last whole message.
         about: of the first session: source, method, parameters, versions.
         sensor: of the first session.
+        started_unix_ns: time of timestamp 0.
         frames: in order, also those that are damaged.
         damaged_bytes: size of what is not whole.
         damaged_frames: number of frames that are lost with it.
@@ -88,7 +89,7 @@ class Recording:
         self.damaged_bytes = sum(end - begin for begin, end in found.damaged)
         self._cached: tuple[ChunkLocation | None, bytes] = (None, b"")
         self.sensor, self.about = self._first_session(found.topic(prefix + SESSION))
-        self._started_ns: int = self.about["started_unix_ns"]
+        self.started_unix_ns: int = self.about["started_unix_ns"]
         camera, readings = (self._by_sequence(found.topic(prefix + each)) for each in (CAMERA, READING))
         if not camera:
             raise self._is_empty()
@@ -192,7 +193,7 @@ class Recording:
         """One place per number; the first of several."""
         found: dict[int, FramePlace] = {}
         for location in locations:
-            timestamp_ns = location.log_ns - self._started_ns
+            timestamp_ns = location.log_ns - self.started_unix_ns
             if abs(timestamp_ns) < LONGEST_NS:
                 found.setdefault(location.sequence, FramePlace(location.sequence, timestamp_ns, location))
         return sorted(found.values(), key=lambda place: place.sequence)
@@ -211,6 +212,23 @@ class Recording:
             data = read_chunk(content, ChunkLocation(0, len(content)))
             self._cached = location.chunk, data
         return data[location.offset : location.offset + location.length]
+
+
+def open_recording(path: Path) -> Recording:
+    """The recording at a path; a sensor of a rig as in hand.mcap#index.
+
+    Raises:
+        SourceError: the file does not exist; see also `Recording`.
+    """
+    bare, mark, sensor = str(path).rpartition("#")
+    if path.is_file() or not mark:
+        bare, sensor = str(path), ""
+    if not Path(bare).is_file():
+        raise SourceError(
+            f"{bare!r} is not a file: give recordings (.mcap), of a rig with the name of a sensor, such as "
+            "hand.mcap#index"
+        )
+    return Recording(Path(bare), sensor or None)
 
 
 def _prefix(path: Path, sensors: Sequence[str], sensor: str | None) -> str:

@@ -1,7 +1,7 @@
 """Check of a recording, and a copy of all that is whole in it."""
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -25,6 +25,7 @@ class RepairReport:
         has_index: whether the index at its end is whole.
         damaged: begin and end of damaged parts, in bytes.
         messages: number of whole messages by topic.
+        sensors: names of the sensors of a rig; none for the recording of one sensor.
         lost_frames, lost_readings: number of frames, and of readings of other frames, in damaged parts.
         bad_readings: number of readings that have a right checksum and wrong content.
         problem: why it cannot be replayed, or None.
@@ -35,6 +36,7 @@ class RepairReport:
     has_index: bool
     damaged: tuple[tuple[int, int], ...]
     messages: dict[str, int]
+    sensors: tuple[str, ...]
     lost_frames: int
     lost_readings: int
     bad_readings: int
@@ -51,6 +53,8 @@ class RepairReport:
         yield f"{self.bytes} bytes, {'closed' if self.is_complete else 'cut off: it has no end'}"
         if self.is_complete and not self.has_index:
             yield "its index is damaged: other programs may not open it"
+        if self.sensors:
+            yield f"the recording of a rig with the sensors {', '.join(self.sensors)}"
         for topic, count in sorted(self.messages.items()):
             yield f"{topic}: {count} whole messages"
         for begin, end in self.damaged[:MOST_LISTED]:
@@ -81,24 +85,28 @@ def check(path: Path) -> RepairReport:
         topic = found.channels[number][1] if number in found.channels else "unknown topic"
         counts[topic] += len(messages)
     lost = lost_readings = bad = 0
-    problem = None
-    try:
-        recording = Recording(path)
-    except SourceError as error:
-        problem = str(error)
-    else:
-        lost, lost_readings = recording.damaged_frames, recording.damaged_readings
-        bad = sum(1 for _ in recording.bad_readings())
+    problems: list[str] = []
+    sensors: list[str | None] = [*found.sensors] or [None]
+    for sensor in sensors:
+        try:
+            recording = Recording(path, sensor)
+        except SourceError as error:
+            problems.append(str(error) if sensor is None else f"{sensor}: {error}")
+        else:
+            lost += recording.damaged_frames
+            lost_readings += recording.damaged_readings
+            bad += sum(1 for _ in recording.bad_readings())
     return RepairReport(
         bytes=path.stat().st_size,
         is_complete=found.is_complete,
         has_index=found.has_index,
         damaged=tuple(found.damaged),
         messages=dict(counts),
+        sensors=tuple(found.sensors),
         lost_frames=lost,
         lost_readings=lost_readings,
         bad_readings=bad,
-        problem=problem,
+        problem="; ".join(problems) or None,
     )
 
 
@@ -121,8 +129,9 @@ def repair(path: Path, repaired: Path) -> int:
     from mcap.writer import CompressionType, Writer
 
     found = scan(path)
-    sessions = [place for place in found.topic(SESSION) if _is_session(path, place)]
-    if not sessions or not found.topic(CAMERA):
+    prefixes = [f"/{sensor}" for sensor in found.sensors] or [""]
+    sessions = [first for prefix in prefixes if (first := _first_session(path, found, prefix)) is not None]
+    if not sessions:
         raise SourceError(
             f"nothing of {str(path)!r} can be saved: no frame or no session with the sensor in it is whole"
         )
@@ -138,7 +147,7 @@ def repair(path: Path, repaired: Path) -> int:
             for number, (schema, topic, encoding) in sorted(found.channels.items())
             if schema in schemas
         }
-        for number, message in _in_order(found, sessions[0]):
+        for number, message in _in_order(found, sessions, prefixes):
             if number in channels:
                 writer.add_message(
                     channel_id=channels[number],
@@ -152,13 +161,30 @@ def repair(path: Path, repaired: Path) -> int:
     return copied
 
 
-def _in_order(found: Scan, first: MessageLocation) -> Iterator[tuple[int, MessageLocation]]:
-    """Number of the channel and place of all messages: a session first, then as they are in the file."""
+def _first_session(path: Path, found: Scan, prefix: str) -> MessageLocation | None:
+    """The first whole session of a sensor that has a whole frame."""
+    if not found.topic(prefix + CAMERA):
+        return None
+    return next((place for place in found.topic(prefix + SESSION) if _is_session(path, place)), None)
+
+
+def _in_order(
+    found: Scan, first: Sequence[MessageLocation], prefixes: Sequence[str]
+) -> Iterator[tuple[int, MessageLocation]]:
+    """Number of the channel and place of all messages: sessions first, then as they are in the file."""
     everything = [(number, place) for number, places in found.messages.items() for place in places]
-    everything.sort(key=lambda each: (each[1] is not first, each[1].chunk.begin, each[1].offset))
+    begin = {(place.chunk.begin, place.offset) for place in first}
+    everything.sort(
+        key=lambda each: (
+            (each[1].chunk.begin, each[1].offset) not in begin,
+            each[1].chunk.begin,
+            each[1].offset,
+        )
+    )
+    once_per_frame = {prefix + topic for prefix in prefixes for topic in (CAMERA, READING)}
     frames: set[tuple[int, int]] = set()
     for number, place in everything:
-        is_per_frame = number in found.channels and found.channels[number][1] in (CAMERA, READING)
+        is_per_frame = number in found.channels and found.channels[number][1] in once_per_frame
         if is_per_frame and (number, place.sequence) in frames:
             continue
         frames.add((number, place.sequence))

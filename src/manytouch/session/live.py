@@ -3,7 +3,7 @@
 import sys
 import threading
 import time
-from collections.abc import Generator, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -72,13 +72,22 @@ class Live:
     reference is prepared in a third thread, while the frames are processed as before.
     """
 
-    def __init__(self, job: Job, *, recordings: Path = Path(), record: Path | None = None) -> None:
+    def __init__(
+        self,
+        job: Job,
+        *,
+        recordings: Path = Path(),
+        record: Path | None = None,
+        begin: Callable[[], int] | None = None,
+    ) -> None:
         """Prepare; nothing runs yet.
 
         Args:
             job: from `prepare`.
             recordings: folder for recordings that are begun without a name.
             record: record everything into this file.
+            begin: called when all is prepared; returns when timestamp 0 of a file or a simulation is due, in
+                ns of the monotonic clock. None: the first frame is due at once.
         """
         self._job = job
         self._wanted = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
@@ -87,7 +96,7 @@ class Live:
         self._setups: BackgroundPreparation[Setup] = BackgroundPreparation(self._warm_up, self._refuse)
         self._meter = ThroughputMeter()
         self._recorder = SessionRecorder(job, recordings, self._commands.note)
-        self._record_path = record
+        self._record_path, self._begin = record, begin
         self._outputs: tuple[Output, ...] = ()
         self._is_held = False
         self._is_over = threading.Event()
@@ -177,6 +186,8 @@ class Live:
         self._job.warm_up(self._commands.note)
         if self._record_path is not None:
             self._begin_recording(self._record_path)
+        if self._begin is not None:
+            self._pace.begin(self._begin())
         switch_interval_s = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_INTERVAL_S)
         is_live = self._job.source.is_live

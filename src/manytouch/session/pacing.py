@@ -18,6 +18,10 @@ class Pace:
         self._begin_s: float | None = None
         self._first_ns = 0
 
+    def begin(self, at_ns: int) -> None:
+        """Timestamp 0 is due at a time of the monotonic clock."""
+        self._begin_s, self._first_ns = at_ns * 1e-9, 0
+
     def reset(self) -> None:
         """Count from the next frame."""
         self._begin_s = None

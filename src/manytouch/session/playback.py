@@ -9,13 +9,8 @@ from manytouch.errors import SourceError
 from manytouch.pipeline import Output, Sink
 from manytouch.session.commands.background_preparation import BackgroundPreparation
 from manytouch.session.commands.command_queue import CommandQueue
-from manytouch.session.commands.continuation import (
-    Kept,
-    Setup,
-    kept,
-    resumed_estimation,
-    resumed_tracking,
-)
+from manytouch.session.commands.continuation import Setup
+from manytouch.session.commands.frame_processor import FrameProcessor
 from manytouch.session.methods import (
     METHODS,
     choices_of,
@@ -36,7 +31,6 @@ from manytouch.sources.source import Timeline
 from manytouch.values import (
     Command,
     Comparison,
-    Frame,
     Health,
     Play,
     Reading,
@@ -48,14 +42,18 @@ from manytouch.values import (
     UseMethod,
 )
 
+LONG_JUMP = 100
+"""Frames processed on the way to a place that is sought, from which on a sentence explains the wait."""
+
 
 class Playback:
     """Readings of a recording at its own pace, with a timeline, controlled by commands.
 
     It is both `manytouch.session.Readings`, for `run`, and `manytouch.pipeline.Controls`, for the viewer.
     Without method and sensor the stored readings are shown, and frames without one are omitted. With one of
-    them, or once a method is selected, every frame is processed again, from the present place on, and what
-    was recorded is the comparison.
+    them, or once a method is selected, every frame is processed again, and what was recorded is the
+    comparison. Contacts follow from the frames before: a place that is sought is reached from the last kept
+    state on, and frames that were not processed yet are shown on the way, as fast as they can be.
     """
 
     def __init__(
@@ -99,7 +97,7 @@ class Playback:
         self._place = 0
         self._sought: int | None = None
         self._continues = False
-        self._processed = _Processed()
+        self._processor = FrameProcessor()
         self._is_at_end = False
         self._outputs: tuple[Output, ...] = ()
 
@@ -203,19 +201,36 @@ class Playback:
 
     def _readings(self, begin: int, stop: StopCondition) -> Iterator[Reading]:
         """Readings from a place on, until the end or until another place is sought."""
-        self._pace.reset()
-        places = self._places(begin, stop)
         if self._is_processed:
-            frames = (self._timeline.frame(place) for place in places)
-            before, self._processed = self._processed if self._continues else None, _Processed()
-            self._continues = False
-            readings = self._processed.readings(frames, self._job, before)
-        else:
-            found = (self._timeline.reading(place) for place in places)
-            readings = (reading for reading in found if reading is not None)
-        for reading in readings:
-            frame = replace(reading.frame, arrived_ns=time.monotonic_ns())
-            yield replace(reading, frame=frame)
+            yield from (_arrived(reading) for reading in self._before(begin, stop))
+        self._pace.reset()
+        for place in self._places(begin, stop):
+            if self._is_processed:
+                yield _arrived(self._processor.step(self._timeline.frame(place)))
+            elif (reading := self._timeline.reading(place)) is not None:
+                yield _arrived(self._processor.take_stored(reading))
+
+    def _before(self, begin: int, stop: StopCondition) -> Iterator[Reading]:
+        """Process the frames before a place from which its reading follows; give those that are new."""
+        job = self._job
+        setup = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
+        first = self._processor.begin(setup, begin, continues=self._continues)
+        self._continues = False
+        if begin - first >= LONG_JUMP:
+            self._commands.note(
+                f"frames {first} to {begin - 1} are processed first: contacts follow from the frames before"
+            )
+        for place in range(first, begin):
+            self._serve_commands()
+            if self._sought is not None and self._continues:
+                self._sought = begin
+            if self._sought is not None or stop():
+                return
+            frame, is_new = self._timeline.frame(place), self._processor.is_new(place)
+            reading = self._processor.step(frame)
+            if is_new:
+                self._place = place
+                yield reading
 
     def _places(self, begin: int, stop: StopCondition) -> Iterator[int]:
         """Places when they are due. The first comes at once, also while the playback is held."""
@@ -280,25 +295,9 @@ class Playback:
                 self._commands.note(f"{type(command).__name__} is not possible with a recording")
 
 
-class _Processed:
-    """Readings of frames that follow one another, and the states of the stages after the last one."""
-
-    def __init__(self) -> None:
-        self._setup: Setup | None = None
-        self._tracking, self._estimation = Kept(), Kept()
-
-    def readings(self, frames: Iterator[Frame], job: Job, before: "_Processed | None") -> Iterator[Reading]:
-        """Process frames; identities go on from those before, if there are any and only parameters differ."""
-        setup = Setup(pipeline=job.pipeline, sensor=job.sensor, method=job.method, version=0)
-        self._setup, was = setup, None if before is None else before._setup
-        tracking = estimation = None
-        if before is not None and was is not None and setup.is_variant_of(was):
-            tracking = resumed_tracking(setup.pipeline, setup.sensor, was.pipeline, before._tracking.value)
-            started = setup.pipeline.estimate.start(setup.sensor)
-            estimation = resumed_estimation(setup.pipeline, started, was.pipeline, before._estimation.value)
-        tracked = kept(setup.pipeline.track_frames(frames, setup.sensor, tracking), self._tracking.keep)
-        found = setup.pipeline.estimate_readings(tracked, setup.sensor, estimation)
-        yield from kept(found, self._estimation.keep)
+def _arrived(reading: Reading) -> Reading:
+    """The reading of a frame that is shown now."""
+    return replace(reading, frame=replace(reading.frame, arrived_ns=time.monotonic_ns()))
 
 
 def _warmed_up(job: Job) -> Job:

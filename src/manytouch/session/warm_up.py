@@ -25,10 +25,10 @@ SOURCES = Path(__file__).parents[1]
 STAGES = ("pixels", "contacts")
 OWN_KERNELS = {
     "mechanics": "manytouch.mechanics.solver.band_kernels",
-    "perimeter": "manytouch.estimation.perimeter.law_kernels",
+    "perimeter": "manytouch.estimation.perimeter.surface_kernels",
 }
-"""A module of compiled functions that only one method needs."""
-FUNCTIONS = {"mechanics": 46, "perimeter": 40}
+"""A module of compiled functions of a package that only one method needs."""
+FUNCTIONS = {"mechanics": 46, "perimeter": 44}
 """About how many functions a method compiles, for the progress."""
 MESSAGE_EVERY_S = 3.0
 CODE = "import sys; from manytouch.session.methods.compile_stage import main; main(*sys.argv[1:])"
@@ -59,7 +59,7 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
             return False
         on_message = on_message or _print
         if compile_in_processes(method, on_message):
-            on_message("compiled; later runs need not compile")
+            on_message(f"compiled for {method}; later runs with this method need not compile")
             with suppress(OSError):
                 mark = compiled_mark(method)
                 mark.parent.mkdir(parents=True, exist_ok=True)
@@ -82,7 +82,11 @@ def compile_in_processes(method: str, on_message: OnMessage) -> bool:
         Whether all ended well. Otherwise kernels are compiled when they are needed.
     """
     expected, done, printed_s = FUNCTIONS[method], 0, time.monotonic()
-    on_message("compiling, once only: this takes up to a minute now, and no time in later runs")
+    on_message(
+        f"compiling about {expected} functions for the method {method}: up to a minute, once only "
+        "(each method "
+        "has functions of its own)"
+    )
     with ExitStack() as running:
         processes = [running.enter_context(_compiler(method, stage)) for stage in STAGES]
         for process in processes:
@@ -91,7 +95,7 @@ def compile_in_processes(method: str, on_message: OnMessage) -> bool:
             done += 1
             if time.monotonic() - printed_s > MESSAGE_EVERY_S:
                 printed_s = time.monotonic()
-                on_message(f"compiling {done} of {max(expected, done)}, once only")
+                on_message(f"compiling {done} of {max(expected, done)} for {method}, once only")
         return all(process.wait() == 0 for process in processes)
 
 
@@ -148,9 +152,13 @@ def compiled_mark(method: str) -> Path:
 
 
 def is_compiled(method: str, own: str) -> bool:
-    """Whether the kernels of a method are on disk; `own` is the module that has its own kernels."""
+    """Whether the kernels of a method are on disk; `own` is the module that has its own kernels.
+
+    What other compiled functions call has no machine code of its own: any kernel of its package counts.
+    """
     import_module(own)  # methods import it when they need it, and `kernels` lists what is imported
-    if not any(is_cached for name, is_cached in kernels().items() if name.startswith(f"{own}.")):
+    package = own.rpartition(".")[0]
+    if not any(is_cached for name, is_cached in kernels().items() if name.startswith(f"{package}.")):
         return False
     mark = compiled_mark(method)
     return mark.exists() or not is_writable(mark.parent)

@@ -276,7 +276,11 @@ def encode_frame(frame: Frame) -> tuple[bytes, str]:
         return b"", "png"
     import cv2
 
-    done, encoded = cv2.imencode(".png", frame.image, [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    options = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]
+    # One filter and runs only: without them it takes more than twice as long, for files within 10 % of these.
+    if "IMWRITE_PNG_FILTER" in dir(cv2):  # not before OpenCV 4.11
+        options += [cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP]
+    done, encoded = cv2.imencode(".png", frame.image, options)
     return (encoded.tobytes() if done else b""), "png"
 
 

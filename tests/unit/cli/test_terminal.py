@@ -85,9 +85,12 @@ def test_an_error_of_the_command_line_refers_to_the_help(words, message, capsys)
     assert message in capsys.readouterr().err
 
 
-def test_options_of_two_numbers_have_no_empty_variant(capsys):
+def test_options_of_several_numbers_have_no_empty_variant_and_defaults_as_they_are_typed(capsys):
     assert main(["design", "--help"]) == 0
-    assert "--empty" not in capsys.readouterr().out
+    printed = " ".join(capsys.readouterr().out.replace("│", " ").split())
+    assert "--empty" not in printed
+    for default in ("100,60", "0.1,10", "2560,1440", "220,220,250"):
+        assert f"[default: {default}]" in printed
 
 
 @pytest.mark.parametrize("verb", [*VERBS, "calibrate camera", "calibrate rest", "calibrate sheet"])
@@ -148,6 +151,13 @@ def test_doctor_reports_a_missing_file_and_nothing_else(capsys, tmp_path):
     printed = capsys.readouterr()
     assert printed.out == ""
     assert printed.err.startswith("manytouch: There is no ")
+
+
+def test_calibrate_rest_without_a_sensor_file_names_what_makes_one(capsys, tmp_path):
+    assert main(["calibrate", "rest", "rest.mp4", "--out", str(tmp_path / "rested.toml")]) == 2
+    printed = capsys.readouterr().err
+    assert "manytouch calibrate camera makes it" in printed
+    assert "gelsight-mini" in printed
 
 
 def test_an_interrupt_outside_of_any_run_ends_quietly(capsys, monkeypatch):

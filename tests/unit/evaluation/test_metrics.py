@@ -248,6 +248,17 @@ def test_forces_by_hand(contact_table: Table) -> None:
     assert found["normal_given_percent"] == found["shear_given_percent"] == 100
 
 
+def test_shear_with_friction_is_that_of_contacts_with_more_than_a_seventh_of_their_force(
+    contact_table: Table,
+) -> None:
+    truth = contact_table([(0, 1, 0, 0, 2, 10.0, 3.0, 4.0), (1, 1, 0, 0, 2, 10.0, 1.0, 0.0)])
+    estimated = contact_table([(0, 1, 0, 0, 2, 9.0, 3.0, 3.0), (1, 1, 0, 0, 2, 10.0, 4.0, 0.0)])
+    found = force_figures(contact_samples(truth, estimated))
+    assert found["shear_median_percent"] == pytest.approx(160)
+    assert found["friction_shear_median_percent"] == pytest.approx(20)
+    assert found["friction_shear_p95_percent"] == pytest.approx(20)
+
+
 def test_the_worst_twentieth_by_hand(contact_table: Table, sheet: Sheet) -> None:
     """Errors of 0, 1, ... 20 %: the 95th percentile is the twentieth of them, 19 %."""
     frames = range(21)

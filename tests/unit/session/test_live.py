@@ -506,6 +506,22 @@ def test_a_slow_sink_gets_the_latest_reading_and_delays_nothing() -> None:
     assert slow.is_closed
 
 
+def test_writes_are_an_interval_apart_and_the_last_reading_is_written_at_once_at_the_end() -> None:
+    _, seen = run_live(DrawnSource(frames=20, is_touched=False))
+    quick = Stuck()
+    quick.release.set()
+    latest = LatestOnly(quick, interval_s=3600.0)
+    latest.write(seen.readings[0])
+    while not quick.indices:
+        time.sleep(0.001)
+    for reading in seen.readings[1:]:
+        latest.write(reading)
+    assert quick.indices == [0]
+    latest.close()
+    assert quick.indices == [0, 19]
+    assert latest.skipped == 18
+
+
 def test_the_error_of_a_slow_sink_is_raised_at_its_end() -> None:
     _, seen = run_live(DrawnSource(frames=20, is_touched=False))
     slow = Stuck(fails=True)

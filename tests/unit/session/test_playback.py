@@ -13,7 +13,7 @@ from manytouch.errors import SourceError
 from manytouch.session import Playback, prepare, run
 from manytouch.sources import open_source
 from manytouch.sources.files.frame_timeline import FrameTimeline, frame_timeline
-from manytouch.values import Frame, Phase, Reading, Seek, Start, Tune
+from manytouch.values import Frame, Phase, Reading, Seek, Start, Stop, Tune
 
 FRAMES = 20
 
@@ -183,4 +183,41 @@ def test_another_place_starts_without_identities_also_while_a_parameter_is_chang
     indices = [reading.frame.index for reading in sink.readings]
     found = [contact for each in sink.readings[indices.index(0, 1) :] for contact in each.contacts.contacts]
     begun = [contact.id for contact in found if contact.phase is Phase.START]
-    assert begun[0] == 0
+    before = [contact.id for each in sink.readings[:31] for contact in each.contacts.contacts]
+    assert begun[0] == max(before) + 1  # the parameter is another: these are other contacts
+
+
+def found_in(reading: Reading) -> list[tuple[object, ...]]:
+    return [
+        (contact.id, contact.phase, *contact.centre_mm.tolist(), contact.depth_mm)
+        for contact in reading.contacts.contacts
+    ]
+
+
+@pytest.mark.parametrize("method", ["perimeter", "paper"])
+def test_a_frame_has_the_same_contacts_after_a_jump_as_from_playing(pressed: Path, method: str) -> None:
+    job = prepare(pressed, method=method)
+    played = {reading.frame.index: found_in(reading) for reading in job.readings()}
+    touched = next(place for place, contacts in played.items() if contacts) + 8
+    playback = Playback(prepare(pressed, method=method, fps=500.0), stays=True)
+    playback.send(Stop())
+    wanted = [touched, 2, touched - 3, touched + 17, touched]
+    sink = Seeking(playback, {1: Seek(frame=wanted[0])})
+    arrived: list[Reading] = []
+
+    class Next(Seeking):
+        def write(self, reading: Reading) -> None:
+            super().write(reading)
+            if len(arrived) < len(wanted) and reading.frame.index == wanted[len(arrived)]:
+                arrived.append(reading)
+                if len(arrived) < len(wanted):
+                    playback.send(Seek(frame=wanted[len(arrived)]))
+
+    sink = Next(playback, sink.at)
+    run(playback, [sink], stop=lambda: len(arrived) == len(wanted))
+    assert len(played[touched]) > 0
+    for reading in sink.readings:
+        assert found_in(reading) == played[reading.frame.index], reading.frame.index
+    indices = [reading.frame.index for reading in sink.readings]
+    assert indices[: touched + 1] == list(range(touched + 1))  # what was not processed yet is shown
+    assert len(indices) < 2 * (touched + 18)  # what was processed before is not

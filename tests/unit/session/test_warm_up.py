@@ -84,7 +84,7 @@ def test_progress_and_failures_of_the_compiling_processes(monkeypatch: pytest.Mo
     monkeypatch.setattr(warm_up, "CODE", "print('a', flush=True); print('b')")
     sentences: list[str] = []
     assert warm_up.compile_in_processes("mechanics", sentences.append)
-    assert sentences[-1] == f"compiling 4 of {warm_up.FUNCTIONS['mechanics']}, once only"
+    assert sentences[-1] == f"compiling 4 of {warm_up.FUNCTIONS['mechanics']} for mechanics, once only"
     monkeypatch.setattr(warm_up, "CODE", "import sys; sys.exit(2 if sys.argv[-1] == 'pixels' else 0)")
     assert not warm_up.compile_in_processes("mechanics", sentences.append)
 
@@ -146,11 +146,30 @@ def test_the_mark_does_not_depend_on_what_is_loaded(monkeypatch: pytest.MonkeyPa
     assert warm_up.compiled_mark("mechanics") == before
 
 
-def test_a_process_that_begins_later_need_not_do_it_again() -> None:
-    warm_up.warm_up_kernels("perimeter")
-    code = "from manytouch.session.warm_up import warm_up_kernels; print(warm_up_kernels('perimeter'))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "False\n"
+LATER = """
+import sys
+from manytouch.session import warm_up
+from manytouch.session.methods import compile_stage
+
+method = sys.argv[1]
+print(warm_up.warm_up_kernels(method))
+compile_stage.FRAMES = (0, 60)
+compile_stage.compile_stage(method, "contacts")
+package = warm_up.OWN_KERNELS[method].rpartition(".")[0]
+own = [module for name, module in sys.modules.items() if name.startswith(f"{package}.")]
+kernels = [value for module in own for value in vars(module).values() if hasattr(value, "py_func")]
+called = {each.py_func.__module__ for each in kernels if each.stats.cache_hits}
+print(any(name.startswith(f"{package}.") for name in called))
+"""
+
+
+@pytest.mark.parametrize("method", warm_up.OWN_KERNELS)
+def test_a_process_that_begins_later_need_not_do_it_again_and_calls_own_kernels(method: str) -> None:
+    """What only compiled functions call is loaded with them, and has no machine code of its own."""
+    warm_up.warm_up_kernels(method)
+    words = [sys.executable, "-c", LATER, method]
+    done = subprocess.run(words, capture_output=True, text=True, check=True)
+    assert done.stdout == "False\nTrue\n"
 
 
 def test_kernels_are_listed_while_another_thread_imports(monkeypatch: pytest.MonkeyPatch) -> None:

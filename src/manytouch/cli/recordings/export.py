@@ -12,7 +12,7 @@ from manytouch.cli.terminal.failures import usage_error
 def export(
     recordings: Annotated[
         list[Path] | None,
-        Parameter(name="RECORDING", negative=(), help="Recordings (.mcap)."),
+        Parameter(name="RECORDING", negative=(), help="Recordings (.mcap); of a rig FILE#SENSOR."),
     ] = None,
     /,
     *,

@@ -4,6 +4,7 @@ import time
 
 from rich.console import Console
 
+from manytouch.batch.completion import MISSING
 from manytouch.batch.run_batch import BatchReport
 from manytouch.batch.tasks import Outcome, TaskState
 from manytouch.cli.terminal.console import PLAIN_EVERY_S, progress_bar
@@ -45,9 +46,8 @@ class BatchProgress:
         if outcome.state is TaskState.COMPUTED:
             self._computed += 1
             self._frames += outcome.frames
-            self.on_message(
-                f"{name}: {count_of(outcome.frames, 'frame')} in {outcome.seconds:.1f} s ({outcome.reason})"
-            )
+            again = "" if outcome.reason == MISSING else f" (again: {outcome.reason})"
+            self.on_message(f"{name}: {count_of(outcome.frames, 'frame')} in {outcome.seconds:.1f} s{again}")
         elif outcome.state is TaskState.FAILED:
             self._failed += 1
             self.on_message(f"{name}: failed: {' '.join(outcome.reason.split())}")
@@ -73,7 +73,7 @@ class BatchProgress:
         failed = f", {self._failed} failed" if self._failed else ""
         return (
             f"{self._done} of {self._total} recordings{failed}, {60 * per_s:.3g} per minute, "
-            f"{self._frames / elapsed_s:.0f} frames per second, "
+            f"{self._frames / elapsed_s:.3g} frames per second, "
             f"{_duration((self._total - self._done) / per_s)} left"
         )
 

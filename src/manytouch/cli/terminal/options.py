@@ -40,6 +40,11 @@ def numbers(count: int, form: str) -> Any:
     return convert
 
 
+def as_typed(default: Sequence[float]) -> str:
+    """Default numbers in the form in which they are typed: 100,60."""
+    return ",".join(f"{value:g}" for value in default)
+
+
 def pair(form: str) -> Any:
     """A converter for two numbers."""
     return numbers(2, form)

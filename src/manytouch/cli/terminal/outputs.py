@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     from manytouch.sources import Source
 
 
+UDP = ("osc://", "tuio://")
+
+
 def described_outputs(
     urls: Sequence[str], controls: "Controls", report: Callable[[str], None]
 ) -> "list[OutputProcess]":
@@ -42,7 +45,9 @@ def print_outputs(health: Health, report: Callable[[str], None]) -> None:
     """One line for each output: what was sent and dropped, and what is wrong with it."""
     for output in health.outputs:
         problem = "" if output.problem is None else f"; {output.problem}"
-        report(f"{output.name}: {count_of(output.sent, 'reading')} sent, {output.dropped} dropped{problem}")
+        arrival = " (over UDP, which does not report what arrived)" if output.name.startswith(UDP) else ""
+        sent = f"{count_of(output.sent, 'reading')} sent{arrival}"
+        report(f"{output.name}: {sent}, {output.dropped} dropped{problem}")
 
 
 def check_outputs(folder: Path | None, recording: Path | None) -> None:

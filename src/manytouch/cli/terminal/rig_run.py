@@ -1,32 +1,55 @@
 """`manytouch run RIG.toml`: several sensors, whose contacts are printed in the frame of the rig."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from rich.console import Console
 
 from manytouch.cli.terminal.failures import usage_error
-from manytouch.rigs.sensor_process import RigContact
+from manytouch.rigs.rig_contact import RigContact
+from manytouch.values import Phase
 from manytouch.values.arrays import count_of
 
 
-class _Log:
-    """Prints notes, and contacts as they start and end."""
+class RigLog:
+    """Prints notes, and contacts as they start and end; at the end with the values of their deepest frame."""
 
-    def __init__(self) -> None:
-        self._console = Console(highlight=False, soft_wrap=True)
+    def __init__(self, write_line: Callable[[str], None]) -> None:
+        self._line = write_line
+        self._open: dict[tuple[str, int], tuple[float, RigContact]] = {}
 
     def on_note(self, sensor: str, sentence: str) -> None:
-        self._console.print(f"{sensor}: {sentence}", markup=False)
+        """Print a sentence."""
+        self._line(f"{sensor}: {sentence}")
 
     def on_contacts(self, sensor: str, time_s: float, contacts: tuple[RigContact, ...]) -> None:
+        """Print the contacts that start or end."""
         for contact in contacts:
-            if contact.phase == "move":
+            key = sensor, contact.id
+            begun_s, deepest = self._open.get(key, (time_s, contact))
+            if contact.phase is Phase.END:
+                if self._open.pop(key, None) is not None:
+                    self._print(sensor, time_s, deepest, "gone", f", deepest of {time_s - begun_s:.2f} s")
                 continue
-            x, y, z = contact.position_mm
-            place = f" at {x:.1f}, {y:.1f}, {z:.1f} mm" if math.isfinite(x) else ""
-            self.on_note(sensor, f"{time_s:8.3f} s  contact {contact.id} {contact.phase}{place}")
+            if key not in self._open or contact.phase is Phase.START:
+                self._open[key] = time_s, contact
+                self._print(sensor, time_s, contact, "touches")
+            elif not contact.depth_mm <= deepest.depth_mm:
+                self._open[key] = begun_s, contact
+
+    def _print(self, sensor: str, time_s: float, contact: RigContact, word: str, what: str = "") -> None:
+        x, y, z = contact.position_mm
+        place = f" at {x:.1f}, {y:.1f}, {z:.1f} mm" if math.isfinite(x) else ""
+        depth = _with_std("depth", contact.depth_mm, contact.own["depth_std_mm"], "mm")
+        force = _with_std("force", contact.own["normal_force_N"], contact.own["force_std_N"], "N")
+        self.on_note(sensor, f"{time_s:8.3f} s  #{contact.id} {word}{place}{depth}{force}{what}")
+
+
+def _with_std(name: str, value: float | None, std: float | None, unit: str) -> str:
+    if value is None or not math.isfinite(value):
+        return ""
+    return f", {name} {value:.2f}" + ("" if std is None else f" ± {std:.2f}") + f" {unit}"
 
 
 def run_rig_file(
@@ -35,6 +58,7 @@ def run_rig_file(
     *,
     out: Path | None,
     record: Path | None,
+    to: Sequence[str],
     is_viewing: bool,
     port: int,
 ) -> int:
@@ -42,7 +66,7 @@ def run_rig_file(
 
     Raises:
         CycloptsError: an option is given that the rig file states for each sensor.
-        SourceError: the rig file is wrong.
+        ManytouchError: the rig file or the address of an output is wrong.
     """
     wrong = [
         name for name, value in given.items() if not (value is None or value is False or value in ((), {}))
@@ -50,15 +74,18 @@ def run_rig_file(
     if wrong:
         raise usage_error(
             "run",
-            f"{', '.join(wrong)} cannot be used with a rig file: write what belongs to a sensor into the rig "
-            "file or the sensor's own file, and omit the rest",
+            f"{', '.join(wrong)} cannot be used with a rig file: below [[sensors]] it has source, serial, "
+            "sensor, method, fps, size_px, to and pose; omit the rest",
         )
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.rigs.overview_page import OverviewPage
     from manytouch.rigs.rig_file import load_rig
+    from manytouch.rigs.rig_outputs import with_outputs
     from manytouch.rigs.run_rig import SensorState, run_rig
 
-    rig, log, shown = load_rig(path), _Log(), dict[str, SensorState]()
+    rig, shown = with_outputs(load_rig(path), to), dict[str, SensorState]()
+    console = Console(highlight=False, soft_wrap=True)
+    log = RigLog(lambda line: console.print(line, markup=False))
     page = OverviewPage(rig.name, shown, port) if is_viewing else None
     if page is not None:
         log.on_note(rig.name, f"all sensors at {page.url}")

@@ -45,7 +45,7 @@ def viewers(
     if address is None:
         return []
     try:
-        from manytouch.sinks.viewer import Viewer
+        from manytouch.sinks.viewer import UPDATE_INTERVAL_S, Viewer
 
         viewer = Viewer(controls, **asdict(address))
     except MissingExtraError as error:
@@ -56,7 +56,7 @@ def viewers(
         report(f"token for client programs in {viewer.token_file}")
     if has_screen():
         webbrowser.open(viewer.url)
-    return [LatestOnly(viewer)]
+    return [LatestOnly(viewer, interval_s=UPDATE_INTERVAL_S)]
 
 
 def has_screen() -> bool:

@@ -12,6 +12,7 @@ from manytouch.evaluation.records.record import ContactRows, subset
 from manytouch.values.arrays import Mask, Points2, Scalars
 
 SMALLEST_N = 0.05  # below it relative errors are not computed
+FRICTION = 0.15  # least ratio of shear to normal force of a contact with friction
 FAINT_BAND_MM = (0.15, 0.5)
 LONG = 1.3
 
@@ -197,13 +198,16 @@ def force_figures(samples: ContactSamples) -> dict[str, float]:
 
     Absolute: |estimated - true|, for the shear the length of the difference. Relative: that over the
     true force, of contacts with at least 0.05 N of it. A contact whose force the method does not give
-    counts in `..._given_percent` alone; it is not an error of the whole force. Torque: |estimated - true|
-    about the sheet's normal.
+    counts in `..._given_percent` alone, not as an error of the whole force. Friction: shear of contacts
+    whose true shear is at least 0.15 of the normal force; without friction, less remains where the sheet is
+    inclined. Torque: |estimated - true| about the sheet's normal.
     """
     normal = samples.force_N - samples.true_force_N
     shear = np.linalg.norm(samples.shear_N - samples.true_shear_N, axis=1)
     true_shear = np.linalg.norm(samples.true_shear_N, axis=1)
     relative = _relative(normal, samples.true_force_N)
+    rubs = true_shear >= FRICTION * samples.true_force_N
+    by_friction = _relative(shear[rubs], true_shear[rubs])
     torque = samples.torque_Nmm - samples.true_torque_Nmm
     return {
         "normal_given_percent": _given(normal, samples.true_force_N),
@@ -217,6 +221,8 @@ def force_figures(samples: ContactSamples) -> dict[str, float]:
         "shear_p95_N": percentile(shear, 95),
         "shear_median_percent": percentile(_relative(shear, true_shear), 50),
         "shear_p95_percent": percentile(_relative(shear, true_shear), 95),
+        "friction_shear_median_percent": percentile(by_friction, 50),
+        "friction_shear_p95_percent": percentile(by_friction, 95),
         "torque_given_percent": _given(torque, samples.true_torque_Nmm),
         "torque_median_Nmm": percentile(np.abs(torque), 50),
         "torque_p95_Nmm": percentile(np.abs(torque), 95),

@@ -6,7 +6,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import binom, norm
+from scipy.special import bdtr, ndtri
 
 from manytouch.evaluation.metrics.contacts import ContactSamples
 from manytouch.values.arrays import Scalars
@@ -87,8 +87,9 @@ def coverage_of(error: Scalars, std: Scalars, *, components: int = 1) -> Coverag
     if contacts < FEWEST:
         return None
     z = np.abs(error[has_both] / std[has_both])
-    inside = [float((z <= norm.ppf(0.5 + level / 2)).mean()) for level in COVERED_LEVELS]
-    low, high = binom.interval(BAND, contacts, COVERED_LEVELS[-1])
+    inside = [float((z <= ndtri(0.5 + level / 2)).mean()) for level in COVERED_LEVELS]
+    probability = bdtr(np.arange(contacts + 1), contacts, COVERED_LEVELS[-1])  # of as many within, or fewer
+    low, high = np.searchsorted(probability, (0.5 - BAND / 2, 0.5 + BAND / 2))
     return Coverage(
         contacts=contacts,
         coverage_50=inside[0],

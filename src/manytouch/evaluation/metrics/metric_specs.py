@@ -22,8 +22,9 @@ class MetricSpec:
         label: in words.
         unit: "" for a plain number, "share" for a share that is shown in %.
         good, poor: limits; which side is good follows from their order. None: no verdict.
-        aim: where the figure should be right on a value, that value: limits are then its distance,
-        is_factor: or the factor between the two.
+        aim: value that the figure should have; `good` and `poor` are then limits of its difference from it.
+            None: they are limits of the figure itself.
+        is_factor: `good` and `poor` are limits of the factor between the figure and `aim` instead.
         digits: significant digits to show.
         is_head: does it stand in the summary?
     """
@@ -120,6 +121,8 @@ METRICS: tuple[MetricSpec, ...] = (
         ("shear_p95_N", "shear error, 95th percentile", "N"),
         ("shear_median_percent", "shear error, relative, median", "%", 15.0, 40.0),
         ("shear_p95_percent", "shear error, relative, 95th percentile", "%", 40.0, 100.0),
+        ("friction_shear_median_percent", "shear error with friction, relative, median", "%", 15.0, 40.0),
+        ("friction_shear_p95_percent", "the same, 95th percentile", "%", 40.0, 100.0),
         ("torque_given_percent", "torque given", "%", 98.0, 90.0),
         ("torque_median_Nmm", "torque error, median", "N mm"),
         ("torque_p95_Nmm", "torque error, 95th percentile", "N mm"),

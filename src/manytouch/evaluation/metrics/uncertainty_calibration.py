@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from manytouch.values.arrays import Scalars
 
@@ -54,7 +54,7 @@ def uncertainty_calibration(error: Scalars, std: Scalars) -> UncertaintyCalibrat
     z = error / std
     low, high = np.percentile(z, [15.865, 84.135])
     levels = (*CALIBRATION_LEVELS, 0.68, 0.95)
-    coverage = [float((np.abs(z) <= norm.ppf(0.5 + level / 2)).mean()) for level in levels]
+    coverage = [float((np.abs(z) <= ndtri(0.5 + level / 2)).mean()) for level in levels]
     tenths = np.array_split(np.argsort(std, kind="stable"), 10)
     return UncertaintyCalibration(
         count=count,

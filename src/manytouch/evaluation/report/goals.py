@@ -69,6 +69,7 @@ GOALS = (
     Goal(label="force, 95 %", section="force", key="normal_p95_percent", limit=12),
     Goal(label="force, bias", section="force", key="normal_bias_percent", limit=1.5),
     Goal(label="shear", section="force", key="shear_median_percent", limit=8),
+    Goal(label="shear, friction", section="force", key="friction_shear_median_percent", limit=8),
     Goal(label="area", section="region", key="area_median_percent", limit=15),
     Goal(label="depth RMSE", section="depth", key="rmse_median_mm", limit=0.010, unit="mm"),
     Goal(label="peak", section="depth", key="peak_percent", limit=1),

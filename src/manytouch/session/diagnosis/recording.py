@@ -21,6 +21,8 @@ from manytouch.values.arrays import count_of
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
 NOISY_PX, MANY_MISSING, PRESSED_PITCHES = 0.15, 0.1, 0.15
+ODD_PITCHES = 0.05
+REPEATED_PX = 0.004  # noise below that of any camera
 
 
 def diagnose(text: str, roi_px: Roi | None = None) -> Iterator[str]:
@@ -69,6 +71,8 @@ def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[
     yield _describe_layout(layout)
     yield _describe_rest(layout, len(frames))
     yield _describe_noise(layout)
+    if source.capabilities.device is None:
+        yield f"only the first {len(frames)} frames were looked at: manytouch process looks at all"
 
 
 def _describe_source(source: Source) -> str:
@@ -134,10 +138,13 @@ def _describe_focus(frame: Frame, found: Detections, appearance: Appearance, roi
 
 def _describe_layout(layout: LayoutReport) -> str:
     x_px, y_px = layout.pitch_px
+    differs = max(x_px, y_px) / min(x_px, y_px) - 1.0
     if layout.rows is None:
         text = f"layout: {layout.markers} markers that do not form a lattice, about {x_px:.0f} px apart"
     else:
         text = f"layout: {layout.rows} rows x {layout.columns} columns, pitch {x_px:.1f} x {y_px:.1f} px"
+    if layout.rows is not None and differs > ODD_PITCHES:
+        text += f"; the pitch differs by {differs:.0%} along x and y: give --pitch-mm X,Y"
     if layout.missing:
         text += f", {layout.missing} of {layout.markers} markers missing"
     if layout.missing > MANY_MISSING * layout.markers:
@@ -160,6 +167,8 @@ def _describe_noise(layout: LayoutReport) -> str:
     if not np.isfinite(layout.noise_px):
         return "noise: unknown, because too few frames are at rest; give a recording of the untouched sheet"
     text = f"noise: {layout.noise_px:.3f} px per marker in the frames at rest"
+    if layout.noise_px < REPEATED_PX:
+        text += "; the video codec repeats blocks that hardly change, so that the camera's noise is not seen"
     if layout.noise_px > NOISY_PX:
         text += "; high: fix the camera, use more light, or lower the gain"
     return text

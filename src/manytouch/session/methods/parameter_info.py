@@ -74,7 +74,7 @@ def parameter_info(method: str) -> Mapping[str, ParameterInfo]:
 
 def _without_code(text: str) -> str:
     """A docstring for readers of a page: without references to modules, names as in the labels."""
-    text = re.sub(r",( and)?$", ".", re.sub(r" \(`[\w.]+`\)", "", text))
+    text = re.sub(r" \(`[\w.]+`\)", "", text)
     text = re.sub(r"(^|\. )None:", r"\1Automatic:", text).replace("None:", "automatic:")
     return re.sub(r"`([\w.]+)`", lambda found: found[1].replace(".", " › ").replace("_", " "), text)
 

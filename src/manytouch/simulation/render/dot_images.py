@@ -1,7 +1,8 @@
-"""What a camera shows of a printed dot on the bent sheet: not its centre, but its area's centroid.
+"""The image of each round marker on the bent sheet, as an ellipse.
 
-The disc's outline is moved with the sheet, projected as a polygon, and replaced by the ellipse of
-the same area centroid and second moments.
+Its centroid is not the image of the marker's centre: perspective and bending distort the outline, which
+is moved with the sheet, projected as a polygon, and replaced by the ellipse of the same area centroid and
+second moments.
 """
 
 import numpy as np
@@ -9,7 +10,7 @@ from jaxtyping import Float64
 
 from manytouch.geometry.camera import project
 from manytouch.values import Camera
-from manytouch.values.arrays import Covariances2, Points2, Points3, Scalars
+from manytouch.values.arrays import Matrices2, Points2, Points3, Scalars
 
 CORNERS = 24
 EQUAL_SECOND_MOMENT_SCALE = float(
@@ -24,15 +25,16 @@ def outlines(rest_mm: Points3, radius_mm: Scalars) -> Float64[np.ndarray, "corne
     return (rest_mm[:, None, :] + radius_mm[:, None, None] * circle).reshape(-1, 3)
 
 
-def dot_ellipses(
-    camera: Camera, outline_mm: Float64[np.ndarray, "corners 3"]
-) -> tuple[Points2, Covariances2]:
+def dot_ellipses(camera: Camera, outline_mm: Float64[np.ndarray, "corners 3"]) -> tuple[Points2, Matrices2]:
     """Image ellipses of moved outlines: centroids (n, 2) px, shapes (n, 2, 2) as `render_discs` takes."""
     return polygon_ellipses(project(camera, outline_mm).reshape(-1, CORNERS, 2))
 
 
-def polygon_ellipses(corner_px: np.ndarray) -> tuple[Points2, Covariances2]:
-    """Centroids (n, 2) of polygons (n, corners, 2), and shapes (n, 2, 2) of ellipses of their moments."""
+def polygon_ellipses(corner_px: np.ndarray) -> tuple[Points2, Matrices2]:
+    """Centroids (n, 2) and shapes (n, 2, 2), px, of the ellipses with the moments of polygons (n, c, 2).
+
+    A shape maps the unit disc to the ellipse, as in `render_discs`.
+    """
     middle = corner_px.mean(axis=1)
     here = corner_px - middle[:, None, :]
     following = np.roll(here, -1, axis=1)

@@ -190,6 +190,24 @@ def built_in_scenes() -> tuple[str, ...]:
     )
 
 
+def scene_path(text: str) -> Path:
+    """The file of a scene: a path, or `sim:NAME` of a built-in scene.
+
+    Raises:
+        SourceError: there is no built-in scene of that name.
+    """
+    if not text.startswith("sim:"):
+        return Path(text).expanduser()
+    name = text.removeprefix("sim:") or "fingers"
+    if name.endswith(".toml"):
+        return Path(name).expanduser()
+    if name not in built_in_scenes():
+        raise SourceError(
+            f"there is no built-in scene {text!r}: use {', '.join(built_in_scenes())}, as in sim:pad"
+        )
+    return Path(str(BUILT_IN / f"{name}.toml"))
+
+
 def load_scene(path: str | Path | Traversable, *, width_px: int | None = None) -> SceneFile:
     """Read a scene file; paths in it start at its folder.
 

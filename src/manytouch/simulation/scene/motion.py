@@ -86,14 +86,15 @@ class HeldPress:
 
 
 def held_presses(bodies: tuple[Body, ...]) -> tuple[HeldPress, ...]:
-    """The times at which bodies rest pressed between two waypoints, in order."""
+    """The times at which bodies rest pressed between waypoints, in order; they may turn about the normal."""
     found = []
     for body in bodies:
         way = body.way
         for before, after in pairwise(range(len(way.time_s))):
             place = way.place_mm[before]
-            is_same = np.array_equal(place, way.place_mm[after])
-            is_same = is_same and np.array_equal(way.rotation_vector[before], way.rotation_vector[after])
+            tilts = way.rotation_vector[[before, after], :2]
+            tilts = way.rotation_vector[[before, after], :2]
+            is_same = np.array_equal(place, way.place_mm[after]) and np.array_equal(*tilts)
             if is_same and place[2] > 0.0:
                 middle_s = float(way.time_s[before] + way.time_s[after]) / 2
                 found.append(HeldPress(time_s=round(middle_s, 6), x_mm=float(place[0]), y_mm=float(place[1])))

@@ -15,10 +15,10 @@ class BodyArrays(NamedTuple):
     """Rigid bodies that press.
 
     Attributes:
-        kind, numbers: (n,), (n, k) shapes, see `distance.signed_distance`.
-        position_mm: (n, 3) of their lowest points, z from the middle surface at rest.
+        kind, numbers: (n,), (n, k) kinds and parameters of the shapes, see `distance.signed_distance`.
+        position_mm: (n, 3) of their lowest points in the sheet frame, z from the middle surface at rest.
         rotation: (n, 3, 3) sheet_from_body.
-        reach_mm: (n,) from there to the furthest point that can touch.
+        reach_mm: (n,) from `position_mm` to the furthest point that can touch.
     """
 
     kind: np.ndarray
@@ -29,7 +29,12 @@ class BodyArrays(NamedTuple):
 
 
 class Bed(NamedTuple):
-    """The touched face as a bed of springs: half of the sheet's thickness, stiffness per area."""
+    """Springs between the touched face and the bodies.
+
+    Attributes:
+        half_mm: half of the sheet's thickness.
+        stiffness_MPa_per_mm: pressure over penetration.
+    """
 
     half_mm: float
     stiffness_MPa_per_mm: float
@@ -39,9 +44,11 @@ class BodyLoads(NamedTuple):
     """What the bodies do to the sheet.
 
     Attributes:
-        resultant: (n, 7) force on the sheet (3), its torque about the sheet's z axis, its z part times
-            undeformed x and y, area in contact.
-        body_at: (a', b') number of the body at each contact point, -1 for none.
+        resultant: (n, 7) in the sheet frame: force on the sheet (3), N, z < 0 for a press; its torque about
+            the z axis through the centre of the sheet, N mm; sums of its z component times undeformed x and
+            y, N mm; undeformed area in contact, mm^2.
+        body_at: (a', b') number of the body at each contact point, two along each side of a cell; -1 for
+            none.
     """
 
     resultant: np.ndarray
@@ -60,7 +67,10 @@ def _cells(position: float, reach: float, spacing: float, count: int) -> tuple[i
 @kernel()
 @no_type_check
 def _to_body_frame(place: np.ndarray, position: np.ndarray, rotation: np.ndarray, local: np.ndarray) -> float:
-    """Fill local (3,) with a place in a body's frame; its square, or infinity below that body."""
+    """Fill local (3,) with a place in the frame of a body; return its squared distance from the origin.
+
+    The distance is infinite where the place is not above the lowest point of the body.
+    """
     for k in range(3):
         local[k] = 0.0
         for m in range(3):
@@ -71,7 +81,10 @@ def _to_body_frame(place: np.ndarray, position: np.ndarray, rotation: np.ndarray
 
 
 class _Point(NamedTuple):
-    """A contact point in a cell of the grid: first node (i, j), shape functions (4,), quarter 0 to 3."""
+    """A contact point in a cell of the grid: first node (i, j), shape functions (4,), quarter.
+
+    The quarter is 2 for the upper half along x, plus 1 for the upper half along y.
+    """
 
     i: int
     j: int
@@ -84,7 +97,7 @@ class _Point(NamedTuple):
 def _face_point(
     point: _Point, value: np.ndarray, fibre: np.ndarray, spacing: np.ndarray, half: float, here: np.ndarray
 ) -> tuple[float, float]:
-    """Fill the present place (3,) of a contact point of the touched face; its undeformed x and y, mm."""
+    """Fill the present place (3,) of a contact point of the touched face; return undeformed x and y, mm."""
     i, j, shape = point.i, point.j, point.shape
     s, r = 0.25 + 0.5 * (point.quarter // 2), 0.25 + 0.5 * (point.quarter % 2)
     shape[0], shape[1], shape[2], shape[3] = (1 - s) * (1 - r), (1 - s) * r, s * (1 - r), s * r

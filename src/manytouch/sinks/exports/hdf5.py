@@ -1,7 +1,7 @@
 """A recording as HDF5: tables, surface and images, with units as attributes.
 
 /contacts, /frames, /markers   a data set per column of `manytouch process`
-/surface                       depth_mm over (time, y, x) with dimension scales; xarray opens it:
+/surface                       depth_mm and depth_std_mm over (time, y, x), with dimension scales:
                                xarray.open_dataset(path, group="surface")
 /images                        the encoded images, as the camera sent them
 """
@@ -71,25 +71,31 @@ def _put_surface(group: Any, recording: Recording) -> None:
         scale = group.create_dataset(name, data=values)
         scale.attrs["units"] = unit
         scale.make_scale(name)
-    depth = group.create_dataset(
-        f"depth_{unit}",
-        shape=(0, *shape),
-        maxshape=(None, *shape),
-        chunks=(FRAMES_PER_CHUNK, *shape),
-        dtype="f4",
-        **COMPRESSION,
-    )
-    depth.attrs.update({"units": unit, "frame": "sheet", "long_name": "displacement along -z"})
+    texts = {"depth": "displacement along -z", "depth_std": "standard deviation of the depth"}
+    maps = {}
+    for name, text in texts.items():
+        maps[name] = group.create_dataset(
+            f"{name}_{unit}",
+            shape=(0, *shape),
+            maxshape=(None, *shape),
+            chunks=(FRAMES_PER_CHUNK, *shape),
+            dtype="f4",
+            **COMPRESSION,
+        )
+        maps[name].attrs.update({"units": unit, "frame": "sheet", "long_name": text})
     times_s = []
     for place, reading in enumerate(readings_of(recording)):
-        depth.resize(place + 1, axis=0)
-        depth[place] = grid.sampler.depth(reading.surface)
+        for each in maps.values():
+            each.resize(place + 1, axis=0)
+        maps["depth"][place] = grid.sampler.depth(reading.surface)
+        maps["depth_std"][place] = grid.sampler.depth_std(reading.surface)
         times_s.append(reading.frame.timestamp_ns * 1e-9)
     time = group.create_dataset("time_s", data=np.array(times_s, np.float64))
     time.attrs["long_name"] = "seconds since the start of the recording"
     time.make_scale("time_s")
     for axis, name in enumerate(("time_s", f"y_{unit}", f"x_{unit}")):
-        depth.dims[axis].attach_scale(group[name])
+        for each in maps.values():
+            each.dims[axis].attach_scale(group[name])
 
 
 def _put_images(group: Any, recording: Recording) -> None:

@@ -17,6 +17,7 @@ import pyarrow.parquet as pq
 from manytouch.errors import OutputError
 from manytouch.recording.reader import Recording
 from manytouch.sinks.exports import lerobot_schema as schema
+from manytouch.sinks.exports.parquet import description
 from manytouch.sinks.exports.readings import frames_of
 from manytouch.sinks.pictures.video_file import VideoFile
 
@@ -52,6 +53,8 @@ def write_lerobot(recordings: Sequence[Recording], folder: Path) -> None:
     ]
     _write_data(folder, episodes, known, fps)
     _write_meta(folder, episodes, known, fps)
+    about = [description(recording.sensor, recording.about) for recording in recordings]
+    (folder / schema.ABOUT_PATH).write_text(json.dumps(about, indent=4), encoding="utf-8")
 
 
 def _frames(recording: Recording) -> Any:

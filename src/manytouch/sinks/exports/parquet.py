@@ -6,6 +6,7 @@ frame of reference, and that of the table the sensor file.
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ import pyarrow.parquet as pq
 from manytouch.recording.reader import Recording
 from manytouch.sinks.exports.readings import readings_of
 from manytouch.sinks.files.regions import RegionTable
+from manytouch.sinks.files.sensor_description import plain_values
 from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.values import Sensor
 
@@ -71,11 +73,11 @@ def tables(recording: Recording, scratch: Path) -> Iterator[tuple[str, pa.Table]
 
 def described(table: pa.Table, about: dict[bytes | str, bytes | str]) -> pa.Table:
     """The table with unit and frame of reference in the metadata of its columns."""
-    fields = []
-    for field in table.schema:
-        found = attributes_of(field.name)
-        fields.append(field.with_metadata(found) if found else field)
-    return table.cast(pa.schema(fields, metadata=about))
+    columns = []
+    for column in table.schema:
+        found = attributes_of(column.name)
+        columns.append(column.with_metadata(found) if found else column)
+    return table.cast(pa.schema(columns, metadata=about))
 
 
 def attributes_of(column: str) -> dict[bytes | str, bytes | str]:
@@ -99,11 +101,30 @@ def _about(recording: Recording) -> dict[bytes | str, bytes | str]:
 
 
 def description(sensor: Sensor, about: dict[str, Any]) -> dict[str, Any]:
-    """What made a recording: sensor, method, parameters, versions."""
+    """What made a recording: sensor, method, parameters, versions; which values are nominal or assumed."""
     return {
         "sensor": sensor.name,
         "length_unit": sensor.length_unit,
         "assumptions": list(sensor.assumptions),
+        "nominal": _nominal(sensor),
+        "sheet_std": _sheet_std(sensor),
+        "provenance": plain_values(sensor.provenance),
         **{name: about[name] for name in ("method", "parameters", "versions", "source") if name in about},
         "started_unix_ns": about.get("started_unix_ns"),
+    }
+
+
+def _nominal(sensor: Sensor) -> list[str]:
+    """Sections and keys of the sensor file that state a kind of sensor, and not this one."""
+    if sensor.is_nominal:
+        return ["camera", "sheet", "markers"]
+    return ["sheet.size_mm", "sheet.thickness_mm"] if sensor.shape_is_nominal else []
+
+
+def _sheet_std(sensor: Sensor) -> dict[str, float]:
+    """Standard deviations of the sheet's values, as far as the sensor file states them."""
+    if sensor.sheet is None:
+        return {}
+    return {
+        name: value for name, value in asdict(sensor.sheet).items() if "_std" in name and value is not None
     }

@@ -4,8 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from manytouch.errors import OutputError, SourceError
-from manytouch.recording.reader import Recording
+from manytouch.errors import OutputError
+from manytouch.recording.reader import Recording, open_recording
 from manytouch.sinks.exports.hdf5 import write_hdf5
 from manytouch.sinks.exports.lerobot import write_lerobot
 from manytouch.sinks.exports.parquet import write_parquet
@@ -64,7 +64,7 @@ def export(paths: Sequence[Path], format_name: str, folder: Path) -> list[Path]:
     """Write recordings in another format.
 
     Args:
-        paths: the recordings.
+        paths: the recordings; of a rig with the name of a sensor, as in hand.mcap#index.
         format_name: a key of `FORMATS`.
         folder: where the results go; of a format with one result for all recordings the result itself.
 
@@ -77,13 +77,10 @@ def export(paths: Sequence[Path], format_name: str, folder: Path) -> list[Path]:
         MissingExtraError: a package is not installed.
     """
     found = FORMATS[format_name]
-    missing = next((path for path in paths if not path.is_file()), None)
-    if missing is not None:
-        raise SourceError(f"{str(missing)!r} is not a file: give recordings (.mcap)")
-    recordings = [Recording(path) for path in paths]
+    recordings = [open_recording(path) for path in paths]
     if found.suffix is None:
         return [_written(found, recordings, folder)]
-    names = _names(paths)
+    names = _names(recordings)
     return [
         _written(found, [recording], folder / f"{name}{found.suffix}")
         for recording, name in zip(recordings, names, strict=True)
@@ -110,15 +107,16 @@ def _written(found: Format, recordings: Sequence[Recording], path: Path) -> Path
     return path
 
 
-def _names(paths: Sequence[Path]) -> list[str]:
-    """Stems of the recordings, with numbers where they are equal."""
+def _names(recordings: Sequence[Recording]) -> list[str]:
+    """Stems of the recordings, with the sensor of a rig, and with numbers where they are equal."""
     taken: set[str] = set()
     names = []
-    for path in paths:
-        name, number = path.stem, 1
+    for recording in recordings:
+        sensor = "" if recording.rig_sensor is None else f"-{recording.rig_sensor}"
+        name, number = f"{recording.path.stem}{sensor}", 1
         while name.casefold() in taken:
             number += 1
-            name = f"{path.stem}-{number}"
+            name = f"{recording.path.stem}{sensor}-{number}"
         taken.add(name.casefold())
         names.append(name)
     return names

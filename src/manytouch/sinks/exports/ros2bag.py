@@ -1,5 +1,6 @@
 """A recording as a ROS 2 bag in MCAP, by rosbags."""
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
@@ -10,6 +11,12 @@ from manytouch.sinks.exports.readings import frames_of
 from manytouch.sinks.ros2.messages import RosMessage, RosMessages, typestore
 
 VERSION: Literal[9] = 9  # of metadata.yaml; Jazzy writes it
+
+
+def _name(recording: Recording) -> str:
+    """Of topics and frames; each sensor of a rig has its own, so that their bags can run together."""
+    sensor = recording.rig_sensor
+    return "manytouch" if sensor is None else f"manytouch/{re.sub(r'[^A-Za-z0-9_]', '_', sensor)}"
 
 
 def write_ros2bag(recordings: Sequence[Recording], folder: Path) -> None:
@@ -23,7 +30,7 @@ def write_ros2bag(recordings: Sequence[Recording], folder: Path) -> None:
     except ImportError:
         raise MissingExtraError("ROS 2 bags", "rosbags", "connect") from None
     (recording,) = recordings
-    messages = RosMessages(recording.sensor)
+    messages = RosMessages(recording.sensor, _name(recording))
     begin_ns = int(recording.about["started_unix_ns"])
     with Writer(folder, version=VERSION, storage_plugin=StoragePlugin.MCAP) as bag:
         connections: dict[str, Any] = {}

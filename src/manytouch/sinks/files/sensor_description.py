@@ -1,5 +1,7 @@
 """Descriptions of a sensor: one line for people, a dictionary for summary.json, distances in pixels."""
 
+import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -108,8 +110,21 @@ def sensor_to_dict(sensor: Sensor) -> dict[str, Any]:
             "pretension_N_per_mm": sheet.pretension_N_per_mm,
             "bending_factor": sheet.bending_factor,
         },
-        "provenance": {key: str(value) for key, value in sensor.provenance.items()},
+        "provenance": plain_values(sensor.provenance),
     }
+
+
+def plain_values(value: object) -> Any:
+    """A value of a TOML file as JSON: dates and times are text, what is not finite is None."""
+    if isinstance(value, Mapping):
+        return {str(key): plain_values(each) for key, each in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_values(each) for each in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain_values(value.tolist())
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    return value if value is None or isinstance(value, bool | int | str) else str(value)
 
 
 def estimated_pretension(sensor: Sensor, spline: SheetSpline | None) -> dict[str, float | None] | None:

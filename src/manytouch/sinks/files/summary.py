@@ -18,10 +18,12 @@ from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict
 from manytouch.values import Reading, Roi, Sensor, SheetSpline, Status
+from manytouch.values.arrays import count_of
 
 SCHEMA = 1
 WITHOUT_SHEET = "perimeter"
 """The method whose values `mechanics` has in frames that do not show the sheet that was assumed."""
+SHORTEST_REST_S = 0.5  # before the first contact, for rest positions from the first frames
 RARELY_SEEN = 0.5  # share of the frames below which a marker causes a warning
 
 
@@ -52,6 +54,8 @@ class Summary:
         self._frames_touched = 0
         self._milliseconds: list[float] = []
         self._last_index = -1
+        self._begin_ns: int | None = None
+        self._first_touch_ns: int | None = None
         self._methods: Counter[str] = Counter()
         self._spline: SheetSpline | None = None
 
@@ -65,6 +69,9 @@ class Summary:
         self._most_at_once = max(self._most_at_once, len(touching))
         self._frames_touched += bool(touching)
         self._last_index = reading.frame.index
+        self._begin_ns = reading.frame.timestamp_ns if self._begin_ns is None else self._begin_ns
+        if touching and self._first_touch_ns is None:
+            self._first_touch_ns = reading.frame.timestamp_ns
         self._milliseconds.append(reading.milliseconds)
         if reading.surface.spline is not None:
             self._spline = reading.surface.spline
@@ -155,7 +162,8 @@ class Summary:
             "pretension": self.pretension,
             "milliseconds": self._latency(),
             "noise_px": self.noise_px,
-            "odd": self.warnings(),
+            "warnings": self.warnings(),
+            "odd": self.warnings(),  # its name before 0.2
             "parameters": parameters(self._pipeline),
             "versions": versions(),
         }
@@ -171,9 +179,14 @@ class Summary:
         without_sheet = 0 if self._method == WITHOUT_SHEET else self._methods[WITHOUT_SHEET]
         if without_sheet:
             sentences.append(
-                f"{without_sheet} of {frames} frames do not show the clamped sheet that was assumed; "
-                "their surface and contacts are those of the method perimeter. Give a sensor file (--sensor)."
+                f"{without_sheet} of {frames} frames do not show the clamped sheet "
+                f"{_shape_and_remedy(self._sensor)}; their surface and contacts are those of the method "
+                "perimeter, and have no forces, not even relative ones"
             )
+        found = self._sensor.provenance.get("rest_warnings")
+        for sentence in found if isinstance(found, list | tuple) else ():
+            sentences.append(f"the sensor file was made with a warning: {sentence}")
+        sentences += self._rest_warnings()
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))
         announced = self._recording.get("frame_count")
@@ -190,11 +203,44 @@ class Summary:
             sentences.append(f"{who} seen in less than half of the frames: {named}")
         return sentences
 
+    def _rest_warnings(self) -> list[str]:
+        """A warning if a contact begins shortly after the frames from which the rest positions are."""
+        provenance = self._sensor.provenance
+        is_from_start = "rest_frames" in provenance or provenance.get("from") != "whole recording"
+        frames = self._sensor.rest_frames
+        if self._begin_ns is None or self._first_touch_ns is None or frames is None or not is_from_start:
+            return []
+        rest_s = (self._first_touch_ns - self._begin_ns) * 1e-9
+        if rest_s >= SHORTEST_REST_S:
+            return []
+        return [
+            f"the rest is short: a contact begins {rest_s:.2f} s after the first frame, and the rest "
+            f"positions are the mean of {count_of(frames, 'frame')}. Depths and forces may be off by more "
+            "than their standard deviations, and contacts may be false: begin recordings with at least a "
+            "second without a touch."
+        ]
+
     def _latency(self) -> dict[str, float | None]:
         if not self._milliseconds:
             return {"p50": None, "p95": None, "p99": None}
         found = np.percentile(self._milliseconds, [50, 95, 99])
         return {name: _rounded(value) for name, value in zip(("p50", "p95", "p99"), found, strict=True)}
+
+
+def _shape_and_remedy(sensor: Sensor) -> str:
+    """Which sheet it is that some frames do not show, and what to correct."""
+    sheet = sensor.sheet
+    if sheet is None or not sheet.is_assumed:
+        return (
+            "of the sensor file: correct its size_mm and thickness_mm, or process without --sensor, with "
+            "--pitch-mm"
+        )
+    (x, y), unit = sheet.size_mm, sensor.length_unit
+    return (
+        f"that was assumed ({x:.4g} x {y:.4g} {unit}, {sheet.thickness_mm:.3g} {unit} thick, from the "
+        "pitch): give a sensor file (--sensor) in which size and thickness are measured, since guessed ones "
+        "give worse results than none"
+    )
 
 
 def versions() -> dict[str, str | None]:

@@ -42,6 +42,8 @@ class Annotator:
         self._pitch = float(np.nanmin(pitch_px(sensor))) * self.zoom
         self._long_side = max(camera.width_px, camera.height_px) * self.zoom
         self._text_px = max(12.0, 0.014 * self._long_side)
+        self._arrow_px = max(2, round(self._long_side / 600))  # a video halves the resolution of colour
+        self._contact_px = max(2, round(self._long_side / 500))
         self._bar = round(2.2 * self._text_px)
         self._last: np.ndarray | None = None
         self._white: float | None = None
@@ -99,12 +101,12 @@ class Annotator:
         begin = self._place(reading.grid.position_px[seen])
         moved = begin - self._place(self._rest_px[seen])
         end = begin + ARROW_SCALE * moved
-        width = max(1, round(self._long_side / 1000))
+        width = self._arrow_px
         for index in np.flatnonzero(np.hypot(*moved.T) * ARROW_SCALE >= SMALLEST_ARROW_PX):
             drawing.arrow(picture, tuple(begin[index]), tuple(end[index]), drawing.YELLOW, width)
 
     def _draw_contacts(self, picture: np.ndarray, reading: Reading) -> None:
-        width = max(2, round(self._long_side / 500))
+        width = self._contact_px
         occupied: list[Rectangle] = []
         outlines = outlines_px(self._sensor, reading.surface, reading.contacts.touching)
         for contact in reading.contacts.touching:
@@ -125,7 +127,8 @@ class Annotator:
     def _draw_shear(self, picture: np.ndarray, contact: Contact, place: drawing.Position, width: int) -> None:
         """The direction and size of a shear force; y of the sheet points down in the image."""
         size_N = float(np.hypot(*contact.force_N[:2]))
-        if not size_N >= LEAST_SHEAR_N:  # also where it is not known
+        std_N = max(contact.std("shear_x"), contact.std("shear_y"))
+        if not size_N >= LEAST_SHEAR_N or size_N < std_N:  # also where it is not known
             return
         length = min(SHEAR_SHARE_PER_N * size_N, LARGEST_SHEAR_SHARE) * self._long_side
         end = np.array(place) + contact.force_N[:2] * (length / size_N)
@@ -150,7 +153,9 @@ class Annotator:
         occupied.append(label)
         drawing.plate(picture, (label.left, label.top), size)
         baseline = (label.left + height / 2, label.top + 1.5 * height)
-        drawing.write_text(picture, text, baseline, height, drawing.WHITE, outline=False)
+        is_weak = contact.depth_mm < 2.0 * contact.std("depth")
+        colour = drawing.GREY if is_weak else drawing.WHITE
+        drawing.write_text(picture, text, baseline, height, colour, outline=False)
 
     def depth_text(self, contact: Contact) -> str:
         """Depth and its deviation in the sensor's unit."""
@@ -192,12 +197,10 @@ class Annotator:
         bar_px = _round_number(0.4 * self._pitch / self.zoom / ARROW_SCALE)
         sheet = self._sensor.sheet
         has_forces = sheet is not None and sheet.young_MPa is not None
-        contact = "contact, arrow: shear force" if has_forces else "contact"
-        entries = ("marker", "not seen", f"displacement {bar_px:g} px (arrows x{ARROW_SCALE})", contact)
-        size = self._fit("oo".join(entries) + "oo" * 8, width)
-        length = bar_px * ARROW_SCALE * self.zoom
+        entries = ["marker", "not seen", f"displacement {bar_px:g} px (arrows x{ARROW_SCALE})", "contact"]
+        entries += ["shear force 1 N"] if has_forces else []
+        size = self._fit("oo".join(entries) + "oo" * 2 * len(entries), width)
         x, middle = self._text_px, baseline - 0.5 * size
-        stroke = max(1, round(self._long_side / 1000))
         for index, entry in enumerate(entries):
             begin = (x, middle)
             if index == 0:
@@ -205,10 +208,15 @@ class Annotator:
             elif index == 1:
                 drawing.cross(whole, (x + size / 2, middle), size / 2, drawing.WHITE)
             elif index == 2:
-                drawing.arrow(whole, begin, (x + length, middle), drawing.YELLOW, stroke)
+                length = bar_px * ARROW_SCALE * self.zoom
+                drawing.arrow(whole, begin, (x + length, middle), drawing.YELLOW, self._arrow_px)
                 x += length - size
-            else:
+            elif index == 3:
                 drawing.disc_outline(whole, (x + size / 2, middle), 0.7 * size, drawing.VERMILION, 2)
+            else:
+                length = SHEAR_SHARE_PER_N * self._long_side
+                drawing.arrow(whole, begin, (x + length, middle), drawing.VERMILION, self._contact_px)
+                x += length - size
             x += 1.7 * size
             drawing.write_text(whole, entry, (x, baseline), size, drawing.WHITE)
             x += drawing.text_size(entry, size)[0] + 2 * size

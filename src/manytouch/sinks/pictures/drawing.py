@@ -64,7 +64,7 @@ def arrow(picture: np.ndarray, begin: Position, end: Position, colour: Colour, w
     length = float(np.hypot(end[0] - begin[0], end[1] - begin[1]))
     if length == 0:
         return
-    head = min(4.0 * width + 2.0, 0.5 * length) / length
+    head = min(4.0 * width + 4.0, 0.6 * length) / length
     for colour_now, wide in ((BLACK, width + 2), (colour, width)):
         cv2.arrowedLine(picture, _fixed(begin), _fixed(end), colour_now, wide, cv2.LINE_AA, _SHIFT, head)
 

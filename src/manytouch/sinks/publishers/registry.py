@@ -62,7 +62,7 @@ SCHEMES: Mapping[str, Scheme] = {
     "ros2": Scheme(
         example="ros2://manytouch",
         purpose="nodes of ROS 2, which need not be installed here",
-        options=("domain", "images"),
+        options=("domain", "images", "parent", "pose"),
         open_publisher=Ros2Publisher,
         warm_up=ros2.warm_up,
     ),

@@ -3,21 +3,23 @@
 A message is made only where it is read. A message on NAME/tare (std_msgs/Empty) requests a tare.
 """
 
+import math
 import os
 import re
 import time
 from collections.abc import Callable
 
-from manytouch.errors import OutputError
+from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Controls
 from manytouch.sinks.publishers.address import OutputAddress
 from manytouch.sinks.publishers.dds import DdsParticipant
 from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
-from manytouch.sinks.ros2.messages import RosMessage, RosMessages
+from manytouch.sinks.ros2.messages import Mount, RosMessage, RosMessages
 from manytouch.values import Reading, Sensor, Tare
 
 NAME = "manytouch"
+FRAME_NAME = r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*"
 DIAGNOSTICS_INTERVAL_S = 1.0
 TOPICS = {
     "wrench": "geometry_msgs/msg/WrenchStamped",
@@ -38,20 +40,22 @@ class Ros2Publisher:
 
         Args:
             address: `ros2://NAME?domain=N&images=RATE`; absent: manytouch, ROS_DOMAIN_ID or 0, and
-                `IMAGES_PER_S`.
+                `IMAGES_PER_S`. `parent=FRAME&pose=X,Y,Z,RX,RY,RZ` adds the pose of the sheet in another
+                frame, in mm and rad (rotation vector).
             controls: the session; it gets the tares.
 
         Raises:
-            ManytouchError: name, domain or rate of images is wrong.
+            ManytouchError: name, domain, pose or rate of images is wrong.
             OutputError: the domain cannot be joined.
             MissingExtraError: cyclonedds or rosbags is not installed.
         """
         name = "/".join(part for part in (address.host, address.path) if part) or NAME
-        if not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*", name):
+        if not re.fullmatch(FRAME_NAME, name):
             raise OutputError(f"{address.text!r}: {name!r} is not a name of ROS: use letters, digits and _")
         domain = address.number("domain", _domain_of_environment(), (0.0, 232.0))
         self._name, self._controls, self._turns = name, controls, ImageTurns(address)
-        self._messages = RosMessages(controls.sensor, name)
+        self._mount = mount_of(address)
+        self._messages = RosMessages(controls.sensor, name, self._mount)
         try:
             self._dds = DdsParticipant(round(domain))
         except OSError as error:
@@ -79,7 +83,7 @@ class Ros2Publisher:
             self._epoch_ns = started_unix_ns(frame)
         stamp_ns = self._epoch_ns + frame.timestamp_ns
         if self._messages.sensor is not self._controls.sensor:
-            self._messages = RosMessages(self._controls.sensor, self._name)
+            self._messages = RosMessages(self._controls.sensor, self._name, self._mount)
             self._dds.write(self._messages.transform(stamp_ns))
         messages = self._messages
         self._send("wrench", lambda: messages.wrench(reading, stamp_ns))
@@ -119,6 +123,31 @@ def warm_up(reading: Reading, sensor: Sensor) -> tuple[RosMessage, ...]:
         messages.image(*encoded_image(reading.frame), 0),
         *(() if sensor.camera.views else (messages.camera_info(0),)),
     )
+
+
+def mount_of(address: OutputAddress) -> Mount | None:
+    """The pose of the sheet in another frame, from `parent` and `pose`; None without them.
+
+    Raises:
+        ManytouchError: one of them is absent or wrong.
+    """
+    parent, text = address.options.get("parent"), address.options.get("pose")
+    if parent is None and text is None:
+        return None
+    try:
+        numbers = [float(word) for word in (text or "").split(",")]
+    except ValueError:
+        numbers = []
+    if (
+        not re.fullmatch(FRAME_NAME, parent or "")
+        or len(numbers) != 6
+        or not all(map(math.isfinite, numbers))
+    ):
+        raise ManytouchError(
+            f"{address.text!r}: expected parent=FRAME&pose=X,Y,Z,RX,RY,RZ with the pose of the sheet in that "
+            "frame, in mm and rad (rotation vector)"
+        )
+    return Mount(parent=parent or "", translation_mm=tuple(numbers[:3]), rotation_vector=tuple(numbers[3:]))
 
 
 def _domain_of_environment() -> float:

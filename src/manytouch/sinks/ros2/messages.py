@@ -7,7 +7,7 @@ NAME/contact_markers    visualization_msgs/MarkerArray an arrow per contact alon
 NAME/image/compressed   sensor_msgs/CompressedImage    the image as the camera gave it, else JPEG
 NAME/camera_info        sensor_msgs/CameraInfo
 /diagnostics            diagnostic_msgs/DiagnosticArray
-/tf_static              tf2_msgs/TFMessage             NAME_camera to NAME_sheet
+/tf_static              tf2_msgs/TFMessage             NAME_camera to NAME_sheet, and a parent to NAME_camera
 """
 
 from collections.abc import Mapping, Sequence
@@ -65,6 +65,20 @@ class RosMessage:
     cdr: bytes
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mount:
+    """Pose of the sheet in another frame: x_parent = R x_sheet + t.
+
+    Attributes:
+        parent: name of the frame.
+        translation_mm, rotation_vector: t, and R in rad (Rodrigues).
+    """
+
+    parent: str
+    translation_mm: tuple[float, ...]
+    rotation_vector: tuple[float, ...]
+
+
 @cache
 def typestore() -> Any:
     """Message types of ROS 2 Jazzy.
@@ -82,14 +96,16 @@ def typestore() -> Any:
 class RosMessages:
     """Makes the messages of one sensor."""
 
-    def __init__(self, sensor: Sensor, name: str = "manytouch") -> None:
+    def __init__(self, sensor: Sensor, name: str = "manytouch", mount: Mount | None = None) -> None:
         """Prepare.
 
         Args:
             sensor: with its layout.
             name: of the topics and frames.
+            mount: pose of the sheet in another frame.
         """
         self.sensor = sensor
+        self._mount = mount
         self._name = name
         self._types = typestore().types
         self._clouds: dict[tuple[str, int], PreparedCloud] = {}
@@ -198,21 +214,28 @@ class RosMessages:
         )
 
     def transform(self, stamp_ns: int) -> RosMessage:
-        """Pose of the sheet in the camera frame, for /tf_static."""
-        camera = self.sensor.camera
-        x, y, z, w = Rotation.from_rotvec(np.array(camera.rotation_vector)).as_quat().tolist()
-        transform = self._new(
-            "geometry_msgs/msg/Transform",
-            translation=self._vector(camera.translation_mm * M_PER_MM),
-            rotation=self._new("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
-        )
-        stamped = self._new(
+        """Pose of the sheet in the camera frame, and of the camera in its parent if known, for /tf_static."""
+        camera, mount = self.sensor.camera, self._mount
+        of_sheet = Rotation.from_rotvec(np.array(camera.rotation_vector)), np.asarray(camera.translation_mm)
+        transforms = [self._transform(stamp_ns, f"{self._name}_camera", f"{self._name}_sheet", *of_sheet)]
+        if mount is not None and self.sensor.length_unit == "mm":
+            turn = Rotation.from_rotvec(mount.rotation_vector) * of_sheet[0].inv()
+            move_mm = np.array(mount.translation_mm) - turn.apply(of_sheet[1])
+            transforms.append(self._transform(stamp_ns, mount.parent, f"{self._name}_camera", turn, move_mm))
+        return self._serialized("/tf_static", "tf2_msgs/msg/TFMessage", transforms=transforms)
+
+    def _transform(self, stamp_ns: int, parent: str, child: str, turn: Rotation, move_mm: np.ndarray) -> Any:
+        x, y, z, w = turn.as_quat().tolist()
+        return self._new(
             "geometry_msgs/msg/TransformStamped",
-            header=self._header(stamp_ns, "camera"),
-            child_frame_id=f"{self._name}_sheet",
-            transform=transform,
+            header=self._header_of(stamp_ns, parent),
+            child_frame_id=child,
+            transform=self._new(
+                "geometry_msgs/msg/Transform",
+                translation=self._vector(move_mm * M_PER_MM),
+                rotation=self._new("geometry_msgs/msg/Quaternion", x=x, y=y, z=z, w=w),
+            ),
         )
-        return self._serialized("/tf_static", "tf2_msgs/msg/TFMessage", transforms=[stamped])
 
     def diagnostics(self, health: Health, status: Status, stamp_ns: int) -> RosMessage:
         """State of the session: level 0 ok, 1 a frame has a status, 2 the source has failed."""
@@ -250,9 +273,12 @@ class RosMessages:
         return self._types[type_name](**fields)
 
     def _header(self, stamp_ns: int, frame: str) -> Any:
+        return self._header_of(stamp_ns, f"{self._name}_{frame}")
+
+    def _header_of(self, stamp_ns: int, frame_id: str) -> Any:
         seconds, nanoseconds = divmod(stamp_ns, 10**9)
         stamp = self._new("builtin_interfaces/msg/Time", sec=seconds, nanosec=nanoseconds)
-        return self._new("std_msgs/msg/Header", stamp=stamp, frame_id=f"{self._name}_{frame}")
+        return self._new("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
 
     def _stamped(
         self, topic: str, type_name: str, stamp_ns: int, *, frame: str = "sheet", **fields: object

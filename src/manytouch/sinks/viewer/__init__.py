@@ -15,6 +15,6 @@ from manytouch.errors import MissingExtraError
 if find_spec("nicegui") is None:
     raise MissingExtraError("the viewer", "nicegui")
 
-from manytouch.sinks.viewer.viewer import Viewer
+from manytouch.sinks.viewer.viewer import UPDATE_INTERVAL_S, Viewer
 
-__all__ = ["Viewer"]
+__all__ = ["UPDATE_INTERVAL_S", "Viewer"]

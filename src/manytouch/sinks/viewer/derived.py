@@ -55,8 +55,11 @@ def marker_support(layout: Layout, grid: SurfaceGrid) -> Callable[[Mask], Bool[n
     tree = cKDTree(layout.rest_mm[present, :2] * scale)
     _, found = tree.query(points, k=NEIGHBOURS, distance_upper_bound=1.0)
     nearest = np.append(present, len(layout.rest_mm))[found]  # the last one: there are fewer within reach
+    everywhere = np.asarray((nearest < len(layout.rest_mm)).any(axis=1).reshape(shape))  # with all markers
 
     def supported(is_seen: Mask) -> Bool[np.ndarray, "ny nx"]:
+        if is_seen.all():
+            return everywhere
         is_near = np.append(is_seen, False)[nearest]
         return np.asarray(is_near.any(axis=1).reshape(shape))
 

@@ -1,10 +1,15 @@
 """Quality of the camera image and of the rest position: numbers for the health pane of the viewer."""
 
+import math
+import time
+
 import cv2
 import numpy as np
 
 from manytouch.values import Reading
 
+INTERVAL_S = 0.1
+"""Between two images whose quality is measured: the numbers are for reading, and each takes a millisecond."""
 _STRIDE = 4
 DARK_LEVEL = 4
 """A pixel at or below has no detail, grey levels of 255."""
@@ -21,6 +26,15 @@ class ImageQuality:
 
     def __init__(self) -> None:
         self._best = 0.0
+        self._measured_s = -math.inf
+        self._found: dict[str, float] = {}
+
+    def latest(self, image: np.ndarray) -> dict[str, float]:
+        """The quality of this image, or of one of the last `INTERVAL_S` seconds."""
+        now_s = time.monotonic()
+        if now_s - self._measured_s >= INTERVAL_S:
+            self._measured_s, self._found = now_s, self(image)
+        return self._found
 
     def __call__(self, image: np.ndarray) -> dict[str, float]:
         """Focus 0..1, median level 0..1, and the share of pixels that are black or white without detail."""
@@ -31,15 +45,24 @@ class ImageQuality:
         middle = np.ascontiguousarray(
             grey[height // 4 : height - height // 4 : 2, width // 4 : width - width // 4 : 2]
         )
-        spread = float(middle.var())
-        sharp = float(cv2.Laplacian(middle, cv2.CV_32F).var()) / spread if spread > 0 else 0.0
+        spread = _variance(middle)
+        sharp = _variance(cv2.Laplacian(middle, cv2.CV_32F)) / spread if spread > 0 else 0.0
         self._best = max(self._best, sharp)
-        few = grey[::_STRIDE, ::_STRIDE]
+        few = np.ascontiguousarray(grey[::_STRIDE, ::_STRIDE])
+        up_to = cv2.calcHist([few], [0], None, [256], [0, 256]).ravel().cumsum(dtype=np.int64)
+        middles = np.searchsorted(up_to, [(few.size - 1) // 2, few.size // 2], side="right")
+        clipped = up_to[DARK_LEVEL] + few.size - up_to[SATURATED_LEVEL - 1]
         return {
             "focus": sharp / self._best if self._best > 0 else 0.0,
-            "level": float(np.median(few)) / 255.0,
-            "clipped": float(np.mean((few <= DARK_LEVEL) | (few >= SATURATED_LEVEL))),
+            "level": float(middles.mean()) / 255.0,
+            "clipped": float(clipped) / few.size,
         }
+
+
+def _variance(values: np.ndarray) -> float:
+    """Variance of all pixels."""
+    _, deviation = cv2.meanStdDev(values)
+    return float(deviation[0, 0]) ** 2
 
 
 def residual_mm(reading: Reading) -> float:

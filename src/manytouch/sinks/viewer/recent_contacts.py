@@ -6,24 +6,17 @@ from typing import Any
 
 import numpy as np
 
+from manytouch.sinks.files.tables import contact_column_names
 from manytouch.sinks.viewer.update_format import number
-from manytouch.values import Contact, Reading
+from manytouch.values import Contact, ContactShape, Phase, Reading
+from manytouch.values.tabular.rows import contact_row
 
 SPAN_S = 20.0
 MAX_ROWS = 4096
-COLUMNS = (
-    "x_mm",
-    "y_mm",
-    "depth_mm",
-    "depth_std_mm",
-    "normal_force_N",
-    "force_std_N",
-    "shear_x_N",
-    "shear_y_N",
-    "torque_Nmm",
-    "slip",
-)
-"""What is kept of a contact, in the columns of contacts.csv."""
+COLUMNS = ("frame", "phase", *contact_column_names("mm")[4:])
+"""What is kept of a contact, in the columns of contacts.csv after time and identity."""
+CODES = {"phase": tuple(Phase), "shape": tuple(ContactShape)}
+"""Texts of columns in which a row has their place."""
 
 
 class RecentContacts:
@@ -48,7 +41,10 @@ class RecentContacts:
             self._last_s = time_s
             while self._rows and (self._rows[0][0] or 0.0) < time_s - SPAN_S:
                 self._rows.popleft()
-            self._rows.extend(_row(time_s, contact) for contact in reading.contacts.touching)
+            index = reading.frame.index
+            self._rows.extend(
+                [number(time_s), contact.id, *row_of(index, contact)] for contact in reading.contacts.touching
+            )
 
     def message(self) -> dict[str, Any]:
         """The message for a page: time of the last reading, columns, rows of time, identity and numbers."""
@@ -57,22 +53,20 @@ class RecentContacts:
                 "kind": "recent",
                 "time_s": number(self._last_s),
                 "columns": COLUMNS,
+                "codes": CODES,
                 "rows": list(self._rows),
             }
 
 
-def _row(time_s: float, contact: Contact) -> list[float | int | None]:
-    (x_mm, y_mm), (shear_x_N, shear_y_N, force_z_N) = contact.centre_mm, contact.force_N
-    numbers = (
-        x_mm,
-        y_mm,
-        contact.depth_mm,
-        contact.std("depth"),
-        -force_z_N,
-        contact.std("normal_force"),
-        shear_x_N,
-        shear_y_N,
-        contact.torque_Nmm,
-    )
-    slip = None if contact.slip is None else int(contact.slip)
-    return [number(time_s), contact.id, *(number(value) for value in numbers), slip]
+def row_of(frame_index: int, contact: Contact) -> list[float | int | None]:
+    """The numbers of a contact in the order of `COLUMNS`; None where not known."""
+    known = {"frame": frame_index, **contact_row(contact)}
+    return [_number(name, known[name]) for name in COLUMNS]
+
+
+def _number(name: str, value: Any) -> float | int | None:
+    if value is None:
+        return None
+    if name in CODES:
+        return CODES[name].index(value)
+    return int(value) if isinstance(value, bool | int) else float(f"{value:.6g}")

@@ -14,8 +14,19 @@ from manytouch.sinks.files.sensor_description import estimated_pretension, layou
 from manytouch.sinks.surface_grid import SurfaceGrid, grid_corners
 from manytouch.sinks.viewer.derived import marker_support, total_load
 from manytouch.sinks.viewer.health import ImageQuality, residual_mm
+from manytouch.sinks.viewer.recent_contacts import row_of
 from manytouch.sinks.viewer.update_format import number, pack
-from manytouch.values import ESTIMATES, Comparison, Contact, Contacts, Layout, Reading, Sensor, Surface
+from manytouch.values import (
+    ESTIMATES,
+    Comparison,
+    Contact,
+    Contacts,
+    Layout,
+    Reading,
+    Sensor,
+    Status,
+    Surface,
+)
 
 LONG_SIDE_POINTS = 100
 """Points of the displayed grid along the longer side of the sheet."""
@@ -98,16 +109,24 @@ class UpdateEncoder:
             "status": reading.status,
             "remedy": reading.status.remedy,
             "is_qualitative": spline is None and (self.sensor.sheet is None or self.sensor.sheet.is_assumed),
+            "is_without_sheet": spline is None
+            and self.sensor.sheet is not None
+            and reading.status is Status.OK,
             "total": total_load(reading.contacts.touching),
             "milliseconds": number(reading.milliseconds, 2),
-            "contacts": self._contacts(reading.contacts, reading.surface),
+            "contacts": [
+                {**shown, "row": row_of(reading.frame.index, contact)}
+                for shown, contact in zip(
+                    self._contacts(reading.contacts, reading.surface), reading.contacts.touching, strict=True
+                )
+            ],
             "comparison": None
             if comparison is None
             else {
                 "name": comparison.name,
                 "contacts": self._contacts(comparison.contacts, comparison.surface or reading.surface),
             },
-            "image_quality": None if image is None else _rounded(self._image_quality(image)),
+            "image_quality": None if image is None else _rounded(self._image_quality.latest(image)),
             "pretension": _numbers(estimated_pretension(self.sensor, spline)),
             "residual_mm": number(residual_mm(reading)),
             "layers": ["depth", "strain", *has_pressure * ["pressure"], *has_other * ["difference"]],

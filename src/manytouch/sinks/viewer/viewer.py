@@ -17,9 +17,11 @@ from manytouch.sinks.viewer.recent_contacts import RecentContacts
 from manytouch.sinks.viewer.server import Server, listening_socket, page_files
 from manytouch.sinks.viewer.update_encoder import UpdateEncoder, ViewerUpdate
 from manytouch.sinks.viewer.update_format import number
-from manytouch.values import Health, Reading
+from manytouch.values import Health, Reading, Start
 
 HEALTH_INTERVAL_S = 0.25
+UPDATE_INTERVAL_S = 1.0 / 90.0
+"""Least time between two updates: above the rate of screens, so that a camera of 60 frames/s never waits."""
 LATENCIES = 300
 
 
@@ -65,6 +67,7 @@ class Viewer:
         self._latest: Reading | None = None
         self._recent = RecentContacts()
         self._number = 0
+        self._had_client = False
         self._latency_ms: deque[float] = deque(maxlen=LATENCIES)
         self._lock = threading.Lock()
         self._clients = Clients(self._on_request, self._repeat_update, max_clients)
@@ -143,6 +146,9 @@ class Viewer:
 
     async def _serve_client(self, socket: WebSocket) -> None:
         health = self._controls.health()
+        if not self._had_client and _is_at_end(health):
+            self._controls.send(Start())  # nobody has seen it
+        self._had_client = True
         greeting = [self._scene_info(), _parameters(health), self._health(health), self._recent.message()]
         await self._clients.serve(socket, greeting)
 
@@ -186,6 +192,14 @@ class Viewer:
             "message_ms_p50": number(float(latency[0]), 1),
             "message_ms_p99": number(float(latency[1]), 1),
         }
+
+
+def _is_at_end(health: Health) -> bool:
+    """Whether a playback has come to its end."""
+    is_last = (
+        health.frame is not None and health.frame_count is not None and health.frame >= health.frame_count - 1
+    )
+    return is_last and not health.is_running
 
 
 def _parameters(health: Health) -> dict[str, Any]:

@@ -127,3 +127,15 @@ def test_forces_are_printed_where_the_sensor_states_the_modulus():
 
 def test_nothing_is_printed_without_contacts():
     assert lines_of(reading(0), reading(1)) == []
+
+
+def test_a_playback_that_goes_back_prints_each_contact_once():
+    back = (*ONE_CONTACT, *ONE_CONTACT[:3])
+    assert lines_of(*back) == lines_of(*ONE_CONTACT)
+    still = lines_of(*ONE_CONTACT[:4], ONE_CONTACT[0])[-1]
+    assert still.split()[:4] == ["1.50", "s", "#4", "still"]
+    assert still.endswith("deepest of 1.00 s")
+
+
+def test_a_contact_that_ended_in_frames_left_out_is_gone():
+    assert "#4 gone" in lines_of(*ONE_CONTACT[:3], reading(400))[-1]

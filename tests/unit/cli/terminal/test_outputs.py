@@ -1,10 +1,14 @@
 """Output paths and packages are checked before anything is computed."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from manytouch.cli import main
+from manytouch.cli.terminal.outputs import print_outputs
+from manytouch.values import OutputState
+from viewer_session import HEALTH
 
 
 @pytest.mark.parametrize(
@@ -46,6 +50,18 @@ def test_a_folder_is_not_a_sensor_file(tmp_path: Path, capsys: pytest.CaptureFix
     words = ["calibrate", "rest", "absent.mp4", "--sensor", "gelsight-mini", "--out", str(tmp_path)]
     assert main(words) == 1
     assert "it is a folder" in capsys.readouterr().err
+
+
+def test_what_is_sent_over_udp_is_not_called_received() -> None:
+    lines: list[str] = []
+    outputs = tuple(
+        OutputState(name=name, sent=3, dropped=1, problem=None) for name in ("osc://h:1", "ros2://skin")
+    )
+    print_outputs(replace(HEALTH, outputs=outputs), lines.append)
+    assert lines == [
+        "osc://h:1: 3 readings sent (over UDP, which does not report what arrived), 1 dropped",
+        "ros2://skin: 3 readings sent, 1 dropped",
+    ]
 
 
 def test_design_without_its_packages_leaves_nothing_behind(

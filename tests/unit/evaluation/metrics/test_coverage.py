@@ -4,6 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from scipy.special import comb
 
 from manytouch.evaluation.metrics.contacts import contact_figures, contact_samples, region_figures
 from manytouch.evaluation.metrics.coverage import coverage_of, coverages
@@ -24,6 +25,17 @@ def test_right_deviations_are_within_the_band_and_narrow_ones_are_not() -> None:
         wrong = coverage_of(error, np.full(400, factor))
         assert wrong is not None
         assert not wrong.is_right
+
+
+@pytest.mark.parametrize("contacts", [5, 20, 137])
+def test_the_band_is_that_of_the_binomial_distribution(contacts: int) -> None:
+    found = coverage_of(np.zeros(contacts), np.ones(contacts))
+    assert found is not None
+    low, high = (round(bound * contacts) for bound in (found.low_95, found.high_95))
+    number = np.arange(contacts + 1)
+    probability = comb(contacts, number) * 0.95**number * 0.05 ** (contacts - number)
+    assert probability[:low].sum() < 0.005 <= probability[: low + 1].sum()
+    assert probability[:high].sum() < 0.995 <= probability[: high + 1].sum() + 1e-12
 
 
 def test_two_components_of_a_contact_are_one_sample() -> None:

@@ -74,7 +74,7 @@ class Track(Remembering):
     def expected_px(self, state: Any) -> Points2 | None:
         return None
 
-    def is_lost(self, state: Any) -> bool:
+    def needs_full_search(self, state: Any) -> bool:
         return False
 
     def resume(self, started: Any, before: Any) -> Any:

@@ -16,7 +16,7 @@ from manytouch.simulation.fem.contact.indenters import (
     SquarePunch,
 )
 from manytouch.simulation.scene.bodies import mesh_corners
-from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene
+from manytouch.simulation.scene.file import BUILT_IN, built_in_scenes, load_scene, scene_path
 from manytouch.simulation.solve_scene import simulator, solid_problem, solve_scene, state_count
 from manytouch.values.sensor_file import save_sensor
 
@@ -232,6 +232,13 @@ def test_meshes_of_both_kinds_of_stl(tmp_path: Path, is_binary: bool) -> None:
     path.write_text("nothing")
     with pytest.raises(SourceError, match="not a mesh of a solid"):
         mesh_corners(path)
+
+
+def test_a_scene_is_named_by_its_path_or_as_a_built_in_one() -> None:
+    assert load_scene(scene_path("sim:pad")).sensor.sheet.boundary == "bonded"
+    assert scene_path("two.toml") == scene_path("sim:two.toml") == Path("two.toml")
+    with pytest.raises(SourceError, match=r"no built-in scene 'sim:paw': use .*pad"):
+        scene_path("sim:paw")
 
 
 def test_built_in_scenes_are_there_and_sound() -> None:

@@ -9,6 +9,7 @@ from manytouch.simulation.scene.motion import (
     Body,
     Trajectory,
     concatenate_trajectories,
+    held_presses,
     keyframe_times,
     loading,
     press_trajectory,
@@ -33,6 +34,14 @@ def test_it_rests_at_every_waypoint() -> None:
     for time_s in PRESS.time_s:
         near, _ = PRESS.at(np.array([time_s - 1e-4, time_s + 1e-4]))
         assert np.abs(near[1] - near[0]).max() < 1e-4
+
+
+@pytest.mark.parametrize(("turn", "count"), [((0.0, 0.0, 0.1), 2), ((0.1, 0.0, 0.0), 1)])
+def test_a_press_that_turns_about_the_normal_is_held_and_one_that_rolls_is_not(turn, count: int) -> None:
+    turning = press_trajectory(1.0, 3.0, from_mm=(2.0, -1.0), depth_mm=1.0, ramp_s=0.5, turn_to=turn)
+    still = press_trajectory(3.0, 5.0, from_mm=(4.0, 1.0), depth_mm=1.0, ramp_s=0.5)
+    found = held_presses((Body(indenter=BALL, way=still), Body(indenter=BALL, way=turning)))
+    assert [(one.time_s, one.x_mm, one.y_mm) for one in found] == [(2.0, 2.0, -1.0), (4.0, 4.0, 1.0)][-count:]
 
 
 def test_ramps_must_fit_and_ways_must_follow_each_other() -> None:

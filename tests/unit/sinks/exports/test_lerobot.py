@@ -12,8 +12,11 @@ import pytest
 from manytouch.errors import OutputError
 from manytouch.recording.reader import Recording
 from manytouch.session import pipeline_for
+from manytouch.sinks.exports import lerobot_schema as schema
+from manytouch.sinks.exports.parquet import description
 from manytouch.sinks.exports.registry import export
 from manytouch.sinks.recorder import Recorder
+from manytouch.values.sensor_file import load_sensor
 
 FRAMES = 5
 
@@ -47,8 +50,42 @@ def test_the_columns_are_those_of_the_described_features(dataset: Path) -> None:
     contacts = np.array(table["observation.tactile.contacts"].to_pylist())
     assert contacts[1, 0].tolist() == [1.0, 2.5, -1.25, 1.5, 0.125, 0.25, -2.0, 12.0]
     assert not contacts[:, 1:].any()
+    std = np.array(table["observation.tactile.contacts_std"].to_pylist())
+    assert std[1, 0] == pytest.approx([0.2, 0.3, 0.5, 0, 0, 0, 0], abs=1e-3)
+    is_known = np.array(table["observation.tactile.contacts_std_is_known"].to_pylist())
+    assert is_known[1, 0].tolist() == [True] * 3 + [False] * 4
+    assert table["observation.tactile.is_valid"].to_pylist() == [True] * 10
+    assert table["observation.tactile.wrench_is_known"].to_pylist() == [[True, False]] * 10
     known = np.array(table["observation.tactile.displacement_is_known"].to_pylist())
     assert known.sum(axis=1).tolist() == [23] * 10  # of 24 markers one is absent
+
+
+def test_what_is_nominal_or_assumed_is_named(dataset: Path) -> None:
+    first, second = json.loads((dataset / "meta" / "manytouch.json").read_text())
+    assert first["assumptions"] == ["The camera has no distortion."]
+    assert first["nominal"] == []
+    assert first == {**second, "started_unix_ns": first["started_unix_ns"]}
+    mini = description(load_sensor("gelsight-mini"), {})
+    assert mini["nominal"] == ["camera", "sheet", "markers"]
+    assert mini["sheet_std"]["young_std_MPa"] > 0.0
+    assert json.dumps(mini)
+
+
+def test_deviations_of_the_wrench_follow_from_those_of_the_contacts(sensor, contact_of, reading_of) -> None:
+    known = schema.features(sensor, 25, (320, 240))
+    rng = np.random.default_rng(3)
+    factor = rng.normal(size=(8, 8)) * 0.01
+    covariance = factor @ factor.T
+    contact = contact_of(
+        force_N=np.array([0.3, -0.2, -2.0]), torque_Nmm=4.0, area_mm2=9.0, covariance=covariance
+    )
+    found = schema.values(reading_of(0, (contact,)), known)
+    mean = np.array([*contact.centre_mm, contact.depth_mm, 0.3, -0.2, 2.0, 4.0, 9.0])
+    x, y, _, fx, fy, n, torque, _ = rng.multivariate_normal(mean, covariance, 200_000).T
+    drawn = np.array([fx, fy, -n, -y * n, x * n, x * fy - y * fx + torque])
+    assert found["observation.tactile.wrench"] == pytest.approx(drawn.mean(axis=1), abs=0.01)
+    assert found["observation.tactile.wrench_std"] == pytest.approx(drawn.std(axis=1), rel=0.02)
+    assert found["observation.tactile.wrench_is_known"].all()
 
 
 def test_every_episode_has_its_rows_and_its_video(dataset: Path) -> None:

@@ -13,6 +13,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from manytouch.errors import OutputError, SourceError
+from manytouch.recording.merge import merge_recordings
+from manytouch.recording.repair import check, repair
 from manytouch.sinks.exports.registry import FORMATS, export
 
 FRAMES = 5
@@ -54,6 +56,9 @@ def test_xarray_opens_the_surface_with_units_and_coordinates(record, tmp_path: P
         assert depth.dims == ("time_s", "y_mm", "x_mm")
         assert depth.attrs["units"] == "mm"
         assert depth["time_s"].values.tolist() == pytest.approx([0.0, 0.04, 0.08, 0.12, 0.16])
+        std = surface["depth_std_mm"]
+        assert (std.dims, std.shape) == (depth.dims, depth.shape)
+        assert float(std.max()) > 0.0
         deepest = depth.max(dim=("y_mm", "x_mm")).values
     assert deepest == pytest.approx([0.5, 1.5, 2.5, 3.5, 4.5], rel=1e-2)
     with h5py.File(path) as file:
@@ -91,6 +96,28 @@ def test_an_existing_result_is_never_replaced_and_a_failed_one_leaves_nothing(re
     with pytest.raises(SourceError):
         export([tmp_path / "missing.mcap"], "parquet", tmp_path / "nothing")
     assert not (tmp_path / "nothing").exists()
+
+
+def test_a_sensor_of_a_rig_is_exported_by_its_name(record, tmp_path: Path) -> None:
+    one, rig = record(tmp_path / "one.mcap"), tmp_path / "hand.mcap"
+    merge_recordings({"index": [one], "thumb-tip": [one]}, rig)
+    assert check(rig).is_whole
+    with pytest.raises(SourceError, match=r"sensors index, thumb-tip: give one as in hand\.mcap#index"):
+        export([rig], "ros2bag", tmp_path / "bags")
+    with pytest.raises(SourceError, match=r"hand\.mcap#index"):
+        export([tmp_path / "gone.mcap#index"], "ros2bag", tmp_path / "bags")
+    paths = [Path(f"{rig}#{name}") for name in ("index", "thumb-tip")]
+    results = export(paths, "ros2bag", tmp_path / "bags")
+    assert [path.name for path in results] == ["hand-index", "hand-thumb-tip"]
+    for path, name in zip(results, ("index", "thumb_tip"), strict=True):
+        with AnyReader([path]) as reader:
+            topics = {each.topic for each in reader.connections}
+        assert f"/manytouch/{name}/wrench" in topics
+    (table,) = export([paths[1]], "parquet", tmp_path / "out")
+    assert pq.read_table(table / "contacts.parquet").num_rows == FRAMES
+    repaired = tmp_path / "repaired.mcap"
+    assert repair(rig, repaired) > 0
+    assert check(repaired).messages == check(rig).messages
 
 
 def test_recordings_with_the_same_name_get_numbers(record, tmp_path: Path) -> None:

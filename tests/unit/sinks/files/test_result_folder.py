@@ -51,6 +51,22 @@ def test_without_commit_nothing_has_changed(tmp_path: Path) -> None:
     assert (tmp_path / "press" / "table.csv").read_text() == "old"
 
 
+def test_all_files_are_on_the_disk_before_the_folder_gets_its_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    final, flushed = tmp_path / "press", []
+
+    def flush(path: Path) -> None:
+        flushed.append((path.name, final.exists()))
+
+    monkeypatch.setattr("manytouch.sinks.files.result_folder.flush", flush)
+    write(final, "new")
+    *before, last = flushed
+    assert {name for name, _ in before} >= {"table.csv", "store", "new"}
+    assert not any(is_named for _, is_named in before)
+    assert last == (tmp_path.name, True), "the entry of the folder itself, after it was renamed"
+
+
 def test_other_entries_of_the_folder_are_kept(tmp_path: Path) -> None:
     final = tmp_path / "press"
     write(final, "old")

@@ -1,5 +1,6 @@
 """Content of summary.json, and the noise of markers at rest."""
 
+import datetime
 import json
 from dataclasses import replace
 
@@ -119,6 +120,47 @@ def test_counts_statuses_contacts_and_what_is_odd(tmp_path, sensor, reading_of, 
     assert summary["parameters"]["detect"]["roi_px"] == [1, 2, 30, 40]
 
 
+def test_the_provenance_keeps_its_types(sensor):
+    free = {
+        "nominal_shape": True,
+        "rest_rms_px": 0.125,
+        "frames": 3,
+        "made": datetime.date(2024, 5, 17),
+        "sheet_std": float("inf"),
+        "views": [{"name": "left", "residual_px": np.float64(0.5)}],
+    }
+    written = json.loads(json.dumps(summary_of(replace(sensor, provenance=free)).to_dict(), allow_nan=False))
+    assert written["sensor"]["provenance"] == {
+        **free,
+        "made": "2024-05-17",
+        "sheet_std": None,
+        "views": [{"name": "left", "residual_px": 0.5}],
+    }
+
+
+@pytest.mark.parametrize(
+    ("provenance", "first_touched"),
+    [
+        ({"rest_frames": 3}, 5),
+        ({"still_frames": [0, 1, 2], "from": "first frames at rest"}, 5),
+        ({"rest_frames": 3}, 60),
+        ({"still_frames": [90, 91], "from": "whole recording"}, 5),
+        ({}, 5),
+    ],
+)
+def test_a_contact_shortly_after_the_frames_at_rest_is_a_warning(
+    sensor, reading_of, contact_of, provenance, first_touched
+):
+    summary = summary_of(replace(sensor, provenance=provenance))
+    for index in (0, 1):
+        summary.write(reading_of(index))
+    summary.write(reading_of(first_touched, (contact_of(1, Phase.START),)))
+    found = [sentence for sentence in summary.warnings() if "the rest is short" in sentence]
+    is_from_first = bool(provenance) and provenance.get("from") != "whole recording"
+    assert len(found) == (is_from_first and first_touched < 12)
+    assert all("a second without a touch" in sentence and "3 frames" in sentence for sentence in found)
+
+
 def test_frames_count_for_the_method_that_estimated_them(sensor, reading_of):
     summary = summary_of(sensor, method="mechanics")
     for index, has_spline in enumerate((True, False, False, True, False)):
@@ -127,7 +169,11 @@ def test_frames_count_for_the_method_that_estimated_them(sensor, reading_of):
         summary.write(replace(reading, surface=replace(reading.surface, spline=spline)))
     summary.write(reading_of(5, status=Status.BLURRED))
     assert summary.counts["methods"] == {"mechanics": 2, "perimeter": 3}
-    assert any("3 of 6 frames do not show the clamped sheet" in line for line in summary.warnings())
+    (sentence,) = (
+        line for line in summary.warnings() if "3 of 6 frames do not show the clamped sheet" in line
+    )
+    assert "have no forces, not even relative ones" in sentence
+    assert summary.to_dict()["warnings"] == summary.to_dict()["odd"] == summary.warnings()
     assert describe_results(summary)[0] == "6 frames, 5 of them ok: 2 by mechanics, 3 by perimeter"
     only = summary_of(sensor, method="perimeter")
     only.write(reading_of(0))

@@ -172,6 +172,22 @@ def test_a_shear_force_is_an_arrow_from_the_centre_of_the_contact(sensor, readin
     assert len(unknown[0]) == len(still[0])
 
 
+def test_a_shear_force_below_its_deviation_is_not_drawn_and_the_legend_has_its_scale(
+    sensor, reading_of, contact_of
+):
+    annotate = Annotator(sensor)
+
+    def vermilion(std_N):
+        covariance = np.full((8, 8), np.nan)
+        covariance[[3, 4], [3, 4]] = std_N**2
+        contact = contact_of(force_N=np.array([0.5, 0.0, -1.5]), covariance=covariance)
+        return count(annotate(reading_of(0, (contact,))), VERMILION)
+
+    assert vermilion(0.6) < vermilion(0.1)
+    relative = Annotator(dataclasses.replace(sensor, sheet=None))
+    assert count(annotate(reading_of(0)), VERMILION) > count(relative(reading_of(0)), VERMILION)
+
+
 def test_a_label_contains_newtons_where_there_are_any(contact_of):
     assert force_text(contact_of(force_N=np.full(3, np.nan))) == ""
     covariance = np.full((8, 8), np.nan)

@@ -1,14 +1,18 @@
 """Topics of ROS 2: bytes of rosbags, read by the deserializer of cyclonedds, over DDS on loopback."""
 
+import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from manytouch.errors import ManytouchError
+from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.dds import DdsParticipant, dds_type
 from manytouch.sinks.publishers.registry import open_outputs
-from manytouch.sinks.publishers.ros2 import TOPICS
+from manytouch.sinks.publishers.ros2 import TOPICS, mount_of
 from manytouch.sinks.ros2.messages import CONTACT_FIELDS, RosMessage, RosMessages, typestore
 from manytouch.values import Phase, Tare
 from waiting import wait_until
@@ -43,6 +47,61 @@ def test_a_contact_has_all_standard_deviations_in_si_units(sensor, reading_of, c
             **{"normal_force_std": 6.0, "torque_std": 7e-3, "area_std": 8e-6},
         }
     )
+
+
+def transforms_of(message: RosMessage) -> dict[str, tuple[str, np.ndarray]]:
+    found = typestore().deserialize_cdr(message.cdr, message.type).transforms
+    return {
+        each.child_frame_id: (
+            each.header.frame_id,
+            matrix_of(each.transform.translation, each.transform.rotation),
+        )
+        for each in found
+    }
+
+
+def matrix_of(move, turn) -> np.ndarray:
+    matrix = np.eye(4)
+    matrix[:3, :3] = Rotation.from_quat([turn.x, turn.y, turn.z, turn.w]).as_matrix()
+    matrix[:3, 3] = move.x, move.y, move.z
+    return matrix
+
+
+def test_the_pose_of_the_sheet_in_a_rig_is_the_product_of_its_transforms(sensor) -> None:
+    address = parse_address("ros2://hand/index?parent=hand&pose=40,5,-2,0,0,1.5")
+    found = transforms_of(RosMessages(sensor, "hand/index", mount_of(address)).transform(0))
+    assert {child: parent for child, (parent, _) in found.items()} == {
+        "hand/index_sheet": "hand/index_camera",
+        "hand/index_camera": "hand",
+    }
+    pose = found["hand/index_camera"][1] @ found["hand/index_sheet"][1]
+    np.testing.assert_allclose(pose[:3, 3], (0.040, 0.005, -0.002), atol=1e-9)
+    np.testing.assert_allclose(pose[:3, :3], Rotation.from_rotvec((0, 0, 1.5)).as_matrix(), atol=1e-9)
+    assert len(transforms_of(RosMessages(sensor).transform(0))) == 1
+
+
+@pytest.mark.parametrize(
+    "options", ["parent=hand", "pose=0,0,0,0,0,0", "parent=hand&pose=1,2", "parent=7&pose=0,0,0,0,0,0"]
+)
+def test_half_a_pose_is_refused(options: str) -> None:
+    with pytest.raises(ManytouchError, match="expected parent=FRAME&pose="):
+        mount_of(parse_address(f"ros2://skin?{options}"))
+
+
+def test_the_decoder_of_the_documentation_reads_contacts(sensor, pressed) -> None:
+    page = Path(__file__).parents[4] / "docs" / "ros2.md"
+    if not page.exists():
+        pytest.skip("the pages come with the repository, not with the wheel")
+    text = page.read_text(encoding="utf-8")
+    (code,) = (each for each in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "def records" in each)
+    names: dict[str, Any] = {}
+    exec(code, names)
+    message = RosMessages(sensor).contacts(pressed, 0)
+    points = names["records"](typestore().deserialize_cdr(message.cdr, message.type))
+    assert points["id"].tolist() == [3, 4]
+    assert points["phase"].tolist() == [1, 2]
+    assert points["fz"].tolist() == [-3.0, -9.0]
+    assert points["area"].tolist()[0] == pytest.approx(12e-6)
 
 
 def samples_of(reader) -> list:

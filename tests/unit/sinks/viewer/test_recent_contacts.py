@@ -6,7 +6,8 @@ import pytest
 
 pytest.importorskip("nicegui")
 
-from manytouch.sinks.viewer.recent_contacts import COLUMNS, MAX_ROWS, SPAN_S, RecentContacts
+from manytouch.sinks.files.tables import contact_column_names
+from manytouch.sinks.viewer.recent_contacts import CODES, COLUMNS, MAX_ROWS, SPAN_S, RecentContacts
 from manytouch.values import Reading
 from viewer_session import reading_of
 
@@ -33,6 +34,8 @@ def test_a_row_has_the_numbers_of_a_contact_and_none_where_they_are_not_known() 
     assert message["time_s"] == row[0] == pytest.approx(1.0, abs=1e-3)
     found = dict(zip(("time_s", "contact", *message["columns"]), row, strict=True))
     assert message["columns"] == COLUMNS
+    assert ("frame", "time_s", "contact", *COLUMNS[1:]) == contact_column_names("mm")
+    assert (found["frame"], CODES["phase"][found["phase"]]) == (30, "move")
     assert (found["contact"], found["x_mm"], found["y_mm"], found["depth_mm"]) == (7, -20.0, 8.0, 2.5)
     assert (found["normal_force_N"], found["force_std_N"]) == (1.5, pytest.approx(0.05))
     assert [found[name] for name in ("shear_x_N", "shear_y_N", "torque_Nmm", "slip")] == [None] * 4

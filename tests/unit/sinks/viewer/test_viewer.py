@@ -69,7 +69,10 @@ def next_update(stream: ClientConnection) -> tuple[dict[str, Any], dict[str, Any
 def test_the_page_and_all_its_files_are_served(viewer: Viewer) -> None:
     status, headers, page = get(viewer, "/")
     assert status == 200
-    assert "default-src 'none'" in str(headers["content-security-policy"])
+    policy = str(headers["content-security-policy"])
+    assert "default-src 'none'" in policy
+    assert "style-src 'self'" in policy
+    assert "unsafe" not in policy
     wanted = re.findall(rb'(?:href|src)="([^"]+)"', page)
     assert len(wanted) >= 3
     for name, (_, content) in page_files().items():

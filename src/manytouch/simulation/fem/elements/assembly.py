@@ -88,7 +88,7 @@ class ElasticBody:
     ) -> tuple[float, Float64[np.ndarray, "nodes 3"], float]:
         """Strain energy (N mm), internal nodal forces (n, 3) in N, and the smallest J.
 
-        Where the smallest J is not positive the forces are not valid.
+        J is the volume over that without stress. Where the smallest is not positive the forces are not valid.
         """
         tangent = np.empty((0, 60, 60))
         force_N = np.zeros_like(displacement_mm)
@@ -98,7 +98,10 @@ class ElasticBody:
     def forces_and_tangent(
         self, displacement_mm: Float64[np.ndarray, "nodes 3"]
     ) -> tuple[Float64[np.ndarray, "nodes 3"], Float64[np.ndarray, "e 60 60"]]:
-        """Internal nodal forces and their derivative by each element's nodes, N/mm, freshly allocated."""
+        """Internal nodal forces, N, and the derivatives (e, 60, 60) of those of each element, N/mm.
+
+        These are by the displacements of its nodes, and only valid where the smallest J is positive.
+        """
         tangent = np.empty((len(self.mesh.element), 60, 60))
         force_N = np.zeros_like(displacement_mm)
         self._sum(displacement_mm, force_N, tangent)

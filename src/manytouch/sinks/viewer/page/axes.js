@@ -56,7 +56,9 @@ export class Axes {
     const [x, y] = this.low, reach = Math.hypot(this.high[0] - x, this.high[1] - y), tick = 0.014 * reach;
     const points = [x, 0, y, x, most * stretch, y], step = niceStep(most, 3);
     const addLabel = (text, kind, up, left) => { const found = label(text, kind); found.center.set(1, 0.5); found.position.set(x - left, up, y); this.tower.add(found); };
-    for (let at = step; at <= most * 1.0001; at += step) { points.push(x, at * stretch, y, x - tick, at * stretch, y); addLabel(`${fixed(at, step < 1 ? 1 : 0)} ${this.unit}`, "axis", at * stretch, 1.5 * tick); }
+    for (let at = step; at <= most * 1.0001; at += step) { points.push(x, at * stretch, y, x - tick, at * stretch, y); addLabel(fixed(at, step < 0.1 ? 2 : step < 1 ? 1 : 0), "axis", at * stretch, 1.5 * tick); }
+    const name = label(`depth (${this.unit})`, "axis name");
+    name.center.set(0.15, 1.2); name.position.set(x, most * stretch, y); this.tower.add(name);
     this.tower.add(this.lines(points));
   }
 

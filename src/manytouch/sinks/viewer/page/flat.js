@@ -5,7 +5,8 @@ import { fixed, force, isKnown, length, niceStep, units, withStd } from "./numbe
 import { freePlace } from "./label_places.js";
 import { sized } from "./plot.js";
 
-const LEFT = 104, RIGHT = 40, TOP = 52, BOTTOM = 84;
+/** Room around the map: the colours are at its left, in a narrow pane above it. */
+const margins = (width) => (width < 520 ? { left: 22, right: 40, above: 210, below: 84 } : { left: 104, right: 40, above: 52, below: 84 });
 
 /** Takes the place of `SurfacePane`: the same methods, on a canvas in two dimensions. */
 export class FlatPane {
@@ -49,8 +50,9 @@ export class FlatPane {
   frame() {
     const { clientWidth: width, clientHeight: height } = this.canvas;
     const wide = this.x.at(-1) - this.x[0], high = this.y.at(-1) - this.y[0];
-    const scale = Math.max(Math.min((width - LEFT - RIGHT) / wide, (height - TOP - BOTTOM) / high), 1e-6);
-    return { scale, left: LEFT + (width - LEFT - RIGHT - scale * wide) / 2, top: TOP + (height - TOP - BOTTOM - scale * high) / 2, wide, high };
+    const { left, right, above, below } = margins(width), across = width - left - right, down = height - above - below;
+    const scale = Math.max(Math.min(across / wide, down / high), 1e-6);
+    return { scale, left: left + (across - scale * wide) / 2, top: above + (down - scale * high) / 2, wide, high };
   }
 
   toCanvas(x, y) {

@@ -1,41 +1,44 @@
 // Depth and force of each contact in the last seconds: rings of fixed size, so memory stays flat.
 
 import { contactColour, styled } from "./colours.js";
-import { inForce, inLength, niceCeiling, units } from "./numbers.js";
+import { fixed, inForce, inLength, niceCeiling, units } from "./numbers.js";
 import { plot } from "./plot.js";
 
 export const SPAN_S = 20;
 const SIZE = 1024, MOST = 24, MOST_ROWS = 65536;
-const COLUMNS = {
-  x_mm: "x_mm", y_mm: "y_mm", depth_mm: "depth_mm", depth_std_mm: "depth_std_mm", normal_force_N: "force_N", force_std_N: "force_std_N",
-  shear_x_N: ({ shear_N }) => shear_N[0], shear_y_N: ({ shear_N }) => shear_N[1], torque_Nmm: "torque_Nmm", slip: ({ slip }) => slip === null ? null : Number(slip),
-};
 
 /** What the page has shown of all contacts, the newest rows, in memory of fixed size. */
 class Log {
   constructor() {
-    this.count = 0;
+    Object.assign(this, { count: 0, columns: [], codes: {} });
+  }
+
+  /** The columns of contacts.csv after time and identity; `codes` has the texts of those that are places in a list. */
+  setColumns(columns, codes) {
+    if (this.columns.length) return;
+    Object.assign(this, { columns, codes });
     this.time = new Float64Array(MOST_ROWS); this.id = new Int32Array(MOST_ROWS);
-    this.values = new Float32Array(MOST_ROWS * Object.keys(COLUMNS).length);
+    this.values = new Float32Array(MOST_ROWS * columns.length);
   }
 
   add(time, id, numbers) {
-    const row = this.count++ % MOST_ROWS;
+    const row = this.count++ % MOST_ROWS, width = this.columns.length;
     this.time[row] = time; this.id[row] = id;
-    numbers.forEach((value, at) => { this.values[row * numbers.length + at] = value ?? NaN; });
+    for (let at = 0; at < width; at++) this.values[row * width + at] = numbers[at] ?? NaN;
   }
 
   clear() { this.count = 0; }
 
   /** As a table in the columns of contacts.csv, of one contact or of all (null). */
   csv(id, unit) {
-    const names = Object.keys(COLUMNS).map((name) => (unit === "mm" ? name : name.replace(/_mm$/, `_${unit}`)));
-    const lines = [["time_s", "contact", ...names].join(",")], first = Math.max(0, this.count - MOST_ROWS);
+    const names = this.columns.map((name) => (unit === "mm" ? name : name.replace(/_mm(2?)$/, `_${unit}$1`)));
+    const lines = [[names[0], "time_s", "contact", ...names.slice(1)].join(",")], first = Math.max(0, this.count - MOST_ROWS);
+    const write = (value, name) => (Number.isNaN(value) ? "" : this.codes[name] ? this.codes[name][value] : Number(value.toPrecision(6)));
     for (let i = first; i < this.count; i++) {
       const row = i % MOST_ROWS;
       if (id !== null && this.id[row] !== id) continue;
-      const cells = names.map((_, at) => this.values[row * names.length + at]).map((value) => (Number.isNaN(value) ? "" : Number(value.toPrecision(6))));
-      lines.push([this.time[row].toFixed(6), this.id[row], ...cells].join(","));
+      const [frame, ...cells] = this.columns.map((name, at) => write(this.values[row * this.columns.length + at], name));
+      lines.push([frame, this.time[row].toFixed(6), this.id[row], ...cells].join(","));
     }
     return lines.join("\n") + "\n";
   }
@@ -43,13 +46,14 @@ class Log {
 
 class Ring {
   constructor(id) {
-    Object.assign(this, { id, count: 0, start: 0, last: -Infinity });
+    Object.assign(this, { id, count: 0, start: 0, last: -Infinity, hasForce: false });
     for (const name of ["time", "depth", "force"]) this[name] = new Float32Array(SIZE);
   }
 
   add(time, depth, force) {
     const at = (this.start + this.count) % SIZE;
     this.time[at] = time; this.depth[at] = depth ?? NaN; this.force[at] = force ?? NaN;
+    this.hasForce ||= Number.isFinite(force);
     if (this.count < SIZE) this.count++; else this.start = (this.start + 1) % SIZE;
     this.last = time;
   }
@@ -66,8 +70,7 @@ export class History {
     this.begin(time_s);
     this.now = time_s;
     for (const contact of contacts) {
-      const numbers = Object.values(COLUMNS).map((of) => (typeof of === "string" ? contact[of] : of(contact)));
-      this.log.add(time_s, contact.id, numbers);
+      this.log.add(time_s, contact.id, contact.row);
       this.ring("", contact.id).add(time_s, contact.depth_mm, contact.force_N);
     }
     for (const { id, depth_mm, force_N } of comparison?.contacts ?? []) this.ring("comparison ", id).add(time_s, depth_mm, force_N);
@@ -75,15 +78,15 @@ export class History {
   }
 
   /** Take what was read before the page was opened, or while it was not connected. */
-  recall({ time_s, columns, rows }) {
+  recall({ time_s, columns, codes, rows }) {
+    this.log.setColumns(columns, codes);
     if (time_s === null) return;
     this.begin(time_s);
-    const order = Object.keys(COLUMNS).map((name) => columns.indexOf(name)), since = this.now;
-    for (const [time, id, ...given] of rows) {
+    const since = this.now, depth = columns.indexOf("depth_mm"), force = columns.indexOf("normal_force_N");
+    for (const [time, id, ...numbers] of rows) {
       if (time <= since) continue;
-      const numbers = order.map((at) => given[at]), [, , depth, , force] = numbers;
       this.log.add(time, id, numbers);
-      this.ring("", id).add(time, depth, force);
+      this.ring("", id).add(time, numbers[depth], numbers[force]);
     }
     this.now = time_s;
     this.forget();
@@ -109,32 +112,40 @@ export class History {
     while (this.rings.size > MOST) this.rings.delete(this.rings.keys().next().value);
   }
 
-  draw(showComparison) {
-    const xs = [-SPAN_S, 0];
-    const tickLabel = (x) => (Math.abs(x) < 0.5 ? "now" : `−${Math.round(-x)} s`);
+  /** Draw the curves; of a playback over the seconds of the recording, with a cursor at the present frame. */
+  draw(showComparison, isPlayback) {
+    const now = Number.isFinite(this.now) ? this.now : 0;
+    const zero = isPlayback ? 0 : now, end = isPlayback ? Math.max(now, SPAN_S) : 0;
+    const xs = [end - SPAN_S, end];
+    const tickLabel = isPlayback ? (x, step) => `${fixed(x, step < 1 ? 1 : 0)} s` : (x) => (Math.abs(x) < 0.5 ? "now" : `−${Math.round(-x)} s`);
+    const marks = isPlayback && Number.isFinite(this.now) ? [{ x: now, text: "" }] : [];
     const all = [...this.rings].filter(([key]) => showComparison || !key.startsWith("comparison"))
       .filter(([key]) => this.pinned === null || key === String(this.pinned));
+    const hasForce = all.some(([, ring]) => ring.hasForce);
+    if (all.length) {
+      this.forceCanvas.hidden = !hasForce;
+      this.forceCanvas.parentElement.classList.toggle("single", !hasForce);
+    }
     for (const [canvas, name, title, unit, convert] of [
       [this.depthCanvas, "depth", "depth", units.length, inLength],
       [this.forceCanvas, "force", "normal force", units.force, inForce],
     ]) {
-      let most = 0, hasAny = false, isEstimated = false;
+      let most = 0, hasAny = false;
       const lines = all.map(([key, ring]) => {
         const y = new Float32Array(SIZE);
-        const x = ring.time.map((at) => at - this.now);
+        const x = ring.time.map((at) => at - zero);
         for (let i = 0; i < SIZE; i++) y[i] = convert(ring[name][i]);
         for (let i = 0; i < ring.count; i++) {
           const value = y[(ring.start + i) % SIZE];
-          if (value === value) { hasAny = true; most = Math.max(most, value); isEstimated ||= !key.startsWith("comparison"); }
+          if (value === value) { hasAny = true; most = Math.max(most, value); }
         }
-        const isComparison = key.startsWith("comparison");
+        const isComparison = key.startsWith("comparison"), isNow = ring.last === this.now;
         return { x, y, count: ring.count, start: ring.start,
           colour: isComparison ? styled("--quiet") : contactColour(ring.id), dash: isComparison ? [4, 4] : [],
-          label: !isComparison && ring.last === this.now ? `#${ring.id}` : "" };
+          label: !isComparison && isNow ? `#${ring.id}` : "", name: !isComparison && !isNow ? `#${ring.id}` : "" };
       });
       const without = this.log.count ? `no contact in the last ${SPAN_S} s` : "no contact yet";
-      const empty = name === "force" && !isEstimated && all.length ? "this method does not estimate forces" : hasAny ? "" : without;
-      plot(canvas, { lines, xs, tickLabel, empty, ys: [0, niceCeiling(Math.max(1.12 * most, convert(0.5)))], title: `${title} (${unit})` });
+      plot(canvas, { lines, xs, tickLabel, marks, empty: hasAny ? "" : without, ys: [0, niceCeiling(Math.max(1.12 * most, convert(0.5)))], title: `${title} (${unit})` });
     }
   }
 }

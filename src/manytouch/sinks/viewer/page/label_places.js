@@ -31,6 +31,15 @@ function nearestFree([x, y], [width, height], [wide, high], isFree) {
   return best;
 }
 
+/** Move a name that reaches beyond the pane inside of it; gives its rectangle. */
+function moveInside(element, rectangle, { width: wide, height: high }) {
+  element.style.margin = "0";
+  const [left, top, width, height] = rectangle(element);
+  const x = Math.min(Math.max(left, 2), wide - width - 2), y = Math.min(Math.max(top, 2), high - height - 2);
+  element.style.margin = `${y - top}px 0 0 ${x - left}px`;
+  return [x, y, width, height];
+}
+
 /** Move the tags of a pane (elements that a renderer has positioned) apart; hide axis labels that something covers. */
 export function separate(container, tags, axes, obstacles) {
   const box = container.getBoundingClientRect();
@@ -40,7 +49,7 @@ export function separate(container, tags, axes, obstacles) {
   };
   const taken = obstacles.filter((element) => element.offsetParent !== null).map(rectangle);
   const names = axes.filter((element) => element.style.display !== "none");
-  for (const element of names.filter(({ className }) => className.includes("name"))) taken.push(rectangle(element));
+  for (const element of names.filter(({ className }) => className.includes("name"))) taken.push(moveInside(element, rectangle, box));
   for (const element of tags) element.style.margin = "0";
   const wanted = tags.filter((element) => element.style.display !== "none").map((element) => [element, rectangle(element)]);
   wanted.sort((a, b) => a[1][1] - b[1][1]);

@@ -67,6 +67,9 @@ function setSceneInfo(sceneInfo) {
   state.sceneInfo = camera.sceneInfo = sceneInfo;
   if (!lengthUnits(sceneInfo.unit).includes(units.length)) units.length = sceneInfo.unit;
   find("sensor").textContent = sceneInfo.sensor;
+  const [wide, high] = sceneInfo.image_px;
+  document.documentElement.style.setProperty("--picture", Math.min(Math.max(wide / high, 0.9), 2.2));
+  document.body.classList.toggle("tall-picture", wide / high < 1.5);
   pane.build(sceneInfo);
   pane.recolour();
   fillSettings(state);
@@ -86,11 +89,10 @@ function setHealth(health) {
   if (health.can_press) tour.begin();
   find("timeline").hidden = health.frame_count === null;
   find("untare").hidden = !health.can_untare;
-  find("tare").hidden = find("record").hidden = health.frame_count !== null;
+  find("run").hidden = find("tare").hidden = find("record").hidden = health.frame_count !== null; // the timeline has Play
   if (health.frame_count !== null && !state.seeking) {
     find("seek").max = Math.max(health.frame_count - 1, 0);
-    find("seek").value = health.frame ?? 0;
-    find("seek-label").textContent = `frame ${health.frame ?? 0} of ${health.frame_count}`;
+    showFrame();
     find("play").textContent = health.is_running ? "Pause" : "Play";
   }
   const note = health.notes.at(-1);
@@ -99,6 +101,15 @@ function setHealth(health) {
   else if (find("settings").open) refreshParameters(state);
   showState();
   state.isDirty = true;
+}
+
+/** The frame that is drawn, or that was sought, on the timeline; its time once it is drawn. */
+function showFrame() {
+  const { health, update } = state, drawn = update?.head;
+  if (health?.frame_count == null || state.seeking) return;
+  const frame = (health.is_running ? drawn?.frame : null) ?? health.frame ?? 0, time_s = drawn?.frame === frame ? drawn.time_s : null;
+  find("seek").value = frame;
+  find("seek-label").textContent = `frame ${frame} of ${health.frame_count - 1}${time_s == null ? "" : `, ${fixed(time_s, 2)} s`}`;
 }
 
 function setConnected(is, reason = "") {
@@ -115,7 +126,7 @@ function showState() {
     : health.source !== "ok" ? ["bad", health.source]
     : !health.is_running && isAtEnd(health) ? ["", "at the end"]
     : !health.is_running ? ["warn", "paused"]
-    : !state.update ? ["", "waiting for the first frame"]
+    : !state.update ? ["", health.frames ? "loading the picture" : "starting: preparing, compiling"]
     : status !== "ok" ? ["warn", status.replaceAll("_", " ")]
     : ["good", health.recording ? `recording ${health.recording}` : health.frame_count === null ? "live" : "playback"];
   find("state").className = `state ${kind}`;
@@ -155,8 +166,9 @@ function draw() {
   camera.draw(update?.parts.markers, contacts, others);
   showContacts(contacts, others, { name, reach: pane.reach, head, pinned: history.pinned });
   showMeasure(state.points, state.measured);
-  history.draw(showComparison);
+  history.draw(showComparison, health?.frame_count != null);
   if (health) showHealth(health, head);
+  showFrame();
   showState();
 }
 
@@ -194,6 +206,7 @@ function drawScale(map, low, high, step, title, convert) {
     ticks.push(tick);
   }
   find("scale-ticks").replaceChildren(...ticks);
+  find("scale").hidden = false;
 }
 
 // Actions of the user.

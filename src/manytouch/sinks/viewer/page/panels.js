@@ -7,7 +7,9 @@ import { plot } from "./plot.js";
 
 const find = (id) => document.getElementById(id);
 const cell = (...content) => ["td", {}, ...content];
-const withSmallStd = (value, std, write) => (isKnown(std) ? cell(`${write(value)} `, ["small", {}, `± ${write(std)}`]) : cell(write(value)));
+/** A value with its standard deviation; set apart where 0 lies within two of them. */
+const withSmallStd = (value, std, write) => (isKnown(std)
+  ? ["td", { class: Math.abs(value) < 2 * std ? "weak" : "" }, `${write(value)} `, ["small", {}, `± ${write(std)}`]] : cell(write(value)));
 
 /** One row per contact, followed by the nearest contact of the comparison. */
 export function showContacts(contacts, others, { name, reach, head, pinned }) {
@@ -27,7 +29,7 @@ export function showContacts(contacts, others, { name, reach, head, pinned }) {
   find("contacts-empty").hidden = contacts.length > 0;
   find("contact-count").textContent = contacts.length;
   const isValid = !head || head.status === "ok";
-  find("contacts-empty").textContent = isValid ? "No contacts." : `Not valid: ${head.status.replaceAll("_", " ")}. ${head.remedy}`;
+  find("contacts-empty").textContent = !head ? "No frame yet." : isValid ? "No contacts." : `Not valid: ${head.status.replaceAll("_", " ")}. ${head.remedy}`;
   find("contacts-empty").classList.toggle("warn", !isValid);
   showTotal(head?.total);
 }
@@ -65,7 +67,7 @@ export function showMeasure(points, measured) {
   find("measure").hidden = find("measure-clear").hidden = !has;
   find("profile-stage").hidden = points.length < 2;
   if (!has || !measured || measured.points.length !== points.length) return;
-  const fine = (value) => length(value, 1);
+  const fine = (value) => length(value, units.length === "pitch" ? 0 : 1);
   const lines = measured.points.map(({ x_mm, y_mm, depth_mm, std_mm }, at) =>
     [`${"AB"[at]} at ${length(x_mm)}, ${length(y_mm)}`, `depth ${withStd(depth_mm, std_mm, fine)} ${units.length}`]);
   if (measured.profile) {
@@ -102,17 +104,17 @@ function pretensionRow(found) {
 
 /** The short form in the header, and the pane: image quality and speed. */
 export function showHealth(health, head) {
-  const seen = health.markers ? health.markers_seen / health.markers : 1;
+  const seen = health.markers && head ? health.markers_seen / health.markers : 1, markers = head ? `${health.markers_seen} of ${health.markers}` : "–";
   const quality = head?.image_quality, isLive = health.frame_count === null;
   const latency = health.message_ms_p50 ?? health.latency_ms_p50, latest = health.message_ms_p99 ?? health.latency_ms_p99;
-  const vitals = [...(health.is_running ? [[fixed(health.fps, 0), " fps"]] : []), ...(isLive ? [[fixed(latency, 0), " ms latency"], [health.dropped, " dropped"]] : []), [health.markers_seen, ` of ${health.markers} markers`]];
+  const vitals = [...(health.is_running ? [[fixed(health.fps, 0), " fps"]] : []), ...(isLive ? [[fixed(latency, 0), " ms latency"], [health.dropped, " dropped"]] : []), ...(head ? [[health.markers_seen, ` of ${health.markers} markers`]] : [])];
   render(find("vitals"), vitals.map(([value, name]) => ["span", {}, ["b", {}, value], name]));
   const rows = [
-    ["method", health.method, ""],
+    ["method", head?.is_without_sheet && health.method === "mechanics" ? "perimeter: this frame does not show the sheet as it is stated or assumed" : health.method, ""],
     ["time per frame", `${fixed(head?.milliseconds, 1)} ms`, ""],
     ...(isLive ? [["latency, median and p99", `${fixed(latency, 0)}, ${fixed(latest, 0)} ms`, latest > 120 ? "warn" : ""],
       ["frames dropped", `${health.dropped} of ${health.frames + health.dropped}`, health.dropped > 0.02 * (health.frames + 1) ? "warn" : ""]] : []),
-    ["markers seen", `${health.markers_seen} of ${health.markers}`, seen < 0.8 ? "bad" : seen < 0.95 ? "warn" : ""],
+    ["markers seen", markers, seen < 0.8 ? "bad" : seen < 0.95 ? "warn" : ""],
     ["focus", quality ? `${fixed(100 * quality.focus, 0)} % of best` : "–", quality && quality.focus < 0.6 ? "warn" : ""],
     ["exposure", quality ? `${fixed(100 * quality.level, 0)} %, ${fixed(100 * quality.clipped, 1)} % clipped` : "–", quality && quality.clipped > 0.3 ? "warn" : ""],
     ["depth at rest", isKnown(head?.residual_mm) ? `${length(head.residual_mm, 1)} ${units.length}` : head?.contacts.length ? "in contact" : "–", ""],

@@ -1,7 +1,10 @@
 // Lines over an axis on a canvas: round ticks, light grid, nothing else.
 
 import { styled } from "./colours.js";
+import { freePlace, overlaps } from "./label_places.js";
 import { fixed, niceStep } from "./numbers.js";
+
+const MOST_AWAY_PX = 80; // of the name of a curve from its highest point
 
 /** Fit a canvas's pixels to its place on the screen; gives its context in CSS pixels, and its size. */
 export function sized(canvas) {
@@ -18,7 +21,8 @@ export function sized(canvas) {
 }
 
 /**
- * Draw lines. `lines`: [{ x, y, count, start, colour, dash, label, band }], arrays may be rings begun at `start`.
+ * Draw lines. `lines`: [{ x, y, count, start, colour, dash, label, name, std }], arrays may be rings begun at `start`;
+ * `label` stands at the end of a line, `name` at its highest point.
  * `xs`, `ys`: [low, high]; `title` above; `empty` is the text shown when there is nothing to draw.
  */
 export function plot(canvas, { lines, xs, ys, title, tickLabel, empty, marks = [] }) {
@@ -60,15 +64,32 @@ export function plot(canvas, { lines, xs, ys, title, tickLabel, empty, marks = [
   }
   context.save();
   context.beginPath(); context.rect(left, top - 6, width - left - right, height - top - bottom + 12); context.clip();
-  const ends = lines.map((line) => drawLine(context, line, toX, toY)).filter(Boolean);
+  const drawn = lines.map((line) => drawLine(context, line, toX, toY)).filter(Boolean), ends = drawn.filter(({ label }) => label);
   for (const { x, text } of marks) {
     context.strokeStyle = quiet; context.setLineDash([3, 3]);
     context.beginPath(); context.moveTo(toX(x), top); context.lineTo(toX(x), height - bottom); context.stroke();
     context.setLineDash([]); context.fillStyle = textColour; context.textAlign = "center";
     context.fillText(text, toX(x), top - 1);
   }
+  writeNames(context, drawn.filter(({ name, highest }) => name && highest), [left, top - 6, width - left - right, height - top - bottom + 6]);
   context.restore();
   writeEnds(context, ends, top, height - bottom);
+}
+
+/** Names at the highest points of lines, as many as have room; the first are the newest. */
+function writeNames(context, drawn, [left, top, width, height]) {
+  context.font = "600 11.5px system-ui, sans-serif"; context.textAlign = "left"; context.textBaseline = "middle";
+  const taken = [];
+  for (const { highest: [x, y], name, colour } of drawn.reverse()) {
+    const size = [context.measureText(name).width + 8, 13];
+    const [at, above] = freePlace([x - left, y - top], size, [width, height], taken, 3);
+    const isFar = Math.hypot(at + size[0] / 2 - (x - left), above + 6.5 - (y - top)) > MOST_AWAY_PX;
+    if (isFar || taken.some((other) => overlaps([at, above, ...size], other))) continue;
+    taken.push([at, above, ...size]);
+    context.fillStyle = colour; context.fillRect(left + at, top + above + 2, 3, 9);
+    context.lineWidth = 3; context.lineJoin = "round"; context.strokeStyle = styled("--stage"); context.fillStyle = styled("--text");
+    context.strokeText(name, left + at + 6, top + above + 7); context.fillText(name, left + at + 6, top + above + 7);
+  }
 }
 
 /** Names at the ends of lines, pushed apart where they would cover each other. */
@@ -84,7 +105,7 @@ function writeEnds(context, ends, top, bottom) {
   }
 }
 
-function drawLine(context, { x, y, count, start = 0, colour, dash = [], label, std }, toX, toY) {
+function drawLine(context, { x, y, count, start = 0, colour, dash = [], label, name, std }, toX, toY) {
   const size = x.length;
   if (std) {
     context.fillStyle = colour; context.globalAlpha = 0.2; context.beginPath();
@@ -94,14 +115,15 @@ function drawLine(context, { x, y, count, start = 0, colour, dash = [], label, s
   }
   context.strokeStyle = colour; context.lineWidth = 1.8; context.setLineDash(dash); context.lineJoin = "round";
   context.beginPath();
-  let isDown = false, last = null;
+  let isDown = false, last = null, highest = null; // of what is visible: a single point is not
   for (let i = 0; i < count; i++) {
     const at = (start + i) % size;
     if (Number.isNaN(y[at])) { isDown = false; continue; }
     const place = [toX(x[at]), toY(y[at])];
     if (isDown) context.lineTo(...place); else context.moveTo(...place);
+    if (isDown) highest = [highest ?? last, last, place].reduce((a, b) => (b[1] < a[1] ? b : a));
     isDown = true; last = place;
   }
   context.stroke(); context.setLineDash([]);
-  return label && last ? { x: last[0], y: last[1], label, colour } : null;
+  return last ? { x: last[0], y: last[1], highest, label, name, colour } : null;
 }

@@ -41,6 +41,8 @@ function isSoftware() {
   return /swiftshader|llvmpipe|software|basic render/i.test(name);
 }
 
+const LEGEND_PX = 80; // at the left, for the colours
+
 export class SurfacePane {
   constructor(stage) {
     Object.assign(this, { stage, stretch: 6, side: 1, isDirty: true, depth: null, x: [], y: [], overlays: [] });
@@ -58,6 +60,7 @@ export class SurfacePane {
     this.camera = new THREE.PerspectiveCamera(32, 1, 1, 5000);
     this.controls = new OrbitControls(this.camera, this.renderer.domElement);
     this.controls.maxPolarAngle = 0.52 * Math.PI;
+    this.controls.addEventListener("start", () => { this.isMoved = true; });
     this.controls.addEventListener("change", () => { this.isDirty = true; });
     this.material = new THREE.ShaderMaterial({
       vertexShader: VERTEX, fragmentShader: FRAGMENT, side: THREE.DoubleSide,
@@ -66,7 +69,7 @@ export class SurfacePane {
     this.setMap("cividis");
     this.axes = new Axes(this.sheet);
     this.ray = new THREE.Raycaster();
-    new ResizeObserver(() => this.resize()).observe(stage);
+    new ResizeObserver(() => (this.isMoved || !this.mesh ? this.resize() : this.home())).observe(stage);
   }
 
   /** Take a sensor's grid. */
@@ -144,6 +147,7 @@ export class SurfacePane {
 
   home() {
     if (!this.mesh) return;
+    this.isMoved = false;
     const [x, z] = this.middle();
     this.camera.near = 0.02 * this.reach; this.camera.far = 20 * this.reach;
     this.resize();
@@ -180,6 +184,7 @@ export class SurfacePane {
     const { clientWidth: width, clientHeight: height } = this.stage;
     if (!width || !height) return;
     this.camera.aspect = width / height;
+    this.camera.setViewOffset(width, height, width > 6 * LEGEND_PX ? -LEGEND_PX / 2 : 0, 0, width, height);
     this.camera.updateProjectionMatrix();
     this.renderer.setSize(width, height);
     this.labels.setSize(width, height);
