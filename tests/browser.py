@@ -1,8 +1,10 @@
 """Chromium for the tests of the viewer, and waiting in a page whose policy forbids Playwright's own."""
 
 import shutil
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 
-from playwright.sync_api import Page
+from playwright.sync_api import Browser, Page, sync_playwright
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 FLAGS = [
@@ -12,6 +14,15 @@ FLAGS = [
     "--js-flags=--expose-gc",
 ]
 TIMEOUT_MS = 60_000
+
+
+@contextmanager
+def launched(flags: Sequence[str] = FLAGS) -> Iterator[Browser]:
+    """A browser, with WebGL in software unless the flags forbid it."""
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=flags)
+        yield browser
+        browser.close()
 
 
 def wait(page: Page, condition: str) -> None:

@@ -1,6 +1,8 @@
 """Small recordings of a dotted sheet, drawn for the tests; wider than high, fewer rows than columns."""
 
+import tempfile
 from collections.abc import Iterable
+from functools import cache
 from pathlib import Path
 
 import cv2
@@ -59,4 +61,14 @@ def write_video(path: Path, pictures: Iterable[np.ndarray], fps: float = 25.0) -
 
 def pressed_video(path: Path, frames: int = 60) -> Path:
     """A recording that is untouched, pressed once, and untouched again, over and over."""
-    return write_video(path, (picture(press_of(index % 60), seed=index) for index in range(frames)))
+    path.write_bytes(_pressed_video(path.suffix, frames))
+    return path
+
+
+@cache
+def _pressed_video(suffix: str, frames: int) -> bytes:
+    """The file, which is made once."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / f"press{suffix}"
+        write_video(path, (picture(press_of(index % 60), seed=index) for index in range(frames)))
+        return path.read_bytes()

@@ -1,6 +1,8 @@
 """Settings that apply to all tests."""
 
+import gc
 import os
+from collections.abc import Generator
 
 import pytest
 from hypothesis import settings
@@ -27,6 +29,17 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         metavar="I/N",
         help="run every N-th of the selected tests, starting with number I (0 to N-1), by name",
     )
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection() -> Generator[None, object, object]:
+    """Import the tests without garbage collection, which would visit what was imported again and again."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.freeze()
+        gc.enable()
 
 
 @pytest.hookimpl(tryfirst=True)

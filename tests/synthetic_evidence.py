@@ -3,7 +3,7 @@
 import numpy as np
 
 from manytouch.estimation.mechanics.clusters.evidence import Combinations, Evidence
-from manytouch.geometry.spline import basis
+from manytouch.estimation.mechanics.clusters.patch_kernels import node_grid
 from manytouch.geometry.spline.patch import SplinePatch
 
 PATCH = SplinePatch(size_mm=(64.0, 48.0), elements=(16, 12))
@@ -15,22 +15,16 @@ def evidence_of(theta: list[float], seed: int = 0) -> Evidence:
     """A likelihood around the nodal forces of a pressure with some parameters."""
     grid = NODE.reshape(PATCH.shape)
     along_x = grid if PATCH.is_x_slow else grid.T
-    knot_mm = [
-        basis.knots(PATCH.size_mm[axis], PATCH.elements[axis]) + PATCH.corner_mm[axis] for axis in range(2)
-    ]
     white = np.eye(len(NODE)) / NOISE_MM2
     evidence = Evidence(
         combinations=Combinations(
             white=white,
             white_of_mean=white,
-            knot_x_mm=knot_mm[0],
-            knot_y_mm=knot_mm[1],
             node=NODE,
-            local=np.ascontiguousarray(np.pad(along_x, PATCH.dropped, constant_values=-1)),
+            grid=node_grid(PATCH, np.pad(along_x, PATCH.dropped, constant_values=-1)),
         ),
         aim=np.zeros(len(NODE)),
         patch=PATCH,
-        columns=np.zeros((0, len(NODE))),
     )
     noise = np.random.default_rng(seed).standard_normal(len(NODE))
     seen = evidence.nodal(np.array(theta)) / NOISE_MM2 + noise

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import FunctionType, ModuleType
-from typing import Any
+from typing import Any, get_type_hints
 
 from beartype import beartype
 from jaxtyping import jaxtyped
@@ -50,10 +50,20 @@ def check(function: Callable[..., Any]) -> Callable[..., Any]:
         if calls > FIRST_CALLS and calls % EVERY:
             return function(*arguments, **named)
         if checked is None:
-            checked = jaxtyped(function, typechecker=beartype)
-        return checked(*arguments, **named)
+            checked = _compiled(function)
+        with jaxtyped("context"):  # in which the name of a dimension has one value
+            return checked(*arguments, **named)
 
     return call
+
+
+def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:
+    """The function with a check of its arguments and its result, to be called in a context of jaxtyping."""
+    try:
+        get_type_hints(function)
+    except (NameError, TypeError):  # types that only mypy knows, which jaxtyping leaves out
+        return jaxtyped(function, typechecker=beartype)
+    return beartype(function)
 
 
 def check_module(module: ModuleType) -> None:

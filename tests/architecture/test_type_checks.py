@@ -1,11 +1,13 @@
 """The type checks of the tests: which calls of a function they check."""
 
+import csv
 import os
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
-from jaxtyping import TypeCheckError
+from beartype.roar import BeartypeCallHintViolation
+from jaxtyping import Float64
 
 import type_checks
 from manytouch.detection.images import level_scale
@@ -31,7 +33,7 @@ def accepted(function, calls: int) -> list[int]:
     for number in range(1, calls + 1):
         try:
             function("a")
-        except TypeCheckError:
+        except BeartypeCallHintViolation:
             pass
         else:
             found.append(number)
@@ -59,18 +61,41 @@ def test_a_wrong_result_is_refused_too():
     def half(value: int) -> int:
         return value / 2
 
-    with pytest.raises(TypeCheckError, match="half"):
+    with pytest.raises(BeartypeCallHintViolation, match="half"):
         type_checks.check(half)(3)
+
+
+def test_a_type_that_only_mypy_knows_is_left_out_and_the_others_are_checked():
+    def length(values: "csv.DictReader[str]", number: int) -> int:  # a generic class from Python 3.12 on
+        return len(values) + number
+
+    checked = type_checks.check(length)
+    assert checked([], 3) == 3
+    with pytest.raises(TypeError, match="number"):
+        checked([], "a")
+
+
+def test_the_name_of_a_dimension_has_one_value_in_a_call_and_its_result():
+    def total(one: Float64[np.ndarray, " n"], other: Float64[np.ndarray, " n"]) -> Float64[np.ndarray, " n"]:
+        return np.concatenate([one, other])[: 3 if other[0] else None]
+
+    checked, three = type_checks.check(total), np.arange(1.0, 4.0)
+    assert len(checked(three, three)) == 3
+    assert len(checked(np.ones(3), three)) == 3
+    with pytest.raises(BeartypeCallHintViolation, match="other"):
+        checked(three, np.ones(2))
+    with pytest.raises(BeartypeCallHintViolation, match="return"):
+        checked(three, np.zeros(3))
 
 
 @pytest.mark.skipif("CHECK_TYPES" not in os.environ, reason="make test checks types, this run does not")
 def test_functions_methods_and_dataclasses_of_the_package_are_checked():
     square = np.eye(3)
-    with pytest.raises(TypeCheckError, match="count_of"):
+    with pytest.raises(BeartypeCallHintViolation, match="count_of"):
         count_of("two", "dots")
-    with pytest.raises(TypeCheckError, match="level_scale"):
+    with pytest.raises(BeartypeCallHintViolation, match="level_scale"):
         level_scale([[1.0]])
-    with pytest.raises(TypeCheckError, match="start"):
+    with pytest.raises(BeartypeCallHintViolation, match="start"):
         MarkerTracker().start("sensor")
-    with pytest.raises(TypeCheckError, match="__init__"):
+    with pytest.raises(BeartypeCallHintViolation, match="__init__"):
         Surface(position_mm=square[0], displacement_mm=square, covariance_mm2=np.zeros((3, 3, 3)))

@@ -182,7 +182,7 @@ def test_a_tracker_with_random_identities_is_wrong_nearly_everywhere(course: Cou
         def expected_px(self, state: int) -> None:
             return None
 
-        def is_lost(self, state: int) -> bool:
+        def needs_full_search(self, state: int) -> bool:
             return False
 
         def resume(self, started: int, before: int) -> int:

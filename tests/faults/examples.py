@@ -22,6 +22,10 @@ def hang(seed: int, folder: Path) -> None:
     time.sleep(3600)
 
 
+def slow(seed: int, folder: Path) -> None:
+    time.sleep(0.6)
+
+
 def memory(seed: int, folder: Path) -> None:
     np.ones(2**28, dtype=np.float64)
 
@@ -41,6 +45,7 @@ def fine(seed: int, folder: Path) -> None:
 FUZZERS = (
     Fuzzer(name="crash", run=crash),
     Fuzzer(name="hang", run=hang),
+    Fuzzer(name="slow", run=slow),
     Fuzzer(name="memory", run=memory),
     Fuzzer(name="dies", run=dies),
     Fuzzer(name="no sentence", run=no_sentence),

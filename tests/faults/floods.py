@@ -25,7 +25,7 @@ from faults.loop_source import LoopSource, rendered
 from manytouch.session import Live, prepare, run
 from manytouch.session.warm_up import warm_up_kernels
 from manytouch.sinks.latest_only import LatestOnly
-from manytouch.sinks.viewer import Viewer
+from manytouch.sinks.viewer import UPDATE_INTERVAL_S, Viewer
 from manytouch.values import Reading
 
 MAX_GAP_S, MAX_P50_MS, MAX_P99_MS = 1.0, 100.0, 1000.0
@@ -63,7 +63,9 @@ def flood(pictures: tuple[np.ndarray, ...], name: str, seconds: float) -> tuple[
     live = Live(prepare(LoopSource(pictures), method="perimeter"))
     times, over = Times(), threading.Event()
     viewer = Viewer(live)
-    session = threading.Thread(target=run, args=(live, [times, LatestOnly(viewer)], None, over.is_set))
+    session = threading.Thread(
+        target=run, args=(live, [times, LatestOnly(viewer, interval_s=UPDATE_INTERVAL_S)], None, over.is_set)
+    )
     session.start()
     try:
         while len(times.at_s) < 30:

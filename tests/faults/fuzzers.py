@@ -5,6 +5,7 @@ import json
 import re
 import struct
 import zlib
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
@@ -55,7 +56,7 @@ MESSAGES = (
 
 def warm_up() -> None:
     """Compile and load what valid inputs need, so that only the input counts for time and memory."""
-    for prepared in (valid_readings, encoded_pictures, video_files, board_picture, bombs):
+    for prepared in (valid_readings, encoded_pictures, video_files, board_picture, huge_video):
         prepared()
 
 
@@ -256,8 +257,13 @@ def nested_png(width: int, height: int) -> bytes:
     return b"\x89PNG\r\n\x1a\n" + head + chunk(b"IDAT", zlib.compress(bytes(9999))) + chunk(b"IEND", b"")
 
 
+def huge_photo() -> bytes:
+    return cv2.imencode(".jpg", np.zeros((9000, 9000), np.uint8))[1].tobytes()
+
+
 @cache
 def huge_video() -> bytes:
+    """Two frames of 9000 x 8000 px."""
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
@@ -267,8 +273,8 @@ def huge_video() -> bytes:
 
 
 @cache
-def bombs() -> tuple[tuple[str, bytes], ...]:
-    """Names and contents of small files that would take gigabytes or minutes without limits."""
+def bombs() -> dict[str, Callable[[], bytes]]:
+    """Names of small files that would take gigabytes or minutes without limits, and what makes them."""
     sensor, scene = sensor_text(), scene_texts()[0]
     texts = {
         "keys": sensor + "[" + ".".join(["a"] * 50_000) + "]",
@@ -290,23 +296,23 @@ def bombs() -> tuple[tuple[str, bytes], ...]:
         "dust": scene + "[faults]\ndust = 1000000000\n",
         "bodies": re.sub(r"(?s)\[\[bodies.*", "bodies = [" + "{}," * 500_000 + "]", scene),
     }
-    return (
-        *((f"{name}.sensor.toml", text.encode()) for name, text in texts.items()),
-        *((f"{name}.scene.toml", text.encode()) for name, text in scenes.items()),
-        ("huge.png", nested_png(30_000, 30_000)),
-        ("wide.png", nested_png(1_000_000, 60)),
-        ("huge.jpg", cv2.imencode(".jpg", np.zeros((9000, 9000), np.uint8))[1].tobytes()),
-        ("huge.avi", huge_video()),
-        ("rows.csv", (PRESSES + "a.mp4,1,1,1,1,1\n" * 100_000).encode()),
-        ("columns.csv", ("input,x_mm,y_mm" + ",a" * 4_000_000).encode()),
-        ("field.csv", (PRESSES + "a" * 5_000_000 + ",1,1,1,1,1\n").encode()),
-    )
+    return {
+        **{f"{name}.sensor.toml": text.encode for name, text in texts.items()},
+        **{f"{name}.scene.toml": text.encode for name, text in scenes.items()},
+        "huge.png": lambda: nested_png(30_000, 30_000),
+        "wide.png": lambda: nested_png(1_000_000, 60),
+        "huge.jpg": huge_photo,
+        "huge.avi": huge_video,
+        "rows.csv": (PRESSES + "a.mp4,1,1,1,1,1\n" * 100_000).encode,
+        "columns.csv": ("input,x_mm,y_mm" + ",a" * 4_000_000).encode,
+        "field.csv": (PRESSES + "a" * 5_000_000 + ",1,1,1,1,1\n").encode,
+    }
 
 
 def run_bomb(seed: int, folder: Path) -> None:
-    name, content = bombs()[seed % len(bombs())]
+    name, content = list(bombs().items())[seed % len(bombs())]
     path = folder / name
-    path.write_bytes(content)
+    path.write_bytes(content())
     reset_peak()
     before = peak_bytes()
     try:

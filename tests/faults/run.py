@@ -2,8 +2,8 @@
 
 python tests/faults/run.py [--inputs 10000] [--seed 0] [--kind NAME]... [--module faults.fuzzers]...
 
-The limit of time is for a warm process on a quiet machine. An input without result is therefore tried once
-more in a new process; the second outcome counts.
+The limit of time is for a warm process; time in which it waits for a processor does not count. An input
+without result is tried once more in a new process; the second outcome counts.
 """
 
 import argparse

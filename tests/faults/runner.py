@@ -5,6 +5,7 @@ import multiprocessing
 import os
 import resource
 import tempfile
+import time
 import traceback
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -13,7 +14,7 @@ from importlib import import_module
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-TIMEOUT_S = 10.0
+TIMEOUT_S, POLL_S = 10.0, 0.2
 MAX_GROWTH_BYTES = 2**30
 OK, REFUSED, WRONG = "ok", "refused", "wrong"
 MAX_SENTENCE = 4000
@@ -64,7 +65,7 @@ class Worker:
         assert self._pipe is not None
         self._pipe.send((name, seed))
         try:
-            if self._pipe.poll(TIMEOUT_S):
+            if self._has_answer(self._pipe):
                 kind, text = self._pipe.recv()
                 return Outcome(fuzzer=name, seed=seed, kind=kind, text=text)
             text = TIMED_OUT
@@ -72,6 +73,17 @@ class Worker:
             text = "the process died"
         self.close()
         return Outcome(fuzzer=name, seed=seed, kind=WRONG, text=text)
+
+    def _has_answer(self, pipe: Connection) -> bool:
+        """Whether an answer comes in time; time in which the process waits for a processor does not count."""
+        assert self._process is not None
+        assert self._process.pid is not None
+        begin_s, waited_s = time.monotonic(), waiting_s(self._process.pid)
+        while not pipe.poll(POLL_S):
+            spent_s = time.monotonic() - begin_s - (waiting_s(self._process.pid) - waited_s)
+            if spent_s > TIMEOUT_S:
+                return False
+        return True
 
     def close(self) -> None:
         """End the process."""
@@ -127,6 +139,13 @@ def outcome(fuzzer: Fuzzer, seed: int, folder: Path) -> tuple[str, str]:
     return (WRONG, f"{grown / 1e6:.0f} MB") if grown > MAX_GROWTH_BYTES else (kind, text)
 
 
+def waiting_s(process: int) -> float:
+    """Seconds that the main thread of a process was ready and waited for a processor; 0 where not known."""
+    with contextlib.suppress(OSError, IndexError):
+        return int(Path(f"/proc/{process}/schedstat").read_text().split()[1]) * 1e-9
+    return 0.0
+
+
 def address_space() -> int:
     """Bytes of the address space in use."""
     return int(Path("/proc/self/statm").read_text().split()[0]) * os.sysconf("SC_PAGE_SIZE")
@@ -147,15 +166,21 @@ def reset_peak() -> None:
         Path("/proc/self/clear_refs").write_text("5")
 
 
-def run_all(module: str, names: Sequence[str], seeds: Iterable[int]) -> Iterator[Outcome]:
-    """Outcomes of all seeds for the named fuzzers of a module, one after the other in one worker."""
-    worker = Worker(module)
+def run_all(
+    module: str, names: Sequence[str], seeds: Iterable[int], *, worker: Worker | None = None
+) -> Iterator[Outcome]:
+    """Outcomes of all seeds for the named fuzzers of a module, one after the other in one worker.
+
+    A worker that is given is not closed.
+    """
+    own = worker or Worker(module)
     try:
         for seed in seeds:
             for name in names:
-                yield worker.run(name, seed)
+                yield own.run(name, seed)
     finally:
-        worker.close()
+        if worker is None:
+            own.close()
 
 
 def table(outcomes: Sequence[Outcome]) -> str:

@@ -24,7 +24,7 @@ from faults.client import Listener
 from faults.loop_source import LoopSource, rendered
 from manytouch.session import Live, prepare, run
 from manytouch.sinks.latest_only import LatestOnly
-from manytouch.sinks.viewer import Viewer
+from manytouch.sinks.viewer import UPDATE_INTERVAL_S, Viewer
 from manytouch.values import Reading, Record, StopRecording
 
 SETTLED, RECORD_EVERY, RECORD_FOR = 10_000, 5_000, 500
@@ -44,16 +44,17 @@ def open_files() -> int:
 class Watch:
     """A sink that measures latency and memory, and switches the recording on and off."""
 
-    def __init__(self, live: Live, folder: Path) -> None:
+    def __init__(self, live: Live, folder: Path, frames: int) -> None:
         self._live, self._folder = live, folder
-        self.latency_ms: list[float] = []
+        self._latency_ms = np.full(frames, np.nan)  # in memory from the beginning: a list grows by 40 MB
+        self.count = 0
         self.settled_mb = self.peak_mb = 0.0
         self.recordings = 0
 
     def write(self, reading: Reading) -> None:
         assert reading.frame.arrived_ns is not None
-        self.latency_ms.append((time.monotonic_ns() - reading.frame.arrived_ns) * 1e-6)
-        count = len(self.latency_ms)
+        self._latency_ms[self.count] = (time.monotonic_ns() - reading.frame.arrived_ns) * 1e-6
+        self.count = count = self.count + 1
         if count % 500 == 0 and count >= SETTLED:
             present_mb = memory_mb()
             self.settled_mb = self.settled_mb or present_mb
@@ -70,6 +71,11 @@ class Watch:
     def close(self) -> None:
         pass
 
+    @property
+    def latency_ms(self) -> np.ndarray:
+        """Of all readings so far."""
+        return self._latency_ms[: self.count]
+
 
 def come_and_go(viewer: Viewer, over: threading.Event, stay_s: float) -> None:
     """Connect for some seconds, again and again."""
@@ -84,18 +90,18 @@ def soak(frames: int, minutes: float, folder: Path) -> list[tuple[str, str, bool
     before = threading.active_count(), open_files()
     source = LoopSource(rendered(), is_live=False, fps=2000.0, limit=frames)
     live = Live(prepare(source, method="perimeter"), recordings=folder)
-    watch, viewer, over = Watch(live, folder), Viewer(live), threading.Event()
+    watch, viewer, over = Watch(live, folder, frames), Viewer(live), threading.Event()
     visitors = [threading.Thread(target=come_and_go, args=(viewer, over, stay_s)) for stay_s in (2.0, 3.5)]
     end_s, begin_s = time.monotonic() + 60.0 * minutes, time.monotonic()
 
     def is_late() -> bool:
-        if len(watch.latency_ms) >= frames - 100:
+        if watch.count >= frames - 100:
             over.set()  # the clients go before the viewer is closed
         return time.monotonic() > end_s
 
     for visitor in visitors:
         visitor.start()
-    run(live, [watch, LatestOnly(viewer)], stop=is_late)
+    run(live, [watch, LatestOnly(viewer, interval_s=UPDATE_INTERVAL_S)], stop=is_late)
     over.set()
     for visitor in visitors:
         visitor.join()
@@ -105,7 +111,7 @@ def soak(frames: int, minutes: float, folder: Path) -> list[tuple[str, str, bool
         if after == before:
             break
         time.sleep(0.1)
-    count = len(watch.latency_ms)
+    count = watch.count
     tenth = max(count // 10, 1)
     first, last = (
         float(np.percentile(part, 99)) for part in (watch.latency_ms[:tenth], watch.latency_ms[-tenth:])

@@ -1,8 +1,13 @@
-"""Real recordings, where they are present next to the repository."""
+"""Real recordings, where they are present next to the repository, and a browser."""
 
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pytest
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser
 
 RECORDINGS = Path(__file__).parents[3] / "shared" / "data"
 
@@ -13,3 +18,12 @@ def recordings() -> Path:
     if not RECORDINGS.is_dir():
         pytest.skip(f"the real recordings are not here ({RECORDINGS.parent.name}/{RECORDINGS.name})")
     return RECORDINGS
+
+
+@pytest.fixture(scope="module")
+def browser() -> "Iterator[Browser]":
+    """Closed after each module: its event loop would be in the way of other tests."""
+    from browser import launched
+
+    with launched() as opened:
+        yield opened

@@ -21,13 +21,16 @@ def test_a_batch_prints_what_it_does_and_why(folder: Path) -> None:
     done = run_command("batch", "*.mp4", "--out", "out", folder=folder)
     assert done.returncode == 1
     assert "a: 18 frames in " in done.stdout
-    assert "(no result yet)" in done.stdout
+    assert "no result yet" not in done.stdout
     assert "c: failed: " in done.stdout
     assert "2 recordings processed, 0 unchanged, 1 failed (failures.csv)" in done.stdout
     (folder / "c.mp4").unlink()
     again = run_command("batch", "a.mp4", "b.mp4", "--out", "out", folder=folder)
     assert (again.returncode, again.stderr) == (0, "")
     assert "0 recordings processed, 2 unchanged" in again.stdout
+    (folder / "out" / "a" / "frames.csv").unlink()
+    third = run_command("batch", "a.mp4", "b.mp4", "--out", "out", folder=folder)
+    assert "(again: frames.csv is missing)" in third.stdout
     plan = run_command("batch", "*.mp4", "--out", "out", "--fps", "50", "--dry-run", folder=folder)
     assert "2 of 2 recordings would be processed" in plan.stdout
 
@@ -49,6 +52,8 @@ def test_shards_are_merged(folder: Path) -> None:
         (["--out", "out"], "give inputs, or --merge"),
         (["a.mp4", "--out", "out", "--shard", "3/2"], "expected I/N"),
         (["a.mp4", "--out", "out", "--scheduler", "tcp://h:1", "--slurm", "s.toml"], "exclude each other"),
+        (["a.mp4", "--out", "out", "--shard", "0/2", "--slurm", "s.toml"], "exclude each other"),
+        (["a.mp4", "--out", "out", "--wait-h", "2"], "needs --scheduler or --slurm"),
     ],
 )
 def test_a_wrong_command_line_is_refused(folder: Path, words: list[str], reason: str) -> None:

@@ -1,9 +1,8 @@
-"""`manytouch batch` while its workers, itself and its scheduler are killed, and two of them on one folder."""
+"""`manytouch batch` while its workers, itself and its scheduler are killed."""
 
 import contextlib
 import json
 import os
-import shutil
 import signal
 import subprocess
 import sys
@@ -11,23 +10,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-import pyarrow.parquet as pq
 import pytest
 
-from clips import picture, press_of, write_video
-from manytouch.session import process
-from same_results import differences
+from batch_programs import check_all, recordings_in, start
 
 MOST_RUNS = 40
 linux_only = pytest.mark.skipif(not sys.platform.startswith("linux"), reason="finds workers in /proc")
-
-
-def start(folder: Path, out: Path, engine: tuple[str, str] = ("--workers", "2")) -> subprocess.Popen:
-    return subprocess.Popen(
-        [sys.executable, "-m", "manytouch", "batch", str(folder), "--out", str(out), *engine],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
-    )
 
 
 def workers_of(program: subprocess.Popen) -> list[int]:
@@ -39,20 +27,6 @@ def workers_of(program: subprocess.Popen) -> list[int]:
         ]
     except OSError:
         return []
-
-
-def recordings_in(folder: Path, count: int) -> list[Path]:
-    """Recordings with different contents, some of which are equal copies."""
-    folder.mkdir()
-    paths = []
-    for number in range(count):
-        path = folder / f"r{number:03d}.mp4"
-        if number < 5:
-            write_video(path, (picture(press_of(each + 5), seed=each) for each in range(20 + 5 * number)))
-        else:
-            shutil.copy(paths[number % 5], path)
-        paths.append(path)
-    return paths
 
 
 def run_with_kills(folder: Path, out: Path, kills: int, seed: int) -> int:
@@ -73,18 +47,6 @@ def run_with_kills(folder: Path, out: Path, kills: int, seed: int) -> int:
         if program.returncode == 0:
             return killed
     raise AssertionError("the batch does not come to its end")
-
-
-def check_all(paths: list[Path], out: Path, expected: Path) -> None:
-    """Every result is there once, in the folder and in the tables, as `process` makes it."""
-    names = [path.stem for path in paths]
-    assert sorted(path.name for path in out.iterdir() if path.is_dir()) == names
-    assert [line for line in out.iterdir() if line.name.endswith((".partial", ".old"))] == []
-    table = pq.read_table(out / "results.parquet").to_pydict()
-    assert table["name"] == names
-    assert set(table["state"]) == {"complete"}
-    for path in paths:
-        assert differences(out / path.stem, process(path, out=expected)) == []
 
 
 @linux_only
@@ -163,12 +125,4 @@ def test_a_killed_dask_scheduler_and_killed_workers_cost_time_and_no_result(
         cluster.end()
     assert program.returncode == 0
     assert "scheduler" in killed
-    check_all(paths, out, tmp_path / "expected")
-
-
-@pytest.mark.slow
-def test_two_batches_on_one_folder_make_every_result_once(tmp_path: Path) -> None:
-    paths, out = recordings_in(tmp_path / "in", 30), tmp_path / "out"
-    programs = [start(tmp_path / "in", out) for _ in range(2)]
-    assert [program.wait() for program in programs] == [0, 0]
     check_all(paths, out, tmp_path / "expected")

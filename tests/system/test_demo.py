@@ -14,27 +14,22 @@ import pyarrow.parquet as pq
 import pytest
 
 from clips import pressed_video
+from command_line import run_command
 from results import rows_of
 
 TABLES = {"contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"}
 
 
-def run(*words: object, folder: Path | None = None) -> str:
-    done = subprocess.run(
-        [sys.executable, "-m", "manytouch", *map(str, words)],
-        cwd=folder,
-        capture_output=True,
-        text=True,
-        timeout=900,
-        check=False,
-    )
+def run(*words: object) -> str:
+    done = run_command(*words)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
 
 def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    output = run("demo", "--seconds", "1.6", "--no-view", folder=tmp_path)
+    words = [sys.executable, "-m", "manytouch", "demo", "--seconds", "1.6", "--no-view"]
+    output = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
     folder = tmp_path / "out" / "demo"
     assert "touches" in output
     assert "truth" in output
@@ -91,7 +86,7 @@ def test_help_answers_within_0_3_s_and_loads_nothing_heavy() -> None:
     )
     surroundings = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     seconds = []
-    for _ in range(5):
+    for _ in range(3):
         before = os.times()
         done = subprocess.run(
             [sys.executable, "-c", code], env=surroundings, capture_output=True, text=True, check=True

@@ -7,9 +7,9 @@ import pytest
 pytest.importorskip("nicegui")
 pytest.importorskip("playwright")
 
-from playwright.sync_api import sync_playwright
+from playwright.sync_api import Browser
 
-from browser import CHROMIUM, FLAGS
+from browser import CHROMIUM
 from manytouch.rigs.overview_page import OverviewPage
 from manytouch.rigs.rig_file import load_rig
 from manytouch.rigs.run_rig import SensorState
@@ -28,7 +28,7 @@ source = "sim:one"
 """
 
 
-def test_tiles_show_the_viewers_that_allow_it(tmp_path: Path) -> None:
+def test_tiles_show_the_viewers_that_allow_it(browser: Browser, tmp_path: Path) -> None:
     path = tmp_path / "hand.toml"
     path.write_text(RIG)
     states = {sensor.name: SensorState(sensor) for sensor in load_rig(path).sensors}
@@ -38,14 +38,15 @@ def test_tiles_show_the_viewers_that_allow_it(tmp_path: Path) -> None:
         viewer.write(reading_of(0))
         state.viewer = viewer.url
     states["thumb"].restarts = 3
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        page = browser.new_page()
-        page.goto(rig_page.url)
-        page.frame_locator("iframe[title='viewer of index']").locator("#contacts tbody").wait_for()
-        rows = page.locator("#sensors tr").all_inner_texts()
-        assert page.frame_locator("iframe[title='viewer of thumb']").locator("#contacts").count() == 0
-        browser.close()
+    page = browser.new_page()
+    page.goto(rig_page.url)
+    page.frame_locator("iframe[title='viewer of index']").locator("#contacts tbody").wait_for()
+    rows = page.locator("#sensors tr").all_inner_texts()
+    assert page.frame_locator("iframe[title='viewer of thumb']").locator("#contacts").count() == 0
+    page.set_viewport_size({"width": 390, "height": 844})
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    assert page.locator("meta[name=viewport]").count() == 1
+    page.close()
     assert [row.split("\t")[0] for row in rows] == ["index", "thumb"]
     assert [row.split("\t")[-1] for row in rows] == ["0", "3"]
     for viewer in viewers:

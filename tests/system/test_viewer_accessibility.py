@@ -12,9 +12,9 @@ pytest.importorskip("playwright")
 pytest.importorskip("axe_playwright_python")
 
 import axe_playwright_python
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
-from browser import CHROMIUM, FLAGS, wait
+from browser import CHROMIUM, wait
 from manytouch.sinks.viewer import Viewer
 from viewer_session import FakeSession, reading_of
 
@@ -28,20 +28,18 @@ FOCUSED = "(e => e.id || e.dataset.pane || e.dataset.mode || e.tagName)(document
 
 
 @pytest.fixture(scope="module")
-def page() -> Iterator[Page]:
-    with sync_playwright() as playwright:
-        browser: Browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        session = FakeSession()
-        session.now = replace(session.now, can_press=True)
-        viewer = Viewer(session)
-        viewer.write(reading_of(0))
-        page = browser.new_page(viewport={"width": 1366, "height": 768})
-        page.goto(viewer.url)
-        wait(page, "manytouch.state.count >= 1 && manytouch.state.paints > 0")
-        page.evaluate(SCRIPT)
-        yield page
-        browser.close()
-        viewer.close()
+def page(browser: Browser) -> Iterator[Page]:
+    session = FakeSession()
+    session.now = replace(session.now, can_press=True)
+    viewer = Viewer(session)
+    viewer.write(reading_of(0))
+    page = browser.new_page(viewport={"width": 1366, "height": 768})
+    page.goto(viewer.url)
+    wait(page, "manytouch.state.count >= 1 && manytouch.state.paints > 0")
+    page.evaluate(SCRIPT)
+    yield page
+    page.close()
+    viewer.close()
 
 
 def violations(page: Page) -> list[str]:

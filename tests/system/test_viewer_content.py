@@ -14,9 +14,9 @@ import pytest
 pytest.importorskip("nicegui")
 pytest.importorskip("playwright")
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
-from browser import CHROMIUM, FLAGS, wait, wait_for_text
+from browser import CHROMIUM, wait, wait_for_text
 from manytouch.session.methods import choices_of, parameter_info, parameters_of, pipeline_for
 from manytouch.sinks.viewer import Viewer
 from manytouch.values import Comparison, OutlineRing, Press, Reading, Tune
@@ -51,14 +51,6 @@ COLOURS_3D = """(() => { const found = new Set();
   return [...found]; })()"""
 VERMILION = "#d55e00"  # of contact 100: the third of seven colours
 INDEX = count(1)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        yield opened
-        opened.close()
 
 
 @pytest.fixture(scope="module")
@@ -130,6 +122,21 @@ def test_three_digits_of_a_number_fit_at_the_end_of_a_curve(page: Page, viewer: 
         assert min(np.diff(heights)) >= 11
 
 
+def test_curves_of_contacts_that_are_over_keep_their_numbers(page: Page, viewer: Viewer) -> None:
+    for _ in range(3):
+        show(page, viewer, pressed(4))
+    reading = pressed()
+    show(page, viewer, replace(reading, contacts=replace(reading.contacts, contacts=())))
+    for plot in ("depth-plot", "force-plot"):
+        width = page.evaluate(f"document.getElementById('{plot}').clientWidth")
+        names = [text for text in page.evaluate(f"drawn['{plot}']") if text[0].startswith("#")]
+        assert {name for name, *_ in names} >= {f"#{100 + k}" for k in range(4)}
+        assert all(x >= 46 and x + wide <= width for _, x, _, wide in names)
+        for k, (_, x, y, wide) in enumerate(names):
+            for _, other_x, other_y, other_wide in names[k + 1 :]:
+                assert x + wide <= other_x or other_x + other_wide <= x or abs(y - other_y) >= 13
+
+
 def test_marker_numbers_are_legible_and_that_of_the_pointed_marker_is_shown(
     page: Page, viewer: Viewer
 ) -> None:
@@ -149,6 +156,27 @@ def test_marker_numbers_are_legible_and_that_of_the_pointed_marker_is_shown(
     scale = box["width"] / 320
     page.mouse.move(box["x"] + scale * (rest_px[211][0] + 0.5), box["y"] + scale * (rest_px[211][1] + 0.5))
     wait(page, "drawn.camera.some(([text]) => text === 'marker 211')")
+
+
+@pytest.mark.parametrize("picture", [16 / 9, 1.0])
+def test_the_camera_picture_stays_whole_while_a_profile_is_shown(
+    page: Page, viewer: Viewer, picture: float
+) -> None:
+    show(page, viewer, pressed(5))
+    page.evaluate(f"document.documentElement.style.setProperty('--picture', {picture})")
+    page.evaluate(f"document.body.classList.toggle('tall-picture', {picture} < 1.5)")
+    for place in ((-20, 8), (20, 8)):
+        page.mouse.click(*page.evaluate(f"manytouch.pane.onScreen{place}"))
+    page.wait_for_selector("#profile")
+    for selector in (".camera .stage", "#camera"):
+        box, card = page.locator(selector).bounding_box(), page.locator(".card.camera").bounding_box()
+        assert box is not None
+        assert card is not None
+        assert box["y"] + box["height"] <= card["y"] + card["height"]
+        assert box["height"] > 130
+    page.keyboard.press("Escape")
+    page.evaluate("document.documentElement.style.setProperty('--picture', 16 / 9)")
+    page.evaluate("document.body.classList.remove('tall-picture')")
 
 
 def test_a_value_has_the_same_colour_on_every_slope(page: Page, viewer: Viewer) -> None:
@@ -336,7 +364,8 @@ def test_buttons_name_what_they_do_next(page: Page, viewer: Viewer, session: Fak
     assert not page.is_visible("#tare")
     session.now = replace(HEALTH, is_running=False, frame=99, frame_count=100)
     wait_for_text(page, "#state", "at the end")
-    assert page.inner_text("#play") == page.inner_text("#run") == "Play"
+    assert page.inner_text("#play") == "Play"
+    assert not page.is_visible("#run")
     page.click("#side")
     assert page.inner_text("#side") == "show camera side"
     page.click("#side")

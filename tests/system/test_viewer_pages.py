@@ -12,9 +12,10 @@ import pytest
 pytest.importorskip("nicegui")
 pytest.importorskip("playwright")
 
-from playwright.sync_api import Browser, Page, sync_playwright
+from playwright.sync_api import Browser, Page
 
-from browser import CHROMIUM, FLAGS, wait, wait_for_text
+from browser import CHROMIUM, FLAGS, launched, wait, wait_for_text
+from manytouch.sinks.files.tables import contact_column_names
 from manytouch.sinks.viewer import Viewer
 from manytouch.values import Reading, Status, Tare, UndoTare
 from viewer_session import FakeSession, reading_of
@@ -31,11 +32,8 @@ pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not instal
 
 @pytest.fixture(scope="module", params=[True, False], ids=["webgl", "flat"])
 def browser(request: pytest.FixtureRequest) -> Iterator[Browser]:
-    with sync_playwright() as playwright:
-        flags = FLAGS if request.param else NO_WEBGL
-        opened = playwright.chromium.launch(executable_path=CHROMIUM, args=flags)
+    with launched(FLAGS if request.param else NO_WEBGL) as opened:
         yield opened
-        opened.close()
 
 
 @pytest.fixture
@@ -48,7 +46,8 @@ def shown() -> Iterator[tuple[FakeSession, Viewer]]:
 
 
 def opened_page(browser: Browser, viewer: Viewer, size: tuple[int, int] = (1366, 768), **more: Any) -> Page:
-    page = browser.new_page(viewport={"width": size[0], "height": size[1]}, **more)
+    screen = {"viewport": {"width": size[0], "height": size[1]}, "device_scale_factor": 0.5}
+    page = browser.new_page(**(screen | more))
     page.goto(viewer.url)
     wait(page, IN_TIME)
     return page
@@ -74,7 +73,7 @@ def crowded(index: int = 0, count: int = 12) -> Reading:
 def test_surface_contacts_and_plots_are_shown_and_nothing_is_cut_off(
     browser: Browser, shown: tuple[FakeSession, Viewer], size: tuple[int, int]
 ) -> None:
-    page = opened_page(browser, shown[1], size)
+    page = opened_page(browser, shown[1], size, device_scale_factor=1)
     assert page.inner_text("#state-label") == "live"
     wait_for_text(page, "#contacts tbody", "7", "1.50")
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
@@ -98,6 +97,7 @@ def test_the_timeline_and_the_buttons_fit_a_phone(
     assert card is not None
     assert speed is not None
     assert speed["x"] + speed["width"] <= card["x"] + card["width"]
+    assert page.evaluate("document.getElementById('seek').clientWidth") > 200
     tops = page.evaluate(
         """[...document.querySelectorAll('.bar .buttons button:not([hidden])')]
         .map((e) => e.getBoundingClientRect().top)"""
@@ -135,6 +135,44 @@ def test_labels_cover_neither_each_other_nor_the_colour_bar(
                 left >= other[2] - 1 or other[0] >= right - 1 or top >= other[3] - 1 or other[1] >= bottom - 1
             )
             assert apart, (boxes[k], other)
+    page.close()
+
+
+@pytest.mark.parametrize("size", [(640, 560), (340, 560), (390, 844)])
+def test_head_and_tools_of_the_surface_are_whole_in_the_tile_of_a_rig(
+    browser: Browser, shown: tuple[FakeSession, Viewer], size: tuple[int, int]
+) -> None:
+    page = opened_page(browser, shown[1], size)
+    card, head, scene = (
+        page.evaluate(
+            "((e) => [e.getBoundingClientRect().top, e.getBoundingClientRect().bottom, e.scrollHeight])"
+            f"(document.querySelector('{selector}'))"
+        )
+        for selector in (".card.surface", ".card.surface h2", "#scene")
+    )
+    assert head[2] <= head[1] - head[0] + 1
+    assert scene[1] <= card[1] + 1
+    page.close()
+
+
+def test_the_view_fits_after_a_change_of_size_and_names_of_axes_are_whole(
+    browser: Browser, shown: tuple[FakeSession, Viewer]
+) -> None:
+    page = opened_page(browser, shown[1])
+    if page.evaluate("Boolean(manytouch.pane.isFlat)"):
+        pytest.skip("the map has no view to fit")
+    page.set_viewport_size({"width": 390, "height": 844})
+    page.wait_for_timeout(500)
+    corners = [page.evaluate(f"manytouch.pane.onScreen({x}, {y})") for x in (-60, 60) for y in (-40, 40)]
+    stage = page.locator("#scene").bounding_box()
+    assert stage is not None
+    assert all(stage["x"] <= x <= stage["x"] + stage["width"] for x, _ in corners)
+    names = page.evaluate(
+        """[...document.querySelectorAll('.axis.name')].filter((e) => e.style.visibility !== 'hidden')
+        .map((e) => e.getBoundingClientRect()).map(({ left, right }) => [left, right])"""
+    )
+    assert len(names) >= 2
+    assert all(left >= stage["x"] and right <= stage["x"] + stage["width"] for left, right in names)
     page.close()
 
 
@@ -196,6 +234,9 @@ def test_a_contact_is_followed_and_its_history_saved(
     assert [float(row["depth_mm"]) for row in rows] == pytest.approx([2.0] * 3)
     assert [float(row["normal_force_N"]) for row in rows] == pytest.approx([1.5] * 3)
     assert rows[0]["shear_x_N"] == ""
+    assert tuple(rows[0]) == contact_column_names("mm")
+    assert [row["frame"] for row in rows] == ["1", "2", "3"]
+    assert rows[0]["phase"] in ("start", "move")
     page.click("#unpin")
     assert page.inner_text("#plotted") == "last 20 s"
     page.close()

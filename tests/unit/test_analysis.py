@@ -169,8 +169,34 @@ def test_contacts_over_time_are_one_line_each(processed: tuple) -> None:
     axes = manytouch.plot_contacts(results)
     assert len(axes.lines) == len(set(results.contacts["contact"].to_pylist()))
     assert axes.get_ylabel() == "depth (mm)"
-    with pytest.raises(manytouch.ManytouchError, match="normal_force"):
+    assert len(axes.collections) == len(axes.lines)
+    assert "2 standard deviations" in axes.get_title()
+    assert axes.get_legend() is not None
+    with pytest.raises(manytouch.ManytouchError, match="normal_force_over_E or shear_x"):
         manytouch.plot_contacts(results, quantity="colour")
+
+
+def test_an_empty_plot_states_why(processed: tuple) -> None:
+    results = manytouch.read_results(processed[0])
+    axes = manytouch.plot_contacts(results, quantity="normal_force")
+    assert not axes.lines
+    assert axes.texts[0].get_text() == "the method perimeter does not estimate normal force"
+    stiff = replace(results, summary={**results.summary, "method": "mechanics"})
+    assert "young_MPa" in manytouch.plot_contacts(stiff, quantity="normal_force").texts[0].get_text()
+    none = replace(results, contacts=results.contacts[:0])
+    assert manytouch.plot_contacts(none).texts[0].get_text() == "no contact was found"
+
+
+def test_up_to_twenty_contacts_have_a_legend_and_their_own_colours(processed: tuple) -> None:
+    results = manytouch.read_results(processed[0])
+    rows = results.contacts[:20]
+    count = len(rows)
+    assert count > 10
+    rows = rows.set_column(rows.column_names.index("contact"), "contact", [list(range(count))])
+    rows = rows.set_column(rows.column_names.index("phase"), "phase", [["move"] * count])
+    axes = manytouch.plot_contacts(replace(results, contacts=rows), quantity="x")
+    assert len(axes.get_legend().get_texts()) == count
+    assert len({tuple(line.get_color()) for line in axes.lines}) == count
 
 
 def test_the_layout_is_drawn_with_the_outline_of_the_sheet() -> None:

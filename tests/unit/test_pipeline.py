@@ -60,7 +60,7 @@ class Follows:
     def expected_px(self, state: tuple[int, bool]) -> np.ndarray | None:
         return None if state[0] == 0 else NOWHERE
 
-    def is_lost(self, state: tuple[int, bool]) -> bool:
+    def needs_full_search(self, state: tuple[int, bool]) -> bool:
         return state[1]
 
     def resume(self, started: tuple[int, bool], before: tuple[int, bool]) -> tuple[int, bool]:

@@ -145,7 +145,7 @@ def test_a_frame_without_dots_loses_nothing():
     state, grid = tracking.step(state, detections(rest_px))
     assert grid.is_seen.all()
     assert tracking.expected_px(state) is None
-    assert not tracking.is_lost(state)
+    assert not tracking.needs_full_search(state)
 
 
 def test_rows_are_parted_by_gaps_and_sorted_by_x():

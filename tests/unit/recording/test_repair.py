@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from command_line import run_command
-from faults.mcap_fuzzer import FRAMES, run_recording, small_recording
+from faults.mcap_fuzzer import FRAMES, KINDS, damaged, run_recording, small_recording
 from manytouch.errors import SourceError
 from manytouch.recording.json_codec import to_json
+from manytouch.recording.merge import merge_recordings
 from manytouch.recording.messages import calibration_message, transform_message
 from manytouch.recording.reader import Recording
 from manytouch.recording.records import scan
@@ -44,16 +45,21 @@ def made() -> tuple[Path, list[Reading], Sensor]:
     return recording.path, [reading for reading in readings if reading is not None], recording.sensor
 
 
-def test_two_hundred_damages_are_refused_or_replayed(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "seeds", [range(100, 160), pytest.param(range(400), marks=pytest.mark.slow)], ids=["some", "many"]
+)
+def test_damages_of_every_kind_are_refused_or_replayed(tmp_path: Path, seeds: range) -> None:
+    whole = small_recording().path.read_bytes()
+    assert {damaged(whole, seed)[0] for seed in seeds} == set(KINDS)
     refused = 0
-    for seed in range(200):
+    for seed in seeds:
         try:
             run_recording(seed, tmp_path)
         except SourceError:
             refused += 1
         except Exception as error:
             raise AssertionError(f"seed {seed}") from error
-    assert 0 < refused < 100
+    assert 0 < refused < len(seeds) / 2
 
 
 def chunk_of(path: Path, topic: str, number: int) -> tuple[int, int]:
@@ -259,3 +265,32 @@ def test_a_frame_of_another_number_is_not_in_the_recording(
 ) -> None:
     bare = Frame(index=FRAMES + 1, timestamp_ns=0, camera="", image=None)
     assert Recording(made[0]).reading(bare) is None
+
+
+@pytest.fixture(scope="module")
+def rig(made: tuple[Path, list[Reading], Sensor]) -> Path:
+    """A recording of a rig: the small recording as two sensors."""
+    path = made[0].with_name("hand.mcap")
+    merge_recordings({"index": [made[0]], "thumb": [made[0]]}, path)
+    return path
+
+
+def test_a_whole_recording_of_a_rig_is_whole(rig: Path) -> None:
+    found = check(rig)
+    assert found.is_whole, found
+    assert found.sensors == ("index", "thumb")
+    assert any("sensors index, thumb" in line for line in found.lines())
+    done = run_command("recording", "check", rig)
+    assert (done.returncode, done.stdout.splitlines()[-1]) == (0, "whole")
+
+
+def test_a_damaged_recording_of_a_rig_is_repaired(rig: Path, tmp_path: Path) -> None:
+    damaged, repaired = tmp_path / "damaged.mcap", tmp_path / "repaired.mcap"
+    with_bad_byte(rig, damaged, "/thumb/camera", 5)
+    found = check(damaged)
+    assert not found.is_whole
+    assert found.lost_frames == 1
+    before = sum(len(places) for places in scan(damaged).messages.values())
+    assert repair(damaged, repaired) == before
+    assert [len(Recording(repaired, name)) for name in ("index", "thumb")] == [FRAMES, FRAMES - 1]
+    assert check(repaired).is_whole
