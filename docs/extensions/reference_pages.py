@@ -110,6 +110,10 @@ def sensor_file_keys() -> str:
     ]
     for title, group, model in sections:
         parts.append(f"## {title}\n\n{_keys(group, model)}\n")
+    parts.append(
+        "## `[provenance]`\n\nFree keys. Those that commands write, and the two that have an effect, "
+        "`nominal` and `nominal_shape`, are in [the sensor file](../sensor-file.md#provenance).\n"
+    )
     return "\n".join(parts)
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import matplotlib.pyplot as plt
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from manytouch.cli import main as command
 
@@ -49,8 +50,19 @@ def main(picture: str = "rig.png") -> float:
             [2 * float(row[key] or 0) for row in own[::10]] for key in ("force_x_N", "force_y_N", "force_z_N")
         ]
         axes.quiver(*[each[::10] for each in place], *force, color=colour, lw=0.7)
+        height_mm = -30.0 if name == "left" else 30.0
+        outline = [(-60, -40, height_mm), (60, -40, height_mm), (60, 40, height_mm), (-60, 40, height_mm)]
+        axes.add_collection3d(Poly3DCollection([outline], facecolor=colour, edgecolor=colour, alpha=0.12))
+    axes.quiver(-60, -40, 0, 0, 0, 10, color="black", lw=1.2)
+    axes.text(-58, -40, 3, "5 N")
     axes.set(
-        xlabel="x (mm)", ylabel="y (mm)", zlabel="z (mm)", title="contacts and forces in the frame of the rig"
+        xlabel="x (mm)",
+        ylabel="y (mm)",
+        zlabel="z (mm)",
+        xlim=(-60, 60),
+        ylim=(-40, 40),
+        zlim=(-45, 45),
+        title="both sheets, their contacts and forces in the frame of the rig",
     )
     axes.legend()
     plt.savefig(picture, dpi=110)

@@ -33,7 +33,8 @@ def main(picture: str = "ros2.png") -> float:
     labels = ["force x", "force y", "force z (a press is negative)"]
     axes.plot(table[:, 0] - table[0, 0], table[:, 1:], label=labels)
     axes.set(xlabel="time (s)", ylabel="force (N)", title="/manytouch/wrench")
-    axes.legend(loc="lower right")
+    axes.legend(loc="lower left")
+    axes.set_xlim(-2.5, None)  # room for the legend
     right.text(0.0, 0.5, "\n\n".join(["topics of the bag", *topics]), va="center", fontsize=9)
     right.axis("off")
     figure.tight_layout()
