@@ -26,6 +26,7 @@ help:
 	@echo "make lock     renew requirements.lock and requirements-demo.lock (needs uv)"
 
 setup: .venv/ready
+	@echo "ready: now run $(BIN)/manytouch doctor, or $(BIN)/manytouch process VIDEO --out results"
 
 .venv/ready: requirements.lock pyproject.toml
 	@$(MAKE) --no-print-directory install LOCK=requirements.lock
@@ -40,7 +41,7 @@ setup: .venv/ready
 install:
 	@test -n "$(PYTHON)" || { echo "manytouch needs Python 3.11 or newer with venv; none was found. Install it, or say which: make PYTHON=/path/to/python3"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv .venv || { echo "$(PYTHON) cannot make a virtual environment: install its venv package (on Debian: apt install python3-venv)"; exit 1; }
-	@echo "setting up .venv at the versions of $(LOCK)"
+	@echo "setting up .venv at the versions of $(LOCK)$(if $(filter requirements.lock,$(LOCK)),: downloads and installs all packages, about 2.8 GB in some 6 minutes, without further lines)"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r $(LOCK)
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation --editable .
 

@@ -58,7 +58,7 @@ class Tracked:
         expected_px = track.expected_px(before)
         self.detecting, detections = detect.step(self.detecting, frame, expected_px)
         self.tracking, grid = track.step(before, detections)
-        if expected_px is not None and track.is_lost(self.tracking):
+        if expected_px is not None and track.needs_full_search(self.tracking):
             self.detecting, detections = detect.step(self.detecting, frame, None)
             self.tracking, grid = track.step(before, detections)
         if self.end == SURFACE:

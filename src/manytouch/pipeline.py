@@ -82,7 +82,7 @@ class Tracker(Protocol):
     def expected_px(self, state: Any) -> Points2 | None:
         """Expected places (m, 2) in the next frame; None requests a search of the whole image."""
 
-    def is_lost(self, state: Any) -> bool:
+    def needs_full_search(self, state: Any) -> bool:
         """Whether the frame that led to this state has to be searched again as a whole."""
 
     def resume(self, started: Any, before: Any) -> Any:
@@ -231,7 +231,7 @@ class _TrackedView:
         self._is_new = False
         detection_state, detections = detect.step(self.state.detection, frame, expected_px)
         tracking_state, grid = track.step(before, detections)
-        if expected_px is not None and track.is_lost(tracking_state):
+        if expected_px is not None and track.needs_full_search(tracking_state):
             detection_state, detections = detect.step(detection_state, frame, None)
             tracking_state, grid = track.step(before, detections)
         self.state = FrontState(detection=detection_state, tracking=tracking_state)

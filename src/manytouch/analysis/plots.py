@@ -1,6 +1,6 @@
 """Plots of readings and results on matplotlib axes (extra `lab`)."""
 
-from typing import TYPE_CHECKING, Optional
+from typing import TYPE_CHECKING, Any, Optional
 
 import numpy as np
 
@@ -13,7 +13,20 @@ from manytouch.values.display.drawing import CONTACT, LABEL, axes_or_new
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-QUANTITIES = ("depth", "normal_force")
+QUANTITIES: dict[str, tuple[str, str | None]] = {
+    "depth": ("depth_{0}", "depth_std_{0}"),
+    "x": ("x_{0}", "x_std_{0}"),
+    "y": ("y_{0}", "y_std_{0}"),
+    "normal_force": ("normal_force_N", "force_std_N"),
+    "normal_force_over_E": ("normal_force_over_E_{0}2", None),
+    "shear_x": ("shear_x_N", "shear_x_std_N"),
+    "shear_y": ("shear_y_N", "shear_y_std_N"),
+    "torque": ("torque_Nmm", "torque_std_Nmm"),
+    "area": ("area_{0}2", "area_std_{0}2"),
+}
+"""Columns of contacts.csv with their standard deviations, in a given unit of length."""
+LEGEND_CONTACTS = 20
+NEWTONS = ("normal_force", "shear_x", "shear_y", "torque")
 
 
 def plot_surface(reading: Reading, axes: Optional["Axes"] = None, *, unit: str = "mm") -> "Axes":
@@ -64,35 +77,76 @@ def plot_contacts(results: Results, axes: Optional["Axes"] = None, *, quantity: 
     Args:
         results: from `read_results`.
         axes: to draw on; None: a new figure.
-        quantity: "depth" or "normal_force".
+        quantity: "depth", "x", "y", "normal_force", "normal_force_over_E", "shear_x", "shear_y", "torque" or
+            "area".
 
     Raises:
-        ManytouchError: there is no such quantity.
+        ManytouchError: there is no such quantity, or the results are older than it.
         MissingExtraError: matplotlib is not installed.
     """
     require_type("results", results, Results, "what manytouch.read_results returns")
     if quantity not in QUANTITIES:
         raise ManytouchError(f"there is no quantity {quantity!r}: give {' or '.join(QUANTITIES)}")
+    value_column, std_column = QUANTITIES[quantity]
+    name = value_column.format(results.unit)
+    std_name = None if std_column is None else std_column.format(results.unit)
+    missing = [each for each in (name, std_name) if each and each not in results.contacts.column_names]
+    if missing:
+        raise ManytouchError(f"{results.folder} lacks the column {missing[0]}: process the input again")
     axes = axes_or_new(axes, "a plot of contacts")
-    unit = "N" if quantity == "normal_force" else results.unit
-    std = "force_std_N" if quantity == "normal_force" else f"depth_std_{unit}"
     column = {
-        name: results.contacts[name].to_numpy(zero_copy_only=False)
-        for name in ("contact", "phase", "time_s", f"{quantity}_{unit}", std)
+        each: results.contacts[each].to_numpy(zero_copy_only=False) for each in ("contact", "phase", "time_s")
     }
-    is_touching = column["phase"] != "end"
-    for contact in np.unique(column["contact"]):
-        rows = is_touching & (column["contact"] == contact)
-        time_s, value, deviation = (column[name][rows] for name in ("time_s", f"{quantity}_{unit}", std))
-        (line,) = axes.plot(time_s, value, label=f"contact {contact}")
-        axes.fill_between(
-            time_s, value - 2 * deviation, value + 2 * deviation, color=line.get_color(), alpha=0.2
-        )
-    words = quantity.replace("_", " ")
-    axes.set(xlabel="time (s)", ylabel=f"{words} ({unit})", title=results.folder.name)
-    if 0 < len(axes.lines) <= 12:
-        axes.legend()
+    values = _numbers(results, name)
+    deviations = _numbers(results, std_name)
+    is_drawn = (column["phase"] != "end") & np.isfinite(values)
+    numbers = np.unique(column["contact"][is_drawn])
+    has_band = False
+    for place, contact in enumerate(numbers):
+        rows = is_drawn & (column["contact"] == contact)
+        time_s, value, deviation = column["time_s"][rows], values[rows], deviations[rows]
+        colour: Any = f"C{place}" if len(numbers) <= 10 else _many_colours()[place % LEGEND_CONTACTS]
+        axes.plot(time_s, value, label=f"contact {contact}", color=colour)
+        if np.isfinite(deviation).any():
+            has_band = True
+            axes.fill_between(time_s, value - 2 * deviation, value + 2 * deviation, color=colour, alpha=0.2)
+    words, unit = quantity.replace("_", " "), name.rsplit("_", 1)[1]
+    title = f"{results.folder.name}{' (bands: 2 standard deviations)' if has_band else ''}"
+    axes.set(xlabel="time (s)", ylabel=f"{words} ({unit})", title=title)
+    if not len(numbers):
+        reason = _why_empty(results, quantity)
+        axes.text(0.5, 0.5, reason, ha="center", va="center", wrap=True, transform=axes.transAxes)
+    elif len(numbers) <= LEGEND_CONTACTS:
+        axes.legend(ncols=1 + len(numbers) // 8, fontsize="small")
     return axes
+
+
+def _numbers(results: Results, name: str | None) -> np.ndarray:
+    """A column of the contacts as numbers, NaN where empty; all NaN without a name."""
+    if name is None:
+        return np.full(len(results.contacts), np.nan)
+    return np.asarray(results.contacts[name].to_numpy(zero_copy_only=False), np.float64)
+
+
+def _many_colours() -> np.ndarray:
+    from matplotlib import colormaps
+
+    return np.asarray(colormaps["tab20"](np.arange(LEGEND_CONTACTS)))
+
+
+def _why_empty(results: Results, quantity: str) -> str:
+    """Why there is no line to draw."""
+    if not len(results.contacts):
+        return "no contact was found"
+    method = results.summary.get("method", "this method")
+    if method != "mechanics":
+        return f"the method {method} does not estimate {quantity.replace('_', ' ')}"
+    if quantity in NEWTONS:
+        return (
+            "no force in newtons: the sensor file states no young_MPa,\n"
+            "or its mechanics do not fit the frames (see the warnings of process)"
+        )
+    return f"no contact of this recording has a known {quantity.replace('_', ' ')}"
 
 
 def plot_layout(sensor: Sensor, axes: Optional["Axes"] = None) -> "Axes":

@@ -216,19 +216,15 @@ def _contacts(
 ) -> list[Contact]:
     """Contacts at points of the plane (rows, columns), without identity.
 
-    A peak of inverse distance weighting is at a marker, therefore its centre is known to a pitch: the
-    standard deviation of a uniform distribution, pitch / sqrt(12).
+    Their standard deviations are not known: the noise of the centres is small against the error of the
+    perimeters, which nobody has modelled.
     """
     if len(peak[0]) == 0:
         return []
-    depth_std_mm, moved_mm = state.plane.depth_std(surface), state.plane.displacement(surface)
-    place = [ESTIMATES.index(name) for name in ("x", "y", "depth")]
+    moved_mm = state.plane.displacement(surface)
     found = []
     for row, column in zip(*peak, strict=True):
         centre_mm = np.array([state.x_mm[column], state.y_mm[row]])
-        covariance = np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)
-        variance_mm2 = [*state.layout.pitch_mm**2 / 12.0, depth_std_mm[row, column] ** 2]
-        covariance[np.ix_(place, place)] = np.diag(variance_mm2)
         present_mm = np.array([[*(centre_mm + moved_mm[row, column, :2]), 0.0]])
         found.append(
             Contact(
@@ -240,7 +236,7 @@ def _contacts(
                 force_N=read_only(np.full(3, np.nan)),
                 torque_Nmm=float("nan"),
                 area_mm2=float("nan"),
-                covariance=read_only(covariance),
+                covariance=read_only(np.full((len(ESTIMATES), len(ESTIMATES)), np.nan)),
             )
         )
     return found

@@ -140,7 +140,7 @@ class PaperTracking:
         """None: the paper searches the whole area of interest in every frame."""
         return None
 
-    def is_lost(self, state: PaperTrackingState) -> bool:
+    def needs_full_search(self, state: PaperTrackingState) -> bool:
         """False: the paper does not search a frame again."""
         return False
 

@@ -76,6 +76,7 @@ class Capabilities:
         files: the files that are read; of images one per frame.
         is_images: single images instead of a video.
         views: number of cameras whose pictures are joined in a frame.
+        started_unix_ns: time of timestamp 0, of a recording.
     """
 
     truth: Callable[[int], Truth | None] | None = None
@@ -86,6 +87,7 @@ class Capabilities:
     files: tuple[Path, ...] = ()
     is_images: bool = False
     views: int = 1
+    started_unix_ns: int | None = None
 
 
 @runtime_checkable

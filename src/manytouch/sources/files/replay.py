@@ -74,7 +74,12 @@ class ReplaySource:
 
     @property
     def capabilities(self) -> Capabilities:
-        return Capabilities(seek=self, sensor=self.recording.sensor, files=(self.recording.path,))
+        return Capabilities(
+            seek=self,
+            sensor=self.recording.sensor,
+            files=(self.recording.path,),
+            started_unix_ns=self.recording.started_unix_ns if self._fps is None else None,
+        )
 
     @property
     def method(self) -> str:
