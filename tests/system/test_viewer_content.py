@@ -230,6 +230,9 @@ def test_shear_torque_slip_and_the_load_on_the_sheet_are_shown(page: Page, viewe
     show(page, viewer, pressed(1))
     wait_for_text(page, "#total", "total 1.50 ± 0.05 N")
     assert "shear" not in page.inner_text("section.contacts")
+    assert page.locator("#total .weak").count() == 0
+    show(page, viewer, pressed(1, force_N=np.array([np.nan, np.nan, -0.09])))
+    wait_for_text(page, "#total .weak", "0.09 ± 0.05 N")
 
 
 def test_most_of_five_contacts_are_seen_without_scrolling(

@@ -48,11 +48,11 @@ function showTotal(total) {
   const line = find("total");
   line.hidden = !total;
   if (!total) return;
-  const { normal_N, normal_std_N, shear_N: [x, y], torque_Nmm } = total;
+  const { normal_N, normal_std_N, shear_N: [x, y], torque_Nmm } = total, isWeak = Math.abs(normal_N) < 2 * normal_std_N;
   const parts = [`${withStd(normal_N, normal_std_N, force)} ${units.force}`];
   if (isKnown(x) && isKnown(y)) parts.push(`shear ${force(Math.hypot(x, y))} ${units.force}`);
   if (isKnown(torque_Nmm)) parts.push(`${fixed(torque_Nmm, 1)} N·mm`);
-  render(line, [["span", { class: "quiet" }, "total "], ["b", {}, parts.join(" · ")]]);
+  render(line, [["span", { class: "quiet" }, "total "], isWeak ? ["span", { class: "weak" }, parts.join(" · ")] : ["b", {}, parts.join(" · ")]]);
 }
 
 function nearest(contact, others, within) {
