@@ -29,7 +29,7 @@ def assembly(found: Design, choices: CasingChoices) -> str:
         "this is not possible after the sheet is mounted.",
         f"Insert {screws} M3 nuts into the flange from below. Lay the sheet on the rim, markers down, "
         "without stretching it. Lay the clamp on it and tighten the screws crosswise, a little at a time.",
-        f"Record two untouched seconds and run `{_rest_command(found)}`. Then `manytouch calibrate "
+        f"Record two seconds without contact and run `{_rest_command(found)}`. Then `manytouch calibrate "
         "sheet --sensor "
         "rested.toml --plan plan` writes a plan of known presses, and `manytouch calibrate sheet "
         "presses.csv --sensor "
