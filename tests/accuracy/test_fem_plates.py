@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from manytouch.simulation.fem.contact.indenters import Sphere
-from manytouch.simulation.fem.elements.assembly import elastic_body
+from manytouch.simulation.fem.elements.elastic_body import elastic_body
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.elements.mesh import HexMesh, tensor_mesh
 from manytouch.simulation.fem.loading import Loading, PressurePatch, press

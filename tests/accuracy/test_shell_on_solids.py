@@ -17,7 +17,7 @@ from forward_error import CASES, SIZE_MM, YOUNG_MPA, Case, compare, solve_solid 
 from manytouch.design.choose import lattice  # noqa: E402
 from manytouch.estimation import MechanicsEstimator  # noqa: E402
 from manytouch.simulation.fem.cache import StateCache  # noqa: E402
-from manytouch.simulation.render.dot_images import dot_ellipses, outlines  # noqa: E402
+from manytouch.simulation.render.dot_ellipses import dot_ellipses, outlines  # noqa: E402
 from manytouch.values import Contact, Sensor, Sheet, TrackedGrid  # noqa: E402
 from manytouch.values.arrays import read_only  # noqa: E402
 from straight import straight_camera  # noqa: E402

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.calibration.sheet.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
+from manytouch.calibration.sheet.press_plan import CONTACT_RADIUS_MM, DEPTHS_MM, TIP_RADIUS_MM, places_mm
 from manytouch.cli import main
 from manytouch.design.accuracy import predicted_accuracy, typical_force_N
 from manytouch.design.choose import design_sensor
@@ -136,7 +136,7 @@ def calibrated(folder: Path, designed: Sensor) -> None:
     for number, (x, y, _) in enumerate(places):
         time_s = 3.4 + 3 * number
         ((*_, force_N),) = contacts_at(folder / "presses/truth/contacts.csv", time_s)
-        rows.append(f"presses.avi,{time_s:.1f},{x},{y},{TOUCHED_RADIUS_MM},{force_N}")
+        rows.append(f"presses.avi,{time_s:.1f},{x},{y},{CONTACT_RADIUS_MM},{force_N}")
     (folder / "presses.csv").write_text("\n".join(rows) + "\n")
     words = ["--sensor", str(folder / "rested.toml"), "--out", str(folder / "sensor.toml")]
     assert main(["calibrate", "sheet", str(folder / "presses.csv"), *words]) == 0

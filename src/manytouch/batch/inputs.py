@@ -5,7 +5,14 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
-from manytouch.batch.remote import RECORDING_SUFFIXES, file_system, is_remote, remote_errors, remote_name
+from manytouch.batch.remote_files import (
+    RECORDING_SUFFIXES,
+    file_system,
+    is_in_object_store,
+    is_remote,
+    remote_errors,
+    remote_name,
+)
 from manytouch.batch.storage import SUMMARY
 from manytouch.batch.tasks import Task
 from manytouch.errors import SourceError
@@ -15,7 +22,6 @@ from manytouch.sources.files.images import IMAGE_SUFFIXES, natural_key
 LIST_SUFFIX = ".txt"
 MAX_LIST_BYTES = 2**30
 _MAGIC = set("*?[")
-_STORES = ("s3://", "gs://", "gcs://")
 
 
 def tasks_of(words: Sequence[str]) -> list[Task]:
@@ -61,7 +67,7 @@ def _expand(word: str) -> Iterator[str]:
     path = Path(word).expanduser()
     if word.lower().endswith(LIST_SUFFIX) and (is_remote(word) or path.is_file()):
         yield from _listed(word, path)
-    elif word.startswith(_STORES):
+    elif is_in_object_store(word):
         yield from _remote(word)
     elif "://" in word or word.startswith("sim:") or path.is_file():
         yield word

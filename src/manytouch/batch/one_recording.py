@@ -11,7 +11,7 @@ from typing import Any
 
 import manytouch
 from manytouch.batch.completion import parse_summary, why_changed, why_not_complete
-from manytouch.batch.remote import download, is_remote, remote_stamp
+from manytouch.batch.remote_files import download, is_remote, remote_stamp
 from manytouch.batch.settings import Settings, request_of
 from manytouch.batch.storage import SUMMARY, LocalStore, RemoteStore, Store, store_at
 from manytouch.batch.tasks import Outcome, Task, TaskState

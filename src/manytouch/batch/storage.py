@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
-from manytouch.batch.remote import file_system, is_remote, remote_errors
+from manytouch.batch.remote_files import file_system, is_remote, remote_errors
 from manytouch.errors import OutputError, without_password
 from manytouch.sinks.files.atomic_output import atomic_file, output_errors, remove
 from manytouch.sinks.files.result_folder import is_in_use

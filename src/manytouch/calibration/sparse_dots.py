@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
-from manytouch.calibration.rest_frames import RestDots
+from manytouch.calibration.rest_dots import RestDots
 from manytouch.tracking.lattice.find import find_lattice, local_spacing, predict_positions
 from manytouch.values import Frame, Polarity, Roi
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only

@@ -126,7 +126,7 @@ def batch(
         print(f"tables of {merge_shards(out)} shards joined in {out}")
         return 0
     from manytouch.batch.inputs import absolute, shard_of, tasks_of
-    from manytouch.batch.remote import is_remote
+    from manytouch.batch.remote_files import is_remote
     from manytouch.batch.settings import settings_for
     from manytouch.session import Request
     from manytouch.sinks.files.atomic_output import check_writable

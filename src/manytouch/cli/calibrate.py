@@ -217,8 +217,8 @@ def sheet(
     from manytouch.calibration.sheet.calibrate import calibrate_sheet
     from manytouch.calibration.sheet.describe_calibration import describe, with_provenance
     from manytouch.calibration.sheet.pad import calibrate_pad
+    from manytouch.calibration.sheet.press_plan import write_plan
     from manytouch.calibration.sheet.press_table import PressRow, measure_presses, read_press_table
-    from manytouch.calibration.sheet.protocol import write_plan
     from manytouch.calibration.sheet.typed_presses import read_typed_presses
     from manytouch.cli.terminal.console import Steps
     from manytouch.sinks.files.atomic_output import check_file_writable, check_writable

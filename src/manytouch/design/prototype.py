@@ -12,7 +12,7 @@ import numpy as np
 
 from manytouch.calibration.sheet.calibrate import calibrate_sheet
 from manytouch.calibration.sheet.fit import KnownPress
-from manytouch.calibration.sheet.protocol import DEPTHS_MM, TIP_RADIUS_MM, TOUCHED_RADIUS_MM, places_mm
+from manytouch.calibration.sheet.press_plan import CONTACT_RADIUS_MM, DEPTHS_MM, TIP_RADIUS_MM, places_mm
 from manytouch.design.deflection import FINGERTIP_MM2, clamped_shell, fingertip
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
@@ -22,7 +22,7 @@ from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.loading import press as press_loading
 from manytouch.simulation.fem.sheet import SheetModel
-from manytouch.simulation.render.dot_images import dot_ellipses, outlines
+from manytouch.simulation.render.dot_ellipses import dot_ellipses, outlines
 from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
 from manytouch.simulation.scene.solid_scene import SolidScene
@@ -144,7 +144,7 @@ def _press(found: ObservedPress, place_mm: np.ndarray, random: np.random.Generat
     return KnownPress(
         name=f"{place_mm[0]:g}, {place_mm[1]:g} mm",
         place_mm=place_mm,
-        radius_mm=TOUCHED_RADIUS_MM,
+        radius_mm=CONTACT_RADIUS_MM,
         displacement_px=displacement_px + random.normal(0.0, CENTRE_NOISE_PX, displacement_px.shape),
         is_seen=np.ones(len(displacement_px), dtype=np.bool_),
         noise_px=CENTRE_NOISE_PX,

@@ -7,7 +7,7 @@ from jaxtyping import Float32, Float64
 
 from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.render.discs import Look, Spot, disc_coverage, image_from_coverage
-from manytouch.simulation.render.dot_images import CORNERS, outlines, polygon_ellipses
+from manytouch.simulation.render.dot_ellipses import CORNERS, outlines, polygon_ellipses
 from manytouch.simulation.render.optics import IN_FOCUS, Faults, ImagingSettings, draw_faults, shadows
 from manytouch.simulation.scene.deformation import TrueContact
 from manytouch.simulation.scene.moving_sheet import MovingSheet, PointMotion

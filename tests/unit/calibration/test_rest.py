@@ -13,7 +13,7 @@ from manytouch.calibration.rest.assumed_sensor import sensor_from_dots
 from manytouch.calibration.rest.flatness import bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_dots
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT
-from manytouch.calibration.rest_frames import confirm_rest_dots, merge_rest_dots
+from manytouch.calibration.rest_dots import confirm_rest_dots, merge_rest_dots
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import mm_per_px, project
 from manytouch.tracking import MarkerTracker
@@ -117,6 +117,13 @@ def test_the_still_frames_are_taken_when_the_sheet_is_pressed_early():
     assert still.moved
     sensor = sensor_from_dots(still, name="any", width_px=WIDTH, height_px=HEIGHT, polarity="dark")
     assert any("8 early frames" in sentence for sentence in sensor.assumptions)
+
+
+@pytest.mark.parametrize(("early", "late", "expected"), [(7, 10, range(7)), (5, 10, range(5, 15))])
+def test_the_earliest_group_of_frames_is_taken_unless_it_is_much_smaller(early, late, expected):
+    """A sheet that stays displaced after a press: the rest before it counts, if it is long enough."""
+    still = merge_rest_dots(noisy(grid_px(), frames=early) + noisy(grid_px() + 12.0, frames=late, seed=1))
+    assert still.frames == tuple(expected)
 
 
 def test_frames_with_a_bad_status_are_left_out():

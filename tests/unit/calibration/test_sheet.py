@@ -12,8 +12,8 @@ import pytest
 from clips import write_video
 from manytouch.calibration.sheet.calibrate import calibrate_sheet
 from manytouch.calibration.sheet.fit import KnownPress, disc
+from manytouch.calibration.sheet.press_plan import places_mm, probing_gcode, weight_table
 from manytouch.calibration.sheet.press_table import measure_presses, read_press_table
-from manytouch.calibration.sheet.protocol import places_mm, probing_gcode, weight_table
 from manytouch.cli import main
 from manytouch.design.deflection import fingertip
 from manytouch.errors import SensorError, SourceError

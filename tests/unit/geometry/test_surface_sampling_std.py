@@ -15,7 +15,7 @@ from manytouch.geometry.camera import project
 from manytouch.geometry.surface_sampling import sampler_on
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.simulation.render.dot_images import dot_ellipses, outlines
+from manytouch.simulation.render.dot_ellipses import dot_ellipses, outlines
 from manytouch.sinks.surface_grid import surface_grid
 from manytouch.values import TrackedGrid
 from manytouch.values.arrays import read_only

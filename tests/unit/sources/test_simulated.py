@@ -11,7 +11,7 @@ from manytouch.geometry.camera import project
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.sheet import sheet_solver, solve_sheet
 from manytouch.simulation.render.discs import Look
-from manytouch.simulation.render.dot_images import polygon_ellipses
+from manytouch.simulation.render.dot_ellipses import polygon_ellipses
 from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.file import BUILT_IN, load_scene
 from manytouch.simulation.scene.solid_scene import SolidScene

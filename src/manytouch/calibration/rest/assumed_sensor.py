@@ -19,7 +19,7 @@ from manytouch.calibration.rest.first_frames import (
 from manytouch.calibration.rest.flatness import PRESSED_START, bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
-from manytouch.calibration.rest_frames import RestDots
+from manytouch.calibration.rest_dots import RestDots
 from manytouch.errors import SensorError, require_type
 from manytouch.geometry.camera import onto_plane
 from manytouch.tracking.lattice.arrange import Arrangement

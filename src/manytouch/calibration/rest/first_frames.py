@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from manytouch.calibration.rest_frames import RestDots, confirm_rest_dots, merge_rest_dots
+from manytouch.calibration.rest_dots import RestDots, confirm_rest_dots, merge_rest_dots
 from manytouch.calibration.sparse_dots import find_sparse_dots
 from manytouch.errors import LayoutError, SourceError
 from manytouch.tracking.lattice.arrange import Arrangement, arrange

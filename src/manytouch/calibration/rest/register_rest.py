@@ -7,7 +7,7 @@ import numpy as np
 
 from manytouch.calibration.rest.first_frames import MOST_FRAMES, detect_in_frames, image_size
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
-from manytouch.calibration.rest_frames import merge_rest_dots
+from manytouch.calibration.rest_dots import merge_rest_dots
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.views.view_sensors import view_sensors

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from manytouch.calibration.rest_frames import RestDots
+from manytouch.calibration.rest_dots import RestDots
 from manytouch.tracking import MarkerTracker
 from manytouch.tracking.lattice_graph import EXTERIOR_VISIBLE, LatticeGraph
 from manytouch.values import Roi, Sensor

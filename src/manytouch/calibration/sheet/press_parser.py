@@ -4,8 +4,8 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
+from manytouch.calibration.sheet.press_plan import CONTACT_RADIUS_MM, GRAVITY_M_PER_S2
 from manytouch.calibration.sheet.press_table import PressRow
-from manytouch.calibration.sheet.protocol import GRAVITY_M_PER_S2, TOUCHED_RADIUS_MM
 from manytouch.errors import SensorError
 from manytouch.limits import LARGEST_NUMBER
 from manytouch.values import Sheet
@@ -85,7 +85,7 @@ def parse_press(text: str, line: int, context: PressContext) -> PressRow:
         time_s=None if time is None else 0.5 * (time[0] + time[1]),
         x_mm=x_mm,
         y_mm=y_mm,
-        radius_mm=TOUCHED_RADIUS_MM if radius is None else radius[0],
+        radius_mm=CONTACT_RADIUS_MM if radius is None else radius[0],
         force_N=None if force is None else force[0],
     )
 

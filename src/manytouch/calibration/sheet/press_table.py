@@ -12,7 +12,7 @@ import numpy as np
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sheet.fit import KnownPress
-from manytouch.calibration.sheet.protocol import TOUCHED_RADIUS_MM
+from manytouch.calibration.sheet.press_plan import CONTACT_RADIUS_MM
 from manytouch.errors import OutputError, SensorError, SourceError
 from manytouch.geometry.centre_noise import centre_noise_px
 from manytouch.limits import LARGEST_NUMBER, MAX_PRESSES, MAX_TABLE_BYTES
@@ -208,7 +208,7 @@ def _row(path: Path, number: int, row: dict[str, str | None]) -> PressRow:
         time_s=_number(row, "time_s"),
         x_mm=x,
         y_mm=y,
-        radius_mm=TOUCHED_RADIUS_MM if radius is None else radius,
+        radius_mm=CONTACT_RADIUS_MM if radius is None else radius,
         force_N=force,
         shear_N=shear,
     )

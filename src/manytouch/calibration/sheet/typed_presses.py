@@ -8,8 +8,8 @@ from manytouch.calibration.sheet.calibrate import LEAST_PRESSES
 from manytouch.calibration.sheet.camera_presses import CameraPresses, Print, Prompt
 from manytouch.calibration.sheet.pad import LEAST_FORCES
 from manytouch.calibration.sheet.press_parser import EXAMPLE, PressContext, parse_press
+from manytouch.calibration.sheet.press_plan import CONTACT_RADIUS_MM, TIP_RADIUS_MM
 from manytouch.calibration.sheet.press_table import PressRow, read_press_table, write_press_table
-from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, TOUCHED_RADIUS_MM
 from manytouch.errors import ManytouchError, OutputError, SensorError, SourceError
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import ASSUMED_FPS, close
@@ -104,7 +104,7 @@ def _read_rows(
 ) -> None:
     """Read lines until `done` or the end of the input; each valid press is saved before the next prompt."""
     report(
-        f"the contact radius is {TOUCHED_RADIUS_MM:g} mm, as under a ball of {2 * TIP_RADIUS_MM:g} mm, "
+        f"the contact radius is {CONTACT_RADIUS_MM:g} mm, as under a ball of {2 * TIP_RADIUS_MM:g} mm, "
         "unless you add another one, such as radius 5 mm; undo removes the last press, done ends the input"
     )
     while True:

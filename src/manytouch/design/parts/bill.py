@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, WEIGHTS_G
+from manytouch.calibration.sheet.press_plan import TIP_RADIUS_MM, WEIGHTS_G
 from manytouch.design.dimensions import Design
 from manytouch.design.parts.casing import CasingChoices, Part, ledge_mm, screw_places
 from manytouch.design.parts.meshing import PartMesh

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from manytouch.calibration.camera.board import Board
-from manytouch.calibration.sheet.protocol import TIP_RADIUS_MM, places_mm
+from manytouch.calibration.sheet.press_plan import TIP_RADIUS_MM, places_mm
 from manytouch.design.dimensions import Design
 
 FINGER_RADIUS_MM = 6.0

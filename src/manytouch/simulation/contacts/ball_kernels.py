@@ -1,7 +1,7 @@
 """Contact of the coarse sheet with balls, compiled.
 
-As `shell.body_kernels.touch`, but for balls only, with nine points per cell instead of four, since cells are
-larger, and with a stiffness of the face for each ball. The distance to a ball is computed in place.
+As `shell.body_kernels.contact_energy`, but for balls only, with nine points per cell instead of four, since
+cells are larger, and with a stiffness of the face for each ball. The distance to a ball is computed in place.
 """
 
 # ruff: noqa: PLR0915, PLR0917 - compiled functions, called with positional arguments
@@ -38,7 +38,7 @@ class Balls(NamedTuple):
 
 @kernel()
 @no_type_check
-def touch_balls(
+def ball_contact_energy(
     value: np.ndarray,
     spacing: np.ndarray,
     bed: Bed,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manytouch.compilation import kernel, no_type_check
-from manytouch.simulation.contacts.ball_kernels import Balls, touch_balls
+from manytouch.simulation.contacts.ball_kernels import Balls, ball_contact_energy
 from manytouch.simulation.shell import body_kernels, kernels
 
 PAIRS = 12  # steps that are remembered
@@ -84,7 +84,7 @@ def energy(
     """Energy of sheet and loads in N mm above that at rest; fills out (5, a, b) with its derivatives."""
     half = sheet.bed.half_mm
     total = kernels.elastic(value, stretch, sheet.spacing, sheet.law, buffers, out)
-    total += touch_balls(value, sheet.spacing, sheet.bed, load.balls, buffers, out, load.ball_loads)
+    total += ball_contact_energy(value, sheet.spacing, sheet.bed, load.balls, buffers, out, load.ball_loads)
     for k in range(3):
         rest = 1.0 if k == 2 else 0.0
         for i in range(value.shape[1]):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from manytouch.simulation.fem.elements.assembly import elastic_body
+from manytouch.simulation.fem.elements.elastic_body import elastic_body
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.elements.mesh import HexMesh, sheet_mesh, tensor_mesh
 from manytouch.simulation.fem.loading import Loading

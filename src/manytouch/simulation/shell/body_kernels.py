@@ -114,7 +114,7 @@ def _face_point(
 
 @kernel()
 @no_type_check
-def touch(
+def contact_energy(
     value: np.ndarray,
     spacing: np.ndarray,
     bed: Bed,

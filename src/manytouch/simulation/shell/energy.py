@@ -137,7 +137,7 @@ class ShellEnergy:
         """
         energy, out = self.elastic(value, stretch)
         arguments = (self.bed, bodies.arrays, self.buffers, out, bodies.loads)
-        energy += body_kernels.touch(value, self.spacing_mm, *arguments)
+        energy += body_kernels.contact_energy(value, self.spacing_mm, *arguments)
         kernels.finish_slope(value, stretch, out, self.buffers.by_fibre)
         return energy, out
 

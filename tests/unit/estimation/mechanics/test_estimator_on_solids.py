@@ -13,7 +13,7 @@ from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.evaluation.suite.suite import cases
 from manytouch.simulation.fem.cache import StateCache
-from manytouch.simulation.render.dot_images import dot_ellipses, outlines
+from manytouch.simulation.render.dot_ellipses import dot_ellipses, outlines
 from manytouch.values import Contacts, Sensor, Sheet, Surface, TrackedGrid
 from manytouch.values.arrays import read_only
 from straight import straight_camera

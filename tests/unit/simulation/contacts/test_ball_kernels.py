@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from manytouch.simulation.contacts.ball_kernels import POINTS, Balls, touch_balls
+from manytouch.simulation.contacts.ball_kernels import POINTS, Balls, ball_contact_energy
 from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.simulation.shell.body_kernels import BodyLoads
 from manytouch.simulation.shell.energy import ShellEnergy
@@ -41,7 +41,7 @@ def test_forces_and_energy_are_those_of_springs_in_numpy(seed: int) -> None:
     slope = np.zeros_like(value)
     count = tuple(POINTS * (nodes - 1) for nodes in shell.shape)
     loads = BodyLoads(resultant=np.zeros((2, 7)), body_at=np.zeros(count, dtype=np.int64))
-    energy = touch_balls(value, shell.spacing_mm, shell.bed, balls, shell.buffers, slope, loads)
+    energy = ball_contact_energy(value, shell.spacing_mm, shell.bed, balls, shell.buffers, slope, loads)
 
     x_mm, y_mm = np.meshgrid(shell.x_mm, shell.y_mm, indexing="ij")
     rest_mm = at_points(np.stack([x_mm, y_mm, np.zeros_like(x_mm)]))

@@ -9,7 +9,7 @@ import pytest
 
 from manytouch.simulation.fem.contact.forces import touched_face
 from manytouch.simulation.fem.contact.indenters import Sphere
-from manytouch.simulation.fem.elements.assembly import elastic_body
+from manytouch.simulation.fem.elements.elastic_body import elastic_body
 from manytouch.simulation.fem.elements.material import NeoHooke
 from manytouch.simulation.fem.elements.mesh import tensor_mesh
 from manytouch.simulation.fem.loading import Loading, press

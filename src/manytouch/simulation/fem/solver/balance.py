@@ -15,7 +15,7 @@ from manytouch.simulation.fem.contact.forces import (
     add_contact,
 )
 from manytouch.simulation.fem.contact.indenters import pack, signed_distance
-from manytouch.simulation.fem.elements.assembly import ElasticBody
+from manytouch.simulation.fem.elements.elastic_body import ElasticBody
 from manytouch.simulation.fem.elements.mesh import Nodal, Poses
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import contact_area_mm2, patch_forces, read_contact

@@ -7,7 +7,7 @@ from jaxtyping import Bool
 from threadpoolctl import threadpool_limits
 
 from manytouch.simulation.fem.contact.forces import touched_face
-from manytouch.simulation.fem.elements.assembly import ElasticBody
+from manytouch.simulation.fem.elements.elastic_body import ElasticBody
 from manytouch.simulation.fem.elements.mesh import Nodal
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import with_patches

@@ -12,7 +12,7 @@ from manytouch.sources.files.video import VIDEO_SUFFIXES
 
 RECORDING_SUFFIXES = (".mcap", *VIDEO_SUFFIXES)
 OBJECT_STORES = {"s3": "s3fs", "gs": "gcsfs", "gcs": "gcsfs"}
-"""Package that fsspec needs for each scheme."""
+"""Package that fsspec needs, by the scheme of an address."""
 WEB = {"http": "aiohttp", "https": "aiohttp"}
 
 
@@ -26,6 +26,12 @@ def is_remote(text: str) -> bool:
         suffix = PurePosixPath(urlsplit(text).path).suffix.lower()
         return suffix in (".txt", *RECORDING_SUFFIXES, *IMAGE_SUFFIXES)
     return scheme in OBJECT_STORES
+
+
+def is_in_object_store(text: str) -> bool:
+    """Whether a text is the address of an object or of a prefix in an object store."""
+    scheme, separator, _ = text.partition("://")
+    return bool(separator) and scheme in OBJECT_STORES
 
 
 def remote_name(url: str) -> str:

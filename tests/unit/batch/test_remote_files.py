@@ -13,7 +13,7 @@ import pytest
 
 from batch_work import Notes
 from manytouch.batch.inputs import tasks_of
-from manytouch.batch.remote import file_system, is_remote
+from manytouch.batch.remote_files import file_system, is_remote
 from manytouch.batch.run_batch import merge
 from manytouch.errors import OutputError, SourceError
 from manytouch.session import process

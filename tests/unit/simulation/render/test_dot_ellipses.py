@@ -5,7 +5,7 @@ import pytest
 
 from manytouch.geometry.camera import project
 from manytouch.simulation.demo_sensor import demo_sensor
-from manytouch.simulation.render.dot_images import (
+from manytouch.simulation.render.dot_ellipses import (
     CORNERS,
     EQUAL_SECOND_MOMENT_SCALE,
     dot_ellipses,

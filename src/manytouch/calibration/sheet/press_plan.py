@@ -14,17 +14,21 @@ from manytouch.values.arrays import Points2
 
 WEIGHTS_G = (50, 100, 200)
 GRAVITY_M_PER_S2 = 9.81
-RIM_SHARE = 0.25
-SAFE_MM = 15.0
+PLACE_SHARE = 0.25
+"""Distance of the four outer places from the centre of the sheet along x and y, over its size along each."""
+TRAVEL_HEIGHT_MM = 15.0
+"""Height of the printer's tip above the unpressed sheet on its way from one place to the next."""
 FEED_MM_PER_MIN = 600
 DWELL_MS = 2000
+"""How long the printer's tip stays at each depth."""
 DEPTHS_MM = (1.0, 2.5)
+"""Depths to which a printer presses a clamped sheet, at each place."""
 BONDED_SHARE = 0.25
 """Deepest press of a pad over its thickness: its rubber cannot give way, and a gel may tear or come off."""
 TIP_RADIUS_MM = 8.0
 """Radius of the round tip: a flat foot presses with its edge wherever the sheet slopes (ADR 0021)."""
-TOUCHED_RADIUS_MM = 2.0
-"""Approximate contact radius under such a tip."""
+CONTACT_RADIUS_MM = 2.0
+"""Approximate radius of the contact area under that tip; presses without a stated radius have it too."""
 
 
 def places_mm(sensor: Sensor) -> Points2:
@@ -38,7 +42,7 @@ def places_mm(sensor: Sensor) -> Points2:
             f"the sensor {sensor.name!r} has no [sheet]: write its size_mm and thickness_mm into the file "
             "first"
         )
-    x, y = RIM_SHARE * np.asarray(sensor.sheet.size_mm)
+    x, y = PLACE_SHARE * np.asarray(sensor.sheet.size_mm)
     return np.round(np.array([[0.0, 0.0], [-x, -y], [x, -y], [-x, y], [x, y]]), 1)
 
 
@@ -82,7 +86,7 @@ def weight_table(sensor: Sensor) -> str:
         grams = WEIGHTS_G if number == 0 else (WEIGHTS_G[1 + number % 2],)
         for mass in grams:
             newtons = mass * 1e-3 * GRAVITY_M_PER_S2
-            writer.writerow(["presses.mp4", "", x, y, TOUCHED_RADIUS_MM, f"{newtons:.3f}"])
+            writer.writerow(["presses.mp4", "", x, y, CONTACT_RADIUS_MM, f"{newtons:.3f}"])
     return table.getvalue()
 
 
@@ -102,7 +106,7 @@ def probing_gcode(sensor: Sensor) -> str:
         "G21 ; mm",
         "G90 ; absolute",
         "G92 X0 Y0 Z0 ; centre of the sheet, not yet pressed",
-        f"G1 Z{SAFE_MM:g} F{FEED_MM_PER_MIN}",
+        f"G1 Z{TRAVEL_HEIGHT_MM:g} F{FEED_MM_PER_MIN}",
         "G4 P2000",
     ]
     for x, y in places_mm(sensor).tolist():
@@ -112,7 +116,7 @@ def probing_gcode(sensor: Sensor) -> str:
                 f"G1 Z{-depth:g} F{FEED_MM_PER_MIN}",
                 f"G4 P{DWELL_MS} ; held {depth:g} mm at {x:g}, {y:g} mm",
             ]
-        lines.append(f"G1 Z{SAFE_MM:g} F{FEED_MM_PER_MIN}")
+        lines.append(f"G1 Z{TRAVEL_HEIGHT_MM:g} F{FEED_MM_PER_MIN}")
     return "\n".join([*lines, "M400", ""])
 
 

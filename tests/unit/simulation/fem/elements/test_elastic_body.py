@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from manytouch.simulation.fem.elements.assembly import ElasticBody, elastic_body, irons_rule
+from manytouch.simulation.fem.elements.elastic_body import ElasticBody, elastic_body, irons_rule
 from manytouch.simulation.fem.elements.material import NeoHooke, Yeoh
 from manytouch.simulation.fem.elements.mesh import (
     HexMesh,
@@ -51,7 +51,7 @@ def test_the_rule_integrates_polynomials_of_degree_five() -> None:
 def test_the_mesh_fills_the_sheet_and_knows_its_faces() -> None:
     mesh = sheet_mesh((9.0, 6.5), 3.0, element_mm=2.0, layers=2)
     body = elastic_body(mesh, NeoHooke(young_MPa=1.0, poisson=0.3))
-    assert body.weight_mm3.sum() == pytest.approx(9.0 * 6.5 * 3.0)
+    assert body.point_volume_mm3.sum() == pytest.approx(9.0 * 6.5 * 3.0)
     assert len(mesh.touched) == len(mesh.camera_side) == 5 * 4
     assert mesh.node_mm[mesh.element[mesh.touched]].min(axis=(0, 1))[2] == 1.5
     assert mesh.node_mm[mesh.element[mesh.camera_side]].max(axis=(0, 1))[2] == 1.5
@@ -119,7 +119,7 @@ def test_forces_are_the_slope_of_the_energy_and_the_tangent_theirs(
 
 def reference_energy_and_force(body: ElasticBody, bent: np.ndarray) -> tuple[float, np.ndarray]:
     """The formulae of docs/derivations/fem.md in numpy, all elements and points at once."""
-    grad, w, mode = body.gradient_per_mm, body.weight_mm3, body.pressure_mode
+    grad, w, mode = body.gradient_per_mm, body.point_volume_mm3, body.pressure_mode
     F = np.diag(body.stretch) + np.einsum("eai,eqaj->eqij", bent[body.mesh.element], grad)
     J = np.linalg.det(F)
     volume = np.einsum("eq,eqm,eq->em", w, mode, J - 1.0)

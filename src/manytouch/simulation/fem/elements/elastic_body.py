@@ -33,7 +33,7 @@ class ElementArrays(NamedTuple):
     Attributes:
         node: (e, 20) nodes of each element.
         gradient_per_mm: (e, q, 20, 3) of the shape functions over stress-free coordinates.
-        weight_mm3: (e, q) stress-free volume of each quadrature point.
+        point_volume_mm3: (e, q) stress-free volume of each quadrature point.
         pressure_mode: (e, q, 4) the orthonormal linear functions, 1 / mm^1.5.
         stretch: (3,) before clamping.
         shear_MPa, bulk_MPa: of the material.
@@ -42,7 +42,7 @@ class ElementArrays(NamedTuple):
 
     node: np.ndarray
     gradient_per_mm: np.ndarray
-    weight_mm3: np.ndarray
+    point_volume_mm3: np.ndarray
     pressure_mode: np.ndarray
     stretch: np.ndarray
     shear_MPa: float
@@ -66,17 +66,17 @@ class ElasticBody:
         mesh: the mesh.
         stretch: (3,) before clamping; see `NeoHooke.prestretch`.
         gradient_per_mm: (e, q, 20, 3) of the shape functions over stress-free coordinates.
-        weight_mm3: (e, q) stress-free volume of each quadrature point.
+        point_volume_mm3: (e, q) stress-free volume of each quadrature point.
         pressure_mode: (e, q, 4) the orthonormal linear functions, 1 / mm^1.5.
         shear_MPa, bulk_MPa: of the material.
         stiffening: (2,) see `NeoHooke.stiffening`.
-        weight_N: (n,) of the material, shared out to the nodes (consistent, so corners can be negative).
+        weight_N: (n,) of the material, shared out to the nodes consistently, so that corners can be negative.
     """
 
     mesh: HexMesh
     stretch: Float64[np.ndarray, "3"]
     gradient_per_mm: Float64[np.ndarray, "e q 20 3"]
-    weight_mm3: Float64[np.ndarray, "e q"]
+    point_volume_mm3: Float64[np.ndarray, "e q"]
     pressure_mode: Float64[np.ndarray, "e q 4"]
     shear_MPa: float
     bulk_MPa: float
@@ -113,7 +113,7 @@ class ElasticBody:
         elements = ElementArrays(
             node=self.mesh.element,
             gradient_per_mm=self.gradient_per_mm,
-            weight_mm3=self.weight_mm3,
+            point_volume_mm3=self.point_volume_mm3,
             pressure_mode=self.pressure_mode,
             stretch=self.stretch,
             shear_MPa=self.shear_MPa,
@@ -134,39 +134,39 @@ def elastic_body(mesh: HexMesh, material: NeoHooke, *, pretension_N_per_mm: floa
     point, share = irons_rule()
     value, slope = shape_functions(point)
     place_mm = mesh.node_mm[mesh.element]  # (e, 20, 3)
-    jacobian = np.einsum("eni,qnj->eqij", place_mm, slope)  # dX_i / dxi_j
-    volume = np.linalg.det(jacobian) * share
-    if volume.min() <= 0.0:
+    jacobian_mm = np.einsum("eni,qnj->eqij", place_mm, slope)  # (e, q, 3, 3) dX_i / dxi_j
+    volume_mm3 = np.linalg.det(jacobian_mm) * share  # (e, q) of the mounted sheet, at each point
+    if volume_mm3.min() <= 0.0:
         raise ValueError("the mesh has an element that is folded or turned inside out")
-    gradient = np.einsum("qnj,eqji->eqni", slope, np.linalg.inv(jacobian))
+    gradient = np.einsum("qnj,eqji->eqni", slope, np.linalg.inv(jacobian_mm))
     stretch = material.prestretch(pretension_N_per_mm, mesh.thickness_mm)
-    free = volume / float(np.prod(stretch))
+    free_mm3 = volume_mm3 / float(np.prod(stretch))  # (e, q) before clamping
     linear = np.column_stack([np.ones(len(point)), 2.0 * point - 1.0])  # (q, 4)
-    gram = np.einsum("eq,qa,qb->eab", free, linear, linear)
+    gram = np.einsum("eq,qa,qb->eab", free_mm3, linear, linear)
     mode = np.einsum("qb,eab->eqa", linear, np.linalg.inv(np.linalg.cholesky(gram)))
-    nodal = np.zeros(len(mesh.node_mm))
-    mass_N = material.density_kg_m3 * 1e-9 * GRAVITY_M_S2 * (volume @ value)  # (e, 20)
-    np.add.at(nodal, mesh.element, mass_N)
+    weight_N = np.zeros(len(mesh.node_mm))
+    share_N = material.density_kg_m3 * 1e-9 * GRAVITY_M_S2 * (volume_mm3 @ value)  # (e, 20)
+    np.add.at(weight_N, mesh.element, share_N)
     return ElasticBody(
         mesh=mesh,
         stretch=stretch,
         gradient_per_mm=read_only(np.ascontiguousarray(gradient * stretch)),
-        weight_mm3=read_only(np.ascontiguousarray(free)),
+        point_volume_mm3=read_only(np.ascontiguousarray(free_mm3)),
         pressure_mode=read_only(np.ascontiguousarray(mode)),
         shear_MPa=material.shear_MPa,
         bulk_MPa=material.bulk_MPa,
         stiffening=read_only(np.array(material.stiffening)),
-        weight_N=read_only(nodal),
+        weight_N=read_only(weight_N),
     )
 
 
 class _Workspace(NamedTuple):
-    """Values at the points of one element, and the factors of its tangent.
+    """Values at the q quadrature points of one element, and the factors of its tangent.
 
     Attributes:
-        F, cofactor: (q, 3, 3) deformation gradient and its matrix of cofactors.
-        jacobian: (q,) det F.
-        volume: (4,) change of volume, projected on the pressure modes.
+        F, cofactor: (q, 3, 3) deformation gradient and its matrix of cofactors, without unit.
+        volume_ratio: (q,) J = det F, the volume over that without stress.
+        volume_mode: (4,) change of volume J - 1, projected on the pressure modes, mm^1.5.
         left, right: (2 q + 4, 60) factors of the symmetric products, (3 q + 4, 60) of a stiffening material.
         turned, swapped: (q, 60) factors of the product whose components are exchanged.
         plain, scaled: (3 q, 20) factors of the product that is the same for all components.
@@ -174,8 +174,8 @@ class _Workspace(NamedTuple):
 
     F: np.ndarray
     cofactor: np.ndarray
-    jacobian: np.ndarray
-    volume: np.ndarray
+    volume_ratio: np.ndarray
+    volume_mode: np.ndarray
     left: np.ndarray
     right: np.ndarray
     turned: np.ndarray
@@ -201,19 +201,19 @@ def _cofactor(F: np.ndarray, out: np.ndarray) -> float:
 def _deform(e: int, displacement: np.ndarray, elements: ElementArrays, work: _Workspace) -> float:
     """Fill F, its cofactors, J and the modes of J - 1 of one element; its smallest J."""
     smallest = np.inf
-    work.volume[:] = 0.0
-    for q in range(work.jacobian.shape[0]):
+    work.volume_mode[:] = 0.0
+    for q in range(work.volume_ratio.shape[0]):
         for i in range(3):
             for j in range(3):
                 total = elements.stretch[i] if i == j else 0.0
                 for a in range(20):
                     total += displacement[elements.node[e, a], i] * elements.gradient_per_mm[e, q, a, j]
                 work.F[q, i, j] = total
-        work.jacobian[q] = _cofactor(work.F[q], work.cofactor[q])
-        smallest = min(smallest, work.jacobian[q])
+        work.volume_ratio[q] = _cofactor(work.F[q], work.cofactor[q])
+        smallest = min(smallest, work.volume_ratio[q])
         for m in range(4):
-            change = work.jacobian[q] - 1.0
-            work.volume[m] += elements.weight_mm3[e, q] * elements.pressure_mode[e, q, m] * change
+            change = work.volume_ratio[q] - 1.0
+            work.volume_mode[m] += elements.point_volume_mm3[e, q] * elements.pressure_mode[e, q, m] * change
     return smallest
 
 
@@ -223,11 +223,11 @@ def _add_point(
     e: int, q: int, elements: ElementArrays, work: _Workspace, force: np.ndarray, has_tangent: bool
 ) -> float:
     """Add the nodal forces of one point, fill its factors of the tangent; its isochoric energy."""
-    points = work.jacobian.shape[0]
-    w, J = elements.weight_mm3[e, q], work.jacobian[q]
+    points = work.volume_ratio.shape[0]
+    w, J = elements.point_volume_mm3[e, q], work.volume_ratio[q]
     pressure = 0.0
     for m in range(4):
-        pressure += elements.bulk_MPa * work.volume[m] * elements.pressure_mode[e, q, m]
+        pressure += elements.bulk_MPa * work.volume_mode[m] * elements.pressure_mode[e, q, m]
     invariant = 0.0
     for i in range(3):
         for j in range(3):
@@ -270,7 +270,7 @@ def _add_point(
 @no_type_check
 def _multiply_factors(work: _Workspace, bulk_MPa: float, tangent: np.ndarray) -> None:
     """Fill the tangent (60, 60) of one element from its factors."""
-    points = work.jacobian.shape[0]
+    points = work.volume_ratio.shape[0]
     work.left[2 * points : 2 * points + 4] = bulk_MPa * work.right[2 * points : 2 * points + 4]
     tangent[:] = work.left.T @ work.right
     exchange = work.turned.T @ work.swapped
@@ -299,7 +299,7 @@ def sum_elements(
     Returns:
         Strain energy in N mm and the smallest J; energy is infinite where that is not positive.
     """
-    points = elements.weight_mm3.shape[1]
+    points = elements.point_volume_mm3.shape[1]
     is_stiffening = elements.stiffening[0] != 0.0 or elements.stiffening[1] != 0.0
     factors = (3 if is_stiffening else 2) * points + 4
     work = _Workspace(
@@ -321,7 +321,7 @@ def sum_elements(
         if smallest <= 0.0:
             return np.inf, smallest
         for m in range(4):
-            energy += 0.5 * elements.bulk_MPa * work.volume[m] * work.volume[m]
+            energy += 0.5 * elements.bulk_MPa * work.volume_mode[m] * work.volume_mode[m]
         work.right[2 * points :] = 0.0
         for q in range(points):
             energy += _add_point(e, q, elements, work, force, has_tangent)
