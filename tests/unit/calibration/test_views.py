@@ -29,11 +29,14 @@ def true() -> Sensor:
 
 @pytest.fixture(scope="module")
 def frames(true: Sensor) -> list[Frame]:
-    images = simulate_contacts(true, [[]] * 5, output="image")
-    return [
-        Frame(index=number, timestamp_ns=number * 33_000_000, camera="c", image=image)
-        for number, image in enumerate(images)
-    ]
+    """At rest; the right picture is noisier than the left one."""
+    chance, found = np.random.default_rng(0), []
+    for number, image in enumerate(simulate_contacts(true, [[]] * 5, output="image")):
+        noisy = image.astype(np.float64)
+        noisy[:, 640:] += chance.normal(0.0, 4.0, noisy[:, 640:].shape)
+        rounded = read_only(np.clip(np.rint(noisy), 0, 255).astype(np.uint8))
+        found.append(Frame(index=number, timestamp_ns=number * 33_000_000, camera="c", image=rounded))
+    return found
 
 
 def wrong(true: Sensor) -> Sensor:
@@ -65,6 +68,9 @@ def test_poses_of_all_views_and_missing_markers_are_found(true: Sensor, frames: 
     provenance = with_provenance_of_views(calibration, "a.mp4, b.mp4").provenance
     assert provenance["rest"] == "calibrated from 5 frames of a.mp4, b.mp4"
     assert np.all(np.array(provenance["rest_rms_px"]) < 0.1)
+    left_px, right_px = (view.noise_px for view in calibration.views.values())
+    assert right_px > 1.2 * left_px  # of the noisier picture
+    assert found.centre_noise_px == pytest.approx(0.5 * (left_px + right_px))  # the median of two
 
 
 def test_a_view_that_shows_no_markers_is_named(true: Sensor, frames: list[Frame]) -> None:
