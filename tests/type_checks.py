@@ -10,7 +10,7 @@ import functools
 import importlib.machinery
 import inspect
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import FunctionType, ModuleType
@@ -51,10 +51,23 @@ def check(function: Callable[..., Any]) -> Callable[..., Any]:
             return function(*arguments, **named)
         if checked is None:
             checked = _compiled(function)
+        if inspect.isgeneratorfunction(function):
+            return _in_contexts(checked(*arguments, **named))
         with jaxtyped("context"):  # in which the name of a dimension has one value
             return checked(*arguments, **named)
 
     return call
+
+
+def _in_contexts(generator: Generator[Any, None, Any]) -> Generator[Any, None, Any]:
+    """A generator whose arguments are checked at the first value, in a context of its own."""
+    while True:
+        with jaxtyped("context"):
+            try:
+                value = next(generator)
+            except StopIteration as end:
+                return end.value
+        yield value
 
 
 def _compiled(function: Callable[..., Any]) -> Callable[..., Any]:

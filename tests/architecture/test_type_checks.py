@@ -99,3 +99,17 @@ def test_functions_methods_and_dataclasses_of_the_package_are_checked():
         MarkerTracker().start("sensor")
     with pytest.raises(BeartypeCallHintViolation, match="__init__"):
         Surface(position_mm=square[0], displacement_mm=square, covariance_mm2=np.zeros((3, 3, 3)))
+
+
+def test_a_generator_has_dimensions_of_its_own():
+    def rows(values: Float64[np.ndarray, " n"]) -> Iterator[float]:
+        yield from values
+
+    checked_rows = type_checks.check(rows)
+
+    def summed(values: Float64[np.ndarray, " n"]) -> float:
+        return sum(checked_rows(values[:2]))
+
+    assert type_checks.check(summed)(np.ones(3)) == 2.0
+    with pytest.raises(BeartypeCallHintViolation, match="rows"):
+        next(checked_rows(np.ones(3, dtype=int)))

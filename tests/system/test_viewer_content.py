@@ -169,11 +169,11 @@ def test_the_camera_picture_stays_whole_while_a_profile_is_shown(
         page.mouse.click(*page.evaluate(f"manytouch.pane.onScreen{place}"))
     page.wait_for_selector("#profile")
     for selector in (".camera .stage", "#camera"):
-        box, card = page.locator(selector).bounding_box(), page.locator(".card.camera").bounding_box()
-        assert box is not None
-        assert card is not None
-        assert box["y"] + box["height"] <= card["y"] + card["height"]
-        assert box["height"] > 130
+        wait(
+            page,
+            f"""(([box, card]) => box.bottom <= card.bottom && box.height > 130)(
+            ['{selector}', '.card.camera'].map((each) => document.querySelector(each).getBoundingClientRect()))""",
+        )
     page.keyboard.press("Escape")
     page.evaluate("document.documentElement.style.setProperty('--picture', 16 / 9)")
     page.evaluate("document.body.classList.remove('tall-picture')")
