@@ -169,7 +169,8 @@ def test_the_camera_picture_stays_whole_while_a_profile_is_shown(
         page.mouse.click(*page.evaluate(f"manytouch.pane.onScreen{place}"))
     page.wait_for_selector("#profile")
     for selector in (".camera .stage", "#camera"):
-        boxes = f"['{selector}', '.card.camera'].map((each) => document.querySelector(each).getBoundingClientRect())"
+        both = f"['{selector}', '.card.camera']"
+        boxes = f"{both}.map((each) => document.querySelector(each).getBoundingClientRect())"
         wait(page, f"(([box, card]) => box.bottom <= card.bottom && box.height > 130)({boxes})")
     page.keyboard.press("Escape")
     page.evaluate("document.documentElement.style.setProperty('--picture', 16 / 9)")
