@@ -33,6 +33,9 @@ FUNCTIONS = {"mechanics": 46, "perimeter": 44}
 MESSAGE_EVERY_S = 3.0
 CODE = "import sys; from manytouch.session.methods.compile_stage import main; main(*sys.argv[1:])"
 
+COMPILED: set[tuple[str, str]] = set()
+"""Methods that this process has found compiled, with the folder of the kernels: it does not look again."""
+
 OnMessage = Callable[[str], object]
 
 
@@ -51,8 +54,11 @@ def warm_up_kernels(method: str, on_message: OnMessage | None = None) -> bool:
     Returns:
         Whether it was necessary.
     """
-    own = OWN_KERNELS.get(method)
-    if own is None or is_compiled(method, own):
+    own, found = OWN_KERNELS.get(method), (method, kernels_folder())
+    if own is None or found in COMPILED:
+        return False
+    if is_compiled(method, own):
+        COMPILED.add(found)
         return False
     with compiling():
         if is_compiled(method, own):

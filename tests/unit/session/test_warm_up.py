@@ -20,6 +20,12 @@ from manytouch.sources.simulated import simulated_source
 from manytouch.values import Contacts, Sensor, Status, Surface, TrackedGrid
 
 
+@pytest.fixture(autouse=True)
+def nothing_found(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Other tests have found what is compiled."""
+    monkeypatch.setattr(warm_up, "COMPILED", set())
+
+
 def test_the_contact_is_processed_from_its_beginning_to_its_end(monkeypatch: pytest.MonkeyPatch) -> None:
     contacts: list[Contacts] = []
     tracked: list[TrackedFrame] = []
@@ -120,6 +126,14 @@ def test_only_what_was_never_compiled_is_warmed_up(
     assert warm_up.warm_up_kernels(method) is (method != "paper"), "it was never done to the end"
     assert (tmp_path / "marks" / "mark").exists() is (method != "paper")
     assert warm_up.warm_up_kernels(method) is is_needed
+
+
+def test_a_process_looks_once_for_each_method_that_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[str] = []
+    monkeypatch.setattr(warm_up, "is_compiled", lambda method, _: looked.append(method) is None)
+    methods = ("mechanics", "perimeter", "mechanics", "perimeter", "paper")
+    assert not any(warm_up.warm_up_kernels(method) for method in methods)
+    assert looked == ["mechanics", "perimeter"]
 
 
 def test_the_mark_depends_on_the_method_and_the_sources(
