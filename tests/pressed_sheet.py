@@ -8,10 +8,11 @@ import numpy as np
 from manytouch.design.choose import lattice
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
+from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.geometry.camera import project
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.values import Contacts, Sensor, Sheet, TrackedGrid
-from manytouch.values.arrays import read_only
+from manytouch.values.arrays import Points2, read_only
 from straight import straight_camera
 
 NOISE_PX = 0.02
@@ -35,20 +36,34 @@ def slack_sensor() -> Sensor:
     )
 
 
-def pressed(place_mm: np.ndarray, force_mm2: float, seed: int, shear_mm2: float = 0.0) -> TrackedGrid:
-    """Markers under forces over E that places (k, 2) share evenly: down, and along x; with noise."""
-    sensor = slack_sensor()
-    model = MechanicsEstimator().start(sensor).model
+@cache
+def started(faces: RigidFaces | None = None) -> MechanicsState:
+    """The state before the first frame; it is a value, so that tests can share it."""
+    return _estimator(faces).start(slack_sensor())
+
+
+def _estimator(faces: RigidFaces | None) -> MechanicsEstimator:
+    return replace(MechanicsEstimator(), rigid_faces=faces or RigidFaces())
+
+
+@cache
+def _centre_px(places_mm: tuple[tuple[float, float], ...], force_mm2: float, shear_mm2: float) -> Points2:
+    """Images of the markers without noise; each load is solved once."""
+    sensor, model = slack_sensor(), started().model
     load = np.zeros((model.patch.node_count, 3))
     if force_mm2:
-        each = np.tile(np.array([shear_mm2, 0.0, -force_mm2]) / len(place_mm), (len(place_mm), 1))
-        load = model.patch.load(place_mm, each)
+        each = np.tile(np.array([shear_mm2, 0.0, -force_mm2]) / len(places_mm), (len(places_mm), 1))
+        load = model.patch.load(np.array(places_mm), each)
     found = equilibrium(model.shell, load)
     assert found.status == "ok"
     assert sensor.layout is not None
-    centre_px = project(sensor.camera, sensor.layout.rest_mm) + model.dots.displacement_px(
-        found.coefficient_mm
-    )
+    rest_px = project(sensor.camera, sensor.layout.rest_mm)
+    return read_only(rest_px + model.dots.displacement_px(found.coefficient_mm))
+
+
+def pressed(place_mm: np.ndarray, force_mm2: float, seed: int, shear_mm2: float = 0.0) -> TrackedGrid:
+    """Markers under forces over E that places (k, 2) share evenly: down, and along x; with noise."""
+    centre_px = _centre_px(tuple(map(tuple, place_mm.tolist())), force_mm2, shear_mm2)
     count = len(centre_px)
     return TrackedGrid(
         position_px=read_only(centre_px + np.random.default_rng(seed).normal(0.0, NOISE_PX, (count, 2))),
@@ -60,8 +75,7 @@ def pressed(place_mm: np.ndarray, force_mm2: float, seed: int, shear_mm2: float 
 
 def contacts_of(grids: list[TrackedGrid], faces: RigidFaces | None = None) -> Contacts:
     """Contacts of the last of several frames."""
-    estimator = replace(MechanicsEstimator(), rigid_faces=faces or RigidFaces())
-    state = estimator.start(slack_sensor())
+    estimator, state = _estimator(faces), started(faces)
     for grid in grids:
         state, _, contacts = estimator.step(state, grid)
     return contacts

@@ -18,18 +18,19 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_a_batch_prints_what_it_does_and_why(folder: Path) -> None:
-    done = run_command("batch", "*.mp4", "--out", "out", folder=folder)
+    done = run_command("batch", "*.mp4", "--out", "out", "--workers", "1", folder=folder)
     assert done.returncode == 1
     assert "a: 18 frames in " in done.stdout
     assert "no result yet" not in done.stdout
     assert "c: failed: " in done.stdout
     assert "2 recordings processed, 0 unchanged, 1 failed (failures.csv)" in done.stdout
     (folder / "c.mp4").unlink()
-    again = run_command("batch", "a.mp4", "b.mp4", "--out", "out", folder=folder)
+    words = ("batch", "a.mp4", "b.mp4", "--out", "out", "--workers", "1")
+    again = run_command(*words, folder=folder)
     assert (again.returncode, again.stderr) == (0, "")
     assert "0 recordings processed, 2 unchanged" in again.stdout
     (folder / "out" / "a" / "frames.csv").unlink()
-    third = run_command("batch", "a.mp4", "b.mp4", "--out", "out", folder=folder)
+    third = run_command(*words, folder=folder)
     assert "(again: frames.csv is missing)" in third.stdout
     plan = run_command("batch", "*.mp4", "--out", "out", "--fps", "50", "--dry-run", folder=folder)
     assert "2 of 2 recordings would be processed" in plan.stdout

@@ -28,8 +28,9 @@ def run(*words: object) -> str:
 
 def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(tmp_path: Path) -> None:
     pytest.importorskip("matplotlib")
-    words = [sys.executable, "-m", "manytouch", "demo", "--seconds", "1.6", "--no-view"]
-    output = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    done = run_command("demo", "--seconds", "1.6", "--no-view", folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    output = done.stdout
     folder = tmp_path / "out" / "demo"
     assert "touches" in output
     assert "truth" in output

@@ -109,8 +109,16 @@ def test_dots_seen_in_a_mirror(folders: dict[str, Path], side: str) -> None:
     assert tracks.swapped(slice(0, 6), slice(122, 128), PITCH_PX["vts4"]) == 0
 
 
-def test_single_pictures(recordings: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "names",
+    [("fots_0.png", "gs_tracking_debug.png"), pytest.param(None, marks=pytest.mark.slow)],
+    ids=["some", "all"],
+)
+def test_single_pictures(recordings: Path, tmp_path: Path, names: tuple[str, ...] | None) -> None:
+    """The survey, which finds the dots, sees all pictures in test_real_detection.py."""
     for row in rows_of(recordings / "single" / "counts.csv"):
+        if names is not None and row["file"] not in names:
+            continue
         folder = manytouch.process(str(recordings / "single" / row["file"]), out=tmp_path)
         count = int(Tracks.read(folder).is_seen[0].sum())
         assert int(row["min"]) <= count <= int(row["max"]), f"{row['file']}: {count}"

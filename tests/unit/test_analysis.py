@@ -66,7 +66,7 @@ def processed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, manytouch
     """The folder of a short simulated recording, and its last reading."""
     folder = tmp_path_factory.mktemp("results") / "sim"
     last = LastReading()
-    job = manytouch.prepare(simulated_source(width_px=640).lasting(SECONDS), method="perimeter")
+    job = manytouch.prepare(simulated_source(fps=20.0, width_px=640).lasting(SECONDS), method="perimeter")
     process_job(job, folder, sinks=[last])
     return folder, last.reading
 

@@ -14,14 +14,15 @@ from manytouch.batch.run_batch import BatchReport, run_batch
 from manytouch.batch.settings import settings_for
 from manytouch.session import Request
 
-FRAMES = 18
+FRAMES, FEW = 18, (4, 6)
 
 
 @pytest.fixture(scope="session")
 def three_videos(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("videos")
     for number in range(3):
-        write_video(folder / f"press{number}.mp4", (picture(seed=each) for each in range(FRAMES + number)))
+        pictures = (picture(seed=each, shape=FEW) for each in range(FRAMES + number))
+        write_video(folder / f"press{number}.mp4", pictures)
     return folder
 
 

@@ -25,7 +25,7 @@ from manytouch.evaluation.suite.runner import Evaluation, Trial
 
 Sheet = Callable[..., EvaluationRecord]
 Table = Callable[..., ContactRows]
-FRAMES = 40
+FRAMES = 20
 VOID = {"meta", "img", "br", "hr", "link", "input", "path", "use", "image", "rect", "stop"}
 
 

@@ -22,7 +22,7 @@ from manytouch.sources import open_source
 from manytouch.sources.simulated import load_solved_scene
 from results import rows_of
 
-NAMES = ("index", "ring", "thumb")
+NAMES = ("index", "ring")
 KILLED = "ring"
 SCENE = """schema = 1
 name = "press"
@@ -48,7 +48,7 @@ class Notes:
         self.times[sensor].append(time_s)
 
 
-def three_sensors(folder: Path) -> Path:
+def two_sensors(folder: Path) -> Path:
     """A rig of sensors with the same press of 3 s, which is solved here and not by their processes."""
     scene = folder / "press.toml"
     scene.write_text(SCENE)
@@ -63,8 +63,8 @@ def three_sensors(folder: Path) -> Path:
     return path
 
 
-def test_three_sensors_of_which_one_is_killed(tmp_path: Path) -> None:
-    rig, notes, over = load_rig(three_sensors(tmp_path)), Notes(), threading.Event()
+def test_one_of_two_sensors_is_killed(tmp_path: Path) -> None:
+    rig, notes, over = load_rig(two_sensors(tmp_path)), Notes(), threading.Event()
     pages: list[str] = []
 
     def attack(states: Mapping[str, SensorState]) -> None:
@@ -111,7 +111,7 @@ def test_three_sensors_of_which_one_is_killed(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "index" / "contacts.csv").is_file()
 
     assert sorted(path.name for path in tmp_path.glob("*.mcap")) == ["hand.mcap"]
-    with pytest.raises(SourceError, match="has the sensors index, ring, thumb"):
+    with pytest.raises(SourceError, match="has the sensors index, ring:"):
         Recording(tmp_path / "hand.mcap")
     counts = {}
     for name in NAMES:
@@ -123,7 +123,7 @@ def test_three_sensors_of_which_one_is_killed(tmp_path: Path) -> None:
         playback = Playback(Path(f"{tmp_path / 'hand.mcap'}#{name}"))
         assert playback.frame_count == counts[name]
         assert sum(source.reading(place) is not None for place in range(len(source))) >= counts[name] - 2
-    assert counts["index"] == counts["thumb"] < counts[KILLED]
+    assert counts["index"] < counts[KILLED]
 
 
 def test_a_sensor_that_never_works_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

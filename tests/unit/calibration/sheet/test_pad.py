@@ -1,5 +1,6 @@
 """Young's modulus of a pad from presses with known forces."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -11,13 +12,32 @@ from manytouch.calibration.sheet.fit import KnownPress
 from manytouch.calibration.sheet.pad import calibrate_pad
 from manytouch.errors import SensorError
 from manytouch.estimation import PadEstimator
+from manytouch.estimation.pad.estimator import PadState
 from manytouch.values import Sensor
 
 PLACES_MM = ((1.3, -0.7), (-4.0, 2.0), (3.0, 3.5))
 FORCES_N = (0.6, 1.0, 0.4)
+START = PadEstimator.start
 SHEARS_N = ((0.15, 0.0), (0.0, -0.25), (0.08, 0.08))
 
 
+@pytest.fixture(scope="module")
+def sensor() -> Sensor:
+    return pad_sensor(young_MPa=0.5)
+
+
+@pytest.fixture(autouse=True)
+def started_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The response of the pad is computed once: a state is a value, and depends on the sensor alone."""
+    monkeypatch.setattr(PadEstimator, "start", lambda _, sensor: started(sensor))
+
+
+@functools.cache
+def started(sensor: Sensor) -> PadState:
+    return START(PadEstimator(), sensor)
+
+
+@functools.cache
 def presses(sensor: Sensor) -> list[KnownPress]:
     """Images of patches that a pad of 0.3 MPa shows under known weights on a tilted sensor."""
     estimator = PadEstimator()
@@ -43,8 +63,7 @@ def presses(sensor: Sensor) -> list[KnownPress]:
     return found
 
 
-def test_known_forces_give_the_modulus_with_its_deviation() -> None:
-    sensor = pad_sensor(young_MPa=0.5)
+def test_known_forces_give_the_modulus_with_its_deviation(sensor: Sensor) -> None:
     held = presses(sensor)
     moved = [replace(held[0], place_mm=np.array([8.0, 8.0])), *held[1:]]  # places are for messages only
     found = calibrate_pad(sensor, moved)
@@ -68,8 +87,7 @@ def test_known_forces_give_the_modulus_with_its_deviation() -> None:
         calibrate_pad(sensor, still)
 
 
-def test_presses_that_contradict_each_other_widen_the_deviation() -> None:
-    sensor = pad_sensor(young_MPa=0.5)
+def test_presses_that_contradict_each_other_widen_the_deviation(sensor: Sensor) -> None:
     held = presses(sensor)
     found = calibrate_pad(sensor, [replace(held[0], force_N=1.2), *held[1:]])  # it was 0.6
     rms = np.sqrt(np.mean(np.log1p(found.leave_one_out_error) ** 2))

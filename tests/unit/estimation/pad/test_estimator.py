@@ -138,7 +138,14 @@ def test_wrong_parameters_move_the_force_within_its_deviation(pad_state: PadStat
     assert abs(-found.force_N[2] - YOUNG_MPA * ONE[0, 5]) < 2.5 * found.std("normal_force")
 
 
-@pytest.mark.parametrize("changed", [{"poisson": 0.49}, {"thickness_mm": 3.85}, {"marker_depth_mm": 0.9}])
+@pytest.mark.parametrize(
+    "changed",
+    [
+        {"poisson": 0.49},
+        pytest.param({"thickness_mm": 3.85}, marks=pytest.mark.slow),
+        pytest.param({"marker_depth_mm": 0.9}, marks=pytest.mark.slow),
+    ],
+)
 def test_wrong_parameters_move_the_depth_within_its_deviation(
     pad_state: PadState, changed: dict[str, float]
 ) -> None:
