@@ -43,7 +43,7 @@ def test_every_command_of_the_page_runs_and_ends_in_newtons(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(pictures, "SAMPLES_PER_PX", 1.0)
+    monkeypatch.setattr(pictures, "SAMPLES_PER_PX", 0.3)
     output = run_page(capsys)
     for expected in (
         "15 x 20, every 4 mm",

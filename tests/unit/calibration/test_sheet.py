@@ -248,7 +248,7 @@ def test_a_table_of_presses_names_each_mistake(tmp_path):
 def test_presses_are_read_from_a_recording(tmp_path):
     sensor = demo_sensor(1280)
     table = tmp_path / "presses.csv"
-    table.write_text("input,time_s,x_mm,y_mm\nsim:one,3.0,14,-8\n")
+    table.write_text("input,time_s,x_mm,y_mm\nsim:one,2.2,14,-8\n")
     (press,) = measure_presses(sensor, read_press_table(table), tmp_path)
     reach = np.linalg.norm(press.displacement_px, axis=1)
     assert press.is_seen.sum() > 590

@@ -14,10 +14,10 @@ from manytouch.values.sensor_file import load_sensor
 SHARED = Path(__file__).resolve().parents[5] / "shared" / "data"
 
 
-def registered(path: Path, sensor: str, frames: int = 15) -> manytouch.Sensor:
+def registered(path: Path, sensor: str) -> manytouch.Sensor:
     if not path.exists():
         pytest.skip("the recordings are not there")
-    return register_nominal(load_sensor(sensor), list(itertools.islice(manytouch.open_source(path), frames)))
+    return register_nominal(load_sensor(sensor), list(itertools.islice(manytouch.open_source(path), 15)))
 
 
 def test_a_nominal_lattice_that_a_survey_sees_in_part_is_kept() -> None:
@@ -46,15 +46,19 @@ def test_other_prints_of_a_gel_have_their_own_pitch(
     assert not any("were not seen" in sentence for sentence in found.assumptions)
 
 
+@pytest.mark.slow  # test_adapt_nominal.py refuses drawn markers of another sensor
 def test_a_recording_of_another_sensor_is_refused() -> None:
     path = SHARED / "fingervision" / "cam1_0002_first900.mp4"
     with pytest.raises(LayoutError, match=r"no dots|from no place|of another sensor"):
-        registered(path, "fingervision-um", frames=5)
+        registered(path, "fingervision-um")
 
 
 @pytest.mark.parametrize(
     ("name", "touched"),
-    [("gelsight_mini_grip/ball7.avi", (20, 80)), ("gsrobotics/mini_example.avi", (100, 140))],
+    [
+        ("gelsight_mini_grip/ball7.avi", (20, 80)),
+        pytest.param("gsrobotics/mini_example.avi", (100, 140), marks=pytest.mark.slow),
+    ],
 )
 def test_one_object_on_a_gel_is_one_contact_with_a_nominal_file(name: str, touched: tuple[int, int]) -> None:
     path = SHARED / name

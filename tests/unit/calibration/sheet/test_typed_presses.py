@@ -183,7 +183,7 @@ def test_a_camera_measures_each_press(monkeypatch, tmp_path):
     def prompt(text: str) -> str:
         # The first press is forgotten, the second and third are held.
         if "hold still" in text:
-            camera.at_s = 0.0 if sum("hold" in shown for shown in user.prompts) == 0 else 3.0
+            camera.at_s = 0.0 if sum("hold" in shown for shown in user.prompts) == 0 else 2.2
         return User.answer(user, text)
 
     rows = read_typed_presses(sensor, "0", table, report=user.printed.append, prompt=prompt)
@@ -193,7 +193,7 @@ def test_a_camera_measures_each_press(monkeypatch, tmp_path):
     assert (rows[-1].force_N, rows[-1].input) == (2.0, "sensor-presses-1")
     assert read_press_table(table) == rows
     (seen,) = measure_presses(sensor, rows, tmp_path)
-    (tmp_path / "direct.csv").write_text("input,time_s,x_mm,y_mm\nsim:one,3.0,14,-8\n")
+    (tmp_path / "direct.csv").write_text("input,time_s,x_mm,y_mm\nsim:one,2.2,14,-8\n")
     (direct,) = measure_presses(sensor, read_press_table(tmp_path / "direct.csv"), tmp_path)
     both = seen.is_seen & direct.is_seen
     assert both.sum() > 590
