@@ -78,10 +78,17 @@ class Opened:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refused:
-    """The outputs cannot be opened; `kind` is the class of the error."""
+    """The outputs cannot be opened, or the process has failed.
+
+    Attributes:
+        kind: class of the error.
+        sentence: its message.
+        trace: where it was raised, as text, which is shown to those who search for the cause.
+    """
 
     kind: type[ManytouchError]
     sentence: str
+    trace: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from contextlib import suppress
 from typing import Any, cast
 
-from manytouch.errors import ManytouchError, MissingExtraError, OutputError
+from manytouch.errors import ManytouchError, OutputError
 from manytouch.pipeline import Controls
 from manytouch.sinks.output_process.messages import (
     Opened,
@@ -122,6 +122,7 @@ class _Process:
         self._turns = _image_turns(urls)
         self._passed = 0
         self._next_health_s = time.monotonic() + HEALTH_INTERVAL_S
+        self._failure: Refused | None = None
         self._child, self._to_child, self._from_child = _started()
         self.pid = self._child.pid
         self.states = _nothing_sent(urls)
@@ -156,7 +157,10 @@ class _Process:
         try:
             send(self._to_child, message)
         except OSError:
-            raise OutputError(f"the process of the outputs has ended ({self._end()})") from None
+            status = self._end()
+            self._answers.join(1.0)
+            why = status if self._failure is None else self._failure.sentence
+            raise OutputError(f"the process of the outputs has ended ({why})") from None
         self._sensor = sensor
         self._passed += 1
 
@@ -198,6 +202,8 @@ class _Process:
             while (answer := receive(self._from_child)) is not None:
                 if isinstance(answer, States):
                     self.states = answer.outputs
+                elif isinstance(answer, Refused):
+                    self._failure = answer
                 else:
                     self._controls.send(answer)
 
@@ -227,12 +233,11 @@ def _started() -> "tuple[subprocess.Popen[bytes], io.FileIO, io.BufferedReader[A
 
 
 def _error(answer: Refused) -> ManytouchError:
-    """The error that the process had."""
-    if issubclass(answer.kind, MissingExtraError):  # made of other arguments than its sentence
-        error: ManytouchError = MissingExtraError.__new__(MissingExtraError)
-        error.args = (answer.sentence,)
-        return error
-    return answer.kind(answer.sentence)
+    """The error that the process had; its traceback shows where, for --debug."""
+    error = answer.kind.__new__(answer.kind)  # some are made of other arguments than their sentence
+    error.args = (answer.sentence,)
+    error.add_note(f"In the process of the outputs:\n{answer.trace}")
+    return error
 
 
 def _image_turns(urls: Sequence[str]) -> list[ImageTurns]:

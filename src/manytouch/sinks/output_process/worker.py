@@ -3,12 +3,13 @@
 import os
 import sys
 import threading
+import traceback
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from io import FileIO
+from io import BufferedReader, FileIO
 
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, OutputError
 from manytouch.sinks.output_process.messages import (
     Answer,
     NewReading,
@@ -113,15 +114,25 @@ def main() -> None:
     answer = AnswerChannel(os.fdopen(os.dup(sys.stdout.fileno()), "wb", buffering=0))
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # what libraries print is not an answer
     from_session = os.fdopen(sys.stdin.fileno(), "rb", closefd=False)
+    try:
+        _serve(from_session, answer)
+    except Exception as error:  # noqa: BLE001 - the session reports it
+        trace = "".join(traceback.format_exception(error))
+        if isinstance(error, ManytouchError):
+            answer.send(Refused(kind=type(error), sentence=str(error), trace=trace))
+        else:
+            sentence = f"internal error: {type(error).__name__}: {error}; please report it"
+            answer.send(Refused(kind=OutputError, sentence=sentence, trace=trace))
+        raise SystemExit(1) from None
+
+
+def _serve(from_session: BufferedReader, answer: AnswerChannel) -> None:
+    """Open the outputs and publish; its errors are those of the session."""
     opening = receive(from_session)
     if not isinstance(opening, Opening):
         return
     session = SessionFarAway(opening, answer)
-    try:
-        outputs = open_outputs(opening.urls, session)
-    except ManytouchError as error:
-        answer.send(Refused(kind=type(error), sentence=str(error)))
-        return
+    outputs = open_outputs(opening.urls, session)
     with suppress(Exception):  # an output that cannot send has its problem with the first reading
         _warm_up(opening)
     answer.send(Opened(descriptions=tuple(output.description for output in outputs)))

@@ -147,5 +147,12 @@ def _opened(address: OutputAddress, controls: Controls) -> QueuedOutput:
     open_publisher = SCHEMES[address.scheme].open_publisher
     try:
         return QueuedOutput(address.text, lambda: open_publisher(address, controls))
+    except ManytouchError:
+        raise
     except OSError as error:
         raise OutputError(f"{address.text!r} cannot be opened: {error.strerror or error}") from error
+    except Exception as error:
+        raise OutputError(
+            f"{address.text!r} cannot be opened: internal error: {type(error).__name__}: {error}; please "
+            "report it"
+        ) from error

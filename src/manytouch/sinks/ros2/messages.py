@@ -216,7 +216,8 @@ class RosMessages:
     def transform(self, stamp_ns: int) -> RosMessage:
         """Pose of the sheet in the camera frame, and of the camera in its parent if known, for /tf_static."""
         camera, mount = self.sensor.camera, self._mount
-        of_sheet = Rotation.from_rotvec(np.array(camera.rotation_vector)), np.asarray(camera.translation_mm)
+        # Rotation of SciPy takes no arrays that are read-only, as those of a sensor are
+        of_sheet = Rotation.from_rotvec(camera.rotation_vector.copy()), camera.translation_mm.copy()
         transforms = [self._transform(stamp_ns, f"{self._name}_camera", f"{self._name}_sheet", *of_sheet)]
         if mount is not None and self.sensor.length_unit == "mm":
             turn = Rotation.from_rotvec(mount.rotation_vector) * of_sheet[0].inv()

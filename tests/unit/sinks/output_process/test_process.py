@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import mido
@@ -62,6 +63,52 @@ def test_no_process_is_started_without_outputs_or_for_a_wrong_address(session, m
 def test_an_output_that_cannot_be_opened_is_the_error_of_the_process(session) -> None:
     with pytest.raises(OutputError, match=r"^'/no/such/take.mid' cannot be written: No such file"):
         start_outputs(["osc://127.0.0.1:9", "midi:///no/such/take.mid"], session)
+
+
+def test_an_output_with_the_pose_of_the_sensor_opens_and_sends(
+    session, pressed, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("CYCLONEDDS_URI", LOOPBACK.as_uri())
+    (output,) = start_outputs([f"ros2://skin?domain={DOMAIN}&parent=tool0&pose=40,0,0,0,0,1.57"], session)
+    output.write(pressed(0))
+    output.close()
+    assert [(state.sent, state.problem) for state in output.states] == [(1, None)]
+
+
+class Unreadable(np.ndarray):
+    """Values that can be sent and not received."""
+
+    def __reduce_ex__(self, _: object) -> tuple[type, tuple[str]]:
+        return int, ("no number",)
+
+
+def test_an_internal_error_is_one_sentence_whose_traceback_is_a_note(
+    session, capfd: pytest.CaptureFixture[str]
+) -> None:
+    camera = session.sensor.camera
+    camera = replace(camera, rotation_vector=camera.rotation_vector.view(Unreadable))
+    session.sensor = replace(session.sensor, camera=camera)
+    with pytest.raises(OutputError, match=r"^internal error: ValueError: invalid .*; please report") as found:
+        start_outputs(["ros2://skin"], session)
+    assert any("Traceback" in note for note in found.value.__notes__)
+    assert "Traceback" not in capfd.readouterr().err
+
+
+def test_a_process_that_fails_later_names_the_cause_and_shows_no_traceback(
+    session, reading_of, capfd: pytest.CaptureFixture[str]
+) -> None:
+    output = OutputProcess(["osc://127.0.0.1:9"], session, retry_interval_s=60.0)
+    reading = reading_of(0)
+    grid = replace(reading.grid, is_seen=reading.grid.is_seen.view(Unreadable))
+    output.write(replace(reading, grid=grid))
+
+    def problem() -> str:
+        output.write(reading)
+        return output.states[0].problem or ""
+
+    wait_until(lambda: "ended (internal error: ValueError: invalid literal" in problem())
+    output.close()
+    assert "Traceback" not in capfd.readouterr().err
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="it has no signals that stop and kill")

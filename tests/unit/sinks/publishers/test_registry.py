@@ -1,10 +1,11 @@
 """Addresses of outputs: what is accepted, and one sentence for what is not."""
 
 import re
+from dataclasses import replace
 
 import pytest
 
-from manytouch.errors import ManytouchError
+from manytouch.errors import ManytouchError, OutputError
 from manytouch.sinks.publishers.address import parse_address
 from manytouch.sinks.publishers.registry import SCHEMES, check_addresses, open_outputs
 
@@ -48,6 +49,16 @@ def test_a_wrong_address_is_one_sentence(url: str, words: str) -> None:
 def test_an_output_that_cannot_be_opened_is_one_sentence(url: str, words: str, session) -> None:
     with pytest.raises(ManytouchError, match=words):
         open_outputs(["osc://127.0.0.1:9000", url], session)
+
+
+def test_an_internal_error_names_the_output(session, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise ValueError("buffer source array is read-only")
+
+    monkeypatch.setitem(SCHEMES, "osc", replace(SCHEMES["osc"], open_publisher=fail))
+    words = "^'osc://h:1' cannot be opened: internal error: ValueError: buffer source .*; please report it$"
+    with pytest.raises(OutputError, match=words):
+        open_outputs(["osc://h:1"], session)
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from manytouch.sinks.publishers.dds import DdsParticipant, dds_type
 from manytouch.sinks.publishers.registry import open_outputs
 from manytouch.sinks.publishers.ros2 import TOPICS, mount_of
 from manytouch.sinks.ros2.messages import CONTACT_FIELDS, RosMessage, RosMessages, typestore
-from manytouch.values import Phase, Tare
+from manytouch.values import Phase, Sensor, Tare
 from waiting import wait_until
 
 LOOPBACK = Path(__file__).parents[3] / "peers" / "loopback.xml"
@@ -67,8 +67,15 @@ def matrix_of(move, turn) -> np.ndarray:
     return matrix
 
 
+def with_read_only_pose(sensor: Sensor) -> None:
+    """As of all sensors that are read or computed."""
+    sensor.camera.rotation_vector.setflags(write=False)
+    sensor.camera.translation_mm.setflags(write=False)
+
+
 def test_the_pose_of_the_sheet_in_a_rig_is_the_product_of_its_transforms(sensor) -> None:
     address = parse_address("ros2://hand/index?parent=hand&pose=40,5,-2,0,0,1.5")
+    with_read_only_pose(sensor)
     found = transforms_of(RosMessages(sensor, "hand/index", mount_of(address)).transform(0))
     assert {child: parent for child, (parent, _) in found.items()} == {
         "hand/index_sheet": "hand/index_camera",
@@ -185,7 +192,7 @@ def test_names_and_domains_that_ros_does_not_know_are_refused(url: str, session)
 
 
 def test_every_message_is_what_another_deserializer_reads(sensor, pressed, session) -> None:
-    sensor.camera.rotation_vector.setflags(write=False)  # as of all sensors that are read or computed
+    with_read_only_pose(sensor)
     messages = RosMessages(sensor, "skin")
     _ = (messages.contacts(pressed, 1), messages.surface(pressed, 1), messages.image(b"", "jpeg", 1))
     made = [
