@@ -11,6 +11,7 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
+from manytouch.errors import OutputError
 from manytouch.recording.merge import merge_recordings
 from manytouch.rigs.common_start import CommonStart, ReadyMessage
 from manytouch.rigs.rig_contact import COLUMNS, RigContact
@@ -44,6 +45,7 @@ class SensorState:
         parts: its recordings, one per process.
         is_over: its source has ended, or it failed for good.
         failure: the last sentence of a failure.
+        has_no_outputs: the failure is an output that could not be opened, before any frame.
         pid: number of its process.
     """
 
@@ -61,6 +63,7 @@ class SensorState:
     parts: list[Path] = field(default_factory=list)
     is_over: bool = False
     failure: str | None = None
+    has_no_outputs: bool = False
     start_at_s: float = 0.0
 
     @property
@@ -108,7 +111,8 @@ def run_rig(
         The state of each sensor by name.
 
     Raises:
-        OutputError: contacts.csv cannot be written.
+        OutputError: contacts.csv cannot be written, or an output of a sensor cannot be opened: starting the
+            sensor again would not help.
     """
     viewer = SensorOptions(viewer_host=viewer_host, page_origin=page_origin)
     states = {sensor.name: SensorState(sensor) for sensor in rig.sensors}
@@ -126,13 +130,23 @@ def run_rig(
                 _start_due(states, out, record, viewer)
                 for state, message in _messages(states):
                     _take(state, message, observer, rows, start)
+                _require_outputs(states)
                 _bury_dead(states, observer)
                 start.begin_if_ready(_expected(states))
         finally:
             _end(states, lambda state, message: _take(state, message, observer, rows, start))
+            if any(state.has_no_outputs for state in states.values()):
+                _remove_unused(states, is_begun=start.is_begun)
     if record is not None:
         _merge(states, record)
     return states
+
+
+def _require_outputs(states: Mapping[str, SensorState]) -> None:
+    """Raises OutputError if a sensor has had no frame because one of its outputs cannot be opened."""
+    for name, state in states.items():
+        if state.has_no_outputs:
+            raise OutputError(f"{name}: {state.failure}")
 
 
 def _start_due(
@@ -202,7 +216,9 @@ def _take(state: SensorState, message: Any, observer: RigObserver, rows: Any, st
     elif isinstance(message, NoteMessage):
         state.viewer = message.viewer or state.viewer
         state.failure = message.sentence if message.is_failure else state.failure
-        observer.on_note(name, message.sentence)
+        state.has_no_outputs = message.is_of_outputs and not state.frames
+        if not state.has_no_outputs:  # else it is the error that ends the rig
+            observer.on_note(name, message.sentence)
     elif isinstance(message, ContactsMessage):
         time_s = (message.at_ns - start.began_ns) * 1e-9
         observer.on_contacts(name, time_s, message.contacts)
@@ -264,6 +280,14 @@ def _end(states: Mapping[str, SensorState], take: Callable[[SensorState, Any], N
         for message in _received(state):
             take(state, message)
         _forget_process(state)
+
+
+def _remove_unused(states: Mapping[str, SensorState], *, is_begun: bool) -> None:
+    """Remove recordings without frames, and those of files and simulations that waited for the others."""
+    for state in states.values():
+        if not state.frames or not (is_begun or is_camera(state.sensor.source)):
+            for part in state.parts:
+                part.unlink(missing_ok=True)
 
 
 def _merge(states: Mapping[str, SensorState], record: Path) -> None:

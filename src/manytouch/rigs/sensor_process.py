@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+from manytouch.errors import ManytouchError
 from manytouch.pipeline import Sink
 from manytouch.rigs.common_start import BeginMessage, ReadyMessage
 from manytouch.rigs.rig_contact import RigContact, in_rig
@@ -41,11 +42,19 @@ class HealthMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class NoteMessage:
-    """A sentence for the user; `viewer` is an address instead."""
+    """A sentence for the user.
+
+    Attributes:
+        sentence: of the process.
+        viewer: address of its viewer.
+        is_failure: the process ends for this reason.
+        is_of_outputs: the reason is an output that cannot be opened, as no other attempt would.
+    """
 
     sentence: str
     viewer: str | None = None
     is_failure: bool = False
+    is_of_outputs: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,9 +153,18 @@ def run_sensor(connection: Connection, rig: RigSensor, options: SensorOptions) -
     try:
         _run(connection, rig, options, stopped.is_set)
     except Exception as error:  # noqa: BLE001 - the first process reports it
+        note = NoteMessage(
+            sentence=" ".join(str(error).split()),
+            is_failure=True,
+            is_of_outputs=isinstance(error, _OutputsRefusedError),
+        )
         with contextlib.suppress(OSError):
-            connection.send(NoteMessage(sentence=" ".join(str(error).split()), is_failure=True))
+            connection.send(note)
         raise SystemExit(1) from None
+
+
+class _OutputsRefusedError(ManytouchError):
+    """An output of the sensor cannot be opened."""
 
 
 def _run(connection: Connection, rig: RigSensor, options: SensorOptions, stop: Callable[[], bool]) -> None:
@@ -165,7 +183,10 @@ def _run(connection: Connection, rig: RigSensor, options: SensorOptions, stop: C
     )
     begin = _Begin(connection, job.source.capabilities.started_unix_ns, stop)
     live = Live(job, record=options.record, begin=None if job.source.is_live else begin)
-    outputs = start_outputs(rig.to, live)
+    try:
+        outputs = start_outputs(rig.to, live)
+    except ManytouchError as error:
+        raise _OutputsRefusedError(str(error)) from error
     live.attach(outputs)
     for description in (each for output in outputs for each in output.descriptions):
         notes.on_message(description)

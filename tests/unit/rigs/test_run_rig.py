@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from manytouch.errors import SourceError
+from manytouch.errors import OutputError, SourceError
 from manytouch.recording.reader import Recording
 from manytouch.rigs.overview_page import OverviewPage
 from manytouch.rigs.rig_contact import RigContact
@@ -137,3 +137,15 @@ def test_a_sensor_that_never_works_is_given_up(tmp_path: Path, monkeypatch: pyte
     assert states["index"].is_over
     assert any("There is no" in sentence for _, sentence in notes.sentences)
     assert any("given up after 2 failures" in sentence for _, sentence in notes.sentences)
+
+
+def test_an_output_that_cannot_be_opened_ends_the_rig_at_once(tmp_path: Path) -> None:
+    path = three_sensors(tmp_path)
+    text = path.read_text().replace('name = "ring"', 'name = "ring"\nto = ["midi:///no/such/take.mid"]')
+    path.write_text(text)
+    notes = Notes()
+    with pytest.raises(OutputError, match=r"^ring: '/no/such/take.mid' cannot be written") as found:
+        run_rig(load_rig(path), notes, lambda: False, record=tmp_path / "hand.mcap")
+    assert "\n" not in str(found.value)
+    assert not any("started again" in sentence or "take.mid" in sentence for _, sentence in notes.sentences)
+    assert list(tmp_path.glob("*.mcap")) == []
