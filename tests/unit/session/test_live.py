@@ -214,11 +214,11 @@ def test_a_parameter_changes_while_it_runs() -> None:
     ("method", "parameter", "value"),
     [
         ("paper", "estimate.formula", "printed"),
-        ("paper", "interpolation.search_radius_pitch", 2.0),
+        pytest.param("paper", "interpolation.search_radius_pitch", 2.0, marks=pytest.mark.slow),
         ("paper", "track.gate_pitch", 0.45),
         ("paper", "detect.kernel_px", 5.0),
         ("perimeter", "estimate.contact_finder.tracker.bridge_frames", 3.0),
-        ("perimeter", "detect.least_snr", 2.5),
+        pytest.param("perimeter", "detect.least_snr", 2.5, marks=pytest.mark.slow),
         ("perimeter", "track.damping", 0.4),
         ("mechanics", "estimate.outlier_gate.stds", 7.0),
     ],

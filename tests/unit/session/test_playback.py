@@ -147,9 +147,9 @@ class Waiting(Seeking):
     ("method", "parameter", "value"),
     [
         ("paper", "estimate.formula", "printed"),
-        ("paper", "estimate.padding", "zero"),
+        pytest.param("paper", "estimate.padding", "zero", marks=pytest.mark.slow),
         ("paper", "estimate.contact_depth_pitch", 0.3),
-        ("paper", "interpolation.iterations", 80.0),
+        pytest.param("paper", "interpolation.iterations", 80.0, marks=pytest.mark.slow),
         ("paper", "interpolation.power", 3.0),
         ("perimeter", "track.damping", 0.4),
     ],
