@@ -140,7 +140,7 @@ def test_a_sensor_that_never_works_is_given_up(tmp_path: Path, monkeypatch: pyte
 
 
 def test_an_output_that_cannot_be_opened_ends_the_rig_at_once(tmp_path: Path) -> None:
-    path = three_sensors(tmp_path)
+    path = two_sensors(tmp_path)
     text = path.read_text().replace('name = "ring"', 'name = "ring"\nto = ["midi:///no/such/take.mid"]')
     path.write_text(text)
     notes = Notes()
