@@ -140,7 +140,7 @@ class Simulator:
         return project_through_window(self.sensor.camera, self._sheet, point_mm)
 
     def _dot_ellipses(self, outline_mm: Float64[np.ndarray, "corners 3"]) -> tuple[Points2, Covariances2]:
-        """As `dot_images.dot_ellipses`, through the window of a pad."""
+        """As `render.dot_ellipses`, through the window of a pad."""
         return polygon_ellipses(self._project(outline_mm).reshape(-1, CORNERS, 2))
 
     def _coverage(self, time_s: float) -> Float32[np.ndarray, "h w"]:
