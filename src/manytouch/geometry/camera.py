@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from manytouch.values import Camera
-from manytouch.values.arrays import Counts, Points2, Points3
+from manytouch.values.arrays import Counts, Mask, Points2, Points3
 
 
 def camera_matrix(camera: Camera) -> np.ndarray:
@@ -93,6 +93,18 @@ def onto_plane(camera: Camera, pixel: Points2, z_mm: float = 0.0) -> Points3:
     distance = (z_mm - origin[2]) / direction[:, 2]
     point_mm: Points3 = origin + distance[:, None] * direction
     return point_mm
+
+
+def is_in_image(camera: Camera, pixel: Points2) -> Mask:
+    """(n,) whether each pixel position (n, 2) lies in the image."""
+    size_px = np.array([camera.width_px, camera.height_px])
+    return np.asarray(((pixel >= -0.5) & (pixel <= size_px - 0.5)).all(axis=1))
+
+
+def into_image(camera: Camera, pixel: Points2) -> Points2:
+    """The positions (n, 2) of the image that are nearest to the given ones."""
+    size_px = np.array([camera.width_px, camera.height_px])
+    return np.asarray(np.minimum(np.maximum(pixel, -0.5), size_px - 0.5))
 
 
 def undistorted(camera: Camera, pixel: Points2) -> Points2:

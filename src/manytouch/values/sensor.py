@@ -123,6 +123,8 @@ class Layout:
             marker whose area has changed is then measured together with them.
         rest_px: (m, 2) centres measured at rest (the reference of displacements); None: the reference is the
             projection of `rest_mm`.
+        rest_radius_px: (m,) radius of a disc of the area of each dot, measured at rest; NaN where it was not
+            seen. None: not measured.
     """
 
     rest_mm: Float64[np.ndarray, "m 3"]
@@ -135,6 +137,7 @@ class Layout:
     is_missing: Bool[np.ndarray, " m"]
     is_before_scene: bool = False
     rest_px: Float64[np.ndarray, "m 2"] | None = None
+    rest_radius_px: Float64[np.ndarray, " m"] | None = None
 
     @property
     def shape(self) -> tuple[int, int] | None:

@@ -226,6 +226,24 @@ def test_from_pictures_to_a_sensor_and_back():
     assert report.residual_px < 0.3
 
 
+def test_the_radii_of_the_dots_at_rest_are_measured():
+    """A sensor file states one radius; a half-printed dot has another one."""
+    points = turned(grid_px(), 3.0, (0.0, 0.0))
+    sensor = sensor_from_rest(frames_of(picture(points)), name="drawn")
+    image = picture(points)
+    x, y = points[25].round().astype(int)
+    image[y + 2 : y + 20, x - 15 : x + 15] = np.median(image)  # its lower half is not printed
+    layout = register_rest(
+        replace(sensor, layout=replace(sensor.layout, rest_px=None)), frames_of(image)
+    ).layout
+    assert layout.rest_radius_px is not None
+    usual = np.median(layout.rest_radius_px)
+    assert usual == pytest.approx(np.median(sensor.layout.radius_mm) / mm_per_px(sensor.camera), rel=0.1)
+    assert layout.rest_radius_px[25] < 0.85 * usual
+    others = np.delete(layout.rest_radius_px, 25)
+    np.testing.assert_allclose(others, usual, rtol=0.1)
+
+
 def test_a_wrong_polarity_of_the_file_is_corrected_and_reported():
     frames = frames_of(picture(grid_px()))
     sensor = sensor_from_rest(frames, name="drawn")

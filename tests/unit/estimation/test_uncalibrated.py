@@ -109,3 +109,29 @@ def test_a_lower_motion_after_a_press_lowers_what_may_be_left_of_it() -> None:
     memory = motion.remember(memory, 0.2)
     assert motion.limits(memory, 0.0)[1] == pytest.approx(0.2 * 0.3)
     assert motion.limits(memory, 0.01) == (pytest.approx(0.03), pytest.approx(0.06))
+
+
+@pytest.mark.parametrize("at_px", [(345.0, 120.0), (150.0, 262.0), (350.0, -20.0)])
+def test_a_press_at_the_rim_is_in_the_image_and_near_the_markers(at_px: tuple[float, float]) -> None:
+    """What is beyond the outer markers is not measured; the model of the load extends over it."""
+    press = dragged(at_px, 60.0, 9.0)
+    state, count = ESTIMATE.start(SENSOR), 0
+    for frame in range(30):
+        area_px2 = AREA_PX2 * (1.0 + 0.05 * np.linalg.norm(press, axis=1)) ** (frame > 10)
+        grid = grid_at(
+            REST_PX + (press if frame > 10 else FREE),
+            std_px=0.1,
+            noise_px=0.05,
+            seed=frame,
+            area_px2=area_px2,
+        )
+        state, _, contacts = ESTIMATE.step(state, grid)
+        for contact in contacts.touching:
+            x_px, y_px = contact.centre_px
+            assert -0.5 <= x_px <= 319.5
+            assert -0.5 <= y_px <= 239.5
+            rest_mm = SENSOR.layout.rest_mm[:, :2]
+            assert (contact.centre_mm <= rest_mm.max(axis=0) + 0.51 * PITCH_PX).all()
+            assert (contact.centre_mm >= rest_mm.min(axis=0) - 0.51 * PITCH_PX).all()
+            count += 1
+    assert count >= 10

@@ -4,10 +4,11 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from manytouch.calibration.rest.first_frames import MOST_FRAMES, detect_in_frames, image_size
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
-from manytouch.calibration.rest_dots import merge_rest_dots
+from manytouch.calibration.rest_dots import RestDots, merge_rest_dots
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.views.view_sensors import view_sensors
@@ -16,6 +17,7 @@ from manytouch.values import Detections, Frame, Roi, Sensor
 from manytouch.values.arrays import read_only
 
 _LEAST_SHARE = 0.5
+_SAME_DOT = 0.3  # distance of a marker from its own dot, over the root of the area of a dot
 
 
 def register_rest(sensor: Sensor, frames: Sequence[Frame], *, roi_px: Roi | None = None) -> Sensor:
@@ -92,9 +94,21 @@ def _register_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | N
     found, count = _register_and_count_dots(
         sensor, still.centre_px, still_frames=len(still.frames), roi_px=roi_px
     )
+    found = _with_radii(found, still)
     if shift_is_undetectable(found, still, roi_px=roi_px):
         found = replace(found, assumptions=(*found.assumptions, UNDETECTABLE_SHIFT))
     return found, count
+
+
+def _with_radii(sensor: Sensor, still: RestDots) -> Sensor:
+    """The registered sensor with the radii of its dots at rest: a half-printed dot is a poor measurement."""
+    layout = sensor.layout
+    assert layout is not None
+    assert layout.rest_px is not None
+    distance_px, dot = cKDTree(still.centre_px).query(layout.rest_px)
+    is_own = (distance_px < _SAME_DOT * np.sqrt(np.median(still.area_px2))) & ~layout.is_missing
+    radius_px = np.where(is_own, np.sqrt(still.area_px2[dot] / np.pi), np.nan)
+    return replace(sensor, layout=replace(layout, rest_radius_px=read_only(radius_px)))
 
 
 def _with_surveyed_appearance(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None) -> Sensor:

@@ -10,13 +10,14 @@ from jaxtyping import Int64
 from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.load.displacement_load import DisplacementLoad
+from manytouch.estimation.load.load_map import LoadMap
 from manytouch.estimation.load.load_peaks import LoadPeakFinder, LoadPeaks, chosen_peaks
 from manytouch.estimation.load.load_source import LoadEstimate, LoadSource
 from manytouch.estimation.load.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
-from manytouch.geometry.camera import onto_plane, project
+from manytouch.geometry.camera import into_image, is_in_image, onto_plane, project
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.sampling import GridSampling, sampling_on
-from manytouch.values import ESTIMATES, Camera, Contact, Contacts, Phase, Sensor, Status, TrackedGrid
+from manytouch.values import ESTIMATES, Camera, Contact, Contacts, Phase, Sensor, Sheet, Status, TrackedGrid
 from manytouch.values.arrays import Mask, Points2, Scalars, read_only
 
 _DEPTH = ESTIMATES.index("depth")
@@ -29,6 +30,7 @@ class LoadContactState:
     Attributes:
         camera: of the sensor.
         sampling: from markers to the points of the load map.
+        bounds_mm: (2, 2) lowest and highest x and y of a contact, by the map and the outline of the sheet.
         centre_std_mm: standard deviation of centres, along each axis, that is added for the assumptions.
         load: state of the load source.
         rest_mm: (m, 2) mean displacement of the untouched sheet from the layout (creep).
@@ -41,6 +43,7 @@ class LoadContactState:
 
     camera: Camera
     sampling: GridSampling
+    bounds_mm: Points2
     centre_std_mm: float
     load: Any
     rest_mm: Points2
@@ -108,6 +111,7 @@ class LoadContactFinder:
         return LoadContactState(
             camera=camera,
             sampling=sampling_on(layout, load_map.x_mm, load_map.y_mm),
+            bounds_mm=_bounds(load_map, sensor.sheet),
             centre_std_mm=self.assumed_centre_std_pitch * load_map.pitch_mm,
             load=load,
             rest_mm=read_only(np.zeros_like(plane_mm)),
@@ -131,7 +135,8 @@ class LoadContactFinder:
         load = self.load.estimate_load(state.load, grid, displacement_mm, motion.std_mm)
         state, peaks, evidence = self._peaks(state, grid, load, displacement_mm, motion.std_mm)
         if len(peaks.load):
-            peaks = replace(peaks, centre_mm=self.load.refine(state.load, load, peaks.centre_mm))
+            centre_mm = self.load.refine(state.load, load, peaks.centre_mm)
+            peaks = replace(peaks, centre_mm=_within(state.camera, state.bounds_mm, centre_mm))
         # Where the strongest place jumps, the contact lasts until the new place is confirmed.
         has_moved = evidence.has_moved if _has_jumped(state.tracks, peaks) else _nowhere
         tracks, contacts = self.tracker.step(
@@ -212,7 +217,7 @@ class LoadContactFinder:
         depth_std, shift_mm = found[2, :count], found[:2, count:].T
         now_mm = np.zeros((count, 3))
         now_mm[:, :2] = peaks.centre_mm + np.where(np.isfinite(shift_mm), shift_mm, 0.0)
-        centre_px = project(state.camera, now_mm)
+        centre_px = into_image(state.camera, project(state.camera, now_mm))
         most_mm = (self.most_depth_std_pitch or np.inf) * self.load.load_map(state.load).pitch_mm
         is_unknown = (depth_std > most_mm) & (np.abs(depth_mm) < 2.0 * depth_std)
         is_unknown |= depth_mm <= 0.0
@@ -236,6 +241,29 @@ class LoadContactFinder:
                 )
             )
         return contacts
+
+
+def _bounds(load_map: LoadMap, sheet: Sheet | None) -> Points2:
+    """(2, 2) lowest and highest x and y at which a contact can be."""
+    axes = load_map.x_mm, load_map.y_mm
+    low, high = (np.array([axis[end] for axis in axes]) for end in (0, -1))
+    if sheet is not None:
+        low, high = np.maximum(low, -0.5 * sheet.size_mm), np.minimum(high, 0.5 * sheet.size_mm)
+    return read_only(np.stack([low, high]))
+
+
+def _within(camera: Camera, bounds_mm: Points2, centre_mm: Points2) -> Points2:
+    """The centres (c, 2), moved to the nearest place within the bounds that the image shows.
+
+    The model of the load extends beyond the outer markers, where nothing is measured.
+    """
+    within_mm: Points2 = np.minimum(np.maximum(centre_mm, bounds_mm[0]), bounds_mm[1])
+    pixel = project(camera, np.column_stack([within_mm, np.zeros(len(within_mm))]))
+    is_shown = is_in_image(camera, pixel)
+    if is_shown.all():
+        return within_mm
+    within_mm[~is_shown] = onto_plane(camera, into_image(camera, pixel[~is_shown]))[:, :2]
+    return within_mm
 
 
 def _has_jumped(tracks: ContactTrackerState, peaks: LoadPeaks) -> bool:

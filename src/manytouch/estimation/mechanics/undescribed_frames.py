@@ -31,6 +31,7 @@ class WithoutSheet:
         surface: of this frame; None before the first and where too few markers are seen.
         touching: contacts of this frame; their forces are not known.
         is_touched: whether anything may touch the sheet.
+        frames_at_rest: number of frames in which nothing touched a known sheet that described them.
     """
 
     geometry: MarkerGeometry
@@ -38,6 +39,7 @@ class WithoutSheet:
     surface: Surface | None = None
     touching: tuple[Contact, ...] = ()
     is_touched: bool = False
+    frames_at_rest: int = 0
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -56,6 +58,8 @@ class UndescribedFrames:
         wait_frames: number of frames in a row that a known sheet may not describe before `perimeter` is used;
             tracking may have failed in them.
         retry_frames: after these, as many in each group of this number of frames are fitted.
+        rest_frames, rest_interval: the dots at rest are observed in the first `rest_frames` frames in which a
+            known sheet is not touched, and then once in `rest_interval`, because it takes time.
         most_rough: largest RMS difference of the motions of a marker and of its nearest neighbour, over the
             RMS motion, that a sheet has; above it tracking has failed, and contacts wait.
     """
@@ -68,6 +72,8 @@ class UndescribedFrames:
     most_chi2: float = 10.0
     wait_frames: int = 5
     retry_frames: int = 15
+    rest_frames: int = 15
+    rest_interval: int = 10
     most_rough: float = 0.7
 
     def start(self, sensor: Sensor) -> WithoutSheet:
@@ -87,6 +93,19 @@ class UndescribedFrames:
             touching=contacts.touching,
             is_touched=self.contact_finder.is_touched(finder_state),
         )
+
+    def at_rest(self, model: InversionModel, before: WithoutSheet, grid: TrackedGrid) -> WithoutSheet:
+        """The state after a frame that the sheet describes, and in which nothing touches it.
+
+        What follows is compared with the dots at rest, which must not be those of the first frame that the
+        sheet does not describe: something touches it there. With an assumed sheet each frame is observed
+        anyway.
+        """
+        if model.is_assumed:
+            return before
+        count = before.frames_at_rest
+        is_observed = count < self.rest_frames or count % self.rest_interval == 0
+        return replace(self.step(before, grid) if is_observed else before, frames_at_rest=count + 1)
 
     def model_std_px(self, grid: TrackedGrid, reference_px: Points2, model_std_px: float) -> float:
         """Standard deviation of a marker image that the assumed sheet does not explain in a frame."""

@@ -107,8 +107,7 @@ class SwellingModel:
         pitch, rest = layout.pitch_mm / pitch_mm, rest_mm / pitch_mm
         low = rest.min(axis=0) - self.margin * pitch
         size = rest.max(axis=0) + self.margin * pitch - low
-        radius = np.median(layout.radius_mm) / layout.radius_mm
-        error = self.error * np.maximum(1.0, radius) ** 8
+        error = self.error * np.minimum(1.0, _relative_radius(layout)) ** -8.0
         # Bumps of this radius at random positions have a covariance of width sqrt(2) times the radius.
         finest = finest_affordable_wavelength(size, pitch, self.finest, self.most_products)
         fingers = _stationary_process(
@@ -189,6 +188,15 @@ class SwellingModel:
     def _background(self, slow: CosineSeries, rest: Points2) -> np.ndarray:
         """(n, r) functions of the background at points (n, 2)."""
         return np.column_stack([slow(rest), np.full(len(rest), self.level)])
+
+
+def _relative_radius(layout: Layout) -> Scalars:
+    """(m,) radius of each dot over their median, as measured where that is known."""
+    radius = layout.radius_mm if layout.rest_radius_px is None else layout.rest_radius_px
+    if not np.isfinite(radius).any():
+        radius = layout.radius_mm
+    relative = radius / np.nanmedian(radius)
+    return np.asarray(np.where(np.isfinite(relative), relative, 1.0))
 
 
 def _stationary_process(

@@ -68,6 +68,7 @@ def view_sensors(sensor: Sensor) -> tuple[ViewSensor, ...]:
             radius_mm=read_only(layout.radius_mm[marker]),
             is_missing=read_only(layout.is_missing[marker]),
             rest_px=None,
+            rest_radius_px=None,
         )
         own = replace(sensor, camera=view.camera, layout=part)
         is_own = read_only(number[marker] == index)

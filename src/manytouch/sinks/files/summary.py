@@ -24,6 +24,7 @@ SCHEMA = 1
 WITHOUT_SHEET = "perimeter"
 """The method whose values `mechanics` has in frames that do not show the sheet that was assumed."""
 SHORTEST_REST_S = 0.5  # before the first contact, for rest positions from the first frames
+MOSTLY = 0.5  # share of the usable frames above which frames that the sheet does not describe are most
 RARELY_SEEN = 0.5  # share of the frames below which a marker causes a warning
 
 
@@ -177,7 +178,15 @@ class Summary:
                 has = "frame has" if frames == 1 else "frames have"
                 sentences.append(f"{count} of {frames} {has} the status {status}. {status.remedy}")
         without_sheet = 0 if self._method == WITHOUT_SHEET else self._methods[WITHOUT_SHEET]
-        if without_sheet:
+        if without_sheet > MOSTLY * self._status[Status.OK] and self._has_known_sheet:
+            sentences.append(
+                f"the sensor file does not fit this recording: {without_sheet} of {frames} frames do not "
+                "show the clamped sheet that it states. Do not use the contacts, depths and forces of this "
+                "run until the file is corrected (size_mm, thickness_mm, pitch_mm, fx_px, fy_px), or "
+                "process without --sensor, with --pitch-mm. The surface and the contacts of these frames "
+                "are those of the method perimeter, and have no forces, not even relative ones"
+            )
+        elif without_sheet:
             sentences.append(
                 f"{without_sheet} of {frames} frames do not show the clamped sheet "
                 f"{_shape_and_remedy(self._sensor)}; their surface and contacts are those of the method "
@@ -202,6 +211,11 @@ class Summary:
             who = "1 marker is" if len(rare) == 1 else f"{len(rare)} markers are"
             sentences.append(f"{who} seen in less than half of the frames: {named}")
         return sentences
+
+    @property
+    def _has_known_sheet(self) -> bool:
+        sheet = self._sensor.sheet
+        return sheet is not None and not sheet.is_assumed
 
     def _rest_warnings(self) -> list[str]:
         """A warning if a contact begins shortly after the frames from which the rest positions are."""

@@ -11,6 +11,7 @@ from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
+from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
 from manytouch.mechanics.markers.images import Face
 from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.values import ESTIMATES, Sensor, Sheet, TrackedGrid
@@ -495,6 +496,51 @@ def test_frames_that_the_sheet_of_the_file_does_not_describe_for_long_are_those_
             assert np.isfinite(surface.displacement_mm).all()
     assert surface.spline is not None
     assert len(contacts.touching) == 2
+
+
+def test_frames_that_the_sheet_of_the_file_does_not_describe_have_the_contacts_of_the_run_without_a_file(
+    model: InversionModel,
+) -> None:
+    """Under the finger dots swell against rest, also where the first of these frames is touched."""
+    finder = uncalibrated_contact_finder()
+    other = PerimeterEstimator(contact_finder=finder, uncalibrated_contact_finder=finder)
+    state, other_state = ESTIMATE.start(sensor_of()), other.start(sensor_of())
+    flat = np.zeros((model.patch.node_count, 3))
+    offset = (model.layout.rest_mm[:, :2] - [6.0, 4.0]) / 7.0
+    bump = np.exp(-0.5 * (offset**2).sum(axis=1))[:, None]
+    ring = np.exp(-0.5 * ((np.linalg.norm(offset, axis=1) - 3.0) / 0.5) ** 2)[:, None]
+    squeezed_px = 25.0 * bump * [1.0, 0.4] - 6.0 * ring * offset
+    undescribed = 0
+    for frame in range(60):
+        share = 0.0 if frame < 12 else min(1.0, 0.5 + 0.1 * (frame - 12))
+        grid = grid_of(model, flat, seed=frame)
+        area_px2 = 300.0 * np.exp(0.25 * share * bump[:, 0])
+        grid = replace(grid, position_px=grid.position_px + share * squeezed_px, area_px2=area_px2)
+        state, surface, contacts = ESTIMATE.step(state, grid)
+        other_state, _, expected = other.step(other_state, grid)
+        if surface.status == "ok" and surface.spline is None and frame > 30:
+            undescribed += 1
+            (contact,), (twin,) = contacts.touching, expected.touching
+            np.testing.assert_allclose(contact.centre_mm, twin.centre_mm, atol=0.1 * PITCH_MM)
+            np.testing.assert_allclose(contact.centre_mm, [6.0, 4.0], atol=PITCH_MM)
+    assert undescribed > 20
+
+
+def test_a_contact_that_the_image_does_not_show_is_none(model: InversionModel) -> None:
+    """A press beside the image moves the markers in it; so does a wrong outline."""
+    sensor, pressed = sensor_of(), bent(model, (24.0, 0.0, 1.0))
+    narrow = replace(sensor, camera=replace(sensor.camera, width_px=1240))
+    flat = np.zeros((model.patch.node_count, 3))
+    found = []
+    for given in (sensor, narrow):
+        state = ESTIMATE.start(given)
+        for frame in range(8):
+            grid = grid_of(model, pressed if frame > 2 else flat, seed=frame)
+            beyond = grid.position_px[:, 0] > given.camera.width_px
+            state, _, contacts = ESTIMATE.step(state, without(grid, beyond))
+        found.append(contacts.touching)
+    assert len(found[0]) == 1
+    assert not found[1]
 
 
 def test_an_estimator_that_is_used_directly_limits_blas_to_one_thread() -> None:

@@ -1,5 +1,7 @@
 """Positions of fingers from the swelling of dots, without knowledge of camera and sheet."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -101,3 +103,20 @@ def test_the_load_at_a_point_is_that_of_the_map() -> None:
     assert SWELLING.load_map.load_at(point_mm, coefficients)[0] == pytest.approx(
         SWELLING.load_map.load_on_grid(coefficients)[3, 7], rel=1e-4
     )
+
+
+def test_a_dot_that_is_half_of_its_size_at_rest_has_little_effect() -> None:
+    """A half-printed dot swells with the light; a sensor file states one radius for all dots."""
+    area = np.zeros(len(REST_MM))
+    dot = int(np.argmin(np.linalg.norm(REST_MM - [40.0, 20.0], axis=1)))
+    area[dot] = 0.4
+    radius_px = np.full(len(REST_MM), 17.0)
+    radius_px[dot] *= 0.5
+    radius_px[:3] = np.nan
+    load = []
+    for layout in (LAYOUT, replace(LAYOUT, rest_radius_px=radius_px)):
+        load_map = MODEL(layout, REST_MM, 3.0).load_map
+        load.append(float(load_map.load_on_grid(load_map.coefficients(area)).max()))
+    assert load[1] < 0.1 * load[0]
+    unseen = MODEL(replace(LAYOUT, rest_radius_px=np.full(len(REST_MM), np.nan)), REST_MM, 3.0)
+    np.testing.assert_array_equal(unseen.load_map.estimate, SWELLING.load_map.estimate)

@@ -16,7 +16,7 @@ from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import describe_sensor, pitch_px
 from manytouch.sinks.files.summary import Summary, parameters
-from manytouch.values import Phase, Roi, SheetSpline, Status
+from manytouch.values import Phase, Roi, Sheet, SheetSpline, Status
 
 
 def noise_of(readings, markers=24):
@@ -179,6 +179,20 @@ def test_frames_count_for_the_method_that_estimated_them(sensor, reading_of):
     only.write(reading_of(0))
     assert only.counts["methods"] == {"perimeter": 1}
     assert not only.warnings()
+
+
+def test_a_sensor_file_that_describes_few_frames_does_not_fit(sensor, reading_of):
+    known = replace(sensor, sheet=Sheet(size_mm=np.array([30.0, 30.0]), thickness_mm=2.0))
+    assumed = replace(known, sheet=replace(known.sheet, is_assumed=True))
+    for given, described, fits in ((known, 1, False), (known, 4, True), (assumed, 1, True)):
+        summary = summary_of(given, method="mechanics")
+        for index in range(6):
+            reading = reading_of(index)
+            spline = FLAT if index < described else None
+            summary.write(replace(reading, surface=replace(reading.surface, spline=spline)))
+        (sentence,) = summary.warnings()
+        assert ("the sensor file does not fit this recording: 5 of 6 frames" in sentence) == (not fits)
+        assert ("Do not use the contacts, depths and forces of this run" in sentence) == (not fits)
 
 
 def test_markers_are_not_blamed_for_pictures_that_are_missing(tmp_path, sensor, reading_of):
