@@ -1,16 +1,97 @@
-"""Calibration of a sensor whose sheet is untouched, with one camera or with several."""
+"""Calibration of a sensor whose sheet is untouched, with one camera or with several.
+
+A recording may begin touched, so the frames at rest are searched in the whole of it, as `process` does.
+"""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from itertools import islice
 
 import numpy as np
 
+from manytouch.calibration.marker_tracks import track_markers
 from manytouch.calibration.outline.pad_outline import pad_of
-from manytouch.calibration.rest.calibrate import calibrate_rest
+from manytouch.calibration.rest.calibrate import MAX_DRIFT_PITCHES, calibrate_rest, register_untouched
 from manytouch.calibration.rest.report import describe, with_provenance
+from manytouch.calibration.rest.whole_recording import AS_COMMON, WHOLE_RECORDING, rest_of_recording
 from manytouch.calibration.views import calibrate_views, describe_views, with_provenance_of_views
 from manytouch.errors import SensorError
+from manytouch.geometry.refraction import rest_px
+from manytouch.sources.source import Source
+from manytouch.tracking.lattice.find import local_spacing
 from manytouch.values import Frame, Roi, Sensor, Sheet
+
+DOUBTFUL = (
+    f"the frames at rest are doubtful, because {AS_COMMON}, and one of them may be touched: record two "
+    "seconds without a touch, and repeat"
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class UntouchedFrames:
+    """Frames of a recording in which the sheet is at rest.
+
+    Attributes:
+        frames: in order.
+        notes: sentences on where they are, if the recording begins touched.
+        doubts: warnings.
+    """
+
+    frames: Sequence[Frame]
+    notes: tuple[str, ...] = ()
+    doubts: tuple[str, ...] = ()
+
+
+def untouched_frames(
+    known: Sensor,
+    source: Source,
+    first: Sequence[Frame],
+    *,
+    pitch_mm: float | tuple[float, float] | None = None,
+    sheet: Sheet | None = None,
+    roi_px: Roi | None = None,
+) -> UntouchedFrames:
+    """The first frames, or where they differ from the rest of the recording, those that show it.
+
+    The rest is the stillest and most common arrangement of the markers (`rest_of_recording`). Of cameras,
+    pictures and several views the first frames are taken.
+
+    Args:
+        known: with a camera; a pad needs its [sheet].
+        source: the recording; it is read up to twice more.
+        first: its first frames.
+        pitch_mm, sheet, roi_px: see `calibrate_untouched`.
+
+    Raises:
+        SensorError, LayoutError: see `calibrate_rest`.
+    """
+    is_recording = not (source.is_live or source.frame_count == 1 or source.capabilities.is_images)
+    if not is_recording or known.camera.views:
+        return UntouchedFrames(frames=first)
+    known = replace(known, sheet=known.sheet if sheet is None else sheet)
+    _, registered = register_untouched(known, first, pitch_mm=pitch_mm, roi_px=roi_px)
+    found = rest_of_recording(registered, source, frame_count=source.frame_count, roi_px=roi_px)
+    doubts = (DOUBTFUL,) if any(AS_COMMON in sentence for sentence in found.assumptions) else ()
+    still = found.provenance.get("still_frames")
+    if found.provenance.get("from") != WHOLE_RECORDING or not isinstance(still, list):
+        return UntouchedFrames(frames=first, doubts=doubts)
+    assert found.layout is not None
+    assert registered.layout is not None
+    at_px, first_px = rest_px(found, found.layout), rest_px(registered, registered.layout)
+    limit_px = MAX_DRIFT_PITCHES * float(np.median(local_spacing(at_px[np.isfinite(at_px[:, 0])])))
+    motion_px = track_markers(found, first, roi_px).motion_px(at_px)
+    begins_touched = bool(motion_px[0] > limit_px)
+    if not begins_touched and np.nanmax(np.linalg.norm(first_px - at_px, axis=1)) <= limit_px:
+        return UntouchedFrames(frames=first, doubts=doubts)
+    wanted = {*still, *(index + 1 for index in still)}  # each was compared with the one after it
+    frames = [frame for frame in islice(source, max(wanted) + 1) if frame.index in wanted]
+    begin = "begins touched" if begins_touched else "is touched in most of its first frames"
+    note = (
+        f"the recording {begin}, with markers up to {np.nanmax(motion_px):.1f} px from rest, so that "
+        f"{len(frames)} of the frames {min(wanted)} to {frames[-1].index} are used, in which the markers are "
+        "stillest and most often in the same places"
+    )
+    return UntouchedFrames(frames=frames, notes=(note,), doubts=doubts)
 
 
 def calibrate_untouched(
@@ -22,6 +103,7 @@ def calibrate_untouched(
     sheet: Sheet | None = None,
     thickness_mm: float | None = None,
     roi_px: Roi | None = None,
+    doubts: Sequence[str] = (),
 ) -> tuple[Iterable[str], Sensor]:
     """Pose, layout and noise from a few seconds at rest.
 
@@ -34,6 +116,7 @@ def calibrate_untouched(
         sheet: from `stated_sheet`.
         thickness_mm: without `sheet` the clamped outline is measured in the image; not
             with several cameras either.
+        doubts: about the frames (`untouched_frames`), which are added to the warnings.
 
     Returns:
         The report in lines, and the calibrated sensor.
@@ -47,6 +130,7 @@ def calibrate_untouched(
     found = calibrate_rest(
         known, frames, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi_px
     )
+    found = replace(found, warnings=(*doubts, *found.warnings))
     return describe(found), with_provenance(found, name)
 
 

@@ -89,7 +89,13 @@ def camera(
 @app.command
 def rest(
     source: Annotated[
-        str, Parameter(name="SOURCE", negative=(), help="Recording or camera that shows the untouched sheet.")
+        str,
+        Parameter(
+            name="SOURCE",
+            negative=(),
+            help="Recording or camera that shows the untouched sheet; of a recording, some still frames are "
+            "enough.",
+        ),
     ],
     /,
     *,
@@ -133,7 +139,7 @@ def rest(
     """
     from rich.console import Console
 
-    from manytouch.calibration.untouched import calibrate_untouched, stated_sheet
+    from manytouch.calibration.untouched import calibrate_untouched, stated_sheet, untouched_frames
     from manytouch.cli.terminal.console import Steps
     from manytouch.sinks.files.atomic_output import check_file_writable
     from manytouch.sources import closing_source, open_source
@@ -163,12 +169,20 @@ def rest(
     check_file_writable(out)
     with Steps() as steps, closing_source(open_source(source)) as frames:
         first = list(steps.count("frames", islice(frames, REST_FRAMES), REST_FRAMES))
-        steps.follow()("finding the markers and the pose of the sheet")
+        steps.follow()("finding the markers, the frames at rest and the pose of the sheet")
         name = ", ".join(Path(part).name for part in views_of(source))
+        at_rest = untouched_frames(known, frames, first, pitch_mm=pitch_mm, sheet=sheet, roi_px=roi)
         lines, calibrated = calibrate_untouched(
-            known, first, name, pitch_mm=pitch_mm, sheet=sheet, thickness_mm=thickness_mm, roi_px=roi
+            known,
+            at_rest.frames,
+            name,
+            pitch_mm=pitch_mm,
+            sheet=sheet,
+            thickness_mm=thickness_mm,
+            roi_px=roi,
+            doubts=at_rest.doubts,
         )
-    for line in lines:
+    for line in (*at_rest.notes, *lines):
         console.print(f"  {line}")
     save_sensor(calibrated, out)
     console.print(f"  sensor in {out}")

@@ -10,6 +10,7 @@ from typing import Any
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.calibration import register_rest, rest_of_recording, sensor_from_rest
+from manytouch.calibration.outline.pad_outline import pad_of
 from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.whole_recording import (
     is_still,
@@ -168,9 +169,9 @@ def prepare(
         fps: frame rate to use instead of the source's own.
         parameters: of the method, other than the defaults; see `pipeline_for`.
         camera: what to request of a camera; the size is the sensor's unless it is requested.
-        whole_recording: without a sensor or with a nominal file, take the stillest and most common positions
-            of the markers in the whole of a video as rest instead of those in its first frames; it is then
-            read twice.
+        whole_recording: without a sensor or with the file of a pad, take the stillest and most common
+            positions of the markers in the whole of a video as rest instead of those in its first frames; it
+            is then read twice.
         observer: gets messages.
 
     Returns:
@@ -214,7 +215,9 @@ def prepare(
         elif spread is not None and not source.capabilities.is_images and _may_begin_pressed(given, known):
             if observer is not None:
                 observer.on_message("reading the whole recording once, for the rest positions of its markers")
-            found = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
+            settled = rest_of_recording(found, source, frame_count=source.frame_count, roi_px=roi_px)
+            # a calibrated file promises a recording that begins at rest: only a clear result corrects that
+            found = found if settled.rest_is_doubtful and _is_calibrated_pad(given) else settled
     except BaseException:
         close(source)
         raise
@@ -261,8 +264,12 @@ def require_region(source: Source, text: str, roi_px: Roi | None) -> None:
 
 
 def _may_begin_pressed(given: Sensor | None, known: Sensor | None) -> bool:
-    """Whether the rest is that of the whole recording: without a sensor, or with a nominal file."""
-    return known is None or (given is not None and given.is_nominal)
+    """Whether the rest is that of the whole recording: without a sensor, or with the file of a pad."""
+    return known is None or (given is not None and given.is_nominal) or _is_calibrated_pad(given)
+
+
+def _is_calibrated_pad(given: Sensor | None) -> bool:
+    return given is not None and pad_of(given) is not None and not given.is_nominal
 
 
 def _can_be_read_twice(source: Source) -> bool:

@@ -13,7 +13,7 @@ from jaxtyping import Float64
 from manytouch.calibration.outline.pad_outline import pad_of
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose
-from manytouch.calibration.rest.register_rest import register_and_count
+from manytouch.calibration.rest.register_rest import register_and_count, register_rest
 from manytouch.errors import LayoutError
 from manytouch.geometry.refraction import rest_px
 from manytouch.values import Frame, Layout, Roi, Sensor
@@ -36,6 +36,7 @@ def register_nominal(
     sensor: Sensor,
     frames: Sequence[Frame],
     *,
+    pitch_mm: float | tuple[float, float] | None = None,
     roi_px: Roi | None = None,
     spread: Callable[[], Sequence[Frame]] | None = None,
 ) -> Sensor:
@@ -43,12 +44,14 @@ def register_nominal(
 
     The other layout has the rows, columns and pose that the frames show; camera and sheet stay. Its pitch is
     the nominal one if the pitch in the image differs by less than 12 % from the expected one. If it differs
-    more, the device has another print: the distance of the camera stays, and the pitch follows from it. The
-    sensor lists what was changed as an assumption.
+    more, the device has another print: the distance of the camera stays, and the pitch follows from it. A
+    pitch that is given counts instead, and the distance follows. The sensor lists what was changed as an
+    assumption.
 
     Args:
         sensor: nominal, with a layout.
         frames: the first frames of the recording.
+        pitch_mm: measured distance of neighbouring markers, or (x, y); None where it is not known.
         roi_px: x, y, width, height of the region of interest.
         spread: returns frames from all parts of the recording; called if the first ones show no lattice.
 
@@ -57,6 +60,12 @@ def register_nominal(
         LayoutError: the frames do not show the nominal markers, and no lattice that this camera may see.
     """
     assert sensor.layout is not None
+    if pitch_mm is not None:
+        found = sensor_from_rest(
+            frames, name=sensor.name, pitch_mm=pitch_mm, roi_px=roi_px, spread=spread
+        ).layout
+        assert found is not None
+        return register_rest(_with_print(sensor, found, pitch_mm), frames, roi_px=roi_px)
     usual = adapted = refused = None
     try:
         usual, usual_count = register_and_count(sensor, frames, roi_px=roi_px)
@@ -85,8 +94,13 @@ def _wanted(sensor: Sensor) -> int:
     return int((~sensor.layout.is_missing).sum())
 
 
-def _with_print(sensor: Sensor, found: Layout) -> Sensor:
+def _with_print(sensor: Sensor, found: Layout, given_mm: float | tuple[float, float] | None = None) -> Sensor:
     """The sensor with the rows, columns, missing markers and dot radii of a layout found in frames.
+
+    Args:
+        sensor: nominal, with a layout.
+        found: the layout, in any unit of length.
+        given_mm: its measured pitch; None derives it from that of the sensor.
 
     Raises:
         LayoutError: the camera of the sensor cannot see this layout as a plane.
@@ -98,8 +112,10 @@ def _with_print(sensor: Sensor, found: Layout) -> Sensor:
     at_rest_px = rest_px(sensor, nominal)
     step_px, nominal_step_px = _steps(found.rest_px, found), _steps(at_rest_px, nominal)
     ratio = step_px / nominal_step_px
-    is_same = bool(np.all(np.abs(np.log(ratio)) < _SAME_PITCH))
+    is_same = given_mm is None and bool(np.all(np.abs(np.log(ratio)) < _SAME_PITCH))
     pitch_mm = np.array(nominal.pitch_mm) * (1.0 if is_same else ratio)
+    if given_mm is not None:
+        pitch_mm = np.array(np.broadcast_to(given_mm, 2), dtype=np.float64)
     middle_mm = np.zeros(2)
     if not is_same:  # another print need not be in the middle of the pad; the camera looks at the same place
         away_px = _middle(found.rest_px) - _middle(at_rest_px)
@@ -127,6 +143,8 @@ def _with_print(sensor: Sensor, found: Layout) -> Sensor:
         )
     kept = "camera, pitch and sheet are" if is_same else "distance of the camera and sheet are"
     changed = "" if is_same else f" The pitch of {pitch_mm[0]:.2f} x {pitch_mm[1]:.2f} mm follows."
+    if given_mm is not None:
+        kept, changed = "the lens and the sheet are", " The pitch is the one that was given."
     sentence = (
         f"The sensor file is nominal: it has {shapes[1]} markers, but {shapes[0]} were found. Rows, columns "
         f"and pose are those of this recording; {kept} those of the file.{changed}"

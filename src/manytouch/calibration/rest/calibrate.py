@@ -51,7 +51,7 @@ class RestCalibration:
         contrast: grey levels between markers and background.
         frames: number of frames used: those in which the markers are at rest.
         frames_given: number of frames given.
-        first_and_last: places of the first and the last frame used, among those given.
+        first_and_last: numbers of the first and the last frame used.
         motion_px: largest motion of the markers in the frames used (`MarkerTracks.motion_px`).
         clamp: measured edge of the sheet.
         warnings: one sentence each.
@@ -106,24 +106,12 @@ def calibrate_rest(
         LayoutError: no markers, no lattice, or fewer than half of those of the layout were found.
     """
     sensor = replace(sensor, sheet=sheet if sheet is not None else sensor.sheet)
-    laid = sensor if sensor.layout is not None else _with_found_layout(sensor, frames, pitch_mm, roi_px)
+    laid, registered = register_untouched(sensor, frames, pitch_mm=pitch_mm, roi_px=roi_px)
     layout, pad = laid.layout, pad_of(sensor)
     assert layout is not None
-    if sensor.layout is not None and pitch_mm is not None:
-        layout = _rescale(layout, pitch_mm)
-    laid = replace(laid, layout=layout)
-    try:
-        registered = register_rest(laid, frames, roi_px=roi_px)
-    except LayoutError:
-        if not sensor.is_nominal:
-            raise
-        laid = registered = register_nominal(laid, frames, roi_px=roi_px)
-        assert registered.layout is not None
-        layout = registered.layout
     every = track_markers(registered, frames, roi_px)
     motion_px, at_rest = _frames_at_rest(every, registered)
     seen = every.of(at_rest)
-    numbers = np.flatnonzero(at_rest)
     frames = [frame for frame, is_used in zip(frames, at_rest, strict=True) if is_used]
     share = seen.is_seen.mean(axis=0)
     is_missing = share < SEEN_SHARE
@@ -163,9 +151,9 @@ def calibrate_rest(
         pose_std=std,
         noise_px=noise,
         contrast=float(np.nanmedian(seen.contrast)),
-        frames=len(numbers),
+        frames=len(frames),
         frames_given=len(at_rest),
-        first_and_last=(int(numbers[0]), int(numbers[-1])),
+        first_and_last=(frames[0].index, frames[-1].index),
         motion_px=float(np.nanmax(motion_px[at_rest])),
         clamp=seen_clamp,
         warnings=(
@@ -174,6 +162,39 @@ def calibrate_rest(
             *_focus_warnings(found, frames, roi_px),
         ),
     )
+
+
+def register_untouched(
+    sensor: Sensor,
+    frames: Sequence[Frame],
+    *,
+    pitch_mm: float | tuple[float, float] | None = None,
+    roi_px: Roi | None = None,
+) -> tuple[Sensor, Sensor]:
+    """The sensor with its layout, and the same with the rest positions of its markers in the frames.
+
+    Args:
+        sensor, frames, pitch_mm, roi_px: see `calibrate_rest`; a nominal sensor gets the print of the frames
+            with the given pitch.
+
+    Raises:
+        SensorError, LayoutError: see `calibrate_rest`.
+    """
+    if sensor.is_nominal and sensor.layout is not None and pitch_mm is not None:
+        found = register_nominal(sensor, frames, pitch_mm=pitch_mm, roi_px=roi_px)
+        return found, found
+    laid = sensor
+    if sensor.layout is None:
+        laid = _with_found_layout(sensor, frames, pitch_mm, roi_px)
+    elif pitch_mm is not None:
+        laid = replace(sensor, layout=_rescale(sensor.layout, pitch_mm))
+    try:
+        return laid, register_rest(laid, frames, roi_px=roi_px)
+    except LayoutError:
+        if not sensor.is_nominal:
+            raise
+    found = register_nominal(laid, frames, roi_px=roi_px)
+    return found, found
 
 
 def _frames_at_rest(seen: MarkerTracks, registered: Sensor) -> tuple[np.ndarray, np.ndarray]:

@@ -28,6 +28,9 @@ DOUBTFUL = (
     "The rest is doubtful: {reason}. Contacts are relative to it: use a recording that begins and ends "
     "untouched, or tare while nothing touches the sheet."
 )
+AS_COMMON = "two arrangements of the markers are about as common"
+WHOLE_RECORDING = "whole recording"
+"""Value of the key `from` of `[provenance]` where the rest positions are not those of the first frames."""
 MOST_READ = 20_000  # frames
 MOST_TRACKED = 400
 _FEWEST_MARKERS = 6
@@ -167,7 +170,7 @@ def settle_rest(sensor: Sensor, grids: Sequence[TrackedGrid], indices: Sequence[
         return sensor
     frames = [indices[still[chosen[k]]] for k in best.frames]
     settled = _with_rest(sensor, best.position_px, frames)
-    return _doubtful(settled, "two arrangements of the markers are about as common") if doubt else settled
+    return _doubtful(settled, AS_COMMON) if doubt else settled
 
 
 def _arrangements(sample: Float64[np.ndarray, "f m 2"], compare: _Comparison) -> list[RestArrangement]:
@@ -238,7 +241,7 @@ def _with_rest(sensor: Sensor, position_px: Points2, frames: Sequence[int]) -> S
         assumptions=(*kept, sentence),
         provenance={
             **{name: value for name, value in sensor.provenance.items() if name != "rest_frames"},
-            "from": "whole recording",
+            "from": WHOLE_RECORDING,
             "still_frames": list(frames),
         },
     )

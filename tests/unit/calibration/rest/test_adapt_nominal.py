@@ -10,7 +10,7 @@ from clips import COLUMNS, HEIGHT_PX, PITCH_PX, ROWS, WIDTH_PX, picture
 from layouts import lattice_layout
 from manytouch.calibration.outline.clamp_line import ClampLine
 from manytouch.calibration.rest.adapt_nominal import register_nominal
-from manytouch.calibration.rest.calibrate import RestCalibration
+from manytouch.calibration.rest.calibrate import RestCalibration, calibrate_rest
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.report import with_provenance
 from manytouch.errors import LayoutError
@@ -74,6 +74,23 @@ def test_another_print_keeps_the_distance_of_the_camera_and_has_a_pitch_of_its_o
     np.testing.assert_allclose(found.layout.pitch_mm, np.array(PITCH_PX) * DISTANCE_MM / FOCAL_PX, rtol=0.03)
     assert found.camera.translation_mm[2] == pytest.approx(DISTANCE_MM, rel=0.03)
     assert "The pitch of" in found.assumptions[0]
+
+
+@pytest.mark.parametrize("given_mm", [2.0, (2.0, 2.2)])
+def test_a_pitch_that_is_given_is_that_of_the_print_and_moves_the_camera(
+    given_mm: float | tuple[float, float],
+) -> None:
+    wanted = np.broadcast_to(given_mm, 2)
+    for known in (nominal(ROWS, COLUMNS), nominal(ROWS - 1, COLUMNS + 1)):
+        found = calibrate_rest(known, frames(), pitch_mm=given_mm)
+        layout = found.sensor.layout
+        assert layout is not None
+        assert layout.shape == (ROWS, COLUMNS)
+        np.testing.assert_allclose(layout.pitch_mm, wanted)
+        np.testing.assert_allclose(np.ptp(layout.rest_mm[:, :2], axis=0) / (COLUMNS - 1, ROWS - 1), wanted)
+        expected_mm = DISTANCE_MM * float(np.mean(wanted / np.array(PITCH_MM)))
+        assert found.sensor.camera.translation_mm[2] == pytest.approx(expected_mm, rel=0.03)
+        assert any("check pitch_mm" in sentence for sentence in found.warnings)
 
 
 def test_markers_that_no_camera_sees_so_are_refused() -> None:
