@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.calibration.sheet.fit import FitParameters, KnownPress, PressFit, PressLinearisation
+from manytouch.calibration.sheet.modulus_check import modulus_warnings, require_determined
 from manytouch.errors import SensorError
 from manytouch.values import Sensor, Sheet
 
@@ -70,7 +71,8 @@ def calibrate_sheet(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalib
         presses: at least `LEAST_PRESSES`, at different places and depths.
 
     Raises:
-        SensorError: no sheet or markers, too few presses, or presses that hardly move a marker.
+        SensorError: no sheet or markers, too few presses, presses that hardly move a marker, or forces that
+            determine neither the modulus nor each other.
     """
     sheet = sensor.sheet
     if sheet is None or sensor.layout is None:
@@ -131,6 +133,7 @@ def _result(
         predicted = np.log1p(error[np.isfinite(error)])
         least = float(np.sqrt(np.mean(predicted**2))) if len(predicted) else 0.0
         deviations["young_std_MPa"] = young * max(float(std[3]), least)
+        require_determined(presses, young, deviations["young_std_MPa"], error)
     calibrated = replace(
         sheet,
         thickness_mm=thickness,
@@ -147,7 +150,10 @@ def _result(
         sheet=calibrated,
         std=deviations,
         undetermined=tuple(_undetermined(fit, std, any_force=any(has_force))),
-        warnings=tuple(_warnings(presses, best.single[:, 1:], residual_px)),
+        warnings=(
+            *_warnings(presses, best.single[:, 1:], residual_px),
+            *modulus_warnings(sheet, young, deviations.get("young_std_MPa"), error),
+        ),
         force_over_E_mm2=np.exp(best.single[:, 0]),
         residual_px=residual_px,
         leave_one_out_error=error,

@@ -12,6 +12,7 @@ import numpy as np
 
 from manytouch.calibration.sheet.calibrate import SheetCalibration
 from manytouch.calibration.sheet.fit import KnownPress
+from manytouch.calibration.sheet.modulus_check import modulus_warnings, require_determined
 from manytouch.errors import SensorError
 from manytouch.estimation import PadEstimator
 from manytouch.geometry.refraction import rest_px
@@ -39,7 +40,8 @@ def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibra
         presses: at least `LEAST_FORCES` with a force.
 
     Raises:
-        SensorError: too few forces, or a press that shows no contact.
+        SensorError: too few forces, a press that shows no contact, or forces that do not determine the
+            modulus.
     """
     sheet, layout = sensor.sheet, sensor.layout
     if sheet is None or layout is None:
@@ -76,11 +78,16 @@ def calibrate_pad(sensor: Sensor, presses: Sequence[KnownPress]) -> SheetCalibra
     scatter = float(np.hypot(log_young[known].std(ddof=1) / np.sqrt(len(known)), MODEL_SHARE))
     std = max(scatter, float(np.sqrt(np.mean((without - log_young[known]) ** 2))))
     young_MPa = float(np.exp(mean))
+    require_determined(presses, young_MPa, std * young_MPa, leave_one_out_error)
     return SheetCalibration(
         sheet=replace(sheet, young_MPa=young_MPa, young_std_MPa=std * young_MPa),
         std={"young_std_MPa": std * young_MPa},
         undetermined=(),
-        warnings=(*_warnings(presses, found), *_shear_warnings(presses, found, young_MPa, std)),
+        warnings=(
+            *_warnings(presses, found),
+            *_shear_warnings(presses, found, young_MPa, std),
+            *modulus_warnings(sheet, young_MPa, std * young_MPa, leave_one_out_error),
+        ),
         force_over_E_mm2=over_E_mm2,
         residual_px=np.array(residual_px),
         leave_one_out_error=leave_one_out_error,

@@ -122,6 +122,21 @@ def write_press_table(rows: Sequence[PressRow], path: Path) -> None:
         raise OutputError(f"cannot write the table of presses {path}: {error.strerror}") from None
 
 
+def require_rest_calibration(sensor: Sensor) -> None:
+    """Check that a sensor is one device, whose layout and pose are those of its markers.
+
+    Raises:
+        SensorError: it is nominal.
+    """
+    if sensor.is_nominal:
+        raise SensorError(
+            f"the sensor {sensor.name!r} describes a kind of sensor, and not the rows, columns and pose of "
+            "this "
+            "one: run manytouch calibrate rest RECORDING --sensor FILE --out my-gel.toml first, and give "
+            "--sensor my-gel.toml"
+        )
+
+
 def measure_presses(
     sensor: Sensor, rows: Iterable[PressRow], folder: Path, fps: float | None = None
 ) -> tuple[KnownPress, ...]:
@@ -134,9 +149,11 @@ def measure_presses(
         fps: rate of the recordings in frames per second instead of their own; images without a rate have 30.
 
     Raises:
+        SensorError: the sensor is nominal.
         SourceError: a recording cannot be opened, or a time lies outside it.
         LayoutError: its markers were not found.
     """
+    require_rest_calibration(sensor)
     found: dict[str, tuple[MarkerTracks, np.ndarray, float]] = {}
     return tuple(_press(sensor, row, folder, fps, found) for row in rows)
 

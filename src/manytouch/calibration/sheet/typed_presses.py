@@ -9,7 +9,12 @@ from manytouch.calibration.sheet.camera_presses import CameraPresses, Print, Pro
 from manytouch.calibration.sheet.pad import LEAST_FORCES
 from manytouch.calibration.sheet.press_parser import EXAMPLE, PressContext, parse_press
 from manytouch.calibration.sheet.press_plan import CONTACT_RADIUS_MM, TIP_RADIUS_MM
-from manytouch.calibration.sheet.press_table import PressRow, read_press_table, write_press_table
+from manytouch.calibration.sheet.press_table import (
+    PressRow,
+    read_press_table,
+    require_rest_calibration,
+    write_press_table,
+)
 from manytouch.errors import ManytouchError, OutputError, SensorError, SourceError
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import ASSUMED_FPS, close
@@ -51,6 +56,7 @@ def read_typed_presses(
             f"the sensor {sensor.name!r} has no [sheet] or no [markers]: add size_mm and thickness_mm of the "
             "sheet to its file first"
         )
+    require_rest_calibration(sensor)
     rows = list(read_press_table(table)) if table.is_file() else []
     if rows:
         report(f"{_count(rows)} already in {table}; undo removes the last one")

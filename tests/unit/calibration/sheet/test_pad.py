@@ -23,7 +23,7 @@ SHEARS_N = ((0.15, 0.0), (0.0, -0.25), (0.08, 0.08))
 
 @pytest.fixture(scope="module")
 def sensor() -> Sensor:
-    return pad_sensor(young_MPa=0.5)
+    return pad_sensor(young_MPa=0.5, young_std_MPa=0.15)
 
 
 @pytest.fixture(autouse=True)
@@ -95,6 +95,20 @@ def test_presses_that_contradict_each_other_widen_the_deviation(sensor: Sensor) 
     assert found.std["young_std_MPa"] >= rms * found.sheet.young_MPa
     (line,) = (each for each in describe(found) if "leave-one-out" in each)
     assert "(RMS)" in line
+
+
+def test_presses_that_do_not_determine_the_modulus_are_refused(sensor: Sensor) -> None:
+    held = presses(sensor)
+    assert held[0].force_N is not None
+    odd = [replace(held[0], force_N=0.02 * held[0].force_N), *held[1:]]
+    with pytest.raises(SensorError, match=r"do not determine Young's modulus.*press 1 \(\+\d+ %\)"):
+        calibrate_pad(sensor, odd)
+
+
+def test_a_modulus_far_from_the_sensor_file_is_a_warning() -> None:
+    stated = pad_sensor(young_MPa=1.2, young_std_MPa=0.36)
+    (far,) = calibrate_pad(stated, presses(stated)).warnings
+    assert "differs by more than 3 deviations from the 1.2 ± 0.36 MPa" in far
 
 
 def test_presses_without_forces_are_refused() -> None:

@@ -6,9 +6,11 @@ import pytest
 
 from manytouch.calibration.sheet import press_table
 from manytouch.calibration.sheet.press_parser import PressContext, parse_press
-from manytouch.calibration.sheet.press_table import read_press_table
+from manytouch.calibration.sheet.press_table import measure_presses, read_press_table
+from manytouch.calibration.sheet.typed_presses import read_typed_presses
 from manytouch.errors import ManytouchError, SensorError
 from manytouch.simulation.demo_sensor import demo_sensor
+from manytouch.values.sensor_file import load_sensor
 
 HEAD = "input,x_mm,y_mm,normal_force_N\n"
 
@@ -85,3 +87,11 @@ def test_typed_numbers_have_limits() -> None:
     for text in ("0,0 " + "9" * 150 + " N", "0,0 " + "1" * 300, "9" * 180 + ",0"):
         with pytest.raises(SensorError, match=r"at most|outside"):
             parse_press(text, 1, context)
+
+
+def test_a_nominal_sensor_must_be_calibrated_at_rest_first() -> None:
+    nominal = load_sensor("gelsight-mini")
+    with pytest.raises(SensorError, match="calibrate rest RECORDING --sensor FILE --out"):
+        measure_presses(nominal, (), Path())
+    with pytest.raises(SensorError, match="calibrate rest"):
+        read_typed_presses(nominal, "sim:pad", Path("presses.csv"), report=print)
