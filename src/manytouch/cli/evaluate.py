@@ -212,10 +212,14 @@ class _Progress:
 
 
 def _describe_results(evaluation: "Evaluation") -> list[str]:
-    """One line per method, of all recordings; then figures of groups with their goals."""
+    """A line or two per method, of all recordings; then figures of groups with their goals."""
     from manytouch.evaluation.report.goals import goal_lines
     from manytouch.evaluation.report.pad_goals import goal_sentences
-    from manytouch.evaluation.report.report_data import in_short
+    from manytouch.evaluation.report.report_data import forces_in_short, in_short
 
-    lines = [f"{method}: {in_short(evaluation, method)}" for method in evaluation.methods]
+    lines = []
+    for method in evaluation.methods:
+        lines.append(f"{method}: {in_short(evaluation, method)}")
+        if (forces := forces_in_short(evaluation, method)) is not None:
+            lines.append(f"{method}, forces: {forces}")
     return [*lines, *goal_lines(evaluation), *goal_sentences(evaluation)]

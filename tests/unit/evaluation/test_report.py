@@ -19,7 +19,7 @@ from manytouch.evaluation.records.record import ContactRows, EvaluationRecord
 from manytouch.evaluation.report import page as report
 from manytouch.evaluation.report import svg_theme
 from manytouch.evaluation.report.ratings import cell, limits, rate_methods, table
-from manytouch.evaluation.report.report_data import contents, in_short, plain
+from manytouch.evaluation.report.report_data import contents, forces_in_short, in_short, plain
 from manytouch.evaluation.suite.cases import Case, Touch
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 
@@ -312,6 +312,15 @@ def test_nan_becomes_null_and_keys_become_text() -> None:
     assert plain({1: [float("nan"), np.float64(2.0), float("inf"), True, "x"]}) == {
         "1": [None, 2.0, None, True, "x"]
     }
+
+
+def test_the_line_of_forces_has_error_and_coverage_where_there_are_forces(evaluation: Evaluation) -> None:
+    line = forces_in_short(evaluation, "careful")
+    assert line is not None
+    assert "normal force error, relative, median" in line
+    assert "normal force: within the 95 % interval" in line
+    assert forces_in_short(evaluation, "rash & <odd>") is None
+    assert forces_in_short(evaluation, "nobody") is None
 
 
 def test_in_short_names_the_main_figures(evaluation: Evaluation) -> None:

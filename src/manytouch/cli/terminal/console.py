@@ -166,6 +166,8 @@ def describe_results(summary: Summary) -> Sequence[str]:
         sentences.append("contacts are not valid: too few frames could be evaluated")
     else:
         sentences.append("no contact in any frame")
+    if (forces := summary.forces.sentence()) is not None:
+        sentences.append(forces)
     if noise["median"] is None:
         sentences.append("noise per marker unknown: too few frames without contact")
     else:

@@ -79,6 +79,20 @@ def in_short(evaluation: Evaluation, method: str) -> str:
     return ", ".join(f"{line.label} {written(line, found(line, everything), one.unit)}" for line in lines)
 
 
+def forces_in_short(evaluation: Evaluation, method: str) -> str | None:
+    """The errors of the normal forces of a method in one line; None if it gives no force."""
+    keys = (
+        *(("force", "normal_median_percent"), ("force", "normal_p95_percent"), ("force", "normal_median_N")),
+        ("calibration", "force.coverage_95"),
+    )
+    one = part(evaluation, method)
+    everything = None if one is None else figures(one)
+    if one is None or everything is None or not math.isfinite(everything["force"]["normal_median_N"]):
+        return None
+    lines = [line for line in METRICS if (line.section, line.key) in keys]
+    return ", ".join(f"{line.label} {written(line, found(line, everything), one.unit)}" for line in lines)
+
+
 def unit_of(evaluation: Evaluation) -> str:
     """The unit of all lengths."""
     return evaluation.trials[0].comparisons[0].unit if evaluation.trials else "mm"

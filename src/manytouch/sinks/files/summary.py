@@ -17,6 +17,7 @@ from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict
+from manytouch.sinks.force_counts import ForceCounts
 from manytouch.values import Reading, Roi, Sensor, SheetSpline, Status
 from manytouch.values.arrays import count_of
 
@@ -29,7 +30,11 @@ RARELY_SEEN = 0.5  # share of the frames below which a marker causes a warning
 
 
 class Summary:
-    """Collects statistics of a run; a sink."""
+    """Collects statistics of a run; a sink.
+
+    Attributes:
+        forces: how many frames have a force that differs from 0.
+    """
 
     def __init__(
         self, *, sensor: Sensor, pipeline: Pipeline, method: str, recording: Mapping[str, Any]
@@ -48,6 +53,7 @@ class Summary:
         self._recording = dict(recording)
         markers = len(layout_of(sensor).rest_mm)
         self._noise = RestNoise(markers)
+        self.forces = ForceCounts()
         self._seen_count = np.zeros(markers, dtype=np.int64)
         self._status: Counter[Status] = Counter()
         self._contacts: set[int] = set()
@@ -64,6 +70,7 @@ class Summary:
         """Add a frame."""
         touching = reading.contacts.touching
         self._noise.add(reading)
+        self.forces.add(touching)
         self._seen_count += reading.grid.is_seen
         self._status[reading.status] += 1
         self._contacts.update(contact.id for contact in touching)
@@ -160,6 +167,7 @@ class Summary:
             "sensor": sensor_to_dict(self._sensor),
             "assumptions": list(self._sensor.assumptions),
             "counts": self.counts,
+            "forces": self.forces.to_dict(),
             "pretension": self.pretension,
             "milliseconds": self._latency(),
             "noise_px": self.noise_px,
@@ -196,6 +204,7 @@ class Summary:
         for sentence in found if isinstance(found, list | tuple) else ():
             sentences.append(f"the sensor file was made with a warning: {sentence}")
         sentences += self._rest_warnings()
+        sentences += self.forces.warnings(self._sensor)
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))
         announced = self._recording.get("frame_count")

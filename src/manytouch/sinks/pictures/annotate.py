@@ -10,6 +10,7 @@ from manytouch.geometry.camera import mm_per_px
 from manytouch.sinks.contact_outlines import outlines_px
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.sensor_description import layout_of, pitch_px, rest_px
+from manytouch.sinks.force_counts import is_clear
 from manytouch.sinks.pictures import drawing
 from manytouch.sinks.pictures.label_layout import Rectangle, place_label
 from manytouch.sinks.pictures.video_file import VideoFile
@@ -146,16 +147,19 @@ class Annotator:
         circle: tuple[float, float, float],
         occupied: list[Rectangle],
     ) -> None:
-        text = f"#{contact.id}  {self.depth_text(contact)}{force_text(contact)}"
+        begin, force = f"#{contact.id}  {self.depth_text(contact)}", force_text(contact)
         height = 1.1 * self._text_px
-        size = (drawing.text_size(text, height)[0] + height, 2.0 * height)
+        size = (drawing.text_size(begin + force, height)[0] + height, 2.0 * height)
         label = place_label(circle, size, (picture.shape[1], picture.shape[0]), occupied)
         occupied.append(label)
         drawing.plate(picture, (label.left, label.top), size)
         baseline = (label.left + height / 2, label.top + 1.5 * height)
-        is_weak = contact.depth_mm < 2.0 * contact.std("depth")
-        colour = drawing.GREY if is_weak else drawing.WHITE
-        drawing.write_text(picture, text, baseline, height, colour, outline=False)
+        is_deep = is_clear(contact.depth_mm, contact.std("depth"))
+        is_strong = is_clear(float(contact.force_N[2]), contact.std("normal_force"))
+        for text, is_bright in ((begin, is_deep), (force, is_strong)):
+            colour = drawing.WHITE if is_bright else drawing.GREY
+            drawing.write_text(picture, text, baseline, height, colour, outline=False)
+            baseline = (baseline[0] + drawing.text_size(text, height)[0], baseline[1])
 
     def depth_text(self, contact: Contact) -> str:
         """Depth and its deviation in the sensor's unit."""

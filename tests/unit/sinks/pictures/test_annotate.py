@@ -9,7 +9,7 @@ import pytest
 
 from manytouch.errors import OutputError
 from manytouch.sinks.pictures.annotate import AnnotatedPictures, Annotator, force_text
-from manytouch.sinks.pictures.drawing import SKY, VERMILION, YELLOW, eight_bit_colour
+from manytouch.sinks.pictures.drawing import GREY, SKY, VERMILION, YELLOW, eight_bit_colour
 from manytouch.values import OutlineRing, Phase, Status
 
 
@@ -186,6 +186,15 @@ def test_a_shear_force_below_its_deviation_is_not_drawn_and_the_legend_has_its_s
     assert vermilion(0.6) < vermilion(0.1)
     relative = Annotator(dataclasses.replace(sensor, sheet=None))
     assert count(annotate(reading_of(0)), VERMILION) > count(relative(reading_of(0)), VERMILION)
+
+
+def test_a_force_within_two_deviations_is_grey_and_a_clear_one_is_not(sensor, reading_of, contact_of):
+    def grey_of(std_N):
+        covariance = np.diag([0.04, 0.09, 0.01, 1.0, 1.0, std_N**2, 1.0, 1.0])
+        contact = contact_of(force_N=np.array([0.0, 0.0, -1.0]), covariance=covariance)
+        return count(Annotator(sensor)(reading_of(0, (contact,))), GREY)
+
+    assert grey_of(0.7) > grey_of(0.4) + 20
 
 
 def test_a_label_contains_newtons_where_there_are_any(contact_of):
