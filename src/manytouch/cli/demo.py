@@ -107,7 +107,7 @@ def _serve(
         live = Live(job, recordings=out)
         log = ContactLog(job.sensor, reporter.print, source.truth)
         busiest = BusiestFrame(job.sensor)
-        with ResultFiles(out, job, is_repeatable=False) as files:
+        with ResultFiles(out, job, is_repeatable=False, warnings=lambda: live.warnings) as files:
             limited = [FirstSeconds(sink, seconds or MAX_TABLE_SECONDS) for sink in (*files.sinks, busiest)]
             shown = viewers(live, address, reporter.print)
             files.is_complete = run(live, [log, *limited, *shown], reporter, stop)

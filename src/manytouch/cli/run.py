@@ -133,7 +133,7 @@ def run(
             print_outputs(live.health(), reporter.print)
             return 0
         folder = out / result_name(source)
-        with ResultFiles(folder, job, is_repeatable=False) as files:
+        with ResultFiles(folder, job, is_repeatable=False, warnings=lambda: live.warnings) as files:
             shown = viewers(live, address, reporter.print)
             files.is_complete = run_loop(live, [*files.sinks, log, *shown], reporter, stop)
             files.is_repeatable = live.is_repeatable

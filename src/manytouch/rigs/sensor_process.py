@@ -209,7 +209,7 @@ def _run(connection: Connection, rig: RigSensor, options: SensorOptions, stop: C
     if options.out is None:
         run(live, sinks, notes, stop)
         return
-    with ResultFiles(options.out, job, is_repeatable=False) as files:
+    with ResultFiles(options.out, job, is_repeatable=False, warnings=lambda: live.warnings) as files:
         files.is_complete = run(live, [*files.sinks, *sinks], notes, stop)
 
 

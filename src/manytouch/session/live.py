@@ -20,7 +20,8 @@ from manytouch.session.commands.continuation import (
     resumed_estimation,
     resumed_tracking,
 )
-from manytouch.session.commands.tare import TARE_FRAMES, tare_sensor
+from manytouch.session.commands.tare import TareCollector
+from manytouch.session.commands.touched_tares import TouchedTares
 from manytouch.session.methods import (
     METHODS,
     Value,
@@ -51,7 +52,6 @@ from manytouch.values import (
     Stop,
     StopRecording,
     Tare,
-    TrackedGrid,
     Tune,
     UndoTare,
     UseMethod,
@@ -103,14 +103,20 @@ class Live:
         self._dropped = 0
         self._next_index: int | None = None
         self._pace = Pace()
-        self._tare_grids: list[TrackedGrid] | None = None
-        self._before_tares: list[Sensor] = []
+        self._tare = TareCollector()
+        self._before_tares: list[Setup] = []
+        self._touched_tares = TouchedTares()
         self._is_changed = False
 
     @property
     def is_repeatable(self) -> bool:
         """Whether no command has changed readings: no other method, parameter or reference, and no press."""
         return not self._is_changed
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on commands that make results doubtful."""
+        return self._touched_tares.warnings
 
     @property
     def sensor(self) -> Sensor:
@@ -139,11 +145,9 @@ class Live:
         """Ground truth of a frame; None where the source has none."""
         truth_of = self._job.source.capabilities.truth
         truth = None if truth_of is None else truth_of(frame_index)
-        return (
-            None
-            if truth is None
-            else Comparison(name="truth", surface=truth.surface, contacts=truth.contacts)
-        )
+        if truth is None:
+            return None
+        return Comparison(name="truth", surface=truth.surface, contacts=truth.contacts)
 
     def health(self) -> Health:
         """State of source, session and recording."""
@@ -170,6 +174,7 @@ class Live:
             notes=self._commands.notes,
             can_press=can.press is not None,
             can_untare=bool(self._before_tares),
+            reference_warning=self._touched_tares.warning,
             sensor_version=setup.version,
             is_preparing=self._setups.is_busy,
             outputs=tuple(state for output in self._outputs for state in output.states),
@@ -210,6 +215,8 @@ class Live:
         setup = next(stream, None)
         while isinstance(setup, Setup):
             self._present = setup
+            if (warning := self._touched_tares.use(setup.tare)) is not None:
+                self._commands.note(warning)
             following: list[Setup] = []
             begin = setup.estimation
             if before is not None and setup.is_variant_of(before):
@@ -219,6 +226,7 @@ class Live:
             tracked = _until_setup(stream, following)
             readings = setup.pipeline.estimate_readings(tracked, setup.sensor, begin)
             for reading in kept(readings, state.keep):
+                self._touched_tares.add(reading)
                 yield renumber(reading)
             before, setup = setup, following[0] if following else None
 
@@ -238,7 +246,7 @@ class Live:
             stream = setup.pipeline.track_frames(self._frames(setup), setup.sensor, begin)
             for tracked in kept(stream, state.keep):
                 yield tracked
-                self._collect_tare(tracked.grid)
+                self._collect_tare(tracked)
             before = setup
 
     def _frames(self, setup: Setup) -> Iterator[Frame]:
@@ -283,7 +291,7 @@ class Live:
             case Stop():
                 self._is_held = True
             case Tare():
-                self._tare_grids = [] if self._tare_grids is None else self._tare_grids
+                self._tare.begin()
             case UndoTare():
                 self._undo_tare()
             case UseMethod(method=method):
@@ -321,27 +329,24 @@ class Live:
         self._is_changed = True
         press(command)
 
-    def _collect_tare(self, grid: TrackedGrid) -> None:
-        """Collect frames at rest; once they are enough, continue with the sensor that they give."""
-        if self._tare_grids is None:
+    def _collect_tare(self, tracked: TrackedFrame) -> None:
+        """Continue with the sensor that a tare gives, once it has enough frames."""
+        setup = self._newest_setup
+        try:
+            sensor, tare = self._tare.add(tracked, setup.sensor)
+        except ManytouchError as error:
+            self._commands.note(f"not tared: {error}")
             return
-        self._tare_grids.append(grid)
-        if len(self._tare_grids) < TARE_FRAMES:
-            return
-        sensor = tare_sensor(self._newest_setup.sensor, self._tare_grids)
-        self._tare_grids = None
-        if sensor is None:
-            self._commands.note("not tared: fewer than half of the markers are seen")
-            return
-        note = "tared: the present marker positions are the reference"
-        self._before_tares.append(self._newest_setup.sensor)
-        self._change(note, sensor=sensor, version=self._newest_setup.version + 1)
+        if tare is not None:
+            self._before_tares.append(setup)
+            note = "tared: the present marker positions are the reference"
+            self._change(note, sensor=sensor, tare=tare, version=setup.version + 1)
 
     def _undo_tare(self) -> None:
         if not self._before_tares:
             raise ManytouchError("there is no tare to undo")
-        note = "tare undone: the reference is the one before"
-        self._change(note, sensor=self._before_tares.pop(), version=self._newest_setup.version + 1)
+        note, before = "tare undone: the reference is the one before", self._before_tares.pop()
+        self._change(note, sensor=before.sensor, tare=before.tare, version=self._newest_setup.version + 1)
 
     @property
     def _newest_setup(self) -> Setup:

@@ -1,6 +1,6 @@
 """Every frame of an input into the files of a result folder."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
@@ -138,6 +138,7 @@ class ResultFiles:
         annotate: bool = False,
         pictures: Collection[int] = (),
         is_repeatable: bool = True,
+        warnings: Callable[[], Sequence[str]] = tuple,
     ) -> None:
         """Lock the folder and create the sinks for its files.
 
@@ -148,6 +149,7 @@ class ResultFiles:
             annotate: draw an annotated video, or annotated images when the input is images.
             pictures: numbers of the frames whose surface is drawn (extra `lab`).
             is_repeatable: see the attribute; False for a session until it has ended.
+            warnings: called at the end, for warnings of the session that summary.json shall contain.
 
         Raises:
             OutputError: the folder cannot be written, is being written, or a file of the input would be
@@ -159,7 +161,7 @@ class ResultFiles:
         _require_apart(folder, job.source)
         self.is_complete = False
         self._job = job
-        self.is_repeatable = is_repeatable
+        self.is_repeatable, self._session_warnings = is_repeatable, warnings
         self.stamp = result_stamp(job.files_stamp or files_stamp(job.text), request_hash(job.request))
         self.hashes = dict(request_hashes(job.source, job.text, job.request))
         self.summary = Summary(
@@ -208,6 +210,7 @@ class ResultFiles:
             try:
                 for sink in self.sinks:
                     sink.close()  # again, or for the first time if the run has not begun
+                self.summary.add_warnings(self._session_warnings())
                 self.summary.save(
                     self.folder.partial_path,
                     is_complete=self.is_complete and error is None,

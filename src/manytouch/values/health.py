@@ -78,6 +78,8 @@ class Health:
         frame, frame_count: position in a recording and its length; None if the source is not a recording.
         can_press: whether the source accepts `Press`.
         can_untare: whether there is a `Tare` to undo.
+        reference_warning: a sentence if something touched the sheet during the `Tare` whose reference is in
+            use; else None.
         sensor_version: increases with every change of the sensor.
         is_preparing: whether a changed method, parameter or reference is being prepared.
         outputs: to other programs.
@@ -104,6 +106,7 @@ class Health:
     frame_count: int | None = None
     can_press: bool = False
     can_untare: bool = False
+    reference_warning: str | None = None
     sensor_version: int = 0
     is_preparing: bool = False
     outputs: tuple[OutputState, ...] = ()

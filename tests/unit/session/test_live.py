@@ -1,5 +1,7 @@
 """A session: readings as offline, commands between frames, dropped frames, an end whatever happens."""
 
+import json
+import re
 import sys
 import threading
 import time
@@ -20,7 +22,7 @@ from manytouch.paper.estimation import PaperEstimation
 from manytouch.pipeline import Controls
 from manytouch.recording import SESSION
 from manytouch.recording.messages import decode_session
-from manytouch.session import Live, pipeline_for, prepare, run
+from manytouch.session import Live, ResultFiles, pipeline_for, prepare, run
 from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.methods import choices_of, parameters_of, tune
 from manytouch.session.prepare import Job
@@ -193,6 +195,37 @@ def test_a_tare_is_undone_and_both_references_are_recorded(tmp_path: Path) -> No
     rest_px = [float(np.median(sensor.layout.rest_px[:, 0])) for sensor in sessions]
     shift_px = [round(each - rest_px[0]) for each in rest_px]
     assert [one for one, before in pairwise([*shift_px, None]) if one != before] == [0, 3, 0]
+
+
+def test_a_tare_of_a_touched_sheet_is_carried_out_with_a_warning_until_it_is_undone(tmp_path: Path) -> None:
+    job = prepare(DrawnSource(frames=90))
+    live, warnings = Live(job), []
+
+    class Watching(Seen):
+        def write(self, reading: Reading) -> None:
+            warnings.append(live.health().reference_warning)
+            super().write(reading)
+
+    seen = Watching(live, waits_at=(50, 65), at_22=Tare(), at_60=UndoTare())
+    with ResultFiles(tmp_path / "out", job, is_repeatable=False, warnings=lambda: live.warnings) as files:
+        run(live, [*files.sinks, seen])
+    (note,) = (note for note in live.health().notes if "touched the sheet" in note)
+    assert re.fullmatch(
+        r"[12] contacts? touched the sheet when it was tared at 0\.02 s: contacts, depths and forces from "
+        "now on are relative to its shape then; undo the tare, and tare while nothing touches",
+        note,
+    )
+    assert warnings[40] is None or warnings[51] == note
+    assert [warnings[22], warnings[55], warnings[-1]] == [None, note, None]
+    summary = json.loads((tmp_path / "out" / "summary.json").read_text())
+    (sentence,) = (each for each in summary["warnings"] if "touched the sheet" in each)
+    assert re.search(r"tared at 0\.02 s: .* until 0\.0[67] s are relative to its shape then$", sentence)
+
+
+def test_a_tare_of_an_untouched_sheet_has_no_warning() -> None:
+    live, _ = run_live(DrawnSource(frames=70, is_touched=False), waits_at=50, at_25=Tare())
+    assert live.health().can_untare
+    assert (live.warnings, live.health().reference_warning) == ((), None)
 
 
 def test_without_a_tare_there_is_nothing_to_undo() -> None:

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 from manytouch.estimation.contact_tracker import with_tracks_of
 from manytouch.geometry.views.view_sensors import view_sensors
 from manytouch.pipeline import FrontState, Pipeline
+from manytouch.session.commands.tare import TareTime
 from manytouch.values import Sensor
 
 Item = TypeVar("Item")
@@ -18,6 +19,7 @@ class Setup:
     """What processes the frames until a command replaces it; `note` is shown once it does.
 
     `estimation` is the state to begin with, computed before: it takes several frames' time. None: not yet.
+    `tare` states when the reference of the sensor was taken; None: it is that of the beginning.
     """
 
     pipeline: Pipeline
@@ -26,6 +28,7 @@ class Setup:
     version: int
     note: str = ""
     estimation: Any = None
+    tare: TareTime | None = None
 
     def is_variant_of(self, other: "Setup") -> bool:
         """Whether only parameters differ, so that contacts go on."""

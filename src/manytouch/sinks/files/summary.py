@@ -4,7 +4,7 @@ import dataclasses
 import json
 import platform
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -65,6 +65,7 @@ class Summary:
         self._first_touch_ns: int | None = None
         self._methods: Counter[str] = Counter()
         self._spline: SheetSpline | None = None
+        self._added: tuple[str, ...] = ()
 
     def write(self, reading: Reading) -> None:
         """Add a frame."""
@@ -86,6 +87,10 @@ class Summary:
         if reading.status is Status.OK:
             is_without = self._method == "mechanics" and reading.surface.spline is None
             self._methods[WITHOUT_SHEET if is_without else self._method] += 1
+
+    def add_warnings(self, sentences: Sequence[str]) -> None:
+        """Add warnings of the session, in place of those that were added before."""
+        self._added = tuple(sentences)
 
     def close(self) -> None:
         """Nothing to complete: the file is written by `save`, after all others."""
@@ -203,8 +208,7 @@ class Summary:
         found = self._sensor.provenance.get("rest_warnings")
         for sentence in found if isinstance(found, list | tuple) else ():
             sentences.append(f"the sensor file was made with a warning: {sentence}")
-        sentences += self._rest_warnings()
-        sentences += self.forces.warnings(self._sensor)
+        sentences += [*self._added, *self._rest_warnings(), *self.forces.warnings(self._sensor)]
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))
         announced = self._recording.get("frame_count")

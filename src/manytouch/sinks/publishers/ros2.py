@@ -1,6 +1,7 @@
 """Readings as topics of ROS 2, over DDS, without ROS; see `manytouch.sinks.ros2.messages` for the topics.
 
-A message is made only where it is read. A message on NAME/tare (std_msgs/Empty) requests a tare.
+A message is made only where it is read. A message on NAME/tare (std_msgs/Empty) requests a tare, one on
+NAME/undo_tare the reference before it.
 """
 
 import math
@@ -16,7 +17,7 @@ from manytouch.sinks.publishers.dds import DdsParticipant
 from manytouch.sinks.publishers.images import ImageTurns, encoded_image
 from manytouch.sinks.recorder import started_unix_ns
 from manytouch.sinks.ros2.messages import Mount, RosMessage, RosMessages
-from manytouch.values import Reading, Sensor, Tare
+from manytouch.values import Reading, Sensor, Tare, UndoTare
 
 NAME = "manytouch"
 FRAME_NAME = r"[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*"
@@ -42,7 +43,7 @@ class Ros2Publisher:
             address: `ros2://NAME?domain=N&images=RATE`; absent: manytouch, ROS_DOMAIN_ID or 0, and
                 `IMAGES_PER_S`. `parent=FRAME&pose=X,Y,Z,RX,RY,RZ` adds the pose of the sheet in another
                 frame, in mm and rad (rotation vector).
-            controls: the session; it gets the tares.
+            controls: the session; it gets the requests of tares.
 
         Raises:
             ManytouchError: name, domain, pose or rate of images is wrong.
@@ -64,20 +65,24 @@ class Ros2Publisher:
             self._dds.declare(self._messages.topic(topic), type_name)
         self._dds.declare("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
         self._dds.declare("/tf_static", "tf2_msgs/msg/TFMessage", is_latched=True)
-        self._tare = self._dds.reader(self._messages.topic("tare"), "std_msgs/msg/Empty")
+        requests = (self._messages.topic(name) for name in ("tare", "undo_tare"))
+        self._tare, self._undo_tare = (self._dds.reader(topic, "std_msgs/msg/Empty") for topic in requests)
         self._epoch_ns: int | None = None
         self._next_diagnostics_s = 0.0
         self._dds.write(self._messages.transform(time.time_ns()))
         topics = ", ".join(self._messages.topic(topic) for topic in TOPICS)
         self.description = (
             f"publishes {topics}, /diagnostics and /tf_static in the ROS domain {round(domain)}; a message "
-            f"on {self._messages.topic('tare')} requests a tare"
+            f"on {self._messages.topic('tare')} requests a tare, on {self._messages.topic('undo_tare')} the "
+            "reference before"
         )
 
     def publish(self, reading: Reading) -> None:
         """Publish what of a reading is read."""
         if self._tare.take(N=MOST_TARES):
             self._controls.send(Tare())
+        if self._undo_tare.take(N=MOST_TARES):
+            self._controls.send(UndoTare())
         frame = reading.frame
         if self._epoch_ns is None:
             self._epoch_ns = started_unix_ns(frame)
@@ -101,7 +106,7 @@ class Ros2Publisher:
 
     def close(self) -> None:
         """Leave the domain."""
-        self._tare = None
+        self._tare = self._undo_tare = None
         self._dds.close()
 
     def _send(self, topic: str, make: Callable[[], RosMessage]) -> None:

@@ -239,8 +239,10 @@ class RosMessages:
         )
 
     def diagnostics(self, health: Health, status: Status, stamp_ns: int) -> RosMessage:
-        """State of the session: level 0 ok, 1 a frame has a status, 2 the source has failed."""
-        level = 2 if health.source != "ok" else int(status is not Status.OK)
+        """State of the session: level 1 for a status of a frame or a doubtful reference, 2 without source."""
+        doubts = [str(status)] if status is not Status.OK else []
+        doubts += [] if health.reference_warning is None else [health.reference_warning]
+        level = 2 if health.source != "ok" else int(bool(doubts))
         values: Mapping[str, object] = {
             "fps": f"{health.fps:.1f}",
             "latency_ms_p50": f"{health.latency_ms_p50:.1f}",
@@ -256,7 +258,7 @@ class RosMessages:
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=level,
             name=self._name,
-            message=health.source if health.source != "ok" else str(status),
+            message=health.source if health.source != "ok" else "; ".join(doubts) or str(status),
             hardware_id=self.sensor.name,
             values=[
                 self._new("diagnostic_msgs/msg/KeyValue", key=key, value=str(value))

@@ -1,6 +1,7 @@
 """Topics of ROS 2: bytes of rosbags, read by the deserializer of cyclonedds, over DDS on loopback."""
 
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +15,7 @@ from manytouch.sinks.publishers.dds import DdsParticipant, dds_type
 from manytouch.sinks.publishers.registry import open_outputs
 from manytouch.sinks.publishers.ros2 import TOPICS, mount_of
 from manytouch.sinks.ros2.messages import CONTACT_FIELDS, RosMessage, RosMessages, typestore
-from manytouch.values import Phase, Sensor, Tare
+from manytouch.values import Command, Phase, Sensor, Status, Tare, UndoTare
 from waiting import wait_until
 
 LOOPBACK = Path(__file__).parents[3] / "peers" / "loopback.xml"
@@ -122,6 +123,7 @@ def test_the_description_names_every_topic_and_the_domain(session) -> None:
         assert f"/skin/{topic}" in output.description
     assert f"in the ROS domain {DOMAIN};" in output.description
     assert "/skin/tare" in output.description
+    assert "/skin/undo_tare" in output.description
 
 
 def test_a_reader_receives_the_wrench_and_the_contacts(session, pressed) -> None:
@@ -157,20 +159,41 @@ def test_a_reader_receives_the_wrench_and_the_contacts(session, pressed) -> None
     peer.close()
 
 
-def test_a_message_on_the_topic_tare_requests_a_tare(session, pressed) -> None:
+@pytest.mark.parametrize(("topic", "kind"), [("/skin/tare", Tare), ("/skin/undo_tare", UndoTare)])
+def test_a_message_requests_a_tare_or_undoes_it(topic: str, kind: type[Command], session, pressed) -> None:
     (output,) = open_outputs([f"ros2://skin?domain={DOMAIN}"], session)
     peer = DdsParticipant(DOMAIN)
-    peer.declare("/skin/tare", "std_msgs/msg/Empty", is_latched=True)
+    peer.declare(topic, "std_msgs/msg/Empty", is_latched=True)
     empty = bytes(typestore().serialize_cdr(typestore().types["std_msgs/msg/Empty"](), "std_msgs/msg/Empty"))
 
     def is_tared() -> bool:
-        peer.write(RosMessage(topic="/skin/tare", type="std_msgs/msg/Empty", cdr=empty))
+        peer.write(RosMessage(topic=topic, type="std_msgs/msg/Empty", cdr=empty))
         output.write(pressed)
-        return any(isinstance(command, Tare) for command in session.commands)
+        return bool(session.commands)
 
     wait_until(is_tared)
+    assert all(type(command) is kind for command in session.commands)
     output.close()
     peer.close()
+
+
+@pytest.mark.parametrize(
+    ("source", "status", "warning", "expected"),
+    [
+        ("ok", Status.OK, None, (0, "ok")),
+        ("ok", Status.DARK, None, (1, "dark")),
+        ("ok", Status.OK, "tared while touched", (1, "tared while touched")),
+        ("ok", Status.DARK, "tared while touched", (1, "dark; tared while touched")),
+        ("unplugged", Status.OK, "tared while touched", (2, "unplugged")),
+    ],
+)
+def test_diagnostics_warn_of_frames_and_of_the_reference(
+    source: str, status: Status, warning: str | None, expected: tuple[int, str], session
+) -> None:
+    health = replace(session.health(), source=source, reference_warning=warning)
+    sent = RosMessages(session.sensor).diagnostics(health, status, 0)
+    (found,) = typestore().deserialize_cdr(sent.cdr, sent.type).status
+    assert (found.level, found.message) == expected
 
 
 def test_messages_without_a_reader_are_not_made(session, pressed, monkeypatch: pytest.MonkeyPatch) -> None:
