@@ -15,7 +15,9 @@ import pytest
 
 from clips import pressed_video
 from command_line import run_command
+from osc_receiver import Receiver
 from results import rows_of
+from waiting import wait_until
 
 TABLES = {"contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"}
 
@@ -50,6 +52,22 @@ def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(
     assert {path.name for path in folder.iterdir()} == wanted
     picture = cv2.imread(str(folder / "picture.png"))
     assert min(picture.shape[:2]) > 400
+
+
+def test_demo_sends_readings_to_other_programs_at_the_rate_of_the_sensor(tmp_path: Path) -> None:
+    receiver = Receiver()
+    done = run_command(
+        *("demo", "--no-view", "--seconds", "1.6", "--to", f"osc://127.0.0.1:{receiver.port}"),
+        folder=tmp_path,
+    )
+    assert done.returncode == 0, done.stderr
+    wait_until(lambda: len(receiver.of("/manytouch/frame")) == 48)
+    receiver.close()
+    assert f"osc://127.0.0.1:{receiver.port}: 48 readings sent" in done.stdout
+    assert (tmp_path / "out" / "demo" / "contacts.csv").is_file()
+    wrong = run_command("demo", "--to", "smoke://here", folder=tmp_path)
+    assert wrong.returncode == 1
+    assert "there is no output smoke://" in wrong.stderr
 
 
 def test_doctor_without_a_source_describes_the_machine() -> None:

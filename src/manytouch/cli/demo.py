@@ -1,5 +1,6 @@
 """`manytouch demo`: the main job on the simulated sensor."""
 
+from collections.abc import Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -26,7 +27,7 @@ def demo(
         Parameter(
             converter=options.positive("a number of seconds"),
             n_tokens=1,
-            help="Sensor time to simulate. [default: until Ctrl-C; 10 without viewer]",
+            help="Sensor time to simulate. [default: until Ctrl-C; 10 without viewer and --to]",
             show_default=False,
         ),
     ] = None,
@@ -34,6 +35,7 @@ def demo(
         str,
         Parameter(help="Built-in scene, such as skin (two cameras on one sheet), or a scene file."),
     ] = "",
+    to: options.OutputUrls = (),
     no_view: options.NoView = False,
     out: Annotated[Path, options.folder("Folder for tables and images.")] = Path("out/demo"),
     host: options.Host = "127.0.0.1",
@@ -45,28 +47,31 @@ def demo(
 
     The viewer shows surface, contacts and ground truth in the browser until
     Ctrl-C; the mouse presses the sheet. With --no-view or --seconds the demo ends
-    by itself. Writes the tables of manytouch process and an image of the surface;
-    until Ctrl-C, the tables contain the first five minutes.
+    by itself; with --to it sends readings to other programs until Ctrl-C, also
+    without the viewer. Writes the tables of manytouch process and an image of the
+    surface; until Ctrl-C, the tables contain the first five minutes.
 
     Example: manytouch demo --seconds 5
     """
     from manytouch.cli.terminal.console import Reporter
     from manytouch.sinks.files.atomic_output import check_writable
+    from manytouch.sinks.publishers.registry import check_addresses
 
     check_writable(out)
+    check_addresses(to)
     reporter = Reporter(bar=False)
     what = f"scene {scene}" if scene else "pressed by several fingers at once"
     reporter.print(f"simulated sensor, {what}", heading=True)
     if not no_view and find_spec("nicegui") is None:
         reporter.print("no viewer: it requires the package nicegui: run pip install manytouch")
         no_view = True
-    if no_view:
+    if no_view and not to:
         _process(scene, seconds or DEFAULT_SECONDS, out, reporter)
     else:
         from manytouch.cli.terminal.viewing import ViewerAddress
 
         address = ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
-        _serve(scene, seconds, out, address, reporter)
+        _serve(scene, seconds, out, reporter, address=None if no_view else address, to=to)
     return 0
 
 
@@ -90,11 +95,18 @@ def _process(scene: str, seconds: float, out: Path, reporter: "Reporter") -> Non
 
 
 def _serve(
-    scene: str, seconds: float | None, out: Path, address: "ViewerAddress", reporter: "Reporter"
+    scene: str,
+    seconds: float | None,
+    out: Path,
+    reporter: "Reporter",
+    *,
+    address: "ViewerAddress | None",
+    to: Sequence[str],
 ) -> None:
-    """Run with the viewer; the tables contain the first seconds only, so that the disk does not fill."""
+    """Run at the rate of the sensor; the tables contain the first seconds only, as disks are finite."""
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import StopOnSignal
+    from manytouch.cli.terminal.outputs import described_outputs, print_outputs
     from manytouch.cli.terminal.viewing import viewers
     from manytouch.session import Live, ResultFiles, prepare, run
     from manytouch.sinks.first_seconds import FirstSeconds
@@ -105,6 +117,7 @@ def _serve(
         source = PressedSource(scene, seconds=seconds)
         job = prepare(source, method="mechanics", observer=reporter)
         live = Live(job, recordings=out)
+        live.attach(described_outputs(to, live, reporter.print))
         log = ContactLog(job.sensor, reporter.print, source.truth)
         busiest = BusiestFrame(job.sensor)
         with ResultFiles(out, job, is_repeatable=False, warnings=lambda: live.warnings) as files:
@@ -113,6 +126,7 @@ def _serve(
             files.is_complete = run(live, [log, *limited, *shown], reporter, stop)
             files.is_repeatable = live.is_repeatable
             is_drawn = _draw(busiest, files, reporter)
+    print_outputs(live.health(), reporter.print)
     _finish(files, out, is_drawn, reporter)
     if live.health().frames > files.summary.frames:
         reporter.print(

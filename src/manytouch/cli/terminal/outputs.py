@@ -36,8 +36,8 @@ def print_end_of_scene(source: "Source", report: Callable[[str], None]) -> None:
     """A line about the length of a simulated scene; nothing for other sources."""
     if source.capabilities.truth is not None and source.frame_count:
         report(
-            f"the scene ends after {count_of(source.frame_count, 'frame')}; `manytouch demo` stays open and "
-            "can be pressed with the mouse"
+            f"the scene ends after {count_of(source.frame_count, 'frame')}; `manytouch demo` stays open, "
+            "can be pressed with the mouse, and takes --to"
         )
 
 
