@@ -2,7 +2,8 @@
 
 python rclpy_listener.py NAME SECONDS [tare]
 
-Of the surface, every tenth message is printed. With the word tare, it requests a tare each second.
+NAME is that of the topics, such as skin for ros2://skin. Of the surface, every tenth message is
+printed. With the word tare, it requests a tare each second.
 """
 
 import json
@@ -23,7 +24,10 @@ except ImportError:  # these packages are optional
     DiagnosticArray = MarkerArray = None
 
 NUMPY_TYPES = {6: "<u4", 7: "<f4"}
-name, seconds = sys.argv[1], float(sys.argv[2])
+try:
+    name, seconds = sys.argv[1], float(sys.argv[2])
+except (IndexError, ValueError):
+    sys.exit("usage: python rclpy_listener.py NAME SECONDS [tare], such as rclpy_listener.py skin 20")
 surfaces = 0
 
 

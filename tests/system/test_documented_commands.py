@@ -54,6 +54,9 @@ INSTEAD = {
     # end when the user ends them; tests/system/test_viewer.py runs them
     "view press.mcap": None,
     "demo": None,
+    "run 0 --sensor my-sensor.toml --to 'ros2://skin?parent=tool0&pose=40,0,0,0,0,1.57'": (
+        "run press.mp4 --no-view --sensor my-sensor.toml --to 'ros2://skin?parent=tool0&pose=40,0,0,0,0,1.57'"
+    ),
     # need recordings of one sheet by two cameras; tests/system/test_views.py and unit/calibration make them
     "process views:left.mp4,right.mp4 --sensor skin.toml --out results": None,
     "run views:/dev/v4l/by-id/LEFT,/dev/v4l/by-id/RIGHT --sensor skin.toml --record skin.mcap": None,

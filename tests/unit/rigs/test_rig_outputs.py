@@ -1,5 +1,6 @@
 """Outputs of the sensors of a rig."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -56,3 +57,13 @@ def test_what_receivers_could_not_distinguish_is_refused(tmp_path: Path) -> None
 
 def test_names_are_those_that_ros_allows() -> None:
     assert [ros_name(text) for text in ("index-tip", "2nd", "thumb")] == ["index_tip", "_2nd", "thumb"]
+
+
+def test_the_rig_to_try_of_the_documentation_is_one(tmp_path: Path) -> None:
+    page = Path(__file__).parents[3] / "docs" / "rigs.md"
+    if not page.exists():
+        pytest.skip("the pages come with the repository, not with the wheel")
+    (text,) = re.findall(r"## To try\n.*?```toml\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL)
+    (tmp_path / "try.toml").write_text(text)
+    rig = with_outputs(load_rig(tmp_path / "try.toml"), ["ros2://hand"])
+    assert [(sensor.name, sensor.source) for sensor in rig.sensors] == [("index", "sim:"), ("thumb", "sim:")]

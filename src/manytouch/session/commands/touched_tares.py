@@ -23,7 +23,7 @@ class _TouchedTare:
         touched = f"{count_of(self.contacts, 'contact')} touched the sheet when it was tared"
         return (
             f"{touched} at {_seconds(self.tare.begin_ns)}: contacts, depths and forces {period} are relative "
-            "to its shape then"
+            "to the touched shape"
         )
 
 
@@ -71,7 +71,7 @@ class TouchedTares:
         found = None if self._tare is None else self._found.get(self._tare)
         if found is None:
             return None
-        return f"{found.describe('from now on')}; undo the tare, and tare while nothing touches"
+        return f"{found.describe('since then')}; undo the tare, and tare while nothing touches"
 
     @property
     def warnings(self) -> tuple[str, ...]:

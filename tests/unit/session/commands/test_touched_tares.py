@@ -49,5 +49,5 @@ def test_the_warning_is_that_of_the_reference_in_use() -> None:
     assert tares.use(clean) is None
     assert tares.warning is None
     assert [sentence.partition("contacts, ")[2] for sentence in tares.warnings] == [
-        f"depths and forces until {end}.00 s are relative to its shape then" for end in (6, 5)
+        f"depths and forces until {end}.00 s are relative to the touched shape" for end in (6, 5)
     ]

@@ -101,8 +101,8 @@ def test_the_decoder_of_the_documentation_reads_contacts(sensor, pressed) -> Non
     if not page.exists():
         pytest.skip("the pages come with the repository, not with the wheel")
     text = page.read_text(encoding="utf-8")
-    (code,) = (each for each in re.findall(r"```python\n(.*?)```", text, re.DOTALL) if "def records" in each)
-    names: dict[str, Any] = {}
+    (code,) = re.findall(r"^TYPES = .*?\n(?=def show)", text, re.MULTILINE | re.DOTALL)
+    names: dict[str, Any] = {"np": np}
     exec(code, names)
     message = RosMessages(sensor).contacts(pressed, 0)
     points = names["records"](typestore().deserialize_cdr(message.cdr, message.type))
