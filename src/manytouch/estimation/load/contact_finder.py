@@ -5,7 +5,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
-from jaxtyping import Int64
+from jaxtyping import Float64, Int64
 
 from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
@@ -43,7 +43,7 @@ class LoadContactState:
 
     camera: Camera
     sampling: GridSampling
-    bounds_mm: Points2
+    bounds_mm: Float64[np.ndarray, "2 2"]
     centre_std_mm: float
     load: Any
     rest_mm: Points2
@@ -252,7 +252,7 @@ def _bounds(load_map: LoadMap, sheet: Sheet | None) -> Points2:
     return read_only(np.stack([low, high]))
 
 
-def _within(camera: Camera, bounds_mm: Points2, centre_mm: Points2) -> Points2:
+def _within(camera: Camera, bounds_mm: Float64[np.ndarray, "2 2"], centre_mm: Points2) -> Points2:
     """The centres (c, 2), moved to the nearest place within the bounds that the image shows.
 
     The model of the load extends beyond the outer markers, where nothing is measured.
