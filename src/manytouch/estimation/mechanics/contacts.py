@@ -7,6 +7,7 @@ from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
+from manytouch.estimation.mechanics.clusters.friction_fits import Friction
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
@@ -140,7 +141,12 @@ class ContactEstimator:
     shear_reach: float = 2.0
 
     def __call__(
-        self, model: InversionModel, clusters: Clusters, fit: Fit, local: LocalDeflection | None = None
+        self,
+        model: InversionModel,
+        clusters: Clusters,
+        fit: Fit,
+        local: LocalDeflection | None = None,
+        friction: Friction | None = None,
     ) -> list[Contact]:
         """Contacts of the fit's clusters, without identity (id -1).
 
@@ -172,8 +178,11 @@ class ContactEstimator:
         rows = np.stack([_estimate_rows(model, clusters, number, fit, near) for number in range(count)])
         point = np.arange(count) * len(_RINGS) + deepest
         rows[np.arange(count)[:, None], _DEPTH, face.basis.node[point]] = -slope[point, 2]
+        covariance = fit.posterior.covariances(rows)
+        if friction is not None:
+            covariance += friction.covariance(rows)
         contacts = []
-        for number, noise in enumerate(fit.posterior.covariances(rows)):
+        for number, noise in enumerate(covariance):
             depth_mm = -float(moved_mm[number, deepest[number], 2])
             # under a rigid flat face the sheet is equally deep; under a fitted patch of pressure it is hollow
             hollow_mm = depth_mm + float(moved_mm[number, :, 2].mean())

@@ -18,6 +18,7 @@ from manytouch.estimation.bonded import BondedEstimator
 from manytouch.estimation.contact_tracker import ContactTracker
 from manytouch.estimation.mechanics.clusters.evidence import ForcePosterior
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
+from manytouch.estimation.mechanics.clusters.friction_fits import Friction, FrictionFits
 from manytouch.estimation.mechanics.clusters.local_deflection import local_deflection
 from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
@@ -72,6 +73,7 @@ class MechanicsEstimator:
         force_clusters: groups of nodal forces.
         model_order: number and centres of the contacts in a group.
         rigid_faces: joins groups under one rigid object.
+        friction_fits: shear of the contacts without the reduction by the prior.
         contact_rules: which groups are contacts.
         contact_estimator: contacts with their covariances.
         pretension: estimate of a pretension that the sensor does not state.
@@ -91,6 +93,7 @@ class MechanicsEstimator:
     force_clusters: ForceClusters = field(default_factory=ForceClusters)
     model_order: ModelOrder = field(default_factory=ModelOrder)
     rigid_faces: RigidFaces = field(default_factory=RigidFaces)
+    friction_fits: FrictionFits = field(default_factory=FrictionFits)
     contact_rules: ContactRules = field(default_factory=ContactRules)
     contact_estimator: ContactEstimator = field(default_factory=ContactEstimator)
     pretension: PretensionEstimator = field(default_factory=PretensionEstimator)
@@ -163,14 +166,14 @@ class MechanicsEstimator:
         if grid.is_seen.sum() < MIN_MARKERS:
             return self._step_without_shape(state, grid, Status.FEW_MARKERS)
         if not rules.is_fitted(model, state.undescribed):
-            return self._step_without_sheet(_from_rest(state), grid)
+            return self._step_without_sheet(state.at_rest(), grid)
         if model.is_assumed:
             state = replace(state, model_std_px=rules.model_std_px(grid, state.reference_px, usual_std_px))
         fit = self.fit_frame(state, grid)
         state = replace(state, model_std_px=usual_std_px)
         if not rules.describes(model, fit, grid, state.reference_px, state.pitch_px):
             is_lost = model.is_assumed or fit.status is not Status.OK
-            state = _from_rest(state) if is_lost else _with_fit(state, fit)
+            state = state.at_rest() if is_lost else state.with_fit(fit)
             if model.is_assumed or state.undescribed >= rules.wait_frames:
                 return self._step_without_sheet(state, grid)
             waiting = replace(state, undescribed=state.undescribed + 1)
@@ -184,11 +187,21 @@ class MechanicsEstimator:
         shape = self._unbiased_shape(state, clusters, forces)
         clusters = self.rigid_faces(state.model, shape.coefficient_mm, clusters, touching_mm, forces.evidence)
         clusters, significance = self.contact_rules.certain(state.model, clusters, fit, state.response)
+        friction = self.friction_fits(fit, clusters, shape.force_mm2)
+        if friction is not None:
+            shape = shape.changed(model, friction.change_mm)
+            clusters = replace(clusters, centre_mm=clusters.centre_mm + friction.centre_change_mm)
         surface = self._surface(state, grid, shape, clusters, status)
-        after = _with_fit(state, fit)
+        after = state.with_fit(fit)
         may_start = self._may_start(state, clusters) & (significance >= self.contact_rules.start_stds)
         after, contacts = self._track(
-            after, clusters, replace(fit, shape=shape), may_start=may_start, noise=noise, status=status
+            after,
+            clusters,
+            replace(fit, shape=shape),
+            friction,
+            may_start=may_start,
+            noise=noise,
+            status=status,
         )
         if status is Status.OK and not after.tracks.tracks and not may_start.any():
             after = self._update_reference(after, grid)
@@ -284,12 +297,10 @@ class MechanicsEstimator:
 
         Its marker images are those of the fit.
         """
-        shape, model = forces.fit.shape, state.model
+        shape = forces.fit.shape
         if not np.isfinite(clusters.fitted_mm2).any():
             return shape
-        coefficient_mm = shape.coefficient_mm + forces.conditional_change(clusters.fitted_mm2)
-        force_mm2 = model.shell.forces(coefficient_mm)
-        return replace(shape, coefficient_mm=read_only(coefficient_mm), force_mm2=read_only(force_mm2))
+        return shape.changed(state.model, forces.conditional_change(clusters.fitted_mm2))
 
     def _may_start(self, state: MechanicsState, clusters: Clusters) -> Mask:
         model = state.model
@@ -302,6 +313,7 @@ class MechanicsEstimator:
         state: MechanicsState,
         clusters: Clusters,
         fit: Fit,
+        friction: Friction | None,
         *,
         may_start: Mask,
         noise: float,
@@ -312,7 +324,7 @@ class MechanicsEstimator:
         least_mm2 = noise * model.lattice.least_force_mm2
         on_face = np.isin(clusters.label, np.flatnonzero(clusters.is_face))
         own_mm2 = np.where(on_face[:, None], 0.0, fit.shape.force_mm2)
-        found = self.contact_estimator(model, clusters, fit, state.local)
+        found = self.contact_estimator(model, clusters, fit, state.local, friction)
         is_kept = is_pressed_in_image(model.camera, found)
         found, may_start = list(compress(found, is_kept)), may_start[is_kept]
         tracks, contacts = self.contact_tracker.step(
@@ -386,15 +398,3 @@ class MechanicsEstimator:
             spline=model.spline(shape.coefficient_mm, shape.force_mm2, state.pretension.std_mm),
             status=status,
         )
-
-
-def _with_fit(state: MechanicsState, fit: Fit) -> MechanicsState:
-    frames = state.posterior_frames + 1 if fit.posterior is state.posterior else 0
-    return replace(state, shape=fit.shape, posterior=fit.posterior, posterior_frames=frames)
-
-
-def _from_rest(state: MechanicsState) -> MechanicsState:
-    """The state from which the next fit begins at rest; a shape that failed may be one to stay in."""
-    rest = SheetShape.at_rest(state.model)
-    state = replace(state, shape=rest, posterior=None, posterior_frames=0)
-    return replace(state, response=None, response_is_due=False)

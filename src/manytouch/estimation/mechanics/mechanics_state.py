@@ -1,13 +1,13 @@
 """What the method `mechanics` keeps from frame to frame."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.contact_tracker import ContactTrackerState
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
-from manytouch.estimation.mechanics.inversion.gauss_newton import SheetShape
+from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, SheetShape
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     ParameterResponse,
@@ -70,3 +70,14 @@ class MechanicsState:
     tracks: ContactTrackerState
     without_sheet: WithoutSheet
     undescribed: int
+
+    def with_fit(self, fit: Fit) -> "MechanicsState":
+        """The state after a fit."""
+        frames = self.posterior_frames + 1 if fit.posterior is self.posterior else 0
+        return replace(self, shape=fit.shape, posterior=fit.posterior, posterior_frames=frames)
+
+    def at_rest(self) -> "MechanicsState":
+        """The state from which the next fit begins at rest; a shape that failed may be one to stay in."""
+        rest = SheetShape.at_rest(self.model)
+        state = replace(self, shape=rest, posterior=None, posterior_frames=0)
+        return replace(state, response=None, response_is_due=False)

@@ -81,6 +81,17 @@ class Linearisation:
             share[number] = 0.0
         return rows
 
+    def balance_gradient(self, weighted_balance: Nodal) -> Nodal:
+        """Half the gradient of sum weight (T f)^2, for (nodes, 3) weight times T f; 0 if not free."""
+        patch = self.shell.patch
+        weighted = np.where(patch.is_free, weighted_balance, 0.0)
+        across = weighted.copy()
+        across[:, 2] += (self.slope * weighted[:, :2]).sum(axis=1)
+        gradient = self.shell.product(self.tangent, across)
+        gradient[:, 2] += patch.slope_moments(self.force[:, 2:] * weighted[:, :2])
+        gradient[~patch.is_free] = 0.0
+        return gradient
+
     def gradient(
         self,
         residual_px: Float64[np.ndarray, "m 2"],
@@ -98,11 +109,7 @@ class Linearisation:
         is_unused = information_per_px2[:, [0, 1], [0, 1]] == 0.0
         pull = np.einsum("mij,mj->mi", information_per_px2, np.where(is_unused, 0.0, residual_px))
         spread = np.einsum("mi,mika->mka", pull, self.derivative)
-        weighted = np.where(patch.is_free, weighted_balance, 0.0)
-        across = weighted.copy()
-        across[:, 2] += (self.slope * weighted[:, :2]).sum(axis=1)
-        gradient = self.shell.product(self.tangent, across)
-        gradient[:, 2] += patch.slope_moments(self.force[:, 2:] * weighted[:, :2])
+        gradient = self.balance_gradient(weighted_balance)
         count, node = patch.node_count, self.dots.tips.basis.node.ravel()
         for axis in range(3):
             gradient[:, axis] += np.bincount(node, spread[:, :, axis].ravel(), minlength=count)

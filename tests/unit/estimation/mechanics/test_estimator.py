@@ -6,58 +6,19 @@ from functools import cache
 import numpy as np
 import pytest
 
-from layouts import grid_at, lattice_layout
+from bent_sheets import COLUMNS, PITCH_MM, ROWS, YOUNG_MPA, bent, grid_of, sensor_of
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation import MechanicsEstimator, PerimeterEstimator
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
 from manytouch.mechanics.markers.images import Face
-from manytouch.mechanics.shell.equilibrium import equilibrium
-from manytouch.values import ESTIMATES, Sensor, Sheet, TrackedGrid
+from manytouch.values import ESTIMATES, Sensor, TrackedGrid
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
 from same_bits import assert_same_bits
-from straight import straight_camera
 
-ROWS, COLUMNS, PITCH_MM = 12, 16, 4.0
-YOUNG_MPA = 2.0
 ESTIMATE = MechanicsEstimator()
-
-
-def sensor_of(**sheet: float | None) -> Sensor:
-    known = {
-        "thickness_mm": 3.0,
-        "young_MPa": YOUNG_MPA,
-        "poisson": 0.45,
-        "pretension_N_per_mm": 0.2,
-        "bending_factor": 1.0,
-    }
-    return Sensor(
-        name="test",
-        camera=straight_camera(1600, 1200, focal_px=2000.0, distance_mm=100.0),
-        layout=lattice_layout(ROWS, COLUMNS, PITCH_MM),
-        sheet=Sheet(size_mm=np.array([64.0, 48.0]), **{**known, **sheet}),
-    )
-
-
-def bent(model: InversionModel, *presses: tuple[float, float, float], radius_mm: float = 3.0) -> np.ndarray:
-    """Coefficients of the sheet under even pressure on discs: x, y, force over E."""
-    angle = 2 * np.pi * np.arange(24) / 24
-    ring = np.sqrt((np.arange(8) + 0.5) / 8) * radius_mm
-    disc = np.stack([np.outer(ring, np.cos(angle)), np.outer(ring, np.sin(angle))], axis=-1).reshape(-1, 2)
-    load = np.zeros((model.patch.node_count, 3))
-    for x, y, press in presses:
-        each = np.tile([0.0, 0.0, -press / len(disc)], (len(disc), 1))
-        load += model.patch.load(disc + np.array([x, y]), each)
-    return equilibrium(model.shell, load).coefficient_mm
-
-
-def grid_of(model: InversionModel, shape: np.ndarray, noise_px: float = 0.02, seed: int = 0) -> TrackedGrid:
-    from manytouch.geometry.camera import project
-
-    centre_px = project(model.camera, model.layout.rest_mm) + model.dots.displacement_px(shape)
-    return grid_at(centre_px, std_px=noise_px, noise_px=noise_px, seed=seed)
 
 
 def without(grid: TrackedGrid, lost: np.ndarray) -> TrackedGrid:

@@ -67,6 +67,12 @@ class SheetShape:
             displacement_px=read_only(model.dots.displacement_px(coefficient_mm)),
         )
 
+    def changed(self, model: InversionModel, change_mm: Nodal) -> "SheetShape":
+        """The shape after a change of the coefficients that hardly moves the marker images, which stay."""
+        coefficient_mm = self.coefficient_mm + change_mm
+        force_mm2 = read_only(model.shell.forces(coefficient_mm))
+        return replace(self, coefficient_mm=read_only(coefficient_mm), force_mm2=force_mm2)
+
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Fit:
@@ -77,6 +83,7 @@ class Fit:
         posterior: of the last full or reweighted step, for covariances of this frame and for the first step
             of the next.
         residual_px: (m, 2) predicted minus measured displacements of the marker images.
+        balance_mm2: (n, 3) tangential and normal nodal forces over E.
         chi2: mean square of the residuals over their deviation, of the markers with weight.
         steps: number of full steps; 0 if steps with the derivatives of an earlier frame were sufficient.
         status: `OK` or `NOT_CONVERGED`.
@@ -85,6 +92,7 @@ class Fit:
     shape: SheetShape
     posterior: Posterior
     residual_px: Points2
+    balance_mm2: Nodal
     chi2: float
     steps: int
     status: Status
@@ -325,6 +333,7 @@ def _fit(here: _Iterate, posterior: Posterior, *, steps: int, status: Status = S
         shape=here.shape,
         posterior=posterior,
         residual_px=here.residual_px,
+        balance_mm2=here.balance_mm2,
         chi2=here.chi2,
         steps=steps,
         status=status,
