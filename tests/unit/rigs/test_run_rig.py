@@ -22,7 +22,7 @@ from manytouch.sources import open_source
 from manytouch.sources.simulated import load_solved_scene
 from results import rows_of
 
-NAMES = ("index", "ring")
+NAMES = ("index", "middle", "ring", "thumb")
 KILLED = "ring"
 SCENE = """schema = 1
 name = "press"
@@ -48,7 +48,7 @@ class Notes:
         self.times[sensor].append(time_s)
 
 
-def two_sensors(folder: Path) -> Path:
+def four_sensors(folder: Path) -> Path:
     """A rig of sensors with the same press of 3 s, which is solved here and not by their processes."""
     scene = folder / "press.toml"
     scene.write_text(SCENE)
@@ -63,8 +63,8 @@ def two_sensors(folder: Path) -> Path:
     return path
 
 
-def test_one_of_two_sensors_is_killed(tmp_path: Path) -> None:
-    rig, notes, over = load_rig(two_sensors(tmp_path)), Notes(), threading.Event()
+def test_one_of_four_sensors_is_killed(tmp_path: Path) -> None:
+    rig, notes, over = load_rig(four_sensors(tmp_path)), Notes(), threading.Event()
     pages: list[str] = []
 
     def attack(states: Mapping[str, SensorState]) -> None:
@@ -111,7 +111,7 @@ def test_one_of_two_sensors_is_killed(tmp_path: Path) -> None:
     assert (tmp_path / "out" / "index" / "contacts.csv").is_file()
 
     assert sorted(path.name for path in tmp_path.glob("*.mcap")) == ["hand.mcap"]
-    with pytest.raises(SourceError, match="has the sensors index, ring:"):
+    with pytest.raises(SourceError, match="has the sensors index, middle, ring, thumb"):
         Recording(tmp_path / "hand.mcap")
     counts = {}
     for name in NAMES:
@@ -123,7 +123,7 @@ def test_one_of_two_sensors_is_killed(tmp_path: Path) -> None:
         playback = Playback(Path(f"{tmp_path / 'hand.mcap'}#{name}"))
         assert playback.frame_count == counts[name]
         assert sum(source.reading(place) is not None for place in range(len(source))) >= counts[name] - 2
-    assert counts["index"] < counts[KILLED]
+    assert counts["index"] == counts["middle"] == counts["thumb"] < counts[KILLED]
 
 
 def test_a_sensor_that_never_works_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -140,7 +140,7 @@ def test_a_sensor_that_never_works_is_given_up(tmp_path: Path, monkeypatch: pyte
 
 
 def test_an_output_that_cannot_be_opened_ends_the_rig_at_once(tmp_path: Path) -> None:
-    path = two_sensors(tmp_path)
+    path = four_sensors(tmp_path)
     text = path.read_text().replace('name = "ring"', 'name = "ring"\nto = ["midi:///no/such/take.mid"]')
     path.write_text(text)
     notes = Notes()
