@@ -235,10 +235,21 @@ def columns() -> str:
     from manytouch.batch.index import RESULTS
     from manytouch.rigs import run_rig
     from manytouch.sinks.files.regions import region_schema
-    from manytouch.sinks.files.tables import FRAME_COLUMNS, contact_column_names, marker_column_names
+    from manytouch.sinks.files.tables import (
+        FRAME_COLUMNS,
+        contact_column_names,
+        contact_list_column_names,
+        marker_column_names,
+    )
 
     tables = [
         ("contacts.csv", "One line per contact and frame.", "contacts_csv", contact_column_names("mm")),
+        (
+            "contact_list.csv",
+            "One line per contact, with its values at the peak.",
+            "contact_list_csv",
+            contact_list_column_names("mm"),
+        ),
         ("markers.parquet", "One line per marker and frame.", "markers_parquet", marker_column_names("mm")),
         ("frames.csv", "One line per frame.", "frames_csv", FRAME_COLUMNS),
         (

@@ -19,7 +19,14 @@ from osc_receiver import Receiver
 from results import rows_of
 from waiting import wait_until
 
-TABLES = {"contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"}
+TABLES = {
+    "contacts.csv",
+    "contact_list.csv",
+    "regions.parquet",
+    "markers.parquet",
+    "frames.csv",
+    "summary.json",
+}
 
 
 def run(*words: object) -> str:

@@ -28,8 +28,15 @@ CONTACT_COLUMNS = (
     "half_major_{0},half_minor_{0},orientation_rad,shape,shape_probability"
 )
 MARKER_COLUMNS = "frame,time_s,marker,row,column,x_px,y_px,seen,dx_{0},dy_{0},depth_{0},depth_std_{0}"
-FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds,lost_ids,new_ids"
-FILES = {"contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"}
+FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds,lost_ids,new_ids,method"
+FILES = {
+    "contacts.csv",
+    "contact_list.csv",
+    "regions.parquet",
+    "markers.parquet",
+    "frames.csv",
+    "summary.json",
+}
 LONG = 400
 
 

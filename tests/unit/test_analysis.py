@@ -8,6 +8,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pytest
 
 import manytouch
@@ -223,3 +224,15 @@ def test_wrong_types_are_refused_in_a_sentence() -> None:
         [sys.executable, "-c", WRONG_ARGUMENTS], env=environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_wide_bands_do_not_hide_the_values(processed: tuple) -> None:
+    results = manytouch.read_results(processed[0])
+    rows = results.contacts
+    place = rows.column_names.index("x_std_mm" if results.unit == "mm" else "x_std_pitch")
+    wide = rows.set_column(place, rows.column_names[place], pa.array([1000.0] * len(rows)))
+    axes = manytouch.plot_contacts(replace(results, contacts=wide), quantity="x")
+    values = np.concatenate([line.get_ydata() for line in axes.lines])
+    low, high = axes.get_ylim()
+    assert low < values.min() <= values.max() < high
+    assert high - low < 3.0 * (np.ptp(values) + abs(values).max())

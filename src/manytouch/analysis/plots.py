@@ -26,6 +26,8 @@ QUANTITIES: dict[str, tuple[str, str | None]] = {
 }
 """Columns of contacts.csv with their standard deviations, in a given unit of length."""
 LEGEND_CONTACTS = 20
+BAND_ROOM = 0.5
+"""Room for the bands below and above the values, over the range of the values."""
 NEWTONS = ("normal_force", "shear_x", "shear_y", "torque")
 
 
@@ -74,6 +76,8 @@ def plot_surface(reading: Reading, axes: Optional["Axes"] = None, *, unit: str =
 def plot_contacts(results: Results, axes: Optional["Axes"] = None, *, quantity: str = "depth") -> "Axes":
     """A quantity of each contact over time, with a band of two standard deviations.
 
+    The axis shows the values and half of their range around them; wider bands are clipped.
+
     Args:
         results: from `read_results`.
         axes: to draw on; None: a new figure.
@@ -112,6 +116,8 @@ def plot_contacts(results: Results, axes: Optional["Axes"] = None, *, quantity: 
             axes.fill_between(time_s, value - 2 * deviation, value + 2 * deviation, color=colour, alpha=0.2)
     words, unit = quantity.replace("_", " "), name.rsplit("_", 1)[1]
     title = f"{results.folder.name}{' (bands: 2 standard deviations)' if has_band else ''}"
+    if len(numbers):
+        axes.set_ylim(*_limits(values[is_drawn]))
     axes.set(xlabel="time (s)", ylabel=f"{words} ({unit})", title=title)
     if not len(numbers):
         reason = _why_empty(results, quantity)
@@ -119,6 +125,13 @@ def plot_contacts(results: Results, axes: Optional["Axes"] = None, *, quantity: 
     elif len(numbers) <= LEGEND_CONTACTS:
         axes.legend(ncols=1 + len(numbers) // 8, fontsize="small")
     return axes
+
+
+def _limits(values: np.ndarray) -> tuple[float, float]:
+    """Limits of the axis by the values alone: a band may be wider, and is clipped then."""
+    low, high = float(values.min()), float(values.max())
+    room = BAND_ROOM * ((high - low) or abs(high) or 1.0)
+    return low - room, high + room
 
 
 def _numbers(results: Results, name: str | None) -> np.ndarray:

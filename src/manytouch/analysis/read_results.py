@@ -17,7 +17,7 @@ from manytouch.values import LengthUnit
 from manytouch.values.display.html import facts_table
 
 INTEGERS = ("frame", "contact", "markers_seen", "contacts", "lost_ids", "new_ids")
-TEXTS = ("phase", "shape", "status")
+TEXTS = ("phase", "shape", "status", "method")
 TRACKPY = {"frame": "frame", "marker": "particle", "x_px": "x", "y_px": "y"}
 """Columns of markers.parquet and their names in trackpy."""
 REQUIRED_CONTACT_COLUMNS = 16

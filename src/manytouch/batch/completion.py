@@ -8,7 +8,7 @@ from manytouch.batch.settings import Settings
 from manytouch.batch.storage import Store
 from manytouch.session.result_hashes import result_stamp
 
-FILES = ("contacts.csv", "regions.parquet", "markers.parquet", "frames.csv")
+FILES = ("contacts.csv", "contact_list.csv", "regions.parquet", "markers.parquet", "frames.csv")
 TO_BE_COMPARED = "size or time of the input, or the request, has changed"
 MISSING = "no result yet"
 _PARTS = {"input": "the input", "sensor": "the sensor", "parameters": "a parameter"}

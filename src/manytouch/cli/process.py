@@ -40,8 +40,8 @@ def process(
 
     Example: manytouch process press.mp4 --out results --annotate
 
-    This writes results/press/ with contacts.csv, markers.parquet, frames.csv and
-    summary.json; with --annotate annotated.mp4, with --surface surface.zarr, with
+    This writes results/press/ with contacts.csv, contact_list.csv, markers.parquet,
+    frames.csv and summary.json; with --annotate annotated.mp4, with --surface surface.zarr, with
     --picture 60 picture-000060.png. In the repository, docs/columns.md explains
     every column.
     """
@@ -88,7 +88,12 @@ def process(
                         observer=reporter,
                         stop=stop,
                     )
-                reporter.finish(files.summary, out / name, is_complete=files.is_complete)
+                reporter.finish(
+                    files.summary,
+                    out / name,
+                    is_complete=files.is_complete,
+                    contacts=files.contact_list,
+                )
                 for frame in [] if files.pictures is None else files.pictures.missing:
                     reporter.print(
                         f"no image of frame {frame}: the input has no decoded frame with this number"

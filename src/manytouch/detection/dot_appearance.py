@@ -79,8 +79,8 @@ def expected_appearance(sensor: Sensor) -> Appearance:
         )
     if layout.polarity == "auto":
         raise SensorError(
-            f"the sensor '{sensor.name}' does not state whether its markers are light or dark: determine it "
-            "from a first frame (survey), or set polarity to light or dark"
+            f"the sensor '{sensor.name}' does not state whether its markers are light or dark: set polarity "
+            "to light or dark, or let `manytouch calibrate rest` determine it"
         )
     radius = radius_in_image(sensor.camera, layout.rest_mm, layout.radius_mm)[~layout.is_missing]
     radius = radius[np.isfinite(radius) & (radius > 0)]

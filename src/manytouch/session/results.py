@@ -15,7 +15,7 @@ from manytouch.sinks.files.regions import RegionTable
 from manytouch.sinks.files.result_folder import ResultFolder, folder_bytes, is_disk_full
 from manytouch.sinks.files.summary import Summary
 from manytouch.sinks.files.surface_store import SurfaceStore, require_zarr
-from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
+from manytouch.sinks.files.tables import ContactList, ContactTable, FrameTable, MarkerTable
 from manytouch.sinks.pictures.annotate import AnnotatedPictures
 from manytouch.sinks.pictures.surface_picture import SelectedFrames
 from manytouch.sources import Source
@@ -25,7 +25,7 @@ from manytouch.sources.opening import is_camera, views_of
 from manytouch.values import Roi, Sensor
 
 RESULTS = (
-    *("contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"),
+    *("contacts.csv", "contact_list.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"),
     *("surface.zarr", "annotated.mp4", "annotated", "picture.png"),
     "picture-[0-9][0-9][0-9][0-9][0-9][0-9]*.png",
 )
@@ -123,6 +123,7 @@ class ResultFiles:
         folder: the final folder; the files are in its `partial_path` until the end of the block.
         sinks: they get every reading.
         summary: counts and warnings; one of the sinks.
+        contact_list: a line per contact; one of the sinks.
         pictures: draws single frames, if any were requested; one of the sinks.
         is_complete: to be set when all frames of the input have been processed.
         is_repeatable: to be set to whether the results depend on input and job alone; summary.json has no
@@ -175,7 +176,9 @@ class ResultFiles:
             self.sinks.append(ContactTable(partial, sensor))
             self.sinks.append(RegionTable(partial, sensor))
             self.sinks.append(MarkerTable(partial, sensor))
-            self.sinks.append(FrameTable(partial))
+            self.sinks.append(FrameTable(partial, job.method))
+            self.contact_list = ContactList(partial, sensor)
+            self.sinks.append(self.contact_list)
             if surface:
                 self.sinks.append(SurfaceStore(partial, sensor))
             if annotate:

@@ -35,7 +35,14 @@ from results import rows_of
 from straight import straight_camera
 from waiting import wait_until
 
-TABLES = {"contacts.csv", "regions.parquet", "markers.parquet", "frames.csv", "summary.json"}
+TABLES = {
+    "contacts.csv",
+    "contact_list.csv",
+    "regions.parquet",
+    "markers.parquet",
+    "frames.csv",
+    "summary.json",
+}
 
 
 class Seen:

@@ -92,7 +92,8 @@ def calibrate_rest(
     (`calibration.outline.pad_outline`).
 
     Args:
-        sensor: with a calibrated camera; its layout is used if it has one, and found otherwise.
+        sensor: with a calibrated camera; its layout is used if it has one, and found otherwise. A polarity
+            "auto" is determined.
         frames: of one recording of the untouched sheet.
         pitch_mm: distance of neighbouring markers, required if the sensor has no layout.
         sheet: for the calibrated sensor; None keeps that of `sensor`.
@@ -109,6 +110,10 @@ def calibrate_rest(
     laid, registered = register_untouched(sensor, frames, pitch_mm=pitch_mm, roi_px=roi_px)
     layout, pad = laid.layout, pad_of(sensor)
     assert layout is not None
+    if layout.polarity == "auto":
+        assert registered.layout is not None
+        polarity, weights = registered.layout.polarity, registered.layout.colour_weights
+        layout = replace(layout, polarity=polarity, colour_weights=weights)
     every = track_markers(registered, frames, roi_px)
     motion_px, at_rest = _frames_at_rest(every, registered)
     seen = every.of(at_rest)

@@ -1,5 +1,6 @@
 """Progress and results on the console: a bar on a terminal, plain lines elsewhere."""
 
+import math
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
@@ -9,9 +10,10 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TaskID, TextColumn, TimeRemainingColumn
 
-from manytouch.sinks.files.sensor_description import describe_sensor
+from manytouch.sinks.files.sensor_description import describe_sensor, describe_view
 from manytouch.sinks.files.summary import Summary
-from manytouch.values import Reading, Sensor
+from manytouch.sinks.files.tables import ContactList, time_s
+from manytouch.values import LengthUnit, Reading, Sensor
 
 PLAIN_EVERY_S = 5.0
 Step = TypeVar("Step")
@@ -48,6 +50,8 @@ class Reporter:
     def on_begin(self, sensor: Sensor, frame_count: int | None) -> None:
         """Print the sensor and the assumptions."""
         self.print(f"found {describe_sensor(sensor)}")
+        if (view := describe_view(sensor)) is not None:
+            self.print(view)
         for assumption in sensor.assumptions:
             self.print(f"assumed: {assumption}")
         self._total = frame_count
@@ -66,9 +70,13 @@ class Reporter:
             of = "" if self._total is None else f" of {self._total}"
             self.print(f"{self._count}{of} frames")
 
-    def finish(self, summary: Summary, folder: Path, *, is_complete: bool) -> None:
-        """Print the results and their folder."""
+    def finish(
+        self, summary: Summary, folder: Path, *, is_complete: bool, contacts: ContactList | None = None
+    ) -> None:
+        """Print the results, the first contacts and the folder."""
         for sentence in describe_results(summary):
+            self.print(sentence)
+        for sentence in [] if contacts is None else describe_contacts(contacts, summary.length_unit):
             self.print(sentence)
         if not is_complete:
             self.print("ended early: the results contain the frames up to here")
@@ -146,6 +154,9 @@ class Steps:
         self.bar.remove_task(task)
 
 
+MOST_CONTACTS = 10
+"""Contacts that are listed at the end of a run."""
+
 LEAST_VALID = 0.5
 """Share of frames with the status `ok` below which a recording without contacts is not called untouched."""
 
@@ -175,6 +186,30 @@ def describe_results(summary: Summary) -> Sequence[str]:
             f"noise per marker at rest {noise['median']:.3f} px (median), {noise['worst']:.3f} px (worst)"
         )
     return [*sentences, *(f"warning: {sentence}" for sentence in summary.warnings())]
+
+
+def describe_contacts(contacts: ContactList, unit: LengthUnit) -> Sequence[str]:
+    """A line for each of the first contacts, with its values at the peak."""
+    found = sorted(contacts.contacts.items())
+    lines = []
+    for number, each in found[:MOST_CONTACTS]:
+        x, y = each.at_peak.centre_mm
+        parts = [
+            f"contact {number}: {time_s(each.first[1]):.2f} to {time_s(each.last[1]):.2f} s",
+            f"at ({x + 0.0:.2f}, {y + 0.0:.2f}) {unit}",
+        ]
+        if math.isfinite(each.deepest.depth_mm):
+            deviation = each.deepest.std("depth")
+            text = f"depth {each.deepest.depth_mm:.2f}"
+            parts.append(f"{text} ± {deviation:.2f} {unit}" if math.isfinite(deviation) else f"{text} {unit}")
+        force_N, deviation = -float(each.at_peak.force_N[2]), each.at_peak.std("normal_force")
+        if math.isfinite(force_N):
+            text = f"force {force_N:.2f}"
+            parts.append(f"{text} ± {deviation:.2f} N" if math.isfinite(deviation) else f"{text} N")
+        lines.append(", ".join(parts))
+    if len(found) > MOST_CONTACTS:
+        lines.append(f"and {len(found) - MOST_CONTACTS} more in contact_list.csv")
+    return lines
 
 
 def _many(count: int, noun: str) -> str:

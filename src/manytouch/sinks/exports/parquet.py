@@ -22,7 +22,7 @@ from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable
 from manytouch.values import Sensor
 
 UNITS = ("mm2", "pitch2", "Nmm", "mm", "pitch", "px", "rad", "N", "s")
-TEXTS = ("phase", "shape", "status")
+TEXTS = ("phase", "shape", "status", "method")
 
 
 def write_parquet(recordings: Sequence[Recording], folder: Path) -> None:

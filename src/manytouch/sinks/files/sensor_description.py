@@ -9,6 +9,7 @@ from jaxtyping import Float64
 
 from manytouch.errors import SensorError
 from manytouch.geometry import refraction
+from manytouch.geometry.camera import onto_plane
 from manytouch.values import Layout, Sensor, SheetSpline
 from manytouch.values.arrays import Points2
 
@@ -48,6 +49,28 @@ def pitch_px(sensor: Sensor) -> Float64[np.ndarray, "2"]:
     grid[layout.row_column[:, 0], layout.row_column[:, 1]] = position
     steps = [np.linalg.norm(np.diff(grid, axis=axis), axis=2).ravel() for axis in (1, 0)]
     return np.array([np.nanmedian(step) if np.isfinite(step).any() else np.nan for step in steps])
+
+
+def view_mm(sensor: Sensor) -> list[float] | None:
+    """Width and height of the part of the sheet's plane that the image shows, in mm; None where not known."""
+    camera = sensor.camera
+    if not sensor.scale_is_known or camera.views:
+        return None
+    width, height = camera.width_px, camera.height_px
+    x_px, y_px = 0.5 * (width - 1), 0.5 * (height - 1)
+    middle_px = [[-0.5, y_px], [width - 0.5, y_px], [x_px, -0.5], [x_px, height - 0.5]]
+    left, right, top, bottom = onto_plane(camera, np.array(middle_px))
+    size_mm = [float(np.linalg.norm(right - left)), float(np.linalg.norm(bottom - top))]
+    return [round(each, 3) for each in size_mm] if np.isfinite(size_mm).all() else None
+
+
+def describe_view(sensor: Sensor) -> str | None:
+    """What the given pitch makes of the picture, so that a wrong scale is noticed; None without a pitch."""
+    size_mm = view_mm(sensor)
+    if size_mm is None or sensor.sheet is None or not sensor.sheet.is_assumed:
+        return None
+    x_mm, y_mm = (f"{each:.2g}" if each < 10.0 else f"{each:.0f}" for each in size_mm)
+    return f"with this pitch the picture shows {x_mm} x {y_mm} mm of the sheet"
 
 
 def describe_sensor(sensor: Sensor) -> str:

@@ -15,15 +15,14 @@ import manytouch
 from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.hashing import result_hash
-from manytouch.sinks.files.rest_noise import RestNoise
-from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict
+from manytouch.sinks.files.rest_noise import EndShift, RestNoise
+from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict, view_mm
+from manytouch.sinks.files.tables import WITHOUT_SHEET, method_of
 from manytouch.sinks.force_counts import ForceCounts
-from manytouch.values import Reading, Roi, Sensor, SheetSpline, Status
+from manytouch.values import LengthUnit, Reading, Roi, Sensor, SheetSpline, Status
 from manytouch.values.arrays import count_of
 
 SCHEMA = 1
-WITHOUT_SHEET = "perimeter"
-"""The method whose values `mechanics` has in frames that do not show the sheet that was assumed."""
 SHORTEST_REST_S = 0.5  # before the first contact, for rest positions from the first frames
 MOSTLY = 0.5  # share of the usable frames above which frames that the sheet does not describe are most
 RARELY_SEEN = 0.5  # share of the frames below which a marker causes a warning
@@ -54,6 +53,7 @@ class Summary:
         markers = len(layout_of(sensor).rest_mm)
         self._noise = RestNoise(markers)
         self.forces = ForceCounts()
+        self._end = EndShift(sensor)
         self._seen_count = np.zeros(markers, dtype=np.int64)
         self._status: Counter[Status] = Counter()
         self._contacts: set[int] = set()
@@ -72,6 +72,7 @@ class Summary:
         touching = reading.contacts.touching
         self._noise.add(reading)
         self.forces.add(touching)
+        self._end.add(reading)
         self._seen_count += reading.grid.is_seen
         self._status[reading.status] += 1
         self._contacts.update(contact.id for contact in touching)
@@ -85,8 +86,7 @@ class Summary:
         if reading.surface.spline is not None:
             self._spline = reading.surface.spline
         if reading.status is Status.OK:
-            is_without = self._method == "mechanics" and reading.surface.spline is None
-            self._methods[WITHOUT_SHEET if is_without else self._method] += 1
+            self._methods[method_of(reading, self._method) or self._method] += 1
 
     def add_warnings(self, sentences: Sequence[str]) -> None:
         """Add warnings of the session, in place of those that were added before."""
@@ -126,6 +126,11 @@ class Summary:
         with output_errors(path):
             text = json.dumps(content, indent=1, ensure_ascii=False, allow_nan=False)
             path.write_text(text + "\n", encoding="utf-8")
+
+    @property
+    def length_unit(self) -> LengthUnit:
+        """Unit of the lengths."""
+        return self._sensor.length_unit
 
     @property
     def frames(self) -> int:
@@ -170,6 +175,7 @@ class Summary:
             "input": self._recording,
             "method": self._method,
             "sensor": sensor_to_dict(self._sensor),
+            "view_mm": view_mm(self._sensor),
             "assumptions": list(self._sensor.assumptions),
             "counts": self.counts,
             "forces": self.forces.to_dict(),
@@ -209,6 +215,8 @@ class Summary:
         for sentence in found if isinstance(found, list | tuple) else ():
             sentences.append(f"the sensor file was made with a warning: {sentence}")
         sentences += [*self._added, *self._rest_warnings(), *self.forces.warnings(self._sensor)]
+        sentences += self._rest_warnings()
+        sentences += self._end.warnings(self.noise_px["median"])
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))
         announced = self._recording.get("frame_count")

@@ -6,6 +6,7 @@ An empty cell means that a value is unknown; it is never 0 by default.
 import csv
 import math
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,16 @@ def contact_column_names(unit: LengthUnit) -> tuple[str, ...]:
     )
 
 
+def contact_list_column_names(unit: LengthUnit) -> tuple[str, ...]:
+    """Names of the columns of contact_list.csv."""
+    return (
+        *("contact", "start_frame", "start_time_s", "end_frame", "end_time_s", "frames"),
+        *("peak_frame", "peak_time_s", f"x_{unit}", f"y_{unit}", f"x_std_{unit}", f"y_std_{unit}"),
+        *("x_px", "y_px", f"depth_{unit}", f"depth_std_{unit}", "normal_force_N", "force_std_N"),
+        f"normal_force_over_E_{unit}2",
+    )
+
+
 def marker_column_names(unit: LengthUnit) -> tuple[str, ...]:
     """Names of the columns of markers.parquet."""
     return (
@@ -49,7 +60,11 @@ FRAME_COLUMNS = (
     "milliseconds",
     "lost_ids",
     "new_ids",
+    "method",
 )
+
+WITHOUT_SHEET = "perimeter"
+"""The method whose values `mechanics` has in frames that do not show the sheet that was assumed."""
 
 
 def time_s(timestamp_ns: int) -> float:
@@ -124,10 +139,112 @@ class ContactTable:
         ]
 
 
+def method_of(reading: Reading, method: str) -> str:
+    """The method that estimated a frame in a session with `method`; empty for a frame without a surface."""
+    if not np.isfinite(reading.surface.displacement_mm).any():
+        return ""
+    return WITHOUT_SHEET if method == "mechanics" and reading.surface.spline is None else method
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ContactSummary:
+    """One contact from its start to its end.
+
+    Attributes:
+        first, last: (frame, ns) in which it first and last touches.
+        frames: number of frames in which it touches.
+        peak: (frame, ns) of `at_peak`.
+        at_peak: the contact where its normal force is largest, or its depth if no force is known.
+        deepest: the contact where its depth is largest; its depth is NaN where none is known.
+    """
+
+    first: tuple[int, int]
+    last: tuple[int, int]
+    frames: int
+    peak: tuple[int, int]
+    at_peak: Contact
+    deepest: Contact
+
+
+class ContactList:
+    """contact_list.csv: one line per contact, at the end.
+
+    Attributes:
+        contacts: the contacts so far, by number.
+    """
+
+    def __init__(self, folder: Path, sensor: Sensor) -> None:
+        self._table = _CsvTable(folder / "contact_list.csv", contact_list_column_names(sensor.length_unit))
+        self._is_written = False
+        self.contacts: dict[int, ContactSummary] = {}
+
+    def write(self, reading: Reading) -> None:
+        """Add the contacts that touch in a frame."""
+        now = reading.frame.index, reading.frame.timestamp_ns
+        for contact in reading.contacts.touching:
+            before = self.contacts.get(contact.id)
+            if before is None:
+                self.contacts[contact.id] = ContactSummary(
+                    first=now, last=now, frames=1, peak=now, at_peak=contact, deepest=contact
+                )
+                continue
+            is_peak = _strength(contact) > _strength(before.at_peak)
+            is_deepest = _or_zero(contact.depth_mm) > _or_zero(before.deepest.depth_mm)
+            self.contacts[contact.id] = replace(
+                before,
+                last=now,
+                frames=before.frames + 1,
+                peak=now if is_peak else before.peak,
+                at_peak=contact if is_peak else before.at_peak,
+                deepest=contact if is_deepest else before.deepest,
+            )
+
+    def close(self) -> None:
+        """Write the lines and complete the file."""
+        if not self._is_written:
+            self._is_written = True
+            self._table.add(self._row(number, found) for number, found in sorted(self.contacts.items()))
+        self._table.close()
+
+    def _row(self, number: int, found: ContactSummary) -> list[object]:
+        peak, deepest = found.at_peak, found.deepest
+        (first, first_ns), (last, last_ns), (frame, peak_ns) = found.first, found.last, found.peak
+        return [
+            *(number, first, seconds_text(first_ns), last, seconds_text(last_ns), found.frames),
+            *(frame, seconds_text(peak_ns)),
+            *(six_digits(float(value)) for value in peak.centre_mm),
+            *(six_digits(peak.std(name)) for name in ("x", "y")),
+            *(six_digits(float(value)) for value in peak.centre_px),
+            *(six_digits(deepest.depth_mm), six_digits(deepest.std("depth"))),
+            *(six_digits(-float(peak.force_N[2])), six_digits(peak.std("normal_force"))),
+            six_digits(peak.normal_force_over_E_mm2),
+        ]
+
+
+def _or_zero(value: float) -> float:
+    return value if math.isfinite(value) else 0.0
+
+
+def _strength(contact: Contact) -> tuple[float, float, float]:
+    """By which the peak of a contact is chosen: normal force, force over E, depth; 0 where not known."""
+    return (
+        _or_zero(-float(contact.force_N[2])),
+        _or_zero(contact.normal_force_over_E_mm2),
+        _or_zero(contact.depth_mm),
+    )
+
+
 class FrameTable:
     """frames.csv: one line per frame, also for those that failed."""
 
-    def __init__(self, folder: Path) -> None:
+    def __init__(self, folder: Path, method: str | None = None) -> None:
+        """Begin the file.
+
+        Args:
+            folder: of the file.
+            method: of the session; None: not known, and the column `method` is empty.
+        """
+        self._method = method
         self._table = _CsvTable(folder / "frames.csv", FRAME_COLUMNS)
 
     def write(self, reading: Reading) -> None:
@@ -140,6 +257,7 @@ class FrameTable:
             len(reading.contacts.touching),
             six_digits(reading.milliseconds),
             *("" if count is None else count for count in (reading.grid.lost_ids, reading.grid.new_ids)),
+            "" if self._method is None else method_of(reading, self._method),
         )
         self._table.add([row])
 

@@ -71,6 +71,13 @@ def test_pose_and_layout_are_found_from_the_camera_and_the_pitch(rested):
     assert 0.002 < rested.noise_px < 0.05
 
 
+def test_a_polarity_that_the_file_leaves_open_is_determined(tilted_frames):
+    given = tilted_sensor()
+    found = calibrate_rest(replace(given, layout=replace(given.layout, polarity="auto")), tilted_frames)
+    assert found.sensor.layout.polarity == given.layout.polarity
+    assert found.sensor.camera.translation_mm == pytest.approx(SHIFT, abs=0.05)
+
+
 def test_a_layout_that_is_known_keeps_its_numbers_and_gets_the_pose(tilted_frames):
     near = tilted_sensor()
     near = replace(near, camera=replace(near.camera, translation_mm=SHIFT + np.array([0.4, -0.3, 2.0])))

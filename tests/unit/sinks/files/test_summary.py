@@ -14,7 +14,7 @@ from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.hashing import result_hash
 from manytouch.sinks.files.rest_noise import RestNoise
-from manytouch.sinks.files.sensor_description import describe_sensor, pitch_px
+from manytouch.sinks.files.sensor_description import describe_sensor, describe_view, pitch_px
 from manytouch.sinks.files.summary import Summary, parameters
 from manytouch.values import Phase, Roi, Sheet, SheetSpline, Status
 
@@ -228,3 +228,36 @@ def test_parameters_name_every_stage():
 def test_a_sensor_in_words(sensor):
     assert describe_sensor(sensor) == "4 x 6 markers, dark, pitch 40 x 32 px, 1 missing"
     assert pitch_px(sensor) == pytest.approx([40.0, 32.0])
+
+
+@pytest.mark.parametrize(
+    ("case", "is_odd"),
+    [((6.0, False), True), ((6.0, True), False), ((0.1, False), False)],
+)
+def test_markers_that_do_not_come_back_are_a_warning(sensor, reading_of, contact_of, case, is_odd):
+    shift_px, is_touched = case
+    summary = summary_of(sensor)
+    generator = np.random.default_rng(5)
+    for index in range(80):
+        touching = (contact_of(1),) if 20 <= index < 40 or (index >= 40 and is_touched) else ()
+        reading = reading_of(index, touching, shift_px=(shift_px if index >= 40 else 0.0, 0.0))
+        noisy_px = reading.grid.position_px + generator.normal(0.0, 0.05, reading.grid.position_px.shape)
+        summary.write(replace(reading, grid=replace(reading.grid, position_px=noisy_px)))
+    found = [
+        sentence for sentence in summary.warnings() if "from their rest positions at the end" in sentence
+    ]
+    assert len(found) == is_odd
+    for sentence in found:
+        assert f"{shift_px:.1f} px" in sentence
+        assert "the sensor or the camera has moved, or something still touches" in sentence
+
+
+def test_the_size_of_the_picture_on_the_sheet_shows_a_wrong_scale(sensor):
+    width_mm, height_mm = summary_of(sensor).to_dict()["view_mm"]
+    assert (width_mm, height_mm) == (40.0, 30.0)
+    assert describe_view(sensor) is None
+    guessed = replace(sensor, sheet=replace(sensor.sheet, is_assumed=True))
+    assert describe_view(guessed) == "with this pitch the picture shows 40 x 30 mm of the sheet"
+    unknown = replace(guessed, scale_is_known=False)
+    assert describe_view(unknown) is None
+    assert summary_of(unknown).to_dict()["view_mm"] is None

@@ -7,8 +7,17 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from manytouch.sinks.files.tables import ContactTable, FrameTable, MarkerTable, seconds_text, six_digits
-from manytouch.values import ContactShape, Phase, Status
+from manytouch.cli.terminal.console import describe_contacts
+from manytouch.sinks.files.tables import (
+    ContactList,
+    ContactTable,
+    FrameTable,
+    MarkerTable,
+    contact_list_column_names,
+    seconds_text,
+    six_digits,
+)
+from manytouch.values import ContactShape, Phase, SheetSpline, Status
 
 CONTACT_COLUMNS = (
     "frame,time_s,contact,phase,x_mm,y_mm,depth_mm,normal_force_N,shear_x_N,shear_y_N,area_mm2,"
@@ -17,7 +26,19 @@ CONTACT_COLUMNS = (
     "half_major_mm,half_minor_mm,orientation_rad,shape,shape_probability"
 )
 MARKER_COLUMNS = "frame, time_s, marker, row, column, x_px, y_px, seen, dx_mm, dy_mm, depth_mm, depth_std_mm"
-FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds,lost_ids,new_ids"
+FLAT = SheetSpline(
+    size_mm=(120.0, 80.0),
+    centre_mm=(0.0, 0.0),
+    elements=(1, 1),
+    is_clamped=True,
+    thickness_mm=3.0,
+    poisson=0.45,
+    coefficient_mm=np.zeros((16, 3)),
+    force_over_E_mm2=np.zeros((16, 3)),
+    young_MPa=None,
+)
+HASHES = {"input": "1", "sensor": "2", "parameters": "3", "version": "4"}
+FRAME_COLUMNS = "frame,time_s,status,markers_seen,contacts,milliseconds,lost_ids,new_ids,method"
 
 
 def rows_of(path):
@@ -94,8 +115,8 @@ def test_frames_have_a_line_each_also_when_they_failed(tmp_path, reading_of, con
     )
     assert (tmp_path / "frames.csv").read_text().splitlines() == [
         FRAME_COLUMNS,
-        "0,0.000000,ok,23,1,2,,",
-        "2,0.080000,decode_error,0,0,4,,",
+        "0,0.000000,ok,23,1,2,,,",
+        "2,0.080000,decode_error,0,0,4,,,",
     ]
 
 
@@ -166,3 +187,54 @@ def test_small_forces_are_not_quantised(tmp_path, sensor, reading_of, contact_of
 
 def test_times_keep_microseconds_after_hours():
     assert seconds_text(36_000_123_456_789) == "36000.123457"
+
+
+def test_frames_name_the_method_that_estimated_them(tmp_path, reading_of):
+    described = reading_of(0)
+    described = dataclasses.replace(described, surface=dataclasses.replace(described.surface, spline=FLAT))
+    failed = reading_of(2, status=Status.DECODE_ERROR, unseen=tuple(range(24)))
+    write(FrameTable(tmp_path, "mechanics"), described, reading_of(1), failed)
+    assert [row["method"] for row in rows_of(tmp_path / "frames.csv")] == ["mechanics", "perimeter", ""]
+    write(FrameTable(tmp_path, "paper"), reading_of(1))
+    assert [row["method"] for row in rows_of(tmp_path / "frames.csv")] == ["paper"]
+
+
+def test_each_contact_has_a_line_with_its_values_at_the_peak(tmp_path, sensor, reading_of, contact_of):
+    def pressed(number, force_N, depth_mm, x_mm):
+        return contact_of(
+            number,
+            force_N=np.array([0.0, 0.0, -force_N]),
+            depth_mm=depth_mm,
+            centre_mm=np.array([x_mm, 1.0]),
+        )
+
+    table = ContactList(tmp_path, sensor)
+    write(
+        table,
+        reading_of(0, (pressed(3, 0.5, 1.0, 0.0),)),
+        reading_of(1, (pressed(3, 2.0, 1.5, 2.0), pressed(1, np.nan, 0.4, 5.0))),
+        reading_of(2, (pressed(3, 1.0, 1.75, 4.0), pressed(1, np.nan, 0.7, 6.0))),
+        reading_of(3, (contact_of(3, Phase.END), pressed(1, np.nan, np.nan, 7.0))),
+    )
+    table.close()  # a second time changes nothing
+    first, second = rows_of(tmp_path / "contact_list.csv")
+    assert tuple(first) == contact_list_column_names("mm")
+    assert (first["contact"], first["start_frame"], first["end_frame"], first["frames"]) == (
+        "1",
+        "1",
+        "3",
+        "3",
+    )
+    assert (first["peak_frame"], first["x_mm"], first["depth_mm"]) == ("2", "6", "0.7")
+    assert first["normal_force_N"] == ""
+    assert (second["contact"], second["start_time_s"], second["end_time_s"]) == ("3", "0.000000", "0.080000")
+    assert (second["peak_frame"], second["x_mm"], second["normal_force_N"]) == ("1", "2", "2")
+    assert (second["depth_mm"], second["depth_std_mm"]) == ("1.75", "0.5")
+    lines = describe_contacts(table, "mm")
+    assert lines[0] == "contact 1: 0.04 to 0.12 s, at (6.00, 1.00) mm, depth 0.70 ± 0.50 mm"
+    assert lines[1] == "contact 3: 0.00 to 0.08 s, at (2.00, 1.00) mm, depth 1.75 ± 0.50 mm, force 2.00 N"
+    many = ContactList(tmp_path, sensor)
+    many.write(reading_of(0, tuple(contact_of(number) for number in range(14))))
+    assert len(describe_contacts(many, "mm")) == 11
+    assert describe_contacts(many, "mm")[-1] == "and 4 more in contact_list.csv"
+    many.close()
