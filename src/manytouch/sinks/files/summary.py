@@ -215,7 +215,6 @@ class Summary:
         for sentence in found if isinstance(found, list | tuple) else ():
             sentences.append(f"the sensor file was made with a warning: {sentence}")
         sentences += [*self._added, *self._rest_warnings(), *self.forces.warnings(self._sensor)]
-        sentences += self._rest_warnings()
         sentences += self._end.warnings(self.noise_px["median"])
         if self._recording.get("warning") is not None:
             sentences.append(str(self._recording["warning"]))
