@@ -51,7 +51,7 @@ def process_recording(settings: Settings, task: Task, stop: StopCondition | None
         outcome = Outcome(
             task=task,
             state=TaskState.FAILED,
-            reason=f"internal error: {type(error).__name__}: {error}",
+            reason=_vanished(task) if _is_gone(task) else f"internal error: {type(error).__name__}: {error}",
             traceback=traceback.format_exc(),
         )
     return replace(
@@ -59,6 +59,17 @@ def process_recording(settings: Settings, task: Task, stop: StopCondition | None
         reason=without_password(outcome.reason),
         traceback=without_password(outcome.traceback),
         seconds=time.monotonic() - begun_s,
+    )
+
+
+def _is_gone(task: Task) -> bool:
+    return not is_remote(task.input) and not Path(task.input).exists()
+
+
+def _vanished(task: Task) -> str:
+    return (
+        f"{task.input} changed or vanished while it was processed: run the same command again when it is "
+        "complete"
     )
 
 
@@ -145,9 +156,6 @@ def _written_to(folder: Path, job: Job, task: Task, settings: Settings, stop: St
         if not is_whole:
             raise OutputError(f"{task.input} was stopped: run the same command again")
         if job.files_stamp != stamp_of(task.input):
-            raise OutputError(
-                f"{task.input} changed or vanished while it was processed: run the same command again when "
-                "it is complete"
-            )
+            raise OutputError(_vanished(task))
         files.is_complete = True
     return files.summary.frames

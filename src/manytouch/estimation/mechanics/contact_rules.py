@@ -1,6 +1,5 @@
 """Which force clusters start, continue or end a contact."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,9 +10,7 @@ from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
-from manytouch.geometry.camera import is_in_image
 from manytouch.geometry.spline.patch import Nodal
-from manytouch.values import Camera, Contact
 from manytouch.values.arrays import Mask, Points2, Scalars
 
 
@@ -110,17 +107,6 @@ def has_force_near(
     away_mm = np.linalg.norm(place_mm[:, None] - lattice.place_mm, axis=2)
     near_mm2 = (away_mm < radius_mm) @ np.maximum(-force_mm2[:, 2], 0.0)
     return np.asarray(near_mm2 >= least_mm2)
-
-
-def is_pressed_in_image(camera: Camera, found: Sequence[Contact]) -> Mask:
-    """(c,) whether each contact is pressed, not what remains after a release, and shows in the image.
-
-    Where the outline of the sensor file is wrong, the fit explains the motion of markers by forces beyond.
-    """
-    if not found:
-        return np.zeros(0, dtype=np.bool_)
-    is_shown = is_in_image(camera, np.array([contact.centre_px for contact in found]))
-    return np.asarray(np.array([contact.depth_mm > 0.0 for contact in found]) & is_shown)
 
 
 def is_far_from(clusters: Clusters, place_mm: Float64[np.ndarray, "k 2"], distance_mm: float) -> Mask:

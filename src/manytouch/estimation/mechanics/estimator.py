@@ -26,7 +26,6 @@ from manytouch.estimation.mechanics.contact_rules import (
     ContactRules,
     has_force_near,
     is_far_from,
-    is_pressed_in_image,
     significant,
 )
 from manytouch.estimation.mechanics.contacts import ContactEstimator
@@ -325,8 +324,8 @@ class MechanicsEstimator:
         on_face = np.isin(clusters.label, np.flatnonzero(clusters.is_face))
         own_mm2 = np.where(on_face[:, None], 0.0, fit.shape.force_mm2)
         found = self.contact_estimator(model, clusters, fit, state.local, friction)
-        is_kept = is_pressed_in_image(model.camera, found)
-        found, may_start = list(compress(found, is_kept)), may_start[is_kept]
+        is_pressed = [contact.depth_mm > 0.0 for contact in found]  # not what remains after a quick release
+        found, may_start = list(compress(found, is_pressed)), may_start[is_pressed]
         tracks, contacts = self.contact_tracker.step(
             state.tracks,
             found,

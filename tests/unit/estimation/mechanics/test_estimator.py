@@ -487,23 +487,6 @@ def test_frames_that_the_sheet_of_the_file_does_not_describe_have_the_contacts_o
     assert undescribed > 20
 
 
-def test_a_contact_that_the_image_does_not_show_is_none(model: InversionModel) -> None:
-    """A press beside the image moves the markers in it; so does a wrong outline."""
-    sensor, pressed = sensor_of(), bent(model, (24.0, 0.0, 1.0))
-    narrow = replace(sensor, camera=replace(sensor.camera, width_px=1240))
-    flat = np.zeros((model.patch.node_count, 3))
-    found = []
-    for given in (sensor, narrow):
-        state = ESTIMATE.start(given)
-        for frame in range(8):
-            grid = grid_of(model, pressed if frame > 2 else flat, seed=frame)
-            beyond = grid.position_px[:, 0] > given.camera.width_px
-            state, _, contacts = ESTIMATE.step(state, without(grid, beyond))
-        found.append(contacts.touching)
-    assert len(found[0]) == 1
-    assert not found[1]
-
-
 def test_an_estimator_that_is_used_directly_limits_blas_to_one_thread() -> None:
     from threadpoolctl import threadpool_info, threadpool_limits
 
