@@ -150,9 +150,8 @@ def rest(
     if sensor is None:
         raise usage_error(
             "calibrate rest",
-            "specify --sensor FILE with [camera]: manytouch calibrate camera makes it from views of "
-            "a board; of a "
-            "sensor that you bought give its name, such as gelsight-mini",
+            "specify --sensor FILE with [camera]: manytouch calibrate camera makes it from views of a "
+            "board; of a sensor that you bought give its name, such as gelsight-mini",
         )
     if sheet_mm is not None and thickness_mm is None:
         raise usage_error("calibrate rest", "--sheet-mm requires --thickness-mm")

@@ -74,11 +74,9 @@ class ForceCounts:
         if sensor.sheet is not None and sensor.sheet.boundary == "bonded":
             remedy += (
                 "; the force of something wider than the pad is thick cannot be measured well: press it "
-                "through "
-                "a narrower foot"
+                "through a narrower foot"
             )
         return [
-            f"no force in the {self._frames} frames with contacts is more than two standard deviations "
-            "from 0: "
-            f"use places and times of the contacts, but not their forces, or {remedy}"
+            f"no force in the {self._frames} frames with contacts is more than two standard deviations from "
+            f"0: use places and times of the contacts, but not their forces, or {remedy}"
         ]

@@ -132,9 +132,8 @@ def clamp_warnings(seen: ClampLine, sheet: Sheet | None) -> list[str]:
     if not far:
         return []
     remedy = (
-        "if the pad ends there, correct size_mm and offset_mm; if that is the edge of the light or "
-        "of the frame "
-        "around it, leave them"
+        "if the pad ends there, correct size_mm and offset_mm; if that is the edge of the light or of the "
+        "frame around it, leave them"
         if sheet.boundary == "bonded"
         else "if it is clamped there, correct size_mm and offset_mm"
     )

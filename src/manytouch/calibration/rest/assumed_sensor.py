@@ -218,9 +218,8 @@ def _assumptions(
             )
     elif abs(differs := float(np.log(arrangement.pitch_px[0] / arrangement.pitch_px[1]))) > _ODD_PITCHES:
         sentences.append(
-            f"The pitch in the image differs by {np.expm1(abs(differs)):.0%} along x and y; "
-            f"{pitch_mm:g} mm is "
-            "taken as the geometric mean of both: give --pitch-mm X,Y if they differ on the sheet."
+            f"The pitch in the image differs by {np.expm1(abs(differs)):.0%} along x and y; {pitch_mm:g} mm "
+            "is taken as the geometric mean of both: give --pitch-mm X,Y if they differ on the sheet."
         )
     sentences.append(
         f"The sheet is {THICKNESS_PITCHES} pitches thick and extends one pitch beyond its outermost markers."

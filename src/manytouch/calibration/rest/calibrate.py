@@ -323,9 +323,8 @@ def _warnings(
     if left > MAX_RESIDUAL_PITCHES * pitch_px:
         sentences.append(
             f"markers lie {left:.2f} px (RMS) off a flat lattice: calibrate the lens (manytouch calibrate "
-            "camera, with views of a board), and check pitch_mm along x and y; what remains is a "
-            "sheet that is "
-            "not flat, which results allow for"
+            "camera, with views of a board), and check pitch_mm along x and y; what remains is a sheet "
+            "that is not flat, which results allow for"
         )
     lost = int((~there).sum()) - (int(given.layout.is_missing.sum()) if given.layout is not None else 0)
     if lost > 0:
@@ -333,9 +332,8 @@ def _warnings(
     drift = np.nanmax(np.linalg.norm(seen.position_px[-1] - seen.position_px[0], axis=1))
     if drift > MAX_DRIFT_PITCHES * pitch_px:
         sentences.append(
-            f"a marker moved by {drift:.2f} px between the first and the last of the frames that were "
-            "used: if the "
-            "sheet was touched, record two seconds without touching it, and repeat"
+            f"a marker moved by {drift:.2f} px between the first and the last of the frames that were used: "
+            "if the sheet was touched, record two seconds without touching it, and repeat"
         )
     contrast = float(np.nanmedian(seen.contrast))
     if contrast < MIN_CONTRAST_GREY:

@@ -58,9 +58,8 @@ def fit_pose(
     except np.linalg.LinAlgError as error:
         raise LayoutError(
             "this recording is of another sensor: from no place would the camera of the sensor file see its "
-            "markers; give the file of the sensor that was recorded, or make one (manytouch "
-            "calibrate camera, "
-            "then calibrate rest)"
+            "markers; give the file of the sensor that was recorded, or make one (manytouch calibrate "
+            "camera, then calibrate rest)"
         ) from error
 
 

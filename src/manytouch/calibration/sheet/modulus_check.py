@@ -45,15 +45,11 @@ def require_determined(
     worst = int(known[np.argmax(log_error)])
     raise SensorError(
         f"the presses do not determine Young's modulus: it is {young_MPa:.2g} ± {std_MPa:.2g} MPa, and "
-        "forces "
-        f"predicted from the other presses are {_rms_percent(leave_one_out_error):.0f} % (RMS) off, most "
-        "that "
-        f"of {presses[worst].name} ({100 * leave_one_out_error[worst]:+.0f} %). With a deviation of more "
-        "than "
-        "half of the modulus no force would differ from 0. Check place, time and force (in N) of each press, "
-        "let only a foot or ball touch that is narrower than a pad is thick, begin the recording "
-        "untouched, and "
-        "repeat with more presses"
+        f"forces predicted from the other presses are {_rms_percent(leave_one_out_error):.0f} % (RMS) off, "
+        f"most that of {presses[worst].name} ({100 * leave_one_out_error[worst]:+.0f} %). With a deviation "
+        "of more than half of the modulus no force would differ from 0. Check place, time and force (in N) "
+        "of each press, let only a foot or ball touch that is narrower than a pad is thick, begin the "
+        "recording untouched, and repeat with more presses"
     )
 
 
@@ -73,8 +69,7 @@ def modulus_warnings(
         if rms > 100.0 * LARGE_ERROR:
             sentences.append(
                 f"forces predicted from the other presses are {rms:.0f} % (RMS) off: check place, time and "
-                "force "
-                "of each press, and that only the foot or ball touched"
+                "force of each press, and that only the foot or ball touched"
             )
     stated_MPa, stated_std_MPa = sheet.young_MPa, sheet_std(sheet).young_MPa
     if young_MPa is None or std_MPa is None or stated_MPa is None or stated_std_MPa is None:
@@ -84,10 +79,8 @@ def modulus_warnings(
         sentences.append(
             f"Young's modulus of {young_MPa:.3g} ± {std_MPa:.2g} MPa differs by more than "
             f"{MOST_DIFFERENCE_STDS:g} deviations from the {stated_MPa:.3g} ± {stated_std_MPa:.2g} MPa of "
-            "the "
-            "sensor file: check that forces are in N, that only the foot or ball touched, and the "
-            "thickness of "
-            "the sheet"
+            "the sensor file: check that forces are in N, that only the foot or ball touched, and the "
+            "thickness of the sheet"
         )
     return sentences
 

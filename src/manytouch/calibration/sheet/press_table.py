@@ -131,9 +131,8 @@ def require_rest_calibration(sensor: Sensor) -> None:
     if sensor.is_nominal:
         raise SensorError(
             f"the sensor {sensor.name!r} describes a kind of sensor, and not the rows, columns and pose of "
-            "this "
-            "one: run manytouch calibrate rest RECORDING --sensor FILE --out my-gel.toml first, and give "
-            "--sensor my-gel.toml"
+            "this one: run manytouch calibrate rest RECORDING --sensor FILE --out my-gel.toml first, and "
+            "give --sensor my-gel.toml"
         )
 
 

@@ -23,17 +23,15 @@ def assembly(found: Design, choices: CasingChoices) -> str:
         "Paint the inside matt black, or line it with black flock, so that only the markers are bright.",
         "Lay the printed marker pattern on the rim, markers down, and focus the camera on it. Lock focus, "
         "exposure and white balance. Remove the pattern, take 15 or more images of the printed "
-        f"`patterns/{str(board).replace(':', '-')}.pdf` into a folder `views`, and run `manytouch "
-        "calibrate camera "
-        f"views --board {board} --square-mm {board.square_mm:g} --out camera.toml`; "
-        "this is not possible after the sheet is mounted.",
+        f"`patterns/{str(board).replace(':', '-')}.pdf` into a folder `views`, and run `manytouch calibrate "
+        f"camera views --board {board} --square-mm {board.square_mm:g} --out camera.toml`; this is not "
+        "possible after the sheet is mounted.",
         f"Insert {screws} M3 nuts into the flange from below. Lay the sheet on the rim, markers down, "
         "without stretching it. Lay the clamp on it and tighten the screws crosswise, a little at a time.",
         f"Record two seconds without contact and run `{_rest_command(found)}`. Then `manytouch calibrate "
-        "sheet --sensor "
-        "rested.toml --plan plan` writes a plan of known presses, and `manytouch calibrate sheet "
-        "presses.csv --sensor "
-        "rested.toml --out sensor.toml` calibrates with them. Forces are calibrated only after this step.",
+        "sheet --sensor rested.toml --plan plan` writes a plan of known presses, and `manytouch calibrate "
+        "sheet presses.csv --sensor rested.toml --out sensor.toml` calibrates with them. Forces are "
+        "calibrated only after this step.",
     )
     lines = [
         f"# {sensor.name}",
@@ -58,8 +56,7 @@ def _rest_command(found: Design) -> str:
     pitch = f"{x_mm:g}" if abs(x_mm - y_mm) < 1e-6 else f"{x_mm:g},{y_mm:g}"
     return (
         f"manytouch calibrate rest rest.mp4 --sensor camera.toml --pitch-mm {pitch} --sheet-mm "
-        f"{wide_mm:g},{high_mm:g} "
-        f"--thickness-mm {sheet.thickness_mm:g} --out rested.toml"
+        f"{wide_mm:g},{high_mm:g} --thickness-mm {sheet.thickness_mm:g} --out rested.toml"
     )
 
 
@@ -73,8 +70,8 @@ def _sheet_step(found: Design, choices: CasingChoices) -> str:
             f"Cast the sheet: pour {dark} {found.material.name} between two flat plates "
             f"{sheet.thickness_mm:g} mm apart (degas it, or let bubbles rise), and cut outline and screw "
             "holes after `parts/sheet.stl`. For the markers cut `patterns/markers.svg` out of a thin "
-            "adhesive foil at 100 %, stick it on the camera side, "
-            f"spread {light} silicone of the same kind over it, remove the foil and let it cure."
+            f"adhesive foil at 100 %, stick it on the camera side, spread {light} silicone of the same kind "
+            "over it, remove the foil and let it cure."
         )
     printing = (
         f"Print `sheet.3mf` in two colours, with the camera side up. The markers reach "

@@ -282,9 +282,8 @@ class SensorFile(Section):
     def _check_pose_and_outline(self) -> "SensorFile":
         if self.markers is not None and self.camera is not None and self.camera.pose is None:
             raise ValueError(
-                "a sensor with [markers] needs [camera.pose]; or leave [markers] out: manytouch "
-                "calibrate rest "
-                "finds both"
+                "a sensor with [markers] needs [camera.pose]; or leave [markers] out: manytouch calibrate "
+                "rest finds both"
             )
         if self.markers is not None and self.sheet is not None:
             if self.sheet.boundary == "bonded" and self.markers.height_mm > 0.0:
