@@ -49,6 +49,7 @@ def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(
     assert max(int(row["contacts"]) for row in frames) >= 1
     wanted = {
         "contacts.csv",
+        "contact_list.csv",
         "regions.parquet",
         "markers.parquet",
         "frames.csv",
@@ -144,6 +145,7 @@ def test_demo_serves_the_viewer_until_ctrl_c_and_leaves_tables_and_a_picture(tmp
     folder = tmp_path / "out" / "demo"
     wanted = {
         "contacts.csv",
+        "contact_list.csv",
         "regions.parquet",
         "markers.parquet",
         "frames.csv",

@@ -40,10 +40,10 @@ def process(
 
     Example: manytouch process press.mp4 --out results --annotate
 
-    This writes results/press/ with contacts.csv, contact_list.csv, markers.parquet,
-    frames.csv and summary.json; with --annotate annotated.mp4, with --surface surface.zarr, with
-    --picture 60 picture-000060.png. In the repository, docs/columns.md explains
-    every column.
+    This writes results/press/ with contacts.csv, contact_list.csv, frames.csv,
+    markers.parquet and summary.json; with --annotate annotated.mp4, with
+    --surface surface.zarr, with --picture 60 picture-000060.png. In the
+    repository, docs/columns.md explains every column.
     """
     options.refuse_two_scales("process", sensor, pitch_mm, hfov_deg)
     parameters = between.parameters("process", method) | paper.parameters("process", method)
