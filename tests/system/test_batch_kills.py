@@ -113,7 +113,8 @@ def test_a_killed_dask_scheduler_and_killed_workers_cost_time_and_no_result(
                 if not killed or not workers or random.random() < 0.3:
                     killed.append("scheduler")
                     cluster.end()
-                    assert program.wait() == 1
+                    is_complete = len(list(out.glob("*/summary.json"))) == count  # it may have ended
+                    assert program.wait() == 1 or is_complete
                     cluster.start()
                 else:
                     killed.append("worker")
