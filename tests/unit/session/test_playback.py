@@ -13,6 +13,7 @@ from manytouch.errors import SourceError
 from manytouch.session import Playback, prepare, run
 from manytouch.sources import open_source
 from manytouch.sources.files.frame_timeline import FrameTimeline, frame_timeline
+from manytouch.sources.source import Source
 from manytouch.values import Frame, Phase, Reading, Seek, Start, Stop, Tune
 
 FRAMES = 20
@@ -29,8 +30,13 @@ def video(tmp_path_factory: pytest.TempPathFactory) -> Path:
 class Counted:
     """A source that counts how many frames were decoded."""
 
-    source: object
+    source: Source
     decoded: int = 0
+
+    def __post_init__(self) -> None:
+        # Python 3.12 looks up the members of a protocol without __getattr__
+        for name in ("name", "fps", "frame_count", "width_px", "height_px", "is_live", "capabilities"):
+            setattr(self, name, getattr(self.source, name))
 
     def __getattr__(self, name: str) -> object:
         return getattr(self.source, name)
