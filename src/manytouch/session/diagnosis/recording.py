@@ -7,6 +7,7 @@ import numpy as np
 
 from manytouch import calibration
 from manytouch.calibration import LayoutReport
+from manytouch.calibration.dot_shape import height_over_width
 from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.detection import Appearance, survey
 from manytouch.detection.images import level_scale
@@ -21,7 +22,7 @@ from manytouch.values.arrays import count_of
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
 NOISY_PX, MANY_MISSING, PRESSED_PITCHES = 0.15, 0.1, 0.15
-ODD_PITCHES = 0.05
+ODD_PITCHES, ODD_DOTS = 0.05, 0.5
 REPEATED_PX = 0.004  # noise below that of any camera
 
 
@@ -68,7 +69,9 @@ def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[
     except LayoutError as error:
         yield f"layout: none found: {error}"
         return
-    yield _describe_layout(layout)
+    yield _describe_layout(
+        layout, _height_over_width(reference, surveyed.detections, surveyed.appearance, roi_px)
+    )
     yield _describe_rest(layout, len(frames))
     yield _describe_noise(layout)
     if source.capabilities.device is None:
@@ -136,7 +139,15 @@ def _describe_focus(frame: Frame, found: Detections, appearance: Appearance, roi
     return text
 
 
-def _describe_layout(layout: LayoutReport) -> str:
+def _height_over_width(frame: Frame, found: Detections, appearance: Appearance, roi_px: Roi | None) -> float:
+    if len(found.centre_px) == 0 or frame.image is None:
+        return np.nan
+    weights = appearance.weights(1 if frame.image.ndim == 2 else frame.image.shape[2])
+    radius_px = np.sqrt(found.area_px2 / np.pi)
+    return height_over_width(frame.image, weights, found.centre_px, radius_px, roi_px=roi_px)
+
+
+def _describe_layout(layout: LayoutReport, dot_height_over_width: float) -> str:
     x_px, y_px = layout.pitch_px
     differs = max(x_px, y_px) / min(x_px, y_px) - 1.0
     if layout.rows is None:
@@ -144,12 +155,28 @@ def _describe_layout(layout: LayoutReport) -> str:
     else:
         text = f"layout: {layout.rows} rows x {layout.columns} columns, pitch {x_px:.1f} x {y_px:.1f} px"
     if layout.rows is not None and differs > ODD_PITCHES:
-        text += f"; the pitch differs by {differs:.0%} along x and y: give --pitch-mm X,Y"
+        text += _describe_odd_pitch(x_px, y_px, differs, dot_height_over_width)
     if layout.missing:
         text += f", {layout.missing} of {layout.markers} markers missing"
     if layout.missing > MANY_MISSING * layout.markers:
         text += "; many: use more even light, a cleaner print, or --roi around the dots"
     return text
+
+
+def _describe_odd_pitch(x_px: float, y_px: float, differs: float, dot_height_over_width: float) -> str:
+    """Is the picture squeezed, with its dots, or is the print uneven?"""
+    text = f"; the pitch differs by {differs:.0%} along x and y"
+    dots = np.log(dot_height_over_width) / np.log(y_px / x_px)  # 1 if the dots are squeezed as the pitch is
+    if not np.isfinite(dots):
+        return f"{text}: give --pitch-mm X,Y"
+    taller = max(dot_height_over_width, 1.0 / dot_height_over_width) - 1.0
+    if dots > ODD_DOTS:
+        longer = "taller than wide" if y_px > x_px else "wider than tall"
+        return (
+            f"{text}, and the dots are {taller:.0%} {longer}: the picture is squeezed, or the camera "
+            "looks at a slant; store it in the camera's proportions, or place the camera straight in front"
+        )
+    return f"{text}, while the dots are round: the print is so; give --pitch-mm X,Y"
 
 
 def _describe_rest(layout: LayoutReport, frames: int) -> str:

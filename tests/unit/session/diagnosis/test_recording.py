@@ -1,0 +1,55 @@
+"""What `doctor` says of a picture whose rows and columns are not equally far apart."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from manytouch.session.diagnosis.recording import diagnose
+
+PITCH_PX, RADIUS_PX = 40.0, 9.0
+
+
+def write_picture(path: Path, *, pitch: tuple[float, float], radius: tuple[float, float]) -> str:
+    """An image of 12 x 9 dark dots, with factors of pitch and radius along x and y."""
+    x, y = PITCH_PX * np.array(pitch)
+    image = np.full((int(10 * y), int(13 * x)), 200, dtype=np.uint8)
+    axes = tuple(int(16 * RADIUS_PX * factor) for factor in radius)
+    for row in range(9):
+        for column in range(12):
+            centre = (int(16 * (column + 1) * x) + 3 * row, int(16 * (row + 1) * y) + 5 * column)
+            cv2.ellipse(image, centre, axes, 0, 0, 360, 40, -1, cv2.LINE_AA, 4)
+    cv2.imwrite(str(path), cv2.GaussianBlur(image, (0, 0), 0.8))
+    return str(path)
+
+
+def layout_line(path: str) -> str:
+    """The line about the layout."""
+    return next(line for line in diagnose(path) if line.startswith("layout:"))
+
+
+@pytest.mark.parametrize(
+    ("squeezed", "words"), [((0.75, 1.0), "taller than wide"), ((1.0, 0.75), "wider than tall")]
+)
+def test_squeezed_dots_and_distances_are_a_squeezed_picture(
+    tmp_path: Path, squeezed: tuple[float, float], words: str
+) -> None:
+    line = layout_line(write_picture(tmp_path / "squeezed.png", pitch=squeezed, radius=squeezed))
+    assert "the pitch differs by 33% along x and y" in line
+    assert words in line
+    assert "squeezed" in line
+    assert "--pitch-mm" not in line
+
+
+def test_round_dots_at_odd_distances_are_an_odd_print(tmp_path: Path) -> None:
+    line = layout_line(write_picture(tmp_path / "odd.png", pitch=(0.75, 1.0), radius=(0.8, 0.8)))
+    assert "the dots are round" in line
+    assert "--pitch-mm X,Y" in line
+    assert "squeezed" not in line
+
+
+def test_an_even_print_gets_no_advice(tmp_path: Path) -> None:
+    line = layout_line(write_picture(tmp_path / "even.png", pitch=(1.0, 1.0), radius=(1.0, 1.0)))
+    assert line.startswith("layout: 9 rows x 12 columns")
+    assert "pitch differs" not in line
