@@ -188,7 +188,7 @@ class MechanicsEstimator:
         clusters, significance = self.contact_rules.certain(state.model, clusters, fit, state.response)
         friction = self.friction_fits(fit, clusters, shape.force_mm2)
         if friction is not None:
-            shape = shape.changed(model, friction.change_mm)
+            shape = shape.moved(friction.change_mm, friction.force_change_mm2)
             clusters = replace(clusters, centre_mm=clusters.centre_mm + friction.centre_change_mm)
         surface = self._surface(state, grid, shape, clusters, status)
         after = state.with_fit(fit)

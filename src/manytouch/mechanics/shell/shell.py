@@ -67,7 +67,8 @@ class Shell:
         shear_mm2 = self.shear_factor * self.thickness_mm**2
         is_slab = self.shear_factor == SHEAR_FACTOR
         end = clamped_end(self.thickness_mm, self.poisson) if is_slab else (0.0, 0.0, 0.0)
-        object.__setattr__(self, "patch", replace(self.patch, shear_mm2=shear_mm2, clamped_end=end))
+        if (self.patch.shear_mm2, self.patch.clamped_end) != (shear_mm2, end):
+            object.__setattr__(self, "patch", replace(self.patch, shear_mm2=shear_mm2, clamped_end=end))
 
     @property
     def shear_mm2(self) -> float:

@@ -61,18 +61,23 @@ def fix(
 @kernel(fastmath=True)
 @no_type_check
 def product(tangent: Tangent, shape: tuple[int, int], vector: Coefficients, result: Coefficients) -> None:
-    """Tangent times a vector, into `result`."""
+    """Tangent times a vector, into `result`; entries of nodes outside the grid must be 0."""
+    width = shape[1] + STRIP
+    padded = np.zeros((3, (shape[0] + 2 * REACH) * width))  # x, y and z apart, with nodes around the grid
     for node in range(len(vector)):
-        s0, f0 = node // shape[1], node % shape[1]
-        low, high = max(f0 - REACH, 0), min(f0 + REACH + 1, shape[1])
+        at = (node // shape[1] + REACH) * width + node % shape[1] + REACH
+        for j in range(3):
+            padded[j, at] = vector[node, j]
+    strip = np.empty(STRIP)
+    for node in range(len(vector)):
+        first = node // shape[1] * width + node % shape[1]
         for i in range(3):
-            total = 0.0
-            for a in range(max(REACH - s0, 0), min(ROW, shape[0] - s0 + REACH)):
-                start = (s0 + a - REACH) * shape[1]
-                for f in range(low, high):
-                    for j in range(3):
-                        total += tangent[node, i, j, a, f - f0 + REACH] * vector[start + f, j]
-            result[node, i] = total
+            strip[:] = 0.0
+            for j in range(3):
+                for a in range(ROW):
+                    for b in range(STRIP):
+                        strip[b] += tangent[node, i, j, a, b] * padded[j, first + a * width + b]
+            result[node, i] = strip.sum()
 
 
 @kernel(fastmath=True)

@@ -81,6 +81,18 @@ class Linearisation:
             share[number] = 0.0
         return rows
 
+    def tangential_gradient(self, weighted: Float64[np.ndarray, " nodes"], component: int) -> Nodal:
+        """`balance_gradient` of one tangential component (nodes,), fast where few nodes are not 0."""
+        patch, gradient = self.shell.patch, np.zeros((len(weighted), 3))
+        share = np.where(patch.is_free[:, component], weighted, 0.0)
+        couple = np.zeros((len(weighted), 2))
+        couple[:, component] = self.force[:, 2] * share
+        tangent_kernels.row_sum(self.tangent, patch.shape, share, component, gradient)
+        tangent_kernels.row_sum(self.tangent, patch.shape, self.slope[:, component] * share, 2, gradient)
+        gradient[:, 2] += patch.slope_moments(couple)
+        gradient[~patch.is_free] = 0.0
+        return gradient
+
     def balance_gradient(self, weighted_balance: Nodal) -> Nodal:
         """Half the gradient of sum weight (T f)^2, for (nodes, 3) weight times T f; 0 if not free."""
         patch = self.shell.patch

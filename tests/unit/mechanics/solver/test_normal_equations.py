@@ -122,6 +122,19 @@ def test_balance_rows_are_derivatives_of_the_balance(dots: MarkerImages, bent_mm
     np.testing.assert_allclose((rows * way).sum(axis=(1, 2)), change, rtol=1e-7, atol=1e-9)
 
 
+def test_the_gradient_of_one_tangential_component_is_that_of_the_balance(
+    dots: MarkerImages, bent_mm: np.ndarray
+) -> None:
+    linearisation = equations(dots).linearise(bent_mm)
+    few = np.random.default_rng(3).normal(size=len(bent_mm)) * (np.arange(len(bent_mm)) % 7 == 3)
+    for component in (0, 1):
+        whole = np.zeros_like(bent_mm)
+        whole[:, component] = few
+        found = linearisation.tangential_gradient(few, component)
+        expected = linearisation.balance_gradient(whole)
+        np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
 @pytest.mark.parametrize("precision", [np.float64, np.float32])
 def test_a_chord_step_at_its_own_linearisation_is_a_full_step(
     dots: MarkerImages, bent_mm: np.ndarray, precision: type[np.floating]

@@ -36,6 +36,7 @@ class Friction:
     Attributes:
         ratio: (contacts, 2) of shear to normal force along x and y.
         change_mm: (nodes, 3) change of the coefficients.
+        force_change_mm2: (nodes, 3) change of the nodal forces over E, to first order.
         centre_change_mm: (contacts, 2) change of the centres of the normal forces, which without friction lie
             too far back to compensate what it does.
         spread_mm: (k, nodes, 3) the covariance of the coefficients increases by the sum of the products of
@@ -44,6 +45,7 @@ class Friction:
 
     ratio: Float64[np.ndarray, "contacts 2"]
     change_mm: Nodal
+    force_change_mm2: Nodal
     centre_change_mm: Float64[np.ndarray, "contacts 2"]
     spread_mm: Float64[np.ndarray, "k nodes 3"]
 
@@ -78,19 +80,21 @@ class FrictionFits:
         linearisation, is_free = posterior.linearisation, posterior.linearisation.shell.patch.is_free
         inside = clusters.label == np.arange(count)[:, None]
         press_mm2 = np.where(inside, np.maximum(-force_mm2[:, 2], 0.0), 0.0)
-        mean_mm2 = np.zeros((2 * count, *force_mm2.shape))
-        mean_mm2[0::2, :, 0] = mean_mm2[1::2, :, 1] = press_mm2
-        weighted = mean_mm2 * (posterior.weight * is_free)
-        pull = np.stack([linearisation.balance_gradient(each) for each in weighted])
+        weight = posterior.weight[:, :2] * is_free[:, :2]
+        weighted = np.einsum("nc,kn->kcn", weight, press_mm2)  # by contact and axis
+        pull = np.stack(
+            [linearisation.tangential_gradient(each[axis], axis) for each in weighted for axis in range(2)]
+        )
         response_mm = posterior.solve(pull) * is_free
-        information = np.einsum("knc,jnc->kj", weighted, mean_mm2)
-        information -= np.einsum("knc,jnc->kj", pull, response_mm)
+        information = -pull.reshape(2 * count, -1) @ response_mm.reshape(2 * count, -1).T
+        for axis in range(2):
+            information[axis::2, axis::2] += weighted[:, axis] @ press_mm2.T
         wide = np.linalg.inv(information + np.eye(2 * count) / self.ratio_std**2)
         gradient = linearisation.gradient(
             fit.residual_px, posterior.information, posterior.weight * fit.balance_mm2
         )
-        known = np.einsum("knc,nc->k", weighted, fit.balance_mm2)
-        known -= np.einsum("knc,nc->k", response_mm, gradient)
+        known = np.einsum("kcn,nc->kc", weighted, fit.balance_mm2[:, :2]).ravel()
+        known -= response_mm.reshape(2 * count, -1) @ gradient.ravel()
         ratio = (wide @ known).reshape(count, 2)
         by_noise = np.diag(wide).reshape(count, 2).sum(axis=1)
         excess = 0.5 * ((ratio**2).sum(axis=1) - by_noise)
@@ -98,12 +102,14 @@ class FrictionFits:
         narrow = np.linalg.inv(information + np.diag(np.repeat(1.0 / variance, 2)))
         ratio = narrow @ known
         change_mm = np.einsum("k,knc->nc", ratio, response_mm)
-        press_change_mm2 = np.where(inside, -linearisation.force_change(change_mm)[:, 2], 0.0)
+        force_change_mm2 = linearisation.force_change(change_mm)
+        press_change_mm2 = np.where(inside, -force_change_mm2[:, 2], 0.0)
         arm_mm = linearisation.shell.patch.place_mm - clusters.centre_mm[:, None]
         moment_mm3 = np.einsum("kn,knc->kc", press_change_mm2, arm_mm)
         return Friction(
             ratio=ratio.reshape(count, 2),
             change_mm=change_mm,
+            force_change_mm2=force_change_mm2,
             centre_change_mm=moment_mm3 / clusters.normal_mm2[:, None],
             spread_mm=np.einsum("jk,jnc->knc", np.linalg.cholesky(wide), response_mm),
         )

@@ -69,9 +69,16 @@ class SheetShape:
 
     def changed(self, model: InversionModel, change_mm: Nodal) -> "SheetShape":
         """The shape after a change of the coefficients that hardly moves the marker images, which stay."""
-        coefficient_mm = self.coefficient_mm + change_mm
-        force_mm2 = read_only(model.shell.forces(coefficient_mm))
-        return replace(self, coefficient_mm=read_only(coefficient_mm), force_mm2=force_mm2)
+        forces_mm2 = model.shell.forces(self.coefficient_mm + change_mm)
+        return self.moved(change_mm, forces_mm2 - self.force_mm2)
+
+    def moved(self, change_mm: Nodal, force_change_mm2: Nodal) -> "SheetShape":
+        """The shape after changes (nodes, 3) of coefficients and forces; the marker images stay."""
+        return replace(
+            self,
+            coefficient_mm=read_only(self.coefficient_mm + change_mm),
+            force_mm2=read_only(self.force_mm2 + force_change_mm2),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

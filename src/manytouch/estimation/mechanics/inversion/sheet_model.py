@@ -28,6 +28,7 @@ class InversionModel:
         camera, layout: of the sensor.
         patch: spline patch of the middle surface.
         shell: energy and forces of the sheet.
+        stretched: the shell with 1 mm more of pretension over E, for derivatives by the pretension.
         dots: marker images.
         normal_equations: of the inversion.
         lattice: of the nodes.
@@ -44,6 +45,7 @@ class InversionModel:
     layout: Layout
     patch: SplinePatch
     shell: Shell
+    stretched: Shell
     dots: MarkerImages
     normal_equations: NormalEquations
     lattice: ForceLattice
@@ -62,7 +64,14 @@ class InversionModel:
         ratio = _compliance_per_mm(self.shell, self.pitch_mm) / _compliance_per_mm(shell, self.pitch_mm)
         lattice = replace(self.lattice, least_force_mm2=ratio * self.lattice.least_force_mm2)
         equations = NormalEquations(shell=shell, dots=dots)
-        return replace(self, shell=shell, dots=dots, normal_equations=equations, lattice=lattice)
+        return replace(
+            self,
+            shell=shell,
+            stretched=_stretched(shell),
+            dots=dots,
+            normal_equations=equations,
+            lattice=lattice,
+        )
 
     def spline(
         self, coefficient_mm: Nodal, force_mm2: Nodal, pretension_std_mm: float = float("nan")
@@ -149,6 +158,7 @@ class NominalSheet:
             layout=layout,
             patch=patch,
             shell=shell,
+            stretched=_stretched(shell),
             dots=dots,
             normal_equations=NormalEquations(shell=shell, dots=dots),
             lattice=ForceLattice(
@@ -198,6 +208,10 @@ class NominalSheet:
             pretension_over_E_mm=stretched_mm,
             bending_factor=1.0 if sheet.bending_factor is None else sheet.bending_factor,
         )
+
+
+def _stretched(shell: Shell) -> Shell:
+    return replace(shell, pretension_over_E_mm=shell.pretension_over_E_mm + 1.0)
 
 
 def _compliance_per_mm(shell: Shell, width_mm: float) -> float:

@@ -254,8 +254,7 @@ def parameter_response(
     posterior, shape = fit.posterior, fit.shape
     linearisation, weight = posterior.linearisation, posterior.weight
     coefficient_mm, count = shape.coefficient_mm, len(posterior.information)
-    unit = replace(model.shell, pretension_over_E_mm=model.shell.pretension_over_E_mm + 1.0)
-    force_changes = [unit.forces(coefficient_mm) - shape.force_mm2]
+    force_changes = [model.stretched.forces(coefficient_mm) - shape.force_mm2]
     image_changes = [np.zeros((count, 2))]
     stds = [pretension.std_mm]
     for variant in variants:
