@@ -25,13 +25,16 @@ class ContactRules:
             part in which contacts are found. A camera that moves a little displaces all markers alike; the
             fit explains this by small forces near the clamp.
         clamp_thickness: distance from the edge, in thicknesses, within which `clamp_factor` applies.
+        wait_thickness: distance from that edge, in thicknesses, within which a contact does not start before
+            the response to the parameters of the sheet is that of the present load.
         max_friction: largest ratio of shear to normal force of a new contact.
         least_stds: clusters with a smaller normal force, in standard deviations, are not examined.
         start_stds, last_stds: least normal force of a new contact and of one that continues, in standard
             deviations.
         outline_stds: least normal force of a contact on a known sheet over its change by one standard
-            deviation of the outline. A clamp that is not where the sensor file has it causes forces next to
-            it. True contacts of the varied cases with drawn sensor files have 4 and more.
+            deviation of the outline. A clamp that is not where the sensor file has it, or that bends the
+            sheet otherwise than its shell, causes forces next to it. True contacts of the varied cases have 4
+            and more with drawn sensor files, 5 and more with true ones.
         noise_share: nodal forces below this share of what noise adds to `GaussNewton.negligible_force` belong
             to no cluster.
     """
@@ -40,6 +43,7 @@ class ContactRules:
     sudden_force: float = 4.0
     clamp_factor: float = 3.0
     clamp_thickness: float = 2.0
+    wait_thickness: float = 1.0
     max_friction: float = 1.5
     least_stds: float = 1.0
     start_stds: float = 4.0
@@ -47,13 +51,16 @@ class ContactRules:
     outline_stds: float = 4.0
     noise_share: float = 0.3
 
-    def may_start(self, model: InversionModel, clusters: Clusters, is_new: Mask) -> Mask:
+    def may_start(
+        self, model: InversionModel, clusters: Clusters, is_new: Mask, *, is_response_due: bool
+    ) -> Mask:
         """(c,) whether each cluster is strong enough to start a contact.
 
         Args:
             model: of the sheet.
             clusters: of this frame.
             is_new: (c,) whether there was no cluster here in the previous frame.
+            is_response_due: whether the response to the parameters of the sheet is that of an earlier load.
         """
         lattice = model.lattice
         needed_mm2 = lattice.least_force_mm2 * np.where(is_new, self.sudden_force, self.start_force)
@@ -61,6 +68,7 @@ class ContactRules:
         is_near_clamp = inside_mm < self.clamp_thickness * model.thickness_mm
         shear_mm2 = np.linalg.norm(clusters.force_mm2[:, :2], axis=1)
         is_strong = clusters.normal_mm2 >= np.where(is_near_clamp, self.clamp_factor * needed_mm2, needed_mm2)
+        is_strong &= ~(is_response_due & (inside_mm < self.wait_thickness * model.thickness_mm))
         return np.asarray(is_strong & (shear_mm2 <= self.max_friction * clusters.normal_mm2))
 
     def certain(

@@ -305,7 +305,8 @@ class MechanicsEstimator:
         model = state.model
         gate_mm = self.contact_tracker.gate_pitch * model.pitch_mm
         is_new = is_far_from(clusters, state.previous_mm, gate_mm)
-        return self.contact_rules.may_start(model, clusters, is_new)
+        is_due = state.response_is_due
+        return self.contact_rules.may_start(model, clusters, is_new, is_response_due=is_due)
 
     def _track(
         self,

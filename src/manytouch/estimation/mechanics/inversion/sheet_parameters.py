@@ -28,6 +28,12 @@ from manytouch.values.sensor_file.default_std import sheet_std
 _STEP = 0.02  # of a finite difference, over the thickness or over the bending factor
 _POISSON_STEP = -0.01
 _MAX_POISSON = 0.495
+CLAMP_STD_THICKNESSES = 0.075
+"""Standard deviation of the place of a clamp that stands for what is wrong with the shell beside it.
+
+A deep press beside a clamp bends the sheet there more than its shell. In the varied cases with true sensor
+files, contacts that it explains (see `ContactRules.outline_stds`) are false ones, up to a deviation of 0.09.
+"""
 _STALE = 1.5  # ratio of total forces from which on a response is computed again
 
 Columns = Float64[np.ndarray, "p nodes"]
@@ -40,13 +46,14 @@ class SheetVariant:
     Attributes:
         shell: with the parameter moved by a step.
         std_over_step: standard deviation of the parameter over the step.
-        is_outline: whether the parameter is the place of the clamp.
+        outline_std_over_step: of the place of the clamp, the same with the error of the shell beside it; 0
+            for other parameters.
         marker_images: of this sheet; None if those of a shape do not depend on the parameter.
     """
 
     shell: Shell
     std_over_step: float
-    is_outline: bool = False
+    outline_std_over_step: float = 0.0
     marker_images: MarkerImages | None = None
 
     def with_pretension(self, over_E_mm: float) -> "SheetVariant":
@@ -76,13 +83,13 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
                 std_over_step=std.poisson / abs(_POISSON_STEP),
             )
         )
-    if shell.patch.boundary == "clamped" and std.outline_mm > 0.0:
-        larger = _larger(shell, _STEP * shell.thickness_mm)
+    if shell.patch.boundary == "clamped":
+        larger, outline = _larger(shell, _STEP * shell.thickness_mm), std.outline_mm / shell.thickness_mm
         found.append(
             SheetVariant(
                 shell=larger,
-                std_over_step=std.outline_mm / (_STEP * shell.thickness_mm),
-                is_outline=True,
+                std_over_step=outline / _STEP,
+                outline_std_over_step=float(np.hypot(outline, CLAMP_STD_THICKNESSES)) / _STEP,
                 marker_images=replace(model.dots, shell=larger),
             )
         )
@@ -204,7 +211,8 @@ class ParameterResponse:
     Attributes:
         columns: (p, nodes) change of the normal forces over E (mm^2, z component) for one standard deviation
             of each parameter; of the outline, if all its sides are off by that.
-        by_outline_mm2: (nodes,) the column of the outline; 0 where there is none.
+        by_outline_mm2: (nodes,) the same for one standard deviation of the outline, with that of the shell's
+            error beside a clamp; 0 where there is no clamp.
         total_mm2: sum of the normal forces over E, positive in compression, of the frame.
         balance_slope: (nodes, 3) derivative of tangential and normal forces over E by the pretension over E,
             mm, at shapes that fit the markers.
@@ -256,7 +264,7 @@ def parameter_response(
     coefficient_mm, count = shape.coefficient_mm, len(posterior.information)
     force_changes = [model.stretched.forces(coefficient_mm) - shape.force_mm2]
     image_changes = [np.zeros((count, 2))]
-    stds = [pretension.std_mm]
+    stds, outline_stds = [pretension.std_mm], [0.0]
     for variant in variants:
         force_changes.append(variant.shell.forces(coefficient_mm) - shape.force_mm2)
         moved = np.zeros((count, 2))
@@ -264,6 +272,7 @@ def parameter_response(
             moved = variant.marker_images.displacement_px(coefficient_mm) - shape.displacement_px
         image_changes.append(moved)
         stds.append(variant.std_over_step)
+        outline_stds.append(variant.outline_std_over_step)
     balances = [balance(model, coefficient_mm, each) for each in force_changes]
     gradients = np.stack(
         [
@@ -272,17 +281,16 @@ def parameter_response(
         ]
     )
     solved = posterior.solve(gradients)
-    columns = np.stack(
+    by_step = np.stack(
         [
-            std * (forces - linearisation.force_change(change))[:, 2]
-            for std, forces, change in zip(stds, force_changes, solved, strict=True)
+            (forces - linearisation.force_change(change))[:, 2]
+            for forces, change in zip(force_changes, solved, strict=True)
         ]
     )
     node = model.dots.tips.basis.node
-    is_outline = np.array([False, *(variant.is_outline for variant in variants)])
     return ParameterResponse(
-        columns=columns,
-        by_outline_mm2=columns[is_outline].sum(axis=0),
+        columns=np.array(stds)[:, None] * by_step,
+        by_outline_mm2=np.array(outline_stds) @ by_step,
         total_mm2=total_force_mm2(model, fit),
         balance_slope=balances[0] - linearisation.balance_change(solved[0]),
         image_slope_px=-np.einsum("mjka,mka->mj", linearisation.derivative, solved[0][node]),
