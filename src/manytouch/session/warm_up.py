@@ -89,8 +89,8 @@ def compile_in_processes(method: str, on_message: OnMessage) -> bool:
     """
     expected, done, printed_s = FUNCTIONS[method], 0, time.monotonic()
     on_message(
-        f"compiling about {expected} functions for the method {method}: up to a minute, once only (each "
-        "method has functions of its own)"
+        f"compiling about {expected} functions for the method {method}: a minute, on a busy machine several, "
+        "once only (each method has functions of its own)"
     )
     with ExitStack() as running:
         processes = [running.enter_context(_compiler(method, stage)) for stage in STAGES]
