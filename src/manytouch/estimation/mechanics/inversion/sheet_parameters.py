@@ -29,9 +29,9 @@ _STEP = 0.02  # of a finite difference, over the thickness or over the bending f
 _POISSON_STEP = -0.01
 _MAX_POISSON = 0.495
 CLAMP_STD_THICKNESSES = 0.075
-"""Standard deviation of the place of a clamp that stands for what is wrong with the shell beside it.
+"""Standard deviation of the place of a clamp that stands for what is wrong with the shell next to it.
 
-A deep press beside a clamp bends the sheet there more than its shell. In the varied cases with true sensor
+A deep press next to a clamp bends the sheet there more than its shell. In the varied cases with true sensor
 files, contacts that it explains (see `ContactRules.outline_stds`) are false ones, up to a deviation of 0.09.
 """
 _STALE = 1.5  # ratio of total forces from which on a response is computed again
@@ -46,7 +46,7 @@ class SheetVariant:
     Attributes:
         shell: with the parameter moved by a step.
         std_over_step: standard deviation of the parameter over the step.
-        outline_std_over_step: of the place of the clamp, the same with the error of the shell beside it; 0
+        outline_std_over_step: of the place of the clamp, the same with the error of the shell next to it; 0
             for other parameters.
         marker_images: of this sheet; None if those of a shape do not depend on the parameter.
     """
@@ -212,7 +212,7 @@ class ParameterResponse:
         columns: (p, nodes) change of the normal forces over E (mm^2, z component) for one standard deviation
             of each parameter; of the outline, if all its sides are off by that.
         by_outline_mm2: (nodes,) the same for one standard deviation of the outline, with that of the shell's
-            error beside a clamp; 0 where there is no clamp.
+            error next to a clamp; 0 where there is no clamp.
         total_mm2: sum of the normal forces over E, positive in compression, of the frame.
         balance_slope: (nodes, 3) derivative of tangential and normal forces over E by the pretension over E,
             mm, at shapes that fit the markers.
