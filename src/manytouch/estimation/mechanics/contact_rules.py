@@ -26,7 +26,8 @@ class ContactRules:
             fit explains this by small forces near the clamp.
         clamp_thickness: distance from the edge, in thicknesses, within which `clamp_factor` applies.
         wait_thickness: distance from that edge, in thicknesses, within which a contact does not start before
-            the response to the parameters of the sheet is that of the present load.
+            the response to the parameters of the sheet is that of the present load. Fitted on sheets of 1.5
+            to 6 mm (ADR 99).
         max_friction: largest ratio of shear to normal force of a new contact.
         least_stds: clusters with a smaller normal force, in standard deviations, are not examined.
         start_stds, last_stds: least normal force of a new contact and of one that continues, in standard

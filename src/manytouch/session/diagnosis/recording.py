@@ -1,6 +1,6 @@
 """Lines of text about the first frames of a source: exposure, dots, focus, layout, noise, and remedies."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from itertools import islice
 
 import numpy as np
@@ -17,12 +17,13 @@ from manytouch.session.prepare import REST_FRAMES, require_region
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import close
 from manytouch.values import Detections, Frame, Roi
-from manytouch.values.arrays import count_of
+from manytouch.values.arrays import Scalars, count_of
 
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
 NOISY_PX, MANY_MISSING, PRESSED_PITCHES = 0.15, 0.1, 0.15
-ODD_PITCHES, ODD_DOTS = 0.05, 0.5
+ODD_PITCHES = 0.05
+ODD_DOTS = 0.5  # of the ratio of the pitches, as logarithms: halfway between round and squeezed dots
 REPEATED_PX = 0.004  # noise below that of any camera
 
 
@@ -70,7 +71,7 @@ def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[
         yield f"layout: none found: {error}"
         return
     yield _describe_layout(
-        layout, _height_over_width(reference, surveyed.detections, surveyed.appearance, roi_px)
+        layout, _of_dots(height_over_width, reference, surveyed.detections, surveyed.appearance, roi_px)
     )
     yield _describe_rest(layout, len(frames))
     yield _describe_noise(layout)
@@ -128,23 +129,31 @@ def _describe_contrast(found: Detections) -> str:
 def _describe_focus(frame: Frame, found: Detections, appearance: Appearance, roi_px: Roi | None) -> str:
     if len(found.centre_px) == 0 or frame.image is None:
         return "focus: unknown, because there are no dots"
-    weights = appearance.weights(1 if frame.image.ndim == 2 else frame.image.shape[2])
-    radius_px = np.sqrt(found.area_px2 / np.pi)
-    width = edge_width_px(frame.image, weights, found.centre_px, radius_px, roi_px=roi_px)
+    width = _of_dots(edge_width_px, frame, found, appearance, roi_px)
     if np.isnan(width):
         return "focus: unknown, because every dot is cut off"
     text = f"focus: the edges of the dots are {width:.1f} px wide"
-    if is_soft(width, radius_px):
+    if is_soft(width, _radius_px(found)):
         text += "; soft: focus the lens, or shorten the exposure if the camera moves"
     return text
 
 
-def _height_over_width(frame: Frame, found: Detections, appearance: Appearance, roi_px: Roi | None) -> float:
+def _of_dots(
+    measure: Callable[..., float],
+    frame: Frame,
+    found: Detections,
+    appearance: Appearance,
+    roi_px: Roi | None,
+) -> float:
+    """A measure of the dots of a frame; NaN if there are none."""
     if len(found.centre_px) == 0 or frame.image is None:
         return np.nan
     weights = appearance.weights(1 if frame.image.ndim == 2 else frame.image.shape[2])
-    radius_px = np.sqrt(found.area_px2 / np.pi)
-    return height_over_width(frame.image, weights, found.centre_px, radius_px, roi_px=roi_px)
+    return measure(frame.image, weights, found.centre_px, _radius_px(found), roi_px=roi_px)
+
+
+def _radius_px(found: Detections) -> Scalars:
+    return np.asarray(np.sqrt(found.area_px2 / np.pi))
 
 
 def _describe_layout(layout: LayoutReport, dot_height_over_width: float) -> str:
@@ -176,7 +185,7 @@ def _describe_odd_pitch(x_px: float, y_px: float, differs: float, dot_height_ove
             f"{text}, and the dots are {taller:.0%} {longer}: the picture is squeezed, or the camera "
             "looks at a slant; store it in the camera's proportions, or place the camera straight in front"
         )
-    return f"{text}, while the dots are round: the print is so; give --pitch-mm X,Y"
+    return f"{text}, but the shape of the dots does not: the print is so; give --pitch-mm X,Y"
 
 
 def _describe_rest(layout: LayoutReport, frames: int) -> str:

@@ -33,6 +33,7 @@ CLAMP_STD_THICKNESSES = 0.075
 
 A deep press next to a clamp bends the sheet there more than its shell. In the varied cases with true sensor
 files, contacts that it explains (see `ContactRules.outline_stds`) are false ones, up to a deviation of 0.09.
+Fitted on sheets of 1.5 to 6 mm and presses to 12 mm deep; 40 other presses of this range confirm it (ADR 99).
 """
 _STALE = 1.5  # ratio of total forces from which on a response is computed again
 
