@@ -76,6 +76,7 @@ def test_inputs_that_vanish_cost_time_and_no_result(tmp_path: Path, count: int) 
     check_all(paths, out, tmp_path / "expected")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [4, HUNDRED])
 def test_two_batches_on_one_folder_make_every_result_once(tmp_path: Path, count: int) -> None:
     paths, out = recordings_in(tmp_path / "in", count), tmp_path / "out"

@@ -50,9 +50,8 @@ def run_with_kills(folder: Path, out: Path, kills: int, seed: int) -> int:
 
 
 @linux_only
-@pytest.mark.parametrize(
-    ("count", "kills"), [(4, 2), pytest.param(100, 25, marks=pytest.mark.slow)], ids=["few", "hundred"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("count", "kills"), [(4, 2), (100, 25)], ids=["few", "hundred"])
 def test_kills_cost_time_and_no_result(tmp_path: Path, count: int, kills: int) -> None:
     paths, out = recordings_in(tmp_path / "in", count), tmp_path / "out"
     assert run_with_kills(tmp_path / "in", out, kills, seed=count) >= 2

@@ -62,6 +62,7 @@ def test_demo_prints_contacts_with_ground_truth_and_writes_tables_and_a_picture(
     assert min(picture.shape[:2]) > 400
 
 
+@pytest.mark.slow
 def test_demo_sends_readings_to_other_programs_at_the_rate_of_the_sensor(tmp_path: Path) -> None:
     receiver = Receiver()
     done = run_command(
@@ -108,11 +109,8 @@ def test_help_is_quick_and_has_an_example() -> None:
     assert run("--version").strip().count(".") == 2
 
 
-def test_help_answers_within_0_3_s_and_loads_nothing_heavy() -> None:
-    code = (
-        "import sys, manytouch.cli; manytouch.cli.main(['--help']);"
-        "print([name for name in ('numpy', 'cv2', 'numba', 'scipy', 'pyarrow') if name in sys.modules])"
-    )
+def processor_s(code: str) -> tuple[float, str]:
+    """Least processor time of three runs of a program, and what it printed."""
     surroundings = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     seconds = []
     for _ in range(3):
@@ -120,10 +118,20 @@ def test_help_answers_within_0_3_s_and_loads_nothing_heavy() -> None:
         done = subprocess.run(
             [sys.executable, "-c", code], env=surroundings, capture_output=True, text=True, check=True
         )
-        after = os.times()  # of the processor, so that a busy machine does not fail it
+        after = os.times()
         seconds.append(sum(after[2:4]) - sum(before[2:4]))
-    assert done.stdout.splitlines()[-1] == "[]"
-    assert min(seconds) < 0.3
+    return min(seconds), done.stdout
+
+
+def test_help_takes_little_longer_than_its_libraries_and_loads_nothing_heavy() -> None:
+    spent_s, printed = processor_s(
+        "import sys, manytouch.cli; manytouch.cli.main(['--help']);"
+        "print([name for name in ('numpy', 'cv2', 'numba', 'scipy', 'pyarrow') if name in sys.modules])"
+    )
+    assert printed.splitlines()[-1] == "[]"
+    # on a machine where an empty help takes 0.15 s, that of manytouch takes less than 0.3 s
+    least_s, _ = processor_s("import cyclopts; cyclopts.App(name='empty')(['--help'], exit_on_error=False)")
+    assert spent_s < 2.0 * least_s
 
 
 def test_demo_serves_the_viewer_until_ctrl_c_and_leaves_tables_and_a_picture(tmp_path: Path) -> None:

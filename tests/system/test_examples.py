@@ -22,6 +22,7 @@ def test_read_the_simulated_sensor(capsys: pytest.CaptureFixture[str]) -> None:
     assert "truth" in capsys.readouterr().out
 
 
+@pytest.mark.slow
 def test_the_notebook_runs_from_its_first_cell_to_its_last(capsys: pytest.CaptureFixture[str]) -> None:
     pyplot = pytest.importorskip("matplotlib.pyplot")
     pyplot.switch_backend("Agg")

@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 
 import numpy as np
+import pytest
 
 from manytouch.session import pipeline_for
 from manytouch.sources.pressed import PressedSource
@@ -22,6 +23,7 @@ def dragged(source: PressedSource) -> Iterator[Frame]:
         yield frame
 
 
+@pytest.mark.slow
 def test_mechanics_agrees_with_the_sheet_that_is_solved_live() -> None:
     source = PressedSource("rest", seconds=FRAMES / 30.0)
     depth_mm, place_mm, force = [], [], []

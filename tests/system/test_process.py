@@ -240,7 +240,9 @@ def test_killed_run_leaves_the_earlier_result_and_the_next_one_succeeds(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 0), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(
+    ("number", "status"), [pytest.param(signal.SIGINT, 0, marks=pytest.mark.slow), (signal.SIGTERM, 143)]
+)
 def test_signals_end_with_complete_files(
     tmp_path: Path, long_video: Path, number: signal.Signals, status: int
 ) -> None:
@@ -269,6 +271,7 @@ def ends_with_complete_files(
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
+@pytest.mark.slow
 def test_two_runs_with_one_out_do_not_mix_and_ctrl_c_ends_the_live_one(
     tmp_path: Path, long_video: Path
 ) -> None:

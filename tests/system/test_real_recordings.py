@@ -11,25 +11,28 @@ import manytouch
 from manytouch.values import Roi
 from results import Tracks, rows_of
 
+REGIONS = {"left": Roi(58, 102, 238, 216), "right": Roi(308, 96, 232, 212)}
 PITCH_PX = {"worachit": np.sqrt(62 * 77), "gsrobotics": 31.5, "vts4": 17.0}
 
 
+class Results(dict[str, Path]):
+    """Folders of results by recording, each made when it is first needed."""
+
+    def __init__(self, recordings: Path, out: Path) -> None:
+        super().__init__()
+        self.recordings, self.out = recordings, out
+
+    def __missing__(self, name: str) -> Path:
+        recording, _, side = name.partition("#")
+        out = self.out / side if side else self.out
+        made = manytouch.process(str(self.recordings / recording), out=out, roi_px=REGIONS.get(side))
+        self[name] = made
+        return made
+
+
 @pytest.fixture(scope="session")
-def folders(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    out = tmp_path_factory.mktemp("results")
-    made = {
-        name: manytouch.process(str(recordings / name), out=out)
-        for name in (
-            "worachit/marker_stable_2mm_2.mp4",
-            "worachit/marker_stable_2mm_unmoved.mp4",
-            "gsrobotics/mini_example.avi",
-        )
-    }
-    for side, roi_px in (("left", Roi(58, 102, 238, 216)), ("right", Roi(308, 96, 232, 212))):
-        made[f"vts4_{side}"] = manytouch.process(
-            str(recordings / "vts4" / "0507"), out=out / side, roi_px=roi_px
-        )
-    return made
+def folders(recordings: Path, tmp_path_factory: pytest.TempPathFactory) -> Results:
+    return Results(recordings, tmp_path_factory.mktemp("results"))
 
 
 def touching(folder: Path) -> Counter[int]:
@@ -47,7 +50,8 @@ def scored_frames(spans: Path, quality: str = "sure") -> list[tuple[int, int]]:
     ]
 
 
-def test_fingers_on_a_white_sheet_markers(folders: dict[str, Path]) -> None:
+@pytest.mark.slow
+def test_fingers_on_a_white_sheet_markers(folders: Results) -> None:
     tracks = Tracks.read(folders["worachit/marker_stable_2mm_2.mp4"])
     assert (tracks.row.max() + 1, tracks.column.max() + 1) == (8, 10)
     assert 74 <= tracks.is_seen[0].sum() <= 100
@@ -56,7 +60,8 @@ def test_fingers_on_a_white_sheet_markers(folders: dict[str, Path]) -> None:
     assert home.sum() >= 74
 
 
-def test_fingers_on_a_white_sheet_contacts(recordings: Path, folders: dict[str, Path]) -> None:
+@pytest.mark.slow
+def test_fingers_on_a_white_sheet_contacts(recordings: Path, folders: Results) -> None:
     counted = touching(folders["worachit/marker_stable_2mm_2.mp4"])
     spans = recordings / "worachit" / "hand_contact_spans.csv"
     frames = scored_frames(spans)
@@ -67,7 +72,8 @@ def test_fingers_on_a_white_sheet_contacts(recordings: Path, folders: dict[str, 
     assert right >= 0.9 * len(frames), f"{right} of {len(frames)}"
 
 
-def test_fingers_on_a_white_sheet_positions(recordings: Path, folders: dict[str, Path]) -> None:
+@pytest.mark.slow
+def test_fingers_on_a_white_sheet_positions(recordings: Path, folders: Results) -> None:
     found: dict[int, list[tuple[float, float]]] = {}
     for row in rows_of(folders["worachit/marker_stable_2mm_2.mp4"] / "contacts.csv"):
         if row["phase"] != "end":
@@ -83,14 +89,14 @@ def test_fingers_on_a_white_sheet_positions(recordings: Path, folders: dict[str,
     assert np.median(distances) <= 40.0
 
 
-def test_nobody_touches(folders: dict[str, Path]) -> None:
+def test_nobody_touches(folders: Results) -> None:
     folder = folders["worachit/marker_stable_2mm_unmoved.mp4"]
     assert touching(folder) == Counter()
     summary = json.loads((folder / "summary.json").read_text())
     assert 0 < summary["noise_px"]["median"] < 0.3
 
 
-def test_a_gel_pad(recordings: Path, folders: dict[str, Path]) -> None:
+def test_a_gel_pad(recordings: Path, folders: Results) -> None:
     folder = folders["gsrobotics/mini_example.avi"]
     tracks = Tracks.read(folder)
     assert (tracks.row.max() + 1, tracks.column.max() + 1) == (7, 10)
@@ -103,8 +109,8 @@ def test_a_gel_pad(recordings: Path, folders: dict[str, Path]) -> None:
 
 
 @pytest.mark.parametrize("side", ["left", "right"])
-def test_dots_seen_in_a_mirror(folders: dict[str, Path], side: str) -> None:
-    tracks = Tracks.read(folders[f"vts4_{side}"])
+def test_dots_seen_in_a_mirror(folders: Results, side: str) -> None:
+    tracks = Tracks.read(folders[f"vts4/0507#{side}"])
     assert 56 <= tracks.is_seen[0].sum() <= 64
     assert tracks.swapped(slice(0, 6), slice(122, 128), PITCH_PX["vts4"]) == 0
 

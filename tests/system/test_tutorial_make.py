@@ -39,6 +39,7 @@ def run_page(capsys: pytest.CaptureFixture[str]) -> str:
     return "\n".join(output)
 
 
+@pytest.mark.slow
 def test_every_command_of_the_page_runs_and_ends_in_newtons(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -94,6 +94,7 @@ def typed(lines: list[str], *words: str, cwd: Path) -> tuple[int, str]:
     return process.returncode, shown.decode()
 
 
+@pytest.mark.slow
 def test_presses_of_one_recording_are_typed_in_and_give_what_their_table_gives(
     pressed: tuple[Path, Sensor],
 ) -> None:

@@ -177,6 +177,7 @@ def compare_with_estimate(page: Page, session: ServedSession) -> dict[str, Any]:
     return measured
 
 
+@pytest.mark.slow
 def test_pause_tare_method_and_units(session: ServedSession, opened: Callable[..., Page]) -> None:
     page = opened(session.viewer.url)
     page.click("#run")
@@ -301,7 +302,11 @@ def test_a_second_client_comes_and_goes(
 
 
 @pytest.mark.parametrize(
-    ("theme", "sizes"), [("light", ((1366, 768), (1024, 1366), (390, 844))), ("dark", ((1600, 950),))]
+    ("theme", "sizes"),
+    [
+        ("light", ((1366, 768), (1024, 1366), (390, 844))),
+        pytest.param("dark", ((1600, 950),), marks=pytest.mark.slow),
+    ],
 )
 def test_layout_and_theme_suit_the_screen(
     session: ServedSession,
@@ -371,7 +376,9 @@ def growth_of_heap(page: Page, seconds: float) -> float:
     return (retained_heap(page) - before) / seconds
 
 
-@pytest.mark.parametrize("seconds", [4.0, pytest.param(120.0, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "seconds", [pytest.param(seconds, marks=pytest.mark.slow) for seconds in (4.0, 120.0)]
+)
 def test_memory_stays_flat(session: ServedSession, opened: Callable[..., Page], seconds: float) -> None:
     page = opened(session.viewer.url)
     press(page, AT_MM)

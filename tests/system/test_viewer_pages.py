@@ -30,7 +30,9 @@ IN_TIME = "manytouch.state.count >= 1 && manytouch.state.sceneInfo && manytouch.
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
 
-@pytest.fixture(scope="module", params=[True, False], ids=["webgl", "flat"])
+@pytest.fixture(
+    scope="module", params=[True, pytest.param(False, marks=pytest.mark.slow)], ids=["webgl", "flat"]
+)
 def browser(request: pytest.FixtureRequest) -> Iterator[Browser]:
     with launched(FLAGS if request.param else NO_WEBGL) as opened:
         yield opened

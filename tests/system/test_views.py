@@ -26,6 +26,7 @@ def near(rest_mm: np.ndarray, centre_mm: np.ndarray) -> np.ndarray:
     return np.linalg.norm(rest_mm[:, :2] - centre_mm, axis=1) < NEAR_MM
 
 
+@pytest.mark.slow
 def test_pictures_of_two_cameras_give_one_contact_across_the_seam_without_more_error(tmp_path: Path) -> None:
     sensor = skin_sensor(1280)
     save_sensor(sensor, tmp_path / "skin.toml")

@@ -66,6 +66,7 @@ def without_place(folder: Path) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_a_batch_from_a_store_to_a_store(
     store: Any,
     recordings: Path,

@@ -23,6 +23,7 @@ from same_results import differences
 Batch = Callable[..., tuple]
 
 
+@pytest.mark.slow
 def test_results_are_those_of_process(recordings: Path, tmp_path: Path, batch: Batch) -> None:
     pressed_video(recordings / "press1.mp4", 45)
     report, _ = batch(recordings)

@@ -181,6 +181,7 @@ def test_the_page_states_what_fits_and_what_does_not(tmp_path: Path) -> None:
     assert json.loads((tmp_path / "paper.json").read_text()) == contents(FOUND)
 
 
+@pytest.mark.slow
 def test_fast_motion_loses_identities_of_the_paper_and_stops_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

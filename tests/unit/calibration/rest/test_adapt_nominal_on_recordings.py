@@ -53,12 +53,10 @@ def test_a_recording_of_another_sensor_is_refused() -> None:
         registered(path, "fingervision-um")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "touched"),
-    [
-        ("gelsight_mini_grip/ball7.avi", (20, 80)),
-        pytest.param("gsrobotics/mini_example.avi", (100, 140), marks=pytest.mark.slow),
-    ],
+    [("gelsight_mini_grip/ball7.avi", (20, 80)), ("gsrobotics/mini_example.avi", (100, 140))],
 )
 def test_one_object_on_a_gel_is_one_contact_with_a_nominal_file(name: str, touched: tuple[int, int]) -> None:
     path = SHARED / name

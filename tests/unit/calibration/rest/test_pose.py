@@ -323,6 +323,7 @@ def test_what_cannot_be_known_is_refused(tilted_frames):
         calibrate_rest(camera_only(tilted_sensor()), dark, pitch_mm=4.0)
 
 
+@pytest.mark.slow
 def test_the_verb_writes_a_sensor_that_process_can_use(tmp_path, capsys):
     lens = tmp_path / "camera.toml"
     save_sensor(camera_only(next(iter([demo_sensor(1280)]))), lens)

@@ -105,6 +105,7 @@ def test_presses_that_do_not_determine_the_modulus_are_refused(sensor: Sensor) -
         calibrate_pad(sensor, odd)
 
 
+@pytest.mark.slow
 def test_a_modulus_far_from_the_sensor_file_is_a_warning() -> None:
     stated = pad_sensor(young_MPa=1.2, young_std_MPa=0.36)
     (far,) = calibrate_pad(stated, presses(stated)).warnings

@@ -174,6 +174,7 @@ def test_a_frame_rate_is_refused_with_a_camera(monkeypatch, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_camera_measures_each_press(monkeypatch, tmp_path):
     camera, table, sensor = Camera(), tmp_path / "sensor-presses.csv", demo_sensor(WIDTH_PX)
     monkeypatch.setattr(module, "open_source", lambda text, fps: camera)

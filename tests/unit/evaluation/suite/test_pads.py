@@ -75,6 +75,7 @@ def test_truth_is_that_of_the_contact_face() -> None:
     assert len(held.contacts.touching) == 1
 
 
+@pytest.mark.slow
 def test_a_pad_is_scored_as_everything_else_and_its_figures_stand_apart(trial: Trial, tmp_path: Path) -> None:
     (found,) = trial.comparisons
     figured = figures(found)

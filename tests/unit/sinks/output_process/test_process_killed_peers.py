@@ -44,6 +44,7 @@ def free_port() -> int:
         return int(one.getsockname()[1])
 
 
+@pytest.mark.slow
 def test_every_receiver_may_be_killed_and_started_again(
     session, reading_of, contact_of, monkeypatch: pytest.MonkeyPatch
 ) -> None:
