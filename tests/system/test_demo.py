@@ -129,9 +129,9 @@ def test_help_takes_little_longer_than_its_libraries_and_loads_nothing_heavy() -
         "print([name for name in ('numpy', 'cv2', 'numba', 'scipy', 'pyarrow') if name in sys.modules])"
     )
     assert printed.splitlines()[-1] == "[]"
-    # on a machine where an empty help takes 0.15 s, that of manytouch takes less than 0.3 s
+    # thus less than 0.3 s where an empty help takes 0.18 s
     least_s, _ = processor_s("import cyclopts; cyclopts.App(name='empty')(['--help'], exit_on_error=False)")
-    assert spent_s < 2.0 * least_s
+    assert spent_s < 1.6 * least_s
 
 
 def test_demo_serves_the_viewer_until_ctrl_c_and_leaves_tables_and_a_picture(tmp_path: Path) -> None:
