@@ -206,7 +206,7 @@ def prepare(
         if given is not None or known is None:
             chosen = method or (DEFAULT if known is None else default_method(known))
             warm_up_kernels(chosen, None if observer is None else observer.on_message)
-        spread = partial(_spread_frames, source) if whole_recording and _can_be_read_twice(source) else None
+        spread = partial(spread_frames, source) if whole_recording and can_be_read_twice(source) else None
         found, first, frames = _determine_sensor(
             source, text, given, pitch_mm=pitch_mm, hfov_deg=hfov_deg, roi_px=roi_px, spread=spread
         )
@@ -272,11 +272,12 @@ def _is_calibrated_pad(given: Sensor | None) -> bool:
     return given is not None and pad_of(given) is not None and not given.is_nominal
 
 
-def _can_be_read_twice(source: Source) -> bool:
+def can_be_read_twice(source: Source) -> bool:
+    """Whether frames of the whole source can be read before it is processed."""
     return not source.is_live and source.frame_count != 1
 
 
-def _spread_frames(source: Source) -> list[Frame]:
+def spread_frames(source: Source) -> list[Frame]:
     """Frames spread evenly over a recording."""
     step = max(1, (source.frame_count or SPREAD_FRAMES) // SPREAD_FRAMES)
     return list(islice(source, 0, step * SPREAD_FRAMES, step))

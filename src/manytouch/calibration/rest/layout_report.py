@@ -1,6 +1,6 @@
 """Report on the layout in the first frames of a recording: is the recording usable?"""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -41,10 +41,15 @@ class LayoutReport:
     bulge_pitches: float
 
 
-def examine(frames: Sequence[Frame], *, roi_px: Roi | None = None) -> LayoutReport:
-    """Find the layout in the first frames and report on it; raises as `sensor_from_rest` does."""
+def examine(
+    frames: Sequence[Frame],
+    *,
+    roi_px: Roi | None = None,
+    spread: Callable[[], Sequence[Frame]] | None = None,
+) -> LayoutReport:
+    """Find the layout in the first frames and report on it; arguments and errors as `sensor_from_rest`."""
     width, height = image_size(frames, roi_px)
-    _, still, _ = find_rest_dots(frames, roi_px)
+    _, still, _ = find_rest_dots(frames, roi_px, spread)
     arrangement = arrange_rest_dots(still, width, height, roi_px)
     rows = columns = None
     residual = float("nan")

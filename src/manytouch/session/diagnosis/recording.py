@@ -1,6 +1,7 @@
 """Lines of text about the first frames of a source: exposure, dots, focus, layout, noise, and remedies."""
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from itertools import islice
 
 import numpy as np
@@ -8,12 +9,13 @@ import numpy as np
 from manytouch import calibration
 from manytouch.calibration import LayoutReport
 from manytouch.calibration.dot_shape import height_over_width
+from manytouch.calibration.rest.first_frames import BEFORE_A_SCENE
 from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.detection import Appearance, survey
 from manytouch.detection.images import level_scale
 from manytouch.errors import LayoutError, SourceError
 from manytouch.session.diagnosis.camera import describe_frame_rate, describe_settings
-from manytouch.session.prepare import REST_FRAMES, require_region
+from manytouch.session.prepare import REST_FRAMES, can_be_read_twice, require_region, spread_frames
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import close
 from manytouch.values import Detections, Frame, Roi
@@ -58,7 +60,7 @@ def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[
     try:
         surveyed = survey(frames, roi_px=roi_px)
     except LayoutError as error:
-        yield f"dots: {error}"
+        yield from _diagnose_scene(source, frames, roi_px, str(error))
         return
     reference = next(frame for frame in frames if frame.index == surveyed.frame_index)
     yield _describe_dots(surveyed.detections, surveyed.appearance)
@@ -77,6 +79,20 @@ def _diagnose_frames(source: Source, text: str, roi_px: Roi | None) -> Iterator[
     yield _describe_noise(layout)
     if source.capabilities.device is None:
         yield f"only the first {len(frames)} frames were looked at: manytouch process looks at all"
+
+
+def _diagnose_scene(
+    source: Source, frames: Sequence[Frame], roi_px: Roi | None, no_dots: str
+) -> Iterator[str]:
+    """Lines about few dots before other things, which frames of the whole recording show."""
+    spread = partial(spread_frames, source) if can_be_read_twice(source) else None
+    try:
+        layout = calibration.examine(frames, roi_px=roi_px, spread=spread)
+    except LayoutError:
+        yield f"dots: {no_dots}"
+        return
+    yield f"dots: {layout.dots}; {BEFORE_A_SCENE[0].lower()}{BEFORE_A_SCENE[1:-1]}"
+    yield _describe_layout(layout, np.nan)
 
 
 def _describe_source(source: Source) -> str:

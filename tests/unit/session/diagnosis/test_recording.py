@@ -1,12 +1,15 @@
 """What `doctor` says of a picture whose rows and columns are not equally far apart."""
 
+import re
 from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
+import moving_scene
 from manytouch.session.diagnosis.recording import diagnose
+from manytouch.session.prepare import REST_FRAMES
 
 PITCH_PX, RADIUS_PX = 40.0, 9.0
 
@@ -54,3 +57,20 @@ def test_an_even_print_gets_no_advice(tmp_path: Path) -> None:
     line = layout_line(write_picture(tmp_path / "even.png", pitch=(1.0, 1.0), radius=(1.0, 1.0)))
     assert line.startswith("layout: 9 rows x 12 columns")
     assert "pitch differs" not in line
+
+
+@pytest.mark.parametrize("has_dots", [True, False])
+def test_few_dots_that_the_first_frames_do_not_show_are_found(tmp_path: Path, has_dots: bool) -> None:
+    for frame in range(0, 320, 4):
+        image = moving_scene.picture(frame, has_dots=has_dots and frame >= 4 * REST_FRAMES).image
+        assert image is not None
+        cv2.imwrite(str(tmp_path / f"{frame:03}.png"), image)
+    lines = list(diagnose(str(tmp_path)))
+    (dots,) = (line for line in lines if line.startswith("dots:"))
+    layout = [line for line in lines if line.startswith("layout:")]
+    if has_dots:
+        assert re.match(r"dots: 2[2-4]; the dots are few, or other things are seen between them", dots)
+        assert len(layout) == 1
+    else:
+        assert "no dots were found" in dots
+        assert layout == []
