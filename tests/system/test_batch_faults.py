@@ -15,8 +15,6 @@ from batch_programs import check_all, recordings_in, start
 from results import rows_of
 from small_disk import fill, small_disk_at
 
-HUNDRED = pytest.param(100, marks=pytest.mark.slow)
-
 
 def complete_in(out: Path) -> set[str]:
     """Names of the folders of results, all of which must be complete."""
@@ -77,7 +75,7 @@ def test_inputs_that_vanish_cost_time_and_no_result(tmp_path: Path, count: int) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("count", [4, HUNDRED])
+@pytest.mark.parametrize("count", [4, 100])
 def test_two_batches_on_one_folder_make_every_result_once(tmp_path: Path, count: int) -> None:
     paths, out = recordings_in(tmp_path / "in", count), tmp_path / "out"
     programs = [start(tmp_path / "in", out, ("--workers", "1")) for _ in range(2)]

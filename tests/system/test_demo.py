@@ -1,6 +1,7 @@
 """`manytouch demo` and `manytouch doctor` from outside."""
 
 import json
+import math
 import os
 import re
 import signal
@@ -109,29 +110,31 @@ def test_help_is_quick_and_has_an_example() -> None:
     assert run("--version").strip().count(".") == 2
 
 
+LONGEST_HELP_S = 0.3
+
+
 def processor_s(code: str) -> tuple[float, str]:
-    """Least processor time of three runs of a program, and what it printed."""
+    """Processor time of a program, and what it printed; the least of ten runs, if it takes too long."""
     surroundings = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
-    seconds = []
-    for _ in range(3):
+    seconds: list[float] = []
+    printed = ""
+    while len(seconds) < 10 and min(seconds, default=math.inf) >= LONGEST_HELP_S:
         before = os.times()
-        done = subprocess.run(
+        printed = subprocess.run(
             [sys.executable, "-c", code], env=surroundings, capture_output=True, text=True, check=True
-        )
+        ).stdout
         after = os.times()
         seconds.append(sum(after[2:4]) - sum(before[2:4]))
-    return min(seconds), done.stdout
+    return min(seconds), printed
 
 
-def test_help_takes_little_longer_than_its_libraries_and_loads_nothing_heavy() -> None:
+def test_help_is_quick_and_loads_nothing_heavy() -> None:
     spent_s, printed = processor_s(
         "import sys, manytouch.cli; manytouch.cli.main(['--help']);"
         "print([name for name in ('numpy', 'cv2', 'numba', 'scipy', 'pyarrow') if name in sys.modules])"
     )
     assert printed.splitlines()[-1] == "[]"
-    # thus less than 0.3 s where an empty help takes 0.18 s
-    least_s, _ = processor_s("import cyclopts; cyclopts.App(name='empty')(['--help'], exit_on_error=False)")
-    assert spent_s < 1.6 * least_s
+    assert spent_s < LONGEST_HELP_S
 
 
 def test_demo_serves_the_viewer_until_ctrl_c_and_leaves_tables_and_a_picture(tmp_path: Path) -> None:

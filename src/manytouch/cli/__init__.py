@@ -13,20 +13,6 @@ from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensErr
 
 import manytouch
 from manytouch.blas_threads import request_one_blas_thread
-from manytouch.cli import (
-    batch,
-    calibrate,
-    demo,
-    design,
-    doctor,
-    evaluate,
-    explain,
-    process,
-    run,
-    simulate,
-    view,
-)
-from manytouch.cli.recordings import export, recording
 from manytouch.cli.terminal.failures import DEBUG_FLAG, one_line, report
 from manytouch.cli.terminal.interrupt import TERMINATED, StopOnSignal
 
@@ -41,28 +27,64 @@ Exit status: 0 done, 1 the command failed (one line on stderr gives the cause an
 the remedy), 2 the command line is wrong.
 """
 
-app = App(
-    name="manytouch",
-    help="Estimate every contact on a soft dotted sheet from one camera: position, depth and force.",
-    help_epilogue=EPILOGUE,
-    version=manytouch.__version__,
-    help_format="plaintext",
-    suppress_keyboard_interrupt=False,
-)
-app.command(demo.demo)
-app.command(process.process)
-app.command(batch.batch)
-app.command(run.run)
-app.command(view.view)
-app.command(recording.app)
-app.command(doctor.doctor)
-app.command(evaluate.evaluate)
-app.command(explain.explain)
-app.command(export.export)
-app.command(simulate.simulate)
-app.command(calibrate.app)
-app.command(design.design)
-app.register_install_completion_command(help="Install completion for the shell that calls this.")
+# Name: function or app, and the first sentence of its help, which the list of commands shows without
+# importing the command.
+COMMANDS = {
+    "demo": (
+        "demo:demo",
+        "Press a simulated sensor with several fingers, and estimate the contacts from its images.",
+    ),
+    "process": (
+        "process:process",
+        "Process every frame of recordings of a dotted sheet; write contacts, markers and a summary.",
+    ),
+    "batch": ("batch:batch", "Process many recordings, and gather their contacts in two tables."),
+    "run": ("run:run", "Process a source live and print the contacts as they start and end."),
+    "view": (
+        "view:view",
+        "Play back a recording, a video or images in the viewer, with a timeline, until Ctrl-C.",
+    ),
+    "recording": ("recordings.recording:app", "Check and repair recordings."),
+    "doctor": (
+        "doctor:doctor",
+        "Diagnose this installation and, if a source is given, how well it can be processed.",
+    ),
+    "evaluate": (
+        "evaluate:evaluate",
+        "Compare results with ground truth: dots, depth, contacts, forces, two-point resolution, latency.",
+    ),
+    "explain": (
+        "explain:explain",
+        "Explain the method of the paper on one frame: a page with a picture of every step.",
+    ),
+    "export": (
+        "recordings.export:export",
+        "Write recordings in the formats of other programs; without an option, list the formats.",
+    ),
+    "simulate": ("simulate:simulate", "Simulate a scene file; write images, sensor file and ground truth."),
+    "calibrate": ("calibrate:app", "Calibrate camera, layout and sheet."),
+    "design": (
+        "design:design",
+        "Choose sheet, markers and camera position; write a sensor file and printable parts.",
+    ),
+}
+
+
+def application(words: Sequence[str]) -> App:
+    """The commands, of which only those named in `words` are imported."""
+    app = App(
+        name="manytouch",
+        help="Estimate every contact on a soft dotted sheet from one camera: position, depth and force.",
+        help_epilogue=EPILOGUE,
+        version=manytouch.__version__,
+        help_format="plaintext",
+        suppress_keyboard_interrupt=False,
+    )
+    for name, (path, summary) in COMMANDS.items():
+        # a help given here would replace the whole help of the command
+        app.command(f"manytouch.cli.{path}", name=name, help=None if name in words else summary)
+    app.register_install_completion_command(help="Install completion for the shell that calls this.")
+    return app
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -74,7 +96,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     StopOnSignal.is_terminated = False
     words = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != DEBUG_FLAG]
     try:
-        return _status(app(words, exit_on_error=False, print_error=False, result_action="return_value"))
+        return _status(
+            application(words)(words, exit_on_error=False, print_error=False, result_action="return_value")
+        )
     except CycloptsError as error:
         return _report_usage(error)
     except KeyboardInterrupt:

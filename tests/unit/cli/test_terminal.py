@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from cyclopts import App
 
-from manytouch.cli import main
+from manytouch.cli import COMMANDS, main
 from manytouch.cli.terminal import method_options
 from manytouch.cli.terminal.interrupt import StopOnSignal
 from manytouch.errors import ManytouchError
@@ -103,11 +103,17 @@ def test_help_has_an_example_and_keeps_its_line_breaks(verb, capsys):
         assert all(len(line) > 40 for line in lines[:-1]), lines
 
 
+def test_the_list_of_commands_has_the_first_sentence_of_each_help(capsys):
+    for name, (_, summary) in COMMANDS.items():
+        assert main([name, "--help"]) == 0
+        assert " ".join(capsys.readouterr().out.split("\n\n")[1].split()) == summary
+
+
 def test_failures_are_one_line_even_when_the_message_has_more(capsys, monkeypatch):
     def fail(*_: object, **__: object) -> int:
         raise ManytouchError("first\n  second")
 
-    monkeypatch.setattr("manytouch.cli.app", fail)
+    monkeypatch.setattr("manytouch.cli.application", lambda words: fail)
     assert main(["doctor"]) == 1
     assert capsys.readouterr().err == "manytouch: first second\n"
 
@@ -116,7 +122,7 @@ def test_an_internal_error_requests_a_report(capsys, monkeypatch):
     def fail(*_: object, **__: object) -> int:
         raise ValueError("shapes differ")
 
-    monkeypatch.setattr("manytouch.cli.app", fail)
+    monkeypatch.setattr("manytouch.cli.application", lambda words: fail)
     assert main(["doctor"]) == 1
     printed = capsys.readouterr().err
     assert "ValueError: shapes differ" in printed

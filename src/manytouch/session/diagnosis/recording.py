@@ -85,7 +85,10 @@ def _diagnose_scene(
     source: Source, frames: Sequence[Frame], roi_px: Roi | None, no_dots: str
 ) -> Iterator[str]:
     """Lines about few dots before other things, which frames of the whole recording show."""
-    spread = partial(spread_frames, source) if can_be_read_twice(source) else None
+    spread = None
+    if can_be_read_twice(source):
+        yield f"the first {len(frames)} frames show no dots of a regular print: the whole recording is read"
+        spread = partial(spread_frames, source)
     try:
         layout = calibration.examine(frames, roi_px=roi_px, spread=spread)
     except LayoutError:

@@ -1,4 +1,4 @@
-"""What `doctor` says of a picture whose rows and columns are not equally far apart."""
+"""What `doctor` prints about pictures: rows and columns unequally far apart, few dots before a scene."""
 
 import re
 from pathlib import Path
@@ -66,6 +66,7 @@ def test_few_dots_that_the_first_frames_do_not_show_are_found(tmp_path: Path, ha
         assert image is not None
         cv2.imwrite(str(tmp_path / f"{frame:03}.png"), image)
     lines = list(diagnose(str(tmp_path)))
+    assert any("the whole recording is read" in line for line in lines)
     (dots,) = (line for line in lines if line.startswith("dots:"))
     layout = [line for line in lines if line.startswith("layout:")]
     if has_dots:
