@@ -73,9 +73,9 @@ def write_pages(folder: Path, *, in_repository: Path | None = None) -> list[Path
 
 def commands() -> str:
     """Every command and option, from the parser."""
-    from manytouch.cli import EPILOGUE, app
+    from manytouch.cli import COMMANDS, EPILOGUE, application
 
-    text = app.generate_docs(output_format="markdown", recursive=True)
+    text = application(tuple(COMMANDS)).generate_docs(output_format="markdown", recursive=True)
     text = text[text.index("## manytouch demo") :]
     text = re.sub(r"^(#+) manytouch (.+)$", r"(command-\2)=\n\1 manytouch \2", text, flags=re.MULTILINE)
     text = re.sub(r"\(command-([^)]*)\)=", lambda found: f"(command-{found[1].replace(' ', '-')})=", text)

@@ -22,7 +22,7 @@ from cyclopts import MissingArgumentError
 import manytouch
 from clips import pressed_video
 from command_line import run_command
-from manytouch.cli import app
+from manytouch.cli import COMMANDS, application
 
 ROOT = Path(__file__).parents[2]
 if not (ROOT / "docs" / "index.md").exists():
@@ -99,7 +99,7 @@ def inline(page: Path) -> list[str]:
 
 def parse(line: str) -> None:
     line = line.replace("$SLURM_ARRAY_TASK_ID", "3").replace("VERB", "process")
-    app.parse_args(shlex.split(line), exit_on_error=False, print_error=False)
+    application(tuple(COMMANDS)).parse_args(shlex.split(line), exit_on_error=False, print_error=False)
 
 
 @pytest.fixture
