@@ -9,7 +9,7 @@ from scipy.linalg import get_lapack_funcs
 
 from manytouch.mechanics.banded.forward import LANES, substitute
 
-_MANY = 14  # right-hand sides from which on `substitute` is faster than LAPACK
+_MANY = 3  # right-hand sides from which on `substitute` is faster than LAPACK
 
 PADDING_ROWS = 16
 """Rows before and after the matrix, because tiles extend over both ends."""

@@ -1,4 +1,4 @@
-"""Forward substitution with the Cholesky factor of a band for 32 right-hand sides at once, compiled.
+"""Forward substitution with the Cholesky factor of a band for 8 right-hand sides at once, compiled.
 
 LAPACK solves one right-hand side after the other and reads the whole factor for each of them. Here 8 unknowns
 of all right-hand sides stay in registers while the factor passes (`tile`). What is computed for one of them
@@ -9,15 +9,15 @@ import numpy as np
 from jaxtyping import Float
 
 from manytouch.compilation import kernel, no_type_check
-from manytouch.mechanics.banded.tile import ROWS, At, add_product
+from manytouch.mechanics.banded.tile import COLUMNS, ROWS, At, add_product
 
-LANES = 32
+LANES = COLUMNS
 """Right-hand sides that are solved together."""
 
 
 @kernel(fastmath=True)
 @no_type_check
-def substitute(lower: Float[np.ndarray, "n band"], first: int, lanes: Float[np.ndarray, "n 32"]) -> None:
+def substitute(lower: Float[np.ndarray, "n band"], first: int, lanes: Float[np.ndarray, "n 8"]) -> None:
     """Replace right-hand sides by L^-1 times them.
 
     Args:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from manytouch.compilation import inlined_kernel, kernel, no_type_check
-from manytouch.mechanics.banded.tile import ROWS, At, add_product_16
+from manytouch.mechanics.banded.tile import COLUMNS, ROWS, At, add_product
 from manytouch.mechanics.shell.kernels import (
     LOCAL,
     POINTS,
@@ -166,8 +166,9 @@ def forces_and_tangent(
                     right = flat_deflection if j == 2 else flat_plane
                     matrix[:] = 0.0
                     for row in range(0, LOCAL, ROWS):
-                        to = At(row * LOCAL, LOCAL)
-                        add_product_16(flat, to, flat_left, At(row, LOCAL), right, At(0, LOCAL), count)
+                        for column in range(0, LOCAL, COLUMNS):
+                            to, from_row = At(row * LOCAL + column, LOCAL), At(row, LOCAL)
+                            add_product(flat, to, flat_left, from_row, right, At(column, LOCAL), count)
                     _scatter_tangent(matrix, (i, j), first, elements.shape, flat_tangent)
             scatter_force(element, elements, es, ef, force)
     clear_outside(elements.shape, tangent)

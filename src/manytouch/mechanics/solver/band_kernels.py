@@ -9,7 +9,7 @@ from jaxtyping import Bool, Float, Float64, Int64
 
 from manytouch.compilation import kernel, no_type_check
 from manytouch.mechanics.banded.band import Band
-from manytouch.mechanics.banded.tile import ROWS, At, add_product
+from manytouch.mechanics.banded.tile import COLUMNS, ROWS, At, add_product
 from manytouch.mechanics.shell.tangent_kernels import REACH, ROW, Coefficients, Tangent
 
 GROUP = 3  # adjacent nodes whose rows are added at once: together they reach over 9 nodes
@@ -107,19 +107,19 @@ def _add_group(
         tile[:] = 0.0
         for p in range(0, LANES, ROWS):
             left = At(a * LANES + p, stride)
-            add_product(
-                flat_tile, At(p * LANES, LANES), flat_weighted, left, flat, At(a * LANES, stride), 3 * GROUP
-            )
+            for q in range(p, LANES, COLUMNS):
+                to = At(p * LANES + q, LANES)
+                add_product(flat_tile, to, flat_weighted, left, flat, At(a * LANES + q, stride), 3 * GROUP)
             for c in range(a + 1, high):
                 at = band.front + (top + p) * (width + 1) + 3 * (c - a) * columns - p
-                add_product(
-                    values, At(at, width), flat_weighted, left, flat, At(c * LANES, stride), 3 * GROUP
-                )
+                for q in range(0, LANES, COLUMNS):
+                    right = At(c * LANES + q, stride)
+                    add_product(values, At(at + q, width), flat_weighted, left, flat, right, 3 * GROUP)
         for p in range(3 * (ROW + GROUP - 1)):
-            to = band.front + (top + p) * (width + 1)
+            place = band.front + (top + p) * (width + 1)
             for q in range(p, 3 * (ROW + GROUP - 1)):
                 # unsigned: numba then does not test for negative indices
-                values[np.uintp(to + q - p)] += tile[p, q]
+                values[np.uintp(place + q - p)] += tile[p, q]
 
 
 @kernel(fastmath=True)
