@@ -21,6 +21,7 @@ from manytouch.values.arrays import read_only
 _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
 _SHEAR = [ESTIMATES.index(name) for name in ("shear_x", "shear_y")]
+_LINEAR = [number for number in range(len(ESTIMATES)) if number != _AREA]
 _CLAMP_THICKNESSES = 4.0  # at which `ModelError.position_clamp` applies
 _FORCES = ("shear_x", "shear_y", "normal_force", "torque")
 _RINGS = np.array(
@@ -177,10 +178,14 @@ class ContactEstimator:
         slope = face.derivative(fit.shape.coefficient_mm)
         rows = np.stack([_estimate_rows(model, clusters, number, fit, near) for number in range(count)])
         point = np.arange(count) * len(_RINGS) + deepest
-        rows[np.arange(count)[:, None], _DEPTH, face.basis.node[point]] = -slope[point, 2]
-        covariance = fit.posterior.covariances(rows)
+        rows[np.arange(count)[:, None], _LINEAR.index(_DEPTH), face.basis.node[point]] = -slope[point, 2]
+        white = np.zeros((count, len(ESTIMATES), fit.shape.force_mm2.size))
+        white[:, _LINEAR] = fit.posterior.whiten(rows.reshape(-1, *fit.shape.force_mm2.shape)).reshape(
+            count, len(_LINEAR), -1
+        )
+        covariance = white @ white.transpose(0, 2, 1)
         if friction is not None:
-            covariance += friction.covariance(rows)
+            covariance += friction.covariance(white)
         contacts = []
         for number, noise in enumerate(covariance):
             depth_mm = -float(moved_mm[number, deepest[number], 2])
@@ -259,8 +264,8 @@ class ContactEstimator:
 
 def _estimate_rows(
     model: InversionModel, clusters: Clusters, number: int, fit: Fit, near: Int64[np.ndarray, " nodes"]
-) -> Float64[np.ndarray, "8 nodes 3"]:
-    """Derivatives of the estimates by the coefficients; those of depth and area are 0."""
+) -> Float64[np.ndarray, "7 nodes 3"]:
+    """Derivatives of the estimates but the area by the coefficients; those of the depth are 0."""
     force_mm2 = fit.shape.force_mm2
     inside, around = clusters.label == number, (near == number).astype(np.float64)
     arm = np.where(inside[:, None], model.lattice.place_mm - clusters.centre_mm[number], 0.0)
@@ -276,7 +281,6 @@ def _estimate_rows(
             row(around, 1),
             row(-share, 2),
             row(arm[:, 0], 1) - row(arm[:, 1], 0),
-            np.zeros_like(force_mm2),
         ]
     )
 

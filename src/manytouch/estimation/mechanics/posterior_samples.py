@@ -75,5 +75,5 @@ class PosteriorSamples:
                 coefficient_mm=read_only(spline.coefficient_mm + change_mm),
                 force_over_E_mm2=read_only(spline.force_over_E_mm2 + linearisation.force_change(change_mm)),
             )
-            for change_mm in posterior.sample_changes(self._normal)
+            for change_mm in posterior.colour(self._normal)
         )

@@ -203,23 +203,24 @@ class Posterior:
         rows = [self.linearisation.force_row(each, component).ravel() for each in share]
         if not rows:
             return np.zeros(0)
-        return np.asarray(np.sqrt((self.factor.whiten(np.stack(rows)) ** 2).sum(axis=1)))
+        return np.asarray(np.linalg.norm(self.factor.whiten(np.stack(rows)), axis=1))
 
     def solve(self, right: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k nodes 3"]:
         """H^-1 times each right-hand side."""
         return self.factor.solve(right.reshape(len(right), -1)).reshape(right.shape)
 
-    def sample_changes(self, normal: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k nodes 3"]:
-        """Changes of the coefficients (mm) with covariance H^-1, from rows of independent normal numbers."""
-        is_free = self.linearisation.shell.patch.is_free
-        return np.asarray(self.factor.colour(normal).reshape(len(normal), *is_free.shape) * is_free)
+    def colour(self, white: Float64[np.ndarray, "k n"]) -> Float64[np.ndarray, "k nodes 3"]:
+        """Changes of the coefficients (mm): with covariance H^-1, from rows of independent normal numbers.
 
-    def covariances(self, rows: Float64[np.ndarray, "g k nodes 3"]) -> Float64[np.ndarray, "g k k"]:
-        """Covariances of k linear functions rows . c of the coefficients c, for each of g groups."""
-        groups, count = rows.shape[:2]
-        free = (rows * self.linearisation.shell.patch.is_free).reshape(groups * count, -1)
-        white = self.factor.whiten(free).reshape(groups, count, -1)
-        return np.asarray(white @ white.transpose(0, 2, 1))
+        H^-1 times right-hand sides, from these after `whiten`.
+        """
+        is_free = self.linearisation.shell.patch.is_free
+        return np.asarray(self.factor.colour(white).reshape(len(white), *is_free.shape) * is_free)
+
+    def whiten(self, rows: Float64[np.ndarray, "k nodes 3"]) -> Float64[np.ndarray, "k n"]:
+        """Scalar products of the results are covariances of linear functions rows . c of the coefficients."""
+        free = rows * self.linearisation.shell.patch.is_free
+        return self.factor.whiten(free.reshape(len(rows), -1))
 
     def variances(
         self, node: Int64[np.ndarray, "k 16"], row: Float64[np.ndarray, "k 16 3"]

@@ -39,19 +39,23 @@ class Friction:
         force_change_mm2: (nodes, 3) change of the nodal forces over E, to first order.
         centre_change_mm: (contacts, 2) change of the centres of the normal forces, which without friction lie
             too far back to compensate what it does.
-        spread_mm: (k, nodes, 3) the covariance of the coefficients increases by the sum of the products of
-            each row with itself.
+        white: (k, n) the covariance of the coefficients increases by the sum of the products of each row with
+            itself, where these are changes after `Posterior.colour`.
     """
 
     ratio: Float64[np.ndarray, "contacts 2"]
     change_mm: Nodal
     force_change_mm2: Nodal
     centre_change_mm: Float64[np.ndarray, "contacts 2"]
-    spread_mm: Float64[np.ndarray, "k nodes 3"]
+    white: Float64[np.ndarray, "k n"]
 
-    def covariance(self, rows: Float64[np.ndarray, "g q nodes 3"]) -> Float64[np.ndarray, "g q q"]:
-        """What it adds to the covariances of q linear functions rows . c, for each of g groups."""
-        change = np.einsum("gqnc,knc->gqk", rows, self.spread_mm, optimize=True)
+    def covariance(self, rows: Float64[np.ndarray, "g q n"]) -> Float64[np.ndarray, "g q q"]:
+        """What it adds to the covariances of q linear functions, for each of g groups.
+
+        Args:
+            rows: (g, q, n) their derivatives after `Posterior.whiten`.
+        """
+        change = rows @ self.white.T
         return np.asarray(change @ change.transpose(0, 2, 1))
 
 
@@ -85,23 +89,23 @@ class FrictionFits:
         pull = np.stack(
             [linearisation.tangential_gradient(each[axis], axis) for each in weighted for axis in range(2)]
         )
-        response_mm = posterior.solve(pull) * is_free
-        information = -pull.reshape(2 * count, -1) @ response_mm.reshape(2 * count, -1).T
-        for axis in range(2):
-            information[axis::2, axis::2] += weighted[:, axis] @ press_mm2.T
-        wide = np.linalg.inv(information + np.eye(2 * count) / self.ratio_std**2)
         gradient = linearisation.gradient(
             fit.residual_px, posterior.information, posterior.weight * fit.balance_mm2
         )
-        known = np.einsum("kcn,nc->kc", weighted, fit.balance_mm2[:, :2]).ravel()
-        known -= response_mm.reshape(2 * count, -1) @ gradient.ravel()
+        white = posterior.whiten(np.concatenate([pull, gradient[None]]))
+        white, white_gradient = white[:-1], white[-1]
+        information = -white @ white.T
+        for axis in range(2):
+            information[axis::2, axis::2] += weighted[:, axis] @ press_mm2.T
+        wide = np.linalg.inv(information + np.eye(2 * count) / self.ratio_std**2)
+        known = np.einsum("kcn,nc->kc", weighted, fit.balance_mm2[:, :2]).ravel() - white @ white_gradient
         ratio = (wide @ known).reshape(count, 2)
         by_noise = np.diag(wide).reshape(count, 2).sum(axis=1)
         excess = 0.5 * ((ratio**2).sum(axis=1) - by_noise)
         variance = np.clip(excess, LEAST_VARIANCE, self.ratio_std**2)
         narrow = np.linalg.inv(information + np.diag(np.repeat(1.0 / variance, 2)))
         ratio = narrow @ known
-        change_mm = np.einsum("k,knc->nc", ratio, response_mm)
+        change_mm = posterior.colour((ratio @ white)[None])[0]
         force_change_mm2 = linearisation.force_change(change_mm)
         press_change_mm2 = np.where(inside, -force_change_mm2[:, 2], 0.0)
         arm_mm = linearisation.shell.patch.place_mm - clusters.centre_mm[:, None]
@@ -111,5 +115,5 @@ class FrictionFits:
             change_mm=change_mm,
             force_change_mm2=force_change_mm2,
             centre_change_mm=moment_mm3 / clusters.normal_mm2[:, None],
-            spread_mm=np.einsum("jk,jnc->knc", np.linalg.cholesky(wide), response_mm),
+            white=np.linalg.cholesky(wide).T @ white,
         )

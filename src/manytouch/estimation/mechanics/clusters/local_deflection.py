@@ -47,21 +47,45 @@ class LocalDeflection:
 
     def depth_mm(self, clusters: Clusters, place_mm: Points2) -> Scalars:
         """(k,) missing depth at places (k, 2) under clusters whose pressure is known."""
-        missing_mm = np.zeros(len(place_mm))
-        for number in np.flatnonzero(np.isfinite(clusters.covariance[:, 0, 0]) & ~clusters.is_face):
-            size, axes = np.linalg.eigh(clusters.spread_mm2[number])
-            root = axes * np.sqrt(np.maximum(size, 0.0))
-            points_mm = clusters.centre_mm[number] + _DISC @ root.T
-            reach_mm = _REACH * self.element_mm + np.abs(points_mm - clusters.centre_mm[number]).max(axis=0)
-            near = np.flatnonzero((np.abs(place_mm - clusters.centre_mm[number]) < reach_mm).all(axis=1))
-            if len(near) == 0:
-                continue
-            force_mm2 = clusters.normal_mm2[number] * _SHARES
-            place = (place_mm[near] - self.corner_mm) / self.element_mm
-            missing_mm[near] += missing_depth(
-                (points_mm - self.corner_mm) / self.element_mm, force_mm2, place, self.table_per_mm
-            )
-        return missing_mm
+        known = np.flatnonzero(np.isfinite(clusters.covariance[:, 0, 0]) & ~clusters.is_face)
+        size, axes = np.linalg.eigh(clusters.spread_mm2[known])
+        root = axes * np.sqrt(np.maximum(size, 0.0))[:, None]
+        away_mm = _DISC @ root.transpose(0, 2, 1)
+        return _missing_depths(
+            (clusters.centre_mm[known] - self.corner_mm) / self.element_mm,
+            away_mm / self.element_mm,
+            clusters.normal_mm2[known],
+            (place_mm - self.corner_mm) / self.element_mm,
+            self.table_per_mm,
+        )
+
+
+@kernel()
+@no_type_check
+def _missing_depths(
+    centre: Points2,
+    away: Float64[np.ndarray, "c k 2"],
+    force_mm2: Scalars,
+    place: Float64[np.ndarray, "m 2"],
+    table_per_mm: Float64[np.ndarray, "3 3 21 21"],
+) -> Float64[np.ndarray, " m"]:
+    """(m,) missing depth under pressures, each of point forces with `_SHARES` around its centre."""
+    found = np.zeros(len(place))
+    near = np.empty(len(place), np.int64)
+    for c in range(len(centre)):
+        reach = np.full(2, 0.0)
+        for k in range(away.shape[1]):
+            for axis in range(2):
+                reach[axis] = max(reach[axis], _REACH + abs(away[c, k, axis]))
+        count = 0
+        for m in range(len(place)):
+            if abs(place[m, 0] - centre[c, 0]) < reach[0] and abs(place[m, 1] - centre[c, 1]) < reach[1]:
+                near[count] = m
+                count += 1
+        if count > 0:
+            own = near[:count]
+            found[own] += missing_depth(centre[c] + away[c], force_mm2[c] * _SHARES, place[own], table_per_mm)
+    return found
 
 
 @kernel()

@@ -243,6 +243,8 @@ class RigidFaces:
 
 def _components(is_joined: np.ndarray, least: int = 2) -> list[Int64[np.ndarray, " k"]]:
     """Connected groups of so many clusters or more."""
+    if not is_joined.any():
+        return []
     groups, label = connected_components(csr_array(is_joined), directed=False)
     found = [np.flatnonzero(label == group) for group in range(groups)]
     return [own for own in found if len(own) >= least]

@@ -147,10 +147,11 @@ def test_more_is_uncertain_with_friction(start, coefficient_mm) -> None:
     fits = Kept()
     contacts_of(start, coefficient_mm, fits)
     (fit, *_), friction = fits.calls[-1]
-    rows = fit.posterior.linearisation.force_row(np.ones(len(fit.balance_mm2)), 0)[None, None]
-    assert friction.covariance(rows)[0, 0, 0] > 0.0
-    by_hand = sum(float((rows[0, 0] * each).sum()) ** 2 for each in friction.spread_mm)
-    assert friction.covariance(rows)[0, 0, 0] == pytest.approx(by_hand)
+    rows = fit.posterior.linearisation.force_row(np.ones(len(fit.balance_mm2)), 0)[None]
+    added = friction.covariance(fit.posterior.whiten(rows)[None])[0, 0, 0]
+    assert added > 0.0
+    changes_mm = fit.posterior.colour(friction.white)
+    assert added == pytest.approx(sum(float((rows[0] * each).sum()) ** 2 for each in changes_mm), rel=1e-3)
 
 
 def test_there_is_none_without_contacts_and_for_a_fit_that_failed(start, coefficient_mm) -> None:
