@@ -14,8 +14,7 @@ from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera
 from manytouch.values.arrays import Mask, read_only_view
 
-OUTLINE_POINTS = 12
-OUTLINE_RADIUS = float(np.sqrt(3.0 / (2.0 + np.cos(2.0 * np.pi / OUTLINE_POINTS))))
+OUTLINE_POINTS = 8
 """The polygon with this radius has the second moments of the unit disc (1.0231)."""
 
 _Discs = tuple[marker_kernels.Places, marker_kernels.Places, Float64[np.ndarray, "m k 3"]]
@@ -162,7 +161,7 @@ class MarkerImages:
     def _outlines(self) -> _Discs:
         """Centres and outlines of the markers, and the outlines in the sheet frame."""
         angle = 2.0 * np.pi / OUTLINE_POINTS * np.arange(OUTLINE_POINTS)
-        circle = OUTLINE_RADIUS * np.column_stack([np.cos(angle), np.sin(angle), np.zeros(OUTLINE_POINTS)])
+        circle = np.column_stack([np.cos(angle), np.sin(angle), np.zeros(OUTLINE_POINTS)])
         outline_mm = self.rest_mm[:, None] + self.radius_mm[:, None, None] * circle
         patch, shape = self.shell.patch, outline_mm.shape[:2]
         around = patch.window(outline_mm[..., :2].reshape(-1, 2))

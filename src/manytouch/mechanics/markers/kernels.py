@@ -224,6 +224,9 @@ def centroids(
 ) -> None:
     """Pixels of the centroids of the images of m deformed discs, into `out`.
 
+    The outline of an image is a trigonometric polynomial through the images of k points, so that its area
+    and its moments are sums over these points (L. N. Trefethen 2000, doi:10.1137/1.9780898719598, chapter 3).
+
     Args:
         spline: displacement of the sheet.
         centres: of the discs. Fibres of a disc have the tilt of its centre, because third derivatives of the
@@ -237,7 +240,9 @@ def centroids(
     frames = Frames(np.empty((3, 3)), np.empty(3))
     moved = np.empty(3)
     count = outline_mm.shape[1]
-    u, v = np.empty(count), np.empty(count)
+    u, v, weight = np.empty(count), np.empty(count), np.empty(count)
+    for n in range(1, count):  # of the derivative of a trigonometric polynomial
+        weight[n] = 0.5 * (-1.0) ** (n + 1) / math.tan(math.pi * n / count)
     for i in range(len(out)):
         tilt = _tilt(spline, centres.first[i], centres.bending[i], layer.tilt)
         for k in range(count):
@@ -258,14 +263,18 @@ def centroids(
                 outline_mm[i, k, 2] + moved[2],
             )
         area = up = right = 0.0
-        for k in range(1, count - 1):  # triangles from the first point
-            au, av, bu, bv = u[k] - u[0], v[k] - v[0], u[k + 1] - u[0], v[k + 1] - v[0]
-            cross = au * bv - av * bu
-            area += cross
-            right += cross * (au + bu)
-            up += cross * (av + bv)
-        out[i, 0] = u[0] + right / (3.0 * area)
-        out[i, 1] = v[0] + up / (3.0 * area)
+        for k in range(count):
+            du = dv = 0.0
+            for n in range(1, (count + 1) // 2):
+                ahead, behind = (k + n) % count, k - n
+                du += weight[n] * (u[ahead] - u[behind])
+                dv += weight[n] * (v[ahead] - v[behind])
+            x, y = u[k] - u[0], v[k] - v[0]
+            area += x * dv - y * du
+            right += x * x * dv
+            up -= y * y * du
+        out[i, 0] = u[0] + right / area
+        out[i, 1] = v[0] + up / area
 
 
 @kernel(fastmath=True)
