@@ -1,7 +1,7 @@
 """Chromium for the tests of the viewer, and waiting in a page whose policy forbids Playwright's own."""
 
 import shutil
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 
 from playwright.sync_api import Browser, Page, sync_playwright
@@ -38,3 +38,20 @@ def wait_for_text(page: Page, selector: str, *texts: str) -> None:
     """Wait until an element contains texts; panes are drawn with the next frame of the display."""
     found = f"document.querySelector('{selector}').innerText"
     wait(page, f"{list(texts)}.every((text) => {found}.includes(text))")
+
+
+def wait_until(page: Page, is_met: Callable[[], bool]) -> None:
+    """Wait for a condition outside the page, such as a command that the session has received."""
+    for _ in range(TIMEOUT_MS // 50):
+        if is_met():
+            return
+        page.wait_for_timeout(50)
+    raise AssertionError(f"not met within {TIMEOUT_MS // 1000} s; {page.inner_text('#state')}")
+
+
+def wait_for_paint(page: Page) -> None:
+    """Wait for three frames of the display: what changed before is drawn, and labels have their places."""
+    page.evaluate(
+        "new Promise((done) => { let left = 3;"
+        " const next = () => left-- ? requestAnimationFrame(next) : done(); next(); })"
+    )

@@ -16,10 +16,10 @@ pytest.importorskip("playwright")
 
 from playwright.sync_api import Browser, Page
 
-from browser import CHROMIUM, wait, wait_for_text
+from browser import CHROMIUM, wait, wait_for_paint, wait_for_text, wait_until
 from manytouch.session.methods import choices_of, parameter_info, parameters_of, pipeline_for
 from manytouch.sinks.viewer import Viewer
-from manytouch.values import Comparison, OutlineRing, Press, Reading, Tune
+from manytouch.values import Comparison, OutlineRing, Press, Reading, Release, Tune
 from viewer_session import HEALTH, FakeSession, reading_of
 
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
@@ -259,7 +259,7 @@ def test_labels_of_contacts_at_one_place_do_not_cover_each_other(page: Page, vie
     contacts = tuple(replace(one, centre_mm=at_mm, centre_px=at_px) for one in reading.contacts.contacts)
     show(page, viewer, replace(reading, contacts=replace(reading.contacts, contacts=contacts)))
     wait(page, "document.querySelectorAll('#scene .tag').length === 12")
-    page.wait_for_timeout(300)
+    wait_for_paint(page)
     tags = page.evaluate(
         """[...document.querySelectorAll('#scene .tag, #scene .scale')].map((e) => e.getBoundingClientRect())
         .map(({ left, top, width, height }) => [left, top, width, height])"""
@@ -339,10 +339,9 @@ def test_the_wheel_changes_the_depth_of_fingers_and_zooms_with_control(
     page.mouse.wheel(0, 100)
     wait(page, "document.getElementById('press-depth-label').textContent === '2.30 mm'")
     page.mouse.up()
-    page.wait_for_timeout(200)
+    wait_until(page, lambda: isinstance(session.commands[-1], Release))
     depths = [command.depth_mm for command in session.commands if isinstance(command, Press)]
-    assert depths[0] == 2.5
-    assert depths[-1] == pytest.approx(2.3)
+    assert depths == pytest.approx([2.5, 2.7, 2.5, 2.3])
     assert page.evaluate(distance) == pytest.approx(before)
     page.keyboard.down("Control")
     page.mouse.wheel(0, -300)

@@ -14,7 +14,7 @@ pytest.importorskip("playwright")
 
 from playwright.sync_api import Browser, Page
 
-from browser import CHROMIUM, FLAGS, launched, wait, wait_for_text
+from browser import CHROMIUM, FLAGS, launched, wait, wait_for_paint, wait_for_text, wait_until
 from manytouch.sinks.files.tables import contact_column_names
 from manytouch.sinks.viewer import Viewer
 from manytouch.values import Reading, Status, Tare, UndoTare
@@ -125,7 +125,7 @@ def test_labels_cover_neither_each_other_nor_the_colour_bar(
     if page.evaluate("Boolean(manytouch.pane.isFlat)"):
         pytest.skip("labels are painted on the map; their places are those of label_places.js too")
     wait(page, "document.querySelectorAll('#scene .tag').length === 8")
-    page.wait_for_timeout(300)
+    wait_for_paint(page)
     boxes = page.evaluate(
         """[...document.querySelectorAll('#scene .tag, #scene .scale, #scene .axis')]
         .filter((e) => e.style.visibility !== 'hidden').map((e) => e.getBoundingClientRect())
@@ -164,7 +164,8 @@ def test_the_view_fits_after_a_change_of_size_and_names_of_axes_are_whole(
     if page.evaluate("Boolean(manytouch.pane.isFlat)"):
         pytest.skip("the map has no view to fit")
     page.set_viewport_size({"width": 390, "height": 844})
-    page.wait_for_timeout(500)
+    wait(page, "innerWidth === 390")
+    wait_for_paint(page)
     corners = [page.evaluate(f"manytouch.pane.onScreen({x}, {y})") for x in (-60, 60) for y in (-40, 40)]
     stage = page.locator("#scene").bounding_box()
     assert stage is not None
@@ -208,14 +209,6 @@ def test_tare_while_touched_asks_first_and_can_be_undone(
     page.click("#untare")
     wait_until(page, lambda: session.commands[-1] == UndoTare())
     page.close()
-
-
-def wait_until(page: Page, is_met: Any) -> None:
-    for _ in range(200):
-        if is_met():
-            return
-        page.wait_for_timeout(50)
-    raise AssertionError("not met within 10 s")
 
 
 def test_a_contact_is_followed_and_its_history_saved(
