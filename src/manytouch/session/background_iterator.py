@@ -1,7 +1,7 @@
 """An iterator that runs in a thread of its own, a few items ahead of its consumer."""
 
-import queue
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from types import TracebackType
 from typing import Generic, TypeVar
@@ -29,7 +29,7 @@ class BackgroundIterator(Generic[Item]):
         *,
         ahead: int,
         stop: Callable[[], bool] | None = None,
-        begins_late: bool = False,
+        replaceable: type | None = None,
     ) -> None:
         """Prepare; nothing runs yet.
 
@@ -37,15 +37,23 @@ class BackgroundIterator(Generic[Item]):
             items: a generator or iterator; iterated and closed in the thread.
             ahead: largest number of items that wait.
             stop: called while no item is available; the iteration ends once it returns True.
-            begins_late: the thread begins an item only when there is room for it, so that the items of a
-                source that drops what comes meanwhile are recent ones.
+            replaceable: type of items with which the thread does not wait: one of them takes the place of
+                another that is the last to wait, so that the consumer gets recent ones. None: no item does.
         """
         self._items = items
-        self._queue: queue.Queue[Item | _End] = queue.Queue(maxsize=ahead)
+        self._waiting: deque[Item | _End] = deque()
+        self._ahead = ahead
         self._stop = stop
-        self._room = threading.Semaphore(ahead) if begins_late else None
-        self._is_over = threading.Event()
+        self._replaceable = replaceable
+        self._replaced = 0
+        self._is_over = False
+        self._change = threading.Condition()
         self._thread = threading.Thread(target=self._run, name="manytouch-track", daemon=True)
+
+    @property
+    def replaced(self) -> int:
+        """Number of items that the consumer did not get because later ones took their places."""
+        return self._replaced
 
     def __enter__(self) -> "BackgroundIterator[Item]":
         self._thread.start()
@@ -54,19 +62,21 @@ class BackgroundIterator(Generic[Item]):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._is_over.set()
+        with self._change:
+            self._is_over = True
+            self._change.notify_all()
         self._thread.join()
 
     def __iter__(self) -> Iterator[Item]:
         while True:
-            try:
-                item = self._queue.get(timeout=_POLL_S)
-            except queue.Empty:
+            with self._change:
+                is_ready = self._change.wait_for(lambda: bool(self._waiting), _POLL_S)
+                item = self._waiting.popleft() if is_ready else _End()
+                self._change.notify_all()
+            if not is_ready:
                 if self._stop is not None and self._stop():
                     return
                 continue
-            if self._room is not None:
-                self._room.release()
             if isinstance(item, _End):
                 if item.error is not None:
                     raise item.error
@@ -76,9 +86,8 @@ class BackgroundIterator(Generic[Item]):
     def _run(self) -> None:
         end = _End()
         try:
-            while self._wait_for_room():
-                item = next(self._items, end)
-                if item is end or not self._put(item):
+            for item in self._items:
+                if not self._put(item):
                     break
         except BaseException as error:  # noqa: BLE001 - it is raised in the consumer
             end = _End(error)
@@ -88,18 +97,20 @@ class BackgroundIterator(Generic[Item]):
                 close()
         self._put(end)
 
-    def _wait_for_room(self) -> bool:
-        """False if the iteration is over."""
-        while self._room is not None and not self._is_over.is_set():
-            if self._room.acquire(timeout=_POLL_S):
-                return True
-        return not self._is_over.is_set()
-
     def _put(self, item: Item | _End) -> bool:
-        while not self._is_over.is_set():
-            try:
-                self._queue.put(item, timeout=_POLL_S)
-            except queue.Full:
-                continue
-            return True
-        return False
+        """False if the iteration is over."""
+        with self._change:
+            while not self._is_over and len(self._waiting) >= self._ahead:
+                if self._replaces(item, self._waiting[-1]):
+                    self._waiting.pop()
+                    self._replaced += 1
+                else:
+                    self._change.wait()
+            if not self._is_over:
+                self._waiting.append(item)
+                self._change.notify_all()
+            return not self._is_over
+
+    def _replaces(self, item: Item | _End, last: Item | _End) -> bool:
+        kind = self._replaceable
+        return kind is not None and isinstance(item, kind) and isinstance(last, kind)

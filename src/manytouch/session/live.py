@@ -68,8 +68,8 @@ class Live:
 
     It is both `manytouch.session.Readings`, for `run`, and `manytouch.pipeline.Controls`, for the viewer.
     Decoding, detection and tracking run in a thread, estimation and sinks in the one that calls `run`. Frames
-    of a device that come while both are busy are dropped and counted. A changed method, parameter or
-    reference is prepared in a third thread, while the frames are processed as before.
+    of a device that come while a thread is busy are dropped and counted, all but the last. A changed method,
+    parameter or reference is prepared in a third thread, while the frames are processed as before.
     """
 
     def __init__(
@@ -101,6 +101,7 @@ class Live:
         self._is_held = False
         self._is_over = threading.Event()
         self._dropped = 0
+        self._stream: BackgroundIterator[Setup | TrackedFrame] | None = None
         self._next_index: int | None = None
         self._pace = Pace()
         self._tare = TareCollector()
@@ -161,7 +162,7 @@ class Live:
             latency_ms_p50=middle,
             latency_ms_p99=late,
             frames=self._meter.frames,
-            dropped=self._dropped,
+            dropped=self._dropped + (0 if self._stream is None else self._stream.replaced),
             markers_seen=self._meter.markers_seen,
             markers=0 if layout is None else int((~layout.is_missing).sum()),
             method=setup.method,
@@ -195,8 +196,9 @@ class Live:
             self._pace.begin(self._begin())
         switch_interval_s = sys.getswitchinterval()
         sys.setswitchinterval(SWITCH_INTERVAL_S)
-        is_live = self._job.source.is_live
-        with BackgroundIterator(self._track(), ahead=AHEAD, stop=stop, begins_late=is_live) as stream:
+        newest = TrackedFrame if self._job.source.is_live else None
+        self._stream = BackgroundIterator(self._track(), ahead=AHEAD, stop=stop, replaceable=newest)
+        with self._stream as stream:
             try:
                 yield from self._estimate(iter(stream))
             finally:
@@ -223,8 +225,8 @@ class Live:
                 begin = resumed_estimation(setup.pipeline, begin, before.pipeline, state.value)
             else:
                 renumber.begin()
-            tracked = _until_setup(stream, following)
-            readings = setup.pipeline.estimate_readings(tracked, setup.sensor, begin)
+            frames = _until_setup(stream, following)
+            readings = setup.pipeline.estimate_readings(frames, setup.sensor, begin)
             for reading in kept(readings, state.keep):
                 self._touched_tares.add(reading)
                 yield renumber(reading)
@@ -237,12 +239,9 @@ class Live:
             setup = self._wanted
             yield setup
             if before is not None:
-                is_same = setup.sensor is before.sensor
-                begin = (
-                    resumed_tracking(setup.pipeline, setup.sensor, before.pipeline, state.value)
-                    if is_same
-                    else None
-                )
+                begin = None
+                if setup.sensor is before.sensor:
+                    begin = resumed_tracking(setup.pipeline, setup.sensor, before.pipeline, state.value)
             stream = setup.pipeline.track_frames(self._frames(setup), setup.sensor, begin)
             for tracked in kept(stream, state.keep):
                 yield tracked

