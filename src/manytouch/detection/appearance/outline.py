@@ -21,6 +21,8 @@ STEPS = 26  # samples of a ray
 REACH = 2.6  # radii
 FITTING_RADIUS_PX = 4.0  # octave in which rays are sampled: radius at least this, where there is one
 COLUMNS = 9  # of a row: x, y, radius, contrast, openness, aspect, roughness, visible, fill
+ANGLES = [2.0 * math.pi * ray / RAYS for ray in range(RAYS)]
+COSINE, SINE = np.array([math.cos(each) for each in ANGLES]), np.array([math.sin(each) for each in ANGLES])
 
 
 class OutlineLimits(NamedTuple):
@@ -45,7 +47,7 @@ class RaySamples(NamedTuple):
     """Samples along the rays of one blob, and scratch.
 
     Attributes:
-        values: (RAYS, STEPS) brightness.
+        values: (RAYS, STEPS) brightness; not set outside the image.
         known: (RAYS,) number of samples inside the image.
         falls: (RAYS,) fall of the brightness; NaN if not known.
         lengths: (RAYS,) length of the rays to the outline, px; NaN if not known.
@@ -143,14 +145,27 @@ def _sample_rays(image: Octave, x: float, y: float, radius: float, sign: float, 
     """Samples the brightness along all rays."""
     height, width = image.shape
     for ray in range(RAYS):
-        angle = 2.0 * math.pi * ray / RAYS
         rays.known[ray] = STEPS
         for step in range(STEPS):
             distance = REACH * radius * (step + 0.5) / STEPS
-            u, v = x + distance * math.cos(angle), y + distance * math.sin(angle)
+            u, v = x + distance * COSINE[ray], y + distance * SINE[ray]
             if u < -0.5 or v < -0.5 or u > width - 0.5 or v > height - 0.5:
-                rays.known[ray] = min(rays.known[ray], step)
+                rays.known[ray] = step
+                break
             rays.values[ray, step] = sign * _interpolate(image, u, v)
+
+
+@kernel()
+@no_type_check
+def _sorted_middle(value: Float64[np.ndarray, " r"], count: int) -> float:
+    """Median of the first values, the larger one of two; sorts them by insertion, as they are few."""
+    for i in range(1, count):
+        one, j = value[i], i
+        while j > 0 and value[j - 1] > one:
+            value[j] = value[j - 1]
+            j -= 1
+        value[j] = one
+    return value[count // 2]
 
 
 @kernel()
@@ -165,7 +180,7 @@ def _find_core(rays: RaySamples) -> tuple[float, int]:
                 rays.column[count] = rays.values[ray, step]
                 count += 1
         if count >= int(RAYS * LIMITS.least_rays):
-            middle = np.sort(rays.column[:count])[count // 2]
+            middle = _sorted_middle(rays.column, count)
             if middle > core:
                 core, best = middle, step
     return core, best
@@ -188,7 +203,7 @@ def _measure_falls(rays: RaySamples, core: float, best: int) -> tuple[int, float
         count += 1
     if count < int(RAYS * LIMITS.least_rays):
         return count, 0.0
-    return count, np.sort(rays.column[:count])[count // 2]
+    return count, _sorted_middle(rays.column, count)
 
 
 @kernel()
@@ -250,7 +265,7 @@ def _fill_lengths(rays: RaySamples) -> bool:
             count += 1
     if count < RAYS // 4:
         return False
-    typical = np.sort(rays.column[:count])[count // 2]
+    typical = _sorted_middle(rays.column, count)
     for ray in range(RAYS):
         if not math.isfinite(rays.lengths[ray]):
             rays.lengths[ray] = typical
@@ -298,10 +313,10 @@ def _trace_one(
         return False
     area = sum_x = sum_y = 0.0
     for ray in range(RAYS):
-        angle, length = 2.0 * math.pi * ray / RAYS, rays.lengths[ray]
+        length = rays.lengths[ray]
         area += 0.5 * length**2
-        sum_x += length**3 / 3.0 * math.cos(angle)
-        sum_y += length**3 / 3.0 * math.sin(angle)
+        sum_x += length**3 / 3.0 * COSINE[ray]
+        sum_y += length**3 / 3.0 * SINE[ray]
     row[0], row[1] = x + sum_x / area, y + sum_y / area
     row[2] = math.sqrt(2.0 * area / RAYS)
     row[8] = _fill_share(rays, radius, core - 0.5 * contrast)
@@ -314,17 +329,17 @@ def _measure_shape(lengths: Float64[np.ndarray, " r"], row: Float64[np.ndarray, 
     """Aspect and roughness from the harmonics of the lengths: the first is a shift, the second an ellipse."""
     mean = c1 = s1 = c2 = s2 = 0.0
     for ray in range(RAYS):
-        angle = 2.0 * math.pi * ray / RAYS
+        twice = 2 * ray % RAYS
         mean += lengths[ray] / RAYS
-        c1 += 2.0 * lengths[ray] * math.cos(angle) / RAYS
-        s1 += 2.0 * lengths[ray] * math.sin(angle) / RAYS
-        c2 += 2.0 * lengths[ray] * math.cos(2.0 * angle) / RAYS
-        s2 += 2.0 * lengths[ray] * math.sin(2.0 * angle) / RAYS
+        c1 += 2.0 * lengths[ray] * COSINE[ray] / RAYS
+        s1 += 2.0 * lengths[ray] * SINE[ray] / RAYS
+        c2 += 2.0 * lengths[ray] * COSINE[twice] / RAYS
+        s2 += 2.0 * lengths[ray] * SINE[twice] / RAYS
     squares = 0.0
     for ray in range(RAYS):
-        angle = 2.0 * math.pi * ray / RAYS
-        shift = c1 * math.cos(angle) + s1 * math.sin(angle)
-        smooth = mean + shift + c2 * math.cos(2 * angle) + s2 * math.sin(2 * angle)
+        twice = 2 * ray % RAYS
+        shift = c1 * COSINE[ray] + s1 * SINE[ray]
+        smooth = mean + shift + c2 * COSINE[twice] + s2 * SINE[twice]
         squares += (lengths[ray] - smooth) ** 2
     ellipse = min(math.hypot(c2, s2) / mean, 0.9)
     row[5] = (1.0 + ellipse) / (1.0 - ellipse)
