@@ -165,7 +165,8 @@ def _sorted_middle(value: Float64[np.ndarray, " r"], count: int) -> float:
             value[j] = value[j - 1]
             j -= 1
         value[j] = one
-    return value[count // 2]
+    middle: float = value[count // 2]
+    return middle
 
 
 @kernel()
