@@ -57,7 +57,8 @@ class ModelOrder:
         min_rim: least second moment of such a face over that under even pressure.
         min_face: least minor half axis of an ellipse that may be a face, in elements.
         min_f_bar: least F of two patches against a bar.
-        min_inside: least share of the force of a bar or a face on the nodes of the evidence.
+        min_inside: least share of the force of a patch, a bar or a face on the nodes of the evidence; nothing
+            limits what is beyond them.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.
         hysteresis: multiplies all limits where there were two contacts in the previous frame.
         max_shift: largest distance from the centroid of the forces to the fitted centre, in elements.
@@ -212,12 +213,13 @@ class ModelOrder:
         return face if is_inside and is_better and is_rim else one
 
     def _is_plausible(self, lattice: ForceLattice, clusters: Clusters, number: int, one: PatchFit) -> bool:
-        """Is a fitted patch where the nodal forces are, and about as strong?"""
+        """Is a fitted patch where the nodal forces are, about as strong, and on the nodes of the evidence?"""
         shift_mm = np.abs(one.centre_mm - clusters.centre_mm[number])
         reach_mm = np.sqrt(np.diagonal(clusters.spread_mm2[number]))
         ratio = one.force_mm2 / float(clusters.normal_mm2[number])
         return bool(
             1.0 / self.max_ratio <= ratio <= self.max_ratio
+            and one.nodal_mm2.sum() >= self.min_inside * one.force_mm2
             and np.all(shift_mm <= self.max_shift * lattice.element_mm + 0.5 * reach_mm)
         )
 

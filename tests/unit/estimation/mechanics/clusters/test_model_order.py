@@ -122,6 +122,22 @@ def test_a_centre_follows_the_evidence_and_not_the_prior() -> None:
     assert found.torque_mm3[0] == pytest.approx(0.0, abs=0.01)
 
 
+def test_a_patch_that_lies_beyond_the_nodes_of_the_evidence_does_not_count() -> None:
+    """Nothing limits its force there: the forces of the nodes are those of the cluster."""
+    whole = pressed((0.0, 0.0, 6.0, 1.0))
+    is_seen = LATTICE.place_mm[:, 0] < 2.0
+    part = np.where(is_seen[:, None], whole, 0.0)
+    evidence_at = evidence_of(whole)
+    clusters = CLUSTER(LATTICE, part)
+    found = ORDER(
+        LATTICE, part, clusters, NONE_BEFORE, evidence_at=lambda node: evidence_at(node[is_seen[node]])
+    )
+    assert 0.55 < clusters.normal_mm2[0] < 0.75
+    assert found.normal_mm2[0] == pytest.approx(clusters.normal_mm2[0])
+    np.testing.assert_array_equal(found.centre_mm, clusters.centre_mm)
+    assert not np.isfinite(found.fitted_mm2).any()
+
+
 def test_clusters_without_evidence_do_not_change() -> None:
     force = pressed((-4.5, 0.0, 1.0, 1.0), (4.5, 0.0, 1.0, 1.0))
     clusters = CLUSTER(LATTICE, force)
