@@ -50,6 +50,10 @@ class BarRule:
     Attributes:
         min_f: F of two patches against a bar above which they are two contacts.
         was_two: factor of `min_f` where they were two contacts in the previous frame.
+        was_one: the same where they were one, with its centre at that of their forces, although two contacts
+            so far apart are seen as two when they begin.
+        seen_apart_thickness: how far that is, in thicknesses; balls of 2 mm radius on a sheet of 3 mm, 8 mm
+            apart, can begin as one.
         wide: factor of `min_f`, instead of `was_two`, where two patches are wide and of about one size: then
             they are no balls.
         wide_gap: least radius of wide patches, two deviations of their pressure, over their distance.
@@ -62,6 +66,8 @@ class BarRule:
 
     min_f: float = MIN_F
     was_two: float = 0.25
+    was_one: float = 3.0
+    seen_apart_thickness: float = 2.9
     wide: float = 4.0
     wide_gap: float = 0.25
     wide_thickness: float = 0.8
@@ -78,6 +84,7 @@ class BarRule:
         evidence_at: EvidenceAt,
         *,
         was_two: bool,
+        was_one: bool,
     ) -> bool | None:
         """Are two clusters one bar? None where the markers do not determine the forces.
 
@@ -87,6 +94,7 @@ class BarRule:
             own: numbers of the two.
             evidence_at: gives the likelihood of the forces of some nodes.
             was_two: were they two contacts in the previous frame?
+            was_one: were they one, with its centre at that of their forces?
         """
         evidence = evidence_at(self._nodes(model, clusters, own))
         if evidence is None:
@@ -96,10 +104,12 @@ class BarRule:
         pair = evidence.fit_two(clusters.normal_mm2[own], clusters.centre_mm[own], deviation_mm)
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
         limit = self.was_two if was_two else 1.0
+        if was_one and gap_mm >= self.seen_apart_thickness * model.thickness_mm:
+            limit = self.was_one
         is_alike = bool(round_mm2.max() <= self.max_size_ratio * round_mm2.min())
         least_mm = max(self.wide_gap * gap_mm, self.wide_thickness * model.thickness_mm)
         if is_alike and 2.0 * pair.deviation_mm > least_mm:
-            limit = self.wide
+            limit = max(limit, self.wide)
         two_misfit = pair.misfit
         if round_mm2.max() > self.unlike_size_ratio * round_mm2.min():
             # the two ellipses that were fitted one by one

@@ -166,12 +166,25 @@ class RigidFaces:
         was_two: bool,
     ) -> bool:
         """Are two clusters, or three, one face? The markers decide on near pairs, and can do so on others."""
+        was_one = not was_two and self._continues_one(model, clusters, own, previous_mm)
         if len(own) == 2:
-            is_bar = self.bars(model, clusters, own, evidence_at, was_two=was_two)
+            is_bar = self.bars(model, clusters, own, evidence_at, was_two=was_two, was_one=was_one)
             gap_mm = float(np.linalg.norm(clusters.centre_mm[own[1]] - clusters.centre_mm[own[0]]))
             if is_bar or (is_bar is False and gap_mm < self.resolved_thickness * model.thickness_mm):
                 return bool(is_bar)
-        return not was_two and self._is_pair(model, clusters, depth_mm, own, previous_mm)
+        return not was_two and self._is_pair(model, clusters, depth_mm, own, was_one=was_one)
+
+    def _continues_one(
+        self,
+        model: InversionModel,
+        clusters: Clusters,
+        own: Int64[np.ndarray, " k"],
+        previous_mm: Float64[np.ndarray, "p 2"],
+    ) -> bool:
+        """Was there a contact at the centre of their forces?"""
+        force = clusters.normal_mm2[own]
+        away_mm = np.linalg.norm(previous_mm - force @ clusters.centre_mm[own] / force.sum(), axis=1)
+        return bool((away_mm < self.same_centre_pitch * model.pitch_mm).any())
 
     def _is_pair(
         self,
@@ -179,16 +192,15 @@ class RigidFaces:
         clusters: Clusters,
         depth_mm: Scalars,
         own: Int64[np.ndarray, " k"],
-        previous_mm: Float64[np.ndarray, "p 2"],
+        *,
+        was_one: bool,
     ) -> bool:
         """Are two clusters, or three, about as deep and as strong, and clearly apart or of one contact?"""
         depth, force = depth_mm[own], clusters.normal_mm2[own]
         extent_mm = float(np.linalg.norm(np.ptp(clusters.centre_mm[own], axis=0)))
-        away_mm = np.linalg.norm(previous_mm - force @ clusters.centre_mm[own] / force.sum(), axis=1)
-        is_one = bool((away_mm < self.same_centre_pitch * model.pitch_mm).any())
         return bool(
             len(own) < _PLANE
-            and (is_one or extent_mm >= self.min_pair_elements * float(model.lattice.element_mm.max()))
+            and (was_one or extent_mm >= self.min_pair_elements * float(model.lattice.element_mm.max()))
             and force.min() >= self.min_force_ratio * force.max()
             and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm
         )

@@ -3,8 +3,10 @@
 import numpy as np
 import pytest
 
-from manytouch.estimation.mechanics.clusters.bars import MIN_F, f_of_two
+from manytouch.estimation import MechanicsEstimator
+from manytouch.estimation.mechanics.clusters.bars import MIN_F, BarRule, f_of_two
 from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_rim
+from manytouch.estimation.mechanics.clusters.force_clusters import cluster_moments
 from manytouch.estimation.mechanics.clusters.patch_kernels import (
     ALONG,
     NodeGrid,
@@ -13,7 +15,7 @@ from manytouch.estimation.mechanics.clusters.patch_kernels import (
     bar_profile,
     node_grid,
 )
-from pressed_sheet import THICKNESS_MM, contacts_of, disc_mm, pressed
+from pressed_sheet import THICKNESS_MM, contacts_of, disc_mm, pressed, slack_sensor
 from spline_loads import PATCH, SHAPE, SHEAR_MM2, nodal_press
 from synthetic_evidence import evidence_of
 
@@ -129,3 +131,33 @@ def test_shear_and_the_centre_of_a_contact_with_friction() -> None:
     assert contact.shear_over_E_mm2[0] == pytest.approx(0.05 * ratio, rel=0.15)
     assert abs(contact.shear_over_E_mm2[1]) < 0.05 * 0.05
     np.testing.assert_allclose(contact.centre_mm, [4.0, -3.0], atol=0.15)
+
+
+@pytest.mark.parametrize(
+    ("was_two", "was_one", "seen_apart_thickness", "is_bar"),
+    [
+        (False, False, 2.9, False),
+        (True, False, 2.9, False),
+        (False, True, 2.9, True),
+        (False, True, 9.0, False),
+    ],
+)
+def test_one_contact_becomes_two_only_if_they_could_begin_as_one_or_the_markers_are_clear(
+    was_two: bool, was_one: bool, seen_apart_thickness: float, is_bar: bool
+) -> None:
+    half_mm = 2.0 * THICKNESS_MM
+    evidence = evidence_of([1.0, half_mm, 0.0, 1.0, -half_mm, 0.0, 0.6])
+    model = MechanicsEstimator().start(slack_sensor()).model
+    force_mm2, label = np.zeros((model.patch.node_count, 3)), np.full(model.patch.node_count, -1)
+    for number, x_mm in enumerate((half_mm, -half_mm)):
+        node = np.linalg.norm(model.lattice.place_mm - [x_mm, 0.0], axis=1).argmin()
+        force_mm2[node, 2], label[node] = -1.0, number
+    clusters = cluster_moments(model.lattice, force_mm2, label)
+    pair = evidence.fit_two(clusters.normal_mm2, clusters.centre_mm, 1.0)
+    f = f_of_two(evidence, pair.misfit, fit_bar(evidence, pair))
+    assert f > 100.0
+    rule = BarRule(min_f=0.5 * f, seen_apart_thickness=seen_apart_thickness)
+    found = rule(model, clusters, np.arange(2), lambda node: evidence, was_two=was_two, was_one=was_one)
+    assert found is is_bar
+    clear = BarRule(min_f=0.1 * f, seen_apart_thickness=seen_apart_thickness)
+    assert not clear(model, clusters, np.arange(2), lambda node: evidence, was_two=was_two, was_one=was_one)
