@@ -58,7 +58,12 @@ class Camera:
     def close(self) -> None: ...
 
     def __iter__(self) -> Iterator[Frame]:
-        for index in range(40):
+        recorded = 0
+        for index in range(4000):
+            if recorded == 20:
+                return
+            if index > 30:
+                time.sleep(0.005)  # until the session has processed those before
             self.clock.passed_ns = STEP_NS * index + (WARM_UP_NS if index >= 15 else 0)
             frame = Frame(
                 index=index,
@@ -69,6 +74,7 @@ class Camera:
             )
             self.clock.passed_ns += LATENCY_NS
             if self.tap is not None:
+                recorded += 1
                 self.tap(frame)
             yield frame
 
@@ -77,11 +83,12 @@ class RecordLater:
     """A sink that requests a recording when the session has run for a while."""
 
     def __init__(self, live: Live, path: Path) -> None:
-        self._live, self._path = live, path
+        self._live, self._path, self._is_sent = live, path, False
 
     def write(self, reading: Reading) -> None:
-        if reading.frame.index == 22:
+        if reading.frame.index > 21 and not self._is_sent:
             self._live.send(Record(path=self._path))
+            self._is_sent = True
 
     def close(self) -> None: ...
 
