@@ -13,6 +13,9 @@ from manytouch.values import Camera, Sheet
 from manytouch.values.arrays import Points2, read_only
 from manytouch.values.sensor_file.default_std import camera_std
 
+_INDEPENDENT = 16
+_ROUNDS = 3
+_LEAST_PX = 0.02
 _INSIDE_PX = 1e4
 """Residual of a pose whose camera is inside of the window."""
 
@@ -61,6 +64,44 @@ def fit_pose(
             "markers; give the file of the sensor that was recorded, or make one (manytouch calibrate "
             "camera, then calibrate rest)"
         ) from error
+
+
+def adapt_pose(camera: Camera, rest_mm: np.ndarray, place_px: Points2) -> Camera:
+    """The camera in the pose that its stated pose and the markers of a flat sheet at rest determine together.
+
+    The stated pose counts by its deviations, or by how far the markers are from it, if that is more; the
+    markers count by the distances that the fit leaves. These are due to print, sag and lens, which err alike
+    at neighbouring markers, so that all markers count as 16. The deviations of the pose become those of the
+    fit, with the part by the lens.
+
+    Args:
+        camera: in the stated pose; deviations that it does not state are the defaults.
+        rest_mm: (n, 3) markers in the sheet frame.
+        place_px: (n, 2) their measured positions in the image.
+    """
+    stated = camera_std(camera)
+    std = np.concatenate([stated.rotation_vector, stated.translation_mm])
+    if not std.any():
+        return camera
+    first = np.concatenate([camera.rotation_vector, camera.translation_mm])
+    fitted, covariance = camera, np.eye(6)
+    for _ in range(_ROUNDS):
+        pose = np.concatenate([fitted.rotation_vector, fitted.translation_mm])
+        slope = _pose_slope(fitted, rest_mm, None) * std
+        # of the stated pose, in its deviations: none for a number that is exact
+        step = np.divide(pose - first, std, out=np.zeros(6), where=std > 0.0)
+        aim_px = (place_px - project(fitted, rest_mm)).ravel() + slope @ step
+        free, *_ = np.linalg.lstsq(slope, aim_px, rcond=None)
+        variance_px2 = np.square(aim_px - slope @ free).mean() + _LEAST_PX**2
+        variance_px2 *= max(len(rest_mm) / _INDEPENDENT, 1.0)
+        is_stated = 1.0 / np.maximum(np.square(free), 1.0)
+        covariance = np.linalg.inv(slope.T @ slope / variance_px2 + np.diag(is_stated))
+        fitted = _posed(camera, first + std * (covariance @ (slope.T @ aim_px)) / variance_px2)
+    by_lens = np.minimum(pose_std_by_lens(fitted, rest_mm), std)
+    rotation_std, translation_std_mm = np.split(np.hypot(std * np.sqrt(np.diag(covariance)), by_lens), 2)
+    return replace(
+        fitted, rotation_vector_std=read_only(rotation_std), translation_std_mm=read_only(translation_std_mm)
+    )
 
 
 def _seen(camera: Camera, sheet: Sheet | None, rest_mm: np.ndarray) -> Points2:

@@ -7,16 +7,19 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from manytouch.calibration.rest.first_frames import MOST_FRAMES, detect_in_frames, image_size
+from manytouch.calibration.rest.pose import adapt_pose
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.calibration.rest_dots import RestDots, merge_rest_dots
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.views.view_sensors import view_sensors
 from manytouch.tracking import MarkerTracker
-from manytouch.values import Detections, Frame, Roi, Sensor
+from manytouch.values import Camera, Detections, Frame, Roi, Sensor
 from manytouch.values.arrays import read_only
+from manytouch.values.sensor_file.default_std import camera_std
 
 _LEAST_SHARE = 0.5
+_UNUSUAL_STDS = 4.0
 _SAME_DOT = 0.3  # distance of a marker from its own dot, over the root of the area of a dot
 
 
@@ -156,13 +159,29 @@ def _register_and_count_dots(
         sentence += (
             f" {wanted - found} of {wanted} markers were not seen in them; their positions are interpolated."
         )
+    camera = sensor.camera
+    if sensor.sheet is not None and sensor.sheet.boundary == "clamped" and not camera.views:
+        camera = adapt_pose(camera, layout.rest_mm[grid.is_seen], grid.position_px[grid.is_seen])
+        sentence += _difference(sensor.camera, camera)
     registered = replace(
         sensor,
+        camera=camera,
         layout=replace(layout, rest_px=state.position_px),
         assumptions=(*sensor.assumptions, sentence),
         provenance={**sensor.provenance, "rest_frames": still_frames},
     )
     return registered, found
+
+
+def _difference(stated: Camera, adapted: Camera) -> str:
+    """How far the inclination is from the stated one, if that is more than its deviation explains."""
+    turn = np.abs(adapted.rotation_vector - stated.rotation_vector)[:2]
+    if (turn <= _UNUSUAL_STDS * camera_std(stated).rotation_vector[:2]).all():
+        return ""
+    return (
+        f" The camera is inclined by {np.rad2deg(np.hypot(*turn)):.1f} degrees against the pose in the "
+        "sensor file; the inclination of these frames is used (manytouch calibrate rest writes it to a file)."
+    )
 
 
 def _detections_at(centre_px: np.ndarray) -> Detections:

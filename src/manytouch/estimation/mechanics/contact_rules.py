@@ -89,7 +89,7 @@ class ContactRules:
         clusters, stds = significant(clusters, fit, self.last_stds)
         if response is None:
             return clusters, stds
-        clusters = clusters.with_sheet_error(model.lattice, response.columns)
+        clusters = clusters.with_sheet_error(model.lattice, response.force_change_mm2[:, :, 2])
         if model.is_assumed:
             return clusters, stds
         node = np.flatnonzero(clusters.label >= 0)

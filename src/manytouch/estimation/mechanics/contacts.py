@@ -11,6 +11,7 @@ from manytouch.estimation.mechanics.clusters.friction_fits import Friction
 from manytouch.estimation.mechanics.clusters.local_deflection import LocalDeflection
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit, balance
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
+from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
 from manytouch.estimation.mechanics.regions.footprints import Footprints
 from manytouch.geometry.camera import project
 from manytouch.geometry.spline.patch import Nodal
@@ -147,7 +148,9 @@ class ContactEstimator:
         clusters: Clusters,
         fit: Fit,
         local: LocalDeflection | None = None,
+        *,
         friction: Friction | None = None,
+        response: ParameterResponse | None = None,
     ) -> list[Contact]:
         """Contacts of the fit's clusters, without identity (id -1).
 
@@ -186,6 +189,8 @@ class ContactEstimator:
         covariance = white @ white.transpose(0, 2, 1)
         if friction is not None:
             covariance += friction.covariance(white)
+        if response is not None:
+            covariance += _by_parameters(clusters, near, rows, response)
         contacts = []
         for number, noise in enumerate(covariance):
             depth_mm = -float(moved_mm[number, deepest[number], 2])
@@ -226,8 +231,6 @@ class ContactEstimator:
             noise = noise * np.outer(scale, scale)
         covariance = noise + np.diag(variance)
         covariance[np.ix_(_FITTED, _FITTED)] += clusters.sheet_covariance[number, :3, :3]
-        by_sheet = self.error.sheet_shear_share**2 * clusters.sheet_covariance[number, 0, 0]
-        covariance[_SHEAR, _SHEAR] += by_sheet
         covariance[_AREA, _AREA] += footprint.area_std_mm2**2
         is_unclear = bool(covariance[_AREA, _AREA] > area_mm2**2)
         if is_unclear:
@@ -260,6 +263,25 @@ class ContactEstimator:
             shape_probability=footprint.shape_probability,
             outline=None if is_unclear else footprint.outline,
         )
+
+
+def _by_parameters(
+    clusters: Clusters,
+    near: Int64[np.ndarray, " nodes"],
+    rows: Float64[np.ndarray, "c 7 nodes 3"],
+    response: ParameterResponse,
+) -> Float64[np.ndarray, "c 8 8"]:
+    """Covariance of depth and shear by the parameters of sheet and camera, forces over E.
+
+    That of the other estimates is `Clusters.sheet_covariance`.
+    """
+    count = len(clusters)
+    change = np.zeros((count, len(response.change_mm), len(ESTIMATES)))
+    change[:, :, _DEPTH] = np.einsum("cna,pna->cp", rows[:, _LINEAR.index(_DEPTH)], response.change_mm)
+    force_mm2 = response.force_change_mm2
+    for number in range(count):
+        change[number][:, _SHEAR] = force_mm2[:, near == number, :2].sum(axis=1)
+    return change.transpose(0, 2, 1) @ change
 
 
 def _estimate_rows(

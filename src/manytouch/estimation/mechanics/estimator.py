@@ -277,10 +277,9 @@ class MechanicsEstimator:
     ) -> Clusters:
         """Force clusters that noise does not explain."""
         model = state.model
-        unit_mm2 = model.lattice.force_unit_mm2
         force_mm2 = np.where(model.is_excluded[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
         rules, negligible = self.contact_rules, self.gauss_newton.negligible_force
-        hidden_mm2 = rules.noise_share * (noise - 1.0) * negligible * unit_mm2
+        hidden_mm2 = rules.noise_share * (noise - 1.0) * negligible * model.lattice.force_unit_mm2
         force_mm2 = np.where(force_mm2[:, 2:] > -hidden_mm2, 0.0, force_mm2)
         clusters = self.force_clusters(model.lattice, force_mm2)
         clusters, _ = significant(clusters, fit, rules.least_stds)
@@ -305,8 +304,7 @@ class MechanicsEstimator:
         model = state.model
         gate_mm = self.contact_tracker.gate_pitch * model.pitch_mm
         is_new = is_far_from(clusters, state.previous_mm, gate_mm)
-        is_due = state.response_is_due
-        return self.contact_rules.may_start(model, clusters, is_new, is_response_due=is_due)
+        return self.contact_rules.may_start(model, clusters, is_new, is_response_due=state.response_is_due)
 
     def _track(
         self,
@@ -324,7 +322,9 @@ class MechanicsEstimator:
         least_mm2 = noise * model.lattice.least_force_mm2
         on_face = np.isin(clusters.label, np.flatnonzero(clusters.is_face))
         own_mm2 = np.where(on_face[:, None], 0.0, fit.shape.force_mm2)
-        found = self.contact_estimator(model, clusters, fit, state.local, friction)
+        found = self.contact_estimator(
+            model, clusters, fit, state.local, friction=friction, response=state.response
+        )
         is_pressed = [contact.depth_mm > 0.0 for contact in found]  # not what remains after a quick release
         found, may_start = list(compress(found, is_pressed)), may_start[is_pressed]
         tracks, contacts = self.contact_tracker.step(

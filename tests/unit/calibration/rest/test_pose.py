@@ -10,7 +10,8 @@ import pytest
 
 from manytouch.calibration.outline.clamp_line import describe, force_change
 from manytouch.calibration.rest.calibrate import calibrate_rest
-from manytouch.calibration.rest.pose import fit_pose, pose_std_by_lens
+from manytouch.calibration.rest.pose import adapt_pose, fit_pose, pose_std_by_lens
+from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.report import describe as describe_rest
 from manytouch.cli import main
 from manytouch.errors import LayoutError, SensorError
@@ -99,6 +100,57 @@ def test_predicted_deviations_match_the_errors_of_the_pose():
         wrong = np.concatenate([camera.rotation_vector - TURN, camera.translation_mm - SHIFT])
         errors.append(wrong / std)
     assert 0.75 < np.sqrt(np.mean(np.square(errors))) < 1.3
+
+
+def stated_pose(off_deg=0.0, **stds):
+    """The camera of the tilted sensor, stated about x and z otherwise than it is, and markers at rest."""
+    sensor = tilted_sensor()
+    turn = np.deg2rad(off_deg) * np.array([1.0, 0.0, -1.0])
+    camera = replace(sensor.camera, rotation_vector=TURN + turn, **stds)
+    return camera, sensor.layout.rest_mm, project(sensor.camera, sensor.layout.rest_mm)
+
+
+@pytest.mark.parametrize("off_deg", [0.2, -2.0])
+def test_a_stated_pose_is_adapted_to_the_markers_at_rest(off_deg):
+    camera, rest_mm, place_px = stated_pose(off_deg)
+    print_px = np.random.default_rng(3).normal(0.0, 0.3, place_px.shape)
+    found = adapt_pose(camera, rest_mm, place_px + print_px)
+    assert found.rotation_vector == pytest.approx(TURN, abs=np.deg2rad(0.05))
+    wrong = np.abs(found.rotation_vector - TURN) / found.rotation_vector_std
+    assert (wrong < 3.0).all()
+    assert found.rotation_vector_std.max() < np.deg2rad(0.1)
+
+
+def test_the_markers_count_less_where_they_do_not_fit_the_sheet():
+    camera, rest_mm, place_px = stated_pose(0.2)
+    sag_mm = np.prod(np.cos(np.pi * rest_mm[:, :2] / [130.0, 90.0]), axis=1) * rest_mm[:, 0] / 60.0
+    sagging = project(tilted_sensor().camera, rest_mm + 2.0 * sag_mm[:, None] * [0.0, 0.0, 1.0])
+    flat, bent = (adapt_pose(camera, rest_mm, seen) for seen in (place_px, sagging))
+    assert (bent.rotation_vector_std[:2] > 1.5 * flat.rotation_vector_std[:2]).all()
+
+
+def test_a_number_that_is_exact_is_not_adapted():
+    camera, rest_mm, place_px = stated_pose(
+        0.2, rotation_vector_std=np.array([0.0, 0.01, 0.0]), translation_std_mm=np.zeros(3)
+    )
+    found = adapt_pose(camera, rest_mm, place_px)
+    assert (found.rotation_vector[[0, 2]] == camera.rotation_vector[[0, 2]]).all()
+    assert (found.translation_mm == camera.translation_mm).all()
+    exact = replace(camera, rotation_vector_std=np.zeros(3))
+    assert adapt_pose(exact, rest_mm, place_px) is exact
+
+
+def test_a_recording_adapts_the_pose_of_a_sheet_but_not_that_of_a_pad(tilted_frames):
+    sensor = tilted_sensor()
+    turned = replace(sensor.camera, rotation_vector=TURN + np.deg2rad([0.3, -0.3, 0.2]))
+    near = replace(sensor, camera=turned)
+    assert register_rest(near, tilted_frames).camera.rotation_vector == pytest.approx(TURN, abs=3e-4)
+    pad = replace(near.sheet, boundary="bonded", marker_depth_mm=0.5, pretension_N_per_mm=None)
+    assert register_rest(replace(near, sheet=pad), tilted_frames).camera is turned
+    assert not any("inclined" in sentence for sentence in register_rest(near, tilted_frames).assumptions)
+    far = replace(near, camera=replace(turned, rotation_vector=TURN + np.deg2rad([1.2, 1.6, 0.0])))
+    said = register_rest(far, tilted_frames).assumptions[-1]
+    assert "The camera is inclined by 2.0 degrees against the pose in the sensor file" in said
 
 
 def test_the_deviations_of_the_pose_contain_those_of_the_lens():

@@ -25,6 +25,7 @@ from manytouch.values.arrays import Points2, Scalars
 
 _PLACES = np.linspace(0.0, 1.0, 17)
 _PLANE = 4  # clusters from which on their depths are not on one plane by chance
+_CORNER = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 _ROW = 0.1  # width of a row of clusters over its length
 
 
@@ -236,7 +237,7 @@ class RigidFaces:
             is_face=changed(result.is_face, True),
             corner_points_mm=(
                 *result.corner_points_mm[:first],
-                self._corner_points(clusters, own),
+                _rectangle(centre_mm, spread) if len(own) == 2 else self._corner_points(clusters, own),
                 *result.corner_points_mm[first + 1 :],
             ),
         )
@@ -251,6 +252,19 @@ class RigidFaces:
         arm_mm = axes.transpose(0, 2, 1) * np.minimum(half_mm, self.max_edge_mm)[:, :, None]
         around_mm = clusters.centre_mm[own][:, None] + np.concatenate([arm_mm, -arm_mm], axis=1)
         return np.asarray(around_mm.reshape(-1, 2))
+
+
+def _rectangle(
+    centre_mm: Float64[np.ndarray, "2"], spread_mm2: Float64[np.ndarray, "2 2"]
+) -> Float64[np.ndarray, "4 2"]:
+    """Corners of the rectangular face under a pressure with these second moments.
+
+    Two places do not show the width of a face. A side has the length of 2 roots of the second moment if only
+    the corners press, and of 2 sqrt(3) roots if the pressure is even; this is the geometric mean.
+    """
+    size, axes = np.linalg.eigh(spread_mm2)
+    half_mm = 3.0**0.25 * np.sqrt(np.maximum(size, 0.0))
+    return np.asarray(centre_mm + (_CORNER * half_mm) @ axes.T)
 
 
 def _components(is_joined: np.ndarray, least: int = 2) -> list[Int64[np.ndarray, " k"]]:

@@ -21,9 +21,9 @@ from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.shell import Shell
-from manytouch.values import Sheet
+from manytouch.values import Camera, Sheet
 from manytouch.values.arrays import Mask, Points2
-from manytouch.values.sensor_file.default_std import sheet_std
+from manytouch.values.sensor_file.default_std import camera_std, sheet_std
 
 _STEP = 0.02  # of a finite difference, over the thickness or over the bending factor
 _POISSON_STEP = -0.01
@@ -37,33 +37,35 @@ Fitted on sheets of 1.5 to 6 mm and presses to 12 mm deep; 40 other presses of t
 """
 _STALE = 1.5  # ratio of total forces from which on a response is computed again
 
-Columns = Float64[np.ndarray, "p nodes"]
+Changes = Float64[np.ndarray, "p nodes 3"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SheetVariant:
-    """The sheet with one other parameter.
+    """The sheet, or the camera in front of it, with one other parameter.
 
     Attributes:
-        shell: with the parameter moved by a step.
+        shell: with the parameter moved by a step; None if the parameter is one of the camera.
         std_over_step: standard deviation of the parameter over the step.
         outline_std_over_step: of the place of the clamp, the same with the error of the shell next to it; 0
             for other parameters.
         marker_images: of this sheet; None if those of a shape do not depend on the parameter.
     """
 
-    shell: Shell
+    shell: Shell | None
     std_over_step: float
     outline_std_over_step: float = 0.0
     marker_images: MarkerImages | None = None
 
     def with_pretension(self, over_E_mm: float) -> "SheetVariant":
         """The variant with another pretension over E, on which marker images do not depend."""
+        if self.shell is None:
+            return self
         return replace(self, shell=replace(self.shell, pretension_over_E_mm=over_E_mm))
 
 
 def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, ...]:
-    """One variant for each parameter of a known sheet that has a standard deviation."""
+    """One variant for each parameter of a known sheet and of its camera that has a standard deviation."""
     std, shell = sheet_std(sheet), model.shell
     found = []
     if std.thickness_mm > 0.0:
@@ -102,7 +104,38 @@ def sheet_variants(model: InversionModel, sheet: Sheet) -> tuple[SheetVariant, .
                 std_over_step=std.bending_factor / (factor * _STEP),
             )
         )
-    return tuple(found)
+    return (*found, *_camera_variants(model))
+
+
+def _camera_variants(model: InversionModel) -> list[SheetVariant]:
+    """Variants for the inclination of the camera about x and y, and for the scale of the picture.
+
+    Other errors of a pose move all markers alike, also those at rest. Focal length and distance are taken as
+    independent.
+    """
+    camera = model.camera
+    std = camera_std(camera)
+    turns = [std.rotation_vector * axis for axis in np.eye(3)[:2]]
+    changed = [_turned(camera, turn) for turn in turns if turn.any()]
+    scale = float(np.hypot(std.fx_px / camera.fx_px, std.translation_mm[2] / abs(camera.translation_mm[2])))
+    if scale > 0.0:
+        changed.append(_magnified(camera, 1.0 + scale))
+    return [
+        SheetVariant(shell=None, std_over_step=1.0, marker_images=replace(model.dots, camera=each))
+        for each in changed
+    ]
+
+
+def _turned(camera: Camera, turn: Float64[np.ndarray, "3"]) -> Camera:
+    """The camera with another rotation vector, and all its views."""
+    views = tuple(replace(view, camera=_turned(view.camera, turn)) for view in camera.views)
+    return replace(camera, rotation_vector=camera.rotation_vector + turn, views=views)
+
+
+def _magnified(camera: Camera, factor: float) -> Camera:
+    """The camera with longer focal lengths, and all its views."""
+    views = tuple(replace(view, camera=_magnified(view.camera, factor)) for view in camera.views)
+    return replace(camera, fx_px=camera.fx_px * factor, fy_px=camera.fy_px * factor, views=views)
 
 
 def _larger(shell: Shell, step_mm: float) -> Shell:
@@ -210,8 +243,9 @@ class ParameterResponse:
     """What the unknown parameters do to the estimate of one frame.
 
     Attributes:
-        columns: (p, nodes) change of the normal forces over E (mm^2, z component) for one standard deviation
-            of each parameter; of the outline, if all its sides are off by that.
+        change_mm: (p, nodes, 3) change of the coefficients of the shape for one standard deviation of each
+            parameter; of the outline, if all its sides are off by that.
+        force_change_mm2: (p, nodes, 3) the same of the forces over E.
         by_outline_mm2: (nodes,) the same for one standard deviation of the outline, with that of the shell's
             error next to a clamp; 0 where there is no clamp.
         total_mm2: sum of the normal forces over E, positive in compression, of the frame.
@@ -220,7 +254,8 @@ class ParameterResponse:
         image_slope_px: (m, 2) the same of the marker images, px/mm.
     """
 
-    columns: Columns
+    change_mm: Changes
+    force_change_mm2: Changes
     by_outline_mm2: Float64[np.ndarray, " nodes"]
     total_mm2: float
     balance_slope: Nodal
@@ -267,7 +302,10 @@ def parameter_response(
     image_changes = [np.zeros((count, 2))]
     stds, outline_stds = [pretension.std_mm], [0.0]
     for variant in variants:
-        force_changes.append(variant.shell.forces(coefficient_mm) - shape.force_mm2)
+        changed_mm2 = np.zeros_like(shape.force_mm2)
+        if variant.shell is not None:
+            changed_mm2 = variant.shell.forces(coefficient_mm) - shape.force_mm2
+        force_changes.append(changed_mm2)
         moved = np.zeros((count, 2))
         if variant.marker_images is not None:
             moved = variant.marker_images.displacement_px(coefficient_mm) - shape.displacement_px
@@ -284,14 +322,16 @@ def parameter_response(
     solved = posterior.solve(gradients)
     by_step = np.stack(
         [
-            (forces - linearisation.force_change(change))[:, 2]
+            forces - linearisation.force_change(change)
             for forces, change in zip(force_changes, solved, strict=True)
         ]
     )
     node = model.dots.tips.basis.node
+    std = np.array(stds)[:, None, None]
     return ParameterResponse(
-        columns=np.array(stds)[:, None] * by_step,
-        by_outline_mm2=np.array(outline_stds) @ by_step,
+        change_mm=-std * solved,
+        force_change_mm2=std * by_step,
+        by_outline_mm2=np.array(outline_stds) @ by_step[:, :, 2],
         total_mm2=total_force_mm2(model, fit),
         balance_slope=balances[0] - linearisation.balance_change(solved[0]),
         image_slope_px=-np.einsum("mjka,mka->mj", linearisation.derivative, solved[0][node]),

@@ -13,7 +13,7 @@ from manytouch.values import ContactShape, OutlineRing
 from manytouch.values.arrays import Points2, read_only
 
 _SMALLEST_MM = 1e-3
-_RIGID_DOUBT = 0.5  # deviation of the area, over the difference of the smoothed region and the ellipse
+_RIGID_SHARE = 0.5  # probability that a contact which is not seen as a rigid flat face is one
 _SHAPES = tuple(ContactShape)
 
 
@@ -161,7 +161,7 @@ def _footprint(
         for side in np.eye(2)
     ]
     # the region of a rigid flat face is its footprint, that of all other contacts the smoothed pressure
-    doubt_mm2 = 0.0 if is_point else _RIGID_DOUBT * abs(area_mm2 - np.pi * float(np.prod(half_mm)))
+    doubt_mm2 = np.sqrt(_RIGID_SHARE) * abs(area_mm2 - np.pi * float(np.prod(half_mm)))
     is_known = half_mm > half_std_mm
     differ = half_mm[0] - half_mm[1] > np.hypot(half_std_mm[0], half_std_mm[1])
     return Footprint(

@@ -58,3 +58,21 @@ def test_four_forces_in_a_row_are_one_bar_if_the_sheet_is_flat_under_them(
         lambda node: None,
     )
     assert len(found) == (1 if len(set(depths_mm)) == 1 else 4)
+
+
+def test_the_outline_of_two_places_is_a_rectangle_by_the_moments_of_the_pressure() -> None:
+    rest = [pressed(face_mm(), 0.0, seed) for seed in range(3)]
+    flat = [pressed(face_mm(), 0.03, 10 + seed) for seed in range(4)]
+    (contact,) = contacts_of(
+        [*rest, *flat, *(pressed(edges_mm(), 0.08, 20 + seed) for seed in range(4))]
+    ).touching
+    assert contact.outline is not None
+    (ring,) = contact.outline
+    assert len(ring.point_mm) == 4
+    # the half axes of the ellipse with the same moments times the root of sqrt(3) / 4
+    sides_mm = np.linalg.norm(ring.point_mm - np.roll(ring.point_mm, 1, axis=0), axis=1)
+    assert np.sort(sides_mm)[[0, -1]] == pytest.approx(
+        3.0**0.25 * np.array([contact.half_minor_mm, contact.half_major_mm]), rel=1e-6
+    )
+    assert contact.area_mm2 == pytest.approx(float(sides_mm[:2].prod()))
+    assert abs(contact.area_mm2 - 2.0 * HALF_MM * 4.0) < 2.0 * contact.std("area")

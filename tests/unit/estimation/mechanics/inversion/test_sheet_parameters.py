@@ -1,4 +1,4 @@
-"""What a wrong outline in the sensor file does to forces, and that it makes no contacts."""
+"""What wrong numbers of the sensor file do to contacts, and that a wrong outline makes none."""
 
 from dataclasses import replace
 
@@ -7,10 +7,12 @@ import pytest
 
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.contact_rules import ContactRules
+from manytouch.geometry.camera import project
 from manytouch.values import Contact, Sensor
 from pressed_sheet import pressed, slack_sensor
 
 EXACT = {"thickness_std_mm": 1e-6, "young_std_MPa": 1e-6, "poisson_std": 1e-9}
+EXACT_CAMERA = {"fx_std_px": 0.0, "translation_std_mm": np.zeros(3)}
 FRAMES = 4
 
 
@@ -48,6 +50,59 @@ def test_the_deviation_of_a_force_next_to_the_clamp_contains_that_of_the_outline
     added = np.sqrt(stated.std("normal_force") ** 2 - exact.std("normal_force") ** 2) / sheet.young_MPa
     assert changed_mm2 > 0.05 * force_mm2
     assert added == pytest.approx(changed_mm2, rel=0.25)
+
+
+def with_inclination(turn_rad: float, std_rad: float) -> Sensor:
+    """The sensor with its camera turned about y, registered to the sheet at rest, everything else exact."""
+    sensor, turn = with_outline(0.0, 0.0), np.array([0.0, 1.0, 0.0])
+    camera, layout = sensor.camera, sensor.layout
+    assert layout is not None
+    turned = replace(
+        camera,
+        rotation_vector=camera.rotation_vector + turn_rad * turn,
+        rotation_vector_std=std_rad * turn,
+        **EXACT_CAMERA,
+    )
+    layout = replace(layout, rest_px=project(camera, layout.rest_mm))
+    return replace(sensor, camera=turned, layout=layout)
+
+
+def test_the_deviation_of_shear_contains_that_of_the_inclination_of_the_camera() -> None:
+    place_mm, force_mm2, off_rad = (4.0, 2.0), 0.1, 0.01
+    (exact,), (stated,), (one_way,), (other_way,) = (
+        touching(with_inclination(off, std), place_mm, force_mm2)
+        for off, std in ((0.0, 0.0), (0.0, off_rad), (-off_rad, off_rad), (off_rad, off_rad))
+    )
+    for axis, name in enumerate(("shear_x", "shear_y")):
+        added_N = np.sqrt(stated.std(name) ** 2 - exact.std(name) ** 2)
+        changed_N = 0.5 * abs(one_way.force_N[axis] - other_way.force_N[axis])
+        assert added_N == pytest.approx(changed_N, rel=0.15, abs=0.003)
+    assert changed_N < 0.003  # across the inclination
+    assert abs(one_way.force_N[0] - other_way.force_N[0]) > 0.05
+
+
+def with_thickness(factor: float, std_share: float) -> Sensor:
+    sensor = with_outline(0.0, 0.0)
+    assert sensor.sheet is not None
+    thickness_mm = sensor.sheet.thickness_mm
+    changed = {"thickness_mm": factor * thickness_mm, "thickness_std_mm": std_share * thickness_mm}
+    return replace(
+        sensor,
+        camera=replace(sensor.camera, rotation_vector_std=np.zeros(3), **EXACT_CAMERA),
+        sheet=replace(sensor.sheet, **changed),
+    )
+
+
+def test_the_deviation_of_depth_contains_that_of_the_thickness() -> None:
+    place_mm, force_mm2, share = (4.0, 2.0), 0.1, 0.1
+    (exact,), (stated,), (thin,), (thick,) = (
+        touching(with_thickness(1.0 + off, std), place_mm, force_mm2)
+        for off, std in ((0.0, 1e-9), (0.0, share), (-share, share), (share, share))
+    )
+    changed_mm = 0.5 * abs(thin.depth_mm - thick.depth_mm)
+    added_mm = np.sqrt(stated.std("depth") ** 2 - exact.std("depth") ** 2)
+    assert changed_mm > 0.001
+    assert added_mm == pytest.approx(changed_mm, rel=0.3)
 
 
 def test_a_wrong_outline_is_no_contact() -> None:

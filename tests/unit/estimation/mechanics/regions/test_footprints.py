@@ -65,9 +65,22 @@ def test_a_point_has_the_area_of_the_smoothing_and_doubt_adds_to_its_deviation()
     sure = FIND(cluster(rotated((5.0, 5.0), 0.0), probability=[1.0, 0.0, 0.0, 0.0]), 0, PITCH_MM)
     unsure = FIND(cluster(rotated((5.0, 5.0), 0.0), probability=[0.6, 0.0, 0.4, 0.0]), 0, PITCH_MM)
     assert sure.area_mm2 == unsure.area_mm2 == pytest.approx(75.3, rel=0.03)
-    assert sure.area_std_mm2 == 0.0
-    assert unsure.area_std_mm2 > 20.0
+    assert unsure.area_std_mm2 > sure.area_std_mm2 + 20.0
     assert (unsure.shape, unsure.shape_probability) == (ContactShape.POINT, 0.6)
+
+
+@pytest.mark.parametrize(
+    ("half_mm", "probability"), [(0.5, [1.0, 0.0, 0.0, 0.0]), (4.0, [0.0, 0.0, 1.0, 0.0])]
+)
+def test_the_deviation_of_the_area_covers_that_of_a_rigid_face(
+    half_mm: float, probability: list[float]
+) -> None:
+    found = FIND(
+        cluster(rotated((half_mm, half_mm), 0.0), std_mm2=1e-6, probability=probability), 0, PITCH_MM
+    )
+    face_mm2 = np.pi * half_mm**2
+    assert found.area_mm2 - face_mm2 > 20.0
+    assert found.area_std_mm2 == pytest.approx(np.sqrt(0.5) * (found.area_mm2 - face_mm2), rel=1e-3)
 
 
 def test_without_a_fit_the_shape_is_unknown_and_the_area_uncertain() -> None:
