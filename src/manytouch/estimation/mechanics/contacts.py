@@ -60,7 +60,6 @@ class ModelError:
             directions. It was fitted to the varied cases with drawn sensor files.
         friction: standard deviation of the ratio of shear to normal force; smaller ratios hardly move a
             centre, and those on an assumed sheet do not.
-        torque_share: standard deviation of the torque, over the normal force times the contact's radius.
         area_share: standard deviation of the area of the region, over that area.
         area_force: standard deviation of the area of a contact with the least force, over that area;
             inversely proportional to the force. Noise spreads faint forces over more nodes.
@@ -79,7 +78,6 @@ class ModelError:
     own_shear_share: float = 0.15
     sheet_shear_share: float = 0.4
     friction: float = 0.07
-    torque_share: float = 0.03
     area_share: float = 0.15
     area_force: float = 0.4
     assumed_sheet_factor: float = 3.0
@@ -120,7 +118,7 @@ class ModelError:
                 np.hypot(self.force_share, self.force_clamp * near_clamp.max()) * press_mm2,
                 self.force_least * model.lattice.least_force_mm2,
             ),
-            self.torque_share * press_mm2 * max(radius_mm, 0.5 * model.pitch_mm),
+            0.0,  # of the torque: the noise of the markers alone explains its errors
             area_mm2 * np.hypot(self.area_share, self.area_force * model.lattice.least_force_mm2 / press_mm2),
         ]
         variance = np.square(std) * (self.assumed_sheet_factor if model.is_assumed else 1.0) ** 2
