@@ -8,6 +8,7 @@ each other, or three that are not in a row, are joined if they began together an
 strong.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -96,17 +97,23 @@ class RigidFaces:
         before = _nearest_within(clusters.centre_mm, previous_mm, self.reach_pitch * model.pitch_mm)
         was_apart = (before[:, None] >= 0) & (before >= 0) & (before[:, None] != before)
         joined, is_done = clusters, np.zeros(count, dtype=np.bool_)
-        for own in _components(is_flat):
-            if self._is_plane(clusters, depth_mm, own):
-                joined, is_done[own] = self._join(joined, clusters, own), True
+        for group in _components(is_flat):
+            for own in self._without_weak(clusters, group, _PLANE - 1):
+                if self._is_plane(clusters, depth_mm, own):
+                    face = self._with_enclosed(model, clusters, own, group)
+                    joined, is_done[face] = self._join(joined, clusters, face), True
+                    break
         are_alike = is_about_flat & self._are_alike(clusters, depth_mm)
         for is_one, least in ((are_alike, 3), (is_about_flat, 2)):
-            for own in _components(is_one & ~is_done & ~is_done[:, None], least):
-                was_two = bool(was_apart[np.ix_(own, own)].any())
-                if self._is_one(
-                    model, clusters, depth_mm, own, previous_mm, evidence_at=evidence_at, was_two=was_two
-                ):
-                    joined, is_done[own] = self._join(joined, clusters, own), True
+            for group in _components(is_one & ~is_done & ~is_done[:, None], least):
+                for own in self._without_weak(clusters, group, least):
+                    was_two = bool(was_apart[np.ix_(own, own)].any())
+                    if self._is_one(
+                        model, clusters, depth_mm, own, previous_mm, evidence_at=evidence_at, was_two=was_two
+                    ):
+                        face = self._with_enclosed(model, clusters, own, group)
+                        joined, is_done[face] = self._join(joined, clusters, face), True
+                        break
         kept = np.flatnonzero(joined.force_mm2[:, 2] != 0.0)
         order = kept[np.argsort(-joined.normal_mm2[kept], kind="stable")]
         return joined.select(order)
@@ -206,14 +213,42 @@ class RigidFaces:
             and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm
         )
 
+    def _without_weak(
+        self, clusters: Clusters, own: Int64[np.ndarray, " k"], least: int
+    ) -> Iterator[Int64[np.ndarray, " _"]]:
+        """The group, then without its weakest cluster, and so on while that is much weaker than the others.
+
+        Errors of the sensor file cause weak forces near a face, or between its ends.
+        """
+        own = own[np.argsort(-clusters.normal_mm2[own], kind="stable")]
+        force = clusters.normal_mm2[own]
+        for count in range(len(own), least - 1, -1):
+            yield own[:count]
+            if force[count - 1] >= self.min_force_ratio * force[0]:
+                return
+
+    def _with_enclosed(
+        self,
+        model: InversionModel,
+        clusters: Clusters,
+        own: Int64[np.ndarray, " k"],
+        group: Int64[np.ndarray, " g"],
+    ) -> Int64[np.ndarray, " _"]:
+        """The clusters of a face with those of the group within the ellipse of its pressure."""
+        share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
+        centre_mm, spread = _joint_moments(clusters, own, share)
+        arm_mm = clusters.centre_mm[group] - centre_mm
+        spread += np.diag(model.lattice.own_spread_mm2)
+        within = np.einsum("ki,ki->k", arm_mm, np.linalg.solve(spread, arm_mm.T).T) <= 4.0
+        return np.union1d(own, group[within])
+
     def _join(self, result: Clusters, clusters: Clusters, own: Int64[np.ndarray, " k"]) -> Clusters:
         """`result` with clusters joined to the first of them; the others get no force."""
         share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
-        centre_mm = share @ clusters.centre_mm[own]
+        centre_mm, spread = _joint_moments(clusters, own, share)
         arm = clusters.centre_mm[own] - centre_mm
         force_mm2 = clusters.force_mm2[own].sum(axis=0)
         turned = arm[:, 0] * clusters.force_mm2[own, 1] - arm[:, 1] * clusters.force_mm2[own, 0]
-        spread = np.einsum("k,kij->ij", share, clusters.spread_mm2[own] + arm[:, :, None] * arm[:, None, :])
         covariance = _joint_covariance(clusters.covariance[own], share)
         first, others = own[0], own[1:]
 
@@ -252,6 +287,16 @@ class RigidFaces:
         arm_mm = axes.transpose(0, 2, 1) * np.minimum(half_mm, self.max_edge_mm)[:, :, None]
         around_mm = clusters.centre_mm[own][:, None] + np.concatenate([arm_mm, -arm_mm], axis=1)
         return np.asarray(around_mm.reshape(-1, 2))
+
+
+def _joint_moments(
+    clusters: Clusters, own: Int64[np.ndarray, " k"], share: Scalars
+) -> tuple[Float64[np.ndarray, "2"], Float64[np.ndarray, "2 2"]]:
+    """Centre and second moments of the pressure of several clusters with these shares of the force."""
+    centre_mm = share @ clusters.centre_mm[own]
+    arm = clusters.centre_mm[own] - centre_mm
+    spread = np.einsum("k,kij->ij", share, clusters.spread_mm2[own] + arm[:, :, None] * arm[:, None, :])
+    return centre_mm, spread
 
 
 def _rectangle(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from manytouch.estimation import MechanicsEstimator
-from manytouch.estimation.mechanics.clusters.force_clusters import cluster_moments
+from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, cluster_moments
 from manytouch.estimation.mechanics.clusters.rigid_faces import RigidFaces
 from pressed_sheet import contacts_of, pressed, slack_sensor
 
@@ -37,27 +37,50 @@ def test_a_face_that_comes_to_press_with_two_edges_stays_one_contact(began_as_on
         assert len(contacts_of([*rest, *flat, *split], RigidFaces(same_centre_pitch=0.0)).touching) == 2
 
 
+def joined(place_mm: np.ndarray, depth_mm: list[float], force_mm2: list[float]) -> Clusters:
+    """What becomes of forces at some places of a sheet that is everywhere as deep as at the nearest place."""
+    model = MechanicsEstimator().start(slack_sensor()).model
+    coefficient_mm = np.zeros((model.patch.node_count, 3))
+    away_mm = np.linalg.norm(model.lattice.place_mm[:, None] - place_mm, axis=2)
+    coefficient_mm[:, 2] = -np.array(depth_mm)[away_mm.argmin(axis=1)]
+    node = away_mm.argmin(axis=0)
+    nodal_mm2, label = np.zeros_like(coefficient_mm), np.full(len(coefficient_mm), -1)
+    nodal_mm2[node, 2], label[node] = -np.array(force_mm2), np.arange(len(node))
+    return RigidFaces()(
+        model,
+        coefficient_mm,
+        cluster_moments(model.lattice, nodal_mm2, label),
+        np.zeros((0, 2)),
+        lambda node: None,
+    )
+
+
+def row_mm(half_mm: float, count: int) -> np.ndarray:
+    return np.column_stack([np.linspace(-half_mm, half_mm, count), np.zeros(count)])
+
+
 @pytest.mark.parametrize("half_mm", [6.0, 21.0])
 @pytest.mark.parametrize("depths_mm", [(1.0, 1.0, 1.0, 1.0), (1.0, 0.5, 0.8, 0.3)])
 def test_four_forces_in_a_row_are_one_bar_if_the_sheet_is_flat_under_them(
     half_mm: float, depths_mm: tuple[float, ...]
 ) -> None:
-    model = MechanicsEstimator().start(slack_sensor()).model
-    place_mm = np.column_stack([np.linspace(-half_mm, half_mm, 4), np.zeros(4)])
-    coefficient_mm = np.zeros((model.patch.node_count, 3))
-    away_mm = np.abs(model.lattice.place_mm[:, None, 0] - place_mm[:, 0])
-    coefficient_mm[:, 2] = -np.array(depths_mm)[away_mm.argmin(axis=1)]
-    node = np.linalg.norm(model.lattice.place_mm - place_mm[:, None], axis=2).argmin(axis=1)
-    force_mm2, label = np.zeros_like(coefficient_mm), np.full(len(coefficient_mm), -1)
-    force_mm2[node, 2], label[node] = -0.01, np.arange(4)
-    found = RigidFaces()(
-        model,
-        coefficient_mm,
-        cluster_moments(model.lattice, force_mm2, label),
-        np.zeros((0, 2)),
-        lambda node: None,
-    )
+    found = joined(row_mm(half_mm, 4), list(depths_mm), [0.01] * 4)
     assert len(found) == (1 if len(set(depths_mm)) == 1 else 4)
+
+
+@pytest.mark.parametrize(("force_mm2", "count"), [(0.002, 2), (0.008, 5)])
+def test_a_weak_force_in_a_line_with_a_bar_does_not_divide_it(force_mm2: float, count: int) -> None:
+    found = joined(row_mm(12.0, 5), [1.0, 1.0, 1.0, 1.0, 0.3], [*4 * [0.01], force_mm2])
+    assert len(found) == count
+    assert found.normal_mm2.sum() == pytest.approx(0.04 + force_mm2)
+
+
+@pytest.mark.parametrize(("y_mm", "force_mm2", "count"), [(2.0, 0.002, 1), (9.0, 0.002, 2), (9.0, 0.008, 3)])
+def test_a_weak_force_within_a_face_is_a_part_of_it(y_mm: float, force_mm2: float, count: int) -> None:
+    place_mm = np.array([[-8.0, 1.0], [8.0, 1.0], [0.0, y_mm]])
+    found = joined(place_mm, [1.0, 0.96, 0.9], [0.01, 0.01, force_mm2])
+    assert len(found) == count
+    assert found.normal_mm2.sum() == pytest.approx(0.02 + force_mm2)
 
 
 def test_the_outline_of_two_places_is_a_rectangle_by_the_moments_of_the_pressure() -> None:
