@@ -34,8 +34,9 @@ class ContactRules:
             deviations.
         outline_stds: least normal force of a contact on a known sheet over its change by one standard
             deviation of the outline. A clamp that is not where the sensor file has it, or that bends the
-            sheet otherwise than its shell, causes forces next to it. True contacts of the varied cases have 4
-            and more with drawn sensor files, 5 and more with true ones.
+            sheet otherwise than its shell, causes forces next to it. The strongest force of a frame is not
+            tested: it is what the sheet answers to. Other true contacts of the varied cases have 4 and more
+            with drawn sensor files, 5 and more with true ones.
         noise_share: nodal forces below this share of what noise adds to `GaussNewton.negligible_force` belong
             to no cluster.
     """
@@ -94,7 +95,9 @@ class ContactRules:
             return clusters, stds
         node = np.flatnonzero(clusters.label >= 0)
         change_mm2 = np.bincount(clusters.label[node], response.by_outline_mm2[node], minlength=len(clusters))
-        chosen = np.flatnonzero(clusters.normal_mm2 >= self.outline_stds * np.abs(change_mm2))
+        is_strongest = clusters.normal_mm2 >= clusters.normal_mm2.max(initial=0.0)
+        is_beyond = clusters.normal_mm2 >= self.outline_stds * np.abs(change_mm2)
+        chosen = np.flatnonzero(is_beyond | is_strongest)
         return clusters.select(chosen), stds[chosen]
 
 

@@ -117,3 +117,10 @@ def test_forces_beside_the_clamp_are_no_contact_with_an_exact_outline_either() -
     assert len(touching(sensor, place_mm, 0.15, ContactRules(outline_stds=0.0))) == 2
     (contact,) = touching(sensor, place_mm, 0.15)
     assert contact.centre_mm == pytest.approx(place_mm, abs=0.3)
+
+
+def test_what_presses_most_is_a_contact_also_where_the_outline_is_uncertain() -> None:
+    place_mm, force_mm2 = (-28.0, 0.0), 0.06
+    (contact,) = touching(with_outline(0.0, 1.5), place_mm, force_mm2)
+    assert contact.normal_force_over_E_mm2 == pytest.approx(force_mm2, rel=0.1)
+    assert contact.std("normal_force") > -0.25 * contact.force_N[2]
