@@ -57,6 +57,8 @@ class ModelOrder:
         min_rim: least second moment of such a face over that under even pressure.
         min_face: least minor half axis of an ellipse that may be a face, in elements.
         min_f_bar: least F of two patches against a bar.
+        min_bar_stds: least force of a bar, in its standard deviations; else the one patch is taken. Next to a
+            clamp the place and the force of a bar depend on each other.
         min_inside: least share of the force of a patch, a bar or a face on the nodes of the evidence; nothing
             limits what is beyond them.
         min_mean_misfit: lower limit of the misfit per degree of freedom in F.
@@ -78,6 +80,7 @@ class ModelOrder:
     min_rim: float = 1.15
     min_face: float = 1.0
     min_f_bar: float = MIN_F
+    min_bar_stds: float = 2.5
     min_inside: float = MIN_INSIDE
     min_mean_misfit: float = 0.1
     hysteresis: float = 0.7
@@ -194,7 +197,8 @@ class ModelOrder:
             min_inside=self.min_inside,
         )
         if f <= limit * self.min_f_bar and bar.misfit < one.misfit:
-            return bar
+            is_determined = bar.force_mm2 >= self.min_bar_stds * np.sqrt(bar.covariance[0, 0])
+            return bar if is_determined else one
         gap_mm = float(np.linalg.norm(pair.centre_mm[1] - pair.centre_mm[0]))
         is_pair = limit * pair.deviation_mm <= 0.25 * gap_mm
         return pair if is_pair and evidence.patch.covers(pair.centre_mm).all() else one

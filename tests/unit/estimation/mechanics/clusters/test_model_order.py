@@ -90,6 +90,16 @@ def test_a_flat_finger_is_one_contact(half_mm: float) -> None:
         assert len(split(bar)) == 1
 
 
+@pytest.mark.parametrize(("min_bar_stds", "is_face"), [(2.5, True), (1e4, False)])
+def test_a_bar_whose_force_is_not_determined_is_a_patch(min_bar_stds: float, is_face: bool) -> None:
+    bar = pressed(*((s, 0.0, 2.0, 0.1 + 0.1 * (abs(s) > 7.0)) for s in np.linspace(-9.0, 9.0, 13)))
+    order = ModelOrder(min_bar_stds=min_bar_stds)
+    found = order(LATTICE, bar, CLUSTER(LATTICE, bar), NONE_BEFORE, evidence_at=evidence_of(bar))
+    assert found.is_face.tolist() == [is_face]
+    assert found.normal_mm2[0] == pytest.approx(-bar[:, 2].sum(), rel=0.05)
+    assert np.isfinite(found.covariance).all()
+
+
 def test_a_weak_part_is_not_a_contact() -> None:
     assert len(split(pressed((-4.0, 0.0, 1.0, 1.0), (4.0, 0.0, 1.0, 0.06)))) == 1
 
