@@ -14,8 +14,9 @@ from manytouch.values.arrays import Points2, read_only
 from manytouch.values.sensor_file.default_std import camera_std
 
 _INDEPENDENT = 16
+"""Markers that count as independent in a pose: regions of a sheet that sag or are printed alike; assumed."""
 _ROUNDS = 3
-_LEAST_PX = 0.02
+_LEAST_PX = 0.02  # added to the RMS distance of the markers from the fitted pose; the noise of a good image
 _INSIDE_PX = 1e4
 """Residual of a pose whose camera is inside of the window."""
 

@@ -47,16 +47,22 @@ class Coverage:
 
 
 def coverages(samples: ContactSamples) -> dict[str, Coverage | None]:
-    """Of each of `COVERED`, from the last frame of each contact; x and y are components of one contact."""
+    """Of each of `COVERED`, from the last frame of each contact; x and y are two components of one contact.
+
+    The area is compared on a logarithmic scale, where its error is more even.
+    """
     last = samples.is_last
     shear = samples.shear_N - samples.true_shear_N
+    with np.errstate(invalid="ignore", divide="ignore"):
+        area = np.log(samples.area_mm2 / samples.true_area_mm2)
+        area_std = samples.area_std_mm2 / samples.area_mm2
     errors = {
         "position": (samples.offset_mm, samples.offset_std_mm),
         "depth": (samples.depth_mm - samples.true_depth_mm, samples.depth_std_mm),
         "force": (samples.force_N - samples.true_force_N, samples.force_std_N),
         "shear": (shear, samples.shear_std_N),
         "torque": (samples.torque_Nmm - samples.true_torque_Nmm, samples.torque_std_Nmm),
-        "area": (samples.area_mm2 - samples.true_area_mm2, samples.area_std_mm2),
+        "area": (area, area_std),
     }
     found = {}
     for name in COVERED:

@@ -77,15 +77,3 @@ def test_areas_are_compared_where_the_true_pressure_was_read_out(contact_table: 
     assert found["angle_median_deg"] == pytest.approx(np.rad2deg(np.pi - 3.05))
     touched = contact_table(one, area=100.0)  # the area that touches, of a file without regions
     assert np.isnan(region_figures(contact_samples(touched, estimated))["area_median_percent"])
-
-
-def test_the_interval_of_an_area_is_its_deviation_on_both_sides(contact_table: Table) -> None:
-    each = [(0, number, 20.0 * number, 0.0, 2.0) for number in range(6)]
-    axes = {"half_major": 6.0, "half_minor": 4.0, "orientation": 0.0}
-    samples = contact_samples(
-        contact_table(each, area=40.0, **axes), contact_table(each, area=100.0, area_std=35.0, **axes)
-    )
-    found = coverages(samples)["area"]
-    assert found is not None
-    assert (found.coverage_90, found.coverage_95) == (0.0, 1.0)
-    assert found.chi2_per_dof == pytest.approx((60.0 / 35.0) ** 2)

@@ -21,7 +21,7 @@ from manytouch.estimation.mechanics.clusters.patch_kernels import (
 )
 from manytouch.values.arrays import Scalars
 
-_CORNER = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
+CORNERS = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 _ANGLE = 2.0 * np.pi * np.arange(24) / 24
 _CIRCLE = np.column_stack([np.cos(_ANGLE), np.sin(_ANGLE)])
 
@@ -40,7 +40,7 @@ def fit_bar(evidence: Evidence, pair: PairFit) -> PatchFit:
     step = np.array([1e-3 * theta[0]] + 7 * [LENGTH_MM])
     misfit, curved = evidence.fit(theta, step.tolist())
     along, across = theta[3:5], theta[5] * np.array([-theta[4], theta[3]]) / np.hypot(theta[3], theta[4])
-    corner_mm = theta[1:3] + np.outer(_CORNER[:, 0], along) + np.outer(_CORNER[:, 1], across)
+    corner_mm = theta[1:3] + np.outer(CORNERS[:, 0], along) + np.outer(CORNERS[:, 1], across)
     return _face(evidence, theta, step, misfit, curved, estimates=_bar_estimates, corner_mm=corner_mm)
 
 

@@ -18,6 +18,7 @@ from scipy.sparse.csgraph import connected_components
 
 from manytouch.estimation.mechanics.clusters.bars import BarRule
 from manytouch.estimation.mechanics.clusters.evidence import EvidenceAt
+from manytouch.estimation.mechanics.clusters.face_fits import CORNERS
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
@@ -26,7 +27,6 @@ from manytouch.values.arrays import Points2, Scalars
 
 _PLACES = np.linspace(0.0, 1.0, 17)
 _PLANE = 4  # clusters from which on their depths are not on one plane by chance
-_CORNER = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 _ROW = 0.1  # width of a row of clusters over its length
 
 
@@ -309,7 +309,7 @@ def _rectangle(
     """
     size, axes = np.linalg.eigh(spread_mm2)
     half_mm = 3.0**0.25 * np.sqrt(np.maximum(size, 0.0))
-    return np.asarray(centre_mm + (_CORNER * half_mm) @ axes.T)
+    return np.asarray(centre_mm + (CORNERS * half_mm) @ axes.T)
 
 
 def _components(is_joined: np.ndarray, least: int = 2) -> list[Int64[np.ndarray, " k"]]:
