@@ -22,6 +22,7 @@ from manytouch.values.arrays import read_only
 _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
 _SHEAR = [ESTIMATES.index(name) for name in ("shear_x", "shear_y")]
+_TORQUE = ESTIMATES.index("torque")
 _LINEAR = [number for number in range(len(ESTIMATES)) if number != _AREA]
 _CLAMP_THICKNESSES = 4.0  # at which `ModelError.position_clamp` applies
 _FORCES = ("shear_x", "shear_y", "normal_force", "torque")
@@ -118,7 +119,7 @@ class ModelError:
                 np.hypot(self.force_share, self.force_clamp * near_clamp.max()) * press_mm2,
                 self.force_least * model.lattice.least_force_mm2,
             ),
-            0.0,  # of the torque: the noise of the markers alone explains its errors
+            0.0,  # of the torque: noise and parameters explain its errors
             area_mm2 * np.hypot(self.area_share, self.area_force * model.lattice.least_force_mm2 / press_mm2),
         ]
         variance = np.square(std) * (self.assumed_sheet_factor if model.is_assumed else 1.0) ** 2
@@ -188,7 +189,7 @@ class ContactEstimator:
         if friction is not None:
             covariance += friction.covariance(white)
         if response is not None:
-            covariance += _by_parameters(clusters, near, rows, response)
+            covariance += _by_parameters(model, clusters, near, rows, response)
         contacts = []
         for number, noise in enumerate(covariance):
             depth_mm = -float(moved_mm[number, deepest[number], 2])
@@ -264,12 +265,13 @@ class ContactEstimator:
 
 
 def _by_parameters(
+    model: InversionModel,
     clusters: Clusters,
     near: Int64[np.ndarray, " nodes"],
     rows: Float64[np.ndarray, "c 7 nodes 3"],
     response: ParameterResponse,
 ) -> Float64[np.ndarray, "c 8 8"]:
-    """Covariance of depth and shear by the parameters of sheet and camera, forces over E.
+    """Covariance of depth, shear and torque by the parameters of sheet and camera, forces over E.
 
     That of the other estimates is `Clusters.sheet_covariance`.
     """
@@ -279,6 +281,9 @@ def _by_parameters(
     force_mm2 = response.force_change_mm2
     for number in range(count):
         change[number][:, _SHEAR] = force_mm2[:, near == number, :2].sum(axis=1)
+        inside = clusters.label == number
+        x, y = (model.lattice.place_mm[inside] - clusters.centre_mm[number]).T
+        change[number, :, _TORQUE] = force_mm2[:, inside, 1] @ x - force_mm2[:, inside, 0] @ y
     return change.transpose(0, 2, 1) @ change
 
 

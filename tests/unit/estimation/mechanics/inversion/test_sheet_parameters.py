@@ -103,6 +103,7 @@ def test_the_deviation_of_depth_contains_that_of_the_thickness() -> None:
     added_mm = np.sqrt(stated.std("depth") ** 2 - exact.std("depth") ** 2)
     assert changed_mm > 0.001
     assert added_mm == pytest.approx(changed_mm, rel=0.3)
+    assert stated.std("torque") > 1.001 * exact.std("torque")
 
 
 def test_a_wrong_outline_is_no_contact() -> None:
