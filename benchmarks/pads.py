@@ -1,119 +1,48 @@
 """How well contacts on pads that are bonded to a window are estimated, from points.
 
-3-D solids with free sides are pressed by balls, a lying cylinder, flat punches and an edge, at several
-depths, in the middle and near a side, with and without friction. The method `mechanics` gets the true images
-of the markers with 0.02 px of noise and the true sensor file, which states no deviations; with --wrong-file,
-Poisson's ratio is .01 too large (but at most .495) and the thickness 4 % too small. Each depth is a new start
-from rest, or, with --path, follows the one before. Cases marked "held out" were not used to choose constants.
+3-D solids with free sides are pressed by the bodies of the groups of pads of `evaluate`. The method
+`mechanics` gets the true images of the markers with 0.02 px of noise and the true sensor file, which states
+no deviations; with --wrong-file, Poisson's ratio is .01 too large (but at most .495) and the thickness 4 %
+too small. Each state is a new start from rest, or, with --path, follows the one before. Cases that no
+constant was chosen on are left out unless --held-out is given. The solved presses are those of the package.
 
-    .venv/bin/python benchmarks/pads.py            # solves the solids once: about half an hour
+    .venv/bin/python benchmarks/pads.py
     .venv/bin/python benchmarks/pads.py --wrong-file
     .venv/bin/python benchmarks/pads.py --only ball
 """
 
 import argparse
-from collections.abc import Iterator
-from dataclasses import asdict, dataclass, replace
-from pathlib import Path
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 
 from manytouch.estimation.pad.estimator import PadEstimator
-from manytouch.evaluation.suite.pads import pad_sensor
-from manytouch.simulation.fem.contact.indenters import (
-    Indenter,
-    LyingCylinder,
-    RoundPunch,
-    Sphere,
-    SquarePunch,
-)
-from manytouch.simulation.fem.loading import Loading, press
-from manytouch.simulation.pad_presses import PressedPad, solve_pad
+from manytouch.evaluation.suite.pads.cases import PadCase, pads
+from manytouch.evaluation.suite.pads.recording import pad_states
+from manytouch.evaluation.suite.pads.sensor_files import true_pad
+from manytouch.simulation.scene.deformation import Deformation
+from manytouch.simulation.scene.solid_scene import SolidScene
+from manytouch.simulation.simulator import Simulator
 from manytouch.values import Contact, Sensor, TrackedGrid
 
-NOISE_PX = 0.02
-DEPTHS_MM = (0.1, 0.2, 0.3, 0.4, 0.5, 0.75, 1.0)
+NOISE_PX, MATCH_MM = 0.02, 3.0
 
 
-@dataclass(frozen=True)
-class Pad:
-    """Size, thickness, material and lattice of a pad; see `manytouch.values.Sheet`."""
+class Row(NamedTuple):
+    """Errors of a contact: in percent of its normal force or depth, in mm, and in standard deviations."""
 
-    size_mm: tuple[float, float]
-    thickness_mm: float
-    young_MPa: float
-    poisson: float
-    marker_depth_mm: float
-    rows: int = 7
-    columns: int = 9
-    pitch_mm: float = 2.0
+    force: float
+    force_stds: float
+    away_mm: float
+    shear: float
+    depth: float
+    depth_stds: float
 
 
-@dataclass(frozen=True)
-class Case:
-    """A body, where it presses, and the pad."""
-
-    name: str
-    pad: Pad
-    body: Indenter
-    place_mm: tuple[float, float]
-    friction: float = 0.0
-    depths_mm: tuple[float, ...] = (0.3, 0.5, 1.0)
-    turn_deg: float = 0.0
-    held_out: bool = False
-
-
-GEL = Pad((25.0, 21.0), 4.0, 0.3, 0.48, 0.5)
-THIN = Pad((20.0, 20.0), 2.5, 0.4, 0.49, 0.3, pitch_mm=1.9)
-SOFT = Pad((25.0, 21.0), 4.0, 0.2, 0.45, 0.3)
-DEEP = Pad((25.0, 21.0), 4.0, 0.4, 0.49, 1.0)
-CASES = (
-    Case("ball 3 mm", GEL, Sphere(radius_mm=3.0), (0.0, 0.0)),
-    Case(
-        "flat punch 3 mm",
-        GEL,
-        RoundPunch(radius_mm=3.0, edge_radius_mm=0.3),
-        (-2.0, 1.5),
-        0.0,
-        (0.1, 0.3, 0.5),
-    ),
-    Case("ball 5 mm, thin pad", THIN, Sphere(radius_mm=5.0), (0.7, 0.4)),
-    Case("ball 5 mm near a side", GEL, Sphere(radius_mm=5.0), (9.5, 0.0)),
-    Case("ball 5 mm, sticking", GEL, Sphere(radius_mm=5.0), (2.3, -1.2), 1.0),
-    Case("edge", GEL, SquarePunch(side_mm=(8.0, 1.0), edge_radius_mm=0.3), (0.0, 1.0), turn_deg=70.0),
-    Case(
-        "flat punch 3 mm, sticking",
-        THIN,
-        RoundPunch(radius_mm=3.0, edge_radius_mm=0.3),
-        (0.0, 0.0),
-        1.0,
-        (0.1, 0.3, 0.5),
-    ),
-    Case(
-        "lying cylinder",
-        SOFT,
-        LyingCylinder(radius_mm=3.0, length_mm=8.0, edge_radius_mm=0.5),
-        (1.0, -1.0),
-        turn_deg=25.0,
-        held_out=True,
-    ),
-    Case("ball 8 mm, deep markers", DEEP, Sphere(radius_mm=8.0), (0.0, -1.0), held_out=True),
-    Case(
-        "square 5 mm",
-        GEL,
-        SquarePunch(side_mm=(5.0, 5.0), edge_radius_mm=0.3),
-        (1.0, 1.0),
-        0.0,
-        (0.1, 0.3, 0.5),
-        20.0,
-        True,
-    ),
-)
-
-
-def sensor_of(pad: Pad) -> Sensor:
+def sensor_of(case: PadCase) -> Sensor:
     """The pad behind a window of 3 mm, in an image of 320 x 240 px with about 13 px per mm."""
-    return pad_sensor("pad", **asdict(pad), width_px=320, centre_noise_px=NOISE_PX)
+    return true_pad(case, width_px=320, centre_noise_px=NOISE_PX)
 
 
 def wrong(sensor: Sensor) -> Sensor:
@@ -136,42 +65,40 @@ def grid_of(position_px: np.ndarray, random: np.random.Generator) -> TrackedGrid
     )
 
 
-def states(case: Case, sensor: Sensor, folder: Path | None) -> Iterator[tuple[float, PressedPad]]:
-    """The depths of a case and the solved pads."""
-    path = sorted({*case.depths_mm, *(d for d in DEPTHS_MM if d <= max(case.depths_mm))})
-    touch = press(
-        case.body,
-        thickness_mm=case.pad.thickness_mm,
-        path_mm=np.array([[*case.place_mm, depth_mm] for depth_mm in path]),
-        friction=case.friction,
-        yaw_rad=np.full(len(path), np.deg2rad(case.turn_deg)),
-    )
-    solved = solve_pad(sensor, Loading(touches=(touch,)), folder=folder)
-    for depth_mm, state in zip(path, solved, strict=True):
-        if depth_mm in case.depths_mm:
-            yield depth_mm, state
+def images_px(sensor: Sensor, markers: Deformation) -> np.ndarray:
+    """(m, 2) centroids of the images of the markers."""
+    scene = SolidScene(name="press", time_s=np.array([0.0, 1.0]), states=(markers, markers), duration_s=1.0)
+    return Simulator(sensor=sensor, scene=scene).truth(0).grid.position_px
 
 
-def row(case: Case, depth_mm: float, state: PressedPad, touching: tuple[Contact, ...]) -> list[float]:
-    """Errors of one state, printed and returned; [] where no contact was found."""
-    true, mark = state.contacts[0], " held out" if case.held_out else ""
-    label = f"{case.name:25} {depth_mm:5.2f} mm{mark:9}"
-    if not touching:
-        print(f"{label}  not found, {-true.force_N[2]:.3f} N")
-        return []
-    found = min(touching, key=lambda each: float(np.linalg.norm(each.centre_mm - true.centre_mm)))
-    press_N = -float(true.force_N[2])
-    force = 100.0 * (-found.force_N[2] / press_N - 1.0)
-    away_mm = float(np.linalg.norm(found.centre_mm - true.centre_mm))
-    shear = 100.0 * float(np.linalg.norm(found.force_N[:2] - true.force_N[:2])) / press_N
-    deviations = (-found.force_N[2] - press_N) / found.std("normal_force")
-    depth = 100.0 * (found.depth_mm / true.depth_mm - 1.0)
-    print(
-        f"{label} {press_N:8.3f} N {force:+6.1f} % ({deviations:+.1f} std)  centre {away_mm:.2f} mm  "
-        f"shear {shear:4.1f} %  depth {depth:+6.1f} %  contacts {len(touching)}"
-    )
-    depth_stds = (found.depth_mm - true.depth_mm) / found.std("depth")
-    return [abs(force), force, away_mm, shear, abs(depth), abs(deviations), abs(depth_stds)]
+def rows_of(case: PadCase, level: float, state: Deformation, touching: tuple[Contact, ...]) -> list[Row]:
+    """Errors of the contacts of one state that were found, printed and returned."""
+    unit, rows = "N" if not case.press.bodies else "mm", []
+    for true in state.contacts:
+        label = f"{case.name:25} {level:5.2f} {unit:2}{'' if case.looked_at else ' held out':9}"
+        press_N = -float(true.force_N[2])
+        near = [each for each in touching if np.linalg.norm(each.centre_mm - true.centre_mm) < MATCH_MM]
+        if not near:
+            print(f"{label}  not found, {press_N:.3f} N, contacts {len(touching)}")
+            continue
+        found = min(near, key=lambda each: float(np.linalg.norm(each.centre_mm - true.centre_mm)))
+        shear_N = found.force_N[:2] - true.force_N[:2]
+        row = Row(
+            force=100.0 * (-found.force_N[2] / press_N - 1.0),
+            force_stds=(-found.force_N[2] - press_N) / found.std("normal_force"),
+            away_mm=float(np.linalg.norm(found.centre_mm - true.centre_mm)),
+            shear=100.0 * float(np.linalg.norm(shear_N)) / press_N,
+            depth=100.0 * (found.depth_mm / true.depth_mm - 1.0),
+            depth_stds=(found.depth_mm - true.depth_mm) / found.std("depth"),
+        )
+        rows.append(row)
+        print(
+            f"{label} {press_N:8.3f} N {row.force:+6.1f} % ({row.force_stds:+.1f} std)  "
+            f"centre {row.away_mm:.2f} mm  shear {row.shear:5.1f} % of "
+            f"{100.0 * np.linalg.norm(true.force_N[:2]) / press_N:3.0f} %  "
+            f"depth {row.depth:+6.1f} % ({row.depth_stds:+.1f} std)  contacts {len(touching)}"
+        )
+    return rows
 
 
 def main() -> None:
@@ -180,35 +107,34 @@ def main() -> None:
     )
     parser.add_argument("--only", default="", help="cases whose name contains this")
     parser.add_argument("--path", action="store_true", help="each depth follows the one before")
+    parser.add_argument("--held-out", action="store_true", help="also cases that no constant was chosen on")
     parser.add_argument("--wrong-file", action="store_true", help="the sensor file is not exact")
-    parser.add_argument("--keep", type=Path, help="folder of solved states; default: the user's cache")
     options = parser.parse_args()
     estimate, random = PadEstimator(), np.random.default_rng(5)
-    rows: dict[bool, list[list[float]]] = {False: [], True: []}
-    for case in CASES:
-        if options.only not in case.name:
+    rows: dict[bool, list[Row]] = {True: [], False: []}
+    for case in pads("pads"):
+        if options.only not in case.name or not (case.looked_at or options.held_out):
             continue
-        sensor = sensor_of(case.pad)
+        sensor = sensor_of(case)
         now = started = estimate.start(wrong(sensor) if options.wrong_file else sensor)
-        for depth_mm, solved in states(case, sensor, options.keep):
-            before = now if options.path else started
+        for level, (markers, _) in zip(case.press.levels, pad_states(case), strict=True):
+            before, position_px = now if options.path else started, images_px(sensor, markers)
             for _ in range(2):
-                before, _, contacts = estimate.step(before, grid_of(solved.marker_px, random))
+                before, _, contacts = estimate.step(before, grid_of(position_px, random))
             now = before
-            found = row(case, depth_mm, solved, contacts.touching)
-            if found:
-                rows[case.held_out].append(found)
-    for held_out, part in rows.items():
+            rows[case.looked_at] += rows_of(case, level, markers, contacts.touching)
+    for looked_at, part in rows.items():
         if part:
-            table = np.array(part)
-            force = np.percentile(table[:, 0], [50.0, 95.0])
+            force, depth = (np.array([getattr(row, name) for row in part]) for name in ("force", "depth"))
+            stds = np.array([[row.force_stds, row.depth_stds] for row in part])
+            median, p95 = np.percentile(np.abs(force), [50.0, 95.0])
             print(
-                f"{'held out' if held_out else 'others':10} {len(part)} states: "
-                f"force median {force[0]:.1f} % "
-                f"p95 {force[1]:.1f} % bias {table[:, 1].mean():+.1f} %, "
-                f"centre {np.median(table[:, 2]):.2f} mm, "
-                f"shear {np.median(table[:, 3]):.1f} %, depth {np.median(table[:, 4]):.1f} %, beyond 2 std: "
-                f"force {(table[:, 5] > 2.0).sum()}, depth {(table[:, 6] > 2.0).sum()}"
+                f"{'others' if looked_at else 'held out':10} {len(part)} contacts: "
+                f"force median {median:.1f} % p95 {p95:.1f} % bias {force.mean():+.1f} %, "
+                f"centre {np.median([row.away_mm for row in part]):.2f} mm, "
+                f"shear {np.median([row.shear for row in part]):.1f} % of the force, "
+                f"depth {np.median(np.abs(depth)):.1f} %, beyond 2 std: "
+                f"force {(np.abs(stds[:, 0]) > 2.0).sum()}, depth {(np.abs(stds[:, 1]) > 2.0).sum()}"
             )
 
 

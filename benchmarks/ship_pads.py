@@ -1,30 +1,41 @@
-"""Solve the presses of `pads.py` and write them into the package, for the groups of pads of `evaluate`.
+"""Solve the presses of the groups of pads of `evaluate` and write them into the package.
 
-.venv/bin/python benchmarks/ship_pads.py    # half an hour; nothing is solved again that is kept
+.venv/bin/python benchmarks/ship_pads.py    # an hour for all; files that are there are left as they are
 """
 
+from collections.abc import Iterator
 from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
-from pads import CASES, sensor_of, states
-
-from manytouch.evaluation.suite.pads import pads
+from manytouch.evaluation.suite.pads.cases import PadCase, pads
+from manytouch.evaluation.suite.pads.sensor_files import true_pad
+from manytouch.simulation.pad_presses import PressedPad, solve_pad
 from manytouch.simulation.scene.deformation_file import write_deformations
+
+
+def states(case: PadCase) -> Iterator[tuple[float, PressedPad]]:
+    """The three levels of a case and the solved pads."""
+    loading, kept = case.press.loading(case.thickness_mm)
+    solved = list(solve_pad(true_pad(case), loading))
+    for level, number in zip(case.press.levels, kept, strict=True):
+        yield level, solved[number]
 
 
 def main() -> None:
     folder = Path(str(files("manytouch.evaluation") / "deformations"))
-    wanted = {case.solution for case in pads("pads")}
-    for case in CASES:
-        path = folder / f"pad-{case.name.replace(' ', '-').replace(',', '')}.npz"
-        if path.name not in wanted:
+    for case in pads("pads"):
+        path = folder / case.solution
+        if path.exists():
             continue
-        solved = {f"{depth_mm:g}": state for depth_mm, state in states(case, sensor_of(case.pad), None)}
-        planes = {depth: state.markers for depth, state in solved.items()}
-        for depth, state in solved.items():
-            planes[f"{depth} face"] = replace(state.face, contacts=state.markers.contacts)
-        print(f"{path.name}: {write_deformations(path, planes)} bytes")
+        planes = {}
+        for number, (level, state) in enumerate(states(case)):
+            if state.status != "ok":
+                raise SystemExit(f"{case.name} at level {level:g} is {state.status}: no file was written")
+            key = f"{number} {level:g}"
+            planes[key] = state.markers
+            planes[f"{key} face"] = replace(state.face, contacts=state.markers.contacts)
+        print(f"{path.name}: {write_deformations(path, planes)} bytes", flush=True)
 
 
 if __name__ == "__main__":

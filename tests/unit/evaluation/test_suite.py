@@ -40,14 +40,14 @@ def test_the_suite_is_the_same_every_time_and_has_no_name_twice() -> None:
     assert len(set(titles)) == len(titles)
 
 
-def test_half_of_each_group_is_held_out_and_a_third_of_the_varied_ones() -> None:
+def test_half_of_each_group_is_held_out_and_a_third_of_the_varied_ones_and_of_pads() -> None:
     counts = Counter((case.group, case.looked_at) for case in cases())
     for group in set(GROUPS) - set(PAD_GROUPS) - set(VARIED_GROUPS):
         assert counts[group, True] == counts[group, False]
     for group in VARIED_GROUPS:
         assert (counts[group, True], counts[group, False]) == (80, 40)
     for group in PAD_GROUPS:
-        assert (counts[group, True], counts[group, False]) == (6, 3)
+        assert (counts[group, True], counts[group, False]) == (15, 7)
     assert {case.looked_at for case in cases(tuning=True)} == {True}
 
 

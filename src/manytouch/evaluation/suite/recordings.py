@@ -6,7 +6,8 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case
-from manytouch.evaluation.suite.pads import PadCase, simulate_pad
+from manytouch.evaluation.suite.pads.cases import PadCase
+from manytouch.evaluation.suite.pads.recording import simulate_pad
 from manytouch.evaluation.suite.sensors import true_sensor
 from manytouch.evaluation.suite.solutions import Solutions, state_count
 from manytouch.evaluation.suite.varied.cases import VariedCase

@@ -5,7 +5,8 @@ from dataclasses import replace
 import numpy as np
 
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation
-from manytouch.evaluation.suite.pads import PadCase, given_pad
+from manytouch.evaluation.suite.pads.cases import PadCase
+from manytouch.evaluation.suite.pads.sensor_files import given_pad
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
 

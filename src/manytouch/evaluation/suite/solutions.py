@@ -15,7 +15,7 @@ from pathlib import Path
 from manytouch.errors import SourceError
 from manytouch.evaluation.suite import pressing
 from manytouch.evaluation.suite.cases import RAMP_FRAMES, Case
-from manytouch.evaluation.suite.pads import PadCase
+from manytouch.evaluation.suite.pads.cases import PadCase
 from manytouch.evaluation.suite.pressing import sheet_model, solve_presses
 from manytouch.evaluation.suite.varied import solving
 from manytouch.evaluation.suite.varied.cases import VariedCase

@@ -19,7 +19,7 @@ from manytouch.evaluation.suite.cases import (
     SensorPerturbation,
     Touch,
 )
-from manytouch.evaluation.suite.pads import pads
+from manytouch.evaluation.suite.pads.cases import pads
 from manytouch.evaluation.suite.varied.cases import varied
 
 SHEETS_MM = ((120.0, 80.0), (160.0, 100.0), (70.0, 70.0))

@@ -1,0 +1,125 @@
+"""The cases of bonded pads: presses on pads of several sizes, stiffnesses and lattices."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from manytouch.evaluation.suite.cases import HOLD_FRAMES, PAD_GROUPS, REST_FRAMES, Case
+from manytouch.evaluation.suite.pads.presses import PRESSES, PadPress
+
+WIDTH_PX = 640
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PadCase(Case):
+    """A press on a bonded pad, three states held for four frames each after 15 frames at rest.
+
+    Attributes:
+        press: what touches the pad.
+        solution: file in `deformations` with the plane of the markers and the contact face in each state.
+        marker_depth_mm: below the contact face.
+        rows, columns: of the markers.
+    """
+
+    press: PadPress
+    solution: str
+    marker_depth_mm: float
+    rows: int = 7
+    columns: int = 9
+
+    @property
+    def frame_count(self) -> int:
+        """Frames of its recording."""
+        return REST_FRAMES + 3 * HOLD_FRAMES
+
+
+_GEL = {
+    "size_mm": (25.0, 21.0),
+    "thickness_mm": 4.0,
+    "young_MPa": 0.3,
+    "poisson": 0.48,
+    "marker_depth_mm": 0.5,
+    "pitch_mm": 2.0,
+}
+_THIN = {
+    "size_mm": (20.0, 20.0),
+    "thickness_mm": 2.5,
+    "young_MPa": 0.4,
+    "poisson": 0.49,
+    "marker_depth_mm": 0.3,
+    "pitch_mm": 1.9,
+}
+_SOFT = _GEL | {"young_MPa": 0.2, "poisson": 0.45, "marker_depth_mm": 0.3}
+_DEEP = _GEL | {"young_MPa": 0.4, "poisson": 0.49, "marker_depth_mm": 1.0}
+_MINI = _GEL | {"size_mm": (25.25, 20.75), "young_MPa": 0.43, "poisson": 0.485, "marker_depth_mm": 0.3}
+_FINE = _GEL | {
+    "young_MPa": 0.1,
+    "poisson": 0.47,
+    "marker_depth_mm": 0.4,
+    "pitch_mm": 1.0,
+    "rows": 20,
+    "columns": 20,
+}
+_STIFF = {
+    "size_mm": (22.0, 22.0),
+    "thickness_mm": 3.0,
+    "young_MPa": 0.5,
+    "poisson": 0.48,
+    "marker_depth_mm": 0.4,
+    "pitch_mm": 1.5,
+    "rows": 13,
+    "columns": 13,
+}
+_PADS: dict[str, dict[str, object]] = {
+    "ball-3-mm": _GEL,
+    "flat-punch-3-mm": _GEL,
+    "ball-5-mm-thin-pad": _THIN,
+    "ball-5-mm-near-a-side": _GEL,
+    "ball-5-mm-sticking": _GEL,
+    "edge": _GEL,
+    "lying-cylinder": _SOFT,
+    "ball-8-mm-deep-markers": _DEEP,
+    "square-5-mm": _GEL,
+    "flat-punch-3-mm-sticking": _THIN,
+    "ball-4-mm-dragged": _GEL,
+    "punch-3-mm-twisted": _STIFF,
+    "two-balls": _GEL,
+    "soft-fingertip": _FINE,
+    "cube-corner": _MINI,
+    "fingertip-dragged": _FINE,
+    "ring": _STIFF,
+    "light-ball-12-mm": _MINI,
+    "two-punches": _FINE,
+    "tilted-plate": _SOFT,
+    "soft-fingertip-sheared": _DEEP,
+    "cylinder-dragged": _STIFF,
+}
+HELD_OUT = (
+    "lying-cylinder",
+    "ball-8-mm-deep-markers",
+    "square-5-mm",
+    "two-punches",
+    "tilted-plate",
+    "soft-fingertip-sheared",
+    "cylinder-dragged",
+)
+"""Not to be looked at while a method is tuned."""
+QUICK = ("ball-3-mm", "ball-5-mm-near-a-side", "square-5-mm")
+
+
+def pads(group: str) -> Iterator[PadCase]:
+    """The cases of one of `PAD_GROUPS`."""
+    for number, (name, pad) in enumerate(_PADS.items()):
+        yield PadCase(
+            group=group,  # type: ignore[arg-type]
+            name=name,
+            seed=4000 + number + 100 * PAD_GROUPS.index(group),
+            looked_at=name not in HELD_OUT,
+            is_quick=name in QUICK,
+            touches=(),
+            press=PRESSES[name],
+            deepest_mm=PRESSES[name].levels[-1],
+            noise=1.2,
+            width_px=WIDTH_PX,
+            solution=f"pad-{name}.npz",
+            **pad,  # type: ignore[arg-type]
+        )

@@ -1,0 +1,67 @@
+"""Recordings of the cases of bonded pads, from solved presses that ship with the package."""
+
+from dataclasses import replace
+from importlib.resources import files
+
+import numpy as np
+
+from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES
+from manytouch.evaluation.suite.pads.cases import PadCase
+from manytouch.evaluation.suite.pads.sensor_files import true_pad
+from manytouch.simulation.render.discs import DARK_DOTS
+from manytouch.simulation.scene.deformation import Deformation, undeformed
+from manytouch.simulation.scene.deformation_file import read_deformations
+from manytouch.simulation.scene.solid_scene import SolidScene
+from manytouch.simulation.simulator import Simulator
+from manytouch.values import Frame, Sensor, Truth
+from manytouch.values.arrays import read_only
+
+FPS = 30.0
+
+
+def pad_states(case: PadCase) -> tuple[tuple[Deformation, Deformation], ...]:
+    """The plane of the markers and the contact face at each depth.
+
+    Raises:
+        SourceError: the file is missing or damaged.
+    """
+    found = read_deformations(files("manytouch.evaluation") / "deformations" / case.solution)
+    depths = [key.removesuffix(" face") for key in found if key.endswith(" face")]
+    return tuple((found[depth], found[f"{depth} face"]) for depth in depths)
+
+
+def simulate_pad(case: PadCase) -> tuple[Sensor, tuple[Frame, ...], tuple[Truth, ...]]:
+    """The true sensor, pictures and truth; depth and surface refer to the contact face over the markers."""
+    sensor, states = true_pad(case), pad_states(case)
+    rest = undeformed(states[0][0])
+    held = [frame for step in range(len(states)) for frame in _span(step)]
+    scene = SolidScene(
+        name=case.title,
+        time_s=np.array([0, REST_FRAMES - 1, *held, case.frame_count]) / FPS,
+        states=(rest, rest, *(markers for markers, _ in states for _ in range(2)), states[-1][0]),
+        seed=case.seed,
+        duration_s=case.frame_count / FPS,
+    )
+    look = replace(
+        DARK_DOTS, tilt_x=0.1, tilt_y=-0.05, vignetting=0.2, read_noise=case.noise, shot_noise=0.02
+    )
+    simulator = Simulator(sensor=sensor, scene=scene, fps=FPS, look=look)
+    assert sensor.layout is not None
+    place_mm = np.ascontiguousarray(sensor.layout.rest_mm[:, :2])
+    truths = []
+    for number in range(case.frame_count):
+        truth, step = simulator.truth(number), (number - REST_FRAMES) // HOLD_FRAMES
+        if step >= 0:
+            moved_mm = read_only(states[step][1].displacement_mm(place_mm))
+            position_mm = read_only(sensor.layout.rest_mm + moved_mm)
+            surface = replace(truth.surface, displacement_mm=moved_mm, position_mm=position_mm)
+            truth = replace(truth, surface=surface)
+        truths.append(truth)
+    frames = tuple(simulator.frame(number) for number in range(case.frame_count))
+    return sensor, frames, tuple(truths)
+
+
+def _span(step: int) -> tuple[int, int]:
+    """First and last frame of a depth."""
+    first = REST_FRAMES + step * HOLD_FRAMES
+    return first, first + HOLD_FRAMES - 1
