@@ -19,7 +19,8 @@ from manytouch.evaluation.suite.cases import (
     Touch,
     pressure_share,
 )
-from manytouch.evaluation.suite.sensors import lattice, nominal_sensor, true_sensor
+from manytouch.evaluation.suite.given import given_sensor
+from manytouch.evaluation.suite.sensors import lattice, true_sensor
 from manytouch.evaluation.suite.suite import APART_MM, RIM_MM, cases
 
 SMALL = Case(
@@ -127,12 +128,12 @@ def test_the_lattice_is_centred_and_missing_dots_depend_on_the_seed() -> None:
     assert (lattice(replace(SMALL, missing_share=0.2)).is_missing == layout.is_missing).all()
 
 
-def test_the_nominal_sensor_has_the_perturbation_of_the_case() -> None:
+def test_the_given_sensor_has_the_perturbation_of_the_case() -> None:
     perturbation = SensorPerturbation(
         thickness_factor=1.1, young_factor=0.8, focal_factor=1.01, centre_off_px=5.0, is_lens_known=False
     )
     case = replace(SMALL, perturbation=perturbation, missing_share=0.3)
-    true, wrong = true_sensor(case), nominal_sensor(case)
+    true, wrong = true_sensor(case), given_sensor(case)
     assert wrong.sheet is not None
     assert wrong.layout is not None
     assert wrong.sheet.thickness_mm == pytest.approx(3.3)

@@ -8,7 +8,7 @@ import numpy as np
 from layouts import grid_at
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.posterior_samples import PosteriorSamples
-from manytouch.evaluation.suite.sensors import nominal_sensor
+from manytouch.evaluation.suite.given import given_sensor
 from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.evaluation.suite.suite import cases
 from manytouch.geometry.camera import project
@@ -76,7 +76,7 @@ def test_the_strain_of_a_solid_lies_within_its_deviations(tmp_path: Path) -> Non
     (case,) = (case for case in cases(("nominal",), quick=True, tuning=True) if len(case.touches) == 2)
     states = Solutions(folder=tmp_path).known(case)
     assert states is not None
-    sensor, estimate = nominal_sensor(case), MechanicsEstimator()
+    sensor, estimate = given_sensor(case), MechanicsEstimator()
     assert sensor.layout is not None
     edge_mm = outlines(sensor.layout.rest_mm, sensor.layout.radius_mm)
     draw, state = PosteriorSamples(sensor), estimate.start(sensor)

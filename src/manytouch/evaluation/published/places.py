@@ -12,8 +12,8 @@ import numpy as np
 
 from manytouch.calibration.rest.assumed_sensor import register_rest
 from manytouch.evaluation.suite.cases import REST_FRAMES, Case, Touch
+from manytouch.evaluation.suite.given import given_sensor
 from manytouch.evaluation.suite.recordings import CaseSimulation, SimulatedRecording
-from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.pipeline import Pipeline
 
 SIZE_MM = (160.0, 100.0)
@@ -76,7 +76,7 @@ def _true(recording: SimulatedRecording) -> PublishedPress:
 
 def _read(case: Case, recording: SimulatedRecording, pipeline: Pipeline) -> PublishedPress:
     """The deepest contact of the last frame."""
-    sensor = register_rest(nominal_sensor(case), recording.frames[:REST_FRAMES])
+    sensor = register_rest(given_sensor(case), recording.frames[:REST_FRAMES])
     *_, last = pipeline.run(recording.frames, sensor)
     found = [contact for contact in last.contacts.touching if np.isfinite(contact.depth_mm)]
     if not found:

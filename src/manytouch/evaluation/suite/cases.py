@@ -6,7 +6,7 @@ from typing import Literal
 REST_FRAMES, RAMP_FRAMES, HOLD_FRAMES = 15, 8, 4
 GROUPS = ("nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal")
 VARIED_GROUPS = ("varied", "drawn")
-"""Other shapes on other sheets: with the true sensor file, and with drawn errors of its numbers."""
+"""Other shapes on other sheets: with the true sensor, and with randomly sampled errors of its numbers."""
 PAD_GROUPS = ("pads", "pads_nominal")
 """Bonded pads, whose figures stand apart: with the true sensor file, and with a nominal one."""
 

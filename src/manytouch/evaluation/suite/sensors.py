@@ -1,12 +1,10 @@
-"""The sensor of a case, as it truly is and as the methods are given."""
+"""The true sensor of a case that is not a bonded pad; what the methods are given is in `given`."""
 
 from dataclasses import replace
 
 import numpy as np
 
-from manytouch.evaluation.suite.cases import Case, SensorPerturbation
-from manytouch.evaluation.suite.pads.cases import PadCase
-from manytouch.evaluation.suite.pads.sensor_files import given_pad
+from manytouch.evaluation.suite.cases import Case
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
 
@@ -74,35 +72,3 @@ def with_all_dots(sensor: Sensor) -> Sensor:
     assert sensor.layout is not None
     missing = read_only(np.zeros(len(sensor.layout.rest_mm), dtype=bool))
     return replace(sensor, layout=replace(sensor.layout, is_missing=missing))
-
-
-def nominal_sensor(case: Case) -> Sensor:
-    """The sensor as given to the methods: with all dots printed, and with the perturbation of the case.
-
-    Without a perturbation its file states that the numbers of the sheet are exact. Of the varied cases see
-    `varied.sensor_files`.
-    """
-    if isinstance(case, PadCase):
-        return given_pad(case)
-    true, given = with_all_dots(true_sensor(case)), case.perturbation
-    if given == SensorPerturbation():
-        return exact_sensor(true)
-    assert true.sheet is not None
-    assert true.sheet.young_MPa is not None
-    camera, off_px = true.camera, given.centre_off_px * case.width_px / DESIGNED_WIDTH_PX
-    return replace(
-        true,
-        camera=replace(
-            camera,
-            fx_px=camera.fx_px * given.focal_factor,
-            fy_px=camera.fy_px * given.focal_factor,
-            cx_px=camera.cx_px + off_px,
-            cy_px=camera.cy_px + off_px,
-            distortion=camera.distortion if given.is_lens_known else read_only(np.zeros(5)),
-        ),
-        sheet=replace(
-            true.sheet,
-            thickness_mm=true.sheet.thickness_mm * given.thickness_factor,
-            young_MPa=true.sheet.young_MPa * given.young_factor,
-        ),
-    )

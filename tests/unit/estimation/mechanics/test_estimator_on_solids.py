@@ -9,7 +9,7 @@ import pytest
 from manytouch.design.choose import lattice
 from manytouch.design.prototype import FINGERTIP, ObservedPress, Prototype
 from manytouch.estimation import MechanicsEstimator
-from manytouch.evaluation.suite.sensors import nominal_sensor
+from manytouch.evaluation.suite.given import given_sensor
 from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.evaluation.suite.suite import cases
 from manytouch.simulation.fem.cache import StateCache
@@ -19,7 +19,7 @@ from manytouch.values.arrays import read_only
 from straight import straight_camera
 
 (CASE,) = (case for case in cases(("nominal",), quick=True, tuning=True) if len(case.touches) == 2)
-SENSOR = nominal_sensor(CASE)
+SENSOR = given_sensor(CASE)
 
 AROUND_MM = np.stack(np.meshgrid(*[np.linspace(-2.0, 2.0, 17)] * 2), axis=-1).reshape(-1, 2)
 

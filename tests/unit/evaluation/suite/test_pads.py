@@ -11,13 +11,13 @@ from manytouch.evaluation.metrics.comparison import figures
 from manytouch.evaluation.report.pad_goals import goal_rows, goal_sentences
 from manytouch.evaluation.report.report_data import contents, part
 from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES
+from manytouch.evaluation.suite.given import given_sensor
 from manytouch.evaluation.suite.pads.cases import PadCase, pads
 from manytouch.evaluation.suite.pads.presses import PRESSES
 from manytouch.evaluation.suite.pads.recording import pad_states, simulate_pad
 from manytouch.evaluation.suite.pads.sensor_files import given_pad, true_pad
 from manytouch.evaluation.suite.recordings import FemSimulation
 from manytouch.evaluation.suite.runner import Evaluation, Trial, run_case
-from manytouch.evaluation.suite.sensors import nominal_sensor
 from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.session import pipeline_for
 from manytouch.simulation.fem.contact.indenters import ConvexBody
@@ -75,7 +75,7 @@ def test_the_files_are_small() -> None:
 
 def test_a_nominal_file_is_off_and_states_wide_deviations() -> None:
     exact, nominal = (next(pads(group)) for group in ("pads", "pads_nominal"))
-    true, given = true_pad(nominal).sheet, nominal_sensor(nominal).sheet
+    true, given = true_pad(nominal).sheet, given_sensor(nominal).sheet
     assert true is not None
     assert given is not None
     assert given.young_MPa == pytest.approx(1.2 * true.young_MPa)

@@ -260,7 +260,7 @@ def npz(**arrays: np.ndarray) -> bytes:
     return file.getvalue()
 
 
-def test_methods_begin_from_the_frames_at_rest_and_the_nominal_sensor(
+def test_methods_begin_from_the_frames_at_rest_and_the_given_sensor(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     given: list[tuple[Sensor, int]] = []

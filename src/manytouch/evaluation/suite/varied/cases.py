@@ -1,4 +1,4 @@
-"""The varied cases: every shape on every sheet, with the true sensor file and with drawn ones."""
+"""The varied cases: every shape on every sheet, in the groups `varied` and `drawn`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

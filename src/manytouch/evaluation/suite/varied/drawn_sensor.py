@@ -1,4 +1,4 @@
-"""Sensor files of the varied cases whose numbers have the errors of a calibration."""
+"""Sensors of the group `drawn`, whose numbers have errors that are sampled at random."""
 
 from dataclasses import replace
 
@@ -20,14 +20,22 @@ from manytouch.values.sensor_file.default_std import (
 
 LARGEST_POISSON = 0.495
 UNKNOWN_EVERY = 3
-"""Every third file does not state the pretension."""
+"""Every third sensor does not state the pretension."""
 
 
 def drawn_sensor(case: VariedCase, true: Sensor) -> Sensor:
-    """A file with errors of the size that it is taken to have where it states no deviations.
+    """The sensor of a case of the group `drawn`: the true one with randomly sampled errors.
 
-    Thickness 5 %, E 8 %, pretension 20 % or not stated, outline 0.3 mm on each side, pose 0.2 degrees, focal
-    length 0.3 % (the distance, which is fitted to the picture at rest, goes with it), Poisson's ratio 0.02.
+    The sensor as a careful user would state it: each number below differs from the true one by a normal error
+    with the default standard deviation of sensor files (`default_std`), limited to 2.5 deviations: thickness
+    5 %, E 8 %, pretension 20 %, outline 0.3 mm on each side, rotation 0.2 degrees about each axis, focal
+    length 0.3 %, Poisson's ratio 0.02, but at most `LARGEST_POISSON`. The distance is multiplied by the same
+    factor as the focal length. Every third case states no pretension. The seed of the case determines the
+    errors.
+
+    Args:
+        case: whose numbers are stated.
+        true: its true sensor.
     """
     rng = np.random.default_rng(case.seed + 100_000)
     off = rng.standard_normal(12).clip(-2.5, 2.5).tolist()
