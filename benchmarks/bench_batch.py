@@ -20,8 +20,8 @@ import numpy as np
 
 from manytouch.batch.engines.dask_scheduler import DaskEngine
 from manytouch.batch.engines.local_processes import LocalProcesses
-from manytouch.batch.index import write_index
 from manytouch.batch.inputs import tasks_of
+from manytouch.batch.result_tables import write_result_tables
 from manytouch.batch.run_batch import plan, run_batch
 from manytouch.batch.settings import settings_for
 from manytouch.batch.storage import store_at
@@ -124,7 +124,7 @@ def measure_recordings(folder: Path, options: argparse.Namespace, counts: list[i
         print(f"  plan of unchanged recordings: {1e3 * (time.perf_counter() - begun_s) / found:.2f} ms each")
         store = store_at(str(out))
         begun_s = time.perf_counter()
-        write_index(store, store.names(), {}, "results.parquet", "contacts.parquet")
+        write_result_tables(store, store.names(), {}, "results.parquet", "contacts.parquet")
         print(f"  tables: {1e3 * (time.perf_counter() - begun_s) / len(tasks):.2f} ms per recording")
 
 

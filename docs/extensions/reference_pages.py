@@ -232,7 +232,7 @@ def _limits(metadata: Iterable[Any]) -> str:
 def columns() -> str:
     """Every column of the tables that are written, from the lists that write them."""
     from manytouch.batch import failures
-    from manytouch.batch.index import RESULTS
+    from manytouch.batch.result_tables import RESULTS
     from manytouch.rigs import run_rig
     from manytouch.sinks.files.regions import region_schema
     from manytouch.sinks.files.tables import (

@@ -14,8 +14,8 @@ from manytouch.batch.completion import (
     why_not_complete,
 )
 from manytouch.batch.failures import merge_failures, shard_file, shards_of, write_failures
-from manytouch.batch.index import merge_index, write_index
 from manytouch.batch.one_recording import process_recording, stamp_of
+from manytouch.batch.result_tables import merge_result_tables, write_result_tables
 from manytouch.batch.settings import Settings
 from manytouch.batch.storage import SUMMARY, LocalStore, Store, store_at
 from manytouch.batch.tasks import Engine, Outcome, Task, TaskFunction, TaskState
@@ -157,7 +157,7 @@ def merge(out: str) -> int:
     failures = shards_of(store.tables("failures-*"), "failures")
     with _tables_lock(store):
         parts = list(zip(results, contacts, strict=True))
-        merge_index(store, parts, "results.parquet", "contacts.parquet")
+        merge_result_tables(store, parts, "results.parquet", "contacts.parquet")
         merge_failures(store, failures, "failures.csv")
         for name in (*results, *contacts, *failures):
             store.remove(name)
@@ -203,7 +203,7 @@ def _write_tables(
     with _tables_lock(store):
         write_failures(store, shard_file("failures", ".csv", shard), report.failed.values())
         names = store.names() if shard is None else [task.name for task in tasks]
-        report.complete = write_index(
+        report.complete = write_result_tables(
             store,
             names,
             report.failed,

@@ -43,10 +43,10 @@ def contacts_schema(units: Iterable[str]) -> pa.Schema:
     return pa.schema([("name", pa.string()), ("unit", pa.string()), *columns])
 
 
-def write_index(
+def write_result_tables(
     store: Store, names: Sequence[str], failed: Mapping[str, Outcome], results: str, contacts: str
 ) -> int:
-    """Rebuild both tables from the result folders, and swap each for the one of before.
+    """Write both tables from the result folders; each replaces the table of that name, if there is one.
 
     Args:
         store: of the result folders.
@@ -58,7 +58,7 @@ def write_index(
         The number of complete results.
 
     Raises:
-        OutputError: a table cannot be written.
+        OutputError: a table cannot be written, or a contacts.csv cannot be read.
     """
     units: dict[str, str] = {}
     complete = 0
@@ -85,13 +85,16 @@ def write_index(
     return complete
 
 
-def merge_index(store: Store, parts: Sequence[tuple[str, str]], results: str, contacts: str) -> None:
+def merge_result_tables(store: Store, parts: Sequence[tuple[str, str]], results: str, contacts: str) -> None:
     """Join the pairs of tables of shards.
 
     Args:
         store: of the tables.
         parts: names of the pairs.
         results, contacts: names of the joined tables.
+
+    Raises:
+        OutputError: a table of a shard is no longer there, or a joined table cannot be written.
     """
     with store.new_file(results) as path:
         _write_groups(path, RESULTS, (table for part, _ in parts for table in _groups(store, part)))
@@ -128,7 +131,7 @@ def _line(name: str, summary: Mapping[str, Any] | None, failed: Outcome | None) 
         "hash": summary.get("hash"),
         **{f"{part}_hash": hashes.get(part) for part in ("input", "sensor", "parameters")},
         "version": hashes.get("version"),
-        "warnings": summary.get("odd"),
+        "warnings": summary.get("warnings", summary.get("odd")),  # results before 0.2 have only the latter
     }
 
 
