@@ -31,7 +31,7 @@ from plate_load import (
 from manytouch.calibration.marker_tracks import track_markers
 from manytouch.calibration.rest.calibrate import calibrate_rest
 from manytouch.calibration.rest.register_rest import register_rest
-from manytouch.calibration.rest.report import describe
+from manytouch.calibration.rest.rest_report import describe
 from manytouch.estimation.pad.estimator import PadEstimator
 from manytouch.estimation.pad.patch_fit import PatchFitter
 from manytouch.values import Frame, Sensor, TrackedGrid

@@ -11,9 +11,10 @@ from manytouch.tracking.lattice.find import find_lattice, local_spacing
 from manytouch.values import Detections, Status
 from manytouch.values.arrays import Counts, Points2, Scalars, read_only
 
-_GATE = 0.35
-_MOST_MORE = 0.15
-_ENLARGED = 1.03
+_GATE_SPACINGS = 0.35  # distance within which two dots are the same, in spacings of the dots
+_MAX_ADDED_SHARE = 0.15
+"""Dots that only the search by size finds, over those of the survey; of more, none counts."""
+_OUTLINE_FACTOR = 1.03  # by which the outline of the surveyed dots is enlarged about their mean
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -74,7 +75,7 @@ def confirm_rest_dots(still: RestDots, known: RestDots, *, is_same_time: bool) -
     """
     if len(known.centre_px) < 2 or len(still.centre_px) < 2:
         return known if is_same_time else still
-    gate = _GATE * local_spacing(known.centre_px)
+    gate = _GATE_SPACINGS * local_spacing(known.centre_px)
     _, again = match_mutual_nearest(known.centre_px, still.centre_px, gate)
     is_known = np.isin(np.arange(len(still.centre_px)), again)
     distance, nearest = cKDTree(known.centre_px).query(still.centre_px)
@@ -82,7 +83,7 @@ def confirm_rest_dots(still: RestDots, known: RestDots, *, is_same_time: bool) -
     is_more = np.zeros(len(is_known), dtype=bool)
     if lattice is not None and not lattice.is_closed and lattice.is_member.sum() > 0.6 * len(known.centre_px):
         is_more = lattice.is_member & ~is_known & (distance > gate[nearest]) & _is_inside(still, known)
-    keep = is_known if is_more.sum() > _MOST_MORE * len(known.centre_px) else is_known | is_more
+    keep = is_known if is_more.sum() > _MAX_ADDED_SHARE * len(known.centre_px) else is_known | is_more
     parts = [(still, keep)]
     if is_same_time:
         distance_px, _ = cKDTree(still.centre_px[keep]).query(known.centre_px) if keep.any() else (gate, None)
@@ -101,7 +102,7 @@ def _is_inside(still: RestDots, known: RestDots) -> np.ndarray:
     """(n,) whether each rest dot lies inside the slightly enlarged outline of the known dots."""
     middle = known.centre_px.mean(axis=0)
     try:
-        outline = Delaunay(middle + _ENLARGED * (known.centre_px - middle))
+        outline = Delaunay(middle + _OUTLINE_FACTOR * (known.centre_px - middle))
     except QhullError:  # all on one line
         return np.zeros(len(still.centre_px), dtype=bool)
     return np.asarray(outline.find_simplex(still.centre_px) >= 0)
@@ -126,7 +127,7 @@ def _agreement_of_frames(centres: list[np.ndarray]) -> np.ndarray:
     spacing = [local_spacing(each) if len(each) > 1 else np.array([np.inf]) for each in centres]
     for a in range(number):
         for b in range(a + 1, number):
-            first, second = match_mutual_nearest(centres[a], centres[b], _GATE * spacing[a])
+            first, second = match_mutual_nearest(centres[a], centres[b], _GATE_SPACINGS * spacing[a])
             if len(first) < 0.6 * min(len(centres[a]), len(centres[b])):
                 continue
             usual = float(np.median(spacing[a])) if np.isfinite(spacing[a]).all() else 10.0
@@ -141,7 +142,7 @@ def _merge(group: list[Detections], frames: tuple[int, ...], *, moved: bool) -> 
     known = np.zeros((0, 2))
     rows: list[np.ndarray] = []  # per frame: (n, 4) x, y, area, contrast of each known dot
     for each in group:
-        gate = _GATE * (local_spacing(known) if len(known) > 1 else np.full(len(known), np.inf))
+        gate = _GATE_SPACINGS * (local_spacing(known) if len(known) > 1 else np.full(len(known), np.inf))
         first, second = match_mutual_nearest(known, each.centre_px, gate)
         fresh = np.setdiff1d(np.arange(len(each.centre_px)), second)
         # A new dot close to a known one is the same marker, split or shadowed.

@@ -12,7 +12,8 @@ import numpy as np
 from manytouch.calibration.marker_tracks import track_markers
 from manytouch.calibration.outline.pad_outline import pad_of
 from manytouch.calibration.rest.calibrate import MAX_DRIFT_PITCHES, calibrate_rest, register_untouched
-from manytouch.calibration.rest.report import describe, with_provenance
+from manytouch.calibration.rest.rest_calibration import with_provenance
+from manytouch.calibration.rest.rest_report import describe
 from manytouch.calibration.rest.whole_recording import AS_COMMON, WHOLE_RECORDING, rest_of_recording
 from manytouch.calibration.views import calibrate_views, describe_views, with_provenance_of_views
 from manytouch.errors import SensorError

@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from manytouch.calibration.rest.calibrate import RestCalibration, calibrate_rest
-from manytouch.calibration.rest.report import describe
+from manytouch.calibration.rest.calibrate import calibrate_rest
+from manytouch.calibration.rest.rest_calibration import RestCalibration
+from manytouch.calibration.rest.rest_report import describe
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import view_of
 from manytouch.geometry.views.view_sensors import view_sensors

@@ -1,10 +1,9 @@
 """Pose, layout and noise of the untouched sheet in the view of a calibrated camera, with warnings."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
-from jaxtyping import Float64
 
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
 from manytouch.calibration.outline.clamp_line import ClampLine, clamp_line, clamp_warnings
@@ -13,6 +12,7 @@ from manytouch.calibration.rest.adapt_nominal import register_nominal
 from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose, pose_std_by_lens
 from manytouch.calibration.rest.register_rest import register_rest
+from manytouch.calibration.rest.rest_calibration import RestCalibration
 from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.detection import expected_appearance
 from manytouch.detection.dot_appearance import radius_in_image
@@ -28,7 +28,7 @@ SEEN_SHARE = 0.5
 """A marker that is seen in a smaller share of the frames is treated as missing."""
 MAX_DRIFT_PITCHES = 0.02
 """A marker that moves farther during the recording gives a warning."""
-MOST_USUAL_MOTION = 3.0
+MAX_MOTION_OVER_MEDIAN = 3.0
 """A frame whose markers move more than this multiple of the median over the frames at rest is left out."""
 MAX_RESIDUAL_PITCHES = 0.02
 """A larger RMS residual from a flat lattice gives a warning."""
@@ -36,44 +36,6 @@ MAX_DISTANCE_ERROR = 0.03
 """A larger relative difference from the distance in the sensor file gives a warning."""
 MIN_CONTRAST_GREY = 25.0
 """A lower contrast of the markers, in grey levels of 255, gives a warning."""
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class RestCalibration:
-    """A sensor calibrated on its untouched sheet.
-
-    Attributes:
-        sensor: with pose and its deviations, layout, missing markers and noise; `rest_px` are the measured
-            positions.
-        residual_px: (m, 2) of the markers from a flat sheet in this pose; NaN if missing.
-        pose_std: (6,) deviations of the rotation vector (rad) and the translation (mm), also by the lens.
-        noise_px: noise of a marker's centre (`geometry.centre_noise`), median of the markers.
-        contrast: grey levels between markers and background.
-        frames: number of frames used: those in which the markers are at rest.
-        frames_given: number of frames given.
-        first_and_last: numbers of the first and the last frame used.
-        motion_px: largest motion of the markers in the frames used (`MarkerTracks.motion_px`).
-        clamp: measured edge of the sheet.
-        warnings: one sentence each.
-    """
-
-    sensor: Sensor
-    residual_px: Points2
-    pose_std: Float64[np.ndarray, "6"]
-    noise_px: float
-    contrast: float
-    frames: int
-    frames_given: int
-    first_and_last: tuple[int, int]
-    motion_px: float
-    clamp: ClampLine
-    warnings: tuple[str, ...]
-
-    @property
-    def rms_px(self) -> float:
-        """Root mean square distance of markers from a flat sheet."""
-        left = self.residual_px[np.isfinite(self.residual_px[:, 0])]
-        return float(np.sqrt((left**2).sum(axis=1).mean()))
 
 
 def calibrate_rest(
@@ -94,7 +56,7 @@ def calibrate_rest(
     Args:
         sensor: with a calibrated camera; its layout is used if it has one, and found otherwise. A polarity
             "auto" is determined.
-        frames: of one recording of the untouched sheet.
+        frames: of one recording of the untouched sheet; those in which markers move are left out.
         pitch_mm: distance of neighbouring markers, required if the sensor has no layout.
         sheet: for the calibrated sensor; None keeps that of `sensor`.
         thickness_mm: of a clamped sheet whose outline is to be measured in the image, and which replaces that
@@ -213,7 +175,7 @@ def _frames_at_rest(seen: MarkerTracks, registered: Sensor) -> tuple[np.ndarray,
     if at_rest.sum() < LEAST_FRAMES:
         return motion_px, np.ones_like(at_rest)
     return motion_px, motion_px <= min(
-        MOST_USUAL_MOTION * float(np.median(motion_px[at_rest])), MAX_DRIFT_PITCHES * pitch_px
+        MAX_MOTION_OVER_MEDIAN * float(np.median(motion_px[at_rest])), MAX_DRIFT_PITCHES * pitch_px
     )
 
 

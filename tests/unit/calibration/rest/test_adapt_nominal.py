@@ -10,9 +10,9 @@ from clips import COLUMNS, HEIGHT_PX, PITCH_PX, ROWS, WIDTH_PX, picture
 from layouts import lattice_layout
 from manytouch.calibration.outline.clamp_line import ClampLine
 from manytouch.calibration.rest.adapt_nominal import register_nominal
-from manytouch.calibration.rest.calibrate import RestCalibration, calibrate_rest
+from manytouch.calibration.rest.calibrate import calibrate_rest
 from manytouch.calibration.rest.register_rest import register_rest
-from manytouch.calibration.rest.report import with_provenance
+from manytouch.calibration.rest.rest_calibration import RestCalibration, with_provenance
 from manytouch.errors import LayoutError
 from manytouch.values import Frame, Sensor
 from manytouch.values.sensor_file import known_sensors, load_sensor

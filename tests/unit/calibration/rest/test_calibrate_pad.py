@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from manytouch.calibration.rest.adapt_nominal import register_nominal
-from manytouch.calibration.rest.calibrate import RestCalibration, calibrate_rest
-from manytouch.calibration.rest.report import describe, with_provenance
+from manytouch.calibration.rest.calibrate import calibrate_rest
+from manytouch.calibration.rest.rest_calibration import RestCalibration, with_provenance
+from manytouch.calibration.rest.rest_report import describe
 from manytouch.cli import main
 from manytouch.geometry.refraction import project_through_window
 from manytouch.simulation.demo_sensor import pad_sensor

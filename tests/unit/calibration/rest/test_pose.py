@@ -12,7 +12,7 @@ from manytouch.calibration.outline.clamp_line import describe, force_change
 from manytouch.calibration.rest.calibrate import calibrate_rest
 from manytouch.calibration.rest.pose import adapt_pose, fit_pose, pose_std_by_lens
 from manytouch.calibration.rest.register_rest import register_rest
-from manytouch.calibration.rest.report import describe as describe_rest
+from manytouch.calibration.rest.rest_report import describe as describe_rest
 from manytouch.cli import main
 from manytouch.errors import LayoutError, SensorError
 from manytouch.geometry.camera import onto_plane, project

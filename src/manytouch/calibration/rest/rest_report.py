@@ -1,14 +1,11 @@
-"""A calibration at rest as lines of text, and its sensor with provenance."""
+"""A calibration at rest as lines of text."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
 from manytouch.calibration.outline.clamp_line import describe as describe_clamp
-from manytouch.calibration.rest.adapt_nominal import NOMINAL, NOMINAL_NAME, NOMINAL_SHAPE
-from manytouch.calibration.rest.calibrate import RestCalibration
-from manytouch.values import Sensor
+from manytouch.calibration.rest.rest_calibration import RestCalibration
 
 
 def describe(calibration: RestCalibration) -> Iterator[str]:
@@ -44,21 +41,3 @@ def _frames_used(calibration: RestCalibration) -> str:
         if left_out
         else ""
     )
-
-
-def with_provenance(calibration: RestCalibration, source_name: str) -> Sensor:
-    """The calibrated sensor; its provenance names source and residuals.
-
-    It is not nominal any more, and its name does not state so; only the shape of its sheet is still that of
-    the nominal file.
-    """
-    sensor = calibration.sensor
-    shape = {NOMINAL_SHAPE: True} if sensor.is_nominal else {}
-    provenance = {
-        **{name: value for name, value in sensor.provenance.items() if name != NOMINAL},
-        **shape,
-        "rest": f"calibrated from {calibration.frames} frames of {source_name}",
-        "rest_rms_px": round(calibration.rms_px, 4),
-        "rest_warnings": list(calibration.warnings),
-    }
-    return replace(sensor, name=sensor.name.removesuffix(NOMINAL_NAME), provenance=provenance)
