@@ -1,4 +1,4 @@
-"""Several sensors as one: a process per sensor, one stream of contacts in the rig's frame, one recording.
+"""Several sensors as one: a process per sensor, contacts of all in rig coordinates, one recording.
 
 A sensor is processed as `manytouch.session` processes one; nothing in here looks at an image.
 """

@@ -1,4 +1,4 @@
-"""A contact in the frame of the rig, and its row in contacts.csv of a rig."""
+"""A contact in rig coordinates, and its row in contacts.csv of a rig."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -31,10 +31,11 @@ Three = tuple[float, float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RigContact:
-    """A contact in the frame of the rig; NaN where the sensor does not state it.
+    """A contact in rig coordinates, which the pose of each sensor in the rig file defines; NaN is not known.
 
     Attributes:
-        id, phase, frame: see `manytouch.Contact`.
+        id, phase: see `manytouch.Contact`.
+        frame: number of the frame of its sensor.
         sensor_time_s: of the frame, as the source counts it.
         position_mm, position_std_mm: of its centre on the pressed surface, without an error of the pose.
         force_N, force_std_N: of the object on the sheet.
@@ -67,7 +68,7 @@ class RigContact:
 
 
 def in_rig(contact: Contact, sensor: Sensor, rig: RigSensor, frame: Frame) -> RigContact:
-    """A contact in the frame of the rig; without lengths if the sensor's scale is not known."""
+    """A contact in rig coordinates; without lengths if the sensor's scale is not known."""
     x, y = (float(value) for value in contact.centre_mm)
     has_scale = sensor.length_unit == "mm"
     position = rig.rotation @ np.array([x, y, -contact.depth_mm]) + rig.translation_mm
@@ -89,7 +90,7 @@ def in_rig(contact: Contact, sensor: Sensor, rig: RigSensor, frame: Frame) -> Ri
 
 
 def _turned_stds(contact: Contact, places: list[int], rig: RigSensor) -> np.ndarray:
-    """Standard deviations (3,) in the rig of three estimates of the sheet; the last counts against z."""
+    """Standard deviations (3,) in rig coordinates of three estimates; the last is along -z of the sheet."""
     turn = rig.rotation @ _FLIP
     covariance = contact.covariance[np.ix_(places, places)]
     return np.asarray(np.sqrt(np.clip(np.diag(turn @ covariance @ turn.T), 0.0, None)))

@@ -74,7 +74,7 @@ def _of_sensor(url: str, rig: Rig, sensor: RigSensor) -> str:
 
 
 def _with_pose(url: str, rig: Rig, sensor: RigSensor) -> str:
-    """An output of ROS 2 with the pose of the sensor in the frame of the rig, unless it has one."""
+    """An output of ROS 2 with the pose of the sensor in rig coordinates, unless it has one."""
     address = parse_address(url)
     if address.scheme != ROS or "parent" in address.options:
         return url

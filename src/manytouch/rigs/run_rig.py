@@ -80,7 +80,7 @@ class RigObserver(Protocol):
         """A sentence about a sensor."""
 
     def on_contacts(self, sensor: str, time_s: float, contacts: tuple[RigContact, ...]) -> None:
-        """Contacts of a frame in the frame of the rig; seconds by the clock of the rig."""
+        """Contacts of a frame in rig coordinates; seconds by the clock of the rig."""
 
 
 def run_rig(

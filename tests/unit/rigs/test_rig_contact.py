@@ -1,4 +1,4 @@
-"""A contact in the frame of the rig, with its standard deviations, and its row."""
+"""A contact in rig coordinates, with its standard deviations, and its row."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""`manytouch run RIG.toml`: several sensors, whose contacts are printed in the frame of the rig."""
+"""`manytouch run RIG.toml`: several sensors, whose contacts are printed in rig coordinates."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
