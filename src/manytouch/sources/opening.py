@@ -33,9 +33,8 @@ def open_source(
             an MCAP file or ROS 2 bag of another program, with `#TOPIC` if it has images on several topics;
             number, device or address of a camera; `views:SOURCE,SOURCE` for several cameras on one sheet, in
             the order of its sensor file; `sim:` or `sim:SCENE`.
-        fps: rate in frames per second that timestamps follow instead of the source's own; the rate to request
-        of
-            a camera.
+        fps: rate in frames per second that timestamps follow instead of the source's own; of a camera, the
+            rate to request.
         camera: what else to request of a camera.
 
     Raises:

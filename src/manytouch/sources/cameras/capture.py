@@ -54,9 +54,10 @@ class CapturedImage:
     """An image from a driver; either `image` or `encoded` is set.
 
     Attributes:
-        image: grey or BGR, a copy of the driver's buffer.
+        image: (h, w) grey or (h, w, 3) BGR, uint8 or uint16, a copy of the driver's buffer.
         encoded: a whole JPEG, a copy of the driver's buffer.
-        driver_ns: the driver's time of the image; None where it has none.
+        driver_ns: the driver's time of the image, from any origin (`camera.ArrivalClock`); None where it has
+            none.
     """
 
     image: Image | None
@@ -66,17 +67,28 @@ class CapturedImage:
 
 @runtime_checkable
 class Capture(Protocol):
-    """An open camera or stream."""
+    """An open camera or stream.
+
+    `camera.CameraSource` reads the first image in the thread that opens it, all others in a thread of its
+    own. After `camera.FAILURES` successive reads without an image it releases the capture and opens another
+    one, again and again until it is closed. All images must have the size of the first one.
+    """
 
     @property
     def settings(self) -> tuple[Setting, ...]:
-        """What was requested, and what the camera reports."""
+        """What was requested, and what the camera reports.
+
+        `CameraSource.fps` is the first word of `found` of the setting `rate`, a number of frames per second.
+        """
 
     def read(self) -> CapturedImage | None:
-        """Wait for the next image; None when none came."""
+        """Wait for the next image; None when none came. It does not raise.
+
+        A wait should end after some seconds: closing the source waits for it for `camera.CLOSE_S`.
+        """
 
     def release(self) -> None:
-        """Release the device."""
+        """Release the device; it may be opened again afterwards."""
 
 
 @runtime_checkable

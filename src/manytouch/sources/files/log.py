@@ -101,9 +101,9 @@ class LogSource:
         first_ns: int | None = None
         last_ns = -1
         for index, (logged_ns, image) in enumerate(self._images()):
-            stamp_ns = image.stamp_ns or logged_ns
-            first_ns = stamp_ns if first_ns is None else first_ns
-            last_ns = max(stamp_ns - first_ns, last_ns + 1)
+            time_ns = image.time_ns or logged_ns
+            first_ns = time_ns if first_ns is None else first_ns
+            last_ns = max(time_ns - first_ns, last_ns + 1)
             timestamp_ns = last_ns if self._fps is None else evenly_timed_ns(index, self._fps)
             frame = Frame(
                 index=index,
@@ -133,7 +133,7 @@ class LogSource:
             except (MissingExtraError, GeneratorExit):
                 raise
             except Exception:  # noqa: BLE001 - a damaged message is a frame without an image
-                yield logged_ns, LogImage(stamp_ns=0)
+                yield logged_ns, LogImage(time_ns=0)
 
 
 def is_log(path: Path) -> bool:

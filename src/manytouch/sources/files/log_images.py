@@ -19,7 +19,8 @@ _CHANNELS = {
     **dict.fromkeys(("bgra8", "rgba8", "8UC4"), 4),
     **dict.fromkeys(("mono16", "16UC1"), 1),
 }
-WIDE = ("mono16", "16UC1")
+_TWO_BYTES = ("mono16", "16UC1")
+"""Encodings with 16 bits per pixel."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -27,22 +28,29 @@ class LogImage:
     """An image of a message: its bytes as JPEG or PNG, or decoded, or neither if it cannot be decoded.
 
     Attributes:
-        stamp_ns: time in the message; 0 if it has none.
+        time_ns: time in the message, in ns from the origin of the clock of the program that wrote it, usually
+            that of Unix; 0 if it has none.
         encoded: JPEG or PNG.
-        image: grey or BGR.
+        image: (h, w) grey or (h, w, 3) BGR, uint8, or uint16 of the encodings mono16 and 16UC1. The pixels of
+            a Bayer pattern are returned as they are, as a grey image without interpolation of the colours.
     """
 
-    stamp_ns: int
+    time_ns: int
     encoded: bytes | None = None
     image: Image | None = None
 
 
 ImageDecoder = Callable[[bytes], Iterator[LogImage]]
-"""Images of a message; those of a video may come with a later message."""
+"""Returns the images of a message; those of a video may come with a later message.
+
+It raises MissingExtraError if a package that it needs is not installed.
+"""
 
 
 def decoder_of(schema: str, encoding: str) -> Callable[[], ImageDecoder] | None:
-    """What makes a decoder for the messages of a channel; None if they are not images.
+    """The function that creates a decoder for the messages of one channel; None if they are not images.
+
+    Each channel needs a decoder of its own: that of a video keeps the frames before.
 
     Args:
         schema: name of the schema, such as "sensor_msgs/msg/Image".
@@ -56,7 +64,7 @@ class _Video:
 
     def __init__(self) -> None:
         self._codec: Any = None
-        self._stamps_ns: list[int] = []
+        self._times_ns: list[int] = []
 
     def __call__(self, data: bytes) -> Iterator[LogImage]:
         try:
@@ -66,46 +74,46 @@ class _Video:
             raise MissingExtraError("compressed video", "av") from None
         message = _foxglove("CompressedVideo").FromString(data)
         name = CODECS.get(str(message.format).lower())
-        stamp_ns = message.timestamp.ToNanoseconds()
+        time_ns = message.timestamp.ToNanoseconds()
         if name is None:
-            yield LogImage(stamp_ns=stamp_ns)
+            yield LogImage(time_ns=time_ns)
             return
         if self._codec is None:
             self._codec = av.CodecContext.create(name, "r")
             self._codec.thread_count = 1  # with more, frames come later
-        self._stamps_ns.append(stamp_ns)
+        self._times_ns.append(time_ns)
         try:
             frames = self._codec.decode(av.Packet(bytes(message.data)))
         except FFmpegError:
-            yield LogImage(stamp_ns=self._stamps_ns.pop())
+            yield LogImage(time_ns=self._times_ns.pop())
             return
         for frame in frames:
-            stamp_ns = self._stamps_ns.pop(0) if self._stamps_ns else stamp_ns
+            time_ns = self._times_ns.pop(0) if self._times_ns else time_ns
             fits = size_mistake(frame.width, frame.height) is None
             image = read_only(frame.to_ndarray(format="bgr24")) if fits else None
-            yield LogImage(stamp_ns=stamp_ns, image=image)
+            yield LogImage(time_ns=time_ns, image=image)
 
 
 def _foxglove_image(data: bytes) -> Iterator[LogImage]:
     message = _foxglove("CompressedImage").FromString(data)
-    yield LogImage(stamp_ns=message.timestamp.ToNanoseconds(), encoded=bytes(message.data) or None)
+    yield LogImage(time_ns=message.timestamp.ToNanoseconds(), encoded=bytes(message.data) or None)
 
 
 def _foxglove_raw(data: bytes) -> Iterator[LogImage]:
     message = _foxglove("RawImage").FromString(data)
     image = _raw_image(message.encoding, message.width, message.height, message.step, message.data)
-    yield LogImage(stamp_ns=message.timestamp.ToNanoseconds(), image=image)
+    yield LogImage(time_ns=message.timestamp.ToNanoseconds(), image=image)
 
 
 def _ros_compressed(data: bytes) -> Iterator[LogImage]:
     message = _ros_message(data, "sensor_msgs/msg/CompressedImage")
-    yield LogImage(stamp_ns=_ros_stamp_ns(message), encoded=message.data.tobytes() or None)
+    yield LogImage(time_ns=_ros_time_ns(message), encoded=message.data.tobytes() or None)
 
 
 def _ros_raw(data: bytes) -> Iterator[LogImage]:
     message = _ros_message(data, "sensor_msgs/msg/Image")
     image = _raw_image(message.encoding, message.width, message.height, message.step, message.data)
-    yield LogImage(stamp_ns=_ros_stamp_ns(message), image=image)
+    yield LogImage(time_ns=_ros_time_ns(message), image=image)
 
 
 _DECODERS: dict[tuple[str, str], Callable[[], ImageDecoder]] = {
@@ -132,7 +140,7 @@ def _ros_message(data: bytes, type_name: str) -> Any:
     return get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(data, type_name)
 
 
-def _ros_stamp_ns(message: Any) -> int:
+def _ros_time_ns(message: Any) -> int:
     return int(message.header.stamp.sec) * 10**9 + int(message.header.stamp.nanosec)
 
 
@@ -141,7 +149,7 @@ def _raw_image(encoding: str, width_px: int, height_px: int, step: int, data: An
     channels = _CHANNELS.get(encoding)
     if channels is None or min(width_px, height_px) < 1 or size_mistake(width_px, height_px) is not None:
         return None
-    kind = np.dtype(np.uint16 if encoding in WIDE else np.uint8)
+    kind = np.dtype(np.uint16 if encoding in _TWO_BYTES else np.uint8)
     content = np.frombuffer(bytes(data), np.uint8)
     row_bytes = width_px * channels * kind.itemsize
     if step < row_bytes or step * height_px > min(len(content), MAX_MESSAGE_BYTES):
