@@ -64,7 +64,8 @@ class Detector(Protocol):
 
         Args:
             state: from `start` or the step before.
-            frame: its image may be None.
+            frame: its image may be None. `track_frames` passes a frame a second time, as a whole, where
+                tracking is lost; the state is then that after the first search of the same frame.
             expected_px: (m, 2) places to search; None searches the whole image.
         """
 
@@ -114,7 +115,12 @@ class Controls(Protocol):
         """The sensor in use; it has been replaced whenever `Health.sensor_version` has grown."""
 
     def send(self, command: Command) -> None:
-        """Request something; it is carried out between two frames. A refusal becomes a note in `health`."""
+        """Request something; it is carried out between two frames. A refusal becomes a note in `health`.
+
+        At most one command of each kind (`values.commands.command_kind`) waits: a newer one replaces it
+        without a note. While `MAX_WAITING` commands wait (`session.commands.command_queue`), one of a further
+        kind is dropped, also without a note.
+        """
 
     def health(self) -> Health:
         """State of source, session and recording."""
@@ -160,8 +166,9 @@ def track_frames(
 ) -> Generator[TrackedFrame, None, FrontState]:
     """Detect and track the markers of each frame, in order.
 
-    A frame on which tracking is lost is searched once more as a whole, from the state before it. Several
-    views of one sheet are tracked one by one, and their markers merged.
+    A frame on which tracking is lost is searched once more as a whole. `Detector.step` is then called twice
+    for one frame: the second time with the state after the first search. `Tracker.step` is called twice with
+    its state before the frame. Several views of one sheet are tracked one by one, and their markers merged.
 
     Args:
         detect, track: the stages.

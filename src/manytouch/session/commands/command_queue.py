@@ -10,12 +10,14 @@ from manytouch.values.commands import command_kind
 
 NOTES = 20
 MAX_WAITING = 256
-PROGRESS = "compil"
-"""Notes that begin so are the progress of one piece of work: of them only the latest is kept."""
+COMPILING_BEGIN = "compil"
+"""Beginning of the messages of `session.warm_up.warm_up_kernels`: "compiling ...", "compiled for ...".
+
+They are the progress of one piece of work, so that of notes that begin so only the latest is kept."""
 
 
 class CommandQueue:
-    """Takes commands from any thread and carries them out in one; a command that fails becomes a note.
+    """Takes commands from any thread; the thread that calls `drain` carries them out.
 
     Of each kind only the newest command waits, so that no number of commands delays a frame by more than
     one of each kind does.
@@ -34,7 +36,7 @@ class CommandQueue:
         return tuple(self._notes)
 
     def send(self, command: Command) -> None:
-        """Add a command, in place of one of its kind; never blocks. Beyond `MAX_WAITING` it is dropped."""
+        """Add a command, in place of one of its kind; if `MAX_WAITING` wait, it is dropped. Never blocks."""
         kind = command_kind(command)
         with self._change:
             self._waiting.pop(kind, None)
@@ -42,15 +44,19 @@ class CommandQueue:
                 self._waiting[kind] = command
 
     def note(self, sentence: str) -> None:
-        """Add a note, in place of the former ones on the same progress."""
-        if sentence.startswith(PROGRESS):
-            kept = [note for note in self._notes if not note.startswith(PROGRESS)]
+        """Add a note; one on compiling replaces the former ones on it."""
+        if sentence.startswith(COMPILING_BEGIN):
+            kept = [note for note in self._notes if not note.startswith(COMPILING_BEGIN)]
             self._notes = deque(kept, maxlen=NOTES)
         self._notes.append(sentence)
         self.on_note(sentence)
 
     def drain(self, carry_out: Callable[[Command], None]) -> None:
-        """Carry out the commands that wait, in the order of their arrival."""
+        """Carry out the commands that wait, in the order of their arrival, in the present thread.
+
+        A `ManytouchError` of a command becomes a note, and the next command follows. Any other exception is
+        raised, and the commands after it are not carried out.
+        """
         with self._change:
             commands, self._waiting = self._waiting, {}
         for command in commands.values():
