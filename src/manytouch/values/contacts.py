@@ -55,6 +55,9 @@ class OutlineRing:
 class Contact:
     """One contact in one frame. NaN means unknown; no estimate is 0 by default.
 
+    Lengths are always in mm. Where the scale is not known, 1 mm stands for one pitch, and names of columns in
+    files end in _pitch instead.
+
     Attributes:
         id: identity, constant while the contact lasts and never reused.
         phase: start, move or end.
@@ -132,8 +135,9 @@ class Contact:
 class Contacts:
     """All contacts of one frame (may be none), and the status of their estimation.
 
-    pandas, polars and others take it as a table, in the columns of contacts.csv:
-    `polars.DataFrame(contacts)`.
+    pandas, polars and others take it as a table, `polars.DataFrame(contacts)`, with the columns of
+    contacts.csv but `frame` and `time_s`. Their names end in _mm also where those of the file end in _pitch:
+    1 mm then stands for one pitch.
 
     Attributes:
         contacts: in the order of their ids, including those that end in this frame.

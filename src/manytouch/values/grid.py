@@ -20,7 +20,8 @@ class TrackedGrid:
             method does not count it.
         new_ids: number of dots of this frame that got an identity that no marker of the layout has; None if
             the method gives no new identities.
-        status: `OK`, or few_markers, or the status of the detections.
+        status: that of the detections if it is not `OK`; else `AMBIGUOUS_SHIFT`, `FEW_MARKERS` or `OK`. The
+            method `paper` has `MANY_MARKERS` instead of `AMBIGUOUS_SHIFT`.
     """
 
     position_px: Points2

@@ -2,6 +2,5 @@
 
 Guesses, growth along the lattice, verification and the resolution of shifts are inside. What is kept from
 frame to frame is not: that is the state of the tracker. Gates: `identify` (first matches), `growth`
-    (neighbours),
-`verification` (errors after growth), `frame_checks` (exterior nodes).
+(neighbours), `verification` (errors after growth), `frame_checks` (exterior nodes).
 """

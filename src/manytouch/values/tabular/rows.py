@@ -36,13 +36,16 @@ def arrow_stream(columns: dict[str, Any], requested_schema: object = None) -> ob
 
 
 def contact_values_by_column(contacts: "Contacts") -> dict[str, Any]:
-    """Values of the contacts, also of those that just ended, by the column names of contacts.csv."""
+    """Values of the contacts, also of those that just ended, by the names of `contact_row`."""
     rows = [contact_row(contact) for contact in contacts.contacts]
     return {name: [row[name] for row in rows] for name in _CONTACT_COLUMNS}
 
 
 def contact_row(contact: "Contact") -> dict[str, Any]:
-    """A contact, in the names and units of contacts.csv."""
+    """A contact, by the names of the columns of contacts.csv, without `frame` and `time_s`.
+
+    The names always end in _mm, also where those of the file end in _pitch: 1 mm then stands for one pitch.
+    """
     numbers = {
         "x_mm": contact.centre_mm[0],
         "y_mm": contact.centre_mm[1],
