@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 import spline_reference
-from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes
 from manytouch.geometry.spline.patch import SplinePatch
 
 ELEMENT_MM = (4.0, 5.0)
@@ -30,7 +30,7 @@ def greville(axis: int) -> np.ndarray:
     return (knot[1:-3] + knot[2:-2] + knot[3:-1]) / 3.0
 
 
-LATTICE = ForceLattice(
+NODES = ForceNodes(
     shape=SHAPE,
     place_mm=np.stack(np.meshgrid(greville(0), greville(1), indexing="ij"), axis=-1).reshape(-1, 2),
     element_mm=np.array(ELEMENT_MM),
@@ -40,7 +40,7 @@ LATTICE = ForceLattice(
     own_spread_mm2=np.array(ELEMENT_MM) ** 2 / 3.0,
 )
 """Of a thin plate."""
-SHEARED = replace(LATTICE, own_spread_mm2=LATTICE.own_spread_mm2 - 2.0 * SHEAR_MM2)
+SHEARED = replace(NODES, own_spread_mm2=NODES.own_spread_mm2 - 2.0 * SHEAR_MM2)
 """Of a sheet with a = SHEAR_MM2."""
 
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
-from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes
 from manytouch.estimation.mechanics.inversion.gauss_newton import Fit
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.estimation.mechanics.inversion.sheet_parameters import ParameterResponse
@@ -64,9 +64,9 @@ class ContactRules:
             is_new: (c,) whether there was no cluster here in the previous frame.
             is_response_due: whether the response to the parameters of the sheet is that of an earlier load.
         """
-        lattice = model.lattice
-        needed_mm2 = lattice.least_force_mm2 * np.where(is_new, self.sudden_force, self.start_force)
-        inside_mm = (lattice.inner_mm - np.abs(clusters.centre_mm)).min(axis=1, initial=np.inf)
+        nodes = model.nodes
+        needed_mm2 = nodes.least_force_mm2 * np.where(is_new, self.sudden_force, self.start_force)
+        inside_mm = (nodes.inner_mm - np.abs(clusters.centre_mm)).min(axis=1, initial=np.inf)
         is_near_clamp = inside_mm < self.clamp_thickness * model.thickness_mm
         shear_mm2 = np.linalg.norm(clusters.force_mm2[:, :2], axis=1)
         is_strong = clusters.normal_mm2 >= np.where(is_near_clamp, self.clamp_factor * needed_mm2, needed_mm2)
@@ -90,7 +90,7 @@ class ContactRules:
         clusters, stds = significant(clusters, fit, self.last_stds)
         if response is None:
             return clusters, stds
-        clusters = clusters.with_sheet_error(model.lattice, response.force_change_mm2[:, :, 2])
+        clusters = clusters.with_sheet_error(model.nodes, response.force_change_mm2[:, :, 2])
         if model.is_assumed:
             return clusters, stds
         node = np.flatnonzero(clusters.label >= 0)
@@ -113,10 +113,10 @@ def significant(clusters: Clusters, fit: Fit, least_stds: float) -> tuple[Cluste
 
 
 def has_force_near(
-    lattice: ForceLattice, force_mm2: Nodal, place_mm: Points2, *, radius_mm: float, least_mm2: float
+    nodes: ForceNodes, force_mm2: Nodal, place_mm: Points2, *, radius_mm: float, least_mm2: float
 ) -> Mask:
     """(k,) whether the normal forces within a radius of each place (k, 2) sum to at least a value over E."""
-    away_mm = np.linalg.norm(place_mm[:, None] - lattice.place_mm, axis=2)
+    away_mm = np.linalg.norm(place_mm[:, None] - nodes.place_mm, axis=2)
     near_mm2 = (away_mm < radius_mm) @ np.maximum(-force_mm2[:, 2], 0.0)
     return np.asarray(near_mm2 >= least_mm2)
 

@@ -24,7 +24,7 @@ _FITTED = [ESTIMATES.index(name) for name in ("normal_force", "x", "y")]
 _SHEAR = [ESTIMATES.index(name) for name in ("shear_x", "shear_y")]
 _TORQUE = ESTIMATES.index("torque")
 _LINEAR = [number for number in range(len(ESTIMATES)) if number != _AREA]
-_CLAMP_THICKNESSES = 4.0  # at which `ModelError.position_clamp` applies
+_CLAMP_THICKNESSES = 4.0  # from the clamp, at which `ModelError.position_clamp` and `force_clamp` apply
 _FORCES = ("shear_x", "shear_y", "normal_force", "torque")
 _RINGS = np.array(
     [[0.0, 0.0]]
@@ -106,6 +106,7 @@ class ModelError:
         press_mm2, shear_mm2 = -float(force_mm2[2]), float(np.hypot(force_mm2[0], force_mm2[1]))
         radius_mm = np.sqrt(patch_area_mm2 / np.pi)
         place = np.hypot(self.position_pitch * model.pitch_mm, self.position_radius * radius_mm)
+        # across the clamps along x and y: 1 at four thicknesses, e times more one thickness nearer, 55 at a clamp
         near_clamp = np.zeros(2)
         if model.patch.boundary == "clamped":
             inside_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(centre_mm - model.patch.centre_mm)
@@ -117,10 +118,10 @@ class ModelError:
             *2 * (np.hypot(self.shear_share * press_mm2, self.own_shear_share * shear_mm2),),
             np.hypot(
                 np.hypot(self.force_share, self.force_clamp * near_clamp.max()) * press_mm2,
-                self.force_least * model.lattice.least_force_mm2,
+                self.force_least * model.nodes.least_force_mm2,
             ),
             0.0,  # of the torque: noise and parameters explain its errors
-            area_mm2 * np.hypot(self.area_share, self.area_force * model.lattice.least_force_mm2 / press_mm2),
+            area_mm2 * np.hypot(self.area_share, self.area_force * model.nodes.least_force_mm2 / press_mm2),
         ]
         variance = np.square(std) * (self.assumed_sheet_factor if model.is_assumed else 1.0) ** 2
         variance[_DEPTH] += (model.assumed_depth_std * depth_mm) ** 2
@@ -191,14 +192,21 @@ class ContactEstimator:
         if response is not None:
             covariance += _by_parameters(model, clusters, near, rows, response)
         contacts = []
-        for number, noise in enumerate(covariance):
+        for number, marker_covariance in enumerate(covariance):
             depth_mm = -float(moved_mm[number, deepest[number], 2])
             # under a rigid flat face the sheet is equally deep; under a fitted patch of pressure it is hollow
             hollow_mm = depth_mm + float(moved_mm[number, :, 2].mean())
             unresolved = min(1.0, model.pitch_mm / float(radius_mm[number]))
-            noise[_DEPTH, _DEPTH] += (0.5 * unresolved * hollow_mm) ** 2
+            marker_covariance[_DEPTH, _DEPTH] += (0.5 * unresolved * hollow_mm) ** 2
             contacts.append(
-                self._contact(model, clusters, number, depth_mm=depth_mm, centre_px=centre_px, noise=noise)
+                self._contact(
+                    model,
+                    clusters,
+                    number,
+                    depth_mm=depth_mm,
+                    centre_px=centre_px,
+                    marker_covariance=marker_covariance,
+                )
             )
         return contacts
 
@@ -210,8 +218,13 @@ class ContactEstimator:
         *,
         depth_mm: float,
         centre_px: np.ndarray,
-        noise: Float64[np.ndarray, "8 8"],
+        marker_covariance: Float64[np.ndarray, "8 8"],
     ) -> Contact:
+        """The contact of a cluster.
+
+        `marker_covariance` is that of its estimates in the order of `ESTIMATES`, forces over E, without the
+        error of the model.
+        """
         press_mm2, patch_area_mm2 = float(clusters.normal_mm2[number]), float(clusters.area_mm2[number])
         footprint = self.footprints(clusters, number, model.pitch_mm)
         area_mm2 = footprint.area_mm2
@@ -226,9 +239,9 @@ class ContactEstimator:
         fitted = clusters.covariance[number, :3, :3]
         if np.isfinite(fitted).all():
             scale = np.ones(len(ESTIMATES))
-            scale[_FITTED] = np.sqrt(np.diag(fitted) / np.maximum(np.diag(noise)[_FITTED], 1e-12))
-            noise = noise * np.outer(scale, scale)
-        covariance = noise + np.diag(variance)
+            scale[_FITTED] = np.sqrt(np.diag(fitted) / np.maximum(np.diag(marker_covariance)[_FITTED], 1e-12))
+            marker_covariance = marker_covariance * np.outer(scale, scale)
+        covariance = marker_covariance + np.diag(variance)
         covariance[np.ix_(_FITTED, _FITTED)] += clusters.sheet_covariance[number, :3, :3]
         covariance[_AREA, _AREA] += footprint.area_std_mm2**2
         is_unclear = bool(covariance[_AREA, _AREA] > area_mm2**2)
@@ -282,7 +295,7 @@ def _by_parameters(
     for number in range(count):
         change[number][:, _SHEAR] = force_mm2[:, near == number, :2].sum(axis=1)
         inside = clusters.label == number
-        x, y = (model.lattice.place_mm[inside] - clusters.centre_mm[number]).T
+        x, y = (model.nodes.place_mm[inside] - clusters.centre_mm[number]).T
         change[number, :, _TORQUE] = force_mm2[:, inside, 1] @ x - force_mm2[:, inside, 0] @ y
     return change.transpose(0, 2, 1) @ change
 
@@ -293,7 +306,7 @@ def _estimate_rows(
     """Derivatives of the estimates but the area by the coefficients; those of the depth are 0."""
     force_mm2 = fit.shape.force_mm2
     inside, around = clusters.label == number, (near == number).astype(np.float64)
-    arm = np.where(inside[:, None], model.lattice.place_mm - clusters.centre_mm[number], 0.0)
+    arm = np.where(inside[:, None], model.nodes.place_mm - clusters.centre_mm[number], 0.0)
     press_mm2 = clusters.normal_mm2[number]
     share = (inside & (force_mm2[:, 2] < 0.0)).astype(np.float64)
     row = fit.posterior.linearisation.force_row
@@ -314,13 +327,13 @@ def nearest_cluster(
     model: InversionModel, clusters: Clusters, reach_elements: float
 ) -> Int64[np.ndarray, " nodes"]:
     """(nodes,) cluster of the nearest labelled node within a distance; -1 for none and for fixed nodes."""
-    lattice, labelled = model.lattice, np.flatnonzero(clusters.label >= 0)
+    nodes, labelled = model.nodes, np.flatnonzero(clusters.label >= 0)
     near = np.full(len(clusters.label), -1, dtype=np.int64)
     if len(labelled) == 0:
         return near
     free = np.flatnonzero(model.patch.is_free[:, 0] & ~model.is_excluded)
-    away, which = cKDTree(lattice.place_mm[labelled] / lattice.element_mm).query(
-        lattice.place_mm[free] / lattice.element_mm, distance_upper_bound=reach_elements + 1e-3
+    away, which = cKDTree(nodes.place_mm[labelled] / nodes.element_mm).query(
+        nodes.place_mm[free] / nodes.element_mm, distance_upper_bound=reach_elements + 1e-3
     )
     is_near = np.isfinite(away)
     near[free[is_near]] = clusters.label[labelled[which[is_near]]]

@@ -279,12 +279,12 @@ class MechanicsEstimator:
         model = state.model
         force_mm2 = np.where(model.is_excluded[:, None] | ~model.patch.is_free, 0.0, fit.shape.force_mm2)
         rules, negligible = self.contact_rules, self.gauss_newton.negligible_force
-        hidden_mm2 = rules.noise_share * (noise - 1.0) * negligible * model.lattice.force_unit_mm2
+        hidden_mm2 = rules.noise_share * (noise - 1.0) * negligible * model.nodes.force_unit_mm2
         force_mm2 = np.where(force_mm2[:, 2:] > -hidden_mm2, 0.0, force_mm2)
-        clusters = self.force_clusters(model.lattice, force_mm2)
+        clusters = self.force_clusters(model.nodes, force_mm2)
         clusters, _ = significant(clusters, fit, rules.least_stds)
         clusters = self.model_order(
-            model.lattice, force_mm2, clusters, touching_mm, evidence_at=forces.evidence, noise=noise
+            model.nodes, force_mm2, clusters, touching_mm, evidence_at=forces.evidence, noise=noise
         )
         return significant(clusters, fit, rules.last_stds)[0]
 
@@ -319,7 +319,7 @@ class MechanicsEstimator:
     ) -> tuple[MechanicsState, Contacts]:
         """Contacts with identities and slip, and the state that contains them."""
         model = state.model
-        least_mm2 = noise * model.lattice.least_force_mm2
+        least_mm2 = noise * model.nodes.least_force_mm2
         on_face = np.isin(clusters.label, np.flatnonzero(clusters.is_face))
         own_mm2 = np.where(on_face[:, None], 0.0, fit.shape.force_mm2)
         found = self.contact_estimator(
@@ -332,7 +332,7 @@ class MechanicsEstimator:
             found,
             may_start=may_start.tolist(),
             is_loaded=lambda place_mm: has_force_near(
-                model.lattice, own_mm2, place_mm, radius_mm=model.pitch_mm, least_mm2=least_mm2
+                model.nodes, own_mm2, place_mm, radius_mm=model.pitch_mm, least_mm2=least_mm2
             ),
             status=status,
         )

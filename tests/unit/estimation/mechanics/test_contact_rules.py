@@ -12,12 +12,12 @@ from pressed_sheet import slack_sensor
 @pytest.mark.parametrize(("thicknesses", "starts"), [(1.7, False), (2.6, True), (5.0, True)])
 def test_a_contact_beside_the_clamp_waits_for_the_response(thicknesses: float, starts: bool) -> None:
     model, rules = NominalSheet()(slack_sensor()), ContactRules()
-    place_mm, half_mm = model.lattice.place_mm, 0.5 * np.array(model.patch.size_mm)
+    place_mm, half_mm = model.nodes.place_mm, 0.5 * np.array(model.patch.size_mm)
     wanted_mm = np.array([half_mm[0] - thicknesses * model.thickness_mm, 0.0])
     node = int(np.linalg.norm(place_mm - wanted_mm, axis=1).argmin())
     force_mm2 = np.zeros((len(place_mm), 3))
-    force_mm2[node, 2] = -100.0 * model.lattice.least_force_mm2
-    clusters = ForceClusters()(model.lattice, force_mm2)
+    force_mm2[node, 2] = -100.0 * model.nodes.least_force_mm2
+    clusters = ForceClusters()(model.nodes, force_mm2)
     is_new = np.ones(len(clusters), dtype=np.bool_)
     assert rules.may_start(model, clusters, is_new, is_response_due=False).tolist() == [True]
     assert rules.may_start(model, clusters, is_new, is_response_due=True).tolist() == [starts]

@@ -139,7 +139,7 @@ def test_the_least_force_of_a_contact_moves_the_middle_by_a_hundredth_of_a_pitch
     least = []
     for sheet in ({}, {"pretension_N_per_mm": 1.0}, {"thickness_mm": 2.0}):
         model = ESTIMATE.start(sensor_of(**sheet)).model
-        force_mm2 = model.lattice.least_force_mm2
+        force_mm2 = model.nodes.least_force_mm2
         at_rest = bent(model, (0.0, 0.0, force_mm2), radius_mm=0.5 * PITCH_MM)
         face = Face(shell=model.shell, point_mm=np.zeros((1, 2)))
         assert -face.displacement(at_rest)[0, 2] == pytest.approx(0.01 * PITCH_MM, rel=0.1)
@@ -380,7 +380,7 @@ def assumed_sensor() -> Sensor:
 def test_contacts_of_an_assumed_sheet(thickness_mm: float, pretension_N_per_mm: float) -> None:
     """The true outline is 2 mm wider than the assumed one, and the thickness differs by up to a half."""
     true = ESTIMATE.start(sensor_of(thickness_mm=thickness_mm, pretension_N_per_mm=pretension_N_per_mm)).model
-    compliance_per_mm = true.lattice.least_force_mm2 / (0.01 * PITCH_MM)
+    compliance_per_mm = true.nodes.least_force_mm2 / (0.01 * PITCH_MM)
     shape = bent(
         true,
         *((x, y, depth_mm * compliance_per_mm) for x, y, depth_mm in ((-12.0, -6.0, 1.0), (10.0, 5.0, 2.0))),

@@ -122,12 +122,12 @@ class BarRule:
         self, model: InversionModel, clusters: Clusters, own: Int64[np.ndarray, "2"]
     ) -> Int64[np.ndarray, " n"]:
         """Nodes of two clusters and between them, the nearest to the line between their centres."""
-        lattice, (start, end) = model.lattice, clusters.centre_mm[own]
-        off = lattice.place_mm - start
+        nodes, (start, end) = model.nodes, clusters.centre_mm[own]
+        off = nodes.place_mm - start
         share = np.clip(off @ (end - start) / ((end - start) @ (end - start)), 0.0, 1.0)
         away_mm = np.linalg.norm(off - share[:, None] * (end - start), axis=1)
         is_own = np.isin(clusters.label, own)
-        is_near = (away_mm <= 2.0 * lattice.element_mm.max()) & (clusters.label < 0)
+        is_near = (away_mm <= 2.0 * nodes.element_mm.max()) & (clusters.label < 0)
         node = np.flatnonzero(is_own | is_near)
         if len(node) <= self.max_nodes:
             return node

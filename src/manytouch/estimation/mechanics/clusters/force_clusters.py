@@ -4,7 +4,7 @@ Cubic B-splines reproduce polynomials: with a load q, nodal forces f_j = int q B
 sum f_j = int q, sum f_j X_j = int q x, and away from the outline sum f_j X_j^2 = int q (x^2 + h^2/3 - 2 a),
 with h the length of an element (C. de Boor, "A Practical Guide to Splines", 2001, chapter IX) and a the
 `shear_mm2` of the sheet, whose deflection is that of B_j - a lap B_j. Force, centre and spread of a cluster
-are therefore those of its load and do not depend on the lattice.
+are therefore those of its load and do not depend on the nodes.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +13,7 @@ from typing import Protocol, runtime_checkable
 import numpy as np
 from jaxtyping import Bool, Float64, Int64
 
-from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice, smooth
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smooth
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points2, Scalars
 
@@ -129,21 +129,19 @@ class Clusters:
             ),
         )
 
-    def with_sheet_error(
-        self, lattice: ForceLattice, columns_mm2: Float64[np.ndarray, "p nodes"]
-    ) -> "Clusters":
+    def with_sheet_error(self, nodes: ForceNodes, columns_mm2: Float64[np.ndarray, "p nodes"]) -> "Clusters":
         """The clusters with `sheet_covariance`: what the parameters do to force, centroid and moments.
 
         Args:
-            lattice: of the nodes.
+            nodes: of the sheet.
             columns_mm2: change of the nodal normal forces over E (z component) for one standard deviation of
                 each parameter.
         """
         covariance = np.zeros((len(self), 6, 6))
         for number, force_mm2 in enumerate(self.normal_mm2):
             node = np.flatnonzero(self.label == number)
-            x, y = (lattice.place_mm[node] - self.centre_mm[number]).T
-            nodal_mm2 = self.spread_mm2[number] + np.diag(lattice.own_spread_mm2)
+            x, y = (nodes.place_mm[node] - self.centre_mm[number]).T
+            nodal_mm2 = self.spread_mm2[number] + np.diag(nodes.own_spread_mm2)
             xx, xy, yy = x * x - nodal_mm2[0, 0], x * y - nodal_mm2[0, 1], y * y - nodal_mm2[1, 1]
             moments = np.column_stack([np.full(len(node), force_mm2), x, y, xx, xy, yy]) / force_mm2
             changes = columns_mm2[:, node] @ moments
@@ -191,26 +189,26 @@ class ForceClusters:
     floor: float = 2e-6
     min_share: float = 0.04
 
-    def __call__(self, lattice: ForceLattice, force_mm2: Nodal) -> Clusters:
+    def __call__(self, nodes: ForceNodes, force_mm2: Nodal) -> Clusters:
         """The clusters of nodal forces (n, 3) over E, sheet frame."""
         from manytouch.estimation.watershed import watershed
 
-        press_mm2 = smooth(np.maximum(-force_mm2[:, 2], 0.0).reshape(lattice.shape))
-        floor_mm2 = max(self.floor_share * float(press_mm2.max()), self.floor * lattice.force_unit_mm2)
+        press_mm2 = smooth(np.maximum(-force_mm2[:, 2], 0.0).reshape(nodes.shape))
+        floor_mm2 = max(self.floor_share * float(press_mm2.max()), self.floor * nodes.force_unit_mm2)
         label, _ = watershed(press_mm2, floor_mm2, self.merge_share)
-        clusters = cluster_moments(lattice, force_mm2, label.ravel())
+        clusters = cluster_moments(nodes, force_mm2, label.ravel())
         strongest_mm2 = float(clusters.normal_mm2.max(initial=0.0))
-        least_mm2 = max(lattice.least_force_mm2, self.min_share * strongest_mm2)
-        is_inner = np.all(np.abs(clusters.centre_mm) <= lattice.inner_mm, axis=1)
+        least_mm2 = max(nodes.least_force_mm2, self.min_share * strongest_mm2)
+        is_inner = np.all(np.abs(clusters.centre_mm) <= nodes.inner_mm, axis=1)
         order = np.argsort(-clusters.normal_mm2, kind="stable")
         return clusters.select(order[(is_inner & (clusters.normal_mm2 >= least_mm2))[order]])
 
 
-def cluster_moments(lattice: ForceLattice, force_mm2: Nodal, label: Int64[np.ndarray, " nodes"]) -> Clusters:
+def cluster_moments(nodes: ForceNodes, force_mm2: Nodal, label: Int64[np.ndarray, " nodes"]) -> Clusters:
     """Clusters of labelled nodes (n,), label -1 for none; tensile normal forces count as 0."""
     count = int(label.max(initial=-1)) + 1
     node = np.flatnonzero(label >= 0)
-    at, place, force = label[node], lattice.place_mm[node], force_mm2[node]
+    at, place, force = label[node], nodes.place_mm[node], force_mm2[node]
     press = np.maximum(-force[:, 2], 0.0)
 
     def summed(value: np.ndarray) -> np.ndarray:
@@ -221,7 +219,7 @@ def cluster_moments(lattice: ForceLattice, force_mm2: Nodal, label: Int64[np.nda
     arm = place - centre[at]
     spread = np.empty((count, 2, 2))
     for axis in range(2):
-        spread[:, axis, axis] = summed(press * arm[:, axis] ** 2) / total - lattice.own_spread_mm2[axis]
+        spread[:, axis, axis] = summed(press * arm[:, axis] ** 2) / total - nodes.own_spread_mm2[axis]
     spread[:, 0, 1] = spread[:, 1, 0] = summed(press * arm[:, 0] * arm[:, 1]) / total
     # The spread of forces on three nodes can be less than that of any load.
     narrow = np.minimum(np.linalg.eigvalsh(spread)[:, 0], 0.0) if count else np.zeros(0)

@@ -22,7 +22,7 @@ from manytouch.estimation.mechanics.clusters.bars import MIN_F, MIN_INSIDE, f_of
 from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PairFit, PatchFit
 from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_rim
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
-from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice, smooth
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smooth
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Mask, Points2
 
@@ -92,7 +92,7 @@ class ModelOrder:
 
     def __call__(
         self,
-        lattice: ForceLattice,
+        nodes: ForceNodes,
         force_mm2: Nodal,
         clusters: Clusters,
         previous_mm: Float64[np.ndarray, "k 2"],
@@ -103,7 +103,7 @@ class ModelOrder:
         """The clusters, the strongest first, with those that are two contacts split.
 
         Args:
-            lattice: of the nodes.
+            nodes: of the sheet.
             force_mm2: (n, 3) nodal forces over E.
             clusters: of these forces, the strongest first.
             previous_mm: (k, 2) centres of the contacts of the previous frame.
@@ -116,10 +116,10 @@ class ModelOrder:
             own = clusters.label == number
             is_counted = own & (press_mm2 > self.trim_share * press_mm2[own].max())
             limit = self.hysteresis if _count_within(clusters, number, previous_mm) >= 2 else 1.0
-            parts = self._propose(lattice, press_mm2, is_counted, limit)
-            near = _around(lattice, is_counted) | _under(lattice, clusters, number)
+            parts = self._propose(nodes, press_mm2, is_counted, limit)
+            near = _around(nodes, is_counted) | _under(nodes, clusters, number)
             node = np.flatnonzero(near & (own | (clusters.label < 0)))
-            evidence = evidence_at(_nearest(lattice, node, clusters.centre_mm[number], self.max_nodes))
+            evidence = evidence_at(_nearest(nodes, node, clusters.centre_mm[number], self.max_nodes))
             if evidence is None:
                 continue
             one = evidence.fit_one(
@@ -132,12 +132,12 @@ class ModelOrder:
                     evidence, total_mm2, parts, one, limit=limit, noise=min(noise, self.max_noise)
                 )
             if best is one:
-                best = self._face_or(one, evidence, float(lattice.element_mm.max()))
+                best = self._face_or(one, evidence, float(nodes.element_mm.max()))
             if isinstance(best, PairFit):
-                result = _split(result, number, best, lattice, force_mm2)
+                result = _split(result, number, best, nodes, force_mm2)
                 result = result.with_nodal(evidence.combinations.node, best.nodal_mm2)
-            elif self._is_plausible(lattice, clusters, number, best):
-                min_ring_mm = self.min_ring * float(lattice.element_mm.max())
+            elif self._is_plausible(nodes, clusters, number, best):
+                min_ring_mm = self.min_ring * float(nodes.element_mm.max())
                 shapes = evidence.shape_probability(one, min_ring_mm=min_ring_mm)
                 result = result.with_patch(number, best, shapes).with_nodal(
                     evidence.combinations.node, best.nodal_mm2
@@ -146,20 +146,20 @@ class ModelOrder:
         return result.select(order)
 
     def _propose(
-        self, lattice: ForceLattice, press_mm2: np.ndarray, is_counted: Mask, limit: float
+        self, nodes: ForceNodes, press_mm2: np.ndarray, is_counted: Mask, limit: float
     ) -> _Parts | None:
         """Two parts of a cluster whose moments can be those of two contacts; else None."""
         total_mm2 = press_mm2[is_counted].sum()
-        share, place = press_mm2[is_counted] / total_mm2, lattice.place_mm[is_counted]
+        share, place = press_mm2[is_counted] / total_mm2, nodes.place_mm[is_counted]
         centre = share @ place
         arm = place - centre
-        inside = np.einsum("n,ni,nj->ij", share, arm, arm) - np.diag(lattice.own_spread_mm2)
+        inside = np.einsum("n,ni,nj->ij", share, arm, arm) - np.diag(nodes.own_spread_mm2)
         size, axes = np.linalg.eigh(inside)
         variance_mm2, axis = max(float(size[0]), 0.0), axes[:, 1]
         excess_mm2 = float(size[1]) - variance_mm2
-        weak = self.min_variance_force * lattice.force_unit_mm2 / float(total_mm2)
+        weak = self.min_variance_force * nodes.force_unit_mm2 / float(total_mm2)
         least = limit * float(np.hypot(self.min_variance, weak))
-        if excess_mm2 <= least * float((axis**2 * lattice.element_mm**2).sum()):
+        if excess_mm2 <= least * float((axis**2 * nodes.element_mm**2).sum()):
             return None
         skew_mm = float(share @ (arm @ axis) ** 3) / excess_mm2
         gap_mm = float(np.sqrt(skew_mm**2 + 4.0 * excess_mm2))
@@ -216,7 +216,7 @@ class ModelOrder:
         is_better = one.misfit - face.misfit > self.min_f_face * mean_misfit
         return face if is_inside and is_better and is_rim else one
 
-    def _is_plausible(self, lattice: ForceLattice, clusters: Clusters, number: int, one: PatchFit) -> bool:
+    def _is_plausible(self, nodes: ForceNodes, clusters: Clusters, number: int, one: PatchFit) -> bool:
         """Is a fitted patch where the nodal forces are, about as strong, and on the nodes of the evidence?"""
         shift_mm = np.abs(one.centre_mm - clusters.centre_mm[number])
         reach_mm = np.sqrt(np.diagonal(clusters.spread_mm2[number]))
@@ -224,28 +224,28 @@ class ModelOrder:
         return bool(
             1.0 / self.max_ratio <= ratio <= self.max_ratio
             and one.nodal_mm2.sum() >= self.min_inside * one.force_mm2
-            and np.all(shift_mm <= self.max_shift * lattice.element_mm + 0.5 * reach_mm)
+            and np.all(shift_mm <= self.max_shift * nodes.element_mm + 0.5 * reach_mm)
         )
 
 
 def _nearest(
-    lattice: ForceLattice, node: Int64[np.ndarray, " k"], centre_mm: np.ndarray, most: int
+    nodes: ForceNodes, node: Int64[np.ndarray, " k"], centre_mm: np.ndarray, most: int
 ) -> Int64[np.ndarray, " n"]:
     """The `most` of these nodes that are nearest to a place, in their order."""
     if len(node) <= most:
         return node
-    away_mm = np.linalg.norm(lattice.place_mm[node] - centre_mm, axis=1)
+    away_mm = np.linalg.norm(nodes.place_mm[node] - centre_mm, axis=1)
     return np.sort(node[np.argpartition(away_mm, most)[:most]])
 
 
-def _around(lattice: ForceLattice, is_chosen: Mask) -> Mask:
+def _around(nodes: ForceNodes, is_chosen: Mask) -> Mask:
     """(n,) chosen nodes and their neighbours."""
-    return np.asarray(smooth(is_chosen.reshape(lattice.shape).astype(np.float64)).ravel() > 0.0)
+    return np.asarray(smooth(is_chosen.reshape(nodes.shape).astype(np.float64)).ravel() > 0.0)
 
 
-def _under(lattice: ForceLattice, clusters: Clusters, number: int) -> Mask:
+def _under(nodes: ForceNodes, clusters: Clusters, number: int) -> Mask:
     """(n,) nodes whose basis functions are not 0 at the centre of a cluster."""
-    away = np.abs(lattice.place_mm - clusters.centre_mm[number]) / lattice.element_mm
+    away = np.abs(nodes.place_mm - clusters.centre_mm[number]) / nodes.element_mm
     return np.asarray((away < 2.0).all(axis=1))
 
 
@@ -258,12 +258,10 @@ def _count_within(clusters: Clusters, number: int, place_mm: Float64[np.ndarray,
     return int(((away.argmin(axis=1) == number) & (away[:, number] < reach)).sum())
 
 
-def _split(
-    clusters: Clusters, number: int, pair: PairFit, lattice: ForceLattice, force_mm2: Nodal
-) -> Clusters:
+def _split(clusters: Clusters, number: int, pair: PairFit, nodes: ForceNodes, force_mm2: Nodal) -> Clusters:
     """The clusters with one of them in two parts; its nodes belong to the nearest part."""
     node = np.flatnonzero(clusters.label == number)
-    away = np.linalg.norm(lattice.place_mm[node, None] - pair.centre_mm, axis=2)
+    away = np.linalg.norm(nodes.place_mm[node, None] - pair.centre_mm, axis=2)
     second = node[away[:, 1] < away[:, 0]]
     label = clusters.label.copy()
     label[second] = len(clusters)
@@ -271,7 +269,7 @@ def _split(
     for part, own in enumerate((np.setdiff1d(node, second), second)):
         force[part, :2] = force_mm2[own, :2].sum(axis=0)
         force[part, 2] = -pair.force_mm2[part]
-        arm = lattice.place_mm[own] - pair.centre_mm[part]
+        arm = nodes.place_mm[own] - pair.centre_mm[part]
         torque[part] = (arm[:, 0] * force_mm2[own, 1] - arm[:, 1] * force_mm2[own, 0]).sum()
     spread = np.tile(pair.deviation_mm**2 * np.eye(2), (2, 1, 1))
     covariance = np.full((2, 6, 6), np.nan)

@@ -208,7 +208,7 @@ class RigidFaces:
         extent_mm = float(np.linalg.norm(np.ptp(clusters.centre_mm[own], axis=0)))
         return bool(
             len(own) < _PLANE
-            and (was_one or extent_mm >= self.min_pair_elements * float(model.lattice.element_mm.max()))
+            and (was_one or extent_mm >= self.min_pair_elements * float(model.nodes.element_mm.max()))
             and force.min() >= self.min_force_ratio * force.max()
             and depth.max() - depth.min() <= self.max_depth_ratio * depth.max() + self.rise_mm
         )
@@ -238,7 +238,7 @@ class RigidFaces:
         share = clusters.normal_mm2[own] / clusters.normal_mm2[own].sum()
         centre_mm, spread = _joint_moments(clusters, own, share)
         arm_mm = clusters.centre_mm[group] - centre_mm
-        spread += np.diag(model.lattice.own_spread_mm2)
+        spread += np.diag(model.nodes.own_spread_mm2)
         within = np.einsum("ki,ki->k", arm_mm, np.linalg.solve(spread, arm_mm.T).T) <= 4.0
         return np.union1d(own, group[within])
 

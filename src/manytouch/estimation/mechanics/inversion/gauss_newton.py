@@ -28,7 +28,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from manytouch.estimation.mechanics.inversion.force_lattice import smooth
+from manytouch.estimation.mechanics.inversion.force_nodes import smooth
 from manytouch.estimation.mechanics.inversion.sheet_model import InversionModel
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.mechanics.solver.posterior import Posterior
@@ -278,9 +278,9 @@ class GaussNewton:
 
     def weights(self, model: InversionModel, force_mm2: Nodal, noise: float = 1.0) -> Nodal:
         """(n, 3) weights of the tangential and normal forces, per mm^4."""
-        unit = model.lattice.force_unit_mm2
+        unit = model.nodes.force_unit_mm2
         press = np.maximum(-force_mm2[:, 2], 0.0)
-        around2 = smooth((press**2).reshape(model.lattice.shape)).ravel()
+        around2 = smooth((press**2).reshape(model.nodes.shape)).ravel()
         weight = np.empty_like(force_mm2)
         tangential = (self.tangential_std * unit) ** 2 + (self.friction * press) ** 2
         weight[:, :2] = (1.0 / tangential)[:, None]
@@ -291,7 +291,7 @@ class GaussNewton:
         return weight
 
     def _is_converged(self, model: InversionModel, before_mm2: Nodal, now_mm2: Nodal, share: float) -> bool:
-        negligible_mm2 = self.negligible_force * model.lattice.force_unit_mm2
+        negligible_mm2 = self.negligible_force * model.nodes.force_unit_mm2
         change_mm2 = np.abs(now_mm2 - before_mm2)[:, 2] - negligible_mm2
         total_mm2 = float(np.abs(now_mm2[:, 2]).sum())
         return float(np.maximum(change_mm2, 0.0).sum()) <= share * total_mm2

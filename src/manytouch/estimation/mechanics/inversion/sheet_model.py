@@ -6,7 +6,7 @@ import numpy as np
 
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.assumptions import view_is_assumed
-from manytouch.estimation.mechanics.inversion.force_lattice import ForceLattice
+from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.equilibrium import tangent_factor
@@ -31,7 +31,7 @@ class InversionModel:
         stretched: the shell with 1 mm more of pretension over E, for derivatives by the pretension.
         dots: marker images.
         normal_equations: of the inversion.
-        lattice: of the nodes.
+        nodes: of the sheet.
         pitch_mm: geometric mean of both pitches of the layout.
         thickness_mm: of the sheet.
         young_MPa: None if forces are relative, over E.
@@ -48,7 +48,7 @@ class InversionModel:
     stretched: Shell
     dots: MarkerImages
     normal_equations: NormalEquations
-    lattice: ForceLattice
+    nodes: ForceNodes
     pitch_mm: float
     thickness_mm: float
     young_MPa: float | None
@@ -62,7 +62,7 @@ class InversionModel:
         shell = replace(self.shell, pretension_over_E_mm=over_E_mm)
         dots = replace(self.dots, shell=shell)
         ratio = _compliance_per_mm(self.shell, self.pitch_mm) / _compliance_per_mm(shell, self.pitch_mm)
-        lattice = replace(self.lattice, least_force_mm2=ratio * self.lattice.least_force_mm2)
+        nodes = replace(self.nodes, least_force_mm2=ratio * self.nodes.least_force_mm2)
         equations = NormalEquations(shell=shell, dots=dots)
         return replace(
             self,
@@ -70,7 +70,7 @@ class InversionModel:
             stretched=_stretched(shell),
             dots=dots,
             normal_equations=equations,
-            lattice=lattice,
+            nodes=nodes,
         )
 
     def spline(
@@ -161,7 +161,7 @@ class NominalSheet:
             stretched=_stretched(shell),
             dots=dots,
             normal_equations=NormalEquations(shell=shell, dots=dots),
-            lattice=ForceLattice(
+            nodes=ForceNodes(
                 shape=patch.shape,
                 place_mm=patch.place_mm,
                 element_mm=element_mm,

@@ -288,7 +288,7 @@ class ParameterResponse:
 
 def total_force_mm2(model: InversionModel, fit: Fit) -> float:
     """Sum of the normal forces over E that press, at least the least force of a contact."""
-    return max(float(np.maximum(-fit.shape.force_mm2[:, 2], 0.0).sum()), model.lattice.least_force_mm2)
+    return max(float(np.maximum(-fit.shape.force_mm2[:, 2], 0.0).sum()), model.nodes.least_force_mm2)
 
 
 def parameter_response(

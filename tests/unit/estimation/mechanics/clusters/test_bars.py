@@ -150,9 +150,9 @@ def test_one_contact_becomes_two_only_if_they_could_begin_as_one_or_the_markers_
     model = MechanicsEstimator().start(slack_sensor()).model
     force_mm2, label = np.zeros((model.patch.node_count, 3)), np.full(model.patch.node_count, -1)
     for number, x_mm in enumerate((half_mm, -half_mm)):
-        node = np.linalg.norm(model.lattice.place_mm - [x_mm, 0.0], axis=1).argmin()
+        node = np.linalg.norm(model.nodes.place_mm - [x_mm, 0.0], axis=1).argmin()
         force_mm2[node, 2], label[node] = -1.0, number
-    clusters = cluster_moments(model.lattice, force_mm2, label)
+    clusters = cluster_moments(model.nodes, force_mm2, label)
     pair = evidence.fit_two(clusters.normal_mm2, clusters.centre_mm, 1.0)
     f = f_of_two(evidence, pair.misfit, fit_bar(evidence, pair))
     assert f > 100.0

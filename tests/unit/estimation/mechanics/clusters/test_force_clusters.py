@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters, ForceClusters
-from spline_loads import LATTICE, SHAPE, SHEAR_MM2, SHEARED, pressed
+from spline_loads import NODES, SHAPE, SHEAR_MM2, SHEARED, pressed
 
 FIND = ForceClusters()
 
 
 def test_one_press_has_exactly_its_force_place_and_area() -> None:
-    found = FIND(LATTICE, pressed((7.3, -4.1, 4.5, 0.8), shear=(0.2, -0.1)))
+    found = FIND(NODES, pressed((7.3, -4.1, 4.5, 0.8), shear=(0.2, -0.1)))
     assert len(found) == 1
     np.testing.assert_allclose(found.centre_mm[0], [7.3, -4.1], atol=1e-9)
     np.testing.assert_allclose(found.force_mm2[0], [0.16, -0.08, -0.8], atol=1e-12)
@@ -32,15 +32,15 @@ def test_a_press_on_a_sheared_sheet() -> None:
 
 def test_a_couple_of_tangential_forces_is_a_torque() -> None:
     force = pressed((-8.0, 3.0, 4.0, 1.0))
-    arm = LATTICE.place_mm[:, 0] + 8.0
+    arm = NODES.place_mm[:, 0] + 8.0
     force[:, 1] = 0.1 * -force[:, 2] * arm
     inertia = float((-force[:, 2] * arm**2).sum())
-    found = FIND(LATTICE, force)
+    found = FIND(NODES, force)
     assert found.torque_mm3[0] == pytest.approx(0.1 * inertia, rel=1e-9)
 
 
 def test_the_strongest_comes_first_and_two_that_are_apart_are_two() -> None:
-    found = FIND(LATTICE, pressed((-16.0, 0.0, 3.0, 0.5), (12.0, 8.0, 3.0, 1.5)))
+    found = FIND(NODES, pressed((-16.0, 0.0, 3.0, 0.5), (12.0, 8.0, 3.0, 1.5)))
     np.testing.assert_allclose(-found.force_mm2[:, 2], [1.5, 0.5], rtol=1e-6)
     np.testing.assert_allclose(found.centre_mm, [[12.0, 8.0], [-16.0, 0.0]], atol=1e-6)
     assert set(np.unique(found.label)) == {-1, 0, 1}
@@ -49,30 +49,30 @@ def test_the_strongest_comes_first_and_two_that_are_apart_are_two() -> None:
 @pytest.mark.parametrize(("gap_mm", "count"), [(5.0, 1), (14.0, 2)])
 def test_a_shallow_saddle_joins(gap_mm: float, count: int) -> None:
     force = pressed((-gap_mm / 2, 0.0, 3.0, 1.0), (gap_mm / 2, 0.0, 3.0, 1.0))
-    found = FIND(LATTICE, force)
+    found = FIND(NODES, force)
     assert len(found) == count
     assert -found.force_mm2[:, 2].sum() == pytest.approx(2.0)
 
 
 def test_weak_clusters_and_those_near_the_clamp_are_left_out() -> None:
     strong, weak, ghost = (0.0, 0.0, 3.0, 2.0), (20.0, 20.0, 3.0, 0.05), (41.0, 0.0, 2.0, 0.5)
-    found = FIND(LATTICE, pressed(strong, weak, ghost))
+    found = FIND(NODES, pressed(strong, weak, ghost))
     assert len(found) == 1
     assert set(np.unique(found.label)) == {-1, 0}
 
 
 def test_no_forces_make_no_clusters() -> None:
-    found = FIND(LATTICE, np.zeros((SHAPE[0] * SHAPE[1], 3)))
+    found = FIND(NODES, np.zeros((SHAPE[0] * SHAPE[1], 3)))
     assert isinstance(found, Clusters)
     assert len(found) == 0
-    assert len(FIND(LATTICE, -pressed((0.0, 0.0, 4.0, 1.0)))) == 0
+    assert len(FIND(NODES, -pressed((0.0, 0.0, 4.0, 1.0)))) == 0
 
 
 def test_both_orders_of_the_nodes_are_treated_alike() -> None:
     turn = np.arange(SHAPE[0] * SHAPE[1]).reshape(SHAPE).T.ravel()
-    turned = replace(LATTICE, shape=SHAPE[::-1], place_mm=LATTICE.place_mm[turn])
+    turned = replace(NODES, shape=SHAPE[::-1], place_mm=NODES.place_mm[turn])
     force = pressed((-16.0, 4.0, 3.0, 0.5), (12.0, 8.0, 5.0, 1.5))
-    found, other = FIND(LATTICE, force), FIND(turned, force[turn])
+    found, other = FIND(NODES, force), FIND(turned, force[turn])
     np.testing.assert_allclose(other.centre_mm, found.centre_mm)
     np.testing.assert_allclose(other.area_mm2, found.area_mm2)
     np.testing.assert_array_equal(other.label, found.label[turn])
@@ -81,9 +81,9 @@ def test_both_orders_of_the_nodes_are_treated_alike() -> None:
 def test_a_weak_press_near_a_strong_one_keeps_its_outer_nodes() -> None:
     # nodes behind the weak peak must not join the strong one, whose slope surrounds it
     force = pressed((-8.0, 0.0, 3.0, 1.0), (8.0, 0.0, 3.0, 0.3))
-    force[:, 2] -= 0.004 * np.exp(-0.5 * ((LATTICE.place_mm / 12.0) ** 2).sum(axis=1))
-    found = FIND(LATTICE, force)
+    force[:, 2] -= 0.004 * np.exp(-0.5 * ((NODES.place_mm / 12.0) ** 2).sum(axis=1))
+    found = FIND(NODES, force)
     assert len(found) == 2
-    behind = LATTICE.place_mm[found.label == 0, 0]
+    behind = NODES.place_mm[found.label == 0, 0]
     assert behind.max() < 6.0
     np.testing.assert_allclose(found.centre_mm, [[-8.0, 0.0], [8.0, 0.0]], atol=0.8)

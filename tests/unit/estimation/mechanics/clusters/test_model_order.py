@@ -12,7 +12,7 @@ from manytouch.estimation.mechanics.clusters.model_order import ModelOrder
 from manytouch.estimation.mechanics.clusters.patch_kernels import node_grid
 from manytouch.geometry.spline.patch import SplinePatch
 from spline_loads import PATCH, SHAPE, SHEAR_MM2
-from spline_loads import SHEARED as LATTICE
+from spline_loads import SHEARED as NODES
 from spline_loads import pressed as pressed_thin
 
 pressed = partial(pressed_thin, shear_mm2=SHEAR_MM2)
@@ -43,9 +43,7 @@ def evidence_of(force_mm2: np.ndarray, noise_mm2: float = NOISE_MM2, patch: Spli
 
 
 def split(force_mm2: np.ndarray, previous_mm: np.ndarray = NONE_BEFORE) -> Clusters:
-    return ORDER(
-        LATTICE, force_mm2, CLUSTER(LATTICE, force_mm2), previous_mm, evidence_at=evidence_of(force_mm2)
-    )
+    return ORDER(NODES, force_mm2, CLUSTER(NODES, force_mm2), previous_mm, evidence_at=evidence_of(force_mm2))
 
 
 @pytest.mark.parametrize("share", [1.0, 0.3])
@@ -54,7 +52,7 @@ def split(force_mm2: np.ndarray, previous_mm: np.ndarray = NONE_BEFORE) -> Clust
 def test_two_narrow_presses_are_two_contacts(share: float, angle: float, half_mm: float) -> None:
     way = half_mm * np.array([np.cos(angle), np.sin(angle)])
     force = pressed((*(way + 1.0), 1.0, 1.0), (*(1.0 - way), 1.0, share))
-    assert len(CLUSTER(LATTICE, force)) == 1
+    assert len(CLUSTER(NODES, force)) == 1
     found = split(force)
     assert len(found) == 2
     ends = found.centre_mm if share < 1.0 else found.centre_mm[np.argsort(-found.centre_mm @ way)]
@@ -69,7 +67,7 @@ def test_two_contacts_of_which_one_is_not_on_the_sheet_are_one(shift_mm: float, 
     force = pressed((-4.0, 0.0, 1.0, 1.0), (4.0, 0.0, 1.0, 1.0))
     patch = replace(PATCH, centre_mm=(shift_mm, 0.0))
     found = ORDER(
-        LATTICE, force, CLUSTER(LATTICE, force), NONE_BEFORE, evidence_at=evidence_of(force, patch=patch)
+        NODES, force, CLUSTER(NODES, force), NONE_BEFORE, evidence_at=evidence_of(force, patch=patch)
     )
     assert len(found) == count
 
@@ -86,7 +84,7 @@ def test_a_flat_finger_is_one_contact(half_mm: float) -> None:
         angle, (x, y) = chance.uniform(0.0, np.pi), chance.uniform(-2.0, 2.0, 2)
         along = np.linspace(-half_mm, half_mm, 13)
         bar = pressed(*((x + s * np.cos(angle), y + s * np.sin(angle), 3.0, 0.1) for s in along))
-        assert len(CLUSTER(LATTICE, bar)) == 1
+        assert len(CLUSTER(NODES, bar)) == 1
         assert len(split(bar)) == 1
 
 
@@ -94,7 +92,7 @@ def test_a_flat_finger_is_one_contact(half_mm: float) -> None:
 def test_a_bar_whose_force_is_not_determined_is_a_patch(min_bar_stds: float, is_face: bool) -> None:
     bar = pressed(*((s, 0.0, 2.0, 0.1 + 0.1 * (abs(s) > 7.0)) for s in np.linspace(-9.0, 9.0, 13)))
     order = ModelOrder(min_bar_stds=min_bar_stds)
-    found = order(LATTICE, bar, CLUSTER(LATTICE, bar), NONE_BEFORE, evidence_at=evidence_of(bar))
+    found = order(NODES, bar, CLUSTER(NODES, bar), NONE_BEFORE, evidence_at=evidence_of(bar))
     assert found.is_face.tolist() == [is_face]
     assert found.normal_mm2[0] == pytest.approx(-bar[:, 2].sum(), rel=0.05)
     assert np.isfinite(found.covariance).all()
@@ -113,7 +111,7 @@ def test_two_contacts_of_the_previous_frame_have_lower_limits() -> None:
 
 def test_other_clusters_keep_centre_and_force() -> None:
     force = pressed((-20.0, -10.0, 2.0, 3.0), (8.0, 8.0, 1.0, 1.0), (16.0, 8.0, 1.0, 1.0))
-    before, after = CLUSTER(LATTICE, force), split(force)
+    before, after = CLUSTER(NODES, force), split(force)
     assert (len(before), len(after)) == (2, 3)
     np.testing.assert_allclose(after.centre_mm[0], before.centre_mm[0], atol=0.02)
     np.testing.assert_allclose(after.normal_mm2, [3.0, 1.0, 1.0], rtol=0.02)
@@ -125,8 +123,8 @@ def test_a_centre_follows_the_evidence_and_not_the_prior() -> None:
     highest = int(np.argmin(true[:, 2]))
     drawn[:, 2] *= 0.8
     drawn[highest, 2] += 0.2 * true[:, 2].sum()
-    clusters = CLUSTER(LATTICE, drawn)
-    found = ORDER(LATTICE, drawn, clusters, NONE_BEFORE, evidence_at=evidence_of(true))
+    clusters = CLUSTER(NODES, drawn)
+    found = ORDER(NODES, drawn, clusters, NONE_BEFORE, evidence_at=evidence_of(true))
     assert np.linalg.norm(clusters.centre_mm[0] - [1.3, 0.8]) > 0.2
     np.testing.assert_allclose(found.centre_mm[0], [1.3, 0.8], atol=0.05)
     assert found.torque_mm3[0] == pytest.approx(0.0, abs=0.01)
@@ -135,12 +133,12 @@ def test_a_centre_follows_the_evidence_and_not_the_prior() -> None:
 def test_a_patch_that_lies_beyond_the_nodes_of_the_evidence_does_not_count() -> None:
     """Nothing limits its force there: the forces of the nodes are those of the cluster."""
     whole = pressed((0.0, 0.0, 6.0, 1.0))
-    is_seen = LATTICE.place_mm[:, 0] < 2.0
+    is_seen = NODES.place_mm[:, 0] < 2.0
     part = np.where(is_seen[:, None], whole, 0.0)
     evidence_at = evidence_of(whole)
-    clusters = CLUSTER(LATTICE, part)
+    clusters = CLUSTER(NODES, part)
     found = ORDER(
-        LATTICE, part, clusters, NONE_BEFORE, evidence_at=lambda node: evidence_at(node[is_seen[node]])
+        NODES, part, clusters, NONE_BEFORE, evidence_at=lambda node: evidence_at(node[is_seen[node]])
     )
     assert 0.55 < clusters.normal_mm2[0] < 0.75
     assert found.normal_mm2[0] == pytest.approx(clusters.normal_mm2[0])
@@ -150,8 +148,8 @@ def test_a_patch_that_lies_beyond_the_nodes_of_the_evidence_does_not_count() -> 
 
 def test_clusters_without_evidence_do_not_change() -> None:
     force = pressed((-4.5, 0.0, 1.0, 1.0), (4.5, 0.0, 1.0, 1.0))
-    clusters = CLUSTER(LATTICE, force)
-    found = ORDER(LATTICE, force, clusters, NONE_BEFORE, evidence_at=lambda _: None)
+    clusters = CLUSTER(NODES, force)
+    found = ORDER(NODES, force, clusters, NONE_BEFORE, evidence_at=lambda _: None)
     np.testing.assert_array_equal(found.centre_mm, clusters.centre_mm)
 
 
@@ -166,8 +164,8 @@ def test_the_area_of_a_wide_press(radius_mm: float) -> None:
 def test_a_patch_has_the_force_of_the_evidence(press: tuple[float, float]) -> None:
     """And not that of the nodal forces, which the sparse prior makes too small."""
     true = pressed((1.3, 0.8, *press))
-    clusters = CLUSTER(LATTICE, 0.7 * true)
-    found = ORDER(LATTICE, 0.7 * true, clusters, NONE_BEFORE, evidence_at=evidence_of(true))
+    clusters = CLUSTER(NODES, 0.7 * true)
+    found = ORDER(NODES, 0.7 * true, clusters, NONE_BEFORE, evidence_at=evidence_of(true))
     assert clusters.normal_mm2[0] == pytest.approx(0.7 * press[1], rel=0.08)
     assert found.normal_mm2[0] == pytest.approx(press[1], rel=0.02)
     assert np.nansum(found.fitted_mm2) == pytest.approx(found.normal_mm2[0], rel=0.01)

@@ -41,7 +41,7 @@ def joined(place_mm: np.ndarray, depth_mm: list[float], force_mm2: list[float]) 
     """What becomes of forces at some places of a sheet that is everywhere as deep as at the nearest place."""
     model = MechanicsEstimator().start(slack_sensor()).model
     coefficient_mm = np.zeros((model.patch.node_count, 3))
-    away_mm = np.linalg.norm(model.lattice.place_mm[:, None] - place_mm, axis=2)
+    away_mm = np.linalg.norm(model.nodes.place_mm[:, None] - place_mm, axis=2)
     coefficient_mm[:, 2] = -np.array(depth_mm)[away_mm.argmin(axis=1)]
     node = away_mm.argmin(axis=0)
     nodal_mm2, label = np.zeros_like(coefficient_mm), np.full(len(coefficient_mm), -1)
@@ -49,7 +49,7 @@ def joined(place_mm: np.ndarray, depth_mm: list[float], force_mm2: list[float]) 
     return RigidFaces()(
         model,
         coefficient_mm,
-        cluster_moments(model.lattice, nodal_mm2, label),
+        cluster_moments(model.nodes, nodal_mm2, label),
         np.zeros((0, 2)),
         lambda node: None,
     )

@@ -1,4 +1,4 @@
-"""The nodes of a sheet, as what is computed from their forces needs them."""
+"""Places and units of the nodes of a sheet, for what is computed from their forces."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ from jaxtyping import Float64
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class ForceLattice:
-    """The nodes of a sheet, as force clusters need them.
+class ForceNodes:
+    """The nodes of a sheet (`geometry.spline.patch`), as force clusters need them.
 
     Attributes:
         shape: (slow, fast) of the nodes.
