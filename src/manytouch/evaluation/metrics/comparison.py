@@ -17,7 +17,7 @@ from manytouch.evaluation.metrics.coverage import coverages
 from manytouch.evaluation.metrics.depth import DepthSamples, depth_figures, depth_samples, error_against_depth
 from manytouch.evaluation.metrics.latency import latency_figures
 from manytouch.evaluation.metrics.markers import DotSamples, dot_figures, dot_samples
-from manytouch.evaluation.metrics.matching import FAINT_MM, GATE_MM, PITCH_MM
+from manytouch.evaluation.metrics.matching import GATE_MM, PITCH_MM, REQUIRED_MM
 from manytouch.evaluation.metrics.separation import (
     RATIOS,
     SeparationSamples,
@@ -98,7 +98,7 @@ def compare(
             f"(frames {_span(truth)}) have no frame in common; give the truth of the same recording"
         )
     true, given = _only(truth, shared), _only(estimated, shared)
-    gate_mm, faint_mm = gates(truth.unit)
+    gate_mm, required_mm = gates(truth.unit)
     return MethodErrors(
         name=estimated.name,
         method=estimated.method,
@@ -108,8 +108,10 @@ def compare(
         failed=sum(word != "ok" for word in given.status),
         dots=dot_samples(true, given),
         depth=depth_samples(true, given),
-        contacts=contact_samples(true.contacts, given.contacts, gate_mm=gate_mm, faint_mm=faint_mm),
-        separation=separation_samples(true.contacts, given.contacts, gate_mm=gate_mm, faint_mm=faint_mm),
+        contacts=contact_samples(true.contacts, given.contacts, gate_mm=gate_mm, required_mm=required_mm),
+        separation=separation_samples(
+            true.contacts, given.contacts, gate_mm=gate_mm, required_mm=required_mm
+        ),
         milliseconds=given.milliseconds,
         worst=find_worst_frame(true, given, gate_mm=gate_mm, picture=picture),
         notes=_notes(truth, estimated, len(shared)),
@@ -119,7 +121,7 @@ def compare(
 def gates(unit: LengthUnit) -> tuple[float, float]:
     """How near an estimated contact must be, and from which depth on a true one must be found."""
     scale = 1.0 if unit == "mm" else 1.0 / PITCH_MM
-    return GATE_MM * scale, FAINT_MM * scale
+    return GATE_MM * scale, REQUIRED_MM * scale
 
 
 def pooled(comparisons: Sequence[MethodErrors], name: str) -> MethodErrors:

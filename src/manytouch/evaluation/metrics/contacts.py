@@ -7,13 +7,13 @@ from jaxtyping import Float64
 
 from manytouch.evaluation.metrics.depth import percentile
 from manytouch.evaluation.metrics.markers import ratio
-from manytouch.evaluation.metrics.matching import GATE_MM, ContactPairs, match_contacts
+from manytouch.evaluation.metrics.matching import GATE_MM, REQUIRED_MM, ContactPairs, match_contacts
 from manytouch.evaluation.records.record import ContactRows, subset
 from manytouch.values.arrays import Mask, Points2, Scalars
 
 SMALLEST_N = 0.05  # below it relative errors are not computed
 FRICTION = 0.15  # least ratio of shear to normal force of a contact with friction
-FAINT_BAND_MM = (0.15, 0.5)
+FAINT_BAND_MM = (0.15, 0.5)  # depths of contacts whose figures are named `faint_...`
 LONG = 1.3
 
 
@@ -73,13 +73,13 @@ class ContactSamples:
 
 
 def contact_samples(
-    truth: ContactRows, estimated: ContactRows, *, gate_mm: float = GATE_MM, faint_mm: float = 0.3
+    truth: ContactRows, estimated: ContactRows, *, gate_mm: float = GATE_MM, required_mm: float = REQUIRED_MM
 ) -> ContactSamples:
-    """Compare contacts of the same frames, see `match_contacts` for who belongs to whom."""
-    pairs = match_contacts(truth, estimated, gate_mm=gate_mm, faint_mm=faint_mm)
+    """Compare contacts of the same frames, which `match_contacts` pairs."""
+    pairs = match_contacts(truth, estimated, gate_mm=gate_mm, required_mm=required_mm)
     mine, theirs = subset(truth, pairs.true_row), subset(estimated, pairs.estimated_row)
-    every_true = np.concatenate([pairs.true_row, pairs.faint_true_row])
-    every_given = np.concatenate([pairs.estimated_row, pairs.faint_estimated_row])
+    every_true = np.concatenate([pairs.true_row, pairs.optional_true_row])
+    every_given = np.concatenate([pairs.estimated_row, pairs.optional_estimated_row])
     is_faint = _is_faint(truth.depth_mm, gate_mm / GATE_MM)
     found_faint = is_faint[every_true]
     is_read_out = np.isfinite(mine.half_axes_mm).all(axis=1)

@@ -16,7 +16,8 @@ GATE_SHARE = 0.2
 ON_IT = 1.25
 """An estimate is on a contact within its uniform ellipse times this: the corners of a square are at 1.22."""
 PITCH_MM = 4.0  # of the sheet for which the gate was chosen; in pitches it is 3 mm of 4 mm
-FAINT_MM = 0.3
+REQUIRED_MM = 0.3
+"""Depth from which on a true contact must be found."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -25,10 +26,11 @@ class ContactPairs:
 
     Attributes:
         true_row, estimated_row: (k,) of each pair.
-        is_required: true contacts that must be found; the others are too faint to be required.
-        is_counted: estimated contacts that are right or wrong; the others sit on a faint true one.
+        is_required: true contacts that must be found; the others are not deep enough to be required.
+        is_counted: estimated contacts that are right or wrong; the others are paired with a true contact that
+            is not required.
         is_split: true contacts that must be found and on which several estimates stand.
-        faint_true_row, faint_estimated_row: (l,) of pairs whose true contact is too faint to be required.
+        optional_true_row, optional_estimated_row: (l,) of pairs whose true contact is not required.
     """
 
     true_row: Counts
@@ -36,8 +38,8 @@ class ContactPairs:
     is_required: Bool[np.ndarray, " t"]
     is_counted: Bool[np.ndarray, " e"]
     is_split: Bool[np.ndarray, " t"]
-    faint_true_row: Int64[np.ndarray, " l"]
-    faint_estimated_row: Int64[np.ndarray, " l"]
+    optional_true_row: Int64[np.ndarray, " l"]
+    optional_estimated_row: Int64[np.ndarray, " l"]
 
 
 def assigned(distance: Float64[np.ndarray, "a b"], gate: float) -> Int64[np.ndarray, "k 2"]:
@@ -60,16 +62,16 @@ def gates_of(truth: ContactRows, gate_mm: float) -> Scalars:
 
 
 def match_contacts(
-    truth: ContactRows, estimated: ContactRows, *, gate_mm: float = GATE_MM, faint_mm: float = FAINT_MM
+    truth: ContactRows, estimated: ContactRows, *, gate_mm: float = GATE_MM, required_mm: float = REQUIRED_MM
 ) -> ContactPairs:
     """Pair the contacts of each frame by the distance of their centres.
 
     An estimate is near enough within `gate_mm`, or within `GATE_SHARE` of the half major axis of the true
     contact where that is more.
 
-    A true contact that presses less than `faint_mm` deep need not be found, and who finds it is not
-    wrong: it takes part in the pairing and is then left out of both counts. Where its depth is not
-    known it must be found.
+    A true contact that presses less than `required_mm` deep need not be found, and an estimate of it is not
+    wrong: both take part in the pairing and are then left out of both counts. A true contact whose depth is
+    not known must be found.
     """
     true_rows, estimated_rows = [], []
     is_split = np.zeros(len(truth.frame), dtype=bool)
@@ -83,7 +85,7 @@ def match_contacts(
         estimated_rows.append(theirs[pair[:, 1]])
     true_row = np.concatenate([np.zeros(0, np.int64), *true_rows])
     estimated_row = np.concatenate([np.zeros(0, np.int64), *estimated_rows])
-    is_required = ~(truth.depth_mm < faint_mm)
+    is_required = ~(truth.depth_mm < required_mm)
     is_counted = np.ones(len(estimated.frame), dtype=bool)
     is_counted[estimated_row] = is_required[true_row]
     kept = is_required[true_row]
@@ -93,8 +95,8 @@ def match_contacts(
         is_required=read_only(is_required),
         is_counted=read_only(is_counted),
         is_split=read_only(is_split & is_required),
-        faint_true_row=read_only(true_row[~kept]),
-        faint_estimated_row=read_only(estimated_row[~kept]),
+        optional_true_row=read_only(true_row[~kept]),
+        optional_estimated_row=read_only(estimated_row[~kept]),
     )
 
 
@@ -106,7 +108,7 @@ def _split(  # noqa: PLR0917 - rows of one frame
     pair: Int64[np.ndarray, "k 2"],
     gate_mm: float,
 ) -> Bool[np.ndarray, " a"]:
-    """Of each true contact of a frame: do several estimates stand on it?
+    """(a,) whether several estimates belong to each true contact of a frame.
 
     An estimate of a pair stands on the contact of that pair, any other on the nearest true contact, if it is
     on it or within the gate.

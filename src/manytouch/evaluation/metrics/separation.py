@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from manytouch.evaluation.metrics.matching import GATE_MM, assigned, rows_of
+from manytouch.evaluation.metrics.matching import GATE_MM, REQUIRED_MM, assigned, rows_of
 from manytouch.evaluation.records.record import ContactRows
 from manytouch.values.arrays import Mask, Scalars
 
@@ -49,9 +49,9 @@ class SeparationCurve:
 
 
 def separation_samples(
-    truth: ContactRows, estimated: ContactRows, *, gate_mm: float = GATE_MM, faint_mm: float = 0.3
+    truth: ContactRows, estimated: ContactRows, *, gate_mm: float = GATE_MM, required_mm: float = REQUIRED_MM
 ) -> SeparationSamples:
-    """Look at the frames in which two contacts touch, both at least `faint_mm` deep.
+    """Look at the frames in which two contacts touch, both at least `required_mm` deep.
 
     They are resolved when each has an estimate of its own, nearer to it than the gate and than half
     their distance, and no third estimate lies within their distance of the point halfway between them.
@@ -59,7 +59,7 @@ def separation_samples(
     distances, ratios, resolved = [], [], []
     for frame in np.unique(truth.frame):
         two = rows_of(truth, int(frame))
-        if len(two) != 2 or (truth.depth_mm[two] < faint_mm).any():
+        if len(two) != 2 or (truth.depth_mm[two] < required_mm).any():
             continue
         centre = truth.centre_mm[two]
         distance = float(np.linalg.norm(centre[1] - centre[0]))

@@ -20,16 +20,16 @@ class WorstFrame:
     """A frame of a recording.
 
     Attributes:
-        recording, method: which recording, read by whom.
+        recording, method: which recording, and the method that estimated it.
         frame: its number.
         rmse_mm: of the depth over the sheet.
         place: (m, 2) of the markers at rest, in `place_unit`.
         place_unit: "mm", "pitch", "column" or "px".
         true_mm, estimated_mm: (m,) depth at the markers, NaN where not given.
         true_contact_mm: (t, 2) centres of the true contacts.
-        is_found: (t,) does an estimate stand on it?
+        is_found: (t,) whether an estimate is paired with it.
         contact_mm: (e, 2) centres of the estimated ones.
-        is_right: (e,) does it stand on a true one?
+        is_right: (e,) whether it is paired with a true one.
         picture: (h, w) or (h, w, 3) of the camera, or None.
     """
 

@@ -15,7 +15,7 @@ from manytouch.evaluation.records.record import (
     EvaluationError,
     EvaluationRecord,
     contact_rows,
-    rest_of,
+    display_name,
 )
 from manytouch.values import LengthUnit
 from manytouch.values.arrays import read_only
@@ -89,7 +89,7 @@ def _load(folder: Path, what: str, *, method: str) -> EvaluationRecord:
     milliseconds = np.full(len(number), np.nan)
     milliseconds[np.searchsorted(number, frames["frame"])] = frames["milliseconds"]
     return EvaluationRecord(
-        name=rest_of(folder),
+        name=display_name(folder),
         method=method,
         unit=unit,
         frame=read_only(number),

@@ -52,10 +52,10 @@ class ContactRows:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class EvaluationRecord:
-    """One recording, as a method read it or as it truly was: f frames, m markers. NaN is not given.
+    """One recording, as a method estimated it or its truth: f frames, m markers. NaN is not given.
 
     Attributes:
-        name: for people: the folder, or the case.
+        name: shown in messages and reports: of the folder, or of the case.
         method: which method it comes from; empty for a truth.
         unit: of everything named _mm.
         frame: (f,) numbers of its frames, ascending.
@@ -134,7 +134,7 @@ def subset(rows: ContactRows, chosen: np.ndarray) -> ContactRows:
     )
 
 
-def rest_of(folder: Path) -> str:
-    """A folder's name for people; its parent's where it is only called truth."""
+def display_name(folder: Path) -> str:
+    """How a folder is called in messages and reports: by its name; a folder `truth` also by its parent's."""
     path = folder.resolve()
     return f"{path.parent.name}/{path.name}" if path.name == "truth" else path.name

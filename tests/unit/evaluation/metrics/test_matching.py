@@ -45,7 +45,7 @@ def test_contacts_pair_within_their_frame_only(contact_table: Table) -> None:
     assert (pairs.true_row.tolist(), pairs.estimated_row.tolist()) == ([1], [1])
 
 
-def test_a_faint_contact_need_not_be_found_and_finding_it_is_not_wrong(contact_table: Table) -> None:
+def test_a_contact_that_is_not_required_may_be_found(contact_table: Table) -> None:
     truth = contact_table([(0, 1, 0.0, 0.0, 0.1), (0, 2, 20.0, 0.0, 2.0)])
     estimated = contact_table([(0, 5, 0.5, 0.0, 0.2), (0, 6, 20.5, 0.0, 2.0), (0, 7, -30.0, 0.0, 2.0)])
     pairs = match_contacts(truth, estimated)
