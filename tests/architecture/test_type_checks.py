@@ -14,7 +14,7 @@ import type_checks
 from manytouch.detection.images import level_scale
 from manytouch.tracking import MarkerTracker
 from manytouch.values import Surface
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 
 
 @pytest.fixture(autouse=True)

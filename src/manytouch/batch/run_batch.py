@@ -23,7 +23,7 @@ from manytouch.errors import ManytouchError, OutputError
 from manytouch.session.run import StopCondition
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.folder_lock import FolderInUseError, FolderLock
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 
 BUSY_POLL_S = 2.0
 

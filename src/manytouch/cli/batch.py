@@ -216,7 +216,7 @@ def _to_do(tasks: "Sequence[Task]", settings: "Settings") -> "list[Task]":
 
 
 def _print_plan(tasks: "Sequence[Task]", settings: "Settings", slurm: Path | None) -> int:
-    from manytouch.values.arrays import count_of
+    from manytouch.values.display.text import count_of
 
     to_do = _to_do(tasks, settings)
     for task in to_do:

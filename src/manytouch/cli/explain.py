@@ -53,7 +53,7 @@ def explain(
     from manytouch.session import prepare
     from manytouch.session.results import require_finite
     from manytouch.sinks.files.atomic_output import check_writable
-    from manytouch.values.arrays import count_of
+    from manytouch.values.display.text import count_of
 
     require_packages()
     require_finite(video)

@@ -45,7 +45,7 @@ def simulate(
     from manytouch.simulation.solve_scene import simulator, solve_scene, state_count, states_folder
     from manytouch.sinks.files.atomic_output import check_writable
     from manytouch.sinks.files.simulated.simulated_folder import SimulatedFolder
-    from manytouch.values.arrays import count_of
+    from manytouch.values.display.text import count_of
 
     path = scene_path(scene)
     if is_board_scene(path):

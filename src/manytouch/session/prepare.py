@@ -27,7 +27,7 @@ from manytouch.sources import Source, open_source
 from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.source import ASSUMED_FPS, close
 from manytouch.values import Frame, Reading, Roi, Sensor
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 from manytouch.values.sensor_file import load_sensor
 
 REST_FRAMES = 15

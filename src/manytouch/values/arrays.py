@@ -33,13 +33,9 @@ def read_only(array: Array) -> Array:
 
 
 def read_only_view(array: Array) -> Array:
-    """The same numbers in another array, which is not writable.
+    """A view of the array that is not writable; the array itself stays as it is (no copy).
 
-    A compiled function that gets an array sometimes so, sometimes writable, is compiled twice.
+    numba compiles a function once for writable arrays and once more for read-only ones: pass it always the
+    same kind.
     """
     return read_only(array.view())
-
-
-def count_of(count: int, noun: str) -> str:
-    """A count with its noun, such as "1 contact" or "2 contacts"."""
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -8,8 +8,9 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.errors import ManytouchError
-from manytouch.values.arrays import Points2, count_of
+from manytouch.values.arrays import Points2
 from manytouch.values.display.html import columns_table, with_std
+from manytouch.values.display.text import count_of
 from manytouch.values.status import Status
 
 ESTIMATES = ("x", "y", "depth", "shear_x", "shear_y", "normal_force", "torque", "area")

@@ -2,7 +2,8 @@
 
 from dataclasses import dataclass
 
-from manytouch.values.arrays import Covariances2, Points2, Scalars, count_of
+from manytouch.values.arrays import Covariances2, Points2, Scalars
+from manytouch.values.display.text import count_of
 from manytouch.values.status import Status
 
 

@@ -3,10 +3,10 @@
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Optional
 
-from manytouch.values.arrays import count_of
 from manytouch.values.contacts import Contacts
 from manytouch.values.detections import Detections
 from manytouch.values.display.html import facts_table
+from manytouch.values.display.text import count_of
 from manytouch.values.frame import Frame
 from manytouch.values.grid import TrackedGrid
 from manytouch.values.status import Status

@@ -7,7 +7,8 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.errors import ManytouchError
-from manytouch.values.arrays import Covariances3, Points3, count_of
+from manytouch.values.arrays import Covariances3, Points3
+from manytouch.values.display.text import count_of
 from manytouch.values.sensor import Layout
 from manytouch.values.status import Status
 

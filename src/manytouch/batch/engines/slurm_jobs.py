@@ -11,7 +11,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from manytouch.batch.engines.dask_scheduler import DaskEngine
 from manytouch.batch.engines.worker_wait import WorkerWait
 from manytouch.errors import ManytouchError, MissingExtraError
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 from manytouch.values.sensor_file.sections import all_mistakes
 from manytouch.values.sensor_file.toml_file import read_toml
 

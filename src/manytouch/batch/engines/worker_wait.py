@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from manytouch.errors import ManytouchError
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 
 LONGEST_WAIT_H = 24.0
 """Longest time without any worker, in hours: jobs of a busy cluster begin after hours."""

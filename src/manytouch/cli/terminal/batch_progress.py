@@ -8,7 +8,7 @@ from manytouch.batch.completion import MISSING
 from manytouch.batch.run_batch import BatchReport
 from manytouch.batch.tasks import Outcome, TaskState
 from manytouch.cli.terminal.console import PLAIN_EVERY_S, progress_bar
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 
 
 class BatchProgress:

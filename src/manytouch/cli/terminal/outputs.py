@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from manytouch.values import Health
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 
 if TYPE_CHECKING:
     from manytouch.pipeline import Controls

@@ -9,7 +9,7 @@ from rich.console import Console
 from manytouch.cli.terminal.failures import usage_error
 from manytouch.rigs.rig_contact import RigContact
 from manytouch.values import Phase
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 
 
 class RigLog:

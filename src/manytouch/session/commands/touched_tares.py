@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from manytouch.session.commands.tare import TareTime
 from manytouch.values import Reading
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 
 KEPT_FRAMES = 10_000
 """Touched frames that are known when a tare takes effect, which may be seconds after its frames."""

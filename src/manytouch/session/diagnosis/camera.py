@@ -9,7 +9,7 @@ from pathlib import Path
 
 from manytouch.sources.source import Source
 from manytouch.values import Health, Setting
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 
 MEASURED_FRAMES = 45
 _DEVICES = Path("/sys/class/video4linux")

@@ -19,7 +19,8 @@ from manytouch.session.prepare import REST_FRAMES, can_be_read_twice, require_re
 from manytouch.sources import Source, open_source
 from manytouch.sources.source import close
 from manytouch.values import Detections, Frame, Roi
-from manytouch.values.arrays import Scalars, count_of
+from manytouch.values.arrays import Scalars
+from manytouch.values.display.text import count_of
 
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1

@@ -20,7 +20,7 @@ from manytouch.sinks.files.sensor_description import estimated_pretension, layou
 from manytouch.sinks.files.tables import WITHOUT_SHEET, method_of
 from manytouch.sinks.force_counts import ForceCounts
 from manytouch.values import LengthUnit, Reading, Roi, Sensor, SheetSpline, Status
-from manytouch.values.arrays import count_of
+from manytouch.values.display.text import count_of
 
 SCHEMA = 1
 SHORTEST_REST_S = 0.5  # before the first contact, for rest positions from the first frames

@@ -1,4 +1,4 @@
-"""How values are shown in notebooks: HTML tables, and drawings with matplotlib.
+"""How values are shown: HTML tables and drawings with matplotlib in notebooks, and words for counts.
 
 Plots of whole results are in `manytouch.analysis`.
 """
