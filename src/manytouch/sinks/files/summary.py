@@ -15,7 +15,8 @@ import manytouch
 from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.hashing import result_hash
-from manytouch.sinks.files.rest_noise import EndShift, RestNoise
+from manytouch.sinks.files.rest.end_shift import EndShift
+from manytouch.sinks.files.rest.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import estimated_pretension, layout_of, sensor_to_dict, view_mm
 from manytouch.sinks.files.tables import WITHOUT_SHEET, method_of
 from manytouch.sinks.force_counts import ForceCounts
@@ -303,7 +304,7 @@ def installed(package: str) -> str | None:
 
 
 def parameters(pipeline: Pipeline) -> dict[str, Any]:
-    """The parameters of every stage, by its name; those of the interpolation are with the estimation."""
+    """The parameters of every stage by its name; how surfaces are evaluated is among those of `estimate`."""
     stages = {"detect": pipeline.detect, "track": pipeline.track, "estimate": pipeline.estimate}
     found: dict[str, Any] = {
         name: {"type": type(stage).__name__, **_plain(stage)} for name, stage in stages.items()

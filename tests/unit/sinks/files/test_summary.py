@@ -1,4 +1,4 @@
-"""Content of summary.json, and the noise of markers at rest."""
+"""Content of summary.json."""
 
 import datetime
 import json
@@ -13,54 +13,9 @@ from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sinks.files.hashing import result_hash
-from manytouch.sinks.files.rest_noise import RestNoise
 from manytouch.sinks.files.sensor_description import describe_sensor, describe_view, pitch_px
 from manytouch.sinks.files.summary import Summary, parameters
 from manytouch.values import Phase, Roi, Sheet, SheetSpline, Status
-
-
-def noise_of(readings, markers=24):
-    noise = RestNoise(markers)
-    for reading in readings:
-        noise.add(reading)
-    return noise.per_marker_px()
-
-
-def shaken(reading_of, count, sigma_px, **settings):
-    chance = np.random.default_rng(3)
-    return [reading_of(i, shift_px=tuple(chance.normal(0, sigma_px, 2)), **settings) for i in range(count)]
-
-
-def test_noise_is_the_deviation_of_one_coordinate(reading_of):
-    noise = noise_of(shaken(reading_of, 400, 0.2))
-    assert np.isnan(noise[9])  # the missing one
-    assert noise[np.arange(24) != 9] == pytest.approx(0.2, rel=0.1)
-
-
-def test_creep_and_touches_that_were_not_found_are_not_noise(reading_of):
-    chance = np.random.default_rng(5)
-    at_rest = [tuple(chance.normal(0, 0.1, 2)) for _ in range(300)]
-    there = noise_of([reading_of(i, shift_px=shift) for i, shift in enumerate(at_rest)])[0]
-    creep = [(0.003 * i + x, y) for i, (x, y) in enumerate(at_rest)]
-    touched = [(x + 20 * (100 <= i < 160 and i % 7), y) for i, (x, y) in enumerate(at_rest)]
-    for moved in (creep, touched):
-        noise = noise_of([reading_of(i, shift_px=shift) for i, shift in enumerate(moved)])[0]
-        assert noise == pytest.approx(there, rel=0.2)
-
-
-def test_noise_does_not_count_that_the_sheet_rests_elsewhere_after_a_press(reading_of, contact_of):
-    before = [reading_of(i, shift_px=(0.1 * (i % 3), 0.0)) for i in range(9)]
-    press = [reading_of(10, (contact_of(),), shift_px=(30.0, 0.0))]
-    after = [reading_of(i, shift_px=(7 + 0.1 * (i % 3), 5.0)) for i in range(11, 17)]
-    there = noise_of(before)[0]
-    assert there > 0
-    assert noise_of(before + press + after)[0] == pytest.approx(there, rel=1e-9)
-
-
-def test_frames_that_failed_are_no_rest(reading_of):
-    failed = [reading_of(i, shift_px=(9.0 * i, 0.0), status=Status.BLURRED) for i in (2, 3, 4)]
-    assert np.nanmax(noise_of([reading_of(0), *failed, reading_of(5), reading_of(6), reading_of(7)])) == 0.0
-
 
 FLAT = SheetSpline(
     size_mm=(120.0, 80.0),
@@ -228,28 +183,6 @@ def test_parameters_name_every_stage():
 def test_a_sensor_in_words(sensor):
     assert describe_sensor(sensor) == "4 x 6 markers, dark, pitch 40 x 32 px, 1 missing"
     assert pitch_px(sensor) == pytest.approx([40.0, 32.0])
-
-
-@pytest.mark.parametrize(
-    ("case", "is_odd"),
-    [((6.0, False), True), ((6.0, True), False), ((0.1, False), False)],
-)
-def test_markers_that_do_not_come_back_are_a_warning(sensor, reading_of, contact_of, case, is_odd):
-    shift_px, is_touched = case
-    summary = summary_of(sensor)
-    generator = np.random.default_rng(5)
-    for index in range(80):
-        touching = (contact_of(1),) if 20 <= index < 40 or (index >= 40 and is_touched) else ()
-        reading = reading_of(index, touching, shift_px=(shift_px if index >= 40 else 0.0, 0.0))
-        noisy_px = reading.grid.position_px + generator.normal(0.0, 0.05, reading.grid.position_px.shape)
-        summary.write(replace(reading, grid=replace(reading.grid, position_px=noisy_px)))
-    found = [
-        sentence for sentence in summary.warnings() if "from their rest positions at the end" in sentence
-    ]
-    assert len(found) == is_odd
-    for sentence in found:
-        assert f"{shift_px:.1f} px" in sentence
-        assert "the sensor or the camera has moved, or something still touches" in sentence
 
 
 def test_the_size_of_the_picture_on_the_sheet_shows_a_wrong_scale(sensor):
