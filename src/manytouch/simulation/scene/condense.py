@@ -1,13 +1,23 @@
 """The part of a solved state that images and ground truth need."""
 
 from dataclasses import replace
-from typing import Any
+from typing import Any, assert_never
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from manytouch.simulation.fem.contact.forces import TouchedFace, touched_face
-from manytouch.simulation.fem.contact.indenters import Indenter, RoundPunch, SquarePunch, signed_distance
+from manytouch.simulation.fem.contact.indenters import (
+    ConvexBody,
+    Fingertip,
+    Indenter,
+    LyingCylinder,
+    Ring,
+    RoundPunch,
+    Sphere,
+    SquarePunch,
+    signed_distance,
+)
 from manytouch.simulation.fem.elements.mesh import reference_nodes
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import FINE_POINTS, patch_shares
@@ -89,7 +99,9 @@ def _footprint_mm2(indenter: Indenter) -> float | None:
             return float(np.pi * radius_mm**2)
         case SquarePunch(side_mm=side_mm):
             return float(np.prod(side_mm))
-    return None
+        case Sphere() | Fingertip() | LyingCylinder() | ConvexBody() | Ring():
+            return None
+    assert_never(indenter)
 
 
 def plane(state: SheetState, level: int) -> Deformation:

@@ -1,6 +1,6 @@
 """A solved sheet in brief: how its camera-side face has moved, and what touched it.
 
-The face's displacements stand on a lattice: corners, edge middles and middles of its elements, x by y.
+The face's displacements stand on a grid: corners, edge middles and middles of its elements, x by y.
 Between them run the quadratic polynomials of the finite elements, so against the solver's own shape
 functions nothing is lost but rounding. (A serendipity element has no middle node; with half the sum of
 the edge middles less a quarter of the sum of the corners there, the nine-node element is the same.)
@@ -18,7 +18,8 @@ from manytouch.values.arrays import Points2, Points3, read_only
 ROW_BEFORE_REGIONS = 8
 """Numbers of a contact in files without regions."""
 
-Lattice = Float32[np.ndarray, "a b 3"]
+FaceGrid = Float32[np.ndarray, "a b 3"]
+"""A displacement at each point of the grid of a face, along x and y."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -68,7 +69,7 @@ class Deformation:
     """The camera-side face of a pressed sheet, and its true contacts.
 
     Attributes:
-        x_mm, y_mm: (a,), (b,) lines of the lattice, every second one between two elements.
+        x_mm, y_mm: (a,), (b,) lines of the grid, every second one between two elements.
         face_mm: (a, b, 3) displacement there, sheet frame: a press has z < 0.
         contacts: one for each touch, then one for each patch of the loading, in its order.
         status: of the solver, "ok" or "not_converged".
@@ -76,7 +77,7 @@ class Deformation:
 
     x_mm: Float64[np.ndarray, " a"]
     y_mm: Float64[np.ndarray, " b"]
-    face_mm: Lattice
+    face_mm: FaceGrid
     contacts: tuple[TrueContact, ...]
     status: str
 
@@ -144,7 +145,7 @@ def row_from_contact(contact: TrueContact) -> list[float]:
 
 
 def fill_middles(face_mm: np.ndarray) -> None:
-    """Set the middles of the elements of lattices (..., a, b, 3) to what serendipity elements have there."""
+    """Set the middles of the elements of grids (..., a, b, 3) to what serendipity elements have there."""
     edges = face_mm[..., 1::2, :-2:2, :] + face_mm[..., 1::2, 2::2, :]
     edges += face_mm[..., :-2:2, 1::2, :] + face_mm[..., 2::2, 1::2, :]
     corners = face_mm[..., ::2, ::2, :]

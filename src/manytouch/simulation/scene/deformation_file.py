@@ -1,6 +1,6 @@
 """Many deformations of one sheet in a small file, each under a key.
 
-An `.npz` with the lattice's lines, keys, states and contacts in plain arrays, and the faces in `faces`:
+An `.npz` with the lines of the grid, keys, states and contacts in plain arrays, and the faces in `faces`:
 displacements in whole steps of `step_mm`, edge middles less the mean of their two corners, each array
 less the one before it in the file, then differences along x and y, low bytes before high ones, LZMA.
 The middles of the elements follow from the rest. Only the first rounding loses anything.
@@ -25,7 +25,7 @@ from manytouch.simulation.scene.deformation import (
 from manytouch.values.arrays import read_only
 
 STEP_MM = 2e-4
-"""Displacements on the lattice are kept to within half of this; 0.0002 mm is 0.004 px of the demo sensor."""
+"""Displacements on the grid are kept to within half of this; 0.0002 mm is 0.004 px of the demo sensor."""
 FORMAT = 1
 
 
@@ -37,7 +37,7 @@ def write_deformations(
     Neighbours in the order should resemble each other: only what changes takes room.
 
     Raises:
-        ValueError: there are none, or their lattices or numbers of contacts differ.
+        ValueError: there are none, or their grids or numbers of contacts differ.
         OutputError: the file cannot be written.
     """
     states = list(deformations.values())

@@ -29,7 +29,7 @@ ARM_MM = 10.0
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Trajectory:
-    """Where a body goes.
+    """Place and orientation of a body over time.
 
     Attributes:
         time_s: (w,) of the waypoints, increasing; before the first and after the last it rests there.
@@ -56,13 +56,13 @@ class Trajectory:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Body:
-    """A rigid body on its way.
+    """A rigid body and its trajectory.
 
     Attributes:
         indenter: its shape.
         way: where it goes.
         friction: Coulomb's coefficient against the sheet.
-        pivot_mm: height above its lowest point of the point that the way leads, about which it turns.
+        pivot_mm: height above its lowest point of the point about which it turns.
     """
 
     indenter: Indenter
@@ -92,7 +92,6 @@ def held_presses(bodies: tuple[Body, ...]) -> tuple[HeldPress, ...]:
         way = body.way
         for before, after in pairwise(range(len(way.time_s))):
             place = way.place_mm[before]
-            tilts = way.rotation_vector[[before, after], :2]
             tilts = way.rotation_vector[[before, after], :2]
             is_same = np.array_equal(place, way.place_mm[after]) and np.array_equal(*tilts)
             if is_same and place[2] > 0.0:
