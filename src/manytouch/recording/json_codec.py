@@ -2,7 +2,10 @@
 
 A value is encoded as an object with its `type` and its fields; a number that JSON does not have as an object
 with its name. An array is encoded as its data type, its shape and its bytes in base64 (little-endian, row by
-row), bit for bit; or, rounded, as its place in a block of packed arrays.
+row), bit for bit; or, rounded, as its place in a block of packed arrays (`packed`).
+
+Recordings use it for readings and sensors, `session.result_hashes` for what is hashed, and `batch.settings`
+for the sensor that is sent to workers.
 """
 
 import base64
@@ -64,10 +67,11 @@ def to_json(value: Any, block: PackedBlock | None = None) -> Any:
 
     Args:
         value: to be encoded.
-        block: takes the arrays, rounded; None: they are encoded bit for bit.
+        block: the block of the message, to which the arrays are appended, rounded; its content has to be
+            stored with the message. None: arrays are encoded bit for bit, in the result itself.
 
     Raises:
-        TypeError: it contains something that recordings do not store.
+        TypeError: it contains a value of a type that is not listed here.
     """
     if value is None or (isinstance(value, bool | int | str) and not isinstance(value, Enum)):
         return value
@@ -106,7 +110,7 @@ def _object_to_json(value: Any, block: PackedBlock | None) -> dict[str, Any] | s
         return encoded
     if isinstance(value, date | time):  # TOML has them, and the provenance of a sensor file is free
         return value.isoformat()
-    raise TypeError(f"a recording cannot store a {name}")
+    raise TypeError(f"a value of type {name} cannot be encoded")
 
 
 def from_json(encoded: Any, block: bytes = b"") -> Any:
@@ -114,10 +118,10 @@ def from_json(encoded: Any, block: bytes = b"") -> Any:
 
     Args:
         encoded: from `to_json`.
-        block: the packed arrays.
+        block: content of the `PackedBlock` that `to_json` filled; empty if it had none.
 
     Raises:
-        SourceError: it was not encoded by `to_json`, or by a later version.
+        SourceError: it was not encoded by `to_json`, or by that of a later version.
     """
     if isinstance(encoded, list):
         return tuple(from_json(each, block) for each in encoded)
@@ -129,8 +133,8 @@ def from_json(encoded: Any, block: bytes = b"") -> Any:
         raise
     except (KeyError, TypeError, ValueError, OverflowError, ManytouchError) as error:
         raise SourceError(
-            f"a recorded value cannot be read ({error}): the recording is damaged, or was written by a "
-            "later version of manytouch"
+            f"an encoded value cannot be read ({error}): it is damaged, or was written by a later version of "
+            "manytouch"
         ) from error
 
 
@@ -150,7 +154,7 @@ def _object_from_json(encoded: dict[str, Any], block: bytes) -> Any:
     if encoded["type"] in _ENUMS:
         return _ENUMS[encoded["type"]](encoded["value"])
     fields = {name: from_json(each, block) for name, each in encoded.items() if name != "type"}
-    if "length_unit" in fields:  # recordings of version 0.1
+    if "length_unit" in fields:  # instead of `scale_is_known`, before version 0.2
         fields["scale_is_known"] = fields.pop("length_unit") == "mm"
     if "status" in fields:
         fields["status"] = Status(fields["status"])
