@@ -1,10 +1,8 @@
 """Noise and unevenness of light estimated from all dots of an image, and the covariance of each, compiled.
 
 Shot noise grows with the level; its slope is fitted to the variances of backgrounds and cores of the dots.
-The usual
-unevenness of light follows from the slopes of all cores; the slope of one core is shrunk towards zero by
-its noise.
-See docs/derivations/detection.md.
+The usual unevenness of light follows from the slopes of all cores; the slope of one core is shrunk towards
+zero by its noise. See docs/derivations/detection.md.
 """
 
 import math

@@ -1,7 +1,12 @@
 """Values that the kernels of this package exchange.
 
-Grey levels are signed so that dots are light, in grey levels of 255. Offsets are in pixels, x right and y
-down, from the pixel nearest to the dot or, in the general measurement, from the expected position.
+There are two measurements of a dot. The plain one (`plain_dots`) is fast and for dots without a glint, a hole
+or a damaged edge, whose sampling pattern is inside the image; the general one (`general_dots`) is for all
+others. Grey levels are those of 255, multiplied by -1 for dark dots, so that each dot is lighter than its
+background. Offsets are in pixels, x right and y down. Their origin is the pixel nearest to the dot, in the
+general measurement the expected position.
+
+A `MeasuredDot` is one dot between two kernels; `centroid.MeasuredDots` are the results for all dots.
 """
 
 from typing import NamedTuple
@@ -12,11 +17,12 @@ from jaxtyping import Float32, Float64, Shaped
 # Soft threshold on the coverage of a pixel by the dot: weight 0 below LOW, 1 above HIGH, linear between.
 LOW, HIGH = 0.15, 0.85
 GAIN = 1.0 / (HIGH - LOW)
-# Smaller radii (px): a core is all edge, or too small for a plane of its own.
+# Radius in px below which the core of a plain dot gets no plane of its own: it has too few pixels for that.
 PLANE_RADIUS = 6.2
 
-# Columns of the array of measured dots, NaN where there is no dot: centre, covariance, visible area,
-# contrast, width of the edge, share that is beyond the border of the image.
+# Columns of the array of measured dots, NaN where there is no dot: centre x, y (px), its covariance (px^2),
+# visible area (px^2), contrast (grey levels of 255), width of the edge (px), and the share of the dot that is
+# beyond the border of the image.
 X, Y, CXX, CXY, CYY, AREA, CONTRAST, EDGE, CUT = range(9)
 COLUMNS = 9
 
@@ -77,11 +83,13 @@ class BrightnessFit(NamedTuple):
     """Planes of the background and of the contrast of a dot.
 
     Attributes:
-        background, background_x, background_y: level at the origin and slopes.
+        background, background_x, background_y: grey level at the origin of the offsets, and its slopes along
+            x and y, per px.
         contrast, contrast_x, contrast_y: the same for dot minus background.
-        background_variance: of the residuals.
-        background_spread, core_spread: sum of dx^2 + dy^2 of the samples; 0 for a core without its own plane.
-        core_variance: of the residuals; -1 if not known.
+        background_variance: of the residuals of its plane, squared grey levels.
+        background_spread, core_spread: sum of dx^2 + dy^2 of the samples about their mean, px^2; 0 for a core
+            without a plane of its own.
+        core_variance: of the residuals of the core's plane; -1 if not known.
     """
 
     background: float
@@ -100,12 +108,12 @@ NO_FIT = BrightnessFit(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0)
 
 
 class Moments(NamedTuple):
-    """Weight of a dot and moments of its weights and of its edge pixels (0 < weight < 1) about the origin.
+    """Sums over the pixels of a dot: of their weights, and over its edge pixels (0 < weight < 1).
 
     Attributes:
-        total, x, y: sum of the weights and first moments.
+        total, x, y: sums of the weights, px^2, and of the weights times the offsets, px^3.
         edges: number of edge pixels.
-        edge_x, edge_y, edge_xx, edge_xy, edge_yy: their first and second moments.
+        edge_x, edge_y, edge_xx, edge_xy, edge_yy: sums of their offsets and of products of these.
     """
 
     total: float
@@ -123,13 +131,14 @@ NO_MOMENTS = Moments(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 class MeasuredDot(NamedTuple):
-    """What the measurement of one dot returns.
+    """What the plain or the general measurement of one dot returns.
 
     Attributes:
-        status: FOUND, MISSING, NOT_PLAIN, or AT_BORDER if its sampling pattern is not inside the image.
-        x, y: origin of the offsets, px.
+        status: FOUND; MISSING, there is no dot; or, of the plain measurement only, NOT_PLAIN: the general one
+            has to measure it.
+        x, y: origin of the offsets in the image, px.
         reach2: square of the radius of the window, px^2.
-        fit, moments: brightness and moments about the origin.
+        fit, moments: brightness and sums with offsets from that origin.
     """
 
     status: int
@@ -141,15 +150,18 @@ class MeasuredDot(NamedTuple):
 
 
 FOUND, MISSING, NOT_PLAIN, AT_BORDER = 1, 0, -1, -2
+# States of a dot. AT_BORDER: its sampling pattern is not inside the image, so that only the general
+# measurement is possible; `measure_dots` sets it before the plain one.
 
 
 class DotStatistics(NamedTuple):
-    """What the covariance needs of all dots of an image, one row each; see `covariance`.
+    """What `covariance.add_noise` needs of all dots of an image, one element for each.
 
     Attributes:
-        edge_xx, edge_xy, edge_yy: (n,) second moments of the edge pixels about the centre, px^2.
-        window: (n,) second moment of the window, px^4.
-        scale: (n,) change of the centre per grey level and px.
+        edge_xx, edge_xy, edge_yy: (n,) sums, over the edge pixels, of products of their offsets from the
+            centre, px^2.
+        window: (n,) integral of x^2 over the window about its middle, px^4.
+        scale: (n,) shift of the centre in px by one grey level more in one pixel, per px of its offset.
         area: (n,) sum of the weights, px^2.
         background, contrast, contrast_x, contrast_y, background_variance, background_spread, core_spread,
             core_variance: (n,) as in `BrightnessFit`; the variances are -1 where there is no dot.

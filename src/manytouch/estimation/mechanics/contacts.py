@@ -106,7 +106,7 @@ class ModelError:
         press_mm2, shear_mm2 = -float(force_mm2[2]), float(np.hypot(force_mm2[0], force_mm2[1]))
         radius_mm = np.sqrt(patch_area_mm2 / np.pi)
         place = np.hypot(self.position_pitch * model.pitch_mm, self.position_radius * radius_mm)
-        # across the clamps along x and y: 1 at four thicknesses, e times more one thickness nearer, 55 at a clamp
+        # along x and y: 1 at four thicknesses from a clamp, e times more one thickness nearer, 55 at a clamp
         near_clamp = np.zeros(2)
         if model.patch.boundary == "clamped":
             inside_mm = 0.5 * np.array(model.patch.size_mm) - np.abs(centre_mm - model.patch.centre_mm)

@@ -28,7 +28,7 @@ class PerimeterState:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class PerimeterEstimator:
-    """Depth by equation 11 of the paper without the motion of the view, and contacts at load peaks.
+    """Depth by equation 11 of the paper, after the motion of the view is removed; contacts at load peaks.
 
     Attributes:
         surface: at the markers.

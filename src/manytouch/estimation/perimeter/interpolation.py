@@ -21,7 +21,7 @@ class MarkerInterpolation:
     rounds: int = 32
 
     def rule(self, neighbours: Neighbours, pitch_mm: float) -> InterpolationRule:
-        """Neighbours and parameters as the kernels take them.
+        """Neighbours and parameters as the kernels take them, lengths in mm.
 
         Where no neighbour is known, the displacement is 0 with a standard deviation of one pitch.
         """

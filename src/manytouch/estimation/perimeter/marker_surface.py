@@ -1,4 +1,4 @@
-"""The surface at the markers by the paper's depth, without the motion of the view.
+"""The surface at the markers by the paper's depth, after the motion of the view has been removed.
 
 `covariance_mm2` of the surface is the noise of the centres propagated through the perimeters, plus the
 deviation of the law itself. For a purely vertical motion w the law measures w + (R . grad w)/2, with R from

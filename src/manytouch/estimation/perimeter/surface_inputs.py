@@ -11,10 +11,10 @@ class InterpolationRule(NamedTuple):
     """Neighbours and parameters of the interpolation; see `MarkerInterpolation`.
 
     Attributes:
-        neighbour, distance: (m, k) neighbours of each marker, and their distances.
+        neighbour, distance: (m, k) neighbours of each marker, and their distances in mm.
         spread: factor of the variance among the neighbours.
-        floor: least standard deviation of an interpolated displacement.
-        unknown_std: standard deviation where no neighbour is known.
+        floor: least standard deviation of an interpolated displacement, mm.
+        unknown_std: standard deviation where no neighbour is known, mm.
         rounds: largest number of rounds.
     """
 
@@ -48,9 +48,9 @@ class SurfaceInputs(NamedTuple):
     """What the surface needs of sensor and parameters; a kernel takes it and its parts as plain tuples.
 
     Attributes:
-        rest: (m, 3) markers in the sheet frame.
+        rest: (m, 3) markers in the sheet frame, mm.
         nodes: from pixels to the plane of the sheet.
-        plane_from_px: (m, 2, 2) derivative of positions in the plane with respect to pixels.
+        plane_from_px: (m, 2, 2) derivative of positions in the plane by those in the image, mm per px.
         interpolation: of markers that are not seen.
         search: for the motion of the view.
         rays, cells, errors: of the paper's law.
