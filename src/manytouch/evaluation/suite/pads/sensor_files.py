@@ -1,4 +1,4 @@
-"""Sensor files of the cases of bonded pads: the true one, and a nominal one with wide deviations."""
+"""Sensors of the cases of bonded pads: the true one, and a nominal one with wide deviations."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from manytouch.values.arrays import read_only
 WIDTH_PX, HEIGHT_PX, FOCAL_PX, DISTANCE_MM = 640, 480, 598.0, 25.0
 WINDOW_MM, WINDOW_INDEX, PAD_INDEX = 3.0, 1.49, 1.41
 NOMINAL = {"young_MPa": 1.2, "thickness_mm": 1.04}
-"""What the nominal file states over the truth; its deviations are those of `--sensor gelsight-mini`."""
+"""What the nominal sensor states over the truth; its deviations are those of `--sensor gelsight-mini`."""
 NOMINAL_POISSON = -0.006
 NOMINAL_STD = {"young_MPa": 0.3, "thickness_mm": 0.05, "poisson": 0.01, "marker_depth_mm": 0.1}
 
