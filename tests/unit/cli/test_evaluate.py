@@ -130,7 +130,7 @@ def test_without_options_every_method_reads_every_case(
     chosen: list[tuple[Case, ...]] = []
     monkeypatch.setattr(runner, "run_suite", recorded_run(chosen))
     assert run("--out", str(tmp_path)) == 0
-    assert len(chosen[0]) == 384
+    assert len(chosen[0]) == 410
     assert written[0].methods == METHODS
     assert solved == [(384, user_cache())]
 
