@@ -2,9 +2,10 @@
 
 3-D solids with free sides are pressed by the bodies of the groups of pads of `evaluate`. The method
 `mechanics` gets the true images of the markers with 0.02 px of noise and the true sensor file, which states
-no deviations; with --wrong-file, Poisson's ratio is .01 too large (but at most .495) and the thickness 4 %
-too small. Each state is a new start from rest, or, with --path, follows the one before. Cases that no
-constant was chosen on are left out unless --held-out is given. The solved presses are those of the package.
+that its numbers are exact; with --wrong-file, Poisson's ratio is .01 too large (but at most .495) and the
+thickness 4 % too small, and the file states no deviations. Each state is a new start from rest, or, with
+--path, follows the one before. Cases that no constant was chosen on are left out unless --held-out is given.
+The solved presses are those of the package.
 
     .venv/bin/python benchmarks/pads.py
     .venv/bin/python benchmarks/pads.py --wrong-file
@@ -21,6 +22,7 @@ from manytouch.estimation.pad.estimator import PadEstimator
 from manytouch.evaluation.suite.pads.cases import PadCase, pads
 from manytouch.evaluation.suite.pads.recording import pad_states
 from manytouch.evaluation.suite.pads.sensor_files import true_pad
+from manytouch.evaluation.suite.sensors import exact_sensor
 from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
@@ -116,7 +118,7 @@ def main() -> None:
         if options.only not in case.name or not (case.looked_at or options.held_out):
             continue
         sensor = sensor_of(case)
-        now = started = estimate.start(wrong(sensor) if options.wrong_file else sensor)
+        now = started = estimate.start(wrong(sensor) if options.wrong_file else exact_sensor(sensor))
         for level, (markers, _) in zip(case.press.levels, pad_states(case), strict=True):
             before, position_px = now if options.path else started, images_px(sensor, markers)
             for _ in range(2):

@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import asdict, replace
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,7 @@ from manytouch.evaluation.report.ratings import cell, limits, rate_methods, tabl
 from manytouch.evaluation.report.report_data import contents, forces_in_short, in_short, plain
 from manytouch.evaluation.suite.cases import Case, Touch
 from manytouch.evaluation.suite.runner import Evaluation, Trial
+from manytouch.evaluation.suite.suite import cases
 
 Sheet = Callable[..., EvaluationRecord]
 Table = Callable[..., ContactRows]
@@ -312,6 +313,11 @@ def test_nan_becomes_null_and_keys_become_text() -> None:
     assert plain({1: [float("nan"), np.float64(2.0), float("inf"), True, "x"]}) == {
         "1": [None, 2.0, None, True, "x"]
     }
+
+
+def test_every_case_of_the_suite_can_be_part_of_the_json_report() -> None:
+    for case in cases():
+        assert json.dumps(plain(asdict(case)), allow_nan=False)
 
 
 def test_the_line_of_forces_has_error_and_coverage_where_there_are_forces(evaluation: Evaluation) -> None:

@@ -16,6 +16,7 @@ from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.load.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
+from manytouch.estimation.pad.image_error import ImageError
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, misfit_scale, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, ObservedPad
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter
@@ -40,6 +41,7 @@ class PadState:
         model: of the pad.
         candidates: where a contact may begin.
         neighbours: of each marker.
+        around: (m, m) weights of the markers around each.
         groups: of neighbouring markers, for their local motion.
         touch: local motions of the frames before.
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
@@ -52,6 +54,7 @@ class PadState:
     model: ObservedPad
     candidates: PatchCandidates
     neighbours: Neighbours
+    around: Float64[np.ndarray, "m m"]
     groups: MarkerGroups
     touch: TouchMemory
     initial_reference_px: Points2
@@ -71,11 +74,13 @@ class _Measured:
         moved_px: (m, 2) displacements, 0 where not seen.
         gate: (m,) weights of the markers.
         noise_px2: (m,) variances along an axis.
+        around: (m, m) weights of the markers around each.
     """
 
     moved_px: Points2
     gate: Scalars
     noise_px2: Scalars
+    around: Float64[np.ndarray, "m m"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -86,17 +91,13 @@ class PadEstimator:
         nominal_pad: properties of a pad that the sensor does not state.
         fitter: of the patches.
         search: of new patches.
+        image_error: of the marker images by the model.
         outlier_gate: weights of the markers.
         pad_contacts: contacts with their covariances.
         contact_tracker: identities of contacts.
         local_motion: what a pad may keep of an earlier press.
         reference_drift: update of the reference while nothing touches the pad.
         slip_detector: flags contacts that slide.
-        model_std_pitch: standard deviation of a marker image that the model does not explain, in pitches.
-        model_share: the same standard deviation over the displacement of the marker.
-        model_reach: distance in thicknesses within which markers have this error in common.
-        nominal_share, nominal_reach: `model_share` and `model_reach` where the shape of the pad is that of a
-            nominal sensor file; chosen on three recordings of gels with two kinds of markers.
         max_contacts: largest number of contacts.
         start_gain: least reduction of the misfit by a new contact, with weights that contain the model's
             error under it; for a further contact, over the misfit per degree of freedom with it (at least 1).
@@ -120,6 +121,7 @@ class PadEstimator:
     nominal_pad: NominalPad = field(default_factory=NominalPad)
     fitter: PatchFitter = field(default_factory=PatchFitter)
     search: PatchSearch = field(default_factory=PatchSearch)
+    image_error: ImageError = field(default_factory=ImageError)
     outlier_gate: OutlierGate = field(default_factory=OutlierGate)
     pad_contacts: PadContacts = field(default_factory=PadContacts)
     contact_tracker: ContactTracker = field(
@@ -128,11 +130,6 @@ class PadEstimator:
     local_motion: LocalMotion = field(default_factory=lambda: LocalMotion(refinements=4))
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
     slip_detector: SlipDetector = field(default_factory=SlipDetector)
-    model_std_pitch: float = 5e-4
-    model_share: float = 0.07
-    model_reach: float = 0.5
-    nominal_share: float = 0.25
-    nominal_reach: float = 1.0
     max_contacts: int = 8
     start_gain: float = 40.0
     sure_gain: float = 400.0
@@ -160,6 +157,7 @@ class PadEstimator:
             model=model,
             candidates=self.search.start(model, self.fitter),
             neighbours=nearest_neighbours(layout.rest_mm[:, :2]),
+            around=self.image_error.weights(model),
             groups=marker_groups(layout.rest_mm[:, :2], model.pitch_mm),
             touch=TouchMemory(),
             initial_reference_px=read_only(at_rest_px.copy()),
@@ -293,7 +291,7 @@ class PadEstimator:
         linear_px = np.einsum("mij,mj->mi", state.model.slope_px, state.displacement_mm)
         noise_px2 = np.where(grid.is_seen, 0.5 * np.trace(grid.covariance_px2, axis1=1, axis2=2), 1.0)
         larger_px2 = np.maximum((moved_px**2).sum(axis=1), (linear_px**2).sum(axis=1))
-        std_px = np.sqrt(noise_px2 + self._model_error_px2(state.model, larger_px2))
+        std_px = np.sqrt(noise_px2 + self.image_error(state.model, state.around, larger_px2))
         # a marker that moves like its neighbours is no outlier, also where the model does not explain it:
         # else those under a contact would be lost first
         gate = np.maximum(
@@ -302,15 +300,7 @@ class PadEstimator:
                 for innovation_px in (moved_px - linear_px, moved_px)
             )
         )
-        return _Measured(moved_px=moved_px, gate=gate, noise_px2=noise_px2)
-
-    def _model_error_px2(self, model: ObservedPad, moved_px2: Scalars) -> Scalars:
-        """(m,) variances of marker images that the model does not explain, by their squared displacements."""
-        share, reach = self.model_share, self.model_reach
-        if model.shape_is_nominal:
-            share, reach = self.nominal_share, self.nominal_reach
-        shared = max(1.0, (reach * model.thickness_mm / model.pitch_mm) ** 2)
-        return shared * ((self.model_std_pitch * model.pitch_px) ** 2 + share**2 * moved_px2)
+        return _Measured(moved_px=moved_px, gate=gate, noise_px2=noise_px2, around=state.around)
 
     def _fit(self, model: ObservedPad, contact: np.ndarray, measured: _Measured, moved_mm: Points3) -> PadFit:
         """Patches for guesses, first with the weights for displacements (m, 3) of the markers.
@@ -333,7 +323,7 @@ class PadEstimator:
     ) -> tuple[Float64[np.ndarray, " r"], Float64[np.ndarray, " r"]]:
         """(2 m,) displacements without what is not linear in those (m, 3) of the markers; their weights."""
         linear_px = np.einsum("mij,mj->mi", model.slope_px, moved_mm)
-        error_px2 = self._model_error_px2(model, (linear_px**2).sum(axis=1))
+        error_px2 = self.image_error(model, measured.around, (linear_px**2).sum(axis=1))
         curved_px = model.project(moved_mm) - model.rest_px - linear_px
         weight = np.repeat(measured.gate / (measured.noise_px2 + error_px2), 2)
         return (measured.moved_px - curved_px).ravel(), weight

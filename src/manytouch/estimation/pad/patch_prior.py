@@ -27,7 +27,9 @@ class PatchPrior:
             the normal force times the square root of the trace of the second moment.
         radial_mean: mean of the radial shear over the normal force; negative where an object sticks to a pad
             that spreads under it.
-        radial_friction: standard deviation of the radial shear over the normal force.
+        radial_friction: standard deviation of the radial shear over the normal force, of a narrow contact.
+        radial_growth: its growth with the root of the second moment in thicknesses, in quadrature: markers
+            show the radial shear of wide contacts, and hardly that of narrow ones.
     """
 
     usual_radius: float = 1.0
@@ -36,7 +38,8 @@ class PatchPrior:
     stretch_spread: float = 0.8
     friction: float = 1.0
     radial_mean: float = -0.06
-    radial_friction: float = 0.04
+    radial_friction: float = 0.02
+    radial_growth: float = 0.2
 
     def numbers(self, model: ObservedPad) -> PriorNumbers:
         """The prior on a pad, for compiled functions."""
@@ -51,6 +54,7 @@ class PatchPrior:
             friction=self.friction,
             radial_mean=self.radial_mean,
             radial_friction=self.radial_friction,
+            radial_growth_per_mm=self.radial_growth / thickness_mm,
             size_x_mm=float(model.patch.size_mm[0]),
             size_y_mm=float(model.patch.size_mm[1]),
         )

@@ -29,6 +29,7 @@ class PriorNumbers(NamedTuple):
     friction: float
     radial_mean: float
     radial_friction: float
+    radial_growth_per_mm: float
     size_x_mm: float
     size_y_mm: float
 
@@ -128,8 +129,12 @@ def prior_terms(
         slope[3 + j, 5] = -sign * value[3 + j] / press
     for j in range(3):
         slope[5, 2 + j] = -value[5] * own[2 + j] / trace
-    value[6] = (own[9] - prior.radial_mean) / prior.radial_friction
-    slope[6, 9] = 1.0 / prior.radial_friction
+    widened = prior.radial_growth_per_mm * prior.radial_growth_per_mm * abs(xx * yy)
+    radial_std = np.sqrt(prior.radial_friction * prior.radial_friction + widened)
+    value[6] = (own[9] - prior.radial_mean) / radial_std
+    slope[6, 9] = 1.0 / radial_std
+    by_root = -0.5 * value[6] * widened / (radial_std * radial_std)
+    slope[6, 2], slope[6, 4] = by_root / xx, by_root / yy
     value[7], value[8] = own[0] / prior.size_x_mm, own[1] / prior.size_y_mm
     slope[7, 0], slope[8, 1] = 1.0 / prior.size_x_mm, 1.0 / prior.size_y_mm
 

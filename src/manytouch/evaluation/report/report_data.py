@@ -5,6 +5,8 @@ from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
+import numpy as np
+
 from manytouch.evaluation.metrics.comparison import (
     MethodErrors,
     curves,
@@ -145,7 +147,9 @@ def _case(trial: Trial) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """Only what JSON knows; NaN and infinity become None."""
+    """Only what JSON knows: arrays become lists, NaN and infinity become None."""
+    if isinstance(value, np.ndarray):
+        return plain(value.tolist())
     if isinstance(value, dict):
         return {str(key): plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

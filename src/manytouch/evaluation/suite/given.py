@@ -17,13 +17,13 @@ from manytouch.values.arrays import read_only
 def given_sensor(case: Case) -> Sensor:
     """The sensor as the methods are given it, always with all dots printed.
 
-    - A bonded pad: `given_pad`.
+    - A bonded pad: `given_pad`, whose true numbers are stated to be exactly known.
     - A case of the group `drawn`: `drawn_sensor`.
     - A case with a perturbation: the true sensor with it.
     - Any other case: the true sensor, whose sheet is stated to be exactly known.
     """
     if isinstance(case, PadCase):
-        return given_pad(case)
+        return exact_sensor(given_pad(case)) if case.group == "pads" else given_pad(case)
     true = with_all_dots(true_sensor(case))
     if isinstance(case, VariedCase) and case.group == "drawn":
         return drawn_sensor(case, true)

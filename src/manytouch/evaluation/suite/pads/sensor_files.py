@@ -97,7 +97,7 @@ def pad_sensor(
 
 
 def given_pad(case: PadCase) -> Sensor:
-    """The sensor as given to the methods: the true one, or a nominal one with wide deviations."""
+    """The sensor with the numbers that methods are given: the true ones, or nominal ones, less exact."""
     true = true_pad(case)
     sheet = true.sheet
     assert sheet is not None

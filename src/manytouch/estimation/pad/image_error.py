@@ -1,0 +1,56 @@
+"""What the linear model of a pad does not explain of the marker images."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float64
+
+from manytouch.estimation.pad.pad_model import ObservedPad
+from manytouch.values.arrays import Scalars, read_only
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ImageError:
+    """Standard deviation of a marker image by the error of the model.
+
+    It is in proportion to the motion around a marker and not to that of the marker itself: in the middle of a
+    contact, where markers hardly move, the error of the model is as large as around it.
+
+    Attributes:
+        std_pitch: where nothing moves, in pitches.
+        share: over the root mean square of the motion around the marker.
+        around: standard deviation, in thicknesses, of the Gaussian weights of that mean.
+        reach: distance in thicknesses within which markers have this error in common.
+        nominal_share, nominal_reach: `share` and `reach` where the shape of the pad is that of a nominal
+            sensor file; chosen on three recordings of gels with two kinds of markers.
+    """
+
+    std_pitch: float = 5e-4
+    share: float = 0.09
+    around: float = 1.0
+    reach: float = 0.5
+    nominal_share: float = 0.25
+    nominal_reach: float = 1.0
+
+    def weights(self, model: ObservedPad) -> Float64[np.ndarray, "m m"]:
+        """Weights of the markers in the mean around each; rows add up to 1."""
+        place_mm = model.layout.rest_mm[:, :2] / (self.around * model.thickness_mm)
+        weight = np.exp(-0.5 * ((place_mm[:, None] - place_mm) ** 2).sum(axis=2))
+        return read_only(weight / weight.sum(axis=1, keepdims=True))
+
+    def __call__(
+        self, model: ObservedPad, weights: Float64[np.ndarray, "m m"], moved_px2: Scalars
+    ) -> Scalars:
+        """(m,) variances along an axis, px^2, of markers that are treated as independent.
+
+        Args:
+            model: of the pad.
+            weights: by `weights`.
+            moved_px2: (m,) squared displacements of the marker images.
+        """
+        share, reach = self.share, self.reach
+        if model.shape_is_nominal:
+            share, reach = self.nominal_share, self.nominal_reach
+        shared = max(1.0, (reach * model.thickness_mm / model.pitch_mm) ** 2)
+        variance: Scalars = (self.std_pitch * model.pitch_px) ** 2 + share**2 * (weights @ moved_px2)
+        return shared * variance
