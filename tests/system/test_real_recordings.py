@@ -108,7 +108,7 @@ def test_a_gel_pad(recordings: Path, folders: Results) -> None:
     assert right >= 0.95 * len(frames), f"{right} of {len(frames)}"
 
 
-@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("side", ["left", pytest.param("right", marks=pytest.mark.slow)])
 def test_dots_seen_in_a_mirror(folders: Results, side: str) -> None:
     tracks = Tracks.read(folders[f"vts4/0507#{side}"])
     assert 56 <= tracks.is_seen[0].sum() <= 64

@@ -326,7 +326,7 @@ def test_what_is_no_recording_is_one_sentence(tmp_path: Path, content: bytes, wo
         open_source(str(path))
 
 
-@pytest.mark.parametrize("seed", [3, 11])
+@pytest.mark.parametrize("seed", [3, pytest.param(11, marks=pytest.mark.slow)])
 def test_a_killed_recording_loses_less_than_200_ms(tmp_path: Path, seed: int) -> None:
     recording = kill_recording(tmp_path, seed)
     assert recording is not None

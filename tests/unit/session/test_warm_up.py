@@ -177,7 +177,13 @@ print(any(name.startswith(f"{package}.") for name in called))
 """
 
 
-@pytest.mark.parametrize("method", warm_up.OWN_KERNELS)
+@pytest.mark.parametrize(
+    "method",
+    [
+        pytest.param(name, marks=[] if name == "mechanics" else [pytest.mark.slow])
+        for name in warm_up.OWN_KERNELS
+    ],
+)
 def test_a_process_that_begins_later_need_not_do_it_again_and_calls_own_kernels(method: str) -> None:
     """What only compiled functions call is loaded with them, and has no machine code of its own."""
     warm_up.warm_up_kernels(method)
