@@ -20,8 +20,8 @@ import numpy as np
 
 from manytouch.estimation.pad.estimator import PadEstimator
 from manytouch.evaluation.suite.pads.cases import PadCase, pads
+from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.evaluation.suite.pads.recording import pad_states
-from manytouch.evaluation.suite.pads.sensor_files import true_pad
 from manytouch.evaluation.suite.sensors import exact_sensor
 from manytouch.simulation.scene.deformation import Deformation
 from manytouch.simulation.scene.solid_scene import SolidScene

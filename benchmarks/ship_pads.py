@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from manytouch.evaluation.suite.pads.cases import PadCase, pads
-from manytouch.evaluation.suite.pads.sensor_files import true_pad
+from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.simulation.pad_presses import PressedPad, solve_pad
 from manytouch.simulation.scene.deformation_file import write_deformations
 

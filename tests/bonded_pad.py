@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.evaluation.suite.pads.sensor_files import pad_sensor as bonded_sensor
+from manytouch.evaluation.suite.pads.pad_sensors import pad_sensor as bonded_sensor
 from manytouch.geometry.refraction import project_through_window
 from manytouch.values import Sensor
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation
 from manytouch.evaluation.suite.pads.cases import PadCase
-from manytouch.evaluation.suite.pads.sensor_files import given_pad
+from manytouch.evaluation.suite.pads.pad_sensors import given_pad
 from manytouch.evaluation.suite.sensors import DESIGNED_WIDTH_PX, exact_sensor, true_sensor, with_all_dots
 from manytouch.evaluation.suite.varied.cases import VariedCase
 from manytouch.evaluation.suite.varied.drawn_sensor import drawn_sensor

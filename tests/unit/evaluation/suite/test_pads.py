@@ -13,9 +13,9 @@ from manytouch.evaluation.report.report_data import contents, part
 from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES
 from manytouch.evaluation.suite.given import given_sensor
 from manytouch.evaluation.suite.pads.cases import PadCase, pads
+from manytouch.evaluation.suite.pads.pad_sensors import given_pad, true_pad
 from manytouch.evaluation.suite.pads.presses import PRESSES
 from manytouch.evaluation.suite.pads.recording import pad_states, simulate_pad
-from manytouch.evaluation.suite.pads.sensor_files import given_pad, true_pad
 from manytouch.evaluation.suite.recordings import FemSimulation
 from manytouch.evaluation.suite.runner import Evaluation, Trial, run_case
 from manytouch.evaluation.suite.solutions import Solutions

@@ -7,7 +7,7 @@ import numpy as np
 
 from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES
 from manytouch.evaluation.suite.pads.cases import PadCase
-from manytouch.evaluation.suite.pads.sensor_files import true_pad
+from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.simulation.render.discs import DARK_DOTS
 from manytouch.simulation.scene.deformation import Deformation, undeformed
 from manytouch.simulation.scene.deformation_file import read_deformations
