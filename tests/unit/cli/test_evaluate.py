@@ -132,7 +132,7 @@ def test_without_options_every_method_reads_every_case(
     assert run("--out", str(tmp_path)) == 0
     assert len(chosen[0]) == 410
     assert written[0].methods == METHODS
-    assert solved == [(384, user_cache())]
+    assert solved == [(410, user_cache())]
 
 
 def test_two_folders_are_compared(
