@@ -38,8 +38,8 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
 )
 from manytouch.estimation.mechanics.mechanics_state import MechanicsState
 from manytouch.estimation.mechanics.surface_covariance import (
+    DisplacementCovariance,
     MarkerNoise,
-    SurfaceError,
     marker_variances_px2,
 )
 from manytouch.estimation.mechanics.undescribed_frames import UndescribedFrames
@@ -97,7 +97,7 @@ class MechanicsEstimator:
     contact_estimator: ContactEstimator = field(default_factory=ContactEstimator)
     pretension: PretensionEstimator = field(default_factory=PretensionEstimator)
     contact_tracker: ContactTracker = field(default_factory=lambda: ContactTracker(confirm_frames=1))
-    surface_error: SurfaceError = field(default_factory=SurfaceError)
+    surface_error: DisplacementCovariance = field(default_factory=DisplacementCovariance)
     reference_drift: ReferenceDrift = field(default_factory=ReferenceDrift)
     slip_detector: SlipDetector = field(default_factory=SlipDetector)
     undescribed_frames: UndescribedFrames = field(default_factory=UndescribedFrames)
@@ -128,13 +128,13 @@ class MechanicsEstimator:
         pitch_px = model.pitch_mm / mm_per_px(sensor.camera)
         model_std_px = self.marker_noise.constant_std_px(pitch_px, sensor)
         shape = SheetShape.at_rest(model)
-        weight_mm4 = self.gauss_newton.weights(model, shape.force_mm2)
+        weight_per_mm4 = self.gauss_newton.weights(model, shape.force_mm2)
         centre_noise_px = sensor.centre_noise_px or self.marker_noise.default_centre_noise_px
         std_px = float(np.hypot(model_std_px, centre_noise_px))
         return MechanicsState(
             model=model,
             neighbours=nearest_neighbours(layout.rest_mm[:, :2]),
-            deviation=self.surface_error.start(model, weight_mm4, std_px),
+            displacement_covariance=self.surface_error.start(model, weight_per_mm4, std_px),
             local=local_deflection(model.shell),
             is_at_clamp=read_only(self.view_motion.is_used(model)),
             initial_reference_px=read_only(at_rest_px.copy()),
@@ -384,7 +384,7 @@ class MechanicsEstimator:
         displacement_mm[:, 2] -= state.local.depth_mm(clusters, model.dots.face.point_mm)
         covariance_mm2 = self.surface_error(
             model,
-            state.deviation,
+            state.displacement_covariance,
             displacement_mm,
             shape.force_mm2,
             grid.is_seen,

@@ -14,7 +14,7 @@ from manytouch.estimation.mechanics.inversion.sheet_parameters import (
     PretensionEstimate,
     SheetVariant,
 )
-from manytouch.estimation.mechanics.surface_covariance import MarkerDeviation
+from manytouch.estimation.mechanics.surface_covariance import DisplacementCovarianceState
 from manytouch.estimation.mechanics.undescribed_frames import WithoutSheet
 from manytouch.estimation.slip_detector import SlipState
 from manytouch.geometry.neighbours import Neighbours
@@ -29,12 +29,12 @@ class MechanicsState:
     Attributes:
         model: of the sheet.
         neighbours: of each marker.
-        deviation: of the marker displacements.
+        displacement_covariance: what these covariances have in common in all frames.
         local: depth that the elements cannot show.
         is_at_clamp: (m,) markers that show the motion of the view.
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         pitch_px: pitch in the image.
-        model_std_px: standard deviation of a marker image that the model does not explain.
+        model_std_px: standard deviation of a marker image by the errors of model and rest position.
         shape: of the previous frame.
         posterior: of the last frame with a full or a reweighted step; None before the first.
         posterior_frames: number of frames since then.
@@ -51,7 +51,7 @@ class MechanicsState:
 
     model: InversionModel
     neighbours: Neighbours
-    deviation: MarkerDeviation
+    displacement_covariance: DisplacementCovarianceState
     local: LocalDeflection
     is_at_clamp: Mask
     initial_reference_px: Points2

@@ -1,4 +1,4 @@
-"""Deviations of marker images, and covariances of marker displacements with the model's error."""
+"""Standard deviations of marker images, and covariances of marker displacements with the model's error."""
 
 from dataclasses import dataclass
 
@@ -11,27 +11,28 @@ from manytouch.values import Sensor, TrackedGrid
 from manytouch.values.arrays import Covariances3, Mask, Points3, Scalars, read_only
 
 _SAMPLES = 60
-"""Number of markers whose noise is computed; the median is taken."""
+"""Number of markers whose variances are computed; their median is used for all markers."""
 USUAL_REST_FRAMES = 15
 """Number of frames at rest with which `model_std_pitch` was determined."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MarkerNoise:
-    """Parameters of the deviations.
+    """Parameters of the standard deviations of marker images.
 
     Attributes:
         model_std_pitch: standard deviation of a marker image that the model does not explain, in pitches.
         default_centre_noise_px: noise of centres if the sensor does not state it.
-        usual_ratio: ratio of the whole deviation to that of the model up to which a frame is not noisy.
+        usual_ratio: largest ratio of the whole standard deviation of marker images to that of model and rest
+            positions in a frame that does not count as noisy.
     """
 
     model_std_pitch: float = 8.4e-4
     default_centre_noise_px: float = 0.05
     usual_ratio: float = 1.5
 
-    def model_std_px(self, pitch_px: float) -> float:
-        """Standard deviation of what the model does not explain, for a pitch in the image."""
+    def unexplained_std_px(self, pitch_px: float) -> float:
+        """`model_std_pitch` in pixels, for a pitch in the image."""
         return pitch_px * self.model_std_pitch
 
     def constant_std_px(self, pitch_px: float, sensor: Sensor) -> float:
@@ -43,20 +44,28 @@ class MarkerNoise:
         frames = USUAL_REST_FRAMES if sensor.rest_frames is None else sensor.rest_frames
         noise_px = sensor.centre_noise_px or self.default_centre_noise_px
         excess = max(0.0, 1.0 / frames - 1.0 / USUAL_REST_FRAMES)
-        return float(np.hypot(self.model_std_px(pitch_px), noise_px * excess**0.5))
+        return float(np.hypot(self.unexplained_std_px(pitch_px), noise_px * excess**0.5))
 
     def frame_std_px(self, grid: TrackedGrid, model_std_px: float) -> float:
-        """Median standard deviation of the marker images of a frame along an axis."""
+        """Median standard deviation of the marker images of a frame along an axis.
+
+        Args:
+            grid: the frame.
+            model_std_px: of the model and of the rest positions, as from `constant_std_px`.
+        """
         noise_px2 = _variance_px2(grid)[grid.is_seen]
         return float(np.sqrt(np.median(noise_px2) + model_std_px**2))
 
     def noise_ratio(self, grid: TrackedGrid, model_std_px: float) -> float:
-        """Deviation of a frame's marker images over the usual one; at least 1."""
+        """`frame_std_px` over `usual_ratio` times `model_std_px`; at least 1."""
         return max(1.0, self.frame_std_px(grid, model_std_px) / (self.usual_ratio * model_std_px))
 
 
 def marker_variances_px2(grid: TrackedGrid, model_std_px: float) -> Scalars:
-    """(m,) variance of each marker image along an axis; that of a marker that is not seen is arbitrary."""
+    """(m,) variance of each marker image along an axis; that of a marker that is not seen is arbitrary.
+
+    `model_std_px` is that of the model and of the rest positions, as from `MarkerNoise.constant_std_px`.
+    """
     noise_px2 = np.where(grid.is_seen, _variance_px2(grid), 1.0)
     return np.asarray(noise_px2 + model_std_px**2)
 
@@ -67,13 +76,15 @@ def _variance_px2(grid: TrackedGrid) -> Scalars:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class MarkerDeviation:
-    """What the deviations of the marker displacements depend on, apart from the frame.
+class DisplacementCovarianceState:
+    """What the covariances of the marker displacements depend on that is the same in every frame.
 
     Attributes:
-        noise_mm: (3,) standard deviations along x, y, z from the noise of the marker images at rest.
-        std_px: standard deviation of the marker images that this belongs to.
-        proximity: (m, n) influence of the force at each node on each marker, 0 to 1.
+        noise_mm: (3,) standard deviation of a marker's displacement along x, y, z, by the noise of the marker
+            images alone, while nothing touches the sheet; median over the markers.
+        std_px: standard deviation of the marker images along an axis for which `noise_mm` was computed.
+        proximity: (m, n) weight of the force at each node in the error at each marker, 0 to 1; it decreases
+            with their distance.
     """
 
     noise_mm: Float64[np.ndarray, "3"]
@@ -82,16 +93,18 @@ class MarkerDeviation:
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class SurfaceError:
-    """Parameters of the deviations; the model's part was fitted to 3-D finite elements.
+class DisplacementCovariance:
+    """Covariances of the marker displacements: by the noise of marker images, and by the error of the model.
 
-    Under a force the face of a solid lies deeper than that of a shell, by about force over thickness and E,
-    within about one thickness.
+    The error of the model was fitted to 3-D finite elements. Under a force the face of a solid lies deeper
+    than that of a shell, by about force over thickness and E, within about one thickness.
 
     Attributes:
-        reach_thickness: standard deviation of the bell in which forces act, in thicknesses.
-        dent: standard deviation along z, over the forces nearby per thickness.
-        depth_share: standard deviation along z, over depth.
+        reach_thickness: standard deviation, in thicknesses, of the Gaussian of the distance between a node
+            and a marker by which the force at the node is weighted.
+        dent: standard deviation along z by the forces near a marker, over their weighted sum divided by E and
+            thickness.
+        depth_share: standard deviation along z in proportion to the depth, over the depth.
         lateral_share: the model's standard deviation along x and y, over that along z.
         unseen_factor: multiplies the standard deviations of markers that are not seen.
     """
@@ -102,25 +115,29 @@ class SurfaceError:
     lateral_share: float = 0.5
     unseen_factor: float = 2.0
 
-    def start(self, model: InversionModel, weight_mm4: Nodal, std_px: float) -> MarkerDeviation:
+    def start(
+        self, model: InversionModel, weight_per_mm4: Nodal, std_px: float
+    ) -> DisplacementCovarianceState:
         """What depends on the sensor only.
 
         Args:
             model: of the sheet.
-            weight_mm4: (n, 3) weights of the forces at rest.
+            weight_per_mm4: (n, 3) weights of the forces over E at rest, from `GaussNewton.weights`.
             std_px: standard deviation of the marker images along an axis.
         """
         count = len(model.layout.rest_mm)
         rest_mm = np.zeros((model.patch.node_count, 3))
         information = np.tile(np.eye(2) / std_px**2, (count, 1, 1))
         linearisation = model.normal_equations.linearise(rest_mm)
-        posterior = model.normal_equations.solve(linearisation, np.zeros((count, 2)), information, weight_mm4)
+        posterior = model.normal_equations.solve(
+            linearisation, np.zeros((count, 2)), information, weight_per_mm4
+        )
         chosen = np.unique(np.linspace(0, count - 1, min(count, _SAMPLES)).astype(np.int64))
         node, slope = model.dots.face.basis.node[chosen], model.dots.face.derivative(rest_mm)[chosen]
         variance = [posterior.variances(node, slope[:, axis]) for axis in range(3)]
         away_mm = np.linalg.norm(model.layout.rest_mm[:, None, :2] - model.patch.place_mm, axis=2)
         reach_mm = self.reach_thickness * model.thickness_mm
-        return MarkerDeviation(
+        return DisplacementCovarianceState(
             noise_mm=read_only(np.sqrt(np.median(variance, axis=1))),
             std_px=std_px,
             proximity=read_only(np.exp(-0.5 * (away_mm / reach_mm) ** 2)),
@@ -129,7 +146,7 @@ class SurfaceError:
     def __call__(
         self,
         model: InversionModel,
-        deviation: MarkerDeviation,
+        state: DisplacementCovarianceState,
         displacement_mm: Points3,
         force_mm2: Nodal,
         is_seen: Mask,
@@ -140,19 +157,20 @@ class SurfaceError:
 
         Args:
             model: of the sheet.
-            deviation: from `start`.
+            state: from `start`.
             displacement_mm: (m, 3) of the markers.
             force_mm2: (n, 3) nodal forces over E.
             is_seen: (m,) markers with an image in this frame.
             std_px: standard deviation of the marker images of this frame along an axis.
         """
-        noise_mm = deviation.noise_mm * max(std_px / deviation.std_px, 1.0)
+        noise_mm = state.noise_mm * max(std_px / state.std_px, 1.0)
         depth_mm = np.abs(displacement_mm[:, 2])
-        near_mm2 = deviation.proximity @ np.maximum(-force_mm2[:, 2], 0.0)
-        dent_mm = self.dent * near_mm2 / model.thickness_mm
+        weighted_mm2 = state.proximity @ np.maximum(-force_mm2[:, 2], 0.0)
+        dent_mm = self.dent * weighted_mm2 / model.thickness_mm
+        # variance of the model's error along z: by the forces nearby, and in proportion to the depth
         error_mm2 = dent_mm**2 + (self.depth_share**2 + model.assumed_depth_std**2) * depth_mm**2
         factor = np.where(is_seen, 1.0, self.unseen_factor**2)
         covariance = np.zeros((len(depth_mm), 3, 3))
-        for axis, part in enumerate((self.lateral_share, self.lateral_share, 1.0)):
-            covariance[:, axis, axis] = factor * (noise_mm[axis] ** 2 + part**2 * error_mm2)
+        for axis, share in enumerate((self.lateral_share, self.lateral_share, 1.0)):
+            covariance[:, axis, axis] = factor * (noise_mm[axis] ** 2 + share**2 * error_mm2)
         return covariance

@@ -11,7 +11,7 @@ from manytouch.simulation.demo_sensor import demo_sensor
 
 def test_rest_positions_of_few_frames_widen_the_deviation_by_the_noise_of_their_mean() -> None:
     noise, sensor = MarkerNoise(), replace(demo_sensor(640), centre_noise_px=0.3)
-    of_model = noise.model_std_px(20.0)
+    of_model = noise.unexplained_std_px(20.0)
     assert noise.constant_std_px(20.0, sensor) == pytest.approx(of_model)
     for frames in (1, 4, 15, 24):
         found = noise.constant_std_px(20.0, replace(sensor, provenance={"rest_frames": frames}))
