@@ -50,7 +50,8 @@ class PatchFit:
         covariance: (6, 6) of force, x, y, and the moments xx, xy, yy by the noise; it is scaled by the mean
             misfit.
         nodal_mm2: (n,) its forces on the nodes of the evidence, over E, positive in compression.
-        corner_mm: (k, 2) corners of a rigid face; of an even ellipse (0, 2).
+        outline_mm: (k, 2) outline of a rigid face: 4 corners of a bar, 24 points of an elliptic face; (0, 2)
+            of an even ellipse.
     """
 
     misfit: float
@@ -59,7 +60,7 @@ class PatchFit:
     spread_mm2: Float64[np.ndarray, "2 2"]
     covariance: Float64[np.ndarray, "6 6"]
     nodal_mm2: Float64[np.ndarray, " n"]
-    corner_mm: Float64[np.ndarray, "_ 2"]
+    outline_mm: Float64[np.ndarray, "_ 2"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -139,7 +140,7 @@ class Evidence:
             spread_mm2=np.array([[xx * xx, xx * yx], [xx * yx, yx * yx + yy * yy]]),
             covariance=per_combination * change @ inverse @ change.T,
             nodal_mm2=self.nodal(theta),
-            corner_mm=np.zeros((0, 2)),
+            outline_mm=np.zeros((0, 2)),
         )
 
     def fit_two(

@@ -27,7 +27,8 @@ class ForcePatch(Protocol):
         centre_mm: (2,) on the sheet.
         spread_mm2: (2, 2) second moment of the pressure about the centre.
         covariance: (6, 6) of force, x, y and the moments xx, xy, yy, by the noise.
-        corner_mm: (k, 2) outline of a rigid face; (0, 2) of others.
+        outline_mm: (k, 2) outline of a rigid face: 4 corners of a bar, 24 points of an elliptic face; (0, 2)
+            of an even ellipse.
     """
 
     @property
@@ -43,7 +44,7 @@ class ForcePatch(Protocol):
     def covariance(self) -> Float64[np.ndarray, "6 6"]: ...
 
     @property
-    def corner_mm(self) -> Float64[np.ndarray, "_ 2"]: ...
+    def outline_mm(self) -> Float64[np.ndarray, "_ 2"]: ...
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -62,7 +63,7 @@ class Clusters:
         label: (n,) cluster of each node, or -1.
         is_face: (c,) clusters under a rigid face: bars, and those that several ones were joined to.
         corner_points_mm: for each cluster under a rigid face, (k, 2) points around the places where it
-            presses, or the corners of a bar; else (0, 2).
+            presses, or the outline of the fitted face (`ForcePatch.outline_mm`); else (0, 2).
         shape_probability: (c, 4) of the shapes of the pressure in the order of `ContactShape`; NaN where no
             patch was fitted.
         fitted_mm2: (n,) normal forces of the fitted patches on the nodes that they were fitted to, positive
@@ -121,10 +122,10 @@ class Clusters:
             spread_mm2=changed(self.spread_mm2, patch.spread_mm2),
             covariance=changed(self.covariance, patch.covariance),
             shape_probability=changed(self.shape_probability, shape_probability),
-            is_face=changed(self.is_face, len(patch.corner_mm) > 0),
+            is_face=changed(self.is_face, len(patch.outline_mm) > 0),
             corner_points_mm=(
                 *self.corner_points_mm[:number],
-                patch.corner_mm,
+                patch.outline_mm,
                 *self.corner_points_mm[number + 1 :],
             ),
         )

@@ -20,7 +20,7 @@ from jaxtyping import Float64, Int64
 
 from manytouch.estimation.mechanics.clusters.bars import MIN_F, MIN_INSIDE, f_of_two
 from manytouch.estimation.mechanics.clusters.evidence import Evidence, EvidenceAt, PairFit, PatchFit
-from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_rim
+from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_elliptic_face
 from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.inversion.force_nodes import ForceNodes, smooth
 from manytouch.geometry.spline.patch import Nodal
@@ -204,17 +204,17 @@ class ModelOrder:
         return pair if is_pair and evidence.patch.covers(pair.centre_mm).all() else one
 
     def _face_or(self, one: PatchFit, evidence: Evidence, element_mm: float) -> PatchFit:
-        """An elliptic face that presses most with its rim, if it explains the markers clearly better."""
+        """An elliptic face that presses most with its edge, if it explains the markers clearly better."""
         narrow_mm = 2.0 * float(np.sqrt(max(np.linalg.eigvalsh(one.spread_mm2)[0], 0.0)))
         if narrow_mm < self.min_face * element_mm or one.misfit < self.min_f_face * self.min_mean_misfit:
             return one
-        face = fit_rim(evidence, one)
+        face = fit_elliptic_face(evidence, one)
         mean_misfit = max(face.misfit / max(len(evidence.aim) - _FACE_PARAMETERS, 1), self.min_mean_misfit)
-        arm_mm2 = float(np.square(face.corner_mm - face.centre_mm).sum(axis=1).mean())
-        is_rim = 2.0 * float(np.trace(face.spread_mm2)) > self.min_rim * arm_mm2
+        arm_mm2 = float(np.square(face.outline_mm - face.centre_mm).sum(axis=1).mean())
+        is_edge_loaded = 2.0 * float(np.trace(face.spread_mm2)) > self.min_rim * arm_mm2
         is_inside = bool(face.nodal_mm2.sum() >= self.min_inside * face.force_mm2)
         is_better = one.misfit - face.misfit > self.min_f_face * mean_misfit
-        return face if is_inside and is_better and is_rim else one
+        return face if is_inside and is_better and is_edge_loaded else one
 
     def _is_plausible(self, nodes: ForceNodes, clusters: Clusters, number: int, one: PatchFit) -> bool:
         """Is a fitted patch where the nodal forces are, about as strong, and on the nodes of the evidence?"""

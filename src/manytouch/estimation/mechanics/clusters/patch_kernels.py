@@ -18,17 +18,17 @@ RING = 4
 BAR = 8
 """Number of parameters of a bar: force, x, y of its middle, half its length along x and y, half its width,
 and the tilt and the end load of its profile. The pressure at a share s of half the length is proportional to
-exp(T tanh(tilt) s + E tanh(end) s^2)."""
+exp(MAX_TILT tanh(tilt) s + MAX_END tanh(end) s^2)."""
 MAX_TILT, MAX_END = 1.0, 1.5
-"""T and E. The pressure in the middle is at least exp(-1.5) of that at both ends: with less, a bar would
-describe two balls as well as two patches do (ADR 84)."""
-RIM = 9
+"""The pressure in the middle is at least exp(-1.5) of that at both ends: with less, a bar would describe two
+balls as well as two patches do (ADR 84)."""
+ELLIPTIC_FACE = 9
 """Number of parameters of an elliptic face: force, x, y, the triangular root xx, yx, yy of the second moment
-that it would have under even pressure, the load of its rim, and two that are 0. The pressure at a share s of
-its radius is proportional to exp(R tanh(load) s^2)."""
-MAX_RIM = 3.0
-"""R."""
-_RIM_ANGLES = 12
+that it would have under even pressure, the load of its edge, and two that are 0, by which their number
+differs from that of a bar. The pressure at a share s of its radius is proportional to
+exp(MAX_EDGE_LOAD tanh(load) s^2)."""
+MAX_EDGE_LOAD = 3.0
+_FACE_ANGLES = 12
 _RING_POINTS = 24
 
 Parameters = Float64[np.ndarray, " p"]
@@ -205,34 +205,34 @@ _SQUARE = 0.5 * (_SQUARE + 1.0)  # squared shares of the radius, in which the ar
 _RADIUS = np.sqrt(_SQUARE)
 
 
-def rim_radii() -> Float64[np.ndarray, "4"]:
+def elliptic_radii() -> Float64[np.ndarray, "4"]:
     """Shares of the radius of an elliptic face at which its pressure acts."""
     return _RADIUS
 
 
 @kernel()
 @no_type_check
-def rim_profile(face: Parameters) -> Float64[np.ndarray, "4"]:
-    """Shares of the force of an elliptic face at `rim_radii`."""
-    weight = _SQUARE_WEIGHT * np.exp(MAX_RIM * np.tanh(face[6]) * _SQUARE)
+def elliptic_profile(face: Parameters) -> Float64[np.ndarray, "4"]:
+    """Shares of the force of an elliptic face at `elliptic_radii`."""
+    weight = _SQUARE_WEIGHT * np.exp(MAX_EDGE_LOAD * np.tanh(face[6]) * _SQUARE)
     return np.asarray(weight / weight.sum())
 
 
 @kernel(fastmath=REORDER)
 @no_type_check
-def add_rim(grid: NodeGrid, face: Parameters, nodal: Forces) -> None:
+def add_elliptic_face(grid: NodeGrid, face: Parameters, nodal: Forces) -> None:
     """Add the nodal forces of an elliptic face to `nodal`, by 4 x 12 points.
 
     Args:
         grid: of the nodes; forces on other nodes are left out.
-        face: (9,) see `RIM`.
+        face: (9,) see `ELLIPTIC_FACE`.
         nodal: result.
     """
-    weight, work = rim_profile(face), np.empty((2, 2, 4))
+    weight, work = elliptic_profile(face), np.empty((2, 2, 4))
     for a in range(len(weight)):
-        share = face[0] * weight[a] / _RIM_ANGLES
-        for b in range(_RIM_ANGLES):
-            angle = 2.0 * np.pi * (b + 0.5 * (a % 2)) / _RIM_ANGLES
+        share = face[0] * weight[a] / _FACE_ANGLES
+        for b in range(_FACE_ANGLES):
+            angle = 2.0 * np.pi * (b + 0.5 * (a % 2)) / _FACE_ANGLES
             u, v = 2.0 * _RADIUS[a] * np.cos(angle), 2.0 * _RADIUS[a] * np.sin(angle)
             x, y = face[1] + face[3] * u, face[2] + face[4] * u + face[5] * v
             _add_point(grid, share, x, y, work, nodal)
@@ -248,8 +248,8 @@ def add_patches(theta: Parameters, grid: NodeGrid, nodal: Forces) -> None:
         add_ring(grid, theta, nodal)
     elif len(theta) == BAR:
         add_bar(grid, theta, nodal)
-    elif len(theta) == RIM:
-        add_rim(grid, theta, nodal)
+    elif len(theta) == ELLIPTIC_FACE:
+        add_elliptic_face(grid, theta, nodal)
     else:
         patch = np.zeros(ONE)
         patch[3] = patch[5] = theta[6]

@@ -5,7 +5,7 @@ import pytest
 
 from manytouch.estimation import MechanicsEstimator
 from manytouch.estimation.mechanics.clusters.bars import MIN_F, BarRule, f_of_two
-from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_rim
+from manytouch.estimation.mechanics.clusters.face_fits import fit_bar, fit_elliptic_face
 from manytouch.estimation.mechanics.clusters.force_clusters import cluster_moments
 from manytouch.estimation.mechanics.clusters.patch_kernels import (
     ALONG,
@@ -49,8 +49,8 @@ def test_a_bar_is_found_again(seed: int) -> None:
     mean = bar_profile(np.array(true)) @ ALONG
     error = [bar.force_mm2 - 1.0, *(bar.centre_mm - [3.0 + 9.0 * mean, -2.0 + 4.0 * mean])]
     assert (np.abs(error) < 3.5 * np.sqrt(np.diag(bar.covariance)[:3])).all()
-    np.testing.assert_allclose(bar.corner_mm.mean(axis=0), [3.0, -2.0], atol=0.3)
-    assert np.linalg.norm(bar.corner_mm[0] - bar.corner_mm[3]) == pytest.approx(
+    np.testing.assert_allclose(bar.outline_mm.mean(axis=0), [3.0, -2.0], atol=0.3)
+    assert np.linalg.norm(bar.outline_mm[0] - bar.outline_mm[3]) == pytest.approx(
         2 * np.hypot(9.0, 4.0), rel=0.03
     )
     assert bar.nodal_mm2.sum() == pytest.approx(bar.force_mm2, rel=1e-6)
@@ -58,34 +58,34 @@ def test_a_bar_is_found_again(seed: int) -> None:
 
 
 def test_the_nodal_forces_of_an_elliptic_face() -> None:
-    """Under even pressure they are about those of the ellipse; a loaded rim widens it."""
+    """Under even pressure they are about those of the ellipse; a loaded edge widens it."""
     ellipse = np.array([0.8, 5.1, -3.2, 2.0, 0.7, 1.4])
     grid, nodes = slack_grid()
-    even, face, rim = np.zeros((3, nodes))
+    even, face, loaded = np.zeros((3, nodes))
     add_patches(ellipse, grid, even)
     add_patches(np.array([*ellipse, 0.0, 0.0, 0.0]), grid, face)
-    add_patches(np.array([*ellipse, 1.5, 0.0, 0.0]), grid, rim)
+    add_patches(np.array([*ellipse, 1.5, 0.0, 0.0]), grid, loaded)
     np.testing.assert_allclose(face, even, atol=0.04 * even.max())
-    assert rim.sum() == pytest.approx(0.8)
-    assert rim.max() < 0.97 * even.max()
+    assert loaded.sum() == pytest.approx(0.8)
+    assert loaded.max() < 0.97 * even.max()
 
 
 @pytest.mark.parametrize("seed", range(3))
-def test_a_face_that_presses_with_its_rim_is_found_again(seed: int) -> None:
+def test_a_face_that_presses_with_its_edge_is_found_again(seed: int) -> None:
     evidence = evidence_of([1.0, 3.0, -2.0, 4.0, 0.0, 4.0, 1.2, 0.0, 0.0], seed)
     one = evidence.fit_one(0.9, np.array([2.5, -1.5]), 9.0 * np.eye(2))
-    face = fit_rim(evidence, one)
+    face = fit_elliptic_face(evidence, one)
     assert one.misfit - face.misfit > 100.0
     error = [face.force_mm2 - 1.0, *(face.centre_mm - [3.0, -2.0])]
     assert (np.abs(error) < 3.5 * np.sqrt(np.diag(face.covariance)[:3])).all()
-    radius_mm = np.linalg.norm(face.corner_mm - face.centre_mm, axis=1)
+    radius_mm = np.linalg.norm(face.outline_mm - face.centre_mm, axis=1)
     np.testing.assert_allclose(radius_mm, 8.0, rtol=0.05)
 
 
-def test_an_even_disc_is_no_face_with_a_loaded_rim() -> None:
+def test_an_even_disc_is_no_face_with_a_loaded_edge() -> None:
     evidence = evidence_of([1.0, 3.0, -2.0, 4.0, 0.0, 4.0])
     one = evidence.fit_one(0.9, np.array([2.5, -1.5]), 9.0 * np.eye(2))
-    assert one.misfit - fit_rim(evidence, one).misfit < 10.0
+    assert one.misfit - fit_elliptic_face(evidence, one).misfit < 10.0
 
 
 @pytest.mark.parametrize("seed", range(3))
