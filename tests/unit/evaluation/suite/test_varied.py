@@ -95,7 +95,7 @@ def test_a_flat_face_has_its_footprint_as_region() -> None:
     case = named("square-tight")
     press, contact = case.presses[0], states_of("square-tight")[-1].contacts[0]
     assert contact.region_mm2 == pytest.approx(np.prod(press.size_mm))
-    assert contact.area_mm2 < 0.5 * contact.region_mm2  # it bears on its rim
+    assert contact.area_mm2 < 0.5 * contact.region_mm2  # only its edge touches
 
 
 def test_a_recording_is_pressed_to_its_last_frame_and_counts_from_the_sheet_at_rest() -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES, VARIED_GROUPS, Case
-from manytouch.evaluation.suite.varied.presses import SHAPES, Drawn, VariedPress
+from manytouch.evaluation.suite.varied.presses import SHAPES, PressSampler, VariedPress
 from manytouch.evaluation.suite.varied.sheets import SHEETS
 
 HELD_OUT_SHAPES = ("ring", "palm")
@@ -72,7 +72,7 @@ def varied(group: str) -> Iterator[VariedCase]:
             rng = np.random.default_rng(5000 + number)
             low_mm, high_mm = DEPTHS_MM[(i + 2 * j) % len(DEPTHS_MM)]
             deepest_mm = round(float(np.exp(rng.uniform(np.log(low_mm), np.log(high_mm)))), 2)
-            presses = draw(Drawn(rng=rng, sheet=sheet, deepest_mm=deepest_mm))
+            presses = draw(PressSampler(rng=rng, sheet=sheet, deepest_mm=deepest_mm))
             is_rigid = all(press.kind != "dome" for press in presses)
             is_rough, is_relaxing = (i + 2 * j) % 4 == 1, is_rigid and (2 * i + j) % 7 == 3
             angle = float(rng.uniform(0, 2 * np.pi))

@@ -11,7 +11,8 @@ class VariedSheet:
 
     Attributes:
         size_mm, thickness_mm, young_MPa, poisson: of the sheet.
-        strain: in its plane before it was clamped.
+        strain: equal strain along x and y to which the sheet is stretched before it is clamped; 0: no
+            pretension.
         pitch_mm: of its dots.
     """
 
@@ -24,16 +25,26 @@ class VariedSheet:
 
     @property
     def pretension_N_per_mm(self) -> float:
-        """Of the strain, for small strains."""
+        """Membrane force by `strain` per length of the clamp, by Hooke's law for small strains."""
         return round(self.strain * self.young_MPa * self.thickness_mm / (1.0 - self.poisson), 4)
 
     @property
     def gap_mm(self) -> float:
-        """Between bodies, and from the rim."""
+        """Least distance between two bodies, and of a body from the clamp."""
         return max(1.5 * self.pitch_mm, 2.0 * self.thickness_mm, 5.0)
 
     def force_N(self, depth_mm: float, radius_mm: float) -> float:
-        """About the force that presses a round sheet of the shorter side so deep (Timoshenko, plates, 97)."""
+        """Approximate force of a press in the middle of a round clamped sheet, as wide as the shorter side.
+
+        It is that of a plate of radius a that is loaded at its centre, with the stretching of large
+        deflections w: 16 pi D w / a^2 (1 + 0.44 (w / t)^2) (S. Timoshenko and S. Woinowsky-Krieger, Theory of
+        Plates and Shells, 1959, chapter 13), plus that of a membrane under the pretension N that is pressed
+        by a disc of radius r: 2 pi N w / log(a / r).
+
+        Args:
+            depth_mm: w.
+            radius_mm: r; a / r is taken as at least 1.6.
+        """
         a_mm, t_mm = 0.5 * min(self.size_mm), self.thickness_mm
         rigidity = self.young_MPa * t_mm**3 / 12.0 / (1.0 - self.poisson**2)
         bending = 16.0 * np.pi * rigidity / a_mm**2 * (1.0 + 0.44 * (depth_mm / t_mm) ** 2)
