@@ -1,4 +1,4 @@
-"""Frames of a video or of images in any order, as a recording offers them."""
+"""Random access to the frames of a video or of images, for playback; timestamps are not checked here."""
 
 from collections import OrderedDict
 from collections.abc import Iterator
