@@ -1,4 +1,7 @@
-"""The page "the paper, step by step": pictures with what each step does and its numbers on this frame."""
+"""The page "the paper, step by step": the steps of the paper's method on one frame of any input.
+
+Each step has its pictures, what it does, and its numbers on this frame.
+"""
 
 from pathlib import Path
 from typing import Any
@@ -66,6 +69,7 @@ def figures(steps: PaperSteps) -> dict[str, Any]:
         "detect": detect,
         "track": track,
         "estimate": estimate,
+        # dark markers are searched in the inverted image; the page states the grey level of the camera image
         "level": 255 - stages.level if steps.view.view.is_dark else stages.level,
         "is_dark": steps.view.view.is_dark,
         "removed_px": int(((stages.binary > 0) & (stages.opened == 0)).sum()),
@@ -96,7 +100,11 @@ def figures(steps: PaperSteps) -> dict[str, Any]:
 
 
 def _perimeter(steps: PaperSteps, marker: int) -> dict[str, float]:
-    """AP and BP of the quad of a marker (of its first, if it has several), d, and the marker's depth."""
+    """Numbers of equation 11, m = d (1 - AP / BP), for the quad of a marker, its first if it has several.
+
+    AP is the perimeter of the quad at rest (`before`), BP its present one (`after`), or what else `formula`
+    measures; d is the distance of the camera (`distance`). `depth` is that of the marker.
+    """
     quads = steps.estimation.quads
     quad = marker if quads.is_corner is None else int(quads.is_corner[[marker]].indices[0])
     corner_mm = corner_values(steps.plane_mm, quads)[[quad]]
