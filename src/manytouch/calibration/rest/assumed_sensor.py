@@ -11,7 +11,7 @@ from types import NoneType
 import numpy as np
 
 from manytouch.calibration.rest.first_frames import (
-    BEFORE_A_SCENE,
+    IN_FRONT_OF_A_SCENE,
     arrange_rest_dots,
     find_rest_dots,
     image_size,
@@ -81,7 +81,7 @@ def sensor_from_rest(
         roi_px=roi_px,
     )
     assert sensor.layout is not None
-    layout = replace(sensor.layout, is_before_scene=BEFORE_A_SCENE in notes)
+    layout = replace(sensor.layout, is_before_scene=IN_FRONT_OF_A_SCENE in notes)
     return replace(sensor, layout=layout, assumptions=sensor.assumptions + notes)
 
 

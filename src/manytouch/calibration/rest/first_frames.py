@@ -16,12 +16,17 @@ if TYPE_CHECKING:
     from manytouch.detection import Appearance
 
 MOST_FRAMES = 24
-BEFORE_A_SCENE = (
+IN_FRONT_OF_A_SCENE = (
     "The dots are few, or other things are seen between them; those that stay in place on smooth lines are "
     "the markers."
 )
 _LEAST_DOTS = 4
-_DISTANT = 1e6
+_DISTANT_PX = 1e6
+"""Focal length and distance of the camera of a provisional sensor, whose unit of length is one pixel."""
+_SMALL_SHARE = 0.6
+"""A dot with less than this share of the median area is small."""
+_CUT_RADII, _SMALL_CUT_RADII = 0.85, 1.5
+"""A dot is cut if its centre is nearer to the border than this many median radii; the second: a small dot."""
 
 
 def image_size(frames: Sequence[Frame], roi_px: Roi | None = None) -> tuple[int, int]:
@@ -48,14 +53,21 @@ def image_size(frames: Sequence[Frame], roi_px: Roi | None = None) -> tuple[int,
 
 
 def find_rest_dots(
-    frames: Sequence[Frame], roi_px: Roi | None, spread: Callable[[], Sequence[Frame]] | None = None
+    frames: Sequence[Frame],
+    roi_px: Roi | None,
+    read_spread_frames: Callable[[], Sequence[Frame]] | None = None,
 ) -> tuple["Appearance", RestDots, tuple[str, ...]]:
     """Appearance and rest positions of the dots of an unknown recording, and warnings.
 
     Args:
         frames: the first ones.
         roi_px: x, y, width, height of the region of interest.
-        spread: returns frames of the whole recording, used where the first ones show no clear pattern.
+        read_spread_frames: reads frames that are spread over the whole recording; called only if no regular
+            pattern is found in the first frames. None: only those are used.
+
+    Returns:
+        The appearance, the dots, and warnings: `IN_FRONT_OF_A_SCENE` if the dots are those that stay in place
+        on smooth lines.
 
     Raises:
         LayoutError: there are no dots.
@@ -66,16 +78,18 @@ def find_rest_dots(
     try:
         surveyed = survey(few, roi_px=roi_px)
     except LayoutError:
-        found = find_sparse_dots(few if spread is None else spread(), roi_px)
+        found = find_sparse_dots(few if read_spread_frames is None else read_spread_frames(), roi_px)
         if found is None:
             raise
-        return _sparse_appearance(*found), found[1], (BEFORE_A_SCENE,)
-    known = merge_rest_dots([surveyed.detections])
+        return _sparse_appearance(*found), found[1], (IN_FRONT_OF_A_SCENE,)
+    surveyed_dots = merge_rest_dots([surveyed.detections])
     width, height = image_size(few, roi_px)
-    sensor = _sensor_for_search(known, surveyed.appearance, width, height)
-    still = merge_rest_dots(detect_in_frames(sensor, few, roi_px))
-    is_same_time = surveyed.frame_index in {few[k].index for k in still.frames} or not still.frames
-    return surveyed.appearance, confirm_rest_dots(still, known, is_same_time=is_same_time), surveyed.notes
+    sensor = _sensor_for_search(surveyed_dots, surveyed.appearance, width, height)
+    dots_by_size = merge_rest_dots(detect_in_frames(sensor, few, roi_px))
+    rest_frames = {few[k].index for k in dots_by_size.frames}
+    is_same_time = surveyed.frame_index in rest_frames or not rest_frames
+    dots = confirm_rest_dots(dots_by_size, surveyed_dots, is_same_time=is_same_time)
+    return surveyed.appearance, dots, surveyed.notes
 
 
 def _sparse_appearance(polarity: Polarity, dots: RestDots) -> "Appearance":
@@ -90,27 +104,27 @@ def _sparse_appearance(polarity: Polarity, dots: RestDots) -> "Appearance":
     )
 
 
-def _sensor_for_search(known: RestDots, appearance: "Appearance", width_px: int, height_px: int) -> Sensor:
+def _sensor_for_search(dots: RestDots, appearance: "Appearance", width_px: int, height_px: int) -> Sensor:
     """A provisional sensor that describes only the dots to search for; one unit of length is one pixel."""
-    markers = len(known.centre_px)
+    markers = len(dots.centre_px)
     return Sensor(
         name="provisional",
         camera=Camera(
             width_px=width_px,
             height_px=height_px,
-            fx_px=_DISTANT,
-            fy_px=_DISTANT,
+            fx_px=_DISTANT_PX,
+            fy_px=_DISTANT_PX,
             cx_px=0.0,
             cy_px=0.0,
             distortion=read_only(np.zeros(5)),
             rotation_vector=read_only(np.zeros(3)),
-            translation_mm=read_only(np.array([0.0, 0.0, _DISTANT])),
+            translation_mm=read_only(np.array([0.0, 0.0, _DISTANT_PX])),
         ),
         layout=Layout(
-            rest_mm=read_only(np.column_stack([known.centre_px, np.zeros(markers)])),
+            rest_mm=read_only(np.column_stack([dots.centre_px, np.zeros(markers)])),
             row_column=None,
             pitch_mm=read_only(np.ones(2)),
-            radius_mm=read_only(np.sqrt(known.area_px2 / np.pi)),
+            radius_mm=read_only(np.sqrt(dots.area_px2 / np.pi)),
             polarity=appearance.polarity,
             colour_weights=appearance.colour_weights,
             is_missing=read_only(np.zeros(markers, dtype=bool)),
@@ -131,26 +145,26 @@ def detect_in_frames(sensor: Sensor, frames: Sequence[Frame], roi_px: Roi | None
     return tuple(found)
 
 
-def arrange_rest_dots(still: RestDots, width_px: int, height_px: int, roi_px: Roi | None) -> Arrangement:
+def arrange_rest_dots(dots: RestDots, width_px: int, height_px: int, roi_px: Roi | None) -> Arrangement:
     """Arrange rest dots as numbered markers.
 
     Raises:
         LayoutError: too few dots.
     """
-    if len(still.centre_px) < _LEAST_DOTS:
+    if len(dots.centre_px) < _LEAST_DOTS:
         raise LayoutError(
-            f"only {len(still.centre_px)} dots were found in the first frames, but a layout needs at least "
+            f"only {len(dots.centre_px)} dots were found in the first frames, but a layout needs at least "
             f"{_LEAST_DOTS}: check light and focus, start the recording untouched, or select the region "
             "with the dots by --roi X,Y,W,H"
         )
-    return arrange(still.centre_px, is_cut(still, width_px, height_px, roi_px))
+    return arrange(dots.centre_px, is_cut(dots, width_px, height_px, roi_px))
 
 
-def is_cut(still: RestDots, width_px: int, height_px: int, roi_px: Roi | None) -> Mask:
+def is_cut(dots: RestDots, width_px: int, height_px: int, roi_px: Roi | None) -> Mask:
     """(n,) whether the border of the image or of the region of interest cuts the dot."""
     x, y, w, h = roi_px or (0, 0, width_px, height_px)
-    radius = np.sqrt(np.median(still.area_px2) / np.pi)
-    centre = still.centre_px
+    radius = np.sqrt(np.median(dots.area_px2) / np.pi)
+    centre = dots.centre_px
     inside = np.minimum(centre - [x - 0.5, y - 0.5], [x + w - 0.5, y + h - 0.5] - centre).min(axis=1)
-    is_small = still.area_px2 < 0.6 * np.median(still.area_px2)
-    return np.asarray((inside < 0.85 * radius) | ((inside < 1.5 * radius) & is_small))
+    is_small = dots.area_px2 < _SMALL_SHARE * np.median(dots.area_px2)
+    return np.asarray((inside < _CUT_RADII * radius) | ((inside < _SMALL_CUT_RADII * radius) & is_small))

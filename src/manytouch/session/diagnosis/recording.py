@@ -9,7 +9,7 @@ import numpy as np
 from manytouch import calibration
 from manytouch.calibration import LayoutReport
 from manytouch.calibration.dot_shape import height_over_width
-from manytouch.calibration.rest.first_frames import BEFORE_A_SCENE
+from manytouch.calibration.rest.first_frames import IN_FRONT_OF_A_SCENE
 from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.detection import Appearance, survey
 from manytouch.detection.images import level_scale
@@ -95,7 +95,7 @@ def _diagnose_scene(
     except LayoutError:
         yield f"dots: {no_dots}"
         return
-    yield f"dots: {layout.dots}; {BEFORE_A_SCENE[0].lower()}{BEFORE_A_SCENE[1:-1]}"
+    yield f"dots: {layout.dots}; {IN_FRONT_OF_A_SCENE[0].lower()}{IN_FRONT_OF_A_SCENE[1:-1]}"
     yield _describe_layout(layout, np.nan)
 
 
