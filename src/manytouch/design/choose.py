@@ -9,8 +9,8 @@ import numpy as np
 from manytouch.calibration.sheet.fit import STIFFNESS_PRIOR_STD
 from manytouch.design.deflection import DeflectionCurve, deflection_curve
 from manytouch.design.dimensions import (
-    MIN_GAP_PX,
-    MIN_RADIUS_PX,
+    MIN_MARKER_GAP_PX,
+    MIN_MARKER_RADIUS_PX,
     RADIUS_PER_PITCH,
     STRENGTH_SHARE,
     THICKNESSES_MM,
@@ -46,7 +46,7 @@ def design_sensor(requirements: Requirements, *, on_message: Callable[[str], obj
     focal = focal_px(requirements.camera.width_px, math.radians(requirements.camera.hfov_deg))
     mm_per_px = distance_mm / focal
     pitch, radius = _markers(requirements, mm_per_px)
-    _check_gaps(requirements, curve, pitch, radius, MIN_GAP_PX * mm_per_px)
+    _check_gaps(requirements, curve, pitch, radius, MIN_MARKER_GAP_PX * mm_per_px)
     sheet = Sheet(
         size_mm=read_only(np.array(size)),
         thickness_mm=curve.thickness_mm,
@@ -87,9 +87,9 @@ def _stand_off(requirements: Requirements, size: tuple[float, float]) -> StandOf
 def _markers(requirements: Requirements, mm_per_px: float) -> tuple[float, float]:
     """Pitch and radius of the markers, mm."""
     pitch = pitch_mm(requirements)
-    least = max(MIN_RADIUS_PX * mm_per_px, requirements.printer.nozzle_mm)
+    least = max(MIN_MARKER_RADIUS_PX * mm_per_px, requirements.printer.nozzle_mm)
     radius = max(RADIUS_PER_PITCH * pitch, least)
-    if pitch - 2 * radius < max(2 * requirements.printer.nozzle_mm, MIN_GAP_PX * mm_per_px):
+    if pitch - 2 * radius < max(2 * requirements.printer.nozzle_mm, MIN_MARKER_GAP_PX * mm_per_px):
         raise DesignError(
             f"contacts {requirements.separation_mm:g} mm apart need markers every {pitch:.2g} mm, but a "
             f"marker that the camera resolves ({mm_per_px:.3f} mm per px) and the printer prints "

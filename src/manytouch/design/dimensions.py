@@ -1,4 +1,4 @@
-"""The dimensions of a designed sensor: their limits, and the value that carries them."""
+"""A designed sensor (`Design`), and the limits from which its dimensions follow."""
 
 import math
 from dataclasses import dataclass
@@ -10,24 +10,30 @@ from manytouch.design.stand_off import StandOff
 from manytouch.values import Sensor
 
 MIN_RIM_MM = 10.0
+"""Least width of the rim, which lies between the clamp line and the touchable area."""
 RIM_THICKNESSES, RIM_PITCHES = 2.0, 1.5
 """Contact forces cannot be separated from clamp forces within two thicknesses of the clamp; a press moves
 markers within 1.5 pitches."""
 VIEW_MARGIN = 1.03
-MIN_RADIUS_PX = 3.0
-MIN_GAP_PX = 3.0
+"""The camera sees so many times the length and the width of the sheet."""
+MIN_MARKER_RADIUS_PX = 3.0
+MIN_MARKER_GAP_PX = 3.0
+"""Between the outlines of neighbouring markers in the image, also while the sheet is pressed."""
 RESOLUTION_PITCHES = 2.0
 """Two-point resolution in pitches (docs/metrics.md)."""
 MAX_PITCH_MM = 6.0
+"""Largest pitch that is designed, also where a larger two-point resolution would be enough."""
 RADIUS_PER_PITCH = 0.25
+"""Radius of a marker over the pitch, unless that is too small to be resolved or printed."""
 THICKNESSES_MM = (2.0, 3.0, 4.0)
+"""Thicknesses of the sheet from which one is chosen if the requirements state none."""
 STRENGTH_SHARE = 0.5
 """The sheet is stretched to at most this share of its strength."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Reason:
-    """A choice.
+    """A choice of the design, and why it was made.
 
     Attributes:
         about: the dimension or part.
@@ -66,12 +72,12 @@ class Design:
         return float(self.sensor.camera.translation_mm[2]) / self.sensor.camera.fx_px
 
     @property
-    def depth_at_most_mm(self) -> float:
+    def depth_under_largest_force_mm(self) -> float:
         """Depth under the largest force."""
         return self.curve.depth_at(self.requirements.force_N[1] / self.material.young_MPa)
 
     @property
-    def depth_at_least_mm(self) -> float:
+    def depth_under_smallest_force_mm(self) -> float:
         """Depth under the smallest force."""
         return self.curve.depth_at(self.requirements.force_N[0] / self.material.young_MPa)
 

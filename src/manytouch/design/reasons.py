@@ -4,8 +4,8 @@ import math
 from collections.abc import Iterator
 
 from manytouch.design.dimensions import (
-    MIN_GAP_PX,
-    MIN_RADIUS_PX,
+    MIN_MARKER_GAP_PX,
+    MIN_MARKER_RADIUS_PX,
     RESOLUTION_PITCHES,
     RIM_PITCHES,
     RIM_THICKNESSES,
@@ -44,27 +44,28 @@ def reasons_for(found: Design) -> Iterator[Reason]:
         chosen=f"{layout.shape[0]} x {layout.shape[1]}, every {layout.pitch_mm[0]:g} mm, radius "
         f"{layout.radius_mm[0]:.2f} mm ({layout.radius_mm[0] / found.mm_per_px:.1f} px)",
         why=f"the two-point resolution of {requirements.separation_mm:g} mm is {RESOLUTION_PITCHES:g} "
-        f"pitches; the radius is a quarter of the pitch, and at least {MIN_RADIUS_PX:g} px and one printed "
-        "line",
+        f"pitches; the radius is a quarter of the pitch, and at least {MIN_MARKER_RADIUS_PX:g} px and one "
+        "printed line",
     )
     yield _gap_reason(found, layout)
-    stress = found.material.young_MPa * found.curve.strain_at(found.depth_at_most_mm)
+    depth_mm, least_um = found.depth_under_largest_force_mm, 1e3 * found.depth_under_smallest_force_mm
+    strain = found.curve.strain_at(depth_mm)
+    stress = found.material.young_MPa * strain
     yield Reason(
         about="sheet",
         chosen=f"{found.material.name}, {sheet.thickness_mm:g} mm thick, E about "
         f"{found.material.young_MPa:.2g} MPa",
         why=f"the softest that supports {requirements.force_N[1]:g} N on 1 cm² within "
-        f"{requirements.deepest_mm:g} mm: {found.depth_at_most_mm:.1f} mm, and "
-        f"{1e3 * found.depth_at_least_mm:.0f} µm under {requirements.force_N[0]:g} N; its largest strain is "
-        f"{100 * found.curve.strain_at(found.depth_at_most_mm):.0f} %, at a stress of about {stress:.1f} "
-        f"MPa; it breaks at {found.material.strength_MPa:g} MPa",
+        f"{requirements.deepest_mm:g} mm: {depth_mm:.1f} mm, and {least_um:.0f} µm under "
+        f"{requirements.force_N[0]:g} N; its largest strain is {100 * strain:.0f} %, at a stress of about "
+        f"{stress:.1f} MPa; it breaks at {found.material.strength_MPa:g} MPa",
     )
     yield Reason(about="frame rate", chosen=f"{camera.fps:g} per second", why="of the camera at this size")
 
 
 def _gap_reason(found: Design, layout: Layout) -> Reason:
     """The gap by equation 1 where it is smallest, and the limits of pitch, radius and height."""
-    deepest_mm, least_mm = found.requirements.deepest_mm, MIN_GAP_PX * found.mm_per_px
+    deepest_mm, least_mm = found.requirements.deepest_mm, MIN_MARKER_GAP_PX * found.mm_per_px
     d, r, h = float(layout.pitch_mm[0]), float(layout.radius_mm[0]), layout.height_mm
     gap = found.curve.smallest_gap_mm(pitch_mm=d, radius_mm=r, height_mm=h, depth_mm=deepest_mm)
     pairs = [
@@ -81,6 +82,6 @@ def _gap_reason(found: Design, layout: Layout) -> Reason:
         chosen=f"{gap:.2f} mm ({gap / found.mm_per_px:.1f} px) at a press of {deepest_mm:g} mm",
         why="smallest gap by equation 1 for all pairs of a row; the largest slope is "
         f"{math.degrees(steepest):.0f} degrees and changes by {math.degrees(turn):.0f} degrees within a "
-        f"pitch. The gap would be {MIN_GAP_PX:g} px with markers every {pitch:.1f} mm, or with a radius of "
-        f"{radius:.1f} mm, or {height:.0f} mm high",
+        f"pitch. The gap would be {MIN_MARKER_GAP_PX:g} px with markers every {pitch:.1f} mm, or with a "
+        f"radius of {radius:.1f} mm, or {height:.0f} mm high",
     )

@@ -7,7 +7,7 @@ import pytest
 
 from manytouch.cli import main
 from manytouch.design.choose import design_sensor
-from manytouch.design.dimensions import MIN_GAP_PX, MIN_RIM_MM, rim_mm
+from manytouch.design.dimensions import MIN_MARKER_GAP_PX, MIN_RIM_MM, rim_mm
 from manytouch.design.requirements import DesignError, Optics, Printer, Requirements
 from manytouch.values.sensor_file import load_sensor
 
@@ -21,7 +21,7 @@ def test_a_design_satisfies_its_requirements(default):
     requirements, sensor = default.requirements, default.sensor
     rim = rim_mm(requirements, sensor.sheet.thickness_mm)
     assert sensor.sheet.size_mm.tolist() == [100.0 + 2 * rim, 60.0 + 2 * rim]
-    assert default.depth_at_most_mm <= requirements.deepest_mm
+    assert default.depth_under_largest_force_mm <= requirements.deepest_mm
     assert sensor.sheet.young_std_MPa == pytest.approx(0.3 * sensor.sheet.young_MPa, abs=1e-3)
     assert sensor.layout.pitch_mm[0] <= requirements.separation_mm / 2
     assert [sensor.camera.cx_px, sensor.camera.cy_px] == [(2560 - 1) / 2, (1440 - 1) / 2]
@@ -34,7 +34,7 @@ def test_a_design_satisfies_its_requirements(default):
     reach = np.abs(sensor.layout.rest_mm[:, :2]).max(axis=0) + sensor.layout.radius_mm[0]
     assert np.all(reach < sensor.sheet.size_mm / 2)
     gap = default.curve.smallest_gap_mm(pitch_mm=4.0, radius_mm=1.0, height_mm=0.0, depth_mm=10.0)
-    assert MIN_GAP_PX * default.mm_per_px < gap < 2.0
+    assert MIN_MARKER_GAP_PX * default.mm_per_px < gap < 2.0
 
 
 def test_a_thick_sheet_has_a_wider_rim():
@@ -51,7 +51,7 @@ def test_the_reason_for_the_gap_states_its_limits(default):
     (why,) = (reason.why for reason in default.reasons if reason.about == "gap between markers")
     numbers = re.search(r"every ([\d.]+) mm, or with a radius of ([\d.]+) mm, or (\d+) mm high", why)
     pitch, radius, height = (float(text) for text in numbers.groups())
-    least = MIN_GAP_PX * default.mm_per_px
+    least = MIN_MARKER_GAP_PX * default.mm_per_px
     for sizes, free in (
         ({"pitch_mm": pitch, "radius_mm": 1.0, "height_mm": 0.0}, 0.06),
         ({"pitch_mm": 4.0, "radius_mm": radius, "height_mm": 0.0}, 0.12),
@@ -63,7 +63,7 @@ def test_the_reason_for_the_gap_states_its_limits(default):
 def test_smaller_forces_give_a_softer_sheet(default):
     gentle = design_sensor(Requirements(force_N=(0.01, 0.2), deepest_mm=5.0))
     assert gentle.material.young_MPa < default.material.young_MPa
-    assert 2.0 < gentle.depth_at_most_mm <= 5.0
+    assert 2.0 < gentle.depth_under_largest_force_mm <= 5.0
 
 
 def test_markers_on_pins_must_not_touch_when_pressed(default):

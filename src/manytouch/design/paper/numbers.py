@@ -13,7 +13,7 @@ import numpy as np
 
 from manytouch.design.choose import lattice
 from manytouch.design.deflection import DeflectionCurve, deflection_curve
-from manytouch.design.dimensions import MIN_GAP_PX, Design, Reason
+from manytouch.design.dimensions import MIN_MARKER_GAP_PX, Design, Reason
 from manytouch.design.materials import MATERIALS
 from manytouch.design.requirements import Optics, Requirements
 from manytouch.design.spacing import gap_mm, largest_radius_mm, smallest_pitch_mm
@@ -123,7 +123,9 @@ def paper_design(on_message: Callable[[str], object] | None = None) -> PaperDesi
     )
     sensor = _sensor(hfov_deg, moduli[0].large_young_MPa)
     mm_per_px = DISTANCE_MM / sensor.camera.fx_px
-    spacings = tuple(marker_spacing(curves[0], height_mm, MIN_GAP_PX * mm_per_px) for height_mm in HEIGHTS_MM)
+    spacings = tuple(
+        marker_spacing(curves[0], height_mm, MIN_MARKER_GAP_PX * mm_per_px) for height_mm in HEIGHTS_MM
+    )
     design = Design(
         requirements=Requirements(
             area_mm=SIZES_MM[0],
@@ -224,7 +226,7 @@ def reasons(found: PaperDesign) -> tuple[Reason, ...]:
             chosen=f"assumed: every {PITCH_MM:g} mm, radius {RADIUS_MM:g} mm, {HEIGHT_MM:g} mm high; gap "
             f"{gap.corrected_mm:.2f} mm",
             why=f"on that press a marker's base is inclined by {abs(gap.slope_deg):.0f} degrees where the "
-            f"gap is smallest; it would be {MIN_GAP_PX:g} px with markers every "
+            f"gap is smallest; it would be {MIN_MARKER_GAP_PX:g} px with markers every "
             f"{gap.smallest_pitch_mm:.2f} mm or a radius of {gap.largest_radius_mm:.2f} mm",
         ),
         Reason(
