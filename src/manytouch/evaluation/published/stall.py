@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from manytouch.evaluation.report.svg_theme import METHOD_COLOURS, SIGNS, SOFT, figure, svg
+from manytouch.evaluation.report.svg_theme import METHOD_COLOURS, PLOT_SYMBOLS, SOFT, figure, svg
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
 from manytouch.sources.simulated import SimulatedSource, simulated_source
@@ -107,7 +107,7 @@ def stall_chart(tests: tuple[StallTest, ...]) -> str:
             speed_px = [one.motion_px for one in mine]
             style: dict[str, Any] = {
                 "color": METHOD_COLOURS[number],
-                "marker": SIGNS[number],
+                "marker": PLOT_SYMBOLS[number],
                 "markersize": 5,
             }
             markers.plot(speed_px, [one.lost for one in mine], **style, label=f"{method}: lost")

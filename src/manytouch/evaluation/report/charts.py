@@ -13,12 +13,12 @@ from manytouch.evaluation.report.svg_theme import (
     FAINT,
     FOREGROUND,
     METHOD_COLOURS,
-    PAPER,
-    SIGNS,
+    PAGE_BACKGROUND,
+    PLOT_SYMBOLS,
     SOFT,
+    empty_chart,
     figure,
     legend,
-    nothing,
     svg,
 )
 from manytouch.evaluation.suite.runner import Trial
@@ -54,7 +54,7 @@ def depth_error_chart(compared: Compared) -> str:
                 curve["median_mm"],
                 color=colour(number),
                 linestyle=DASHES[number],
-                marker=SIGNS[number],
+                marker=PLOT_SYMBOLS[number],
                 markersize=3.5,
                 label=method,
             )
@@ -83,7 +83,9 @@ def rmse_chart(trials: tuple[Trial, ...], methods: tuple[str, ...]) -> str:
             if points:
                 x, y = np.array(points, dtype=np.float64).T
                 x = x + 0.7 * ((number + 0.5) / len(methods) - 0.5) + chance.uniform(-0.06, 0.06, len(x))
-                axes.plot(x, y, SIGNS[number], color=colour(number), markersize=4, alpha=0.75, label=method)
+                axes.plot(
+                    x, y, PLOT_SYMBOLS[number], color=colour(number), markersize=4, alpha=0.75, label=method
+                )
         axes.set_yscale("log")
         axes.set_xticks(range(len(groups)), groups)
         axes.set_xlim(-0.6, len(groups) - 0.4)
@@ -137,7 +139,7 @@ def offset_chart(compared: Compared) -> str:
             if len(offset):
                 axes.plot(
                     *offset.T,
-                    SIGNS[number],
+                    PLOT_SYMBOLS[number],
                     color=colour(number),
                     markersize=3.5,
                     alpha=0.55,
@@ -165,7 +167,7 @@ def force_chart(compared: Compared) -> str:
                 axes.plot(
                     true[both],
                     estimated[both],
-                    SIGNS[number],
+                    PLOT_SYMBOLS[number],
                     color=colour(number),
                     markersize=3.5,
                     alpha=0.6,
@@ -197,12 +199,12 @@ def separation_chart(compared: Compared, ratio: float) -> str:
                 100 * np.array(curve.share),
                 color=colour(number),
                 linestyle=DASHES[number],
-                marker=SIGNS[number],
+                marker=PLOT_SYMBOLS[number],
                 markersize=4.5,
                 label=method,
             )
         if is_empty:
-            nothing(axes, "no frame with two such contacts")
+            empty_chart(axes, "no frame with two such contacts")
         axes.set(
             ylim=(-4, 104), xlabel=f"distance of the two contacts ({unit})", ylabel="resolved (% of frames)"
         )
@@ -226,7 +228,7 @@ def reliability_chart(found: Mapping[str, Mapping[str, UncertaintyCalibration | 
                 100 * np.array(curve.coverage),
                 color=colour(number),
                 linestyle=DASHES[number],
-                marker=SIGNS[number],
+                marker=PLOT_SYMBOLS[number],
                 markersize=3.5,
                 label=method,
             )
@@ -254,12 +256,12 @@ def latency_chart(compared: Compared) -> str:
             low, begin, middle, end, high = np.percentile(known, [1, 25, 50, 75, 99])
             axes.plot([low, high], [number] * 2, color=colour(number), linewidth=2.0)
             axes.plot([begin, end], [number] * 2, color=colour(number), linewidth=9.0, solid_capstyle="butt")
-            axes.plot(middle, number, "|", color=PAPER, markersize=9, markeredgewidth=2.0)
+            axes.plot(middle, number, "|", color=PAGE_BACKGROUND, markersize=9, markeredgewidth=2.0)
         axes.set_yticks(range(len(compared)), list(compared))
         axes.set_ylim(len(compared) - 0.4, -0.6)
         axes.grid(visible=False, axis="y")
         if is_empty:
-            nothing(axes, "no times in frames.csv")
+            empty_chart(axes, "no times in frames.csv")
         else:
             axes.set_xscale("log")
             axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))

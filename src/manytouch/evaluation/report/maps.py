@@ -8,7 +8,7 @@ import numpy as np
 from manytouch.evaluation.metrics.comparison import MethodErrors
 from manytouch.evaluation.metrics.depth import error_map
 from manytouch.evaluation.metrics.worst_frame import WorstFrame
-from manytouch.evaluation.report.svg_theme import FAINT, FOREGROUND, SOFT, figure, nothing, svg
+from manytouch.evaluation.report.svg_theme import FAINT, FOREGROUND, SOFT, empty_chart, figure, svg
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -42,7 +42,7 @@ def _error_map(method: str, values: np.ndarray, limits: tuple[float, float], uni
             aspect=0.66,
         )
         if not np.isfinite(values).any():
-            nothing(axes, "no depth is given")
+            empty_chart(axes, "no depth is given")
         axes.grid(visible=False)
         axes.set_xticks([-1, 0, 1], ["left rim", "middle", "right rim"])
         axes.set_yticks([-1, 0, 1], ["upper", "middle", "lower"])

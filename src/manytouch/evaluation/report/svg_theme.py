@@ -1,7 +1,7 @@
-"""Figures as inline SVG whose colours and letters are the page's, in light and in dark.
+"""Figures as inline SVG with the colours and the fonts of the page, in its light and its dark theme.
 
-Matplotlib draws with colours that stand for roles; in the finished SVG each becomes a variable of
-the page's style sheet.
+Matplotlib draws with placeholder colours, one for each role; in the finished SVG each is replaced by the
+variable of the page's style sheet for that role.
 """
 
 import io
@@ -18,15 +18,16 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-FOREGROUND, SOFT, FAINT, PAPER = "#010203", "#010204", "#010205", "#010206"
+FOREGROUND, SOFT, FAINT, PAGE_BACKGROUND = "#010203", "#010204", "#010205", "#010206"
+"""Placeholder colours, one for each role; `METHOD_COLOURS` are those of the methods, in their order."""
 METHOD_COLOURS = ("#010211", "#010212", "#010213", "#010214", "#010215", "#010216")
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.6)), (0, (1.5, 1.4)), (0, (6, 1.5, 1.5, 1.5)), "-", "--")
-SIGNS = ("o", "s", "^", "D", "v", "P")
+PLOT_SYMBOLS = ("o", "s", "^", "D", "v", "P")
 ROLES = {
     FOREGROUND: "var(--foreground)",
     SOFT: "var(--soft)",
     FAINT: "var(--faint)",
-    PAPER: "var(--paper)",
+    PAGE_BACKGROUND: "var(--paper)",
     **{colour: f"var(--method-{number})" for number, colour in enumerate(METHOD_COLOURS)},
 }
 LETTERS_PT = 9.0
@@ -122,8 +123,8 @@ def legend(axes: "Axes", **where: Any) -> None:
         axes.legend(handlelength=2.6, **where)
 
 
-def nothing(axes: "Axes", sentence: str) -> None:
-    """Print in an empty chart why it is empty."""
+def empty_chart(axes: "Axes", sentence: str) -> None:
+    """Write into a chart without data why there are none."""
     axes.text(0.5, 0.5, sentence, transform=axes.transAxes, ha="center", va="center", color=SOFT, wrap=True)
 
 
