@@ -99,7 +99,7 @@ def evaluate(
     reporter = Reporter(bar=False)
     if paper:
         return _paper(method, cache=cache, processes=max(processes, 1), out=out)
-    kept = out / ".trials"
+    trial_folder = out / ".trials"
     if given:
         from manytouch.evaluation.compare_folders import evaluate_folders
 
@@ -108,12 +108,14 @@ def evaluate(
         from manytouch.evaluation.suite.suite import cases
 
         chosen = cases(tuple(group or GROUPS), quick=quick, tuning=tuning)
-        evaluation = _suite(chosen, method, cache=cache, processes=max(processes, 1), kept=kept)
+        evaluation = _suite(
+            chosen, method, cache=cache, processes=max(processes, 1), trial_folder=trial_folder
+        )
         if not evaluation.trials:
             reporter.print("no case was completed, so there is no report")
             return 0
     page = write_report(evaluation, out)
-    shutil.rmtree(kept, ignore_errors=True)
+    shutil.rmtree(trial_folder, ignore_errors=True)
     for sentence in _describe_results(evaluation):
         reporter.print(sentence)
     reporter.print(f"report in {page}")
@@ -164,7 +166,7 @@ def _suite(
     *,
     cache: Path | None,
     processes: int,
-    kept: Path,
+    trial_folder: Path,
 ) -> "Evaluation":
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.evaluation.suite.evaluate_methods import evaluate_methods
@@ -174,7 +176,13 @@ def _suite(
     with StopOnSignal() as stop, _Progress() as progress:
         progress.report(f"accuracy suite: {len(chosen)} cases, methods {', '.join(names)}")
         return evaluate_methods(
-            chosen, names, cache=cache, kept=kept, observer=progress, stop=stop, processes=processes
+            chosen,
+            names,
+            cache=cache,
+            trial_folder=trial_folder,
+            observer=progress,
+            stop=stop,
+            processes=processes,
         )
 
 

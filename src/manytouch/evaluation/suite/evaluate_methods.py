@@ -1,4 +1,4 @@
-"""The accuracy suite with named methods: what is missing is solved, then every case is processed."""
+"""The accuracy suite with named methods: cases that are not solved yet are solved, then all are processed."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -17,7 +17,7 @@ def evaluate_methods(
     methods: Sequence[str],
     *,
     cache: Path | None = None,
-    kept: Path | None = None,
+    trial_folder: Path | None = None,
     observer: RunObserver | None = None,
     stop: Callable[[], bool] | None = None,
     processes: int = 1,
@@ -28,7 +28,7 @@ def evaluate_methods(
         cases: of the suite.
         methods: their names, of `METHODS`.
         cache: folder of solved cases, to which missing ones are added; None for that of the user.
-        kept: folder of finished trials, with which a run that was ended goes on.
+        trial_folder: folder of finished trials, from which an interrupted run is resumed; None: not stored.
         observer: is notified of each case.
         stop: no case is begun once it returns True.
         processes: cases that are processed in parallel.
@@ -51,5 +51,5 @@ def evaluate_methods(
         observer=observer,
         stop=stop,
         processes=processes,
-        kept=kept,
+        trial_folder=trial_folder,
     )

@@ -34,7 +34,7 @@ CONTACT_COLUMNS = (
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Trial:
-    """One recording and what each method made of it.
+    """One recording and the errors of each method on it.
 
     Attributes:
         title: of the recording.
@@ -79,36 +79,36 @@ def run_suite(
     observer: RunObserver | None = None,
     stop: Callable[[], bool] | None = None,
     processes: int = 1,
-    kept: Path | None = None,
+    trial_folder: Path | None = None,
 ) -> Evaluation:
-    """Play cases and compare what the methods read with what was true.
+    """Process cases with every method and compare the results with ground truth.
 
     Args:
         cases: from `suite.cases`.
         methods: pipelines by the names of their methods.
         simulation: of the cases.
-        settings: for the record.
+        settings: parameters and versions, which the report shows.
         observer: of the progress.
         stop: called before each case; once it returns True the rest is left out.
-        processes: cases that are read at once.
-        kept: folder in which each trial is kept, so that a run that was killed goes on; None: nowhere.
+        processes: cases that are processed in parallel.
+        trial_folder: folder of finished trials, from which an interrupted run is resumed; None: not stored.
     """
     begun_s = time.monotonic()
     left_out = {case.title: reason for case in cases if (reason := simulation.refusal(case)) is not None}
-    playable = [case for case in cases if case.title not in left_out]
+    possible = [case for case in cases if case.title not in left_out]
     if observer is not None:
-        observer.begin("reading", len(playable))
+        observer.begin("reading", len(possible))
         for reason in dict.fromkeys(left_out.values()):
             count = list(left_out.values()).count(reason)
             observer.report(f"left out: {count} {'case' if count == 1 else 'cases'}, since {reason}")
     trials: dict[int, Trial] = {}
-    read = partial(load_or_run_case, methods=methods, simulation=simulation, kept=kept)
-    for number, trial in run_tasks(read, playable, processes=processes, stop=stop):
+    work = partial(load_or_process_case, methods=methods, simulation=simulation, trial_folder=trial_folder)
+    for number, trial in run_tasks(work, possible, processes=processes, stop=stop):
         trials[number] = trial
         if observer is not None:
-            observer.done(playable[number].title, description(trial))
+            observer.done(possible[number].title, description(trial))
     left_out |= {
-        case.title: "the run was stopped" for number, case in enumerate(playable) if number not in trials
+        case.title: "the run was stopped" for number, case in enumerate(possible) if number not in trials
     }
     return Evaluation(
         title="Accuracy suite",
@@ -121,19 +121,19 @@ def run_suite(
     )
 
 
-def load_or_run_case(
-    case: Case, *, methods: Mapping[str, Pipeline], simulation: CaseSimulation, kept: Path | None
+def load_or_process_case(
+    case: Case, *, methods: Mapping[str, Pipeline], simulation: CaseSimulation, trial_folder: Path | None
 ) -> Trial:
-    """A case's trial: the one that is kept where nothing has changed since, else a new one, which is kept."""
-    if kept is None:
-        return run_case(case, methods, simulation.simulate(case))
+    """The trial of a case: the stored one if nothing has changed since, else a new one, which is stored."""
+    if trial_folder is None:
+        return process_case(case, methods, simulation.simulate(case))
     stages = {name: (p.detect, p.track, p.estimate, p.interpolation) for name, p in methods.items()}
     depends = (code_of_the_package(), repr(case), repr(stages), repr(simulation))
-    path = kept / f"{hashlib.sha256(chr(10).join(depends).encode()).hexdigest()[:24]}{SUFFIX}"
+    path = trial_folder / f"{hashlib.sha256(chr(10).join(depends).encode()).hexdigest()[:24]}{SUFFIX}"
     comparisons = read_comparisons(path)
     if comparisons is not None:
         return Trial(title=case.title, case=case, comparisons=comparisons)
-    trial = run_case(case, methods, simulation.simulate(case))
+    trial = process_case(case, methods, simulation.simulate(case))
     write_comparisons(path, trial.comparisons)
     return trial
 
@@ -146,8 +146,8 @@ def code_of_the_package() -> str:
     return hashlib.sha256(b"\0".join(sources)).hexdigest()
 
 
-def run_case(case: Case, methods: Mapping[str, Pipeline], recording: SimulatedRecording) -> Trial:
-    """Read a recording with every method, each from the nominal sensor of the case."""
+def process_case(case: Case, methods: Mapping[str, Pipeline], recording: SimulatedRecording) -> Trial:
+    """Process a recording with every method, each with the sensor that is given to methods in this case."""
     truth = record_of_truths(recording.truths, recording.sensor, name=case.title)
     pictures = {frame.index: frame.image for frame in recording.frames}
     comparisons = []
@@ -183,7 +183,7 @@ def silent(truth: EvaluationRecord, method: str) -> EvaluationRecord:
 
 
 def description(trial: Trial) -> str:
-    """One line: what each method made of a recording."""
+    """One line: the main errors of each method on a recording."""
     parts: list[str] = []
     for comparison in trial.comparisons:
         rmse = depth_figures(comparison.depth)["rmse_median_mm"]

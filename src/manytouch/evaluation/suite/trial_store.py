@@ -1,4 +1,4 @@
-"""Trials in files, from which an interrupted run of the suite goes on.
+"""Trials in files, from which an interrupted run of the suite is resumed.
 
 One `.npz` per trial: its arrays, and the tree of its other values as JSON. Nothing in a file is executed, and
 only the types below are made from it, since the folder belongs to the user's results and may come from

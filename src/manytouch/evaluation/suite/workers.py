@@ -1,4 +1,4 @@
-"""Work shared out to processes, one task after the other, that can be stopped between tasks."""
+"""Tasks that are distributed to processes; a run can be stopped between two tasks."""
 
 import multiprocessing
 import os
@@ -21,13 +21,18 @@ class RunObserver(Protocol):
     """An object that is notified of the progress of a run."""
 
     def begin(self, work: str, count: int) -> None:
-        """So many cases will be solved, or read."""
+        """`count` cases are processed next.
+
+        Args:
+            work: what is done with each, such as "solving"; it is printed.
+            count: number of cases.
+        """
 
     def report(self, sentence: str) -> None:
-        """Something that happened."""
+        """A sentence on the run as a whole, such as which cases are left out."""
 
     def done(self, title: str, sentence: str) -> None:
-        """That is finished for a case."""
+        """One case is finished: its title, and its result in a sentence."""
 
 
 def run_tasks(
@@ -37,14 +42,15 @@ def run_tasks(
     processes: int = 1,
     stop: Callable[[], bool] | None = None,
 ) -> Iterator[tuple[int, Result]]:
-    """The results with the numbers of their tasks, as they come.
+    """Yield the number and the result of each task as soon as it is finished, in any order.
 
-    One process is this one. With more, `work` and everything in it must be picklable.
+    With one process the tasks run in the calling process. With more, `work` and everything in it must be
+    picklable.
 
     Args:
-        work: done for each task.
+        work: function that is called with each task; it returns the result.
         tasks: in the order in which they are begun.
-        processes: how many at once.
+        processes: number of processes.
         stop: called before each task; once it returns True no other is begun.
 
     Raises:
@@ -76,14 +82,14 @@ def run_tasks(
 
 
 def _serve() -> None:
-    """Leave Ctrl-C to the first process, which lets the others finish; end when it was killed."""
+    """Leave Ctrl-C to the parent process, which lets the others finish; end if it was killed."""
     limit_blas_threads()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_first, daemon=True).start()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _end_with_the_first() -> None:
-    first = multiprocessing.parent_process()
-    if first is not None:
-        first.join()
+def _end_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
         os._exit(1)

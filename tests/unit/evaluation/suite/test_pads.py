@@ -17,7 +17,7 @@ from manytouch.evaluation.suite.pads.pad_sensors import given_pad, true_pad
 from manytouch.evaluation.suite.pads.presses import PRESSES
 from manytouch.evaluation.suite.pads.recording import pad_states, simulate_pad
 from manytouch.evaluation.suite.recordings import FemSimulation
-from manytouch.evaluation.suite.runner import Evaluation, Trial, run_case
+from manytouch.evaluation.suite.runner import Evaluation, Trial, process_case
 from manytouch.evaluation.suite.solutions import Solutions
 from manytouch.session import pipeline_for
 from manytouch.simulation.fem.contact.indenters import ConvexBody
@@ -92,7 +92,7 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Trial:
     case = next(pads("pads"))
     simulation = FemSimulation(solutions=Solutions(folder=tmp_path_factory.mktemp("none")))
     assert simulation.refusal(case) is None
-    return run_case(case, {"mechanics": pipeline_for("mechanics")}, simulation.simulate(case))
+    return process_case(case, {"mechanics": pipeline_for("mechanics")}, simulation.simulate(case))
 
 
 def test_truth_is_that_of_the_contact_face() -> None:

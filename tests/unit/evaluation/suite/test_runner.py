@@ -18,7 +18,7 @@ from manytouch.evaluation.records.record import EvaluationError
 from manytouch.evaluation.suite import runner
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation, Touch
 from manytouch.evaluation.suite.recordings import SimulatedRecording, simulate_case
-from manytouch.evaluation.suite.runner import Evaluation, run_case, run_suite
+from manytouch.evaluation.suite.runner import Evaluation, process_case, run_suite
 from manytouch.evaluation.suite.trial_store import read_comparisons, write_comparisons
 from manytouch.pipeline import Pipeline
 from manytouch.values import Contacts, Detections, Frame, Sensor, Surface, TrackedGrid, Truth
@@ -195,18 +195,18 @@ def test_a_run_can_be_stopped_between_cases() -> None:
     assert done.left_out == {"stress/other": "the run was stopped"}
 
 
-def test_a_run_that_was_killed_goes_on_with_the_trials_that_are_kept(tmp_path: Path) -> None:
+def test_a_run_that_was_killed_is_resumed_with_the_trials_that_are_stored(tmp_path: Path) -> None:
     other, simulation = replace(CASE, name="other"), CaseSimulation()
-    first = run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, kept=tmp_path)
-    again = run_suite((CASE, other), {"right": pipeline()}, simulation, settings={}, kept=tmp_path)
+    first = run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, trial_folder=tmp_path)
+    again = run_suite((CASE, other), {"right": pipeline()}, simulation, settings={}, trial_folder=tmp_path)
     assert simulation.simulations == 2  # the second run has simulated the other case alone
     one, same = (done.trials[0].comparisons[0].milliseconds for done in (first, again))
     assert (one == same).all()
-    run_suite((CASE,), {"right": pipeline(depth_factor=0.9)}, simulation, settings={}, kept=tmp_path)
+    run_suite((CASE,), {"right": pipeline(depth_factor=0.9)}, simulation, settings={}, trial_folder=tmp_path)
     assert simulation.simulations == 3  # another parameter, another trial
     for path in tmp_path.iterdir():
         path.write_bytes(path.read_bytes()[:50])
-    run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, kept=tmp_path)
+    run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, trial_folder=tmp_path)
     assert simulation.simulations == 4  # half a file is none
 
 
@@ -241,7 +241,7 @@ class Planted:
 @pytest.mark.parametrize("kind", ["pickle", "array of objects", "unknown type"])
 def test_nothing_in_a_folder_of_results_is_executed(tmp_path: Path, kind: str) -> None:
     proof, folder, simulation = tmp_path / "executed", tmp_path / "trials", CaseSimulation()
-    run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, kept=folder)
+    run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, trial_folder=folder)
     (path,) = folder.iterdir()
     content = {
         "pickle": pickle.dumps(Planted(proof)),
@@ -249,7 +249,7 @@ def test_nothing_in_a_folder_of_results_is_executed(tmp_path: Path, kind: str) -
         "unknown type": npz(tree=np.array('[{"type": "Path", "fields": {}}]')),
     }[kind]
     path.write_bytes(content)
-    done = run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, kept=folder)
+    done = run_suite((CASE,), {"right": pipeline()}, simulation, settings={}, trial_folder=folder)
     assert not proof.exists()
     assert (simulation.simulations, len(done.trials)) == (2, 1)
 
@@ -271,7 +271,7 @@ def test_methods_begin_from_the_frames_at_rest_and_the_given_sensor(
 
     monkeypatch.setattr(runner, "register_rest", register_rest)
     perturbed = replace(CASE, perturbation=SensorPerturbation(thickness_factor=1.1))
-    run_case(perturbed, {"right": pipeline()}, recording())
+    process_case(perturbed, {"right": pipeline()}, recording())
     ((sensor, frames),) = given
     assert sensor.sheet is not None
     assert (sensor.sheet.thickness_mm, frames) == (pytest.approx(3.3), 15)
@@ -282,7 +282,7 @@ def test_a_method_that_cannot_begin_finds_nothing_and_reports_why(monkeypatch: p
         raise LayoutError("no dots")
 
     monkeypatch.setattr(runner, "register_rest", register_rest)
-    comparison = run_case(CASE, {"right": pipeline()}, recording()).comparisons[0]
+    comparison = process_case(CASE, {"right": pipeline()}, recording()).comparisons[0]
     silent = figures(comparison)
     assert silent["contacts"]["recall_percent"] == 0
     assert silent["detection"]["found_percent"] == 0
