@@ -1,4 +1,4 @@
-// The camera image with markers, displacement arrows and contacts.
+// The camera image with markers, their displacement arrows, contacts and shear forces.
 
 import { contactColour } from "./colours.js";
 import { freePlace, overlaps } from "./label_places.js";
