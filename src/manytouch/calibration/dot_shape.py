@@ -48,8 +48,8 @@ def _ratio(grey: np.ndarray, centre_px: np.ndarray, radius_px: float) -> float:
     if min(column, row) < reach or row + reach >= grey.shape[0] or column + reach >= grey.shape[1]:
         return np.nan
     window = grey[row - reach : row + reach + 1, column - reach : column + reach + 1]
-    rim = np.concatenate([window[0], window[-1], window[1:-1, 0], window[1:-1, -1]])
-    off = np.abs(window - np.median(rim))
+    border = np.concatenate([window[0], window[-1], window[1:-1, 0], window[1:-1, -1]])
+    off = np.abs(window - np.median(border))
     y, x = np.nonzero(off > 0.5 * np.median(off[reach - 1 : reach + 2, reach - 1 : reach + 2]))
     if len(x) < _LEAST_PX or np.ptp(x) == 0:
         return np.nan

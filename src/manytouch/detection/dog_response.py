@@ -28,7 +28,7 @@ class DogImages(NamedTuple):
         small: (h + 2 PADDING, w) reduced image; the padding is filled by `respond`.
         row: (2, w + 2 PADDING) scratch.
         smooth: (h, w) blurred by the narrow Gaussian.
-        response: (h + 2, w + 2) difference of Gaussians; its rim is low and stays as it is.
+        response: (h + 2, w + 2) difference of Gaussians; its border is low and stays as it is.
     """
 
     small: Float32[np.ndarray, "hp w"]

@@ -19,7 +19,7 @@ from manytouch.values.arrays import Points2, Points3
 
 FINGERTIP = Sphere(radius_mm=6.0)
 MOST_FINGERS = 20
-STEEPEST = 0.4  # depth of a finger over its distance from the rim, where the sheet hardly gives way
+STEEPEST = 0.4  # depth of a finger over its distance from the clamp, where the sheet hardly gives way
 EASE_S = 0.05  # time in which a finger comes 63 % nearer to what is wanted of it
 MAX_DEPTH_STEP_MM = 2.5
 """Largest change of the depth in one frame, so that the solution can follow."""

@@ -21,7 +21,7 @@ from manytouch.evaluation.suite.cases import (
 )
 from manytouch.evaluation.suite.given import given_sensor
 from manytouch.evaluation.suite.sensors import lattice, true_sensor
-from manytouch.evaluation.suite.suite import APART_MM, RIM_MM, cases
+from manytouch.evaluation.suite.suite import APART_MM, FROM_CLAMP_MM, cases
 
 SMALL = Case(
     group="nominal",
@@ -64,7 +64,7 @@ def test_nominal_is_what_the_suite_promises() -> None:
 @pytest.mark.parametrize("case", cases(("nominal", "stress")), ids=lambda case: case.title)
 def test_touches_keep_apart_and_off_the_rim(case: Case) -> None:
     places = np.array([touch.at_mm for touch in case.touches])
-    assert (np.abs(places) <= 0.5 * np.array(case.size_mm) - RIM_MM + 0.01).all()
+    assert (np.abs(places) <= 0.5 * np.array(case.size_mm) - FROM_CLAMP_MM + 0.01).all()
     assert all(np.linalg.norm(a - b) >= APART_MM for a, b in combinations(places, 2))
     assert case.touches[0].strength == case.deepest_mm
 

@@ -25,7 +25,7 @@ class CasingChoices:
 
     Attributes:
         wall_mm: of the casing.
-        flange_mm: width of the rim that clamps the sheet, on every side.
+        flange_mm: width of the flange that clamps the sheet, on every side.
         clamp_mm: thickness of the clamp, and of the casing's flange.
         screw_every_mm: largest distance between screws.
         floor_mm: thickness of the camera plate.
@@ -136,7 +136,7 @@ def clamp(sensor: Sensor, choices: CasingChoices) -> Solid:
 def casing(sensor: Sensor, choices: CasingChoices) -> Solid:
     """A box that supports the sheet at the stand-off above the camera.
 
-    z = 0 is the outside of the camera plate; the camera-side face of the sheet lies on the upper rim.
+    z = 0 is the outside of the camera plate; the camera-side face of the sheet lies on top of the flange.
     """
     inner, outer = _inner(sensor), _outer(sensor, choices)
     top = height_mm(sensor, choices)

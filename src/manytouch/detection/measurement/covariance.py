@@ -39,7 +39,7 @@ class NoiseModel(NamedTuple):
         even_slope: usual change of light over the radius of a dot, over its contrast.
         even_dots: weight of this usual change against those of the dots, in dots.
         steep: times the mean square of a slope; noise exceeds it once in 8000 dots.
-        clearance_px: least distance of core and rim of a dot with a steep slope.
+        clearance_px: least distance of core and edge of a dot with a steep slope.
         outlier: times the mean variance; 64 plain pixels seldom exceed it.
         outlier_of_one: the same limit for a single squared residual.
         texture: ratio to the usual variance above which a background is textured.

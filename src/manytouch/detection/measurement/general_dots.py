@@ -32,13 +32,13 @@ from manytouch.detection.measurement.records import (
 def _mark_outside(
     coverage: Float32[np.ndarray, "h w"], stack: Int64[np.ndarray, " k"], outside: np.ndarray
 ) -> None:
-    """Marks the background pixels that are connected with the rim of the window."""
+    """Marks the background pixels that are connected with the border of the window."""
     height, width = coverage.shape
     top = 0
     for v in range(height):
         for u in range(width):
-            is_rim = v in (0, height - 1) or u in (0, width - 1)
-            if is_rim and coverage[v, u] < 0.5 and not outside[v, u]:
+            is_at_border = v in (0, height - 1) or u in (0, width - 1)
+            if is_at_border and coverage[v, u] < 0.5 and not outside[v, u]:
                 outside[v, u] = True
                 stack[top] = v * width + u
                 top += 1

@@ -8,7 +8,7 @@ from manytouch.geometry.neighbours import Neighbours
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class MarkerInterpolation:
-    """Fills gaps from their rim inward, with a standard deviation that increases from round to round.
+    """Fills gaps from their edge inward, with a standard deviation that increases from round to round.
 
     Attributes:
         spread: variance of an interpolated displacement in units of the variance among its neighbours.

@@ -42,7 +42,7 @@ def _interpolate_one(
 def interpolate_unseen(
     displacement: Floats, covariance: Floats, is_seen: Flags, rule: InterpolationRule
 ) -> tuple[Floats, Floats]:
-    """Displacements (m, 2) and covariances (m, 2, 2) of all markers; gaps are filled from the rim inward."""
+    """Displacements (m, 2) and covariances (m, 2, 2) of all markers; gaps are filled from the edge inward."""
     displacement, covariance, known = displacement.copy(), covariance.copy(), is_seen.copy()
     far = rule.unknown_std
     for m in range(len(displacement)):

@@ -24,7 +24,7 @@ from manytouch.evaluation.suite.varied.cases import varied
 
 SHEETS_MM = ((120.0, 80.0), (160.0, 100.0), (70.0, 70.0))
 APART_MM = 13.0
-RIM_MM = 13.0
+FROM_CLAMP_MM = 13.0
 DEEPEST_MM = (0.3, 0.6, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0)
 DISTANCES_MM = (4.0, 6.0, 8.0, 10.0, 12.0, 14.0, 16.0, 20.0, 24.0, 28.0, 32.0, 40.0)
 # numbers of the cases of the short run within their groups, from both halves
@@ -135,9 +135,9 @@ def stress() -> Iterator[Case]:
 
 
 def strewn(size_mm: tuple[float, float], touches: int, deepest_mm: float, seed: int) -> tuple[Touch, ...]:
-    """Touches at random places 13 mm apart and from the rim, the first as deep as can be."""
+    """Touches at random places, `APART_MM` apart and `FROM_CLAMP_MM` from the clamp; the first is deepest."""
     chance = np.random.default_rng(seed)
-    room = 0.5 * np.array(size_mm) - RIM_MM
+    room = 0.5 * np.array(size_mm) - FROM_CLAMP_MM
     places: list[np.ndarray] = []
     while len(places) < touches:
         place = np.round(chance.uniform(-room, room), 2)

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float64, Int64
 from manytouch.geometry.spline import basis
 from manytouch.values.arrays import read_only
 
-RIM_ROWS = 2
+SOFT_ROWS = 2
 """Rows of nodes along a soft boundary that are held by springs."""
 
 Nodal = Float64[np.ndarray, "nodes 3"]
@@ -139,13 +139,13 @@ class SplinePatch:
         return read_only(free.reshape(-1, 3))
 
     @cached_property
-    def is_rim(self) -> Bool[np.ndarray, " nodes"]:
+    def is_soft_edge(self) -> Bool[np.ndarray, " nodes"]:
         """Nodes along a soft boundary: their forces come from the sheet beyond, not from contacts."""
-        rim = np.zeros(self.shape, dtype=np.bool_)
+        edge = np.zeros(self.shape, dtype=np.bool_)
         if self.boundary == "soft":
-            rim[:RIM_ROWS] = rim[-RIM_ROWS:] = True
-            rim[:, :RIM_ROWS] = rim[:, -RIM_ROWS:] = True
-        return read_only(rim.ravel())
+            edge[:SOFT_ROWS] = edge[-SOFT_ROWS:] = True
+            edge[:, :SOFT_ROWS] = edge[:, -SOFT_ROWS:] = True
+        return read_only(edge.ravel())
 
     @cached_property
     def place_mm(self) -> Float64[np.ndarray, "nodes 2"]:

@@ -166,7 +166,7 @@ class Shell:
 
     @cached_property
     def _spring_mm(self) -> Float64[np.ndarray, " nodes"]:
-        return np.where(self.patch.is_rim, self.support_per_mm * self.patch.area_mm2, 0.0)
+        return np.where(self.patch.is_soft_edge, self.support_per_mm * self.patch.area_mm2, 0.0)
 
     @cached_property
     def _rest_force(self) -> Nodal:

@@ -37,14 +37,14 @@ def eight_bit_colour(image: Image, white: float | None = None) -> np.ndarray:
 def disc_outline(
     picture: np.ndarray, centre: Position, radius: float, colour: Colour, width: int = 1
 ) -> None:
-    """A circle with a dark rim on both sides."""
+    """A circle with a dark border on both sides."""
     place, r = _fixed(centre), max(round(radius * 2**_SHIFT), 1)
     cv2.circle(picture, place, r, BLACK, width + 2, cv2.LINE_AA, _SHIFT)
     cv2.circle(picture, place, r, colour, width, cv2.LINE_AA, _SHIFT)
 
 
 def polygon(picture: np.ndarray, corner_px: Points2, colour: Colour, width: int = 1) -> None:
-    """A closed line through (k, 2) corners, with a dark rim on both sides."""
+    """A closed line through (k, 2) corners, with a dark border on both sides."""
     fixed = np.round(corner_px * 2**_SHIFT).astype(np.int32)[None]
     cv2.polylines(picture, fixed, True, BLACK, width + 2, cv2.LINE_AA, _SHIFT)
     cv2.polylines(picture, fixed, True, colour, width, cv2.LINE_AA, _SHIFT)

@@ -70,7 +70,7 @@ def energy_reference(shell: Shell, coefficient_mm: np.ndarray) -> float:
     ]
     sheared = 0.5 * rigidity * patch.shear_mm2 * (grad_lap[0] ** 2 + grad_lap[1] ** 2) / (1.0 + slope2)
     tension = shell.pretension_over_E_mm * (strain[0] + strain[1] - stretched)  # balanced at rest
-    springs = np.where(patch.is_rim, shell.support_per_mm * patch.area_mm2, 0.0)
+    springs = np.where(patch.is_soft_edge, shell.support_per_mm * patch.area_mm2, 0.0)
     density = 0.5 * t * np.sum(layers, axis=0) + sheared + tension
     ends = 0.5 * rigidity * outline_integral(shell, coefficient_mm)
     return float(area_mm2 @ density + 0.5 * (springs[:, None] * coefficient_mm**2).sum()) + ends
@@ -168,11 +168,11 @@ def test_springs_act_on_a_soft_boundary_only() -> None:
     ]
     for shell, count in zip(shells, (0, 12 * 10 - 8 * 6), strict=True):
         aside = np.tile([1.0, 0.0, 0.0], (shell.patch.node_count, 1))
-        assert shell.patch.is_rim.sum() == count
+        assert shell.patch.is_soft_edge.sum() == count
         without = replace(shell, support_per_mm=0.0)
         gain = shell.energy(aside) - without.energy(aside)
-        rim_mm2 = shell.patch.area_mm2[shell.patch.is_rim].sum()
-        assert gain == pytest.approx(0.5 * shell.support_per_mm * rim_mm2, abs=1e-12)
+        edge_mm2 = shell.patch.area_mm2[shell.patch.is_soft_edge].sum()
+        assert gain == pytest.approx(0.5 * shell.support_per_mm * edge_mm2, abs=1e-12)
 
 
 def test_neo_hooke_has_no_stress_through_the_thickness() -> None:

@@ -254,14 +254,14 @@ def test_a_tilt_needs_no_forces_within_a_soft_boundary(camera: Camera) -> None:
     normal = NormalEquations(shell=shell, dots=dots)
     information = np.tile(np.eye(2) / 0.05**2, (len(place), 1, 1))
     weight = np.full((patch.node_count, 3), 1.0 / 2e-3**2)
-    weight[patch.is_rim] = 1e-2
+    weight[patch.is_soft_edge] = 1e-2
     found = np.zeros_like(tilt)
     for _ in range(6):
         residual = dots.displacement_px(found) - measured
         found = found + normal.solve(normal.linearise(found), residual, information, weight).change_mm
     depth = -dots.displacement_mm(found)[:, 2]
     np.testing.assert_allclose(depth, -dots.displacement_mm(tilt)[:, 2], atol=0.05)
-    inner = ~replace(patch).is_rim
+    inner = ~replace(patch).is_soft_edge
     assert np.abs(shell.forces(found)[inner, 2]).max() < 2e-3
 
 

@@ -1,4 +1,4 @@
-"""Clusters of forces that are one rigid object, which presses with its corners or its rim only.
+"""Clusters of forces that are one rigid object, which presses with its corners or its edge only.
 
 Under a flat face the sheet is nowhere above the straight line between two places that press;
 between two objects on a taut sheet it is. On a slack sheet, whose hollow joins distant contacts, this does

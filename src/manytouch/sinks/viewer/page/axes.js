@@ -1,4 +1,4 @@
-// Rim of the sheet at rest, ticks along two edges and up one corner, with numbers and units.
+// Outline of the sheet at rest, ticks along two edges and up one corner, with numbers and units.
 
 import { CSS2DObject, THREE } from "./three.js";
 import { styled } from "./colours.js";
