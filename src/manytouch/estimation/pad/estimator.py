@@ -20,10 +20,9 @@ from manytouch.estimation.pad.image_error import ImageError
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, misfit_scale, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, ObservedPad
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter
-from manytouch.estimation.pad.patch_forces import OWN
-from manytouch.estimation.pad.patch_guesses import halved, joined, nearest_pair
-from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
 from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch
+from manytouch.estimation.pad.patches import NO_PATCHES, Patches, halved, joined, nearest_pair
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
@@ -45,7 +44,7 @@ class PadState:
         groups: of neighbouring markers, for their local motion.
         touch: local motions of the frames before.
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
-        contact: (c, OWN) parameters of the patches of the last frame.
+        patches: of the last frame.
         displacement_mm: (m, 3) of the markers in the last frame.
         refused_misfit: misfit of the frame in which another contact was last tried in vain; 0 if none was.
         slip, tracks: of the contacts.
@@ -59,7 +58,7 @@ class PadState:
     touch: TouchMemory
     initial_reference_px: Points2
     reference_px: Points2
-    contact: np.ndarray
+    patches: Patches
     displacement_mm: np.ndarray
     refused_misfit: float
     slip: SlipState
@@ -112,6 +111,10 @@ class PadEstimator:
         refusal_lasts: factor by which the misfit of that frame is reduced in each further frame, if that of
             the further frame is not less.
         split_misfit: misfit per image coordinate above which the widest contact may be two.
+        profile_gain: least reduction of the misfit by another profile of a contact, over that per degree of
+            freedom with it (at least 1).
+        profile_root: least root of the second moment, in thicknesses, of a contact whose profile may be
+            another than a dome; the markers hardly show that of narrower ones.
         merge_gain: least increase of the misfit if two near contacts were one, over that per degree of
             freedom (at least 1).
         same_share: change of the markers' displacements over the largest of them below which a fit is not
@@ -139,6 +142,8 @@ class PadEstimator:
     retry_misfit: float = 1.3
     refusal_lasts: float = 0.97
     split_misfit: float = 2.0
+    profile_gain: float = 15.0
+    profile_root: float = 0.35
     merge_gain: float = 15.0
     same_share: float = 1e-3
 
@@ -162,7 +167,7 @@ class PadEstimator:
             touch=TouchMemory(),
             initial_reference_px=read_only(at_rest_px.copy()),
             reference_px=read_only(at_rest_px.copy()),
-            contact=read_only(np.zeros((0, OWN))),
+            patches=NO_PATCHES,
             displacement_mm=read_only(np.zeros((len(layout.rest_mm), 3))),
             refused_misfit=0.0,
             slip=SlipState(),
@@ -182,7 +187,12 @@ class PadEstimator:
         touch, may_be_kept = self._remembered(state, grid)
         is_kept = np.array([may_be_kept and not self._is_clear(contact) for contact in found], dtype=np.bool_)
         if is_kept.any():
-            fit = self._fit(model, fit.contact[~is_kept], self._measured(state, grid), fit.marker_mm(model))
+            fit = self._fit(
+                model,
+                fit.patches.without(np.flatnonzero(is_kept)),
+                self._measured(state, grid),
+                fit.marker_mm(model),
+            )
             refused_misfit, shape = fit.misfit, pad_shape(model, fit)
             found = self.pad_contacts(model, fit, shape)
         least_mm = self.least_depth * model.thickness_mm
@@ -201,14 +211,14 @@ class PadEstimator:
         slip, contacts = self.slip_detector(state.slip, contacts, model.pitch_mm)
         after = replace(
             state,
-            contact=read_only(fit.contact),
+            patches=fit.patches,
             displacement_mm=read_only(fit.marker_mm(model)),
             refused_misfit=refused_misfit,
             touch=touch,
             slip=slip,
             tracks=tracks,
         )
-        if grid.status is Status.OK and len(fit.contact) == 0 and not tracks.tracks:
+        if grid.status is Status.OK and len(fit.patches) == 0 and not tracks.tracks:
             reference_px = self.reference_drift(
                 state.reference_px, state.initial_reference_px, grid, model.pitch_px
             )
@@ -237,23 +247,46 @@ class PadEstimator:
     def _frame(self, state: PadState, grid: TrackedGrid) -> tuple[PadFit, float]:
         """The contacts of the next frame, and `PadState.refused_misfit`."""
         model, measured = state.model, self._measured(state, grid)
-        fit = self._pruned(model, self._fit(model, state.contact, measured, state.displacement_mm), measured)
+        fit = self._pruned(model, self._fit(model, state.patches, measured, state.displacement_mm), measured)
         refused_misfit = state.refused_misfit
-        for _ in range(self.max_contacts - len(fit.contact)):
-            if len(fit.contact) != len(state.contact):
+        for _ in range(self.max_contacts - len(fit.patches)):
+            if len(fit.patches) != len(state.patches):
                 refused_misfit = 0.0
             if 0.0 < fit.misfit < self.retry_misfit * refused_misfit:
                 refused_misfit = min(self.refusal_lasts * refused_misfit, fit.misfit)
                 break
-            longer = self._longer(state, fit, measured)
-            if longer is None:
+            better = self._with_profile(model, fit, measured) or self._longer(state, fit, measured)
+            if better is None:
                 refused_misfit = fit.misfit
                 break
             # what the first fit leaves is no sign of another contact: its weights are those before it
             fit = self._pruned(
-                model, self._fit(model, longer.contact, measured, longer.marker_mm(model)), measured
+                model, self._fit(model, better.patches, measured, better.marker_mm(model)), measured
             )
         return fit, refused_misfit
+
+    def _with_profile(self, model: ObservedPad, fit: PadFit, measured: _Measured) -> PadFit | None:
+        """The fit with another profile of a wide contact, where that explains the images better."""
+        root_mm = np.sqrt(np.abs(fit.patches.own[:, 2] * fit.patches.own[:, 4]))
+        wide = np.flatnonzero(root_mm >= self.profile_root * model.thickness_mm)
+        if len(wide) == 0:
+            return None
+        linear_px, _ = self._images(model, measured, fit.marker_mm(model))
+
+        def fitted(patches: Patches) -> PadFit:
+            return self.fitter(
+                model, patches, linear_px, fit.weight, is_sheet_known=True, with_covariance=False
+            )
+
+        tried = [
+            fitted(fit.patches.with_profile(int(number), profile))
+            for number in wide
+            for profile in Profile
+            if profile != fit.patches.profile[number]
+        ]
+        best = min(tried, key=lambda each: each.misfit)
+        gain = fitted(fit.patches).misfit - best.misfit
+        return best if gain >= self.profile_gain * misfit_scale(best) else None
 
     def _longer(self, state: PadState, fit: PadFit, measured: _Measured) -> PadFit | None:
         """The fit with one contact more, where that explains the images better."""
@@ -261,29 +294,29 @@ class PadEstimator:
         guess, gain = self.search(state.candidates, fit.residual_px, fit.weight)
         longer = None
         if guess is not None and gain >= self.start_gain:
-            longer = self._if_better(model, fit, np.vstack([fit.contact, guess]), measured)
+            longer = self._if_better(model, fit, fit.patches.with_more(guess[None], Profile.DOME), measured)
         is_poor = fit.misfit > self.split_misfit * float((fit.weight > 0.0).sum())
-        if longer is None and is_poor and len(fit.contact) > 0:
-            widest = int(np.argmax((fit.contact[:, 2:SHAPE] ** 2).sum(axis=1)))
-            longer = self._if_better(model, fit, halved(fit.contact, widest), measured)
+        if longer is None and is_poor and len(fit.patches) > 0:
+            widest = int(np.argmax((fit.patches.own[:, 2:SHAPE] ** 2).sum(axis=1)))
+            longer = self._if_better(model, fit, halved(fit.patches, widest), measured)
         return longer
 
     def _if_better(
-        self, model: ObservedPad, fit: PadFit, contact: np.ndarray, measured: _Measured
+        self, model: ObservedPad, fit: PadFit, patches: Patches, measured: _Measured
     ) -> PadFit | None:
         """The fit of guesses, unless a contact is not clear or the misfit does not fall by enough."""
         images = self._images(model, measured, fit.marker_mm(model))
-        first = self.fitter(model, contact, *images, is_sheet_known=True, with_covariance=False)
-        found = self._fit(model, first.contact, measured, first.marker_mm(model))
+        first = self.fitter(model, patches, *images, is_sheet_known=True, with_covariance=False)
+        found = self._fit(model, first.patches, measured, first.marker_mm(model))
         if np.any(found.force_mm2 <= self.last_stds * found.force_std_mm2):
             return None
         # with the weights before the contact, which lack the model's error for it, the gain must be clear
         # a first contact is better than none, also where the model explains it badly
-        unexplained = misfit_scale(found) if len(fit.contact) > 0 else 1.0
+        unexplained = misfit_scale(found) if len(fit.patches) > 0 else 1.0
         if fit.misfit - first.misfit >= self.sure_gain * unexplained:
             return found
         linear_px, _ = self._images(model, measured, found.marker_mm(model))
-        same = self.fitter(model, fit.contact, linear_px, found.weight)
+        same = self.fitter(model, fit.patches, linear_px, found.weight)
         return found if same.misfit - found.misfit >= self.start_gain * unexplained else None
 
     def _measured(self, state: PadState, grid: TrackedGrid) -> _Measured:
@@ -302,21 +335,21 @@ class PadEstimator:
         )
         return _Measured(moved_px=moved_px, gate=gate, noise_px2=noise_px2, around=state.around)
 
-    def _fit(self, model: ObservedPad, contact: np.ndarray, measured: _Measured, moved_mm: Points3) -> PadFit:
+    def _fit(self, model: ObservedPad, patches: Patches, measured: _Measured, moved_mm: Points3) -> PadFit:
         """Patches for guesses, first with the weights for displacements (m, 3) of the markers.
 
         The parameters of the pad are fitted last: before, they would explain what is wrong with the guesses.
         """
         images = self._images(model, measured, moved_mm)
-        if len(contact) == 0:
-            return self.fitter(model, contact, *images)
+        if len(patches) == 0:
+            return self.fitter(model, patches, *images)
         for _ in range(2):
-            fit = self.fitter(model, contact, *images, is_sheet_known=True, with_covariance=False)
-            contact, again_mm = fit.contact, fit.marker_mm(model)
+            fit = self.fitter(model, patches, *images, is_sheet_known=True, with_covariance=False)
+            patches, again_mm = fit.patches, fit.marker_mm(model)
             if np.abs(again_mm - moved_mm).max() <= self.same_share * np.abs(again_mm).max():
                 break
             moved_mm, images = again_mm, self._images(model, measured, again_mm)
-        return self.fitter(model, contact, *images)
+        return self.fitter(model, patches, *images)
 
     def _images(
         self, model: ObservedPad, measured: _Measured, moved_mm: Points3
@@ -330,19 +363,19 @@ class PadEstimator:
 
     def _pruned(self, model: ObservedPad, fit: PadFit, measured: _Measured) -> PadFit:
         """The fit without contacts that are not significant, and with near ones as one if that is enough."""
-        while len(fit.contact) > 0:
+        while len(fit.patches) > 0:
             stds = fit.force_mm2 / fit.force_std_mm2
             weakest = int(np.argmin(stds))
-            if stds[weakest] >= self.last_stds and len(fit.contact) <= self.max_contacts:
+            if stds[weakest] >= self.last_stds and len(fit.patches) <= self.max_contacts:
                 break
-            rest = np.delete(fit.contact, weakest, axis=0)
+            rest = fit.patches.without(weakest)
             fit = self._fit(model, rest, measured, fit.marker_mm(model))
-        while len(fit.contact) > 1:
-            pair = nearest_pair(fit.contact)
+        while len(fit.patches) > 1:
+            pair = nearest_pair(fit.patches)
             if pair is None:
                 break
             linear_px, _ = self._images(model, measured, fit.marker_mm(model))
-            one = self.fitter(model, joined(fit.contact, *pair), linear_px, fit.weight)
+            one = self.fitter(model, joined(fit.patches, *pair), linear_px, fit.weight)
             if one.misfit - fit.misfit > self.merge_gain * misfit_scale(fit):
                 break
             fit = one
@@ -364,5 +397,5 @@ class PadEstimator:
 
 def _is_near(place_mm: Points2, fit: PadFit, reach_mm: float) -> Mask:
     """(k,) places with a fitted contact nearby."""
-    away_mm = np.linalg.norm(place_mm[:, None] - fit.contact[:, :2], axis=2)
+    away_mm = np.linalg.norm(place_mm[:, None] - fit.patches.own[:, :2], axis=2)
     return np.asarray(away_mm.min(axis=1, initial=np.inf) < reach_mm)

@@ -22,7 +22,12 @@ _AREA, _DEPTH = ESTIMATES.index("area"), ESTIMATES.index("depth")
 _FORCES = [ESTIMATES.index(name) for name in ("shear_x", "shear_y", "normal_force", "torque")]
 _STEP_MM = 1e-3  # of the shape of a contact, in differences of its depth
 _ELEMENT_ROOT = 0.245  # so that the depth under a Gaussian load of .75 elements agrees with the layer
-_RINGS = np.array([[0.0, 0.0]] + [[np.cos(angle), np.sin(angle)] for angle in 2.0 * np.pi * np.arange(8) / 8])
+_CENTRE_DEPTH = (0.75 * np.pi / np.sqrt(5.0), 1.0, np.sqrt(0.5))
+"""Depth of the centre of a patch of each profile on a half-space, over (1 - nu^2) F / (pi E) and the root of
+its second moment."""
+_RING_ROOTS = (1.0, 1.0, np.sqrt(2.0))
+"""Radius at which a patch of each profile may be deeper than at its centre, in roots of its second moment."""
+_RING = np.array([[0.0, 0.0]] + [[np.cos(angle), np.sin(angle)] for angle in 2.0 * np.pi * np.arange(8) / 8])
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -116,10 +121,10 @@ class PadContacts:
 
     def __call__(self, model: ObservedPad, fit: PadFit, shape: PadShape) -> list[Contact]:
         """Contacts of a fit, without identity (id -1)."""
-        if len(fit.contact) == 0:
+        if len(fit.patches) == 0:
             return []
         clusters = _clusters(model, fit)
-        return [self._contact(model, fit, shape, clusters, number) for number in range(len(fit.contact))]
+        return [self._contact(model, fit, shape, clusters, number) for number in range(len(fit.patches))]
 
     def _unexplained(self, share: float, strain: float, root: float) -> float:
         """Relative deviation that the model does not explain, for lengths in thicknesses."""
@@ -147,11 +152,11 @@ class PadContacts:
     def _contact(
         self, model: ObservedPad, fit: PadFit, shape: PadShape, clusters: Clusters, number: int
     ) -> Contact:
-        own = fit.contact[number]
+        own = fit.patches.own[number]
         centre_mm, press_mm2 = own[:2], float(own[SHAPE])
         depth_mm, slope, moved_mm = _depth(model, fit, shape, number)
         part = np.r_[
-            OWN * number : OWN * (number + 1), OWN * len(fit.contact) + MOTIONS : len(fit.covariance)
+            OWN * number : OWN * (number + 1), OWN * len(fit.patches) + MOTIONS : len(fit.covariance)
         ]
         covariance = misfit_scale(fit) * slope @ fit.covariance[np.ix_(part, part)] @ slope.T
         by_sheet = slope @ fit.by_sheet[part]
@@ -216,27 +221,27 @@ def _depth(
 
     The derivatives are by the parameters of the contact, then by those of the pad. Areas have none.
     """
-    own = fit.contact[number]
+    own, profile = fit.patches.own[number], fit.patches.profile[number]
     root = np.array([[own[2], 0.0], [own[3], own[4]]])
-    place_mm = np.ascontiguousarray(own[:2] + _RINGS @ root.T)
+    place_mm = np.ascontiguousarray(own[:2] + _RING_ROOTS[profile] * _RING @ root.T)
     node, value = _basis(model, place_mm)
     moved_mm = np.einsum("kn,kni->ki", value, shape.coefficient_mm[node])
     deepest = int(np.argmin(moved_mm[:, 2]))
     linear_mm = -float(value[deepest] @ shape.linear_mm[node[deepest], 2])
     if deepest == 0:
-        linear_mm += _unresolved_depth(model, own)
+        linear_mm += _unresolved_depth(model, own, profile)
     depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
     # the face is symmetric
     by_node = (value[deepest] @ model.face[node[deepest], 2].reshape(16, -1)).reshape(-1, 3)
     slope = np.zeros((len(ESTIMATES), OWN + len(fit.sheet)))
     step = np.full(OWN, _STEP_MM)
     step[SHAPE:] = 1e-3 * max(abs(float(own[SHAPE])), 1e-9)
-    fill_effects(own, step, model.grid, -model.by_place(by_node), slope[_DEPTH, :OWN])
-    plain_mm = _unresolved_depth(model, own)
+    fill_effects(own, profile, step, model.grid, -model.by_place(by_node), slope[_DEPTH, :OWN])
+    plain_mm = _unresolved_depth(model, own, profile)
     for parameter in (2, 4, SHAPE):  # it depends on these only
         changed = own.copy()
         changed[parameter] += step[parameter]
-        slope[_DEPTH, parameter] += (_unresolved_depth(model, changed) - plain_mm) / step[parameter]
+        slope[_DEPTH, parameter] += (_unresolved_depth(model, changed, profile) - plain_mm) / step[parameter]
     around = model.depth_by_parameter[:, node[deepest]] @ -shape.nodal_mm2[:, 2]
     slope[_DEPTH, OWN : OWN + len(around)] = around @ value[deepest]
     slope[_DEPTH] *= depth_mm / max(linear_mm, 1e-9)
@@ -275,15 +280,16 @@ def _basis(
     return node.reshape(-1, 16), value.reshape(-1, 16)
 
 
-def _unresolved_depth(model: ObservedPad, own: np.ndarray) -> float:
-    """Depth at the centre of a dome that its nodes cannot show, after that of a half-space.
+def _unresolved_depth(model: ObservedPad, own: np.ndarray, profile: int) -> float:
+    """Depth at the centre of a patch that its nodes cannot show, after that of a half-space.
 
-    The centre of a dome of radius a on a half-space is 8 (1 - nu^2) F / (3 pi a E) deep. The elements widen
+    The centre of a patch of radius a on a half-space is c (1 - nu^2) F / (pi a E) deep; c is 3 pi / 4 for a
+    dome (H. Hertz 1882), 2 for a flat pressure, 1 for one on the rim. The elements widen
     the root of a second moment to the root of its square plus that of `_ELEMENT_ROOT` elements.
     """
     root_mm = float(np.sqrt(abs(own[2] * own[4])))
     wide_mm = float(np.hypot(root_mm, _ELEMENT_ROOT * max(model.grid.step_x, model.grid.step_y)))
-    share = 8.0 * (1.0 - model.poisson**2) / (3.0 * np.pi * np.sqrt(6.0))
+    share = _CENTRE_DEPTH[profile] * (1.0 - model.poisson**2) / np.pi
     return float(share * own[SHAPE] * (1.0 / root_mm - 1.0 / wide_mm))
 
 
@@ -295,26 +301,26 @@ def _noise_px(fit: PadFit) -> float:
 
 def misfit_scale(fit: PadFit) -> float:
     """Misfit per degree of freedom, at least 1."""
-    freedom = int((fit.weight > 0.0).sum()) - OWN * len(fit.contact) - MOTIONS
+    freedom = int((fit.weight > 0.0).sum()) - OWN * len(fit.patches) - MOTIONS
     return max(1.0, float(fit.weight @ fit.residual_px**2) / max(freedom, 1))
 
 
 def _clusters(model: ObservedPad, fit: PadFit) -> Clusters:
     """The patches as what `Footprints` computes regions of."""
-    count = len(fit.contact)
+    count = len(fit.patches)
     spread, covariance = np.empty((count, 2, 2)), np.empty((count, 6, 6))
     scale = misfit_scale(fit)
     order = [SHAPE, 0, 1, 2, 3, 4]
-    for number, (xx, yx, yy) in enumerate(fit.contact[:, 2:SHAPE]):
+    for number, (xx, yx, yy) in enumerate(fit.patches.own[:, 2:SHAPE]):
         spread[number] = [[xx * xx, xx * yx], [xx * yx, yx * yx + yy * yy]]
         change = np.eye(6)
         change[3:, 3:] = [[2.0 * xx, 0.0, 0.0], [yx, xx, 0.0], [0.0, 2.0 * yx, 2.0 * yy]]
         at = OWN * number + np.array(order)
         covariance[number] = scale * change @ fit.covariance[np.ix_(at, at)] @ change.T
     return Clusters(
-        centre_mm=fit.contact[:, :2],
-        force_mm2=np.column_stack([fit.contact[:, 6:8], -fit.force_mm2]),
-        torque_mm3=fit.contact[:, 8],
+        centre_mm=fit.patches.own[:, :2],
+        force_mm2=np.column_stack([fit.patches.own[:, 6:8], -fit.force_mm2]),
+        torque_mm3=fit.patches.own[:, 8],
         spread_mm2=spread,
         covariance=covariance,
         sheet_covariance=np.zeros((count, 6, 6)),

@@ -1,10 +1,11 @@
 """Contacts on a pad as patches of pressure and shear, fitted to the marker images.
 
 Three free tractions at every node do not determine a normal force: shear explains every squeeze. So each
-contact is a dome of pressure with the parameters `SHAPE` of its centre and second moment, and five loads in
-proportion to that pressure: normal force, shear along x and y, torque, and a radial shear, that of an object
-that sticks to the pad while the pad spreads. Broad normal priors state what the markers cannot show.
-Parameters are found by Gauss-Newton steps, damped as by D. W. Marquardt 1963 (doi:10.1137/0111030).
+contact is a patch of pressure with one of the profiles of `Profile`, the parameters `SHAPE` of its centre and
+second moment, and five loads in proportion to that pressure: normal force, shear along x and y, torque, and a
+radial shear, that of an object that sticks to the pad while the pad spreads. Broad normal priors state what
+the markers cannot show. Parameters are found by Gauss-Newton steps, damped as by D. W. Marquardt 1963
+(doi:10.1137/0111030).
 """
 
 from dataclasses import dataclass, field
@@ -15,18 +16,20 @@ from jaxtyping import Float64
 from manytouch.estimation.pad.pad_model import MOTIONS, ObservedPad
 from manytouch.estimation.pad.patch_forces import LOAD_COUNT, OWN, add_answers, add_tractions
 from manytouch.estimation.pad.patch_kernels import (
-    DENSE_DOME,
-    DENSEST_DOME,
+    DENSE_POINTS,
+    DENSEST_POINTS,
     DISTRIBUTION_COUNT,
-    DOME,
+    POINTS,
     SHAPE,
-    add_dome,
+    Profile,
     add_layer_images,
+    add_pressure,
     density,
 )
 from manytouch.estimation.pad.patch_prior import PatchPrior
 from manytouch.estimation.pad.patch_slopes import PatchPad
 from manytouch.estimation.pad.patch_steps import Common, Limits, Measured, Problem, Work, iterate
+from manytouch.estimation.pad.patches import Patches
 from manytouch.geometry.spline.patch import Nodal
 from manytouch.values.arrays import Points3, Scalars
 
@@ -59,7 +62,7 @@ class PadFit:
     """Contacts that were fitted to a frame.
 
     Attributes:
-        contact: (c, OWN) parameters.
+        patches: of the contacts.
         motion: (MOTIONS,) of the image.
         misfit: squared whitened residual with the priors.
         residual_px: (2 m,) measured minus fitted.
@@ -71,7 +74,7 @@ class PadFit:
             fitted.
     """
 
-    contact: Float64[np.ndarray, "c 10"]
+    patches: Patches
     motion: Float64[np.ndarray, "4"]
     misfit: float
     residual_px: Float64[np.ndarray, " r"]
@@ -83,12 +86,12 @@ class PadFit:
     @property
     def force_mm2(self) -> Scalars:
         """(c,) normal forces over E, positive in compression."""
-        return self.contact[:, SHAPE]
+        return self.patches.own[:, SHAPE]
 
     @property
     def force_std_mm2(self) -> Scalars:
         """(c,) their standard deviations by noise and priors."""
-        at = OWN * np.arange(len(self.contact)) + SHAPE
+        at = OWN * np.arange(len(self.patches)) + SHAPE
         return np.asarray(np.sqrt(np.diag(self.covariance)[at]))
 
     def marker_mm(self, model: ObservedPad) -> Points3:
@@ -97,14 +100,14 @@ class PadFit:
 
     def nodal_mm2(self, model: ObservedPad) -> Nodal:
         """(n, 3) nodal forces over E of all contacts."""
-        return model.by_node(tractions(model, self.contact))
+        return model.by_node(tractions(model, self.patches))
 
 
-def tractions(model: ObservedPad, contact: Float64[np.ndarray, "c 10"]) -> Float64[np.ndarray, "nx ny 3"]:
-    """Nodal forces over E of contacts (c, OWN)."""
+def tractions(model: ObservedPad, patches: Patches) -> Float64[np.ndarray, "nx ny 3"]:
+    """Nodal forces over E of patches."""
     spread, nodal = np.zeros((2, DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
-    for own in contact:
-        add_tractions(own, model.grid, density(own, model.grid), spread, nodal)
+    for own, profile in zip(patches.own, patches.profile, strict=True):
+        add_tractions(own, profile, model.grid, density(own, model.grid), spread, nodal)
     return np.moveaxis(nodal, 0, -1)
 
 
@@ -130,7 +133,7 @@ class PatchFitter:
     def __call__(
         self,
         model: ObservedPad,
-        contact: Float64[np.ndarray, "c 10"],
+        patches: Patches,
         measured_px: Float64[np.ndarray, " r"],
         weight: Float64[np.ndarray, " r"],
         *,
@@ -141,18 +144,23 @@ class PatchFitter:
 
         Args:
             model: of the pad.
-            contact: (c, OWN) guesses.
+            patches: guesses; their profiles stay.
             measured_px: (2 m,) displacements of the marker images, without what is not linear in them.
             weight: (2 m,) inverse variances, 0 where not seen.
             is_sheet_known: keep the parameters of the pad.
             with_covariance: False leaves the covariances empty.
         """
-        count, parameters, rows = len(contact), len(model.by_parameter), len(measured_px)
+        count, parameters, rows = len(patches), len(model.by_parameter), len(measured_px)
         sheet = np.zeros((0, parameters, LOAD_COUNT, rows))
         if not is_sheet_known and count > 0:
-            sheet = np.stack([_by_sheet(model, own[:SHAPE]) for own in contact])
+            sheet = np.stack(
+                [
+                    _by_sheet(model, own[:SHAPE], profile)
+                    for own, profile in zip(patches.own, patches.profile, strict=True)
+                ]
+            )
         common = Common(motion=model.motion, sheet=sheet, std=self._common_std(parameters))
-        theta = np.concatenate([contact.ravel(), np.zeros(MOTIONS + parameters)])
+        theta = np.concatenate([patches.own.ravel(), np.zeros(MOTIONS + parameters)])
         work = Work(
             residual=np.empty(rows),
             tried=np.empty(rows),
@@ -164,6 +172,7 @@ class PatchFitter:
             theta,
             count,
             Problem(
+                profile=patches.profile,
                 pad=PatchPad(model.grid, model.table, model.markers, model.by_sides),
                 prior=self.prior.numbers(model),
                 common=common,
@@ -179,7 +188,7 @@ class PatchFitter:
         if with_covariance:
             covariance, by_sheet = self._covariances(work.curved, count)
         return PadFit(
-            contact=contacts,
+            patches=Patches(own=contacts, profile=patches.profile),
             motion=motion,
             sheet=fitted,
             misfit=misfit,
@@ -208,15 +217,17 @@ class PatchFitter:
         covariance += change @ change.T
         return covariance, by_sheet
 
-    def images(self, model: ObservedPad, shapes: Float64[np.ndarray, "s 5"]) -> PatchImages:
+    def images(
+        self, model: ObservedPad, shapes: Float64[np.ndarray, "s 5"], profile: Profile = Profile.DOME
+    ) -> PatchImages:
         """Images of a contact with each of the shapes (s, SHAPE)."""
         grid, count = model.grid, len(shapes)
         nodal = np.zeros((count, DISTRIBUTION_COUNT, grid.count_x + 3, grid.count_y + 3))
         scale = np.empty((count, 2))
         column = np.zeros((count, LOAD_COUNT, 2 * len(model.rest_px)))
         for number, shape in enumerate(shapes):
-            add_dome(shape, grid, _points(model, shape), nodal[number])
-            add_layer_images(shape, model.table, DOME, model.markers, column[number])
+            add_pressure(shape, grid, _points(model, shape, profile), nodal[number])
+            add_layer_images(shape, int(profile), model.table, model.markers, column[number])
             scale[number] = _load_scale(shape)
         window = _window(np.asarray(nodal[:, 0].any(axis=0)))
         load = nodal[:, :, *window].reshape(count * DISTRIBUTION_COUNT, -1)
@@ -275,10 +286,12 @@ def _unit_loads(by_x: np.ndarray, by_y: np.ndarray, by_z: np.ndarray) -> Float64
     return np.stack([-by_z, by_x[:, 0], by_y[:, 0], by_y[:, 1] - by_x[:, 2], by_x[:, 1] + by_y[:, 2]], axis=1)
 
 
-def _by_sheet(model: ObservedPad, shape: Float64[np.ndarray, "5"]) -> Float64[np.ndarray, "k 5 r"]:
+def _by_sheet(
+    model: ObservedPad, shape: Float64[np.ndarray, "5"], profile: int
+) -> Float64[np.ndarray, "k 5 r"]:
     """(k, LOAD_COUNT, 2 m) changes of the images of a shape by the parameters of the pad."""
     nodal = np.zeros((DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
-    add_dome(shape, model.grid, _points(model, shape), nodal)
+    add_pressure(shape, model.grid, _points(model, shape, profile), nodal)
     window = _window(nodal[0].astype(np.bool_))
     load = nodal[:, *window].reshape(DISTRIBUTION_COUNT, -1)
     count, rows = len(model.by_parameter), model.by_parameter.shape[-1]
@@ -288,9 +301,9 @@ def _by_sheet(model: ObservedPad, shape: Float64[np.ndarray, "5"]) -> Float64[np
     return column
 
 
-def _points(model: ObservedPad, shape: np.ndarray) -> Float64[np.ndarray, "q 3"]:
+def _points(model: ObservedPad, shape: np.ndarray, profile: int) -> Float64[np.ndarray, "q 3"]:
     """The quadrature of the nodal forces of a shape."""
-    return (DOME, DENSE_DOME, DENSEST_DOME)[density(shape, model.grid)]
+    return np.asarray((POINTS, DENSE_POINTS, DENSEST_POINTS)[density(shape, model.grid)][profile])
 
 
 def _load_scale(shape: np.ndarray) -> Float64[np.ndarray, "2"]:

@@ -1,16 +1,18 @@
 """Nodal forces of contacts on a pad and what they cause, compiled."""
 
+# ruff: noqa: PLR0917 - compiled functions, called with positional arguments
+
 import numpy as np
 from jaxtyping import Float64, Int64
 
 from manytouch.compilation import REORDER, kernel, no_type_check
 from manytouch.estimation.pad.patch_kernels import (
-    DENSE_DOME,
-    DENSEST_DOME,
-    DOME,
+    DENSE_POINTS,
+    DENSEST_POINTS,
+    POINTS,
     SHAPE,
     PadGrid,
-    add_dome,
+    add_pressure,
     cubic,
     density,
 )
@@ -26,6 +28,7 @@ OWN = SHAPE + LOAD_COUNT
 @no_type_check
 def add_tractions(
     own: Float64[np.ndarray, "10"],
+    profile: int,
     grid: PadGrid,
     level: int,
     spread: Float64[np.ndarray, "3 nx ny"],
@@ -36,7 +39,8 @@ def add_tractions(
     `level` is the `density` of the contact, or of one near it where both are compared.
     """
     spread[:] = 0.0
-    add_dome(own, grid, DENSEST_DOME if level == 2 else DENSE_DOME if level == 1 else DOME, spread)
+    points = DENSEST_POINTS if level == 2 else DENSE_POINTS if level == 1 else POINTS
+    add_pressure(own, grid, points[profile], spread)
     trace = own[2] * own[2] + own[3] * own[3] + own[4] * own[4]
     turn, grow = own[8] / trace, own[5] * own[9] / np.sqrt(0.5 * trace)
     for i in range(spread.shape[1]):
@@ -51,6 +55,7 @@ def add_tractions(
 @no_type_check
 def fill_effects(
     own: Float64[np.ndarray, "10"],
+    profile: int,
     step: Float64[np.ndarray, "10"],
     grid: PadGrid,
     effect: Float64[np.ndarray, "nx ny 3"],
@@ -60,12 +65,12 @@ def fill_effects(
     shape = (3, effect.shape[0], effect.shape[1])
     spread, nodal, moved = np.empty(shape), np.zeros(shape), own.copy()
     level = density(own, grid)
-    add_tractions(own, grid, level, spread, nodal)
+    add_tractions(own, profile, grid, level, spread, nodal)
     change = np.empty(shape)
     for parameter in range(OWN):
         moved[parameter] = own[parameter] + step[parameter]
         change[:] = -nodal
-        add_tractions(moved, grid, level, spread, change)
+        add_tractions(moved, profile, grid, level, spread, change)
         total = 0.0
         for i in range(shape[1]):
             for j in range(shape[2]):

@@ -1,9 +1,11 @@
-"""Nodal forces of a dome of pressure on a pad, compiled."""
+"""Nodal forces and marker images of a patch of pressure on a pad, compiled."""
 
+from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.special import roots_jacobi
 
 from manytouch.compilation import kernel, no_type_check
 
@@ -12,6 +14,17 @@ SHAPE = 5
 second moment of its pressure."""
 DISTRIBUTION_COUNT = 3
 """Number of distributions of unit load over a patch: as its pressure; that times x and y from its centre."""
+
+
+class Profile(IntEnum):
+    """Profile of the pressure along the radius r of a patch with radius 1."""
+
+    DOME = 0
+    """sqrt(1 - r^2): that of a ball on a half-space (H. Hertz 1882)."""
+    FLAT = 1
+    """The same everywhere: near that of a flat face that sticks to the pad."""
+    RIM = 2
+    """On the rim only: that of a ring."""
 
 
 class PadGrid(NamedTuple):
@@ -57,32 +70,41 @@ class Markers(NamedTuple):
     slope: Float64[np.ndarray, "m 2 3"]
 
 
-def _dome(rings: int, count: int) -> Float64[np.ndarray, "q 3"]:
-    """Quadrature of the pressure 1 - r^2 over a disc with unit second moments: x, y, weight."""
-    place, weight = np.polynomial.legendre.leggauss(rings)
+def _quadrature(profile: Profile, rings: int, count: int) -> Float64[np.ndarray, "q 3"]:
+    """Quadrature of a pressure over a disc with unit second moments: x, y, weight."""
+    if profile is Profile.RIM:
+        rings, count = 1, rings * count
+    place, share = roots_jacobi(rings, 0.5 if profile is Profile.DOME else 0.0, 0.0)
     square = 0.5 * (place + 1.0)
-    share = weight * (1.0 - square)
     share /= share.sum()
     angle = 2.0 * np.pi * np.arange(count) / count
-    radius = np.sqrt(6.0 * square)  # the second moment of a dome of radius a is a^2 / 6
     turned = angle[None] + (np.pi / count * (np.arange(rings) % 2))[:, None]
     points = np.stack(
         [
-            radius[:, None] * np.cos(turned),
-            radius[:, None] * np.sin(turned),
+            np.sqrt(square)[:, None] * np.cos(turned),
+            np.sqrt(square)[:, None] * np.sin(turned),
             np.repeat(share[:, None] / count, count, axis=1),
         ],
         axis=-1,
     ).reshape(-1, 3)
     points[:, :2] /= np.sqrt((points[:, 2] * points[:, 0] ** 2).sum())
-    return np.ascontiguousarray(points)
+    return points
 
 
-DOME = _dome(3, 8)
-"""For Gaussians at its points, and for nodal forces of narrow patches."""
-DENSE_DOME, DENSEST_DOME = _dome(9, 27), _dome(15, 45)
+def _quadratures(rings: int, count: int) -> Float64[np.ndarray, "3 q 3"]:
+    """`_quadrature` of each profile."""
+    return np.stack([_quadrature(profile, rings, count) for profile in Profile])
+
+
+POINTS = _quadratures(3, 8)
+"""(3, q, 3) quadratures of each profile, for Gaussians at their points, and for nodal forces of narrow
+patches."""
+DENSE_POINTS, DENSEST_POINTS = _quadratures(9, 27), _quadratures(15, 45)
 """For nodal forces of patches with roots of more than `_DENSE` and `_DENSEST` elements, on which fewer points
 would be separate loads."""
+_BLOB = np.array([0.5, 0.3, 0.2])
+"""Roots of the Gaussians that make up a patch of each profile, over its own: as narrow as the distance of
+their places allows."""
 _DENSE, _DENSEST = 0.75, 2.5
 
 
@@ -117,7 +139,7 @@ def cubic(place: float, count: int, value: Float64[np.ndarray, "4"]) -> int:
 
 @kernel()
 @no_type_check
-def add_dome(
+def add_pressure(
     shape: Float64[np.ndarray, "5"],
     grid: PadGrid,
     points: Float64[np.ndarray, "q 3"],
@@ -148,12 +170,12 @@ def add_dome(
 @kernel()
 @no_type_check
 def spread_of(
-    shape: Float64[np.ndarray, " k"], least_mm: float, most_mm: float
+    shape: Float64[np.ndarray, " k"], profile: int, least_mm: float, most_mm: float
 ) -> tuple[float, float, float, float]:
     """Root of the Gaussians that make up a patch, and the triangular root xx, yx, yy of their places."""
     xx, yx, yy = shape[2] * shape[2], shape[2] * shape[3], shape[3] * shape[3] + shape[4] * shape[4]
     least = 0.5 * (xx + yy) - np.sqrt(0.25 * (xx - yy) * (xx - yy) + yx * yx)
-    blob = min(0.65 * np.sqrt(abs(shape[2] * shape[4])), 0.9 * np.sqrt(max(least, 0.0)))
+    blob = min(_BLOB[profile] * np.sqrt(abs(shape[2] * shape[4])), 0.9 * np.sqrt(max(least, 0.0)))
     blob = min(max(blob, least_mm), most_mm)
     root_xx = np.sqrt(max(1e-4 * (xx + yy), xx - blob * blob))
     root_yx = yx / root_xx
@@ -164,10 +186,11 @@ def spread_of(
 @kernel()
 @no_type_check
 def _spread_points(
-    shape: Float64[np.ndarray, "5"], least_mm: float, most_mm: float, points: Float64[np.ndarray, "q 3"]
+    shape: Float64[np.ndarray, "5"], profile: int, least_mm: float, most_mm: float
 ) -> tuple[float, Float64[np.ndarray, "q 3"]]:
     """Root of the Gaussians that make up a patch, and their places from its centre with their weights."""
-    blob, root_xx, root_yx, root_yy = spread_of(shape, least_mm, most_mm)
+    blob, root_xx, root_yx, root_yy = spread_of(shape, profile, least_mm, most_mm)
+    points = POINTS[profile]
     away = points.copy()
     for k in range(len(points)):
         away[k, 0] = root_xx * points[k, 0]
@@ -179,22 +202,22 @@ def _spread_points(
 @no_type_check
 def add_layer_images(
     shape: Float64[np.ndarray, "5"],
+    profile: int,
     table: LayerTable,
-    points: Float64[np.ndarray, "q 3"],
     markers: Markers,
     image: Float64[np.ndarray, "5 r"],
 ) -> None:
-    """Add the marker images of a patch on an unbounded layer, by Gaussians at the points of a quadrature.
+    """Add the marker images of a patch on an unbounded layer, by Gaussians at the points of its quadrature.
 
     Args:
         shape: (5,) parameters.
+        profile: of its pressure.
         table: of the layer.
-        points: (q, 3) quadrature with unit second moments: x, y, weight.
         markers: the markers.
         image: result, for a normal force along -z, shear along x and y, and for shear of y and x from the
             centre (a turn) and of x and y from it (a growth), all in proportion to the pressure.
     """
-    blob, away = _spread_points(shape, table.root[0], table.root[-1], points)
+    blob, away = _spread_points(shape, profile, table.root[0], table.root[-1])
     place = np.log(blob / table.root[0]) / np.log(table.root[1] / table.root[0])
     low = min(int(place), len(table.root) - 2)
     above = place - low
@@ -210,7 +233,7 @@ def add_layer_images(
         xx = xy = yy = xz = yz = 0.0
         x_xx = x_xy = x_yy = x_xz = x_yz = 0.0
         y_xx = y_xy = y_yy = y_xz = y_yz = 0.0
-        for k in range(len(points)):
+        for k in range(len(away)):
             dx = markers.place[m, 0] - shape[0] - away[k, 0]
             dy = markers.place[m, 1] - shape[1] - away[k, 1]
             distance = np.sqrt(dx * dx + dy * dy)

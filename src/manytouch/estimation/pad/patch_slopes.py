@@ -1,7 +1,7 @@
 """Marker images of a patch under its own loads, and their derivatives by its parameters, compiled.
 
 Both are sums over the points of a quadrature. Markers far from a patch get the few points of `FAR`, which
-have the moments of the dome up to the fifth order.
+have the moments of `POINTS` up to the fifth order.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from jaxtyping import Float64
 from manytouch.compilation import REORDER, kernel, no_type_check
 from manytouch.estimation.pad.patch_forces import add_tractions
 from manytouch.estimation.pad.patch_kernels import (
-    DOME,
+    POINTS,
     LayerTable,
     Markers,
     PadGrid,
@@ -40,17 +40,18 @@ class PatchPad(NamedTuple):
     by_sides: Float64[np.ndarray, "3 nx ny r"]
 
 
-def _far() -> Float64[np.ndarray, "7 3"]:
-    """Points x, y, weight with the moments of `DOME` up to the fifth order, for patches far away."""
-    fourth = float((DOME[:, 2] * (DOME[:, :2] ** 2).sum(axis=1) ** 2).sum())
+def _far(points: Float64[np.ndarray, "q 3"]) -> Float64[np.ndarray, "7 3"]:
+    """Points x, y, weight with the moments of others up to the fifth order, for patches far away."""
+    fourth = float((points[:, 2] * (points[:, :2] ** 2).sum(axis=1) ** 2).sum())
     radius = np.sqrt(fourth / 2.0)
     share = 2.0 / radius**2
     angle = 2.0 * np.pi * np.arange(6) / 6.0
     ring = np.stack([radius * np.cos(angle), radius * np.sin(angle), np.full(6, share / 6.0)], axis=-1)
-    return np.ascontiguousarray(np.vstack([[0.0, 0.0, 1.0 - share], ring]))
+    return np.vstack([[0.0, 0.0, 1.0 - share], ring])
 
 
-FAR = _far()
+FAR = np.stack([_far(points) for points in POINTS])
+"""(3, 7, 3) for each profile."""
 
 
 @kernel()
@@ -134,22 +135,26 @@ def _far_from(spread: tuple[float, float, float, float], reach_mm: float) -> tup
 
 @kernel(fastmath=REORDER)
 @no_type_check
-def add_image(own: Float64[np.ndarray, "10"], pad: PatchPad, image: Float64[np.ndarray, " r"]) -> None:
+def add_image(
+    own: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, image: Float64[np.ndarray, " r"]
+) -> None:
     """Add the marker images (2 m,) of a contact, px.
 
     Args:
         own: parameters of the contact.
+        profile: of its pressure.
         pad: the pad.
         image: result.
     """
     table, markers = pad.table, pad.markers
-    spread, load = spread_of(own, table.root[0], table.root[-1]), _load_of(own)
+    spread, load = spread_of(own, profile, table.root[0], table.root[-1]), _load_of(own)
     count = table.value.shape[1]
     along, by_root = np.empty((count, 5)), np.empty((count, 5))
     _along_radius(table, spread[0], along, by_root)
-    near, far = np.empty((len(DOME), 5)), np.empty((len(FAR), 5))
-    _place_points(DOME, spread, load, near)
-    _place_points(FAR, spread, load, far)
+    points, far_points = POINTS[profile], FAR[profile]
+    near, far = np.empty((len(points), 5)), np.empty((len(far_points), 5))
+    _place_points(points, spread, load, near)
+    _place_points(far_points, spread, load, far)
     near2, far2 = _far_from(spread, (count - 1) * table.step)
     per_step, press = 1.0 / table.step, load[0]
     for m in range(len(markers.place)):
@@ -181,7 +186,7 @@ def add_image(own: Float64[np.ndarray, "10"], pad: PatchPad, image: Float64[np.n
             image[2 * m + axis] += slope[0] * ux + slope[1] * uy + slope[2] * uz
     shape = pad.by_sides.shape
     unit, nodal = np.empty((3, shape[1], shape[2])), np.zeros((3, shape[1], shape[2]))
-    add_tractions(own, pad.grid, density(own, pad.grid), unit, nodal)
+    add_tractions(own, profile, pad.grid, density(own, pad.grid), unit, nodal)
     low_x, high_x, low_y, high_y = _window(pad.grid, own)
     for axis in range(3):
         for i in range(low_x, high_x):
@@ -193,16 +198,16 @@ def add_image(own: Float64[np.ndarray, "10"], pad: PatchPad, image: Float64[np.n
 @kernel()
 @no_type_check
 def _spread_slopes(
-    own: Float64[np.ndarray, "10"], table: LayerTable, slope: Float64[np.ndarray, "3 4"]
+    own: Float64[np.ndarray, "10"], profile: int, table: LayerTable, slope: Float64[np.ndarray, "3 4"]
 ) -> None:
     """Derivatives of the spread of points by the three roots of the shape."""
     moved = own.copy()
     for j in range(3):
         step = _ROOT_STEP * (abs(own[2]) + abs(own[4]))
         moved[2 + j] = own[2 + j] + step
-        above = spread_of(moved, table.root[0], table.root[-1])
+        above = spread_of(moved, profile, table.root[0], table.root[-1])
         moved[2 + j] = own[2 + j] - step
-        below = spread_of(moved, table.root[0], table.root[-1])
+        below = spread_of(moved, profile, table.root[0], table.root[-1])
         moved[2 + j] = own[2 + j]
         for k in range(4):
             slope[j, k] = (above[k] - below[k]) / (2.0 * step)
@@ -211,25 +216,27 @@ def _spread_slopes(
 @kernel(fastmath=REORDER)
 @no_type_check
 def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and points
-    own: Float64[np.ndarray, "10"], pad: PatchPad, slope: Float64[np.ndarray, "10 r"]
+    own: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, slope: Float64[np.ndarray, "10 r"]
 ) -> None:
     """Derivatives of the marker images by the shape of a contact, and images by its unit loads.
 
     Args:
         own: parameters of the contact.
+        profile: of its pressure.
         pad: the pad.
         slope: result; the last row is for unit radial shear as a force.
     """
     table, markers = pad.table, pad.markers
-    spread, load = spread_of(own, table.root[0], table.root[-1]), _load_of(own)
+    spread, load = spread_of(own, profile, table.root[0], table.root[-1]), _load_of(own)
     chain = np.empty((3, 4))
-    _spread_slopes(own, table, chain)
+    _spread_slopes(own, profile, table, chain)
     count = table.value.shape[1]
     along, by_root = np.empty((count, 5)), np.empty((count, 5))
     _along_radius(table, spread[0], along, by_root)
-    near, far = np.empty((len(DOME), 5)), np.empty((len(FAR), 5))
-    _place_points(DOME, spread, load, near)
-    _place_points(FAR, spread, load, far)
+    points, far_points = POINTS[profile], FAR[profile]
+    near, far = np.empty((len(points), 5)), np.empty((len(far_points), 5))
+    _place_points(points, spread, load, near)
+    _place_points(far_points, spread, load, far)
     near2, far2 = _far_from(spread, (count - 1) * table.step)
     per_step = 1.0 / table.step
     press, _, _, turn, grow = load
@@ -239,7 +246,7 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
     for m in range(len(markers.place)):
         px, py = markers.place[m, 0] - own[0], markers.place[m, 1] - own[1]
         is_far = near2 < px * px + py * py < far2
-        placed, points = (far, FAR) if is_far else (near, DOME)
+        placed, unit = (far, far_points) if is_far else (near, points)
         out_x = out_y = out_z = 0.0
         xx = xy = yy = xz = yz = 0.0
         p_xx = p_xy = p_yy = p_xz = p_yz = 0.0
@@ -259,7 +266,7 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
             c, s = dx * inverse, dy * inverse
             c2, s2 = c * c - s * s, 2.0 * s * c
             weight, tx, ty = placed[k, 2], placed[k, 3], placed[k, 4]
-            p, q, force = points[k, 0], points[k, 1], press * weight
+            p, q, force = unit[k, 0], unit[k, 1], press * weight
             a, b = along[first], along[first + 1]
             out, up = rest * a[0] + share * b[0], rest * a[1] + share * b[1]
             even, turned = rest * a[2] + share * b[2], rest * a[3] + share * b[3]
@@ -341,12 +348,14 @@ def fill_slopes(  # noqa: PLR0915 - one pass over all pairs of markers and point
                     + along_axis[1] * total[number, 1]
                     + along_axis[2] * total[number, 2]
                 )
-    _add_sides(own, pad, slope)
+    _add_sides(own, profile, pad, slope)
 
 
 @kernel()
 @no_type_check
-def _add_sides(own: Float64[np.ndarray, "10"], pad: PatchPad, slope: Float64[np.ndarray, "10 r"]) -> None:
+def _add_sides(
+    own: Float64[np.ndarray, "10"], profile: int, pad: PatchPad, slope: Float64[np.ndarray, "10 r"]
+) -> None:
     """The part of the free sides in `fill_slopes`."""
     shape = pad.by_sides.shape
     unit, moved_unit = np.empty((3, shape[1], shape[2])), np.empty((3, shape[1], shape[2]))
@@ -354,10 +363,10 @@ def _add_sides(own: Float64[np.ndarray, "10"], pad: PatchPad, slope: Float64[np.
     force = np.zeros((10, 3, shape[1], shape[2]))
     moved = own.copy()
     level = density(own, pad.grid)
-    add_tractions(own, pad.grid, level, unit, plain)
+    add_tractions(own, profile, pad.grid, level, unit, plain)
     for parameter in range(5):
         moved[parameter] = own[parameter] + _STEP_MM
-        add_tractions(moved, pad.grid, level, moved_unit, force[parameter])
+        add_tractions(moved, profile, pad.grid, level, moved_unit, force[parameter])
         force[parameter] -= plain
         force[parameter] /= _STEP_MM
         moved[parameter] = own[parameter]

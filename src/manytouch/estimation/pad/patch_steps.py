@@ -5,7 +5,7 @@
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float64
+from jaxtyping import Float64, Int64
 
 from manytouch.compilation import REORDER, kernel, no_type_check
 from manytouch.estimation.pad.patch_forces import OWN
@@ -68,8 +68,12 @@ class Measured(NamedTuple):
 
 
 class Problem(NamedTuple):
-    """What decides the misfit of parameters: see the classes of its parts."""
+    """What decides the misfit of parameters: see the classes of its parts.
 
+    `profile` (c,) are those of the pressures of the contacts.
+    """
+
+    profile: Int64[np.ndarray, " c"]
     pad: PatchPad
     prior: PriorNumbers
     common: Common
@@ -163,7 +167,7 @@ def _misfit(
     theta: Float64[np.ndarray, " p"], count: int, problem: Problem, residual: Float64[np.ndarray, " r"]
 ) -> float:
     """Misfit of parameters, and what they leave of the images."""
-    pad, prior, common, measured = problem
+    profile, pad, prior, common, measured = problem
     first, misfit = OWN * count, 0.0
     residual[:] = 0.0
     for j in range(len(common.std)):
@@ -171,7 +175,7 @@ def _misfit(
     value, slope = np.empty(9), np.empty((9, OWN))
     for number in range(count):
         own = theta[OWN * number : OWN * (number + 1)]
-        add_image(own, pad, residual)
+        add_image(own, profile[number], pad, residual)
         if len(common.sheet) > 0:
             for k in range(common.sheet.shape[1]):
                 share = theta[first + 4 + k]
@@ -192,7 +196,7 @@ def _misfit(
 @no_type_check
 def _slopes(theta: Float64[np.ndarray, " p"], count: int, problem: Problem, work: Work) -> None:
     """Pull towards smaller misfits and its curvature at parameters whose residual is known."""
-    pad, prior, common, measured = problem
+    profile, pad, prior, common, measured = problem
     first, parameters = OWN * count, len(theta)
     slope, curved, pull = work.slope, work.curved, work.pull
     curved[:] = 0.0
@@ -208,7 +212,7 @@ def _slopes(theta: Float64[np.ndarray, " p"], count: int, problem: Problem, work
         at = OWN * number
         own = theta[at : at + OWN]
         part = slope[at : at + OWN]
-        fill_slopes(own, pad, part)
+        fill_slopes(own, profile[number], pad, part)
         if len(common.sheet) > 0:
             for k in range(common.sheet.shape[1]):
                 for load in range(5):

@@ -14,6 +14,8 @@ from manytouch.estimation.mechanics.regions.outlines import polygon_area
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
 from manytouch.estimation.pad.pad_contacts import large_strain
 from manytouch.estimation.pad.patch_fit import tractions
+from manytouch.estimation.pad.patch_kernels import Profile
+from manytouch.estimation.pad.patches import Patches
 from manytouch.values import Contacts, Phase, Sensor, Status, Surface, TrackedGrid
 
 ESTIMATE = PadEstimator()
@@ -21,15 +23,20 @@ ONE = np.array([[1.3, -0.7, 0.9, 0.1, 0.8, 2.0, 0.3, -0.1, 0.2, 0.05]])
 """Centre, root of the second moment, normal force, shear, torque over E, radial shear."""
 
 
-def pressed_px(state: PadState, contact: np.ndarray) -> np.ndarray:
+def patches(contact: np.ndarray, profile: Profile = Profile.DOME) -> Patches:
+    """Contacts (c, 10) with one profile."""
+    return Patches(own=contact, profile=np.full(len(contact), profile, dtype=np.int64))
+
+
+def pressed_px(state: PadState, contact: np.ndarray, profile: Profile = Profile.DOME) -> np.ndarray:
     """(m, 2) marker images under contacts (c, 10), without the free sides' share of the curvature."""
     model = state.model
     image, moved_mm = np.zeros(2 * len(model.rest_px)), np.zeros((len(model.rest_px), 3))
     for own in contact:
-        images = ESTIMATE.fitter.images(model, own[None, :5])
+        images = ESTIMATE.fitter.images(model, own[None, :5], profile)
         load = np.array([*own[5:9], own[5] * own[9]])
         image += load @ images.column[0]
-        nodal = model.by_node(tractions(model, own[None]))
+        nodal = model.by_node(tractions(model, patches(own[None], profile)))
         moved_mm += np.tensordot(nodal, model.marker, axes=2)
     curved_px = model.project(moved_mm) - model.rest_px - np.einsum("mij,mj->mi", model.slope_px, moved_mm)
     return model.rest_px + image.reshape(-1, 2) + curved_px
@@ -104,7 +111,7 @@ def test_contacts_end_where_no_more_are_allowed(pad_state: PadState) -> None:
     assert len(pressed.touching) == 1
     state, _, lifted = estimate.step(state, grid_at(pad_state.model.rest_px, noise_px=0.01, seed=1))
     assert not lifted.touching
-    assert len(state.contact) == 0
+    assert len(state.patches) == 0
 
 
 def test_contacts_beyond_the_largest_number_are_dropped(pad_state: PadState) -> None:
@@ -113,7 +120,7 @@ def test_contacts_beyond_the_largest_number_are_dropped(pad_state: PadState) -> 
     assert len(contacts.touching) == 2
     fewer = replace(ESTIMATE, max_contacts=1)
     state, _, _ = fewer.step(state, grid_at(pressed_px(pad_state, two), noise_px=0.01, seed=4))
-    assert len(state.contact) == 1
+    assert len(state.patches) == 1
 
 
 def test_interleaved_states_give_the_same_bits(pad_state: PadState) -> None:
@@ -121,7 +128,7 @@ def test_interleaved_states_give_the_same_bits(pad_state: PadState) -> None:
     alone, _, one = steps(pad_state, position_px)
     steps(pad_state, pressed_px(pad_state, ONE * 1.1))
     again, _, two = steps(pad_state, position_px)
-    np.testing.assert_array_equal(alone.contact, again.contact)
+    np.testing.assert_array_equal(alone.patches.own, again.patches.own)
     np.testing.assert_array_equal(one.touching[0].covariance, two.touching[0].covariance)
 
 
@@ -178,7 +185,7 @@ def test_a_fit_ends_at_the_same_contact_from_narrow_and_wide_guesses(
     guess = faint.copy()
     guess[0, 2:5] = root
     near, far = (
-        ESTIMATE.fitter(pad_state.model, each, measured_px, weight, is_sheet_known=True)
+        ESTIMATE.fitter(pad_state.model, patches(each), measured_px, weight, is_sheet_known=True)
         for each in (faint, guess)
     )
     assert far.misfit == pytest.approx(near.misfit, abs=0.3)
@@ -186,6 +193,42 @@ def test_a_fit_ends_at_the_same_contact_from_narrow_and_wide_guesses(
 
 
 WIDE = np.array([[0.5, -0.5, 3.4, 0.2, 3.2, 60.0, 2.0, 0.0, 0.0, -0.06]])
+
+
+@pytest.mark.parametrize("profile", Profile)
+def test_a_wide_contact_is_one_with_its_profile_and_force(pad_state: PadState, profile: Profile) -> None:
+    wide = np.array([[0.5, -0.5, 2.4, 0.1, 2.2, 20.0, 0.5, 0.0, 0.0, -0.05]])
+    state, _, contacts = steps(pad_state, pressed_px(pad_state, wide, profile))
+    (found,) = contacts.touching
+    assert list(state.patches.profile) == [profile]
+    assert found.normal_force_over_E_mm2 == pytest.approx(20.0, rel=0.08)
+    assert np.linalg.norm(found.centre_mm - wide[0, :2]) < 0.1
+
+
+def test_a_narrow_contact_stays_a_dome(pad_state: PadState) -> None:
+    state, _, _ = steps(pad_state, pressed_px(pad_state, ONE, Profile.RIM))
+    assert list(state.patches.profile) == [Profile.DOME]
+
+
+def test_patches_keep_their_profiles_where_others_come_and_go() -> None:
+    pair = patches(np.vstack([ONE, 2.0 * ONE]), Profile.RIM).with_profile(1, Profile.FLAT)
+    more = pair.with_more(3.0 * ONE, Profile.DOME)
+    assert list(more.profile) == [Profile.RIM, Profile.FLAT, Profile.DOME]
+    rest = more.without(0)
+    assert list(rest.profile) == [Profile.FLAT, Profile.DOME]
+    np.testing.assert_array_equal(rest.own, np.vstack([2.0 * ONE, 3.0 * ONE]))
+
+
+@pytest.mark.parametrize("profile", Profile)
+def test_a_ring_is_deepest_on_its_rim(pad_state: PadState, profile: Profile) -> None:
+    wide = np.array([[0.5, -0.5, 2.4, 0.0, 2.4, 20.0, 0.0, 0.0, 0.0, 0.0]])
+    _, surface, contacts = steps(pad_state, pressed_px(pad_state, wide, profile))
+    (found,) = contacts.touching
+    angle = 2.0 * np.pi * np.arange(48) / 48
+    rim = sample(surface, 0.5 + 3.4 * np.cos(angle), -0.5 + 3.4 * np.sin(angle))
+    centre = sample(surface, np.array([0.5]), np.array([-0.5]))
+    assert (np.median(rim.depth_mm) > centre.depth_mm[0]) == (profile is Profile.RIM)
+    assert found.depth_mm == pytest.approx(max(rim.depth_mm.max(), centre.depth_mm[0]), rel=0.2)
 
 
 def test_what_a_pad_keeps_of_a_wide_press_is_no_contact(pad_state: PadState) -> None:
@@ -254,7 +297,7 @@ def test_contacts_without_force_can_be_joined(pad_state: PadState) -> None:
     pair[1, :2] += 0.8
     position_px = pressed_px(pad_state, pair * np.where(np.arange(10) == 5, 1e-3, 1.0))
     _, _, contacts = steps(
-        replace(pad_state, contact=pair * np.where(np.arange(10) == 5, -1.0, 1.0)), position_px
+        replace(pad_state, patches=patches(pair * np.where(np.arange(10) == 5, -1.0, 1.0))), position_px
     )
     assert contacts.status is Status.OK
 

@@ -8,32 +8,46 @@ from bonded_pad import gaussian_on_layer
 from manytouch.estimation.pad.estimator import PadState
 from manytouch.estimation.pad.patch_fit import forced, tractions
 from manytouch.estimation.pad.patch_kernels import (
-    DENSE_DOME,
-    DENSEST_DOME,
-    DOME,
+    DENSE_POINTS,
+    DENSEST_POINTS,
+    POINTS,
     Markers,
-    add_dome,
+    Profile,
     add_layer_images,
+    add_pressure,
 )
+from manytouch.estimation.pad.patches import Patches
 from manytouch.geometry.spline.patch import SplinePatch
 
 SHAPE = np.array([9.3, -2.0, 1.0, 0.3, 0.8])
 ROOT = np.array([[1.0, 0.0], [0.3, 0.8]])
 
 
-@pytest.mark.parametrize("points", [DOME, DENSE_DOME, DENSEST_DOME])
-def test_the_quadrature_has_unit_moments(points: np.ndarray) -> None:
-    x, y, weight = points.T
+@pytest.mark.parametrize("profile", Profile)
+@pytest.mark.parametrize("points", [POINTS, DENSE_POINTS, DENSEST_POINTS])
+def test_the_quadrature_has_unit_moments(points: np.ndarray, profile: Profile) -> None:
+    x, y, weight = points[profile].T
     assert np.isclose(weight.sum(), 1.0)
     np.testing.assert_allclose([weight @ x, weight @ y, weight @ (x * y)], 0.0, atol=1e-12)
     np.testing.assert_allclose([weight @ x**2, weight @ y**2], 1.0)
 
 
+@pytest.mark.parametrize(
+    ("profile", "fourth"), [(Profile.DOME, 40.0 / 7.0), (Profile.FLAT, 16.0 / 3.0), (Profile.RIM, 4.0)]
+)
+def test_the_quadrature_is_that_of_its_profile(profile: Profile, fourth: float) -> None:
+    """Mean of r^4 where (1 - r^2)^k has unit second moments: 8 (k + 2) / (k + 3), k = .5, 0, -1."""
+    for points in (POINTS, DENSE_POINTS, DENSEST_POINTS):
+        x, y, weight = points[profile].T
+        assert weight @ (x**2 + y**2) ** 2 == pytest.approx(fourth)
+
+
 def test_nodal_forces_are_those_of_the_patch(pad_state: PadState) -> None:
     model = pad_state.model
     nodal = np.zeros((3, model.grid.count_x + 3, model.grid.count_y + 3))
-    add_dome(SHAPE, model.grid, DOME, nodal)
-    away_mm, weight = DOME[:, :2] @ ROOT.T, DOME[:, 2]
+    points = POINTS[Profile.DOME]
+    add_pressure(SHAPE, model.grid, points, nodal)
+    away_mm, weight = points[:, :2] @ ROOT.T, points[:, 2]
     force = weight[:, None] * np.column_stack([np.ones(len(weight)), away_mm])
     expected = model.patch.load(SHAPE[:2] + away_mm, force)
     np.testing.assert_allclose(model.by_node(np.moveaxis(nodal, 0, -1)), expected, atol=1e-12)
@@ -47,9 +61,10 @@ def test_nodes_are_counted_along_x_and_y_whichever_side_is_longer(pad_state: Pad
     )
     nodal = np.zeros((3, 8, 10))
     shape = np.array([0.5, -1.0, 0.9, 0.1, 0.7])
-    add_dome(shape, grid, DOME, nodal)
-    away_mm = DOME[:, :2] @ np.array([[0.9, 0.0], [0.1, 0.7]]).T
-    expected = tall.load(shape[:2] + away_mm, DOME[:, 2:] * np.ones(3))[:, 0]
+    points = POINTS[Profile.DOME]
+    add_pressure(shape, grid, points, nodal)
+    away_mm = points[:, :2] @ np.array([[0.9, 0.0], [0.1, 0.7]]).T
+    expected = tall.load(shape[:2] + away_mm, points[:, 2:] * np.ones(3))[:, 0]
     np.testing.assert_allclose(nodal[0].swapaxes(0, 1).ravel(), expected, atol=1e-12)
 
 
@@ -62,12 +77,57 @@ def test_images_on_a_layer_are_fourier_sums() -> None:
     upright = np.tile(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0]]), (3, 1, 1))
     table, shape = layer_table(4.0, 0.48, 0.0), np.array([0.5, -0.5, 0.8, 0.0, 0.8])
     image, lifted = np.zeros((5, 6)), np.zeros((5, 6))
-    add_layer_images(shape, table, DOME, Markers(place_mm, slope), image)
-    add_layer_images(shape, table, DOME, Markers(place_mm, upright), lifted)
+    add_layer_images(shape, int(Profile.DOME), table, Markers(place_mm, slope), image)
+    add_layer_images(shape, int(Profile.DOME), table, Markers(place_mm, upright), lifted)
     for load, is_shear, sign in ((0, False, -1.0), (1, True, 1.0)):
         expected = sign * gaussian_on_layer(place_mm - shape[:2], 0.8, is_shear=is_shear)
         found = np.column_stack([image[load].reshape(-1, 2), lifted[load].reshape(-1, 2)[:, 0]])
         np.testing.assert_allclose(found, expected, atol=0.02 * np.abs(expected).max())
+
+
+def gaussian_images(centre_mm: np.ndarray, root_mm: float, place_mm: np.ndarray) -> np.ndarray:
+    """(5, 2 m) motion of markers along x and y by unit shear along x and y (rows 1 and 2) in a Gaussian."""
+    from manytouch.estimation.pad.pad_model import layer_table
+
+    table = layer_table(4.0, 0.48, 0.3)
+    rate = np.log(root_mm / table.root[0]) / np.log(table.root[1] / table.root[0])
+    low = int(rate)
+    value = (1.0 + low - rate) * table.value[low] + (rate - low) * table.value[low + 1]
+    away_mm = place_mm - centre_mm
+    distance_mm = np.linalg.norm(away_mm, axis=1)
+    c, s = away_mm.T / distance_mm
+    even, turned = (
+        np.interp(distance_mm, table.step * np.arange(len(value)), value[:, column]) for column in (2, 3)
+    )
+    found = np.zeros((5, 2 * len(place_mm)))
+    found[1] = np.column_stack([even + turned * (c**2 - s**2), 2.0 * turned * s * c]).ravel()
+    found[2] = np.column_stack([2.0 * turned * s * c, even - turned * (c**2 - s**2)]).ravel()
+    return found
+
+
+@pytest.mark.parametrize(
+    ("profile", "error"), [(Profile.DOME, 0.08), (Profile.FLAT, 0.05), (Profile.RIM, 0.06)]
+)
+def test_images_are_those_of_the_pressure_of_a_profile(profile: Profile, error: float) -> None:
+    """Against narrow Gaussians at many points, for a root of .55 and a depth of .3 thicknesses."""
+    from manytouch.estimation.pad.pad_model import layer_table
+
+    random = np.random.default_rng(5)
+    place_mm = random.uniform(-5.0, 5.0, (60, 2))
+    slope = np.tile(np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]), (60, 1, 1))
+    table, markers = layer_table(4.0, 0.48, 1.2), Markers(place_mm, slope)
+    found = np.zeros((5, 120))
+    add_layer_images(np.array([0.0, 0.0, 2.2, 0.0, 2.2]), int(profile), table, markers, found)
+    expected, wide_mm = np.zeros((5, 120)), np.sqrt(2.2**2 - 0.3**2)
+    for x, y, weight in DENSE_POINTS[profile]:
+        one = np.zeros((5, 120))
+        narrow = np.array([wide_mm * x, wide_mm * y, 0.3, 0.0, 0.3])
+        add_layer_images(narrow, int(Profile.DOME), table, markers, one)
+        expected += weight * one
+    assert np.linalg.norm(found[0] - expected[0]) < error * np.linalg.norm(expected[0])
+    other, image = Profile.FLAT if profile is Profile.RIM else Profile.RIM, np.zeros((5, 120))
+    add_layer_images(np.array([0.0, 0.0, 2.2, 0.0, 2.2]), int(other), table, markers, image)
+    assert np.linalg.norm(image[0] - expected[0]) > 2.0 * error * np.linalg.norm(expected[0])
 
 
 def test_turn_and_growth_are_shear_in_proportion_to_the_arm() -> None:
@@ -78,17 +138,14 @@ def test_turn_and_growth_are_shear_in_proportion_to_the_arm() -> None:
     table, markers = layer_table(4.0, 0.48, 0.3), Markers(place_mm, slope)
     shape = np.array([0.3, -0.2, 1.2, 0.4, 0.9])
     whole, expected = np.zeros((5, 6)), np.zeros((5, 6))
-    add_layer_images(shape, table, DOME, markers, whole)
-    # the same points, one at a time: unit weight, as even shear with their arms
+    add_layer_images(shape, int(Profile.FLAT), table, markers, whole)
+    # Gaussians at the same points, with their arms
     root = np.array([[1.2, 0.0], [0.4, 0.9]])
-    blob = min(0.65 * np.sqrt(1.2 * 0.9), 0.9 * np.sqrt(np.linalg.eigvalsh(root @ root.T)[0]))
+    blob = min(0.3 * np.sqrt(1.2 * 0.9), 0.9 * np.sqrt(np.linalg.eigvalsh(root @ root.T)[0]))
     rest = np.linalg.cholesky(root @ root.T - blob**2 * np.eye(2))
-    for x, y, weight in DOME:
+    for x, y, weight in POINTS[Profile.FLAT]:
         away_mm = rest @ (x, y)
-        one = np.zeros((5, 6))
-        point = np.array([[0.0, 0.0, 1.0]])
-        narrow = np.array([*(shape[:2] + away_mm), blob / 0.65, 0.0, blob / 0.65])
-        add_layer_images(narrow, table, point, markers, one)
+        one = gaussian_images(shape[:2] + away_mm, blob, place_mm)
         expected[3] += weight * (away_mm[0] * one[2] - away_mm[1] * one[1])
         expected[4] += weight * (away_mm[0] * one[1] + away_mm[1] * one[2])
     np.testing.assert_allclose(whole[3:], expected[3:], atol=1e-9)
@@ -98,7 +155,9 @@ def test_a_wide_patch_presses_one_hollow(pad_state: PadState) -> None:
     """The points of its quadrature are no separate loads."""
     model = pad_state.model
     wide = np.array([[0.5, -0.5, 3.6, 0.3, 3.2, 40.0, 0.0, 0.0, 0.0, -0.1]])
-    face_mm = forced(model.by_node(tractions(model, wide)), model.face)
+    face_mm = forced(
+        model.by_node(tractions(model, Patches(own=wide, profile=np.zeros(1, dtype=np.int64)))), model.face
+    )
     x_mm, y_mm = (np.linspace(-0.49, 0.49, 61) * size for size in model.patch.size_mm)
     place_mm = np.stack(np.meshgrid(x_mm, y_mm, indexing="ij"), axis=-1)
     depth_mm = -model.patch.at(place_mm.reshape(-1, 2)).displacement(face_mm)[:, 2].reshape(61, 61)
@@ -113,8 +172,8 @@ def test_both_quadratures_load_narrow_patches_the_same(pad_state: PadState) -> N
     model = pad_state.model
     shape = np.array([0.5, -1.0, 0.75 * model.grid.step_x, 0.1, 0.7 * model.grid.step_y])
     few, many = np.zeros((2, 3, model.grid.count_x + 3, model.grid.count_y + 3))
-    add_dome(shape, model.grid, DOME, few)
-    add_dome(shape, model.grid, DENSE_DOME, many)
+    add_pressure(shape, model.grid, POINTS[Profile.DOME], few)
+    add_pressure(shape, model.grid, DENSE_POINTS[Profile.DOME], many)
     rows = model.by_sides.shape[-1]
     for axis in range(3):
         sides = model.by_sides[axis].reshape(-1, rows)

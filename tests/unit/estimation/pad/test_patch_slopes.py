@@ -3,14 +3,15 @@
 from functools import cache
 
 import numpy as np
+import pytest
 
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
 from manytouch.estimation.pad.patch_forces import OWN, add_answers, fill_effects
-from manytouch.estimation.pad.patch_kernels import DOME
+from manytouch.estimation.pad.patch_kernels import POINTS, Profile
 from manytouch.estimation.pad.patch_slopes import FAR, PatchPad, add_image, fill_slopes
 from manytouch.estimation.pad.patch_steps import prior_terms
 
-CONTACT = np.array([2.0, -1.0, 1.1, 0.2, 0.9, 0.3, 0.1, -0.05, 0.02, -0.1])
+CONTACT = np.array([2.1, -1.0, 1.1, 0.2, 0.9, 0.3, 0.1, -0.05, 0.02, -0.1])
 FITTER = PadEstimator().fitter
 
 
@@ -19,38 +20,44 @@ def pad_of(state: PadState) -> PatchPad:
     return PatchPad(model.grid, model.table, model.markers, model.by_sides)
 
 
-def image_px(state: PadState, own: np.ndarray) -> np.ndarray:
+def image_px(state: PadState, own: np.ndarray, profile: Profile) -> np.ndarray:
     """By the images of unit loads, with all points for every marker."""
     load = np.array([*own[5:9], own[5] * own[9]])
-    return np.asarray(load @ unit_images_px(state, *own[:5]))
+    return np.asarray(load @ unit_images_px(state, profile, *own[:5]))
 
 
 @cache
-def unit_images_px(state: PadState, *shape: float) -> np.ndarray:
-    return FITTER.images(state.model, np.array([shape])).column[0]
+def unit_images_px(state: PadState, profile: Profile, *shape: float) -> np.ndarray:
+    return FITTER.images(state.model, np.array([shape]), profile).column[0]
 
 
-def test_few_points_have_the_moments_of_the_dome() -> None:
+@pytest.mark.parametrize("profile", Profile)
+def test_few_points_have_the_moments_of_many(profile: Profile) -> None:
     for x_power, y_power in ((0, 0), (1, 0), (2, 0), (1, 1), (0, 2), (3, 0), (4, 0), (2, 2), (1, 3), (3, 2)):
-        few, many = (p[:, 2] @ (p[:, 0] ** x_power * p[:, 1] ** y_power) for p in (FAR, DOME))
+        few, many = (
+            p[:, 2] @ (p[:, 0] ** x_power * p[:, 1] ** y_power) for p in (FAR[profile], POINTS[profile])
+        )
         np.testing.assert_allclose(few, many, atol=1e-9)
 
 
-def test_images_are_those_of_all_points(pad_state: PadState) -> None:
+@pytest.mark.parametrize("profile", Profile)
+def test_images_are_those_of_all_points(pad_state: PadState, profile: Profile) -> None:
     found = np.zeros(2 * len(pad_state.model.rest_px))
-    add_image(CONTACT, pad_of(pad_state), found)
-    expected = image_px(pad_state, CONTACT)
+    add_image(CONTACT, int(profile), pad_of(pad_state), found)
+    expected = image_px(pad_state, CONTACT, profile)
     np.testing.assert_allclose(found, expected, atol=1e-3 * np.abs(expected).max())
 
 
-def test_slopes_are_those_of_differences(pad_state: PadState) -> None:
+@pytest.mark.parametrize("profile", Profile)
+def test_slopes_are_those_of_differences(pad_state: PadState, profile: Profile) -> None:
     slope = np.empty((OWN, 2 * len(pad_state.model.rest_px)))
-    fill_slopes(CONTACT, pad_of(pad_state), slope)
+    fill_slopes(CONTACT, int(profile), pad_of(pad_state), slope)
     slope[5] += CONTACT[9] * slope[9]
     slope[9] *= CONTACT[5]
     for parameter in range(OWN):
         step = 1e-4 * np.eye(OWN)[parameter]
-        expected = (image_px(pad_state, CONTACT + step) - image_px(pad_state, CONTACT - step)) / 2e-4
+        above, below = (image_px(pad_state, CONTACT + sign * step, profile) for sign in (1.0, -1.0))
+        expected = (above - below) / 2e-4
         np.testing.assert_allclose(slope[parameter], expected, atol=0.01 * np.abs(expected).max())
 
 
@@ -81,5 +88,5 @@ def test_effects_of_unit_weight_are_the_loads(pad_state: PadState) -> None:
     effect = np.zeros((grid.count_x + 3, grid.count_y + 3, 3))
     effect[:, :, 2] = 1.0
     slope = np.empty(OWN)
-    fill_effects(CONTACT, np.full(OWN, 1e-3), grid, effect, slope)
+    fill_effects(CONTACT, int(Profile.DOME), np.full(OWN, 1e-3), grid, effect, slope)
     np.testing.assert_allclose(slope, -np.eye(OWN)[5], atol=1e-9)

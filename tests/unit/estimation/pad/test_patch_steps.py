@@ -7,8 +7,10 @@ from scipy.optimize import least_squares
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
 from manytouch.estimation.pad.pad_model import MOTIONS
 from manytouch.estimation.pad.patch_forces import OWN
+from manytouch.estimation.pad.patch_kernels import Profile
 from manytouch.estimation.pad.patch_slopes import PatchPad, add_image
 from manytouch.estimation.pad.patch_steps import prior_terms
+from manytouch.estimation.pad.patches import Patches
 
 FITTER = PadEstimator().fitter
 TRUE = np.array([1.3, -0.7, 0.9, 0.1, 0.8, 2.0, 0.3, -0.1, 0.2, 0.05])
@@ -20,7 +22,7 @@ def residuals(theta: np.ndarray, state: PadState, measured_px: np.ndarray, weigh
     model = state.model
     own, motion = theta[:OWN], theta[OWN:]
     image = np.zeros(len(measured_px))
-    add_image(own, PatchPad(model.grid, model.table, model.markers, model.by_sides), image)
+    add_image(own, int(Profile.DOME), PatchPad(model.grid, model.table, model.markers, model.by_sides), image)
     image += motion @ model.motion
     value, slope = np.empty(9), np.empty((9, OWN))
     prior_terms(own, FITTER.prior.numbers(model), value, slope)
@@ -33,13 +35,21 @@ def test_the_fit_is_the_least_squares_of_scipy(pad_state: PadState, seed: int) -
     model = pad_state.model
     measured_px = np.zeros(2 * len(model.rest_px))
     true = TRUE * chance.uniform(0.8, 1.2, OWN)
-    add_image(true, PatchPad(model.grid, model.table, model.markers, model.by_sides), measured_px)
+    add_image(
+        true, int(Profile.DOME), PatchPad(model.grid, model.table, model.markers, model.by_sides), measured_px
+    )
     measured_px += chance.normal(0.0, 0.02, len(measured_px))
     weight = np.full(len(measured_px), 0.02**-2)
     weight[::17] = 0.0
     start = TRUE.copy()
-    found = FITTER(model, start[None], measured_px, weight, is_sheet_known=True)
-    theta = np.concatenate([found.contact[0], found.motion])
+    found = FITTER(
+        model,
+        Patches(own=start[None], profile=np.zeros(1, dtype=np.int64)),
+        measured_px,
+        weight,
+        is_sheet_known=True,
+    )
+    theta = np.concatenate([found.patches.own[0], found.motion])
     left = residuals(theta, pad_state, measured_px, weight)
     assert found.misfit == pytest.approx(left @ left, rel=1e-9)
     is_seen = weight > 0.0
