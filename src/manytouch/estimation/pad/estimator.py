@@ -17,11 +17,11 @@ from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerS
 from manytouch.estimation.load.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.image_error import ImageError
-from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, misfit_scale, pad_shape
+from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, ObservedPad
-from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter
+from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale
 from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
-from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch
+from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch, ProfileChoice
 from manytouch.estimation.pad.patches import NO_PATCHES, Patches, halved, joined, nearest_pair
 from manytouch.estimation.perimeter.marker_surface import unknown_surface
 from manytouch.estimation.reference_drift import ReferenceDrift
@@ -90,6 +90,7 @@ class PadEstimator:
         nominal_pad: properties of a pad that the sensor does not state.
         fitter: of the patches.
         search: of new patches.
+        profile_choice: of the pressures.
         image_error: of the marker images by the model.
         outlier_gate: weights of the markers.
         pad_contacts: contacts with their covariances.
@@ -111,10 +112,6 @@ class PadEstimator:
         refusal_lasts: factor by which the misfit of that frame is reduced in each further frame, if that of
             the further frame is not less.
         split_misfit: misfit per image coordinate above which the widest contact may be two.
-        profile_gain: least reduction of the misfit by another profile of a contact, over that per degree of
-            freedom with it (at least 1).
-        profile_root: least root of the second moment, in thicknesses, of a contact whose profile may be
-            another than a dome; the markers hardly show that of narrower ones.
         merge_gain: least increase of the misfit if two near contacts were one, over that per degree of
             freedom (at least 1).
         same_share: change of the markers' displacements over the largest of them below which a fit is not
@@ -124,6 +121,7 @@ class PadEstimator:
     nominal_pad: NominalPad = field(default_factory=NominalPad)
     fitter: PatchFitter = field(default_factory=PatchFitter)
     search: PatchSearch = field(default_factory=PatchSearch)
+    profile_choice: ProfileChoice = field(default_factory=ProfileChoice)
     image_error: ImageError = field(default_factory=ImageError)
     outlier_gate: OutlierGate = field(default_factory=OutlierGate)
     pad_contacts: PadContacts = field(default_factory=PadContacts)
@@ -142,8 +140,6 @@ class PadEstimator:
     retry_misfit: float = 1.3
     refusal_lasts: float = 0.97
     split_misfit: float = 2.0
-    profile_gain: float = 15.0
-    profile_root: float = 0.35
     merge_gain: float = 15.0
     same_share: float = 1e-3
 
@@ -255,7 +251,9 @@ class PadEstimator:
             if 0.0 < fit.misfit < self.retry_misfit * refused_misfit:
                 refused_misfit = min(self.refusal_lasts * refused_misfit, fit.misfit)
                 break
-            better = self._with_profile(model, fit, measured) or self._longer(state, fit, measured)
+            linear_px, _ = self._images(model, measured, fit.marker_mm(model))
+            better = self.profile_choice(model, self.fitter, fit, linear_px)
+            better = better or self._longer(state, fit, measured)
             if better is None:
                 refused_misfit = fit.misfit
                 break
@@ -264,29 +262,6 @@ class PadEstimator:
                 model, self._fit(model, better.patches, measured, better.marker_mm(model)), measured
             )
         return fit, refused_misfit
-
-    def _with_profile(self, model: ObservedPad, fit: PadFit, measured: _Measured) -> PadFit | None:
-        """The fit with another profile of a wide contact, where that explains the images better."""
-        root_mm = np.sqrt(np.abs(fit.patches.own[:, 2] * fit.patches.own[:, 4]))
-        wide = np.flatnonzero(root_mm >= self.profile_root * model.thickness_mm)
-        if len(wide) == 0:
-            return None
-        linear_px, _ = self._images(model, measured, fit.marker_mm(model))
-
-        def fitted(patches: Patches) -> PadFit:
-            return self.fitter(
-                model, patches, linear_px, fit.weight, is_sheet_known=True, with_covariance=False
-            )
-
-        tried = [
-            fitted(fit.patches.with_profile(int(number), profile))
-            for number in wide
-            for profile in Profile
-            if profile != fit.patches.profile[number]
-        ]
-        best = min(tried, key=lambda each: each.misfit)
-        gain = fitted(fit.patches).misfit - best.misfit
-        return best if gain >= self.profile_gain * misfit_scale(best) else None
 
     def _longer(self, state: PadState, fit: PadFit, measured: _Measured) -> PadFit | None:
         """The fit with one contact more, where that explains the images better."""

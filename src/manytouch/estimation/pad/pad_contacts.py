@@ -10,7 +10,7 @@ from manytouch.estimation.mechanics.clusters.force_clusters import Clusters
 from manytouch.estimation.mechanics.regions.footprints import Footprint, Footprints
 from manytouch.estimation.mechanics.regions.outlines import polygon_area, within_rectangle
 from manytouch.estimation.pad.pad_model import MOTIONS, ObservedPad
-from manytouch.estimation.pad.patch_fit import PadFit, forced
+from manytouch.estimation.pad.patch_fit import PadFit, forced, misfit_scale
 from manytouch.estimation.pad.patch_forces import OWN, fill_basis, fill_effects
 from manytouch.estimation.pad.patch_kernels import SHAPE
 from manytouch.geometry.refraction import project_through_window
@@ -297,12 +297,6 @@ def _noise_px(fit: PadFit) -> float:
     """Median standard deviation of the marker images of a frame."""
     used = fit.weight[fit.weight > 0.0]
     return float(1.0 / np.sqrt(np.median(used))) if len(used) else np.nan
-
-
-def misfit_scale(fit: PadFit) -> float:
-    """Misfit per degree of freedom, at least 1."""
-    freedom = int((fit.weight > 0.0).sum()) - OWN * len(fit.patches) - MOTIONS
-    return max(1.0, float(fit.weight @ fit.residual_px**2) / max(freedom, 1))
 
 
 def _clusters(model: ObservedPad, fit: PadFit) -> Clusters:

@@ -103,6 +103,12 @@ class PadFit:
         return model.by_node(tractions(model, self.patches))
 
 
+def misfit_scale(fit: PadFit) -> float:
+    """Misfit per degree of freedom, at least 1."""
+    freedom = int((fit.weight > 0.0).sum()) - OWN * len(fit.patches) - MOTIONS
+    return max(1.0, float(fit.weight @ fit.residual_px**2) / max(freedom, 1))
+
+
 def tractions(model: ObservedPad, patches: Patches) -> Float64[np.ndarray, "nx ny 3"]:
     """Nodal forces over E of patches."""
     spread, nodal = np.zeros((2, DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))

@@ -1,4 +1,4 @@
-"""Where a pad may be pressed: small patches that explain what the fitted contacts do not."""
+"""What may explain the markers better: a small patch where a pad may be pressed, or another profile."""
 
 from dataclasses import dataclass
 
@@ -6,9 +6,10 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.estimation.pad.pad_model import ObservedPad
-from manytouch.estimation.pad.patch_fit import PatchFitter
+from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale
 from manytouch.estimation.pad.patch_forces import OWN
-from manytouch.estimation.pad.patch_kernels import SHAPE
+from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
+from manytouch.estimation.pad.patches import Patches
 from manytouch.values.arrays import Points2, read_only
 
 _COLUMNS = 3  # normal force, shear x, shear y
@@ -86,3 +87,47 @@ class PatchSearch:
         guess[:SHAPE] = *candidates.centre_mm[best], root_mm, 0.0, root_mm
         guess[SHAPE : SHAPE + _COLUMNS] = load[best]
         return guess, float(gain[best])
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class ProfileChoice:
+    """Tries other profiles for the pressures of wide contacts.
+
+    Attributes:
+        gain: least reduction of the misfit by another profile of a contact, over that per degree of freedom
+            with it (at least 1).
+        root: least root of the second moment, in thicknesses, of a contact whose profile may be another than
+            a dome; the markers hardly show that of narrower ones.
+    """
+
+    gain: float = 15.0
+    root: float = 0.35
+
+    def __call__(
+        self, model: ObservedPad, fitter: PatchFitter, fit: PadFit, linear_px: Float64[np.ndarray, " r"]
+    ) -> PadFit | None:
+        """The fit with another profile of a wide contact, where that explains the images better.
+
+        Args:
+            model: of the pad.
+            fitter: of the patches.
+            fit: of the frame.
+            linear_px: (2 m,) displacements of the marker images, without what is not linear in them.
+        """
+        root_mm = np.sqrt(np.abs(fit.patches.own[:, 2] * fit.patches.own[:, 4]))
+        wide = np.flatnonzero(root_mm >= self.root * model.thickness_mm)
+        if len(wide) == 0:
+            return None
+
+        def fitted(patches: Patches) -> PadFit:
+            return fitter(model, patches, linear_px, fit.weight, is_sheet_known=True, with_covariance=False)
+
+        tried = [
+            fitted(fit.patches.with_profile(int(number), profile))
+            for number in wide
+            for profile in Profile
+            if profile != fit.patches.profile[number]
+        ]
+        best = min(tried, key=lambda each: each.misfit)
+        gain = fitted(fit.patches).misfit - best.misfit
+        return best if gain >= self.gain * misfit_scale(best) else None
