@@ -87,7 +87,7 @@ def recorded_run(chosen: list[tuple[Case, ...]]) -> Callable[..., Evaluation]:
         observer.begin("reading", len(cases))
         for case in cases:
             observer.done(case.title, "read")
-        more["kept"].mkdir(parents=True)
+        more["trial_folder"].mkdir(parents=True)
         return Evaluation(
             title="suite",
             truth_description=simulation.description,

@@ -221,7 +221,7 @@ def _depth(
 
     The derivatives are by the parameters of the contact, then by those of the pad. Areas have none.
     """
-    own, profile = fit.patches.own[number], fit.patches.profile[number]
+    own, profile = fit.patches.own[number], int(fit.patches.profile[number])
     root = np.array([[own[2], 0.0], [own[3], own[4]]])
     place_mm = np.ascontiguousarray(own[:2] + _RING_ROOTS[profile] * _RING @ root.T)
     node, value = _basis(model, place_mm)

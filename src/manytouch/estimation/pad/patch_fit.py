@@ -112,7 +112,7 @@ def misfit_scale(fit: PadFit) -> float:
 def tractions(model: ObservedPad, patches: Patches) -> Float64[np.ndarray, "nx ny 3"]:
     """Nodal forces over E of patches."""
     spread, nodal = np.zeros((2, DISTRIBUTION_COUNT, model.grid.count_x + 3, model.grid.count_y + 3))
-    for own, profile in zip(patches.own, patches.profile, strict=True):
+    for own, profile in zip(patches.own, patches.profile.tolist(), strict=True):
         add_tractions(own, profile, model.grid, density(own, model.grid), spread, nodal)
     return np.moveaxis(nodal, 0, -1)
 
@@ -162,7 +162,7 @@ class PatchFitter:
             sheet = np.stack(
                 [
                     _by_sheet(model, own[:SHAPE], profile)
-                    for own, profile in zip(patches.own, patches.profile, strict=True)
+                    for own, profile in zip(patches.own, patches.profile.tolist(), strict=True)
                 ]
             )
         common = Common(motion=model.motion, sheet=sheet, std=self._common_std(parameters))
