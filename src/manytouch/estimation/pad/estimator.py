@@ -46,7 +46,8 @@ class PadState:
         initial_reference_px, reference_px: (m, 2) marker images at rest, at the start and now.
         patches: of the last frame.
         displacement_mm: (m, 3) of the markers in the last frame.
-        refused_misfit: misfit of the frame in which another contact was last tried in vain; 0 if none was.
+        refused_misfit: misfit of the frame in which another contact or profile was last tried in vain; 0 if
+            none was.
         slip, tracks: of the contacts.
     """
 
@@ -107,8 +108,8 @@ class PadEstimator:
             deviations by noise and priors. Where all markers may have stayed displaced by an earlier press,
             force or depth must also be `last_stds` of the deviations that are reported.
         least_depth: least depth of a contact, in thicknesses.
-        retry_misfit: ratio of the misfit to that of the frame in which another contact was last tried in
-            vain, from which one is tried again.
+        retry_misfit: ratio of the misfit to that of the frame in which another contact or profile was last
+            tried in vain, from which one is tried again.
         refusal_lasts: factor by which the misfit of that frame is reduced in each further frame, if that of
             the further frame is not less.
         split_misfit: misfit per image coordinate above which the widest contact may be two.
@@ -245,15 +246,15 @@ class PadEstimator:
         model, measured = state.model, self._measured(state, grid)
         fit = self._pruned(model, self._fit(model, state.patches, measured, state.displacement_mm), measured)
         refused_misfit = state.refused_misfit
-        for _ in range(self.max_contacts - len(fit.patches)):
+        for _ in range(2 * self.max_contacts):  # a contact, and its profile
             if len(fit.patches) != len(state.patches):
                 refused_misfit = 0.0
             if 0.0 < fit.misfit < self.retry_misfit * refused_misfit:
                 refused_misfit = min(self.refusal_lasts * refused_misfit, fit.misfit)
                 break
-            linear_px, _ = self._images(model, measured, fit.marker_mm(model))
-            better = self.profile_choice(model, self.fitter, fit, linear_px)
-            better = better or self._longer(state, fit, measured)
+            better = self._with_profile(model, fit, measured)
+            if better is None and len(fit.patches) < self.max_contacts:
+                better = self._longer(state, fit, measured)
             if better is None:
                 refused_misfit = fit.misfit
                 break
@@ -262,6 +263,13 @@ class PadEstimator:
                 model, self._fit(model, better.patches, measured, better.marker_mm(model)), measured
             )
         return fit, refused_misfit
+
+    def _with_profile(self, model: ObservedPad, fit: PadFit, measured: _Measured) -> PadFit | None:
+        """The fit with another profile of a wide contact, or with near ones as one, where that is better."""
+        if not self.profile_choice.applies(model, fit.patches):
+            return None
+        linear_px, _ = self._images(model, measured, fit.marker_mm(model))
+        return self.profile_choice(model, self.fitter, fit, linear_px)
 
     def _longer(self, state: PadState, fit: PadFit, measured: _Measured) -> PadFit | None:
         """The fit with one contact more, where that explains the images better."""
@@ -350,7 +358,7 @@ class PadEstimator:
             if pair is None:
                 break
             linear_px, _ = self._images(model, measured, fit.marker_mm(model))
-            one = self.fitter(model, joined(fit.patches, *pair), linear_px, fit.weight)
+            one = self.fitter(model, joined(fit.patches, pair), linear_px, fit.weight)
             if one.misfit - fit.misfit > self.merge_gain * misfit_scale(fit):
                 break
             fit = one

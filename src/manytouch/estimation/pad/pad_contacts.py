@@ -228,8 +228,8 @@ def _depth(
     moved_mm = np.einsum("kn,kni->ki", value, shape.coefficient_mm[node])
     deepest = int(np.argmin(moved_mm[:, 2]))
     linear_mm = -float(value[deepest] @ shape.linear_mm[node[deepest], 2])
-    if deepest == 0:
-        linear_mm += _unresolved_depth(model, own, profile)
+    plain_mm = _unresolved_depth(model, own, profile) if deepest == 0 else 0.0
+    linear_mm += plain_mm
     depth_mm = float(large_strain(np.array([linear_mm]), model.thickness_mm)[0])
     # the face is symmetric
     by_node = (value[deepest] @ model.face[node[deepest], 2].reshape(16, -1)).reshape(-1, 3)
@@ -237,8 +237,7 @@ def _depth(
     step = np.full(OWN, _STEP_MM)
     step[SHAPE:] = 1e-3 * max(abs(float(own[SHAPE])), 1e-9)
     fill_effects(own, profile, step, model.grid, -model.by_place(by_node), slope[_DEPTH, :OWN])
-    plain_mm = _unresolved_depth(model, own, profile)
-    for parameter in (2, 4, SHAPE):  # it depends on these only
+    for parameter in (2, 4, SHAPE) if deepest == 0 else ():  # what is not resolved depends on these only
         changed = own.copy()
         changed[parameter] += step[parameter]
         slope[_DEPTH, parameter] += (_unresolved_depth(model, changed, profile) - plain_mm) / step[parameter]

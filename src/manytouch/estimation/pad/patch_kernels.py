@@ -17,7 +17,7 @@ DISTRIBUTION_COUNT = 3
 
 
 class Profile(IntEnum):
-    """Profile of the pressure along the radius r of a patch with radius 1."""
+    """Profile of the pressure along the radius r of a patch with radius 1, from the middle outwards."""
 
     DOME = 0
     """sqrt(1 - r^2): that of a ball on a half-space (H. Hertz 1882)."""

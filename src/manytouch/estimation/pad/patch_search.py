@@ -1,5 +1,6 @@
 """What may explain the markers better: a small patch where a pad may be pressed, or another profile."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,7 +10,7 @@ from manytouch.estimation.pad.pad_model import ObservedPad
 from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale
 from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
-from manytouch.estimation.pad.patches import Patches
+from manytouch.estimation.pad.patches import Patches, joined, near_groups
 from manytouch.values.arrays import Points2, read_only
 
 _COLUMNS = 3  # normal force, shear x, shear y
@@ -91,11 +92,11 @@ class PatchSearch:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ProfileChoice:
-    """Tries other profiles for the pressures of wide contacts.
+    """Tries other profiles for the pressures of wide contacts, and near contacts as one with each profile.
 
     Attributes:
-        gain: least reduction of the misfit by another profile of a contact, over that per degree of freedom
-            with it (at least 1).
+        gain: least reduction of the misfit by another profile of a contact, and largest growth by near
+            contacts as one, over the misfit per degree of freedom with it (at least 1).
         root: least root of the second moment, in thicknesses, of a contact whose profile may be another than
             a dome; the markers hardly show that of narrower ones.
     """
@@ -103,10 +104,14 @@ class ProfileChoice:
     gain: float = 15.0
     root: float = 0.35
 
+    def applies(self, model: ObservedPad, patches: Patches) -> bool:
+        """Whether there is anything to try."""
+        return len(self._wide(model, patches)) > 0 or len(near_groups(patches)) > 0
+
     def __call__(
         self, model: ObservedPad, fitter: PatchFitter, fit: PadFit, linear_px: Float64[np.ndarray, " r"]
     ) -> PadFit | None:
-        """The fit with another profile of a wide contact, where that explains the images better.
+        """The fit with another profile of a contact, or with near ones as one, where that is better.
 
         Args:
             model: of the pad.
@@ -114,20 +119,42 @@ class ProfileChoice:
             fit: of the frame.
             linear_px: (2 m,) displacements of the marker images, without what is not linear in them.
         """
-        root_mm = np.sqrt(np.abs(fit.patches.own[:, 2] * fit.patches.own[:, 4]))
-        wide = np.flatnonzero(root_mm >= self.root * model.thickness_mm)
-        if len(wide) == 0:
-            return None
 
         def fitted(patches: Patches) -> PadFit:
             return fitter(model, patches, linear_px, fit.weight, is_sheet_known=True, with_covariance=False)
 
-        tried = [
-            fitted(fit.patches.with_profile(int(number), profile))
-            for number in wide
-            for profile in Profile
-            if profile != fit.patches.profile[number]
+        before = fitted(fit.patches)
+        tried = []
+        for number in self._wide(model, fit.patches):
+            tried += _with_others(fitted, before, number)
+        for group in near_groups(fit.patches):
+            one = fitted(joined(fit.patches, group))
+            tried += [one, *_with_others(fitted, one, len(one.patches) - 1)]
+        if not tried:
+            return None
+        merit = [
+            (before.misfit - each.misfit) / misfit_scale(each)
+            - (self.gain if len(each.patches) == len(fit.patches) else -self.gain)
+            for each in tried
         ]
-        best = min(tried, key=lambda each: each.misfit)
-        gain = fitted(fit.patches).misfit - best.misfit
-        return best if gain >= self.gain * misfit_scale(best) else None
+        best = int(np.argmax(merit))
+        return tried[best] if merit[best] >= 0.0 else None
+
+    def _wide(self, model: ObservedPad, patches: Patches) -> list[int]:
+        """Numbers of the patches whose profile may be another than a dome."""
+        root_mm = np.sqrt(np.abs(patches.own[:, 2] * patches.own[:, 4]))
+        return [int(number) for number in np.flatnonzero(root_mm >= self.root * model.thickness_mm)]
+
+
+def _with_others(fitted: Callable[[Patches], PadFit], fit: PadFit, number: int) -> list[PadFit]:
+    """The fits with each other profile of a patch, each from that with the next profile to it.
+
+    From a profile that is less alike, a fit may end at a worse minimum.
+    """
+    now, found = int(fit.patches.profile[number]), []
+    for profiles in (tuple(Profile)[now + 1 :], tuple(Profile)[:now][::-1]):
+        start = fit.patches
+        for profile in profiles:
+            found.append(fitted(start.with_profile(number, profile)))
+            start = found[-1].patches
+    return found

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64, Int64
+from scipy.sparse.csgraph import connected_components
 
 from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
@@ -52,15 +53,29 @@ class Patches:
 NO_PATCHES = Patches(own=read_only(np.zeros((0, OWN))), profile=read_only(np.zeros(0, dtype=np.int64)))
 
 
-def nearest_pair(patches: Patches) -> tuple[int, int] | None:
-    """Two patches that overlap most; None if none do."""
+def _overlap(patches: Patches) -> Float64[np.ndarray, "c c"]:
+    """Distances of centres over the sums of the mean roots; infinite on the diagonal."""
     centre, root = patches.own[:, :2], np.abs(patches.own[:, 2:SHAPE])
     reach = np.sqrt(0.5 * (root**2).sum(axis=1))
-    away = np.linalg.norm(centre[:, None] - centre, axis=2)
-    overlap = away / (reach[:, None] + reach)
+    overlap = np.linalg.norm(centre[:, None] - centre, axis=2) / (reach[:, None] + reach)
     overlap[np.diag_indices(len(centre))] = np.inf
+    return np.asarray(overlap)
+
+
+def nearest_pair(patches: Patches) -> tuple[int, int] | None:
+    """Two patches that overlap most; None if none do."""
+    overlap = _overlap(patches)
     first, second = np.unravel_index(int(np.argmin(overlap)), overlap.shape)
     return None if overlap[first, second] > _NEAR else (int(first), int(second))
+
+
+def near_groups(patches: Patches) -> list[tuple[int, ...]]:
+    """The two patches that overlap most, and those that are linked by overlaps; none if none overlap."""
+    if len(patches) < 2 or (pair := nearest_pair(patches)) is None:
+        return []
+    _, group = connected_components(_overlap(patches) <= _NEAR, directed=False)
+    linked = tuple(int(number) for number in np.flatnonzero(group == group[pair[0]]))
+    return [pair] if len(linked) == 2 else [pair, linked]
 
 
 def halved(patches: Patches, number: int) -> Patches:
@@ -77,20 +92,19 @@ def halved(patches: Patches, number: int) -> Patches:
     return patches.without(number).with_more(halves, Profile.DOME)
 
 
-def joined(patches: Patches, first: int, second: int) -> Patches:
-    """The guesses with two patches as one dome with their force, centre and moments."""
-    pair = patches.own[[first, second]]
-    press = np.maximum(pair[:, SHAPE], 1e-9)
+def joined(patches: Patches, numbers: Sequence[int]) -> Patches:
+    """The guesses with some patches as one dome with their force, centre and moments; it is the last."""
+    parts = patches.own[list(numbers)]
+    press = np.maximum(parts[:, SHAPE], 1e-9)
     share = press / press.sum()
-    centre = share @ pair[:, :2]
+    centre = share @ parts[:, :2]
     spread = np.zeros((2, 2))
-    for part, own in zip(share, pair, strict=True):
-        xx, yx, yy = own[2:SHAPE]
-        root = np.array([[xx, 0.0], [yx, yy]])
+    for weight, own in zip(share, parts, strict=True):
+        root = np.array([[own[2], 0.0], [own[3], own[4]]])
         arm = own[:2] - centre
-        spread += part * (root @ root.T + np.outer(arm, arm))
+        spread += weight * (root @ root.T + np.outer(arm, arm))
     root = np.linalg.cholesky(spread)
-    load = pair[:, SHAPE:].sum(axis=0)
+    load = parts[:, SHAPE:].sum(axis=0)
     one = np.array([*centre, root[0, 0], root[1, 0], root[1, 1], *load])
-    one[OWN - 1] = share @ pair[:, OWN - 1]
-    return patches.without([first, second]).with_more(one[None], Profile.DOME)
+    one[OWN - 1] = share @ parts[:, OWN - 1]
+    return patches.without(numbers).with_more(one[None], Profile.DOME)

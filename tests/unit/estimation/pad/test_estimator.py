@@ -15,7 +15,7 @@ from manytouch.estimation.pad.estimator import PadEstimator, PadState
 from manytouch.estimation.pad.pad_contacts import large_strain
 from manytouch.estimation.pad.patch_fit import tractions
 from manytouch.estimation.pad.patch_kernels import Profile
-from manytouch.estimation.pad.patches import Patches
+from manytouch.estimation.pad.patches import Patches, near_groups
 from manytouch.values import Contacts, Phase, Sensor, Status, Surface, TrackedGrid
 
 ESTIMATE = PadEstimator()
@@ -203,6 +203,34 @@ def test_a_wide_contact_is_one_with_its_profile_and_force(pad_state: PadState, p
     assert list(state.patches.profile) == [profile]
     assert found.normal_force_over_E_mm2 == pytest.approx(20.0, rel=0.08)
     assert np.linalg.norm(found.centre_mm - wide[0, :2]) < 0.1
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_faint_ring_is_one_contact(pad_state: PadState, seed: int) -> None:
+    """Its first fit is a narrow dome on one side, which others follow."""
+    ring = np.array([[0.5, -0.5, 2.0, 0.0, 2.0, 2.0, 0.0, 0.0, 0.0, -0.2]])
+    grid = grid_at(pressed_px(pad_state, ring, Profile.RIM), noise_px=0.02, seed=seed)
+    state, _, contacts = ESTIMATE.step(pad_state, grid)
+    (found,) = contacts.touching
+    assert list(state.patches.profile) == [Profile.RIM]
+    assert found.normal_force_over_E_mm2 == pytest.approx(2.0, rel=0.15)
+
+
+def test_patches_that_are_linked_by_others_are_one_group() -> None:
+    row = np.repeat(ONE, 4, axis=0)
+    row[:, 0], row[:, 2:5] = (0.0, 3.0, 7.0, 40.0), (1.0, 0.0, 1.0)
+    assert near_groups(patches(row)) == [(0, 1), (0, 1, 2)]
+    assert near_groups(patches(row[[0, 3]])) == []
+    assert near_groups(patches(row[:1])) == []
+
+
+def test_the_only_contact_that_is_allowed_gets_its_profile(pad_state: PadState) -> None:
+    estimate = replace(ESTIMATE, max_contacts=1)
+    wide = np.array([[0.5, -0.5, 2.4, 0.1, 2.2, 20.0, 0.5, 0.0, 0.0, -0.05]])
+    position_px = pressed_px(pad_state, wide, Profile.RIM)
+    state, _, contacts = estimate.step(pad_state, grid_at(position_px, noise_px=0.01, seed=0))
+    assert list(state.patches.profile) == [Profile.RIM]
+    assert len(contacts.touching) == 1
 
 
 def test_a_narrow_contact_stays_a_dome(pad_state: PadState) -> None:
