@@ -22,7 +22,8 @@ from cyclopts import MissingArgumentError
 import manytouch
 from clips import pressed_video
 from command_line import run_command
-from manytouch.cli import COMMANDS, application
+from manytouch.cli import COMMANDS
+from manytouch.cli.application import application
 
 ROOT = Path(__file__).parents[2]
 if not (ROOT / "docs" / "index.md").exists():

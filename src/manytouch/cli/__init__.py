@@ -5,27 +5,24 @@ No computation is in here; all of it is available in Python too.
 Exit status: 0 done, also after Ctrl-C; 1 the work failed; 2 the command line is wrong; 143 ended by SIGTERM.
 """
 
-import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 
-from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensError
-
-import manytouch
 from manytouch.blas_threads import request_one_blas_thread
-from manytouch.cli.terminal.failures import DEBUG_FLAG, one_line, report
-from manytouch.cli.terminal.interrupt import TERMINATED, StopOnSignal
+from manytouch.cli.terminal.failures import DEBUG_FLAG
 
 request_one_blas_thread()  # before anything imports numpy
 
-DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
+SUMMARY = "Estimate every contact on a soft dotted sheet from one camera: position, depth and force."
 
 EPILOGUE = """\
+manytouch COMMAND --help describes the options of a command.
 --debug, anywhere on the line, prints the traceback of an error.
 
 Exit status: 0 done, 1 the command failed (one line on stderr gives the cause and
-the remedy), 2 the command line is wrong.
-"""
+the remedy), 2 the command line is wrong."""
 
 # Name: function or app, and the first sentence of its help, which the list of commands shows without
 # importing the command.
@@ -69,22 +66,11 @@ COMMANDS = {
     ),
 }
 
-
-def application(words: Sequence[str]) -> App:
-    """The commands, of which only those named in `words` are imported."""
-    app = App(
-        name="manytouch",
-        help="Estimate every contact on a soft dotted sheet from one camera: position, depth and force.",
-        help_epilogue=EPILOGUE,
-        version=manytouch.__version__,
-        help_format="plaintext",
-        suppress_keyboard_interrupt=False,
-    )
-    for name, (path, summary) in COMMANDS.items():
-        # a help given here would replace the whole help of the command
-        app.command(f"manytouch.cli.{path}", name=name, help=None if name in words else summary)
-    app.register_install_completion_command(help="Install completion for the shell that calls this.")
-    return app
+OPTIONS = {
+    "--help, -h": "Display this list.",
+    "--install-completion": "Install completion for the shell that calls this.",
+    "--version": "Display the version.",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -93,41 +79,39 @@ def main(arguments: Sequence[str] | None = None) -> int:
     Args:
         arguments: words after the name of the program; None: those of this process.
     """
-    StopOnSignal.is_terminated = False
     words = [word for word in (sys.argv[1:] if arguments is None else arguments) if word != DEBUG_FLAG]
-    try:
-        return _status(
-            application(words)(words, exit_on_error=False, print_error=False, result_action="return_value")
+    if words in ([], ["--help"], ["-h"]):  # without the parser, whose import takes longer than a user expects
+        print(_overview(shutil.get_terminal_size().columns))
+        return 0
+    from manytouch.cli.application import run
+
+    return run(words)
+
+
+def _overview(columns: int) -> str:
+    """The commands and the options that belong to none, in lines of at most so many characters."""
+    width = max(40, min(columns, 100))
+    indent = max(map(len, [*COMMANDS, *OPTIONS])) + 4
+    listed = [(name, summary) for name, (_, summary) in sorted(COMMANDS.items())]
+
+    def table(rows: Sequence[tuple[str, str]]) -> str:
+        return "\n".join(
+            textwrap.fill(
+                summary,
+                width,
+                initial_indent=f"  {name:{indent - 2}}",
+                subsequent_indent=" " * indent,
+                break_on_hyphens=False,
+            )
+            for name, summary in rows
         )
-    except CycloptsError as error:
-        return _report_usage(error)
-    except KeyboardInterrupt:
-        print("stopped", file=sys.stderr)
-        return _status(DONE)
-    except BrokenPipeError:  # the reader of the output, such as `head`, has closed it
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return FAILED
-    except Exception as error:  # noqa: BLE001 - reported in one line
-        report(error)
-        return FAILED
 
-
-def _status(result: object) -> int:
-    status = result if isinstance(result, int) else DONE
-    return TERMINATED if status == DONE and StopOnSignal.is_terminated else status
-
-
-def _report_usage(error: CycloptsError) -> int:
-    help_line = " ".join(("manytouch", *(error.command_chain or ()), "--help"))
-    print(f"manytouch: {_usage_error(error)}; see {help_line}", file=sys.stderr)
-    return WRONG_COMMAND_LINE
-
-
-def _usage_error(error: CycloptsError) -> str:
-    if isinstance(error, UnusedCliTokensError):
-        return f"unexpected words: {' '.join(error.unused_tokens or ())} (list all inputs before the options)"
-    sentence = one_line(str(error))
-    if isinstance(error, UnknownCommandError) and error.app is not None:
-        known = ", ".join(name for name in error.app if not name.startswith("-"))
-        return f"{sentence.partition(' Available')[0]} The commands are {known}"
-    return sentence.rstrip(".")
+    return "\n\n".join(
+        (
+            "Usage: manytouch COMMAND",
+            textwrap.fill(SUMMARY, width),
+            f"Commands:\n{table(listed)}",
+            f"Options:\n{table(tuple(OPTIONS.items()))}",
+            EPILOGUE,
+        )
+    )

@@ -6,7 +6,8 @@ from pathlib import Path
 import pytest
 from cyclopts import App
 
-from manytouch.cli import COMMANDS, main
+from manytouch.cli import COMMANDS, OPTIONS, main
+from manytouch.cli.application import application
 from manytouch.cli.terminal import method_options
 from manytouch.cli.terminal.interrupt import StopOnSignal
 from manytouch.errors import ManytouchError
@@ -109,11 +110,26 @@ def test_the_list_of_commands_has_the_first_sentence_of_each_help(capsys):
         assert " ".join(capsys.readouterr().out.split("\n\n")[1].split()) == summary
 
 
+@pytest.mark.parametrize("columns", [40, 80, 200])
+def test_the_list_of_commands_fits_the_terminal(columns, capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", str(columns))
+    assert main(["--help"]) == 0
+    lines = capsys.readouterr().out.partition("manytouch COMMAND --help")[0].splitlines()
+    assert max(map(len, lines)) <= columns
+    for name in (*COMMANDS, *OPTIONS):
+        assert sum(line.startswith(f"  {name} ") for line in lines) == 1
+
+
+def test_options_of_the_list_are_those_of_the_parser():
+    known = {flag for name in OPTIONS for flag in name.split(", ")}
+    assert known == {flag for flag in application(()) if flag.startswith("-")}
+
+
 def test_failures_are_one_line_even_when_the_message_has_more(capsys, monkeypatch):
     def fail(*_: object, **__: object) -> int:
         raise ManytouchError("first\n  second")
 
-    monkeypatch.setattr("manytouch.cli.application", lambda words: fail)
+    monkeypatch.setattr("manytouch.cli.application.application", lambda words: fail)
     assert main(["doctor"]) == 1
     assert capsys.readouterr().err == "manytouch: first second\n"
 
@@ -122,7 +138,7 @@ def test_an_internal_error_requests_a_report(capsys, monkeypatch):
     def fail(*_: object, **__: object) -> int:
         raise ValueError("shapes differ")
 
-    monkeypatch.setattr("manytouch.cli.application", lambda words: fail)
+    monkeypatch.setattr("manytouch.cli.application.application", lambda words: fail)
     assert main(["doctor"]) == 1
     printed = capsys.readouterr().err
     assert "ValueError: shapes differ" in printed

@@ -2,10 +2,12 @@
 
 import sys
 import traceback
-
-from cyclopts import CycloptsError
+from typing import TYPE_CHECKING
 
 from manytouch.errors import ManytouchError
+
+if TYPE_CHECKING:
+    from cyclopts import CycloptsError
 
 DEBUG_FLAG = "--debug"
 
@@ -17,8 +19,10 @@ def report(error: Exception) -> None:
     print(f"manytouch: {one_line(_message(error))}", file=sys.stderr)
 
 
-def usage_error(verb: str, sentence: str) -> CycloptsError:
+def usage_error(verb: str, sentence: str) -> "CycloptsError":
     """An error of the command line, which ends with status 2 and a reference to the help of the command."""
+    from cyclopts import CycloptsError
+
     return CycloptsError(msg=sentence, command_chain=tuple(verb.split()))
 
 

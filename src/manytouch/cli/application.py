@@ -1,0 +1,77 @@
+"""The parser of the command line, and what its errors are printed as."""
+
+import os
+import sys
+from collections.abc import Sequence
+
+from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensError
+
+import manytouch
+from manytouch.cli import COMMANDS, OPTIONS, SUMMARY
+from manytouch.cli.terminal.failures import one_line, report
+from manytouch.cli.terminal.interrupt import TERMINATED, StopOnSignal
+
+DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
+
+
+def application(words: Sequence[str]) -> App:
+    """The commands, of which only those named in `words` are imported."""
+    app = App(
+        name="manytouch",
+        help=SUMMARY,
+        version=manytouch.__version__,
+        help_format="plaintext",
+        suppress_keyboard_interrupt=False,
+    )
+    for name, (path, summary) in COMMANDS.items():
+        # a help given here would replace the whole help of the command
+        app.command(f"manytouch.cli.{path}", name=name, help=None if name in words else summary)
+    app.register_install_completion_command(help=OPTIONS["--install-completion"])
+    return app
+
+
+def run(words: list[str]) -> int:
+    """Run a command and return the exit status.
+
+    Args:
+        words: those after the name of the program.
+    """
+    StopOnSignal.is_terminated = False
+    try:
+        return _status(
+            application(words)(
+                list(words), exit_on_error=False, print_error=False, result_action="return_value"
+            )
+        )
+    except CycloptsError as error:
+        return _report_usage(error)
+    except KeyboardInterrupt:
+        print("stopped", file=sys.stderr)
+        return _status(DONE)
+    except BrokenPipeError:  # the reader of the output, such as `head`, has closed it
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return FAILED
+    except Exception as error:  # noqa: BLE001 - reported in one line
+        report(error)
+        return FAILED
+
+
+def _status(result: object) -> int:
+    status = result if isinstance(result, int) else DONE
+    return TERMINATED if status == DONE and StopOnSignal.is_terminated else status
+
+
+def _report_usage(error: CycloptsError) -> int:
+    help_line = " ".join(("manytouch", *(error.command_chain or ()), "--help"))
+    print(f"manytouch: {_usage_error(error)}; see {help_line}", file=sys.stderr)
+    return WRONG_COMMAND_LINE
+
+
+def _usage_error(error: CycloptsError) -> str:
+    if isinstance(error, UnusedCliTokensError):
+        return f"unexpected words: {' '.join(error.unused_tokens or ())} (list all inputs before the options)"
+    sentence = one_line(str(error))
+    if isinstance(error, UnknownCommandError) and error.app is not None:
+        known = ", ".join(name for name in error.app if not name.startswith("-"))
+        return f"{sentence.partition(' Available')[0]} The commands are {known}"
+    return sentence.rstrip(".")
