@@ -73,7 +73,8 @@ def write_pages(folder: Path, *, in_repository: Path | None = None) -> list[Path
 
 def commands() -> str:
     """Every command and option, from the parser."""
-    from manytouch.cli import COMMANDS, EPILOGUE, application
+    from manytouch.cli import COMMANDS, EPILOGUE
+    from manytouch.cli.application import application
 
     text = application(tuple(COMMANDS)).generate_docs(output_format="markdown", recursive=True)
     text = text[text.index("## manytouch demo") :]
