@@ -21,9 +21,8 @@ from manytouch.values.arrays import Points2, Scalars
 RAYS = 24
 STEPS = 26  # samples of a ray
 REACH = 2.6  # radii
-FITTING_RADIUS_PX = (
-    4.0  # a blob is sampled in the octave in which its radius is this to twice this, if there is one
-)
+FITTING_RADIUS_PX = 4.0
+"""A blob is sampled in the octave in which its radius is this to twice this, if there is one."""
 X, Y, RADIUS, CONTRAST, OPENNESS, ASPECT, ROUGHNESS, VISIBLE, FILL = range(9)  # of a row, as in `Outlines`
 COLUMNS = 9
 ANGLES = [2.0 * math.pi * ray / RAYS for ray in range(RAYS)]
