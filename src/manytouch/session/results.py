@@ -7,7 +7,7 @@ from types import TracebackType
 
 from manytouch.errors import OutputError, SourceError, require_type, without_password
 from manytouch.pipeline import Sink
-from manytouch.session.methods import Value
+from manytouch.session.methods import ParameterValue
 from manytouch.session.prepare import Job, prepare
 from manytouch.session.result_hashes import Pitch, files_stamp, request_hash, request_hashes, result_stamp
 from manytouch.session.run import Observer, StopCondition, run
@@ -47,7 +47,7 @@ def process(
     hfov_deg: float | None = None,
     roi_px: Roi | None = None,
     fps: float | None = None,
-    parameters: Mapping[str, Value] | None = None,
+    parameters: Mapping[str, ParameterValue] | None = None,
     observer: Observer | None = None,
     stop: StopCondition | None = None,
 ) -> Path:
