@@ -85,8 +85,8 @@ def test_the_reference_describes_what_the_code_has(reference: dict[str, str]) ->
     for key in SheetSection.model_fields:
         assert f"`{key}`" in reference["sensor-file-keys"]
     assert (
-        "| `poisson` | Poisson's ratio |  | absent | number ≥ 0 < 0.5 | `poisson_std`, 0.02 |"
-        in (reference["sensor-file-keys"])
+        "| `poisson` | Poisson's ratio; absent: 0.45, of a pad 0.48 |  | absent | number ≥ 0 < 0.5 | "
+        "`poisson_std`, 0.02 |" in reference["sensor-file-keys"]
     )
     for command in ("process", "calibrate rest", "recording repair", "design"):
         assert f"## manytouch {command}\n" in reference["commands"]

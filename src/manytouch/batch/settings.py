@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import manytouch
 from manytouch.recording.json_codec import from_json, to_json
-from manytouch.session.methods import Value
+from manytouch.session.methods import ParameterValue
 from manytouch.session.result_hashes import Pitch, Request, request_hash
 from manytouch.values import Roi, Sensor
 
@@ -34,7 +34,7 @@ class Settings:
     hfov_deg: float | None = None
     roi_px: Roi | None = None
     fps: float | None = None
-    parameters: Mapping[str, Value] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
     surface: bool = False
     annotate: bool = False
     is_verifying: bool = False

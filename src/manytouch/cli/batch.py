@@ -94,7 +94,7 @@ def batch(
     dry_run: Annotated[
         bool, options.switch("Print what would be processed and why, and the SLURM job; process nothing.")
     ] = False,
-    between: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008 - immutable
+    interpolation: method_options.WithInterpolation = method_options.InterpolationOptions(),  # noqa: B008 - immutable
     paper: method_options.Paper = method_options.PaperOptions(),  # noqa: B008 - immutable
 ) -> int:
     """Process many recordings, and gather their contacts in two tables.
@@ -119,7 +119,7 @@ def batch(
         raise usage_error("batch", "--wait-h needs --scheduler or --slurm: other batches wait for no worker")
     if merge == bool(inputs):
         raise usage_error("batch", "give inputs, or --merge without inputs")
-    parameters = between.parameters("batch", method) | paper.parameters("batch", method)
+    parameters = interpolation.parameters("batch", method) | paper.parameters("batch", method)
     if merge:
         from manytouch.batch.run_batch import merge as merge_shards
 

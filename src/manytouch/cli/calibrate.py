@@ -168,7 +168,7 @@ def rest(
     check_file_writable(out)
     with Steps() as steps, closing_source(open_source(source)) as frames:
         first = list(steps.count("frames", islice(frames, REST_FRAMES), REST_FRAMES))
-        steps.follow()("finding the markers, the frames at rest and the pose of the sheet")
+        steps.step_reporter()("finding the markers, the frames at rest and the pose of the sheet")
         name = ", ".join(Path(part).name for part in views_of(source))
         at_rest = untouched_frames(known, frames, first, pitch_mm=pitch_mm, sheet=sheet, roi_px=roi)
         lines, calibrated = calibrate_untouched(
@@ -267,7 +267,7 @@ def sheet(
     is_pad = known.sheet is not None and known.sheet.boundary == "bonded"
     with Steps() as steps:
         measured = measure_presses(known, steps.count("presses", rows, len(rows)), table.parent, fps)
-        steps.follow()("fitting the sheet")
+        steps.step_reporter()("fitting the sheet")
         found = (calibrate_pad if is_pad else calibrate_sheet)(known, measured)
     for line in describe(found):
         console.print(f"  {line}")

@@ -116,7 +116,7 @@ def design(
         thickness_mm=thickness_mm,
     )
     with Steps() as steps:
-        found = design_sensor(requirements, on_message=steps.follow())
+        found = design_sensor(requirements, on_message=steps.step_reporter())
         for reason in found.reasons:
             steps.print(f"  {reason.about}: {reason.chosen}")
             if explain:
@@ -125,9 +125,9 @@ def design(
         if parts == "none":
             write_sensor(found, out)
         else:
-            against = write_design(found, out, step=parts == "step", on_message=steps.follow())
+            against = write_design(found, out, step=parts == "step", on_message=steps.step_reporter())
         if predict:
-            predicted = write_prediction(found, out, on_message=steps.follow())
+            predicted = write_prediction(found, out, on_message=steps.step_reporter())
             position_mm, depth_um, force_percent = predicted.rms
             steps.print(
                 f"  predicted error after calibration: position {position_mm:.2f} mm, "
@@ -152,7 +152,7 @@ def _paper(out: Path, parts: str) -> int:
     if parts != "none":
         require_packages(step=parts == "step")
     with Steps() as steps:
-        found = paper_design(on_message=steps.follow())
+        found = paper_design(on_message=steps.step_reporter())
         for reason in found.design.reasons:
             steps.print(f"  {reason.about}: {reason.chosen}")
             steps.print(f"      {reason.why}")
@@ -162,7 +162,9 @@ def _paper(out: Path, parts: str) -> int:
             out.mkdir(parents=True, exist_ok=True)
             write_numbers(found, out)
         else:
-            for sentence in write_paper_design(found, out, step=parts == "step", on_message=steps.follow()):
+            for sentence in write_paper_design(
+                found, out, step=parts == "step", on_message=steps.step_reporter()
+            ):
                 steps.print(f"  warning: {sentence}")
         steps.print(f"  design in {out}")
     return 0

@@ -1,4 +1,4 @@
-"""`manytouch doctor`: diagnosis of the installation and of a source."""
+"""`manytouch doctor`: diagnosis of the installation and of a source, from `session.diagnosis`."""
 
 from itertools import chain
 from typing import Annotated
@@ -33,8 +33,10 @@ def doctor(
 
     console = Console(highlight=False, soft_wrap=True)
     found = iter(()) if source is None else diagnose(source, roi)
-    first = next(found, None)  # a source that cannot be opened is the only message
+    # opens the source before anything is printed: if that fails, the error is the only message
+    first = next(found, None)
     if first is not None:
+        # has the kernels of detection and tracking, by which dots and layout are found, and few others
         warm_up_kernels("perimeter")
         console.print(str(source), markup=False)
         for line in chain((first,), found):

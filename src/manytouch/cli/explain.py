@@ -1,4 +1,4 @@
-"""`manytouch explain`: the method of the paper on one frame, step by step."""
+"""`manytouch explain`: the method `paper` (docs/paper.md) on one frame, step by step."""
 
 from pathlib import Path
 from typing import Annotated
@@ -32,19 +32,20 @@ def explain(
     hfov_deg: options.HfovDeg = None,
     roi: options.RoiPx = None,
     fps: options.Fps = None,
-    between: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008 - immutable
+    interpolation: method_options.WithInterpolation = method_options.InterpolationOptions(),  # noqa: B008 - immutable
     paper: method_options.Paper = method_options.PaperOptions(),  # noqa: B008 - immutable
 ) -> int:
     """Explain the method of the paper on one frame: a page with a picture of every step.
 
-    Camera image, grey image, threshold, opening, contours, midpoints, identities,
-    perimeters, padded grid and surface, each with its numbers on this frame. Open
-    DIR/index.html. The sheet must be untouched for half a second somewhere.
+    These are the steps of --method paper: camera image, grey image, threshold,
+    opening, contours, midpoints, identities, perimeters, padded grid and surface,
+    each with its numbers on this frame. Open DIR/index.html. The sheet must be
+    untouched for half a second at any time in the recording.
 
     Example: manytouch explain press.mp4 --out explained
     """
     options.refuse_two_scales("explain", sensor, pitch_mm, hfov_deg)
-    parameters = between.parameters("explain", "paper") | paper.parameters("explain", "paper")
+    parameters = interpolation.parameters("explain", "paper") | paper.parameters("explain", "paper")
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.interrupt import StopOnSignal
     from manytouch.evaluation.published.steps.collect import collect_steps

@@ -30,7 +30,7 @@ def process(
     hfov_deg: options.HfovDeg = None,
     roi: options.RoiPx = None,
     fps: options.Fps = None,
-    between: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008 - immutable
+    interpolation: method_options.WithInterpolation = method_options.InterpolationOptions(),  # noqa: B008 - immutable
     paper: method_options.Paper = method_options.PaperOptions(),  # noqa: B008 - immutable
 ) -> int:
     """Process every frame of recordings of a dotted sheet; write contacts, markers and a summary.
@@ -46,7 +46,7 @@ def process(
     repository, docs/columns.md explains every column.
     """
     options.refuse_two_scales("process", sensor, pitch_mm, hfov_deg)
-    parameters = between.parameters("process", method) | paper.parameters("process", method)
+    parameters = interpolation.parameters("process", method) | paper.parameters("process", method)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.failures import report
     from manytouch.cli.terminal.interrupt import StopOnSignal

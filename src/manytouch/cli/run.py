@@ -33,7 +33,7 @@ def run(
     hfov_deg: options.HfovDeg = None,
     roi: options.RoiPx = None,
     fps: options.Fps = None,
-    between: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008 - immutable
+    interpolation: method_options.WithInterpolation = method_options.InterpolationOptions(),  # noqa: B008 - immutable
     paper: method_options.Paper = method_options.PaperOptions(),  # noqa: B008 - immutable
     size: options.Size = None,
     exposure_ms: options.ExposureMs = None,
@@ -74,12 +74,14 @@ def run(
         given |= {"--exposure-ms": exposure_ms, "--gain": gain, "--focus": focus, "--no-mjpg": no_mjpg}
         given |= {"--white-balance-K": white_balance_K, "--host": host != "127.0.0.1"}
         given |= {"--max-clients": max_clients != 16}
-        given |= {"options of a method": between.parameters("run", method) | paper.parameters("run", method)}
+        given |= {
+            "options of a method": interpolation.parameters("run", method) | paper.parameters("run", method)
+        }
         return run_rig_file(
             Path(source), given, out=out, record=record, to=to, is_viewing=not no_view, port=port
         )
     options.refuse_two_scales("run", sensor, pitch_mm, hfov_deg)
-    parameters = between.parameters("run", method) | paper.parameters("run", method)
+    parameters = interpolation.parameters("run", method) | paper.parameters("run", method)
     from manytouch.cli.terminal.console import Reporter
     from manytouch.cli.terminal.contact_log import ContactLog
     from manytouch.cli.terminal.interrupt import StopOnSignal

@@ -1,8 +1,9 @@
-"""Simulation of a designed sensor: its sheet as a solid of finite elements, imaged by its camera.
+"""The designed sensor as `accuracy` tests it: a sheet of solid finite elements, calibrated and pressed.
 
-The shell of the inversion differs from a solid by more than the noise, and calibration removes a part of the
-difference that no formula predicts. Therefore a solid sheet is pressed, calibrated from a round tip at the
-positions of the probing script, and pressed by a ball of the size of a fingertip.
+The shell of the method `mechanics` differs from a solid by more than the noise, and calibration removes a
+part of the difference that no formula predicts. Therefore a solid sheet is calibrated from presses of a round
+tip at the places of probing.gcode (`calibration.sheet.press_plan`), and pressed by a ball of the size of a
+fingertip. Marker displacements are computed; no picture is rendered. `test_accuracy.py` tests this too.
 """
 
 from collections.abc import Callable
@@ -32,10 +33,10 @@ from manytouch.values.arrays import Points2
 
 TIP = Sphere(radius_mm=TIP_RADIUS_MM)
 FINGERTIP = Sphere(radius_mm=8.0)
-ELEMENT_THICKNESS = 1.0
+ELEMENT_OVER_THICKNESS = 1.0  # largest side of an element; the two below limit it further
 ELEMENT_MM = 2.5  # larger elements are too stiff under a fingertip
-LEAST_ELEMENTS = 16
-STEP_MM = 3.0
+LEAST_ELEMENTS = 16  # along the shorter side of the sheet
+STEP_MM = 3.0  # largest depth from one solved state of a press to the next
 SQUEEZE_MM = 0.15
 """Additional depth of a ball, which indents the face of a solid, relative to the shell."""
 CENTRE_NOISE_PX = 0.01
@@ -83,7 +84,9 @@ class Prototype:
             size_mm=size,
             thickness_mm=sheet.thickness_mm,
             material=NeoHooke(young_MPa=sheet.young_MPa, poisson=sheet.poisson),
-            element_mm=min(ELEMENT_THICKNESS * sheet.thickness_mm, ELEMENT_MM, min(size) / LEAST_ELEMENTS),
+            element_mm=min(
+                ELEMENT_OVER_THICKNESS * sheet.thickness_mm, ELEMENT_MM, min(size) / LEAST_ELEMENTS
+            ),
         )
         return Prototype(sensor=sensor, model=model, states=StateCache(folder=states_folder()))
 
@@ -93,7 +96,7 @@ class Prototype:
         return None if found is None else observe_press(self.sensor, found, np.ones(2))
 
     def fingertip_depths_mm(self, places_mm: Points2, force_N: float) -> list[float]:
-        """Depths at which a fingertip-sized ball has approximately a force, by the shell as designed."""
+        """Depths at which a ball of a fingertip's size presses with about `force_N`, by the shell."""
         model = self.model
         shell = clamped_shell(
             size_mm=model.size_mm, thickness_mm=model.thickness_mm, poisson=model.material.poisson
@@ -105,11 +108,12 @@ class Prototype:
             load = shell.patch.load(place_mm + points, np.outer(weight, [0.0, 0.0, -over_E_mm2]))
             face = Face(shell=shell, point_mm=place_mm + points)
             deepest_mm = -face.displacement(equilibrium(shell, load).coefficient_mm)[:, 2].min()
+            # about: the accuracy is stated with the force that the solid then has
             depths.append(round(1.05 * float(deepest_mm) + SQUEEZE_MM, 2))
         return depths
 
     def calibrate(self, random: np.random.Generator, on_message: OnMessage = None) -> Sensor:
-        """The sensor with the sheet that `calibrate sheet` fits to the presses of the probing script.
+        """The sensor with the sheet that `calibrate sheet` fits to the presses of probing.gcode.
 
         Presses that are mirror images of each other are solved once.
         """
@@ -120,8 +124,9 @@ class Prototype:
                     on_message(f"pressing a round tip {depth_mm:g} mm deep at {place[0]:g}, {place[1]:g} mm")
                 found = self.solve(TIP, np.abs(place), depth_mm)
                 if found is not None:
-                    side = np.where(place < 0.0, -1.0, 1.0)
-                    presses.append(_press(observe_press(self.sensor, found, side), place, random))
+                    mirror = np.where(place < 0.0, -1.0, 1.0)
+                    known = _known_press(observe_press(self.sensor, found, mirror), place, random)
+                    presses.append(known)
         sheet = calibrate_sheet(self.sensor, presses).sheet
         # The force error is measured, so that no prior is added to it.
         return replace(self.sensor, sheet=replace(sheet, young_std_MPa=0.0))
@@ -139,7 +144,7 @@ class Prototype:
         return condense(state, Loading(touches=(last,)))
 
 
-def _press(found: ObservedPress, place_mm: np.ndarray, random: np.random.Generator) -> KnownPress:
+def _known_press(found: ObservedPress, place_mm: np.ndarray, random: np.random.Generator) -> KnownPress:
     displacement_px = found.displacement_px
     return KnownPress(
         name=f"{place_mm[0]:g}, {place_mm[1]:g} mm",
@@ -152,16 +157,16 @@ def _press(found: ObservedPress, place_mm: np.ndarray, random: np.random.Generat
     )
 
 
-def observe_press(sensor: Sensor, found: Deformation, side: np.ndarray) -> ObservedPress:
-    """The image of a press, or of its mirror image where a component (x, y) of `side` is -1."""
+def observe_press(sensor: Sensor, found: Deformation, mirror: np.ndarray) -> ObservedPress:
+    """The image of a press, or of its mirror image where a component (x, y) of `mirror` is -1."""
     layout, (contact,) = sensor.layout, found.contacts
     assert layout is not None
     outline_mm = outlines(layout.rest_mm, layout.radius_mm)
-    # Equal keyframes; the scene accounts for the height of the markers above the face.
+    # Equal keyframes, as a scene interpolates in time; it also moves markers that stand above the face.
     keyframe = replace(found, contacts=())
     scene = SolidScene(name="press", time_s=np.arange(3.0), states=(keyframe,) * 3, duration_s=2.0)
-    moved_mm = scene.motion_of(outline_mm[:, :2] * side, layout.height_mm)(1.0) * [*side, 1.0]
+    moved_mm = scene.motion_of(outline_mm[:, :2] * mirror, layout.height_mm)(1.0) * [*mirror, 1.0]
     here, rest = (dot_ellipses(sensor.camera, place)[0] for place in (outline_mm + moved_mm, outline_mm))
     return ObservedPress(
-        displacement_px=here - rest, contact=replace(contact, centre_mm=contact.centre_mm * side)
+        displacement_px=here - rest, contact=replace(contact, centre_mm=contact.centre_mm * mirror)
     )

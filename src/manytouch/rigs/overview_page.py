@@ -1,4 +1,7 @@
-"""A page with the sensors of a running rig: a table, and tiles of their viewers; for this machine only."""
+"""Web page of a running rig, for `manytouch run RIG.toml` (`cli/terminal/rig_run.py`).
+
+It has a table of the sensors, and their viewers as tiles; it is served to this machine only.
+"""
 
 import html
 import http.server
@@ -40,15 +43,16 @@ class OverviewPage:
             OutputError: the port is in use.
         """
         script, style = (
-            (files("manytouch.rigs") / f"page.{kind}").read_text(encoding="utf-8") for kind in ("js", "css")
+            (files("manytouch.rigs") / f"overview_page.{kind}").read_text(encoding="utf-8")
+            for kind in ("js", "css")
         )
 
         class Handler(_Handler):
             content: ClassVar[Mapping[str, Any]] = {
-                "/": ("text/html", lambda: overview(name)),
-                "/page.js": ("text/javascript", lambda: script),
-                "/page.css": ("text/css", lambda: style),
-                "/states": ("application/json", lambda: json.dumps(described(states))),
+                "/": ("text/html", lambda: page_html(name)),
+                "/overview_page.js": ("text/javascript", lambda: script),
+                "/overview_page.css": ("text/css", lambda: style),
+                "/states": ("application/json", lambda: json.dumps(sensor_rows(states))),
             }
 
         try:
@@ -63,7 +67,7 @@ class OverviewPage:
 
     @property
     def origin(self) -> str:
-        """Of the page, which the viewers allow to embed them."""
+        """Scheme, host and port of the page; only it may embed the viewers."""
         return self.url.removesuffix("/")
 
     def close(self) -> None:
@@ -95,25 +99,26 @@ class _Handler(http.server.BaseHTTPRequestHandler):
         """Print nothing."""
 
 
-def overview(name: str) -> str:
+def page_html(name: str) -> str:
     """The page as HTML; its script fills table and tiles every two seconds."""
     title, head = html.escape(name), "".join(f"<th>{column}" for column in _COLUMNS)
     return (
         f"<!doctype html><html lang=en><meta charset=utf-8><title>{title}</title>"
         '<meta name=viewport content="width=device-width, initial-scale=1">'
-        "<link rel=stylesheet href=/page.css>"
+        "<link rel=stylesheet href=/overview_page.css>"
         f"<h1>{title}</h1><table><thead><tr>{head}</thead><tbody id=sensors></tbody></table>"
-        "<div id=tiles></div><script src=/page.js></script></html>"
+        "<div id=tiles></div><script src=/overview_page.js></script></html>"
     )
 
 
-def described(states: Mapping[str, SensorState]) -> list[dict[str, object]]:
+def sensor_rows(states: Mapping[str, SensorState]) -> list[dict[str, object]]:
     """The sensors as the page shows them."""
     return [
         {
             "name": name,
             "state": state.health.source,
             "fps": f"{state.health.fps:.1f}",
+            # of earlier processes of the sensor, and of the present one
             "frames": state.frames + state.health.frames,
             "dropped": state.dropped + state.health.dropped,
             "restarts": state.restarts,

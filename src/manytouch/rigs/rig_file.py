@@ -1,4 +1,7 @@
-"""The rig file (TOML): names, sources and poses of the sensors, with all mistakes reported at once."""
+"""The rig file (TOML): names, sources and poses of the sensors, and cameras found by serial number.
+
+All mistakes of a file are reported at once.
+"""
 
 import sys
 from dataclasses import dataclass
@@ -10,10 +13,10 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from scipy.spatial.transform import Rotation
 
 from manytouch.errors import SourceError
-from manytouch.sources.joined import VIEWS
+from manytouch.sources.joined import VIEWS_PREFIX
 from manytouch.values.arrays import Floats, read_only
 from manytouch.values.sensor_file.sections import (
-    IsList,
+    ONE_OR_LIST,
     Number,
     One,
     Positive,
@@ -25,11 +28,11 @@ from manytouch.values.sensor_file.toml_file import read_toml
 
 BY_ID = Path("/dev/v4l/by-id")
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]{1,40}$")]
-Text = Annotated[str, Field(min_length=1, max_length=1000)]
-Texts = Annotated[list[Text], Field(min_length=2, max_length=16)]
-TextOrSeveral = Annotated[Annotated[Text, One] | Annotated[Texts, Several], IsList]
+Line = Annotated[str, Field(min_length=1, max_length=1000)]
+Lines = Annotated[list[Line], Field(min_length=2, max_length=16)]
+OneOrSeveral = Annotated[Annotated[Line, One] | Annotated[Lines, Several], ONE_OR_LIST]
 Vector = Annotated[list[Number], Field(min_length=3, max_length=3)]
-Side = Annotated[int, Field(gt=0, le=32_768)]
+SidePx = Annotated[int, Field(gt=0, le=32_768)]
 
 
 class RigPoseSection(Section):
@@ -40,16 +43,20 @@ class RigPoseSection(Section):
 
 
 class SensorSection(Section):
-    """A sensor; its camera by `source` (path, address, file) or `serial`, several on one sheet by a list."""
+    """One sensor.
+
+    Its camera is given by `source` (path, address, file) or `serial`; a list means several cameras on one
+    sheet.
+    """
 
     name: Name
-    source: TextOrSeveral | None = None
-    serial: TextOrSeveral | None = None
-    sensor: Text | None = None
+    source: OneOrSeveral | None = None
+    serial: OneOrSeveral | None = None
+    sensor: Line | None = None
     method: Literal["mechanics", "perimeter", "paper"] | None = None
     fps: Positive | None = None
-    size_px: Annotated[list[Side], Field(min_length=2, max_length=2)] | None = None
-    to: Annotated[list[Text], Field(max_length=16)] = Field(default_factory=list)
+    size_px: Annotated[list[SidePx], Field(min_length=2, max_length=2)] | None = None
+    to: Annotated[list[Line], Field(max_length=16)] = Field(default_factory=list)
     pose: RigPoseSection = Field(default_factory=RigPoseSection)
 
     @field_validator("source")
@@ -93,7 +100,8 @@ class RigSensor:
         name: in the rig.
         source: what `open_source` takes.
         sensor: path of the sensor file; None: the layout is found in the first frames.
-        method, fps, size_px: see `manytouch.session.prepare`.
+        method, fps: see `manytouch.session.prepare`.
+        size_px: see `CameraRequest` (`sources/cameras/capture.py`).
         to: addresses of its outputs.
         rotation, translation_mm: x_rig = rotation @ x_sheet + translation_mm.
     """
@@ -111,7 +119,7 @@ class RigSensor:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Rig:
-    """Several sensors in one frame."""
+    """Several sensors whose contacts are given in rig coordinates."""
 
     name: str
     sensors: tuple[RigSensor, ...]
@@ -129,7 +137,7 @@ def load_rig(path: Path) -> Rig:
         raise SourceError(f"the rig file {path} does not exist: give the path of an existing one") from None
     except ValidationError as error:
         raise SourceError(all_mistakes(f"rig file {path}", error)) from None
-    return Rig(name=file.name, sensors=tuple(_sensor(each, path.parent) for each in file.sensors))
+    return Rig(name=file.name, sensors=tuple(_rig_sensor(each, path.parent) for each in file.sensors))
 
 
 def camera_with_serial(serial: str, folder: Path = BY_ID) -> str:
@@ -154,13 +162,13 @@ def camera_with_serial(serial: str, folder: Path = BY_ID) -> str:
     )
 
 
-def _sensor(section: SensorSection, folder: Path) -> RigSensor:
+def _rig_sensor(section: SensorSection, folder: Path) -> RigSensor:
     cameras = [camera_with_serial(serial) for serial in _texts(section.serial)]
     sources = cameras or [_relative(source, folder) for source in _texts(section.source)]
     size = section.size_px
     return RigSensor(
         name=section.name,
-        source=sources[0] if len(sources) == 1 else VIEWS + ",".join(sources),
+        source=sources[0] if len(sources) == 1 else VIEWS_PREFIX + ",".join(sources),
         sensor=None if section.sensor is None else _relative(section.sensor, folder),
         method=section.method,
         fps=section.fps,
@@ -181,5 +189,5 @@ def _relative(text: str, folder: Path) -> str:
     if "://" in text or (text.startswith("sim:") and not text.endswith(".toml")):
         return text
     scheme, path = ("sim:", text[4:]) if text.startswith("sim:") else ("", text)
-    inner = folder / path.partition("#")[0]
+    inner = folder / path.partition("#")[0]  # without the #topic of a recording
     return f"{scheme}{folder / path}" if inner.exists() else text

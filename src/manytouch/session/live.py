@@ -24,13 +24,13 @@ from manytouch.session.commands.tare import TareCollector
 from manytouch.session.commands.touched_tares import TouchedTares
 from manytouch.session.methods import (
     METHODS,
-    Value,
+    ParameterValue,
     choices_of,
     parameter_info,
     parameters_of,
     pipeline_for,
     require_method_for,
-    tune,
+    with_parameter,
     with_parameters,
 )
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
@@ -298,7 +298,7 @@ class Live:
                 if method != self._newest_setup.method:
                     self._change(f"method {method}", pipeline=pipeline, method=method)
             case Tune(parameter=parameter, value=value):
-                pipeline = tune(self._newest_setup.pipeline, parameter, value)
+                pipeline = with_parameter(self._newest_setup.pipeline, parameter, value)
                 if pipeline != self._newest_setup.pipeline:
                     self._change(f"{parameter} = {_text(value)}", pipeline=pipeline)
             case Record(path=path):
@@ -384,7 +384,7 @@ class Live:
         self._commands.note(setup.note)
 
 
-def _text(value: Value) -> str:
+def _text(value: ParameterValue) -> str:
     if value is None:
         return "automatic"
     return value if isinstance(value, str) else f"{value:g}"

@@ -18,7 +18,7 @@ from manytouch.session.methods import (
     parameters_of,
     pipeline_for,
     require_method_for,
-    tune,
+    with_parameter,
 )
 from manytouch.session.pacing import LONGEST_NAP_S, Pace
 from manytouch.session.prepare import Job, prepare
@@ -288,7 +288,7 @@ class Playback:
                     self._jobs.request(replace(self._job, pipeline=pipeline, method=method))
             case Tune(parameter=parameter, value=value):
                 job = self._jobs.requested() or self._job
-                pipeline = tune(job.pipeline, parameter, value)
+                pipeline = with_parameter(job.pipeline, parameter, value)
                 if pipeline != job.pipeline:
                     self._jobs.request(replace(job, pipeline=pipeline))
             case _:

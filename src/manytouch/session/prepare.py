@@ -19,7 +19,13 @@ from manytouch.calibration.rest.whole_recording import (
 )
 from manytouch.errors import ManytouchError, SensorError, SourceError, require_type, without_password
 from manytouch.pipeline import Pipeline, Sink
-from manytouch.session.methods import DEFAULT, Value, default_method, pipeline_for, require_method_for
+from manytouch.session.methods import (
+    DEFAULT,
+    ParameterValue,
+    default_method,
+    pipeline_for,
+    require_method_for,
+)
 from manytouch.session.result_hashes import Pitch, Request
 from manytouch.session.run import NoObserver, Observer, StopCondition
 from manytouch.session.warm_up import compiled_methods, warm_up_kernels
@@ -152,7 +158,7 @@ def prepare(
     hfov_deg: float | None = None,
     roi_px: Roi | None = None,
     fps: float | None = None,
-    parameters: Mapping[str, Value] | None = None,
+    parameters: Mapping[str, ParameterValue] | None = None,
     camera: CameraRequest | None = None,
     whole_recording: bool = False,
     observer: Observer | None = None,

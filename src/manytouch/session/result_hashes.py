@@ -7,7 +7,7 @@ from pathlib import Path
 
 import manytouch
 from manytouch.recording.json_codec import to_json
-from manytouch.session.methods import Value, default_method, pipeline_for
+from manytouch.session.methods import ParameterValue, default_method, pipeline_for
 from manytouch.sinks.files.hashing import files_hash, text_hash, values_hash
 from manytouch.sinks.files.summary import parameters
 from manytouch.sources import Source
@@ -26,7 +26,7 @@ class Request:
     hfov_deg: float | None = None
     roi_px: Roi | None = None
     fps: float | None = None
-    parameters: Mapping[str, Value] = field(default_factory=dict)
+    parameters: Mapping[str, ParameterValue] = field(default_factory=dict)
 
 
 def request_hashes(source: Source, text: str, request: Request) -> Mapping[str, str | None]:

@@ -7,7 +7,7 @@ from types import TracebackType
 
 from manytouch.errors import OutputError, SourceError, require_type, without_password
 from manytouch.pipeline import Sink
-from manytouch.session.methods import Value
+from manytouch.session.methods import ParameterValue
 from manytouch.session.prepare import Job, prepare
 from manytouch.session.result_hashes import Pitch, files_stamp, request_hash, request_hashes, result_stamp
 from manytouch.session.run import Observer, StopCondition, run
@@ -20,7 +20,7 @@ from manytouch.sinks.pictures.annotate import AnnotatedPictures
 from manytouch.sinks.pictures.surface_picture import SelectedFrames
 from manytouch.sources import Source
 from manytouch.sources.files.log import split_topic
-from manytouch.sources.joined import VIEWS
+from manytouch.sources.joined import VIEWS_PREFIX
 from manytouch.sources.opening import is_camera, views_of
 from manytouch.values import Roi, Sensor
 
@@ -47,7 +47,7 @@ def process(
     hfov_deg: float | None = None,
     roi_px: Roi | None = None,
     fps: float | None = None,
-    parameters: Mapping[str, Value] | None = None,
+    parameters: Mapping[str, ParameterValue] | None = None,
     observer: Observer | None = None,
     stop: StopCondition | None = None,
 ) -> Path:
@@ -256,7 +256,7 @@ def result_name(text: str) -> str:
     if text.startswith("sim:"):
         scene = text.removeprefix("sim:")
         return f"sim-{Path(scene).stem}" if scene else "sim"
-    if text.startswith(VIEWS):
+    if text.startswith(VIEWS_PREFIX):
         return "-".join(result_name(part) for part in views_of(text))[:LONGEST_NAME]
     bare, topic = split_topic(text)
     path = Path(bare).resolve()

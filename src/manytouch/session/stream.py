@@ -10,7 +10,7 @@ from typing import Any
 from manytouch.errors import ManytouchError
 from manytouch.pipeline import Controls
 from manytouch.session.live import Live
-from manytouch.session.methods import Value
+from manytouch.session.methods import ParameterValue
 from manytouch.session.prepare import prepare
 from manytouch.session.result_hashes import Pitch
 from manytouch.session.run import NoObserver, Observer
@@ -30,7 +30,7 @@ def stream(
     hfov_deg: float | None = None,
     roi_px: Roi | None = None,
     fps: float | None = None,
-    parameters: Mapping[str, Value] | None = None,
+    parameters: Mapping[str, ParameterValue] | None = None,
     to: Sequence[str] = (),
     record: Path | None = None,
     observer: Observer | None = None,

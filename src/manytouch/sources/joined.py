@@ -12,7 +12,7 @@ from manytouch.geometry.views.merging import side_by_side
 from manytouch.sources.source import ASSUMED_FPS, Capabilities, Device, Source
 from manytouch.values import Frame, Setting
 
-VIEWS = "views:"
+VIEWS_PREFIX = "views:"
 _SAME_RATE = 0.01
 _INTERVALS = 9  # whose median is the period of a camera that does not report its rate
 
@@ -38,7 +38,9 @@ class JoinedSource:
             SourceError: there are fewer than two, some are live and others are not, or their rates differ.
         """
         if len(views) < 2:
-            raise SourceError(f"{VIEWS} needs two sources or more, separated by commas, found {len(views)}")
+            raise SourceError(
+                f"{VIEWS_PREFIX} needs two sources or more, separated by commas, found {len(views)}"
+            )
         if len({view.is_live for view in views}) > 1:
             raise SourceError(
                 "the views of a sheet are either all live or all files: give sources of one kind"

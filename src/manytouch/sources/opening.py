@@ -12,7 +12,7 @@ from manytouch.sources.cameras.capture import CameraRequest
 from manytouch.sources.files.images import IMAGE_SUFFIXES, folder_source, image_source
 from manytouch.sources.files.log import is_log, log_source, split_topic
 from manytouch.sources.files.video import VIDEO_SUFFIXES, video_source
-from manytouch.sources.joined import VIEWS, JoinedSource
+from manytouch.sources.joined import VIEWS_PREFIX, JoinedSource
 from manytouch.sources.quiet_opencv import cv2
 from manytouch.sources.source import Source, close
 
@@ -45,7 +45,7 @@ def open_source(
         raise SourceError(f"The frame rate must be a positive number of frames per second, not {fps:g}.")
     require_type("the name of the source", text, (str, os.PathLike, int), SUPPORTED)
     text = str(text) if isinstance(text, int) else os.fspath(text)
-    if text.startswith(VIEWS):
+    if text.startswith(VIEWS_PREFIX):
         return _joined_source(text, fps, camera)
     if text.startswith("sim:"):
         from manytouch.sources.simulated import simulated_source
@@ -75,9 +75,9 @@ def open_source(
 
 def views_of(text: str) -> tuple[str, ...]:
     """The sources that a text with `views:` names; the text itself if it names a single source."""
-    if not text.startswith(VIEWS):
+    if not text.startswith(VIEWS_PREFIX):
         return (text,)
-    return tuple(part.strip() for part in text.removeprefix(VIEWS).split(","))
+    return tuple(part.strip() for part in text.removeprefix(VIEWS_PREFIX).split(","))
 
 
 def _joined_source(text: str, fps: float | None, camera: CameraRequest | None) -> Source:
@@ -104,7 +104,7 @@ def require_file(path: Path) -> None:
 
 def is_camera(text: str) -> bool:
     """Whether a text names a camera or a stream."""
-    if text.startswith(VIEWS):
+    if text.startswith(VIEWS_PREFIX):
         return any(is_camera(part) for part in views_of(text))
     if text.isdigit():
         return not Path(text).exists()

@@ -7,7 +7,7 @@ from importlib.resources import files
 
 import pytest
 
-from manytouch.rigs.overview_page import OverviewPage, overview
+from manytouch.rigs.overview_page import OverviewPage, page_html
 
 
 @pytest.fixture
@@ -18,8 +18,8 @@ def page() -> Iterator[OverviewPage]:
 
 
 def test_everything_that_the_page_needs_is_served_under_a_strict_policy(page: OverviewPage) -> None:
-    wanted = re.findall(r"(?:href|src)=/(\S+?)>", overview("hand"))
-    assert sorted(wanted) == ["page.css", "page.js"]
+    wanted = re.findall(r"(?:href|src)=/(\S+?)>", page_html("hand"))
+    assert sorted(wanted) == ["overview_page.css", "overview_page.js"]
     for path in ("", *wanted):
         with urllib.request.urlopen(page.url + path, timeout=5) as answer:
             assert answer.status == 200
@@ -28,6 +28,6 @@ def test_everything_that_the_page_needs_is_served_under_a_strict_policy(page: Ov
 
 
 def test_names_are_text() -> None:
-    assert "<img" not in overview("<img src=x>")
-    script = (files("manytouch.rigs") / "page.js").read_text(encoding="utf-8")
+    assert "<img" not in page_html("<img src=x>")
+    script = (files("manytouch.rigs") / "overview_page.js").read_text(encoding="utf-8")
     assert not re.search("innerHTML|outerHTML|insertAdjacentHTML|document.write", script)

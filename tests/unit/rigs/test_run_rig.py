@@ -76,7 +76,7 @@ def test_one_of_several_sensors_is_killed(tmp_path: Path, names: tuple[str, ...]
             if state.pid is not None:
                 os.kill(state.pid, signal.SIGKILL)
             page = OverviewPage("hand", states)
-            for path in ("", "page.js", "states"):
+            for path in ("", "overview_page.js", "states"):
                 with urllib.request.urlopen(page.url + path, timeout=5) as answer:
                     pages.append(answer.read().decode())
             request = urllib.request.Request(page.url, headers={"Host": "example.org:80"})
@@ -97,7 +97,7 @@ def test_one_of_several_sensors_is_killed(tmp_path: Path, names: tuple[str, ...]
     over.set()
     assert [state.restarts for state in states.values()] == [name == KILLED for name in names]
     assert any(sensor == KILLED and "started again" in sentence for sensor, sentence in notes.sentences)
-    assert "<script src=/page.js>" in pages[0]
+    assert "<script src=/overview_page.js>" in pages[0]
     assert [sensor["name"] for sensor in json.loads(pages[2])] == list(names)
 
     rows = rows_of(tmp_path / "out" / "contacts.csv")

@@ -16,13 +16,12 @@ from mcap.reader import make_reader
 from cameras import Driver
 from clips import picture
 from drawn_source import DrawnSource
-from manytouch.errors import ManytouchError
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.pipeline import Controls
 from manytouch.recording import SESSION
 from manytouch.recording.messages import decode_session
 from manytouch.session import Live, ResultFiles, pipeline_for, prepare, run
-from manytouch.session.methods import choices_of, parameters_of, tune
+from manytouch.session.methods import parameters_of
 from manytouch.session.prepare import Job
 from manytouch.sinks.latest_only import LatestOnly
 from manytouch.sources.cameras.camera import CameraSource
@@ -285,19 +284,6 @@ def test_the_surface_of_any_method_can_be_changed_while_it_runs() -> None:
     assert live.health().choices["interpolation.kind"] == ("spline", "idw")
 
 
-def test_what_is_automatic_can_be_fixed_and_be_automatic_again() -> None:
-    pipeline = pipeline_for("paper")
-    assert parameters_of(pipeline)["detect.threshold"] is None
-    fixed = tune(pipeline, "detect.threshold", 120.0)
-    assert (fixed.detect.threshold, parameters_of(fixed)["detect.threshold"]) == (120, 120)
-    assert parameters_of(tune(fixed, "detect.threshold", None)) == parameters_of(pipeline)
-    with pytest.raises(ManytouchError, match="or left automatic, not inf"):
-        tune(pipeline, "track.gate_px", float("inf"))
-    with pytest.raises(ManytouchError, match="must be a number, not otsu"):
-        tune(pipeline, "detect.threshold", "otsu")
-    assert choices_of(pipeline)["estimate.formula"][:2] == ("corrected", "printed")
-
-
 @pytest.mark.parametrize(
     ("command", "words"),
     [
@@ -326,7 +312,7 @@ def test_a_setup_that_cannot_process_frames_is_refused(monkeypatch: pytest.Monke
             raise ValueError("a window of no size")
 
     fails = replace(pipeline_for(), detect=Fails())
-    monkeypatch.setattr("manytouch.session.live.tune", lambda *_: fails)
+    monkeypatch.setattr("manytouch.session.live.with_parameter", lambda *_: fails)
     live, seen = run_live(
         DrawnSource(frames=25, is_touched=False),
         waits_at=10,

@@ -1,4 +1,7 @@
-"""Selection of board views during capture: sharp, different from each other, and what is still missing."""
+"""Which images of a board are used: blurred ones and repeated poses are refused (`ViewCollection`).
+
+What the images still lack is listed.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -82,7 +85,7 @@ class ViewCollection:
         detection = find_board(image, self.board)
         if detection is None:
             return f"does not show a complete {self.board}"
-        edge_px, square_px = edge_width_px(image, detection), spacing_px(detection)
+        edge_px, square_px = board_edge_width_px(image, detection), spacing_px(detection)
         if edge_px > max(BLURRED_EDGE_PX, _BLURRED_SHARE * square_px):
             return f"is blurred: its edges are {edge_px:.1f} px wide"
         view = BoardView(
@@ -137,7 +140,7 @@ def grey(image: np.ndarray) -> np.ndarray:
     return image if image.ndim == 2 else np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2GRAY))
 
 
-def edge_width_px(image: np.ndarray, detection: BoardDetection) -> float:
+def board_edge_width_px(image: np.ndarray, detection: BoardDetection) -> float:
     """Width of the edges of the board, px: grey range over steepest slope, median over the points."""
     half = max(3, round(0.4 * spacing_px(detection)))
     widths = []

@@ -21,6 +21,7 @@ from manytouch.mechanics.shell.equilibrium import equilibrium
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Camera, Frame, Layout, Sheet
 from manytouch.values.arrays import Points2, Scalars
+from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON
 
 SIDES = ("left", "right", "top", "bottom")
 MOST_FRAMES = 10
@@ -37,7 +38,6 @@ NOISES = 6.0
 NEAR_MM = 10.0
 MOVED_MM = 1.0
 ODD_MM = 1.0
-ASSUMED_POISSON = 0.45
 _FORCE_OVER_E_MM2 = 1e-3
 _LONGEST_MM = 4.0
 

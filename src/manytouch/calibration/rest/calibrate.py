@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from manytouch.calibration.dot_sharpness import edge_width_px, is_soft
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
 from manytouch.calibration.outline.clamp_line import ClampLine, clamp_line, clamp_warnings
 from manytouch.calibration.outline.pad_outline import pad_of, with_origin_at, with_seen_outline
@@ -13,7 +14,6 @@ from manytouch.calibration.rest.assumed_sensor import sensor_from_rest
 from manytouch.calibration.rest.pose import fit_pose, pose_std_by_lens
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.rest_calibration import RestCalibration
-from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.detection import expected_appearance
 from manytouch.detection.dot_appearance import radius_in_image
 from manytouch.errors import LayoutError, SensorError

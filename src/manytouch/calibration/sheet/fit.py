@@ -12,8 +12,8 @@ from manytouch.mechanics.shell.equilibrium import equilibrium, tangent_factor
 from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
+from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON
 
-ASSUMED_POISSON = 0.45
 THICKNESS_PRIOR_STD = 0.15
 """Relative standard deviation of the thickness in the sensor file."""
 BENDING_PRIOR_STD = 0.1

@@ -1,4 +1,7 @@
-"""Press plans for the calibration of a sheet, with weights or with a 3-D printer."""
+"""Press plans for calibrating a sheet with weights or a 3-D printer.
+
+Design and press tables share the tip, the places and the weights.
+"""
 
 import csv
 import io
@@ -13,22 +16,26 @@ from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 
 WEIGHTS_G = (50, 100, 200)
-GRAVITY_M_PER_S2 = 9.81
+GRAVITY_M_PER_S2 = 9.81  # also of presses that are typed in grams (`press_parser`)
 PLACE_SHARE = 0.25
-"""Distance of the four outer places from the centre of the sheet along x and y, over its size along each."""
+"""Offset of the four outer places from the centre, as a share of the sheet's size along x and y."""
 TRAVEL_HEIGHT_MM = 15.0
 """Height of the printer's tip above the unpressed sheet on its way from one place to the next."""
 FEED_MM_PER_MIN = 600
+REST_MS = 2000
+"""How long the sheet stays untouched at the beginning."""
 DWELL_MS = 2000
 """How long the printer's tip stays at each depth."""
 DEPTHS_MM = (1.0, 2.5)
-"""Depths to which a printer presses a clamped sheet, at each place."""
+"""Depths to which a printer presses a clamped sheet, at each place; less on a pad (`press_depths_mm`)."""
 BONDED_SHARE = 0.25
-"""Deepest press of a pad over its thickness: its rubber cannot give way, and a gel may tear or come off."""
+"""Deepest press of a bonded pad as a share of its thickness.
+
+Its back cannot move, so that deeper presses may tear the gel or detach it from the window."""
 TIP_RADIUS_MM = 8.0
 """Radius of the round tip: a flat foot presses with its edge wherever the sheet slopes (ADR 0021)."""
 CONTACT_RADIUS_MM = 2.0
-"""Approximate radius of the contact area under that tip; presses without a stated radius have it too."""
+"""Approximate radius of the contact area under that tip; also the default of presses that state none."""
 
 
 def places_mm(sensor: Sensor) -> Points2:
@@ -83,6 +90,7 @@ def weight_table(sensor: Sensor) -> str:
     writer = csv.writer(table, lineterminator="\n")
     writer.writerow(["input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N"])
     for number, (x, y) in enumerate(places_mm(sensor).tolist()):
+        # the heaviest two in turn at the outer places
         grams = WEIGHTS_G if number == 0 else (WEIGHTS_G[1 + number % 2],)
         for mass in grams:
             newtons = mass * 1e-3 * GRAVITY_M_PER_S2
@@ -101,13 +109,14 @@ def probing_gcode(sensor: Sensor) -> str:
     lines = [
         f"; presses for manytouch, with a round tip of radius {TIP_RADIUS_MM:g} mm; only the tip may touch",
         "; start with the tip just touching the centre of the sheet",
-        f"; deepest press {max(depths_mm):g} mm{_limit_of(sensor)}",
-        "; nothing may touch the sheet during the first G4, 2 s; note when each press is held",
+        f"; deepest press {max(depths_mm):g} mm{_limit_comment(sensor)}",
+        f"; nothing may touch the sheet during the first G4, {1e-3 * REST_MS:g} s; "
+        "note when each press is held",
         "G21 ; mm",
         "G90 ; absolute",
         "G92 X0 Y0 Z0 ; centre of the sheet, not yet pressed",
         f"G1 Z{TRAVEL_HEIGHT_MM:g} F{FEED_MM_PER_MIN}",
-        "G4 P2000",
+        f"G4 P{REST_MS}",
     ]
     for x, y in places_mm(sensor).tolist():
         lines.append(f"G1 X{x:g} Y{y:g} F{FEED_MM_PER_MIN}")
@@ -120,7 +129,7 @@ def probing_gcode(sensor: Sensor) -> str:
     return "\n".join([*lines, "M400", ""])
 
 
-def _limit_of(sensor: Sensor) -> str:
+def _limit_comment(sensor: Sensor) -> str:
     if press_depths_mm(sensor) == DEPTHS_MM or sensor.sheet is None:
         return ""
     return f": a quarter of the pad's thickness of {sensor.sheet.thickness_mm:g} mm"

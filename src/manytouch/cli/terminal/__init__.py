@@ -1,4 +1,4 @@
 """What the commands share: options, progress and messages on the console, Ctrl-C, the viewer's address.
 
-Nothing in here computes results.
+`run` of a rig file is here too. Nothing in here computes results.
 """

@@ -1,4 +1,7 @@
-"""Progress and results on the console: a bar on a terminal, plain lines elsewhere."""
+"""Console output of commands: `Reporter` for a run over frames, `Steps` for other long work; sentences on
+results.
+
+Progress is a bar on a terminal, and plain lines elsewhere."""
 
 import math
 import time
@@ -14,9 +17,14 @@ from manytouch.sinks.files.sensor_description import describe_sensor, describe_v
 from manytouch.sinks.files.summary import Summary
 from manytouch.sinks.files.tables import ContactList, time_s
 from manytouch.values import LengthUnit, Reading, Sensor
+from manytouch.values.display.text import count_of
 
 PLAIN_EVERY_S = 5.0
-Step = TypeVar("Step")
+MOST_CONTACTS = 10
+"""Contacts that are listed at the end of a run."""
+LEAST_VALID = 0.5
+"""Below this share of `ok` frames, a recording without contacts is called not valid, not untouched."""
+Item = TypeVar("Item")
 
 
 class Reporter:
@@ -125,11 +133,11 @@ class Steps:
         """Print a line."""
         self._console.print(sentence, markup=False)
 
-    def follow(self, total: int | None = None) -> Callable[[str], None]:
-        """A function that shows a message as the present step: in the bar on a terminal, as a line elsewhere.
+    def step_reporter(self, total: int | None = None) -> Callable[[str], None]:
+        """A callback: each sentence passed to it is shown as the present step.
 
         Args:
-            total: number of messages, if known.
+            total: number of steps, if known.
         """
         task = self.bar.add_task("", total=total)
 
@@ -142,7 +150,7 @@ class Steps:
 
         return show
 
-    def count(self, noun: str, steps: Iterable[Step], total: int | None) -> Iterator[Step]:
+    def count(self, noun: str, steps: Iterable[Item], total: int | None) -> Iterator[Item]:
         """Iterate over the steps and show how many are done, of a total that may not be known."""
         task, printed_s = self.bar.add_task(noun, total=total), time.monotonic()
         for number, step in enumerate(steps, start=1):
@@ -154,24 +162,17 @@ class Steps:
         self.bar.remove_task(task)
 
 
-MOST_CONTACTS = 10
-"""Contacts that are listed at the end of a run."""
-
-LEAST_VALID = 0.5
-"""Share of frames with the status `ok` below which a recording without contacts is not called untouched."""
-
-
 def describe_results(summary: Summary) -> Sequence[str]:
     """Lines about frames, contacts and noise, and the warnings."""
     counts, noise = summary.counts, summary.noise_px
-    sentences = [f"{_many(counts['frames'], 'frame')}, {counts['status'].get('ok', 0)} of them ok"]
+    sentences = [f"{count_of(counts['frames'], 'frame')}, {counts['status'].get('ok', 0)} of them ok"]
     if len(counts["methods"]) > 1:
         per_method = (f"{frames} by {method}" for method, frames in counts["methods"].items())
         sentences[0] += f": {', '.join(per_method)}"
     if counts["contacts"]:
         sentences.append(
-            f"{_many(counts['contacts'], 'contact')}, at most {counts['contacts_at_once']} at once, "
-            f"in {_many(counts['frames_with_contact'], 'frame')}"
+            f"{count_of(counts['contacts'], 'contact')}, at most {counts['contacts_at_once']} at once, "
+            f"in {count_of(counts['frames_with_contact'], 'frame')}"
         )
     elif counts["status"].get("ok", 0) < LEAST_VALID * counts["frames"]:
         sentences.append("contacts are not valid: too few frames could be evaluated")
@@ -202,7 +203,7 @@ def describe_contacts(contacts: ContactList, unit: LengthUnit) -> Sequence[str]:
             deviation = each.deepest.std("depth")
             text = f"depth {each.deepest.depth_mm:.2f}"
             parts.append(f"{text} ± {deviation:.2f} {unit}" if math.isfinite(deviation) else f"{text} {unit}")
-        force_N, deviation = -float(each.at_peak.force_N[2]), each.at_peak.std("normal_force")
+        force_N, deviation = each.at_peak.normal_force_N, each.at_peak.std("normal_force")
         if math.isfinite(force_N):
             text = f"force {force_N:.2f}"
             parts.append(f"{text} ± {deviation:.2f} N" if math.isfinite(deviation) else f"{text} N")
@@ -210,7 +211,3 @@ def describe_contacts(contacts: ContactList, unit: LengthUnit) -> Sequence[str]:
     if len(found) > MOST_CONTACTS:
         lines.append(f"and {len(found) - MOST_CONTACTS} more in contact_list.csv")
     return lines
-
-
-def _many(count: int, noun: str) -> str:
-    return f"{count} {noun}" if count == 1 else f"{count} {noun}s"

@@ -14,7 +14,7 @@ SURFACE, PAPER = Group("Surface between the markers"), Group("Parameters of the 
 
 
 @dataclass(frozen=True, kw_only=True)
-class SurfaceOptions:
+class InterpolationOptions:
     """How the surface is evaluated between the markers; None: the default of the method."""
 
     interpolation: Annotated[
@@ -201,5 +201,5 @@ class PaperOptions:
         return found
 
 
-Surface = Annotated[SurfaceOptions, Parameter(name="*")]
+WithInterpolation = Annotated[InterpolationOptions, Parameter(name="*")]
 Paper = Annotated[PaperOptions, Parameter(name="*")]

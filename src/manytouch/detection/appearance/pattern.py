@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
-from manytouch.detection.appearance.outline import Outlines
+from manytouch.detection.appearance.blob_outline import Outlines
 from manytouch.detection.appearance.regularity import (
     LOOSE,
     admit,

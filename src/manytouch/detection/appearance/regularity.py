@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float64, Int64
 from scipy.spatial import cKDTree
 
-from manytouch.detection.appearance.outline import Outlines
+from manytouch.detection.appearance.blob_outline import Outlines
 from manytouch.values.arrays import Mask, Points2, Scalars
 
 NEIGHBOURS = 6

@@ -9,8 +9,8 @@ import numpy as np
 from manytouch import calibration
 from manytouch.calibration import LayoutReport
 from manytouch.calibration.dot_shape import height_over_width
+from manytouch.calibration.dot_sharpness import edge_width_px, is_soft
 from manytouch.calibration.rest.first_frames import IN_FRONT_OF_A_SCENE
-from manytouch.calibration.sharpness import edge_width_px, is_soft
 from manytouch.detection import Appearance, survey
 from manytouch.detection.images import level_scale
 from manytouch.errors import LayoutError, SourceError

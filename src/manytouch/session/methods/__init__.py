@@ -4,7 +4,13 @@ The stages themselves are in `detection`, `tracking`, `estimation` and `paper`.
 """
 
 from manytouch.session.methods.parameter_info import parameter_info
-from manytouch.session.methods.parameters import Value, choices_of, parameters_of, tune, with_parameters
+from manytouch.session.methods.parameters import (
+    ParameterValue,
+    choices_of,
+    parameters_of,
+    with_parameter,
+    with_parameters,
+)
 from manytouch.session.methods.pipelines import (
     DEFAULT,
     METHODS,
@@ -17,7 +23,7 @@ from manytouch.session.methods.pipelines import (
 __all__ = [
     "DEFAULT",
     "METHODS",
-    "Value",
+    "ParameterValue",
     "choices_of",
     "default_method",
     "kernels",
@@ -25,6 +31,6 @@ __all__ = [
     "parameters_of",
     "pipeline_for",
     "require_method_for",
-    "tune",
+    "with_parameter",
     "with_parameters",
 ]

@@ -1,7 +1,11 @@
 """The parameters of a pipeline by name, to be given before a run and shown and changed during it.
 
-A name is the stage and the field, such as "detect.least_share". How surfaces are interpolated has the same
-names for every method: "interpolation.kind", "interpolation.iterations", ...
+Used by `pipeline_for`, and by `Live` and `Playback` for `Tune` commands of the viewer. A name is the stage
+and the path of fields below it, such as "detect.least_share" or "estimate.contact_tracker.bridge_frames". How
+surfaces are interpolated has the same names for every method: "interpolation.kind",
+"interpolation.iterations", ...
+
+Kinds of a parameter are the members of the union that is its type: of `float | None`, float and NoneType.
 """
 
 import math
@@ -15,14 +19,14 @@ from manytouch.errors import ManytouchError
 from manytouch.pipeline import Pipeline
 from manytouch.values import Roi
 
-Value = int | float | str | None
+ParameterValue = int | float | str | None
 """A number, one of a few words, or None for a parameter that is determined automatically."""
 
 _ESTIMATE, _INTERPOLATION = "estimate.", "interpolation."
 
 
-def parameters_of(pipeline: Pipeline) -> dict[str, Value]:
-    """Every number and choice of every stage; None where it is determined automatically."""
+def parameters_of(pipeline: Pipeline) -> dict[str, ParameterValue]:
+    """Every number and choice of every stage, not flags and regions; None where determined automatically."""
     return {name: value for name, value, _ in _parameters(pipeline)}
 
 
@@ -32,7 +36,7 @@ def choices_of(pipeline: Pipeline) -> dict[str, tuple[str, ...]]:
     return {name: found for name, found in words.items() if found}
 
 
-def tune(pipeline: Pipeline, parameter: str, value: Value) -> Pipeline:
+def with_parameter(pipeline: Pipeline, parameter: str, value: ParameterValue) -> Pipeline:
     """Replace a parameter of a pipeline.
 
     Raises:
@@ -42,28 +46,32 @@ def tune(pipeline: Pipeline, parameter: str, value: Value) -> Pipeline:
     if parameter not in known:
         raise ManytouchError(f"there is no parameter {parameter!r}; there are: {', '.join(sorted(known))}")
     found = _converted(parameter, value, known[parameter])
-    is_estimator_s = parameter.startswith(_INTERPOLATION) and pipeline.interpolation is None
-    path = (_ESTIMATE if is_estimator_s else "") + parameter
+    belongs_to_estimator = parameter.startswith(_INTERPOLATION) and pipeline.interpolation is None
+    path = (_ESTIMATE if belongs_to_estimator else "") + parameter
     changed: Pipeline = _changed(pipeline, path.split("."), found)
     return changed
 
 
-def with_parameters(pipeline: Pipeline, parameters: Mapping[str, Value]) -> Pipeline:
-    """Replace several parameters of a pipeline; see `tune`."""
+def with_parameters(pipeline: Pipeline, parameters: Mapping[str, ParameterValue]) -> Pipeline:
+    """Replace several parameters of a pipeline; see `with_parameter`."""
     for name, value in parameters.items():
-        pipeline = tune(pipeline, name, value)
+        pipeline = with_parameter(pipeline, name, value)
     return pipeline
 
 
-def _parameters(pipeline: Pipeline) -> Iterator[tuple[str, Value, tuple[Any, ...]]]:
+def _parameters(pipeline: Pipeline) -> Iterator[tuple[str, ParameterValue, tuple[Any, ...]]]:
     """Name, value and types of each parameter."""
     for stage in fields(pipeline):
+        # the type of a stage itself does not matter: only what is below it can be a parameter
         for name, value, kinds in _fields(getattr(pipeline, stage.name), stage.name, (object,)):
-            is_estimator_s = name.startswith(_ESTIMATE + _INTERPOLATION)
-            yield name.removeprefix(_ESTIMATE) if is_estimator_s else name, value, kinds
+            belongs_to_estimator = name.startswith(_ESTIMATE + _INTERPOLATION)
+            yield name.removeprefix(_ESTIMATE) if belongs_to_estimator else name, value, kinds
 
 
-def _fields(value: Any, path: str, kinds: tuple[Any, ...]) -> Iterator[tuple[str, Value, tuple[Any, ...]]]:
+def _fields(
+    value: Any, path: str, kinds: tuple[Any, ...]
+) -> Iterator[tuple[str, ParameterValue, tuple[Any, ...]]]:
+    # a region is chosen as a whole, so that its four numbers are not parameters
     if is_dataclass(value) and not isinstance(value, Roi):
         annotations = typing.get_type_hints(type(value))
         for field in fields(value):
@@ -79,7 +87,7 @@ def _words(kinds: tuple[Any, ...]) -> tuple[str, ...]:
     return tuple(word for kind in kinds if get_origin(kind) is Literal for word in get_args(kind))
 
 
-def _converted(name: str, value: Value, kinds: tuple[Any, ...]) -> Value:
+def _converted(name: str, value: ParameterValue, kinds: tuple[Any, ...]) -> ParameterValue:
     """The value, as one of the types of a parameter."""
     words, is_number = _words(kinds), int in kinds or float in kinds
     if value is None and type(None) in kinds:
@@ -99,6 +107,6 @@ def _converted(name: str, value: Value, kinds: tuple[Any, ...]) -> Value:
     return int(value)
 
 
-def _changed(owner: Any, path: list[str], value: Value) -> Any:
+def _changed(owner: Any, path: list[str], value: ParameterValue) -> Any:
     name, *rest = path
     return replace(owner, **{name: _changed(getattr(owner, name), rest, value) if rest else value})

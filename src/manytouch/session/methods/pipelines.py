@@ -11,7 +11,7 @@ from manytouch.paper.detection import PaperDetection
 from manytouch.paper.estimation import PaperEstimation
 from manytouch.paper.tracking import PaperTracking
 from manytouch.pipeline import Pipeline
-from manytouch.session.methods.parameters import Value, with_parameters
+from manytouch.session.methods.parameters import ParameterValue, with_parameters
 from manytouch.tracking import MarkerTracker
 from manytouch.values import Roi, Sensor
 from manytouch.values.surface import SPLINE
@@ -60,7 +60,9 @@ def require_method_for(sensor: Sensor, method: str) -> None:
 
 
 def pipeline_for(
-    method: str | None = None, roi_px: Roi | None = None, parameters: Mapping[str, Value] | None = None
+    method: str | None = None,
+    roi_px: Roi | None = None,
+    parameters: Mapping[str, ParameterValue] | None = None,
 ) -> Pipeline:
     """The stages of a method.
 

@@ -1,10 +1,11 @@
-"""A sheet of which nothing is known but its markers."""
+"""A sheet of which only the markers are known, and what is assumed where a sheet lacks a number."""
 
 import numpy as np
 
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor import Layout, Sheet
 
+ASSUMED_POISSON = 0.45  # of a clamped sheet; that of nearly incompressible rubber
 THICKNESS_PITCHES, MARGIN_PITCHES = 0.75, 1.0
 _THICKNESS_STD_PITCHES = 0.3
 _MARGIN_STD_PITCHES = 0.7

@@ -9,8 +9,8 @@ from scipy.spatial import KDTree
 from manytouch.limits import MAX_MARKERS, size_mistake
 from manytouch.values.sensor import Boundary
 from manytouch.values.sensor_file.sections import (
+    ONE_OR_LIST,
     Count,
-    IsList,
     NonNegative,
     Number,
     One,
@@ -22,10 +22,10 @@ from manytouch.values.sensor_file.sections import (
 PositiveOrTwo = Annotated[
     Annotated[Positive, One]
     | Annotated[Annotated[list[Positive], Field(min_length=2, max_length=2)], Several],
-    IsList,
+    ONE_OR_LIST,
 ]
 Index = Annotated[float, Field(ge=1.0, le=3.0)]
-PositiveOrEach = Annotated[Annotated[Positive, One] | Annotated[list[Positive], Several], IsList]
+PositiveOrEach = Annotated[Annotated[Positive, One] | Annotated[list[Positive], Several], ONE_OR_LIST]
 _ONLY_BONDED = ("marker_depth_mm", "window_mm", "window_index", "pad_index")
 _ONLY_CLAMPED = ("pretension_N_per_mm", "bending_factor")
 

@@ -12,8 +12,8 @@ Number = Annotated[float, Field(ge=-LARGEST_NUMBER, le=LARGEST_NUMBER, allow_inf
 Count = Annotated[int, Field(gt=0, le=10**9)]
 MAX_MISTAKES, MAX_CHARACTERS = 20, 180  # of a message, and of each mistake in it
 ONE, SEVERAL = "<one>", "<several>"
-IsList = Discriminator(lambda value: SEVERAL if isinstance(value, list) else ONE)
-"""Discriminates a number from a list, so that only the mistakes of the matching alternative are reported."""
+ONE_OR_LIST = Discriminator(lambda value: SEVERAL if isinstance(value, list) else ONE)
+"""Discriminates a number or a text from a list: only mistakes of the matching alternative are reported."""
 One, Several = Tag(ONE), Tag(SEVERAL)
 
 

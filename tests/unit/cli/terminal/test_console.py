@@ -31,7 +31,7 @@ def test_steps_are_lines_without_a_terminal_and_a_bar_on_one(capsys: pytest.Capt
     for is_terminal in (False, True):
         steps = Steps(Console(highlight=False, soft_wrap=True, force_terminal=is_terminal))
         with steps:
-            show = steps.follow(total=2)
+            show = steps.step_reporter(total=2)
             show("first")
             show("second")
             (task,) = steps.bar.tasks

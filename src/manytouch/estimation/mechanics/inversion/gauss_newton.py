@@ -1,4 +1,7 @@
-"""The shape of the sheet that explains the marker images with few forces: damped Gauss-Newton steps.
+"""The shape of the sheet that explains the marker images with few forces, by Gauss-Newton steps.
+
+A step that increases the cost is halved. Only a normal matrix that is singular is damped, in
+`mechanics.solver.normal_equations`.
 
 Minimised over the spline coefficients c is
 
@@ -6,13 +9,11 @@ Minimised over the spline coefficients c is
 
 with p the displacements of the marker images, y the measured ones, g the nodal forces tangential to the
 deformed sheet and f the normal ones (f_j > 0 presses, that is force z < 0); `information` is w_i / s_i^2.
-b_j = prior_weight / (q_j + eps^2) with
-both terms scaled by the noise of the frame is updated after each step, which makes the
-forces sparse and compressive (M. E. Tipping 2001, "Sparse Bayesian learning"). q_j is max(f_j, 0)^2 or a
-share of its mean over node j and its neighbours, whichever is larger: neighbouring nodes together cost as
-    much
-as one, so that a contact is not attracted by the nearest node (Z. Zhang and B. D. Rao 2013,
-doi:10.1109/TSP.2013.2241055).
+b_j = prior_weight / (q_j + eps^2) with both terms scaled by the noise of the frame is updated after each
+step, which makes the forces sparse and compressive (M. E. Tipping 2001, "Sparse Bayesian learning"). q_j is
+max(f_j, 0)^2 or a share of its mean over node j and its neighbours, whichever is larger: neighbouring nodes
+together cost as much as one, so that a contact is not attracted by the nearest node (Z. Zhang and B. D. Rao
+2013, doi:10.1109/TSP.2013.2241055).
 
 Three kinds of steps differ in what they compute again: a full step everything; a reweighted step the weights
 of the forces that changed, with the factor of the normal matrix from a change of low rank (`reweighting`); a
@@ -20,8 +21,7 @@ chord step nothing but the residuals. Where a contact moves, each frame needs ne
 derivatives (ADR 79).
 
 Priors enter through `weights`; a prior with another mean also needs a term in the cost, in the normal
-equations and in steps
-with an earlier posterior.
+equations and in steps with an earlier posterior.
 """
 
 from dataclasses import dataclass, replace

@@ -14,7 +14,7 @@ from manytouch.mechanics.shell.shell import Shell
 from manytouch.mechanics.solver.normal_equations import NormalEquations
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Mask, read_only
-from manytouch.values.sensor_file.assumed_sheet import assumed_sheet
+from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON, assumed_sheet
 from manytouch.values.sensor_file.default_std import sheet_std
 
 MIN_MARKERS = 12
@@ -102,7 +102,7 @@ class InversionModel:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class NominalSheet:
-    """Nominal properties of a sheet, and the size of its elements.
+    """The model of a sheet: what holds where the sensor states nothing, and the size of its elements.
 
     Attributes:
         poisson: Poisson's ratio if the sensor does not state it; that of nearly incompressible rubber.
@@ -123,7 +123,7 @@ class NominalSheet:
             A clamp line that is wrong by a third of it causes forces there.
     """
 
-    poisson: float = 0.45
+    poisson: float = ASSUMED_POISSON
     element_thickness: float = 1.4
     min_element_thickness: float = 1.1
     max_elements: int = 1200

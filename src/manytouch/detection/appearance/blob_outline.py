@@ -1,7 +1,9 @@
-"""Outlines of blobs along rays from their centres, which distinguish dots from gaps, edges and ridges.
+"""Outlines of blobs along rays from their centres.
 
-The brightness of a dot falls to the background in every direction. Between dots, along ridges, at edges and
-in corners there are directions in which it does not.
+They are the measurements by which `pattern` and `channel` distinguish dots from gaps, edges and ridges: part
+of the survey of an unknown image, not of the search in each frame. The brightness of a dot falls to the
+background in every direction. Between dots, along ridges, at edges and in corners there are directions in
+which it does not.
 """
 
 # ruff: noqa: PLR0917 - compiled functions are called with positional arguments
@@ -19,8 +21,10 @@ from manytouch.values.arrays import Points2, Scalars
 RAYS = 24
 STEPS = 26  # samples of a ray
 REACH = 2.6  # radii
-FITTING_RADIUS_PX = 4.0  # octave in which rays are sampled: radius at least this, where there is one
-COLUMNS = 9  # of a row: x, y, radius, contrast, openness, aspect, roughness, visible, fill
+FITTING_RADIUS_PX = 4.0
+"""A blob is sampled in the octave in which its radius is this to twice this, if there is one."""
+X, Y, RADIUS, CONTRAST, OPENNESS, ASPECT, ROUGHNESS, VISIBLE, FILL = range(9)  # of a row, as in `Outlines`
+COLUMNS = 9
 ANGLES = [2.0 * math.pi * ray / RAYS for ray in range(RAYS)]
 COSINE, SINE = np.array([math.cos(each) for each in ANGLES]), np.array([math.sin(each) for each in ANGLES])
 
@@ -29,14 +33,14 @@ class OutlineLimits(NamedTuple):
     """Limits of the outline of a dot.
 
     Attributes:
-        visible: share of a ray that must be inside the image.
+        least_ray_share: share of a ray that must be inside the image, so that it is visible.
         least_rays: share of the rays that must be visible.
-        closed: fall of a ray over the typical one, from which on the ray has an end.
+        closed: a ray whose fall is at least this share of the median fall has an end; otherwise it is open.
         ridge: fall below which both of two opposite rays belong to a ridge.
-        most_contrast: fall over the typical one at which the level of the outline stops growing.
+        most_contrast: largest fall, as a multiple of the median fall, that sets the level of the outline.
     """
 
-    visible: float = 0.7
+    least_ray_share: float = 0.7
     least_rays: float = 1.0 / 3.0
     closed: float = 0.5
     ridge: float = 0.65
@@ -48,17 +52,17 @@ class RaySamples(NamedTuple):
 
     Attributes:
         values: (RAYS, STEPS) brightness; not set outside the image.
-        known: (RAYS,) number of samples inside the image.
+        samples_inside: (RAYS,) number of samples inside the image.
         falls: (RAYS,) fall of the brightness; NaN if not known.
         lengths: (RAYS,) length of the rays to the outline, px; NaN if not known.
-        column: (RAYS,) scratch.
+        scratch: (RAYS,) of medians.
     """
 
     values: Float64[np.ndarray, "r s"]
-    known: Int64[np.ndarray, " r"]
+    samples_inside: Int64[np.ndarray, " r"]
     falls: Float64[np.ndarray, " r"]
     lengths: Float64[np.ndarray, " r"]
-    column: Float64[np.ndarray, " r"]
+    scratch: Float64[np.ndarray, " r"]
 
 
 LIMITS = OutlineLimits()
@@ -99,27 +103,27 @@ def trace_outlines(pyramid: list[np.ndarray], place_px: Points2, radius_px: Scal
 
     `sign` is 1 for light blobs, -1 for dark.
     """
-    octave = np.floor(np.log2(np.maximum(radius_px / FITTING_RADIUS_PX, 1.0))).astype(int)
-    octave = np.minimum(octave, len(pyramid) - 1)
+    octave_of_blob = np.floor(np.log2(np.maximum(radius_px / FITTING_RADIUS_PX, 1.0))).astype(int)
+    octave_of_blob = np.minimum(octave_of_blob, len(pyramid) - 1)
     rows = np.full((len(place_px), COLUMNS), np.nan)
-    for level, image in enumerate(pyramid):
-        chosen = np.flatnonzero(octave == level)
+    for octave, image in enumerate(pyramid):
+        chosen = np.flatnonzero(octave_of_blob == octave)
         if len(chosen) == 0:
             continue
-        scale = 2.0**level
+        scale = 2.0**octave
         part = np.full((len(chosen), COLUMNS), np.nan)
-        trace_rays(image, place_px[chosen] / scale, radius_px[chosen] / scale, sign, part)
-        part[:, :3] *= scale
+        trace_octave(image, place_px[chosen] / scale, radius_px[chosen] / scale, sign, part)
+        part[:, [X, Y, RADIUS]] *= scale
         rows[chosen] = part
     return Outlines(
-        place_px=rows[:, :2].copy(),
-        radius_px=rows[:, 2].copy(),
-        contrast=rows[:, 3].copy(),
-        openness=rows[:, 4].copy(),
-        aspect=rows[:, 5].copy(),
-        roughness=rows[:, 6].copy(),
-        visible=rows[:, 7].copy(),
-        fill=rows[:, 8].copy(),
+        place_px=np.ascontiguousarray(rows[:, [X, Y]]),
+        radius_px=rows[:, RADIUS].copy(),
+        contrast=rows[:, CONTRAST].copy(),
+        openness=rows[:, OPENNESS].copy(),
+        aspect=rows[:, ASPECT].copy(),
+        roughness=rows[:, ROUGHNESS].copy(),
+        visible=rows[:, VISIBLE].copy(),
+        fill=rows[:, FILL].copy(),
     )
 
 
@@ -145,12 +149,12 @@ def _sample_rays(image: Octave, x: float, y: float, radius: float, sign: float, 
     """Samples the brightness along all rays."""
     height, width = image.shape
     for ray in range(RAYS):
-        rays.known[ray] = STEPS
+        rays.samples_inside[ray] = STEPS
         for step in range(STEPS):
             distance = REACH * radius * (step + 0.5) / STEPS
             u, v = x + distance * COSINE[ray], y + distance * SINE[ray]
             if u < -0.5 or v < -0.5 or u > width - 0.5 or v > height - 0.5:
-                rays.known[ray] = step
+                rays.samples_inside[ray] = step
                 break
             rays.values[ray, step] = sign * _interpolate(image, u, v)
 
@@ -177,11 +181,11 @@ def _find_core(rays: RaySamples) -> tuple[float, int]:
     for step in range(int(STEPS * 1.0 / REACH)):
         count = 0
         for ray in range(RAYS):
-            if rays.known[ray] > step:
-                rays.column[count] = rays.values[ray, step]
+            if rays.samples_inside[ray] > step:
+                rays.scratch[count] = rays.values[ray, step]
                 count += 1
         if count >= int(RAYS * LIMITS.least_rays):
-            middle = _sorted_middle(rays.column, count)
+            middle = _sorted_middle(rays.scratch, count)
             if middle > core:
                 core, best = middle, step
     return core, best
@@ -194,24 +198,24 @@ def _measure_falls(rays: RaySamples, core: float, best: int) -> tuple[int, float
     count = 0
     for ray in range(RAYS):
         rays.falls[ray] = np.nan
-        if rays.known[ray] < int(LIMITS.visible * STEPS):
+        if rays.samples_inside[ray] < int(LIMITS.least_ray_share * STEPS):
             continue
         low = 1e9
-        for step in range(best, rays.known[ray]):
+        for step in range(best, rays.samples_inside[ray]):
             low = min(low, rays.values[ray, step])
         rays.falls[ray] = core - low
-        rays.column[count] = rays.falls[ray]
+        rays.scratch[count] = rays.falls[ray]
         count += 1
     if count < int(RAYS * LIMITS.least_rays):
         return count, 0.0
-    return count, _sorted_middle(rays.column, count)
+    return count, _sorted_middle(rays.scratch, count)
 
 
 @kernel()
 @no_type_check
 def _length(rays: RaySamples, ray: int, best: int, level: float, radius: float) -> float:
     """Length of a ray up to a level, px; NaN if it does not fall below."""
-    for step in range(best, rays.known[ray]):
+    for step in range(best, rays.samples_inside[ray]):
         value = rays.values[ray, step]
         if value < level:
             part = 0.0
@@ -262,11 +266,11 @@ def _fill_lengths(rays: RaySamples) -> bool:
     count = 0
     for ray in range(RAYS):
         if math.isfinite(rays.lengths[ray]):
-            rays.column[count] = rays.lengths[ray]
+            rays.scratch[count] = rays.lengths[ray]
             count += 1
     if count < RAYS // 4:
         return False
-    typical = _sorted_middle(rays.column, count)
+    typical = _sorted_middle(rays.scratch, count)
     for ray in range(RAYS):
         if not math.isfinite(rays.lengths[ray]):
             rays.lengths[ray] = typical
@@ -279,7 +283,7 @@ def _fill_share(rays: RaySamples, radius: float, least: float) -> float:
     """Share of the area inside the outline that is lighter than `least`."""
     light = total = 0.0
     for ray in range(RAYS):
-        for step in range(rays.known[ray]):
+        for step in range(rays.samples_inside[ray]):
             distance = REACH * radius * (step + 0.5) / STEPS
             if distance < rays.lengths[ray]:
                 total += distance
@@ -302,14 +306,14 @@ def _trace_one(
     """One outline, all but its shape; False if there is none."""
     _sample_rays(image, x, y, radius, sign, rays)
     core, best = _find_core(rays)
-    visible, contrast = _measure_falls(rays, core, best)
-    row[7] = visible / RAYS
+    visible_rays, contrast = _measure_falls(rays, core, best)
+    row[VISIBLE] = visible_rays / RAYS
     if contrast <= 0.0:
         return False
     open_rays = _measure_lengths(rays, core, best, contrast, radius)
-    row[3], row[4] = contrast, open_rays / visible
+    row[CONTRAST], row[OPENNESS] = contrast, open_rays / visible_rays
     if _is_ridge(rays, contrast):
-        row[4] = max(row[4], 0.5)
+        row[OPENNESS] = max(row[OPENNESS], 0.5)  # counts as half open, so that it is never a dot
     if not _fill_lengths(rays):
         return False
     area = sum_x = sum_y = 0.0
@@ -318,9 +322,9 @@ def _trace_one(
         area += 0.5 * length**2
         sum_x += length**3 / 3.0 * COSINE[ray]
         sum_y += length**3 / 3.0 * SINE[ray]
-    row[0], row[1] = x + sum_x / area, y + sum_y / area
-    row[2] = math.sqrt(2.0 * area / RAYS)
-    row[8] = _fill_share(rays, radius, core - 0.5 * contrast)
+    row[X], row[Y] = x + sum_x / area, y + sum_y / area
+    row[RADIUS] = math.sqrt(2.0 * area / RAYS)
+    row[FILL] = _fill_share(rays, radius, core - 0.5 * contrast)
     return True
 
 
@@ -343,13 +347,13 @@ def _measure_shape(lengths: Float64[np.ndarray, " r"], row: Float64[np.ndarray, 
         smooth = mean + shift + c2 * COSINE[twice] + s2 * SINE[twice]
         squares += (lengths[ray] - smooth) ** 2
     ellipse = min(math.hypot(c2, s2) / mean, 0.9)
-    row[5] = (1.0 + ellipse) / (1.0 - ellipse)
-    row[6] = math.sqrt(squares / RAYS) / mean
+    row[ASPECT] = (1.0 + ellipse) / (1.0 - ellipse)
+    row[ROUGHNESS] = math.sqrt(squares / RAYS) / mean
 
 
 @kernel()
 @no_type_check
-def trace_rays(
+def trace_octave(
     image: Octave,
     place: Float64[np.ndarray, "n 2"],
     radius: Float64[np.ndarray, " n"],
@@ -362,7 +366,7 @@ def trace_rays(
         image: one octave.
         place, radius: of the blobs, px of this octave.
         sign: 1 for light blobs, -1 for dark ones.
-        rows: written; see COLUMNS, NaN where there is no outline.
+        rows: written; columns as numbered above, NaN where there is no outline.
     """
     rays = RaySamples(
         np.empty((RAYS, STEPS)),
@@ -380,9 +384,9 @@ def trace_rays(
                 break
             _measure_shape(rays.lengths, row)
             rows[i] = row
-            shift = math.hypot(row[0] - x, row[1] - y)
-            if shift < 0.1 * size and 0.8 < row[2] / size < 1.25:
+            shift = math.hypot(row[X] - x, row[Y] - y)
+            if shift < 0.1 * size and 0.8 < row[RADIUS] / size < 1.25:
                 break
-            limit = min(max(row[2], 0.5 * size), 1.6 * size)
+            limit = min(max(row[RADIUS], 0.5 * size), 1.6 * size)
             step = min(1.0, 0.8 * size / max(shift, 1e-9))
-            x, y, size = x + step * (row[0] - x), y + step * (row[1] - y), max(limit, 1.0)
+            x, y, size = x + step * (row[X] - x), y + step * (row[Y] - y), max(limit, 1.0)

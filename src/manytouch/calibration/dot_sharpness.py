@@ -1,4 +1,4 @@
-"""Sharpness of the dots of an image."""
+"""Sharpness of the dots of an image, for `calibrate rest` and `doctor`."""
 
 import numpy as np
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, map_coordinates
 
-from manytouch.detection.appearance.outline import RAYS, REACH, STEPS, trace_outlines, trace_rays
+from manytouch.detection.appearance.blob_outline import RAYS, REACH, STEPS, trace_octave, trace_outlines
 
 ANGLE = 2.0 * np.pi * np.arange(RAYS) / RAYS
 
@@ -73,5 +73,5 @@ def test_a_trace_is_that_of_numpy(seed: int) -> None:
     image = ellipse(x, y, radius, 0.97 * radius, 0.3) + rng.normal(0.0, 2.0, (80, 90)).astype(np.float32)
     rows = np.full((1, 9), np.nan)
     # so near to the outline that it is traced once
-    trace_rays(image, np.array([[x, y]]), np.array([radius]), 1.0, rows)
+    trace_octave(image, np.array([[x, y]]), np.array([radius]), 1.0, rows)
     np.testing.assert_allclose(rows[0, [0, 1, 2, 3, 6]], numpy_outline(image, x, y, radius), rtol=1e-6)

@@ -202,7 +202,7 @@ def test_options_of_the_paper_become_the_parameters_of_its_pipeline():
     given = {}
 
     def keep(
-        surface: method_options.Surface = method_options.SurfaceOptions(),  # noqa: B008
+        surface: method_options.WithInterpolation = method_options.InterpolationOptions(),  # noqa: B008
         paper: method_options.Paper = method_options.PaperOptions(),  # noqa: B008
     ):
         given.update(surface.parameters("process", "paper") | paper.parameters("process", "paper"))

@@ -20,7 +20,7 @@ from manytouch.geometry.camera import camera_matrix
 from manytouch.values import Frame
 from manytouch.values.sensor_file import load_sensor
 
-DATA = Path(__file__).parents[4] / "shared" / "data" / "opencv_calib"
+DATA = Path(__file__).parents[5] / "shared" / "data" / "opencv_calib"
 
 
 def parameters(camera) -> np.ndarray:
