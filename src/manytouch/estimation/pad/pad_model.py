@@ -4,14 +4,16 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
+from scipy.ndimage import map_coordinates
 
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.pad.patch_kernels import LayerTable, Markers, PadGrid
 from manytouch.geometry.camera import mm_per_px
 from manytouch.geometry.refraction import project_through_window
 from manytouch.geometry.spline.patch import Nodal, PointBasis, SplinePatch
-from manytouch.mechanics.pad.elasticity import node_response, pad_response
+from manytouch.mechanics.pad.elasticity import pad_response
 from manytouch.mechanics.pad.layer import radial_table
+from manytouch.mechanics.pad.layer_nodes import layer_node_response
 from manytouch.values import Camera, Layout, Sensor, Sheet, SheetSpline
 from manytouch.values.arrays import Points2, Points3, read_only
 from manytouch.values.sensor_file.default_std import POISSON_STD, camera_std, sheet_std
@@ -22,6 +24,7 @@ MOTIONS = 4
 FACE_THICKNESS_MM = 1e-3
 """Thickness in the `SheetSpline` of a pad, whose spline is the contact face itself."""
 _REACH = 3.0  # distance in thicknesses beyond which a layer does not move
+_PERIOD = 8.0  # of the layer's loads, in thicknesses
 _DISTANCES = 300  # of the table of the layer
 _ROOTS = (0.05, 0.6, 14)  # of its Gaussians, in thicknesses: least, largest, number
 _STEP_MM = 1e-4  # of the derivative of the projection
@@ -172,7 +175,7 @@ class NominalPad:
             patch=patch,
             grid=_grid(patch),
             table=layer_table(sheet.thickness_mm, poisson, sheet.marker_depth_mm or 0.0),
-            by_sides=read_only(image(response.marker - self._layer(patch, sheet, poisson, layout))),
+            by_sides=read_only(image(response.marker - _layer(patch, sheet, poisson, layout))),
             by_parameter=read_only(
                 np.stack(
                     [
@@ -215,27 +218,29 @@ class NominalPad:
             boundary="soft",
         )
 
-    def _layer(
-        self, patch: SplinePatch, sheet: Sheet, poisson: float, layout: Layout
-    ) -> Float64[np.ndarray, "m 3 nodes 3"]:
-        """The response of the markers if the pad had no sides, on the same nodes."""
-        element_mm = np.array(patch.size_mm) / np.array(patch.elements)
-        half = np.ceil(_REACH * sheet.thickness_mm / element_mm).astype(int)
-        wide = SplinePatch(
-            size_mm=(float((2 * half[0] + 1) * element_mm[0]), float((2 * half[1] + 1) * element_mm[1])),
-            elements=(int(2 * half[0] + 1), int(2 * half[1] + 1)),
-            boundary="soft",
+
+def _layer(
+    patch: SplinePatch, sheet: Sheet, poisson: float, layout: Layout
+) -> Float64[np.ndarray, "m 3 nodes 3"]:
+    """The response of the markers if the pad had no sides, on the same nodes."""
+    step_mm = np.array(patch.size_mm) / np.array(patch.elements)
+    counts = np.maximum(np.ceil(_PERIOD * sheet.thickness_mm / step_mm).astype(int), 8)
+    coefficient = layer_node_response(
+        (float(step_mm[0]), float(step_mm[1])),
+        (int(counts[0]), int(counts[1])),
+        sheet.thickness_mm,
+        poisson,
+        sheet.marker_depth_mm or 0.0,
+    )
+    away_mm = layout.rest_mm[:, None, :2] - patch.place_mm
+    is_near = np.linalg.norm(away_mm, axis=2) < _REACH * sheet.thickness_mm
+    place = (away_mm[is_near] / step_mm).T
+    found = np.zeros((*away_mm.shape[:2], 3, 3))
+    for i, load in np.ndindex(3, 3):
+        found[is_near, i, load] = map_coordinates(
+            coefficient[:, :, i, load], place, order=3, prefilter=False, mode="grid-wrap"
         )
-        node = int(np.argmin(np.linalg.norm(wide.place_mm, axis=1)))
-        depth_mm = sheet.marker_depth_mm or 0.0
-        coefficient = node_response(wide, sheet.thickness_mm, poisson, node, depth_mm)
-        away_mm = layout.rest_mm[:, None, :2] - patch.place_mm
-        is_near = (np.linalg.norm(away_mm, axis=2) < _REACH * sheet.thickness_mm).ravel()
-        at = wide.at(away_mm.reshape(-1, 2)[is_near] + wide.place_mm[node])
-        found = np.zeros((is_near.size, 3, 3))
-        for load in range(3):
-            found[is_near, :, load] = at.displacement(np.ascontiguousarray(coefficient[:, :, load]))
-        return found.reshape(*away_mm.shape[:2], 3, 3).transpose(0, 2, 1, 3)
+    return found.transpose(0, 2, 1, 3)
 
 
 def _motion(rest_px: Points2) -> Float64[np.ndarray, "4 r"]:

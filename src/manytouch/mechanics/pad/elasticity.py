@@ -15,13 +15,10 @@ from jaxtyping import Float64, Int64
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array, kron
 
-from manytouch.geometry.spline import basis
 from manytouch.geometry.spline.patch import PointBasis, SplinePatch
+from manytouch.mechanics.pad.axes import DEGREE_Z, Axis, depth_axis, lame_constants, polynomials, spline_axis
 from manytouch.values.arrays import Points2, read_only
 
-DEGREE_Z = 5
-"""Degree of the polynomials through the thickness."""
-_QUADRATURE = 5  # Gauss points per element
 _REACH = 3  # nodes along an axis with common elements
 _STEP = 1e-6  # relative, of the thickness, in derivatives
 
@@ -48,15 +45,6 @@ class PadResponse:
     by_marker_depth: Float64[np.ndarray, "m 3 nodes 3"]
     depth_by_poisson: Float64[np.ndarray, "nodes nodes"]
     depth_by_thickness: Float64[np.ndarray, "nodes nodes"]
-
-
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class _Axis:
-    """Integrals along one axis: of values, of slopes, and of slopes (rows) with values (columns)."""
-
-    value: Float64[np.ndarray, "k k"]
-    slope: Float64[np.ndarray, "k k"]
-    mixed: Float64[np.ndarray, "k k"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -101,7 +89,7 @@ def pad_response(
     """
     if patch.elements[0] % 2 == 0 or patch.elements[1] % 2 == 0:
         raise ValueError(f"a pad needs odd numbers of elements, not {patch.elements}")
-    lame, slope = np.array(_lame(poisson)), np.array(_lame_slopes(poisson))
+    lame, slope = np.array(lame_constants(poisson)), np.array(_lame_slopes(poisson))
     at, by_share = _values_at(patch, marker_mm, 1.0 - marker_depth_mm / thickness_mm)
     count, nodes = len(marker_mm), patch.node_count
     marker, by_poisson, by_thickness, raised_by = (np.zeros((3 * count, 3 * nodes)) for _ in range(4))
@@ -140,46 +128,16 @@ def pad_response(
     )
 
 
-def node_response(
-    patch: SplinePatch, thickness_mm: float, poisson: float, node: int, depth_mm: float = 0.0
-) -> Float64[np.ndarray, "nodes 3 3"]:
-    """Spline coefficients of the displacement at a depth below the face, per force over E on one node, 1/mm.
-
-    Args:
-        patch, thickness_mm, poisson: as in `pad_response`.
-        node: number of the node.
-        depth_mm: below the contact face.
-
-    Returns:
-        (n, 3, 3) components of the displacement by components of the force.
-    """
-    lame = np.array(_lame(poisson))
-    through = _polynomials(np.array([1.0 - depth_mm / thickness_mm]))[0][0]
-    total = np.zeros((patch.node_count, 3, 3))
-    for part in _parts(patch, thickness_mm):
-        load = np.zeros((part.unfold.shape[1], 3))
-        load[part.on_face] = part.unfold_face[3 * node : 3 * node + 3].toarray().T
-        answer = _solve(np.tensordot(lame, part.stiffness, axes=1), load, part.block)
-        whole = (part.unfold @ answer).reshape(patch.node_count, DEGREE_Z, 3, 3)
-        total += np.einsum("p,npij->nij", through, whole)
-    return total
-
-
-def _lame(poisson: float) -> tuple[float, float]:
-    """Both Lame constants over Young's modulus."""
-    return poisson / ((1.0 + poisson) * (1.0 - 2.0 * poisson)), 0.5 / (1.0 + poisson)
-
-
 def _lame_slopes(poisson: float) -> tuple[float, float]:
-    """Derivatives of `_lame` by Poisson's ratio."""
+    """Derivatives of `lame_constants` by Poisson's ratio."""
     below = (1.0 + poisson) * (1.0 - 2.0 * poisson)
     return (1.0 + 2.0 * poisson**2) / below**2, -0.5 / (1.0 + poisson) ** 2
 
 
 def _parts(patch: SplinePatch, thickness_mm: float) -> Iterator[_Part]:
     """The four symmetries of a rectangular pad."""
-    splines = [_spline_axis(patch, axis) for axis in patch.axes]
-    through = [_depth_axis(thickness_mm * (1.0 + side)) for side in (0.0, _STEP)]
+    splines = [spline_axis(patch, axis) for axis in patch.axes]
+    through = [depth_axis(thickness_mm * (1.0 + side)) for side in (0.0, _STEP)]
     x_number = patch.axes.index(0)
     order = (x_number, 1 - x_number, 2)  # number of the axis of x, y, z among slow, fast, through
     half = [count // 2 for count in patch.shape]
@@ -226,49 +184,8 @@ def _interleaved(block: Sequence[csr_array]) -> csr_array:
     return csr_array(total)
 
 
-def _spline_axis(patch: SplinePatch, axis: int) -> _Axis:
-    """Integrals of the B-splines along x (0) or y (1)."""
-    length, elements = patch.size_mm[axis], patch.elements[axis]
-    place, weight = np.polynomial.legendre.leggauss(_QUADRATURE)
-    size_mm = length / elements
-    at_mm = ((np.arange(elements)[:, None] + 0.5 + 0.5 * place) * size_mm).ravel()
-    first, table = basis.values(length, elements, at_mm)
-    value, slope = (np.zeros((len(at_mm), elements + basis.DEGREE)) for _ in range(2))
-    chosen = first[:, None] + np.arange(basis.DEGREE + 1)
-    np.put_along_axis(value, chosen, table[:, 0], axis=1)
-    np.put_along_axis(slope, chosen, table[:, 1], axis=1)
-    return _products(value, slope, np.tile(0.5 * size_mm * weight, elements))
-
-
-def _depth_axis(thickness_mm: float) -> _Axis:
-    """Integrals of the polynomials through the thickness."""
-    place, weight = np.polynomial.legendre.leggauss(DEGREE_Z + 1)
-    value, slope = _polynomials(0.5 * (place + 1.0))
-    return _products(value, slope / thickness_mm, 0.5 * thickness_mm * weight)
-
-
-def _products(value: np.ndarray, slope: np.ndarray, weight: np.ndarray) -> _Axis:
-    return _Axis(
-        value=value.T @ (weight[:, None] * value),
-        slope=slope.T @ (weight[:, None] * slope),
-        mixed=slope.T @ (weight[:, None] * value),
-    )
-
-
-def _polynomials(share: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(k, DEGREE_Z) values at shares of the thickness above the bonded face, and slopes by the share.
-
-    Integrated Legendre polynomials: only the first one is not 0 on the contact face.
-    """
-    legendre = [
-        np.polynomial.legendre.Legendre.basis(degree, domain=(0.0, 1.0)) for degree in range(DEGREE_Z)
-    ]
-    value = np.stack([each.integ(lbnd=0.0)(share) for each in legendre], axis=-1)
-    return value, np.stack([each(share) for each in legendre], axis=-1)
-
-
 def _stiffness(
-    axes: Sequence[_Axis], order: Sequence[int], mirrors: Sequence[Sequence[np.ndarray]]
+    axes: Sequence[Axis], order: Sequence[int], mirrors: Sequence[Sequence[np.ndarray]]
 ) -> Float64[np.ndarray, "2 k k"]:
     """The two stiffness matrices of a part, to be multiplied by the Lame constants.
 
@@ -337,7 +254,7 @@ def _values_at(patch: SplinePatch, point_mm: Points2, share: float) -> tuple[csr
     The second is its derivative by the share.
     """
     found = patch.at(point_mm)
-    value, slope = (through[0] for through in _polynomials(np.array([share])))
+    value, slope = (through[0] for through in polynomials(np.array([share])))
     return _times(found, value, patch), _times(found, slope, patch)
 
 

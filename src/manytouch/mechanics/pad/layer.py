@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float64
-from scipy.special import jv
+from scipy.special import jv, roots_legendre
 
 from manytouch.values.arrays import Scalars
 
@@ -104,7 +104,7 @@ def radial_table(
         depth_mm: below the face.
     """
     most = _LARGEST / float(root_mm.min())
-    place, weight = np.polynomial.legendre.leggauss(_WAVES)
+    place, weight = roots_legendre(_WAVES)
     k = most * (0.5 * (place + 1.0)) ** 2  # denser where k is small
     dk = 0.5 * most * (place + 1.0) * weight
     response = layer_response(k, thickness_mm, poisson, depth_mm)

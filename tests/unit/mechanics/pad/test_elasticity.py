@@ -5,7 +5,7 @@ import pytest
 
 from bonded_pad import POISSON, THICKNESS_MM, gaussian_on_layer, gaussian_points
 from manytouch.geometry.spline.patch import Nodal, SplinePatch
-from manytouch.mechanics.pad.elasticity import PadResponse, node_response, pad_response
+from manytouch.mechanics.pad.elasticity import PadResponse, pad_response
 
 PATCH = SplinePatch(size_mm=(25.0, 21.0), elements=(19, 15), boundary="soft")
 SMALL = SplinePatch(size_mm=(10.0, 8.0), elements=(7, 5), boundary="soft")
@@ -39,12 +39,6 @@ def test_the_face_passes_the_markers_on_it(response: PadResponse) -> None:
 def test_the_face_is_symmetric(response: PadResponse) -> None:
     flat = response.face.reshape(3 * PATCH.node_count, -1)
     np.testing.assert_allclose(flat, flat.T, atol=1e-9 * np.abs(flat).max())
-
-
-def test_one_node_is_a_column_of_the_face() -> None:
-    whole = pad_response(SMALL, THICKNESS_MM, POISSON, MARKER_MM)
-    one = node_response(SMALL, THICKNESS_MM, POISSON, 17)
-    np.testing.assert_allclose(one, whole.face[:, :, 17], atol=1e-10)
 
 
 @pytest.mark.parametrize("depth_mm", [0.0, 0.7])
