@@ -19,7 +19,8 @@ from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.image_error import ImageError
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, pad_shape
 from manytouch.estimation.pad.pad_model import MIN_MARKERS, NominalPad, ObservedPad
-from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale
+from manytouch.estimation.pad.patch_fit import PadFit, PatchFitter, misfit_scale, tractions
+from manytouch.estimation.pad.patch_forces import OWN
 from manytouch.estimation.pad.patch_kernels import SHAPE, Profile
 from manytouch.estimation.pad.patch_search import PatchCandidates, PatchSearch, ProfileChoice
 from manytouch.estimation.pad.patches import NO_PATCHES, Patches, halved, joined, nearest_pair
@@ -28,6 +29,7 @@ from manytouch.estimation.reference_drift import ReferenceDrift
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.geometry.neighbours import Neighbours, nearest_neighbours
 from manytouch.geometry.refraction import rest_px
+from manytouch.geometry.spline.patch import Nodal
 from manytouch.values import Contact, Contacts, Sensor, Status, Surface, TrackedGrid
 from manytouch.values.arrays import Mask, Points2, Points3, Scalars, read_only
 
@@ -373,9 +375,17 @@ class PadEstimator:
             displacement_mm=read_only(shape.face_mm),
             covariance_mm2=read_only(covariance_mm2),
             layout=model.layout,
-            spline=model.spline(shape.coefficient_mm, shape.nodal_mm2),
+            spline=model.spline(shape.coefficient_mm, _nodal_mm2(model, fit, found)),
             status=grid.status,
         )
+
+
+def _nodal_mm2(model: ObservedPad, fit: PadFit, found: Sequence[Contact]) -> Nodal:
+    """(n, 3) nodal forces over E, whose pressures add up to the normal forces of the contacts found."""
+    own = fit.patches.own.copy()
+    own[:, SHAPE] = [contact.normal_force_over_E_mm2 for contact in found]
+    own[:, OWN - 1] *= fit.force_mm2 / own[:, SHAPE]  # the radial shear is over the normal force
+    return model.by_node(tractions(model, Patches(own=own, profile=fit.patches.profile)))
 
 
 def _is_near(place_mm: Points2, fit: PadFit, reach_mm: float) -> Mask:

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bonded_pad import YOUNG_MPA, pad_sensor, seen_px
+from bonded_pad import THICKNESS_MM, YOUNG_MPA, pad_sensor, seen_px
 from layouts import grid_at
 from manytouch import sample
 from manytouch.errors import LayoutError, SensorError
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.estimation.mechanics.regions.outlines import polygon_area
 from manytouch.estimation.pad.estimator import PadEstimator, PadState
-from manytouch.estimation.pad.pad_contacts import large_strain
+from manytouch.estimation.pad.pad_contacts import PadContacts, large_strain, pad_shape
 from manytouch.estimation.pad.patch_fit import tractions
 from manytouch.estimation.pad.patch_kernels import Profile
 from manytouch.estimation.pad.patches import Patches, near_groups
@@ -84,6 +84,20 @@ def test_the_pressure_of_the_surface_adds_up_to_the_force(pad_state: PadState) -
     assert surface.spline is not None
     total = surface.spline.force_over_E_mm2.sum(axis=0)
     assert -total[2] == pytest.approx(contacts.touching[0].normal_force_over_E_mm2, rel=1e-6)
+
+
+def test_the_force_grows_over_the_linear_one_with_the_depth(pad_state: PadState) -> None:
+    fit = PadEstimator().fit_frame(pad_state, grid_at(pressed_px(pad_state, ONE), noise_px=0.01, seed=0))
+    shape = pad_shape(pad_state.model, fit)
+    (linear,), (stiff,) = (
+        PadContacts(stiffening=value)(pad_state.model, fit, shape) for value in (0.0, 0.35)
+    )
+    assert linear.normal_force_over_E_mm2 == pytest.approx(float(fit.force_mm2[0]))
+    ratio = 1.0 + 0.35 * linear.depth_mm / THICKNESS_MM
+    assert stiff.normal_force_over_E_mm2 == pytest.approx(ratio * linear.normal_force_over_E_mm2)
+    assert stiff.force_N[2] == pytest.approx(ratio * linear.force_N[2])
+    assert stiff.std("normal_force") > linear.std("normal_force")
+    np.testing.assert_allclose(stiff.force_N[:2], linear.force_N[:2])
 
 
 def test_two_contacts_are_two(pad_state: PadState) -> None:
