@@ -138,6 +138,7 @@ def test_help_is_quick_and_loads_nothing_heavy() -> None:
     assert spent_s < LONGEST_HELP_S
 
 
+@pytest.mark.slow
 def test_demo_serves_the_viewer_until_ctrl_c_and_leaves_tables_and_a_picture(tmp_path: Path) -> None:
     pytest.importorskip("nicegui")
     words = [sys.executable, "-m", "manytouch", "demo"]

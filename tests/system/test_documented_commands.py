@@ -31,8 +31,6 @@ if not (ROOT / "docs" / "index.md").exists():
 OWN_TEST = {"from-nothing-to-newtons.md"}
 ALL_PAGES = {path.name: path for path in [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]}
 PAGES = {name: path for name, path in ALL_PAGES.items() if name not in OWN_TEST}
-QUICK = {"tutorial.md"}
-
 NOT_MANYTOUCH = r"make |pip install|uvx |pipx |git clone|cd |dask |python3 -m venv|ros/bin/|#"
 """Other programs: they install something, or their effect is tested elsewhere."""
 
@@ -160,13 +158,14 @@ def test_every_line_of_a_block_without_a_language_is_a_command_or_a_drawing(page
 
 
 RUN = [
-    pytest.param(page, id=page.name, marks=[] if page.name in QUICK else [pytest.mark.slow])
+    pytest.param(page, id=page.name)
     for page in PAGES.values()
     if any(INSTEAD.get(line, line) for line in commands(page))
     or any(kind == "python" for kind, _ in blocks(page))
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("page", RUN)
 def test_commands_and_python_of_a_page_run(page: Path, folder: Path) -> None:
     pyplot = pytest.importorskip("matplotlib.pyplot")

@@ -220,7 +220,8 @@ def started(folder: Path, *words: object) -> subprocess.Popen[str]:
 
 
 @pytest.mark.skipif(os.name == "nt", reason="signals as POSIX has them")
-@pytest.mark.parametrize("has_earlier", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("has_earlier", [True, False])
 def test_killed_run_leaves_the_earlier_result_and_the_next_one_succeeds(
     tmp_path: Path, long_video: Path, video: Path, paper_results: Path, has_earlier: bool
 ) -> None:

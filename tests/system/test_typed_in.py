@@ -124,6 +124,7 @@ def test_presses_of_one_recording_are_typed_in_and_give_what_their_table_gives(
     assert requested.young_MPa != sensor.sheet.young_MPa
 
 
+@pytest.mark.slow
 def test_too_few_presses_end_in_a_sentence_and_stay(pressed: tuple[Path, Sensor]) -> None:
     folder, _ = pressed
     words = ["calibrate", "sheet", "presses.mcap", "--sensor", "sensor.toml", "--out", "few.toml"]

@@ -242,6 +242,7 @@ def lift_after_tare(page: Page) -> None:
     wait(page, "manytouch.state.update.head.contacts.length === 0")
 
 
+@pytest.mark.slow
 def test_record_and_replay_with_a_timeline(
     session: ServedSession, opened: Callable[..., Page], tmp_path: Path
 ) -> None:
