@@ -143,9 +143,9 @@ def test_depth_errors_by_hand(sheet: Sheet, everywhere: ContactRows) -> None:
 
 def test_the_error_over_the_peak_is_that_of_the_same_frame(sheet: Sheet, everywhere: ContactRows) -> None:
     truth = pressed_sheet(sheet, dent(2.0, 4.0, 5.0), everywhere)
-    estimate = replace(truth, depth_mm=dent(2.2, 2.8, 4.0))
+    estimate = replace(truth, depth_mm=dent(2.4, 2.8, 4.5))
     found = depth_figures(depth_samples(truth, estimate))
-    assert found["rmse_of_peak_percent"] == pytest.approx(20 / np.sqrt(15))  # of 10, 30 and 20 % at one of 15
+    assert found["rmse_of_peak_percent"] == pytest.approx(20 / np.sqrt(15))  # of 20, 30 and 10 % at one of 15
 
 
 def test_a_flat_estimate_has_lost_the_whole_peak(sheet: Sheet, everywhere: ContactRows) -> None:
