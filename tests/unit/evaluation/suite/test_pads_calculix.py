@@ -69,6 +69,7 @@ def test_markers_of_the_pads() -> None:
         half_mm = 0.5 * np.array(case.size_mm)
         assert (np.abs(layout.rest_mm[:, :2]) < half_mm).all()
         assert (sheet.young_MPa, sheet.poisson) == (case.young_MPa, case.poisson)
+        assert (sheet.young_std_MPa, sheet.poisson_std) == (0.0, 0.0)
         counts.append(len(layout.rest_mm))
     assert sorted(counts) == [63] * 8 + [400] * 4
 
