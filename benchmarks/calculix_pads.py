@@ -36,8 +36,9 @@ CAP_MM = 0.4
 """So far above the face, at the last depth, the body ends."""
 BODY_MM = 1.0
 STIFFNESS_MPA_PER_MM, STICK_MPA_PER_MM = 100.0, 10.0
-FIRST_MM = 0.3
-"""Longest way of the first increment of a step."""
+FIRST_MM, STUCK_MM = 0.3, 0.1
+"""Longest way of the first increment of a step without friction, and of every increment with it: points that
+begin to touch in an increment stick from its beginning on."""
 CONTROLS, RESIDUALS = "*CONTROLS, PARAMETERS=FIELD", "0.5, 0.05, , , 0.5"
 """Largest residual over the mean force, and correction over the increment."""
 BALANCE = 0.005
@@ -183,7 +184,9 @@ def deck(case: CalculixCase, pad: HexMesh, rest: Body, *, stiffness: float = 1.0
         step_mm = float(np.linalg.norm(np.subtract(way_mm, before_mm)))
         before_mm = np.array(way_mm)
         lines += ["*STEP, NLGEOM, INC=500", CONTROLS, RESIDUALS, "*STATIC"]
-        lines += [f"{1.0 / math.ceil(step_mm / FIRST_MM - 1e-9):.6g}, 1., 1e-4, 1.", "*BOUNDARY"]
+        longest_mm = STUCK_MM if friction > 0.0 else FIRST_MM
+        first = 1.0 / math.ceil(step_mm / longest_mm - 1e-9)
+        lines += [f"{first:.6g}, 1., 1e-4, {first if friction > 0.0 else 1.0:.6g}", "*BOUNDARY"]
         lines += [f"BODY, {axis}, {axis}, {move_mm:.9g}" for axis, move_mm in enumerate(way_mm, start=1)]
         lines += ["*NODE PRINT, NSET=PAD, FREQUENCY=1000", "U"]
         for name in ("BONDED", "BODY", "FACE"):
