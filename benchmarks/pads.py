@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manytouch.estimation.pad.estimator import PadEstimator
-from manytouch.evaluation.suite.pads.cases import PadCase, pads
+from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
 from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.evaluation.suite.pads.recording import pad_states
 from manytouch.evaluation.suite.sensors import exact_sensor
@@ -42,7 +42,7 @@ class Row(NamedTuple):
     depth_stds: float
 
 
-def sensor_of(case: PadCase) -> Sensor:
+def sensor_of(case: OwnPadCase) -> Sensor:
     """The pad behind a window of 3 mm, in an image of 320 x 240 px with about 13 px per mm."""
     return true_pad(case, width_px=320, centre_noise_px=NOISE_PX)
 
@@ -73,7 +73,7 @@ def images_px(sensor: Sensor, markers: Deformation) -> np.ndarray:
     return Simulator(sensor=sensor, scene=scene).truth(0).grid.position_px
 
 
-def rows_of(case: PadCase, level: float, state: Deformation, touching: tuple[Contact, ...]) -> list[Row]:
+def rows_of(case: OwnPadCase, level: float, state: Deformation, touching: tuple[Contact, ...]) -> list[Row]:
     """Errors of the contacts of one state that were found, printed and returned."""
     unit, rows = "N" if not case.press.bodies else "mm", []
     for true in state.contacts:

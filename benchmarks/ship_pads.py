@@ -8,13 +8,13 @@ from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
-from manytouch.evaluation.suite.pads.cases import PadCase, pads
+from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
 from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.simulation.pad_presses import PressedPad, solve_pad
 from manytouch.simulation.scene.deformation_file import write_deformations
 
 
-def states(case: PadCase) -> Iterator[tuple[float, PressedPad]]:
+def states(case: OwnPadCase) -> Iterator[tuple[float, PressedPad]]:
     """The three levels of a case and the solved pads."""
     loading, kept = case.press.loading(case.thickness_mm)
     solved = list(solve_pad(true_pad(case), loading))

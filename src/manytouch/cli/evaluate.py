@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from manytouch.evaluation.suite.cases import Case
     from manytouch.evaluation.suite.runner import Evaluation
 
-Group = Literal["nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal"]
+Group = Literal["nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal", "pads_calculix"]
 GROUPS: tuple[Group, ...] = get_args(Group)
 
 
@@ -31,7 +31,7 @@ def evaluate(
     *,
     out: Annotated[Path, options.folder("Folder for report.html and report.json.")],
     quick: Annotated[
-        bool, Parameter(negative=(), help="Run only 32 cases of the suite (some minutes).")
+        bool, Parameter(negative=(), help="Run only 34 cases of the suite (some minutes).")
     ] = False,
     method: Annotated[
         list[options.Method] | None,

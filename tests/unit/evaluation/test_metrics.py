@@ -141,6 +141,13 @@ def test_depth_errors_by_hand(sheet: Sheet, everywhere: ContactRows) -> None:
     assert found["given_percent"] == 100
 
 
+def test_the_error_over_the_peak_is_that_of_the_same_frame(sheet: Sheet, everywhere: ContactRows) -> None:
+    truth = pressed_sheet(sheet, dent(2.0, 4.0, 5.0), everywhere)
+    estimate = replace(truth, depth_mm=dent(2.4, 2.8, 4.5))
+    found = depth_figures(depth_samples(truth, estimate))
+    assert found["rmse_of_peak_percent"] == pytest.approx(20 / np.sqrt(15))  # of 20, 30 and 10 % at one of 15
+
+
 def test_a_flat_estimate_has_lost_the_whole_peak(sheet: Sheet, everywhere: ContactRows) -> None:
     truth = pressed_sheet(sheet, dent(2.0, 4.0, 5.0), everywhere)
     found = depth_figures(depth_samples(truth, replace(truth, depth_mm=np.zeros((3, 15)))))
@@ -257,6 +264,15 @@ def test_shear_with_friction_is_that_of_contacts_with_more_than_a_seventh_of_the
     assert found["shear_median_percent"] == pytest.approx(160)
     assert found["friction_shear_median_percent"] == pytest.approx(20)
     assert found["friction_shear_p95_percent"] == pytest.approx(20)
+
+
+def test_the_direction_of_shear_is_that_of_contacts_with_friction(contact_table: Table) -> None:
+    truth = contact_table([(0, 1, 0, 0, 2, 10.0, 3.0, 4.0), (1, 1, 0, 0, 2, 10.0, 1.0, 0.0)])
+    estimated = contact_table([(0, 1, 0, 0, 2, 9.0, 0.0, 5.0), (1, 1, 0, 0, 2, 10.0, -1.0, 0.0)])
+    found = force_figures(contact_samples(truth, estimated))
+    assert found["friction_shear_angle_median_deg"] == pytest.approx(np.rad2deg(np.arccos(0.8)))
+    nothing = contact_table([(0, 1, 0, 0, 2, 9.0, 0.0, 0.0)])
+    assert np.isnan(force_figures(contact_samples(truth, nothing))["friction_shear_angle_median_deg"])
 
 
 def test_the_worst_twentieth_by_hand(contact_table: Table, sheet: Sheet) -> None:

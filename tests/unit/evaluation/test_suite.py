@@ -11,6 +11,7 @@ from manytouch.evaluation.records.record import EvaluationError
 from manytouch.evaluation.suite.cases import (
     GROUPS,
     HOLD_FRAMES,
+    OWN_PAD_GROUPS,
     PAD_GROUPS,
     REST_FRAMES,
     VARIED_GROUPS,
@@ -47,8 +48,9 @@ def test_half_of_each_group_is_held_out_and_a_third_of_the_varied_ones_and_of_pa
         assert counts[group, True] == counts[group, False]
     for group in VARIED_GROUPS:
         assert (counts[group, True], counts[group, False]) == (80, 40)
-    for group in PAD_GROUPS:
+    for group in OWN_PAD_GROUPS:
         assert (counts[group, True], counts[group, False]) == (15, 7)
+    assert (counts["pads_calculix", True], counts["pads_calculix", False]) == (8, 4)
     assert {case.looked_at for case in cases(tuning=True)} == {True}
 
 
@@ -93,7 +95,7 @@ def test_stress_goes_to_the_limits() -> None:
 
 def test_quick_takes_some_of_each_group_from_both_halves() -> None:
     found = cases(quick=True)
-    assert len(found) == 32
+    assert len(found) == 34
     assert {case.group for case in found} == set(GROUPS)
     assert len({case.looked_at for case in found}) == 2
 

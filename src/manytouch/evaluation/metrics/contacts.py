@@ -200,7 +200,8 @@ def force_figures(samples: ContactSamples) -> dict[str, float]:
     true force, of contacts with at least 0.05 N of it. A contact whose force the method does not give
     counts in `..._given_percent` alone, not as an error of the whole force. Friction: shear of contacts
     whose true shear is at least 0.15 of the normal force; without friction, less remains where the sheet is
-    inclined. Torque: |estimated - true| about the sheet's normal.
+    inclined. The angle is that between estimated and true shear, of contacts with friction and at least
+    0.05 N of shear. Torque: |estimated - true| about the sheet's normal.
     """
     normal = samples.force_N - samples.true_force_N
     shear = np.linalg.norm(samples.shear_N - samples.true_shear_N, axis=1)
@@ -208,6 +209,7 @@ def force_figures(samples: ContactSamples) -> dict[str, float]:
     relative = _relative(normal, samples.true_force_N)
     rubs = true_shear >= FRICTION * samples.true_force_N
     by_friction = _relative(shear[rubs], true_shear[rubs])
+    turned = rubs & (true_shear >= SMALLEST_N) & (np.linalg.norm(samples.shear_N, axis=1) > 0.0)
     torque = samples.torque_Nmm - samples.true_torque_Nmm
     return {
         "normal_given_percent": _given(normal, samples.true_force_N),
@@ -223,6 +225,9 @@ def force_figures(samples: ContactSamples) -> dict[str, float]:
         "shear_p95_percent": percentile(_relative(shear, true_shear), 95),
         "friction_shear_median_percent": percentile(by_friction, 50),
         "friction_shear_p95_percent": percentile(by_friction, 95),
+        "friction_shear_angle_median_deg": percentile(
+            _angle_deg(samples.shear_N[turned], samples.true_shear_N[turned]), 50
+        ),
         "torque_given_percent": _given(torque, samples.true_torque_Nmm),
         "torque_median_Nmm": percentile(np.abs(torque), 50),
         "torque_p95_Nmm": percentile(np.abs(torque), 95),
@@ -234,6 +239,13 @@ def _relative(error: Scalars, true: Scalars) -> np.ndarray:
     enough = true >= SMALLEST_N
     relative: np.ndarray = 100 * error[enough] / true[enough]
     return relative
+
+
+def _angle_deg(one_N: Points2, other_N: Points2) -> Scalars:
+    """Angles (k,) from 0 to 180 degrees between vectors (k, 2)."""
+    across = one_N[:, 0] * other_N[:, 1] - one_N[:, 1] * other_N[:, 0]
+    angle_deg: Scalars = np.rad2deg(np.abs(np.arctan2(across, (one_N * other_N).sum(axis=1))))
+    return angle_deg
 
 
 def _given(error: Scalars, true: Scalars) -> float:

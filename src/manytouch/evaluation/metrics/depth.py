@@ -89,18 +89,22 @@ def depth_figures(samples: DepthSamples, *, shallowest_mm: float = SHALLOWEST_PE
     `peak_percent` = 100 (largest estimated - largest true depth) / largest true depth of a frame,
     wherever the two lie; the median and the 95th percentile are of its absolute value, `peak_bias_percent`
     is the median with its sign. `at_peak_percent` is the same with the estimate at the marker that is
-    truly deepest. Frames less than `shallowest_mm` deep have no peak. `given_percent`: true markers with an
-    estimate. `rest_rmse_mm`: median of the frames in which nothing touches.
+    truly deepest. Frames less than `shallowest_mm` deep have no peak. `rmse_of_peak_percent`: RMSE of a frame
+    over its largest true depth, median of the frames in which something touches. `given_percent`: true
+    markers with an estimate. `rest_rmse_mm`: median of the frames in which nothing touches.
     """
     pressed = samples.is_pressed
     deep = pressed & (samples.true_peak_mm >= shallowest_mm)
     with np.errstate(invalid="ignore"):
         peak = 100 * (samples.peak_mm - samples.true_peak_mm)[deep] / samples.true_peak_mm[deep]
         at_peak = 100 * (samples.at_peak_mm - samples.true_peak_mm)[deep] / samples.true_peak_mm[deep]
+    has_depth = pressed & (samples.true_peak_mm > 0.0)
+    of_peak = 100 * samples.rmse_mm[has_depth] / samples.true_peak_mm[has_depth]
     given = samples.given[pressed & np.isfinite(samples.given)]
     return {
         "rmse_median_mm": percentile(samples.rmse_mm[pressed], 50),
         "rmse_worst_mm": percentile(samples.rmse_mm[pressed], 100),
+        "rmse_of_peak_percent": percentile(of_peak, 50),
         "worst_mm": percentile(samples.worst_mm[pressed], 100),
         "peak_percent": percentile(np.abs(peak), 50),
         "peak_p95_percent": percentile(np.abs(peak), 95),

@@ -126,6 +126,7 @@ def halves_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
         "held_out": "half that is held out",
         "pads": "bonded pads, true sensor file",
         "pads_nominal": "bonded pads, nominal sensor file",
+        "pads_calculix": "bonded pads solved by CalculiX",
     }
     keys = (
         *(("depth", "rmse_median_mm"), ("depth", "rmse_worst_mm"), ("depth", "peak_percent")),

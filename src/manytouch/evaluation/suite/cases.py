@@ -4,11 +4,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 REST_FRAMES, RAMP_FRAMES, HOLD_FRAMES = 15, 8, 4
-GROUPS = ("nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal")
+GROUPS = ("nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal", "pads_calculix")
 VARIED_GROUPS = ("varied", "drawn")
 """Other shapes on other sheets: with the true sensor, and with randomly sampled errors of its numbers."""
-PAD_GROUPS = ("pads", "pads_nominal")
-"""Bonded pads, whose figures stand apart: with the true sensor file, and with a nominal one."""
+OWN_PAD_GROUPS = ("pads", "pads_nominal")
+"""Bonded pads solved by our own finite elements: with the true sensor file, and with a nominal one."""
+PAD_GROUPS = (*OWN_PAD_GROUPS, "pads_calculix")
+"""Bonded pads, whose figures stand apart: also those that CalculiX solved, with the true sensor file."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +69,17 @@ class Case:
         width_px: of the 16:9 picture.
     """
 
-    group: Literal["nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal", "published"]
+    group: Literal[
+        "nominal",
+        "separation",
+        "stress",
+        "varied",
+        "drawn",
+        "pads",
+        "pads_nominal",
+        "pads_calculix",
+        "published",
+    ]
     name: str
     seed: int
     looked_at: bool

@@ -23,7 +23,7 @@ def given_sensor(case: Case) -> Sensor:
     - Any other case: the true sensor, whose sheet is stated to be exactly known.
     """
     if isinstance(case, PadCase):
-        return exact_sensor(given_pad(case)) if case.group == "pads" else given_pad(case)
+        return exact_sensor(given_pad(case)) if case.group != "pads_nominal" else given_pad(case)
     true = with_all_dots(true_sensor(case))
     if isinstance(case, VariedCase) and case.group == "drawn":
         return drawn_sensor(case, true)

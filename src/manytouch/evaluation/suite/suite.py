@@ -13,12 +13,13 @@ import numpy as np
 from manytouch.evaluation.records.record import EvaluationError
 from manytouch.evaluation.suite.cases import (
     GROUPS,
-    PAD_GROUPS,
+    OWN_PAD_GROUPS,
     VARIED_GROUPS,
     Case,
     SensorPerturbation,
     Touch,
 )
+from manytouch.evaluation.suite.pads.calculix import calculix_pads
 from manytouch.evaluation.suite.pads.cases import pads
 from manytouch.evaluation.suite.varied.cases import varied
 
@@ -50,7 +51,8 @@ def cases(groups: Sequence[str] = GROUPS, *, quick: bool = False, tuning: bool =
         "separation": separation,
         "stress": stress,
         **{name: partial(varied, name) for name in VARIED_GROUPS},
-        **{name: partial(pads, name) for name in PAD_GROUPS},
+        **{name: partial(pads, name) for name in OWN_PAD_GROUPS},
+        "pads_calculix": calculix_pads,
     }
     found = tuple(
         case

@@ -18,7 +18,7 @@ from manytouch.simulation.fem.contact.indenters import (
     SquarePunch,
     signed_distance,
 )
-from manytouch.simulation.fem.elements.mesh import reference_nodes
+from manytouch.simulation.fem.elements.mesh import HexMesh, Nodal, reference_nodes
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import FINE_POINTS, patch_shares
 from manytouch.simulation.fem.state import SheetState
@@ -106,7 +106,11 @@ def _footprint_mm2(indenter: Indenter) -> float | None:
 
 def plane(state: SheetState, level: int) -> Deformation:
     """How the material between two layers moved: at the grid line of this number along z; no contacts."""
-    mesh = state.mesh
+    return replace(moved_plane(state.mesh, state.displacement_mm, level), status=state.status)
+
+
+def moved_plane(mesh: HexMesh, displacement_mm: Nodal, level: int) -> Deformation:
+    """The same from displacements (n, 3) of the nodes, of whatever program."""
     x_mm, y_mm = (with_middles(line) for line in mesh.lines_mm[:2])
     cells = [len(line) - 1 for line in mesh.lines_mm]
     layer = min(level, cells[2] - 1)
@@ -116,10 +120,10 @@ def plane(state: SheetState, level: int) -> Deformation:
     column, row = np.divmod(np.arange(len(element)), cells[1])
     for node in np.flatnonzero(halves[:, 2] == 2 * (level - layer)):
         at = (2 * column + halves[node, 0], 2 * row + halves[node, 1])
-        face_mm[at] = state.displacement_mm[element[:, node]]
+        face_mm[at] = displacement_mm[element[:, node]]
     fill_middles(face_mm)
     return Deformation(
-        x_mm=x_mm, y_mm=y_mm, face_mm=read_only(face_mm.astype(np.float32)), contacts=(), status=state.status
+        x_mm=x_mm, y_mm=y_mm, face_mm=read_only(face_mm.astype(np.float32)), contacts=(), status="ok"
     )
 
 

@@ -12,7 +12,7 @@ from manytouch.evaluation.report.pad_goals import goal_rows, goal_sentences
 from manytouch.evaluation.report.report_data import contents, part
 from manytouch.evaluation.suite.cases import HOLD_FRAMES, REST_FRAMES
 from manytouch.evaluation.suite.given import given_sensor
-from manytouch.evaluation.suite.pads.cases import PadCase, pads
+from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
 from manytouch.evaluation.suite.pads.pad_sensors import given_pad, true_pad
 from manytouch.evaluation.suite.pads.presses import PRESSES
 from manytouch.evaluation.suite.pads.recording import pad_states, simulate_pad
@@ -24,7 +24,7 @@ from manytouch.simulation.fem.contact.indenters import ConvexBody
 
 
 @pytest.mark.parametrize("case", tuple(pads("pads")), ids=lambda case: case.name)
-def test_every_press_ships_and_grows_with_its_depth(case: PadCase) -> None:
+def test_every_press_ships_and_grows_with_its_depth(case: OwnPadCase) -> None:
     states = pad_states(case)
     force_N = [-markers.contacts[0].force_N[2] for markers, _ in states]
     assert len(states) == 3
@@ -41,7 +41,7 @@ def test_every_press_ships_and_grows_with_its_depth(case: PadCase) -> None:
 
 
 @pytest.mark.parametrize("case", tuple(pads("pads")), ids=lambda case: case.name)
-def test_what_ships_is_what_is_pressed(case: PadCase) -> None:
+def test_what_ships_is_what_is_pressed(case: OwnPadCase) -> None:
     loading, kept = case.press.loading(case.thickness_mm)
     states = pad_states(case)
     for number, (markers, _) in zip(kept, states, strict=True):

@@ -1,9 +1,9 @@
-"""The cases of bonded pads: presses on pads of several sizes, stiffnesses and lattices."""
+"""Cases of bonded pads that our own finite elements solved: several sizes, stiffnesses and lattices."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from manytouch.evaluation.suite.cases import HOLD_FRAMES, PAD_GROUPS, REST_FRAMES, Case
+from manytouch.evaluation.suite.cases import HOLD_FRAMES, OWN_PAD_GROUPS, REST_FRAMES, Case
 from manytouch.evaluation.suite.pads.presses import PRESSES, PadPress
 
 WIDTH_PX = 640
@@ -14,13 +14,11 @@ class PadCase(Case):
     """A press on a bonded pad, three states held for four frames each after 15 frames at rest.
 
     Attributes:
-        press: what touches the pad.
         solution: file in `deformations` with the plane of the markers and the contact face in each state.
         marker_depth_mm: below the contact face.
         rows, columns: of the markers.
     """
 
-    press: PadPress
     solution: str
     marker_depth_mm: float
     rows: int = 7
@@ -30,6 +28,17 @@ class PadCase(Case):
     def frame_count(self) -> int:
         """Frames of its recording."""
         return REST_FRAMES + 3 * HOLD_FRAMES
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OwnPadCase(PadCase):
+    """A press that our own finite elements solved.
+
+    Attributes:
+        press: what touches the pad.
+    """
+
+    press: PadPress
 
 
 _GEL = {
@@ -106,13 +115,13 @@ HELD_OUT = (
 QUICK = ("ball-3-mm", "ball-5-mm-near-a-side", "square-5-mm")
 
 
-def pads(group: str) -> Iterator[PadCase]:
-    """The cases of one of `PAD_GROUPS`."""
+def pads(group: str) -> Iterator[OwnPadCase]:
+    """The cases of one of `OWN_PAD_GROUPS`."""
     for number, (name, pad) in enumerate(_PADS.items()):
-        yield PadCase(
+        yield OwnPadCase(
             group=group,  # type: ignore[arg-type]
             name=name,
-            seed=4000 + number + 100 * PAD_GROUPS.index(group),
+            seed=4000 + number + 100 * OWN_PAD_GROUPS.index(group),
             looked_at=name not in HELD_OUT,
             is_quick=name in QUICK,
             touches=(),

@@ -101,7 +101,7 @@ def given_pad(case: PadCase) -> Sensor:
     true = true_pad(case)
     sheet = true.sheet
     assert sheet is not None
-    if case.group == "pads":
+    if case.group != "pads_nominal":
         return true
     young_MPa, thickness_mm = (
         case.young_MPa * NOMINAL["young_MPa"],
