@@ -144,7 +144,7 @@ class PadEstimator:
     refusal_lasts: float = 0.97
     split_misfit: float = 2.0
     merge_gain: float = 15.0
-    same_share: float = 1e-3
+    same_share: float = 0.1
 
     def start(self, sensor: Sensor) -> PadState:
         """Computes everything that depends on the sensor only, and limits BLAS to one thread.
@@ -329,7 +329,9 @@ class PadEstimator:
         if len(patches) == 0:
             return self.fitter(model, patches, *images)
         for _ in range(2):
-            fit = self.fitter(model, patches, *images, is_sheet_known=True, with_covariance=False)
+            fit = self.fitter(
+                model, patches, *images, is_sheet_known=True, with_covariance=False, is_rough=True
+            )
             patches, again_mm = fit.patches, fit.marker_mm(model)
             if np.abs(again_mm - moved_mm).max() <= self.same_share * np.abs(again_mm).max():
                 break

@@ -127,6 +127,8 @@ class PatchFitter:
         fitted_share: share of the standard deviations of Poisson's ratio and of the thickness that is fitted.
             The rest counts in the covariance only, since the error of the model is taken for theirs.
         max_steps: of the iteration.
+        least_gain, rough_gain: reduction of the misfit by a step below which a fit ends, and one that another
+            fit follows.
     """
 
     prior: PatchPrior = field(default_factory=PatchPrior)
@@ -135,6 +137,8 @@ class PatchFitter:
     turn_rad: float = 3e-4
     fitted_share: float = 0.4
     max_steps: int = 20
+    least_gain: float = 1e-3
+    rough_gain: float = 0.5
 
     def __call__(
         self,
@@ -145,6 +149,7 @@ class PatchFitter:
         *,
         is_sheet_known: bool = False,
         with_covariance: bool = True,
+        is_rough: bool = False,
     ) -> PadFit:
         """The patches that explain the images best, from guesses.
 
@@ -155,6 +160,7 @@ class PatchFitter:
             weight: (2 m,) inverse variances, 0 where not seen.
             is_sheet_known: keep the parameters of the pad.
             with_covariance: False leaves the covariances empty.
+            is_rough: whether another fit follows.
         """
         count, parameters, rows = len(patches), len(model.by_parameter), len(measured_px)
         sheet = np.zeros((0, parameters, LOAD_COUNT, rows))
@@ -184,9 +190,8 @@ class PatchFitter:
                 common=common,
                 measured=Measured(np.ascontiguousarray(measured_px), np.ascontiguousarray(weight)),
             ),
-            self._limits(model),
+            self._limits(model, self.rough_gain if is_rough else self.least_gain),
             work,
-            self.max_steps,
             with_covariance,
         )
         contacts, motion, fitted = _parts(theta, count)
@@ -250,8 +255,8 @@ class PatchFitter:
         sheet[_FITTED:] = _KEPT_STD
         return np.array([self.shift_px, self.shift_px, self.growth, self.turn_rad, *sheet])
 
-    def _limits(self, model: ObservedPad) -> Limits:
-        """How far contacts may go."""
+    def _limits(self, model: ObservedPad, least_gain: float) -> Limits:
+        """How far contacts may go, and when an iteration ends."""
         wide_mm, high_mm = model.patch.size_mm
         return Limits(
             least_mm=_MIN_ROOT * model.thickness_mm,
@@ -260,6 +265,8 @@ class PatchFitter:
             half_x_mm=0.5 * wide_mm,
             half_y_mm=0.5 * high_mm,
             step_mm=0.7 * model.thickness_mm,
+            max_steps=self.max_steps,
+            least_gain=least_gain,
         )
 
 

@@ -14,7 +14,7 @@ from manytouch.estimation.pad.patch_slopes import PatchPad, add_image, fill_slop
 
 _TRIALS = 4  # of the damping in a step
 _MOST_STRETCH = 1.0 - 1e-9  # of the squared difference of the principal moments over their sum
-_LEAST_GAIN, _LEAST_SHARE = 1e-5, 1e-6  # reduction of the misfit below which the iteration ends
+_LEAST_SHARE = 1e-6  # of the misfit by which a step reduces it, below which the iteration ends
 
 
 class PriorNumbers(NamedTuple):
@@ -35,7 +35,10 @@ class PriorNumbers(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Limits of a contact, mm: roots of its moments, half the size of the pad, largest motion in a step."""
+    """Limits of a contact, mm: roots of its moments, half the size of the pad, largest motion in a step.
+
+    And those of an iteration: the number of its steps, and the reduction of the misfit below which it ends.
+    """
 
     least_mm: float
     most_x_mm: float
@@ -43,6 +46,8 @@ class Limits(NamedTuple):
     half_x_mm: float
     half_y_mm: float
     step_mm: float
+    max_steps: int
+    least_gain: float
 
 
 class Common(NamedTuple):
@@ -296,7 +301,6 @@ def iterate(
     problem: Problem,
     limits: Limits,
     work: Work,
-    max_steps: int,
     with_curvature: bool,
 ) -> float:
     """Move parameters to the least misfit, which is returned.
@@ -306,11 +310,10 @@ def iterate(
         count: number of contacts.
         problem, limits: see their classes.
         work: gets the residual, and with `with_curvature` the curvature, of the result.
-        max_steps: of the iteration.
         with_curvature: whether the curvature of the result is wanted.
     """
     now, damping = _misfit(theta, count, problem, work.residual), 1e-4
-    for _ in range(max_steps):
+    for _ in range(limits.max_steps):
         _slopes(theta, count, problem, work)
         before = now
         for _ in range(_TRIALS):
@@ -323,7 +326,7 @@ def iterate(
                 now, damping = tried, 0.1 * damping
                 break
             damping = max(10.0 * damping, 1e-3)
-        if before - now < _LEAST_SHARE * before + _LEAST_GAIN:
+        if before - now < _LEAST_SHARE * before + limits.least_gain:
             break
     if with_curvature:
         _slopes(theta, count, problem, work)
