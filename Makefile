@@ -57,8 +57,10 @@ demo: .venv/compiled
 test slow: export PYTHONDONTWRITEBYTECODE =
 test slow: export CHECK_TYPES = 1
 
+# Kernels are compiled first, each once: two workers would compile the same ones at the same time.
 # Files run in the order of their names, the system tests early: long files at the end would leave a worker idle.
 test: .venv/ready .venv/compiled
+	@$(BIN)/python -c "from manytouch.session.warm_up import warm_up_kernels as warm_up; warm_up('mechanics'); warm_up('perimeter')"
 	@$(BIN)/python -m pytest -m "not slow" -n $(WORKERS) --dist loadfile --no-loadscope-reorder $(ARGS)
 
 slow: .venv/ready .venv/compiled
