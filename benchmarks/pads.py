@@ -3,9 +3,9 @@
 3-D solids with free sides are pressed by the bodies of the groups of pads of `evaluate`. The method
 `mechanics` gets the true images of the markers with 0.02 px of noise and the true sensor file, which states
 that its numbers are exact; with --wrong-file, Poisson's ratio is .01 too large (but at most .495) and the
-thickness 4 % too small, and the file states no deviations. Each state is a new start from rest, or, with
---path, follows the one before. Cases that no constant was chosen on are left out unless --held-out is given.
-The solved presses are those of the package.
+thickness 4 % too small, and the file states no deviations. With --linear, forces are those of the linear pad.
+Each state is a new start from rest, or, with --path, follows the one before. Cases that no constant was
+chosen on are left out unless --held-out is given. The solved presses are those of the package.
 
     .venv/bin/python benchmarks/pads.py
     .venv/bin/python benchmarks/pads.py --wrong-file
@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from manytouch.estimation.pad.estimator import PadEstimator
+from manytouch.estimation.pad.pad_contacts import PadContacts
 from manytouch.evaluation.suite.pads.cases import OwnPadCase, pads
 from manytouch.evaluation.suite.pads.pad_sensors import true_pad
 from manytouch.evaluation.suite.pads.recording import pad_states
@@ -110,9 +111,12 @@ def main() -> None:
     parser.add_argument("--only", default="", help="cases whose name contains this")
     parser.add_argument("--path", action="store_true", help="each depth follows the one before")
     parser.add_argument("--held-out", action="store_true", help="also cases that no constant was chosen on")
+    parser.add_argument("--linear", action="store_true", help="forces without stiffening")
     parser.add_argument("--wrong-file", action="store_true", help="the sensor file is not exact")
     options = parser.parse_args()
     estimate, random = PadEstimator(), np.random.default_rng(5)
+    if options.linear:
+        estimate = PadEstimator(pad_contacts=PadContacts(stiffening=0.0))
     rows: dict[bool, list[Row]] = {True: [], False: []}
     for case in pads("pads"):
         if options.only not in case.name or not (case.looked_at or options.held_out):

@@ -386,7 +386,10 @@ def _nodal_mm2(model: ObservedPad, fit: PadFit, found: Sequence[Contact]) -> Nod
     """(n, 3) nodal forces over E, whose pressures add up to the normal forces of the contacts found."""
     own = fit.patches.own.copy()
     own[:, SHAPE] = [contact.normal_force_over_E_mm2 for contact in found]
-    own[:, OWN - 1] *= fit.force_mm2 / own[:, SHAPE]  # the radial shear is over the normal force
+    # the radial shear is over the normal force
+    own[:, OWN - 1] *= np.divide(
+        fit.force_mm2, own[:, SHAPE], where=own[:, SHAPE] != 0.0, out=np.ones(len(own))
+    )
     return model.by_node(tractions(model, Patches(own=own, profile=fit.patches.profile)))
 
 

@@ -94,9 +94,10 @@ class PadContacts:
         depth_pitch: standard deviation of the depth that the model does not explain, in pitches.
         force_share: standard deviation of the normal force that the model does not explain, over it.
         stiffening: by how much the normal force of a large strain exceeds that of the linear pad, over it,
-            where the depth is one thickness; proportional to the depth. The mean of objects that slide (near
-            0) and of those that stick (near .8), in 3-D solutions to depths of .4 thicknesses with Poisson's
-            ratios of .47 to .49: the markers do not show which of them presses.
+            where the depth is one thickness; proportional to the depth. Chosen for the least mean error over
+            3-D solutions with depths to .4 thicknesses and Poisson's ratios of .47 to .49: balls that slide
+            need 0, edges and rings .5 to .8, bodies that stick 1 to 2, and the markers do not show which of
+            them presses.
         large_strain: standard deviation of depth and normal force by large strains, over their values, where
             the depth is one thickness; proportional to the depth.
         wide: standard deviation of depth and normal force of wide contacts, over their values, where the mean
@@ -160,8 +161,9 @@ class PadContacts:
         own = fit.patches.own[number]
         depth_mm, slope, moved_mm = _depth(model, fit, shape, number)
         per_mm = self.stiffening / model.thickness_mm
-        centre_mm, press_mm2 = own[:2], float(own[SHAPE]) * (1.0 + per_mm * max(depth_mm, 0.0))
-        slope[_NORMAL] *= press_mm2 / own[SHAPE]
+        stiffer = 1.0 + per_mm * max(depth_mm, 0.0)
+        centre_mm, press_mm2 = own[:2], stiffer * float(own[SHAPE])
+        slope[_NORMAL] *= stiffer
         if depth_mm > 0.0:
             slope[_NORMAL] += own[SHAPE] * per_mm * slope[_DEPTH]
         part = np.r_[
