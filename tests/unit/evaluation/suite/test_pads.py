@@ -19,6 +19,7 @@ from manytouch.evaluation.suite.pads.recording import pad_states, simulate_pad
 from manytouch.evaluation.suite.recordings import FemSimulation
 from manytouch.evaluation.suite.runner import Evaluation, Trial, process_case
 from manytouch.evaluation.suite.solutions import Solutions
+from manytouch.evaluation.suite.suite import cases
 from manytouch.session import pipeline_for
 from manytouch.simulation.fem.contact.indenters import ConvexBody
 
@@ -144,3 +145,21 @@ def test_a_figure_beyond_its_goal_is_not_reached(trial: Trial) -> None:
     reached = {row["label"]: row["cells"][0][1] for row in goal_rows(evaluation)}
     assert not reached["normal force error, relative, median"]
     assert reached["precision"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("group", "missed"), [("pads", set()), ("pads_calculix", {"normal force error, relative, median"})]
+)
+def test_presses_on_pads_reach_their_goals(group: str, missed: set[str], tmp_path: Path) -> None:
+    simulation, pipelines = (
+        FemSimulation(solutions=Solutions(folder=tmp_path)),
+        {"mechanics": pipeline_for("mechanics")},
+    )
+    trials = tuple(process_case(case, pipelines, simulation.simulate(case)) for case in cases((group,)))
+    evaluation = Evaluation(
+        title="any", truth_description="any", methods=("mechanics",), trials=trials, settings={}
+    )
+    rows = goal_rows(evaluation)
+    assert len(rows) == 9
+    assert {row["label"] for row in rows if not row["cells"][0][1]} <= missed
