@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from manytouch.rigs.rig_file import RigSensor
-from manytouch.sinks.files.tables import contact_column_names, six_digits
+from manytouch.sinks.files.tables import cell, contact_column_names, six_digits
 from manytouch.values import ESTIMATES, Contact, Frame, Phase, Sensor
 from manytouch.values.tabular.rows import contact_row
 
@@ -63,7 +63,7 @@ class RigContact:
             *(six_digits(value) for value in numbers),
             f"{self.sensor_time_s:.6f}",
             *(six_digits(value) for value in stds),
-            *(_cell(self.own[name]) for name in _OWN),
+            *(cell(self.own[name]) for name in _OWN),
         ]
 
 
@@ -74,7 +74,7 @@ def in_rig(contact: Contact, sensor: Sensor, rig: RigSensor, frame: Frame) -> Ri
     position = rig.rotation @ np.array([x, y, -contact.depth_mm]) + rig.translation_mm
     position_std = _turned_stds(contact, _POSITION, rig)
     unknown = np.full(3, np.nan)
-    own = contact_row(contact)
+    own = contact_row(frame, contact)
     return RigContact(
         id=contact.id,
         phase=contact.phase,
@@ -99,12 +99,3 @@ def _turned_stds(contact: Contact, places: list[int], rig: RigSensor) -> np.ndar
 def _three(values: np.ndarray) -> Three:
     x, y, z = (float(value) for value in values)
     return x, y, z
-
-
-def _cell(value: object) -> object:
-    """Of a CSV file; empty where nothing is known."""
-    if value is None:
-        return ""
-    if isinstance(value, bool):
-        return int(value)
-    return six_digits(value) if isinstance(value, float) else value

@@ -17,6 +17,7 @@ from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.parquet_file import ParquetFile
 from manytouch.sinks.files.sensor_description import layout_of
 from manytouch.values import Contact, LengthUnit, Reading, Sensor
+from manytouch.values.tabular.rows import contact_row
 
 ROWS_PER_GROUP = 65536
 
@@ -77,6 +78,15 @@ def six_digits(value: float) -> str:
     return f"{value + 0.0:.6g}" if math.isfinite(value) else ""
 
 
+def cell(value: object) -> object:
+    """A value of `contact_row` as it is written; empty when not known."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return int(value)
+    return six_digits(value) if isinstance(value, float) else value
+
+
 def seconds_text(timestamp_ns: int) -> str:
     """Seconds since the source's start, to the microsecond however long it has run."""
     return f"{time_s(timestamp_ns):.6f}"
@@ -117,26 +127,9 @@ class ContactTable:
         self._table.close()
 
     def _row(self, reading: Reading, contact: Contact) -> list[object]:
-        normal_force_N = -float(contact.force_N[2])
-        return [
-            *(reading.frame.index, seconds_text(reading.frame.timestamp_ns)),
-            *(contact.id, contact.phase.value),
-            *(six_digits(float(value)) for value in contact.centre_mm),
-            *(six_digits(contact.depth_mm), six_digits(normal_force_N)),
-            *(six_digits(float(value)) for value in contact.force_N[:2]),
-            six_digits(contact.area_mm2),
-            *(six_digits(contact.std(name)) for name in ("x", "y", "normal_force")),
-            *(six_digits(float(value)) for value in contact.centre_px),
-            *(six_digits(contact.std("depth")), six_digits(contact.normal_force_over_E_mm2)),
-            *(six_digits(contact.std(name)) for name in ("shear_x", "shear_y")),
-            *(six_digits(contact.torque_Nmm), six_digits(contact.std("torque"))),
-            six_digits(contact.std("area")),
-            "" if contact.slip is None else int(contact.slip),
-            *(six_digits(contact.half_major_mm), six_digits(contact.half_minor_mm)),
-            six_digits(contact.orientation_rad),
-            "" if contact.shape is None else contact.shape.value,
-            six_digits(contact.shape_probability),
-        ]
+        values = contact_row(reading.frame, contact)
+        values["time_s"] = seconds_text(reading.frame.timestamp_ns)
+        return [cell(values[name]) for name in contact_column_names("mm")]
 
 
 def method_of(reading: Reading, method: str) -> str:

@@ -8,7 +8,7 @@ import numpy as np
 
 from manytouch.sinks.files.tables import contact_column_names
 from manytouch.sinks.viewer.update_format import number
-from manytouch.values import Contact, ContactShape, Phase, Reading
+from manytouch.values import Contact, ContactShape, Frame, Phase, Reading
 from manytouch.values.tabular.rows import contact_row
 
 SPAN_S = 20.0
@@ -16,7 +16,7 @@ MAX_ROWS = 4096
 COLUMNS = ("frame", "phase", *contact_column_names("mm")[4:])
 """What is kept of a contact, in the columns of contacts.csv after time and identity."""
 CODES = {"phase": tuple(Phase), "shape": tuple(ContactShape)}
-"""Texts of columns in which a row has their place."""
+"""Texts of columns in which a row has their place; each column of texts is named here."""
 
 
 class RecentContacts:
@@ -41,9 +41,9 @@ class RecentContacts:
             self._last_s = time_s
             while self._rows and (self._rows[0][0] or 0.0) < time_s - SPAN_S:
                 self._rows.popleft()
-            index = reading.frame.index
             self._rows.extend(
-                [number(time_s), contact.id, *row_of(index, contact)] for contact in reading.contacts.touching
+                [number(time_s), contact.id, *row_of(reading.frame, contact)]
+                for contact in reading.contacts.touching
             )
 
     def message(self) -> dict[str, Any]:
@@ -58,9 +58,9 @@ class RecentContacts:
             }
 
 
-def row_of(frame_index: int, contact: Contact) -> list[float | int | None]:
+def row_of(frame: Frame, contact: Contact) -> list[float | int | None]:
     """The numbers of a contact in the order of `COLUMNS`; None where not known."""
-    known = {"frame": frame_index, **contact_row(contact)}
+    known = contact_row(frame, contact)
     return [_number(name, known[name]) for name in COLUMNS]
 
 

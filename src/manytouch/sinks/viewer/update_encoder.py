@@ -115,7 +115,7 @@ class UpdateEncoder:
             "total": total_load(reading.contacts.touching),
             "milliseconds": number(reading.milliseconds, 2),
             "contacts": [
-                {**shown, "row": row_of(reading.frame.index, contact)}
+                {**shown, "row": row_of(reading.frame, contact)}
                 for shown, contact in zip(
                     self._contacts(reading.contacts, reading.surface), reading.contacts.touching, strict=True
                 )

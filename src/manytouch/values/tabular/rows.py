@@ -7,6 +7,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from manytouch.values.contacts import Contact, Contacts
+    from manytouch.values.frame import Frame
     from manytouch.values.reading import Reading
 
 
@@ -36,13 +37,18 @@ def arrow_stream(columns: dict[str, Any], requested_schema: object = None) -> ob
 
 
 def contact_values_by_column(contacts: "Contacts") -> dict[str, Any]:
-    """Values of the contacts, also of those that just ended, by the names of `contact_row`."""
-    rows = [contact_row(contact) for contact in contacts.contacts]
+    """Values of the contacts, also of those that just ended, by the names of `contact_values`."""
+    rows = [contact_values(contact) for contact in contacts.contacts]
     return {name: [row[name] for row in rows] for name in _CONTACT_COLUMNS}
 
 
-def contact_row(contact: "Contact") -> dict[str, Any]:
-    """A contact, by the names of the columns of contacts.csv, without `frame` and `time_s`.
+def contact_row(frame: "Frame", contact: "Contact") -> dict[str, Any]:
+    """A line of contacts.csv, by the names of its columns: values of the frame and `contact_values`."""
+    return {"frame": frame.index, "time_s": frame.timestamp_ns * 1e-9, **contact_values(contact)}
+
+
+def contact_values(contact: "Contact") -> dict[str, Any]:
+    """What is known of a contact alone, by the names of the columns of contacts.csv.
 
     The names always end in _mm, also where those of the file end in _pitch: 1 mm then stands for one pitch.
     """
@@ -115,7 +121,7 @@ def reading_dict(reading: "Reading") -> dict[str, Any]:
         "markers": len(reading.grid.is_seen),
         "contacts": [
             {
-                **contact_row(contact),
+                **contact_values(contact),
                 "outline": None
                 if contact.outline is None
                 else [

@@ -10,6 +10,7 @@ import pytest
 
 from manytouch.sinks.files.tables import contact_column_names, marker_column_names
 from manytouch.values import OutlineRing, Phase
+from manytouch.values.tabular.rows import contact_row, contact_values
 
 
 def test_a_dictionary_of_a_reading_is_json_and_unknown_numbers_are_none(reading_of, contact_of) -> None:
@@ -30,10 +31,15 @@ def test_contacts_are_an_arrow_table_in_the_columns_of_the_files(reading_of, con
     assert table["phase"].to_pylist() == ["move", "end"]
     assert table["normal_force_N"].to_pylist() == [None, 2.0]
     assert table["slip"].to_pylist() == [None, True]
-    assert set(table.column_names) == set(contact_column_names("mm")) - {"frame", "time_s"}
+    assert table.column_names == list(contact_values(contacts[0]))
     empty = pa.table(reading_of(0).contacts)
     assert empty.num_rows == 0
     assert empty.schema == table.schema
+
+
+def test_a_row_has_a_value_for_each_column_of_the_file(reading_of, contact_of) -> None:
+    reading = reading_of(7, (contact_of(3),))
+    assert set(contact_row(reading.frame, reading.contacts.contacts[0])) == set(contact_column_names("mm"))
 
 
 def test_markers_are_an_arrow_table_in_the_columns_of_the_files(reading_of) -> None:

@@ -13,7 +13,7 @@ import pytest
 
 from manytouch.recording import CALIBRATION, CAMERA, READING, SURFACE
 from manytouch.sinks.publishers.foxglove_live import MESH
-from manytouch.values.tabular.rows import contact_row
+from manytouch.values.tabular.rows import contact_values
 
 PATH = Path(__file__).parents[4] / "docs" / "foxglove-layout.json"
 if not PATH.is_file():
@@ -49,4 +49,4 @@ def test_its_topics_and_fields_are_published(contact_of) -> None:
     (path,) = PANELS["Plot!force"]["paths"]
     found = re.fullmatch(READING + r'\.contacts\[:\]\{(\w+)!="end"\}\.(\w+)', path["value"])
     assert found is not None
-    assert set(found.groups()) <= set(contact_row(contact_of(1)))
+    assert set(found.groups()) <= set(contact_values(contact_of(1)))
