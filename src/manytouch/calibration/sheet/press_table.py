@@ -113,13 +113,21 @@ def write_press_table(rows: Sequence[PressRow], path: Path) -> None:
     try:
         with temporary.open("w", encoding="utf-8", newline="") as file:
             writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(COLUMNS)
+            writer.writerow(COLUMNS + TILTED if any(row.shear_N is not None for row in rows) else COLUMNS)
             for row in rows:
-                numbers = (row.time_s, row.x_mm, row.y_mm, row.radius_mm, row.force_N)
+                numbers = (row.time_s, row.x_mm, row.y_mm, row.radius_mm, *_given_forces(row))
                 writer.writerow([row.input, *("" if value is None else f"{value:.6g}" for value in numbers)])
         temporary.replace(path)
     except OSError as error:
         raise OutputError(f"cannot write the table of presses {path}: {error.strerror}") from None
+
+
+def _given_forces(row: PressRow) -> tuple[float | None, ...]:
+    """Values of `normal_force_N`, of a weight also of `TILTED`: the inverse of `weight_components`."""
+    if row.force_N is None or row.shear_N is None:
+        return (row.force_N,)
+    weight_N = math.hypot(*row.shear_N, row.force_N)
+    return (None, weight_N, *(math.degrees(math.asin(along_N / weight_N)) for along_N in row.shear_N))
 
 
 def require_rest_calibration(sensor: Sensor) -> None:

@@ -60,6 +60,21 @@ def film(monkeypatch):
     monkeypatch.setattr(module, "open_source", lambda text, fps: Still())
 
 
+def test_tilted_weights_stay_in_a_table_that_is_continued(film, tmp_path):
+    table = tmp_path / "presses.csv"
+    head = "input,time_s,x_mm,y_mm,weight_N,tilt_x_deg,tilt_y_deg,normal_force_N\n"
+    table.write_text(head + "a.mp4,1,0,0,2,30,-12.5,\na.mp4,1,3,0,2,,,\na.mp4,1,0,3,,,,1.5\n")
+    before = read_press_table(table)
+    after = User("5,5 1 N 3 s", "done").type_in("a.mp4", table)
+    assert [row.shear_N for row in after] == [
+        pytest.approx(before[0].shear_N),
+        (0.0, 0.0),
+        None,
+        None,
+    ]
+    assert [row.force_N for row in after] == pytest.approx([*(row.force_N for row in before), 1.0])
+
+
 def test_every_press_is_saved_at_once(film, tmp_path):
     table = tmp_path / "sensor-presses.csv"
     lines = ["0,0 50 g 2 s", "5,5 7 3 s", "5,5 7 N 3 s", "undo", "5,5 0.7 N 3 s"]
