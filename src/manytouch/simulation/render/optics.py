@@ -93,11 +93,14 @@ def draw_faults(
     shadow: float = 0.0,
     seed: int = 0,
 ) -> Faults:
-    """Faults of these numbers at random places; the same for the same seed."""
+    """Faults of these numbers at random places, in addition to markers that the layout states to be missing.
+
+    The same for the same seed. `missing` and `half_printed` are at most the markers that the layout has.
+    """
     chance = np.random.default_rng([seed, 0xFA])
     count = len(layout.rest_mm)
-    order = chance.permutation(count)
     is_printed = ~layout.is_missing
+    order = chance.permutation(np.flatnonzero(is_printed))
     is_printed[order[:missing]] = False
     angle = chance.uniform(0.0, 2.0 * np.pi, count)
     half = order[missing : missing + half_printed]

@@ -156,6 +156,14 @@ def test_missing_and_half_printed_dots_are_missing_and_half() -> None:
     assert not np.array_equal(draw_faults(layout, sheet, missing=5, seed=4).is_printed, faults.is_printed)
 
 
+def test_faults_take_as_many_of_the_dots_that_the_layout_has_as_stated() -> None:
+    layout, sheet = layout_and_sheet()
+    absent = np.arange(len(layout.rest_mm)) >= 20
+    faults = draw_faults(replace(layout, is_missing=absent), sheet, missing=12, half_printed=8)
+    assert faults.is_printed.sum() == 8
+    np.testing.assert_array_equal(np.isfinite(faults.cut[:, 2]), faults.is_printed)
+
+
 def test_dust_lies_on_the_sheet_and_moves_with_it() -> None:
     layout, sheet = layout_and_sheet()
     speck = replace(
