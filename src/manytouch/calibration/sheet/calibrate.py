@@ -43,7 +43,8 @@ class SheetCalibration:
     """A sheet calibrated by presses.
 
     Attributes:
-        sheet: calibrated; E is that of the sensor file if no force was measured.
+        sheet: calibrated; E is that of the sensor file if no force was measured. Poisson's ratio is stated
+            also if it was assumed, since the fitted numbers hold with it only.
         std: standard deviations by name: pretension_over_E_std_mm, bending_factor_std, thickness_std_mm,
             pretension_std_N_per_mm, young_std_MPa; without those of parameters that were not fitted.
         undetermined: sentences about parameters that the presses determine no better than the prior.

@@ -134,6 +134,13 @@ def test_presses_determine_thickness_pretension_and_forces(fitted):
     assert fitted.residual_px.max() < 0.03
 
 
+def test_a_poissons_ratio_that_was_assumed_is_stated_with_the_numbers_that_hold_with_it(fitted):
+    sensor = small_sensor()
+    assumed = calibrate_sheet(replace(sensor, sheet=replace(sensor.sheet, poisson=None)), pressed()).sheet
+    assert (assumed.poisson, assumed.poisson_std) == (0.45, None)
+    assert assumed.young_MPa == fitted.sheet.young_MPa
+
+
 def test_the_truth_lies_within_three_deviations(fitted):
     off = {
         "thickness_std_mm": fitted.sheet.thickness_mm - THICKNESS_MM,
