@@ -15,7 +15,7 @@ from manytouch.design.accuracy import predicted_accuracy, typical_force_N
 from manytouch.design.choose import design_sensor
 from manytouch.design.dimensions import Design
 from manytouch.design.prototype import Prototype
-from manytouch.design.requirements import Optics, Printer, Requirements
+from manytouch.design.requirements import CameraSpecification, Printer, Requirements
 from manytouch.values import Sensor
 from manytouch.values.sensor_file import load_sensor, save_sensor
 
@@ -24,7 +24,7 @@ SOFT = Requirements(
     deepest_mm=8.0,
     force_N=(0.2, 4.5),
     separation_mm=8.0,
-    camera=Optics(width_px=1280, height_px=720, hfov_deg=63.7, least_focus_mm=100.0, fps=30.0),
+    camera=CameraSpecification(width_px=1280, height_px=720, hfov_deg=63.7, least_focus_mm=100.0, fps=30.0),
     printer=Printer(nozzle_mm=0.4, bed_mm=(220.0, 220.0, 250.0)),
     marker_height_mm=0.0,
     material="silicone, Shore A 40",
@@ -35,7 +35,7 @@ THIN = Requirements(
     deepest_mm=8.0,
     force_N=(0.3, 6.0),
     separation_mm=6.0,
-    camera=Optics(width_px=1024, height_px=768, hfov_deg=58.0, least_focus_mm=60.0, fps=30.0),
+    camera=CameraSpecification(width_px=1024, height_px=768, hfov_deg=58.0, least_focus_mm=60.0, fps=30.0),
     material="TPU, Shore A 60",
     thickness_mm=2.0,
 )
@@ -44,7 +44,7 @@ STIFF = Requirements(
     deepest_mm=10.0,
     force_N=(0.5, 12.0),
     separation_mm=10.0,
-    camera=Optics(width_px=1280, height_px=960, hfov_deg=70.0, least_focus_mm=60.0, fps=30.0),
+    camera=CameraSpecification(width_px=1280, height_px=960, hfov_deg=70.0, least_focus_mm=60.0, fps=30.0),
     material="TPU, Shore A 70",
     thickness_mm=4.0,
 )

@@ -11,7 +11,7 @@ import pytest
 
 from manytouch.cli import main
 from manytouch.design.choose import design_sensor
-from manytouch.design.requirements import Optics, Requirements
+from manytouch.design.requirements import CameraSpecification, Requirements
 from manytouch.session import prepare
 from manytouch.sinks.recorder import Recorder
 from manytouch.values import Sensor
@@ -42,7 +42,7 @@ MOTION = (
 def pressed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Sensor]:
     """A folder with a sensor and presses.mcap, five presses held at 2.6, 4.0, 5.4, 6.8 and 8.2 s."""
     folder = tmp_path_factory.mktemp("pressed")
-    camera = Optics(width_px=640, height_px=480, hfov_deg=60.0, least_focus_mm=30.0)
+    camera = CameraSpecification(width_px=640, height_px=480, hfov_deg=60.0, least_focus_mm=30.0)
     sensor = design_sensor(
         Requirements(area_mm=(40.0, 25.0), force_N=(0.5, 4.0), thickness_mm=2.0, camera=camera)
     ).sensor

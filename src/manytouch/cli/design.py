@@ -89,13 +89,14 @@ def design(
         return _paper(out, parts)
     from manytouch.cli.terminal.console import Steps
     from manytouch.design.choose import design_sensor
-    from manytouch.design.requirements import Optics, Printer, Requirements, require_packages, require_plots
-    from manytouch.design.write import write_design, write_prediction, write_sensor
+    from manytouch.design.plots import require_plots
+    from manytouch.design.requirements import CameraSpecification, Printer, Requirements
+    from manytouch.design.write import require_part_packages, write_design, write_prediction, write_sensor
     from manytouch.sinks.files.atomic_output import check_writable
 
     check_writable(out)
     if parts != "none":
-        require_packages(step=parts == "step")
+        require_part_packages(step=parts == "step")
     if predict:
         require_plots()
     requirements = Requirements(
@@ -103,7 +104,7 @@ def design(
         deepest_mm=deepest_mm,
         force_N=force_N,
         separation_mm=separation_mm,
-        camera=Optics(
+        camera=CameraSpecification(
             width_px=round(resolution_px[0]),
             height_px=round(resolution_px[1]),
             hfov_deg=hfov_deg,
@@ -144,13 +145,14 @@ def _paper(out: Path, parts: str) -> int:
     from manytouch.cli.terminal.console import Steps
     from manytouch.design.paper.numbers import paper_design
     from manytouch.design.paper.write import equation_1, table_1, write_numbers, write_paper_design
-    from manytouch.design.requirements import require_packages, require_plots
+    from manytouch.design.plots import require_plots
+    from manytouch.design.write import require_part_packages
     from manytouch.sinks.files.atomic_output import check_writable
 
     check_writable(out)
     require_plots()
     if parts != "none":
-        require_packages(step=parts == "step")
+        require_part_packages(step=parts == "step")
     with Steps() as steps:
         found = paper_design(on_message=steps.step_reporter())
         for reason in found.design.reasons:

@@ -1,6 +1,7 @@
 """Plots of a design: maps of the predicted accuracy, and its change with pitch, thickness and stand-off."""
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,6 +24,16 @@ if TYPE_CHECKING:
 FACTORS = (0.7, 1.0, 1.4)
 DIMENSIONS = ("pitch", "thickness", "stand_off")
 COLOURS = ("#0072b2", "#d55e00", "#009e73")
+
+
+def require_plots() -> None:
+    """Check that plots can be drawn.
+
+    Raises:
+        MissingExtraError: matplotlib is missing.
+    """
+    if find_spec("matplotlib") is None:
+        raise MissingExtraError("the plot of the predicted accuracy", "matplotlib", "lab")
 
 
 def draw_accuracy(found: Design, predicted: PredictedAccuracy, path: Path) -> None:

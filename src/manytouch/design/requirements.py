@@ -2,11 +2,8 @@
 
 import math
 from dataclasses import dataclass, fields
-from importlib.util import find_spec
 
-from manytouch.errors import ManytouchError, MissingExtraError
-
-PART_PACKAGES = ("manifold3d", "trimesh", "lxml", "networkx", "matplotlib")
+from manytouch.errors import ManytouchError
 
 
 class DesignError(ManytouchError):
@@ -27,7 +24,7 @@ class Printer:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Optics:
+class CameraSpecification:
     """A camera, as specified in its data sheet.
 
     Attributes:
@@ -64,7 +61,7 @@ class Requirements:
     deepest_mm: float = 10.0
     force_N: tuple[float, float] = (0.1, 10.0)
     separation_mm: float = 8.0
-    camera: Optics = Optics()
+    camera: CameraSpecification = CameraSpecification()
     printer: Printer = Printer()
     marker_height_mm: float = 0.0
     material: str | None = None
@@ -101,27 +98,6 @@ def _numbers(value: object, prefix: str = "") -> list[tuple[str, float]]:
             found.append((name, float(here)))
         elif isinstance(here, tuple):
             found += [(f"{name}[{place}]", float(number)) for place, number in enumerate(here)]
-        elif isinstance(here, Printer | Optics):
+        elif isinstance(here, Printer | CameraSpecification):
             found += _numbers(here, f"{item.name}.")
     return found
-
-
-def require_packages(*, step: bool) -> None:
-    """Check, before anything is computed or written, that parts can be written.
-
-    Raises:
-        MissingExtraError: a package of the extra `parts` is missing.
-    """
-    for package in (*PART_PACKAGES, *(("build123d",) if step else ())):
-        if find_spec(package) is None:
-            raise MissingExtraError("writing the parts", package, "parts")
-
-
-def require_plots() -> None:
-    """Check that plots can be drawn.
-
-    Raises:
-        MissingExtraError: matplotlib is missing.
-    """
-    if find_spec("matplotlib") is None:
-        raise MissingExtraError("the plot of the predicted accuracy", "matplotlib", "lab")

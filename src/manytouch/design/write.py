@@ -1,6 +1,7 @@
 """Writes a design: sensor file, reasons, parts, patterns, bill of materials, assembly guide, prediction."""
 
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 
 from manytouch.design.accuracy import PredictedAccuracy, predicted_accuracy, typical_force_N
@@ -17,9 +18,22 @@ from manytouch.design.parts.printability import printability_warnings
 from manytouch.design.parts.scenes import write_scenes
 from manytouch.design.parts.step import write_step
 from manytouch.design.plots import draw_accuracy, draw_tradeoff
-from manytouch.errors import OutputError
+from manytouch.errors import MissingExtraError, OutputError
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.values.sensor_file import save_sensor
+
+PART_PACKAGES = ("manifold3d", "trimesh", "lxml", "networkx", "matplotlib")
+
+
+def require_part_packages(*, step: bool) -> None:
+    """Check, before anything is computed or written, that parts can be written.
+
+    Raises:
+        MissingExtraError: a package of the extra `parts` is missing.
+    """
+    for package in (*PART_PACKAGES, *(("build123d",) if step else ())):
+        if find_spec(package) is None:
+            raise MissingExtraError("writing the parts", package, "parts")
 
 
 def write_design(

@@ -8,7 +8,7 @@ import pytest
 from manytouch.cli import main
 from manytouch.design.choose import design_sensor
 from manytouch.design.dimensions import MIN_MARKER_GAP_PX, MIN_RIM_MM, rim_mm
-from manytouch.design.requirements import DesignError, Optics, Printer, Requirements
+from manytouch.design.requirements import CameraSpecification, DesignError, Printer, Requirements
 from manytouch.values.sensor_file import load_sensor
 
 
@@ -85,8 +85,8 @@ def test_markers_on_pins_must_not_touch_when_pressed(default):
         ),
         ({"force_N": (5.0, 1.0)}, "the force range 5 to 1 N is empty"),
         ({"area_mm": (-1.0, 2.0), "deepest_mm": 0.0}, "area_mm\\[0\\] = -1.0, deepest_mm = 0.0"),
-        ({"camera": Optics(hfov_deg=150.0, least_focus_mm=5.0)}, "comes too close to a camera"),
-        ({"camera": Optics(hfov_deg=175.0)}, "too large for a pinhole model"),
+        ({"camera": CameraSpecification(hfov_deg=150.0, least_focus_mm=5.0)}, "comes too close to a camera"),
+        ({"camera": CameraSpecification(hfov_deg=175.0)}, "too large for a pinhole model"),
         ({"printer": Printer(nozzle_mm=3.0)}, "the printer prints"),
         ({"material": "wood"}, "the material 'wood' is not known; choose one of 'silicone, Shore A 20', "),
     ],

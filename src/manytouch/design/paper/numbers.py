@@ -15,7 +15,7 @@ from manytouch.design.choose import lattice
 from manytouch.design.deflection import DeflectionCurve, deflection_curve
 from manytouch.design.dimensions import MIN_MARKER_GAP_PX, Design, Reason
 from manytouch.design.materials import MATERIALS
-from manytouch.design.requirements import Optics, Requirements
+from manytouch.design.requirements import CameraSpecification, Requirements
 from manytouch.design.spacing import gap_mm, largest_radius_mm, smallest_pitch_mm
 from manytouch.design.stand_off import StandOff, focal_px, stand_off, vfov_rad
 from manytouch.values import Camera, Sensor, Sheet
@@ -131,7 +131,9 @@ def paper_design(on_message: Callable[[str], object] | None = None) -> PaperDesi
             area_mm=SIZES_MM[0],
             deepest_mm=DEPTH_MM,
             force_N=(0.1, FORCE_N),
-            camera=Optics(width_px=WIDTH_PX, height_px=HEIGHT_PX, hfov_deg=hfov_deg, least_focus_mm=FOCUS_MM),
+            camera=CameraSpecification(
+                width_px=WIDTH_PX, height_px=HEIGHT_PX, hfov_deg=hfov_deg, least_focus_mm=FOCUS_MM
+            ),
             marker_height_mm=HEIGHT_MM,
             thickness_mm=THICKNESS_MM,
         ),

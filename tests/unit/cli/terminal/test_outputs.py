@@ -67,9 +67,7 @@ def test_what_is_sent_over_udp_is_not_called_received() -> None:
 def test_design_without_its_packages_leaves_nothing_behind(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(
-        "manytouch.design.requirements.find_spec", lambda name: None if name == "trimesh" else name
-    )
+    monkeypatch.setattr("manytouch.design.write.find_spec", lambda name: None if name == "trimesh" else name)
     assert main(["design", "--area-mm", "60,40", "--force-N", "0.2,6", "--out", str(tmp_path / "my")]) == 1
     assert "manytouch[parts]" in capsys.readouterr().err
     assert not list(tmp_path.iterdir())

@@ -20,7 +20,7 @@ from manytouch.design.parts.bill import (
 from manytouch.design.parts.casing import CasingChoices, make_parts
 from manytouch.design.parts.guide import assembly
 from manytouch.design.parts.meshing import make_mesh
-from manytouch.design.requirements import Optics, Requirements
+from manytouch.design.requirements import CameraSpecification, Requirements
 
 CHOICES = CasingChoices(screw_every_mm=80.0)
 
@@ -49,7 +49,7 @@ def test_what_is_bought_has_an_example_and_a_range_of_prices(found):
 
 @pytest.mark.parametrize("width_px", [640, 1280, 1920, 2560, 3840, 8000])
 def test_the_lens_has_the_field_of_view_and_keeps_the_deepest_press_sharp(found, width_px: int):
-    optics = Optics(width_px=width_px, height_px=width_px * 9 // 16, hfov_deg=58.0)
+    optics = CameraSpecification(width_px=width_px, height_px=width_px * 9 // 16, hfov_deg=58.0)
     other = replace(found, requirements=replace(found.requirements, camera=optics))
     camera, focal_mm = camera_type(other), focal_length_mm(other)
     assert camera.width_px >= width_px or camera == CAMERAS[-1]
