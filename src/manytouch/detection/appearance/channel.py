@@ -8,7 +8,7 @@ from jaxtyping import Float64
 from scipy.spatial import cKDTree
 
 from manytouch.detection.appearance.blob_outline import Outlines, trace_outlines
-from manytouch.detection.appearance.colour import fit_weights, trial_weights
+from manytouch.detection.appearance.channel_weights import fit_weights, trial_weights
 from manytouch.detection.appearance.pattern import Pattern, find_pattern
 from manytouch.detection.appearance.regularity import keep_single
 from manytouch.detection.appearance.scale_space import find_blobs

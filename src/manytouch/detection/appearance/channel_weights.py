@@ -1,4 +1,7 @@
-"""Combination of the colour channels that separates dots from their background."""
+"""Weights of the colour channels whose sum separates dots from their background.
+
+A sensor file keeps them as `colour_weights`.
+"""
 
 from collections.abc import Iterator
 
