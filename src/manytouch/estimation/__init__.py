@@ -5,8 +5,8 @@ The methods `mechanics` and `perimeter` with what they share; the paper's own sy
 
 from manytouch.estimation.contact_finder import ContactFinder, MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker
-from manytouch.estimation.load.contact_finder import LoadContactFinder
 from manytouch.estimation.load.displacement_load import LoadModel
+from manytouch.estimation.load.load_contact_finder import LoadContactFinder
 from manytouch.estimation.load.load_peaks import LoadPeakFinder
 from manytouch.estimation.mechanics.estimator import MechanicsEstimator
 from manytouch.estimation.pad.estimator import PadEstimator

@@ -1,4 +1,8 @@
-"""How contacts are found and followed: the protocol, and the marker motion that it is given."""
+"""Protocol of what finds and follows contacts without mechanics, and the marker motion that it is given.
+
+`LoadContactFinder` satisfies it, for any `LoadEstimator`. The method `perimeter` uses it, and `mechanics` in
+frames that the sheet does not describe.
+"""
 
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable

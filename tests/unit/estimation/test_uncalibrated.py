@@ -6,7 +6,6 @@ import pytest
 from flat_sensor import flat_sensor, rectangle_px
 from layouts import grid_at, rows_and_columns
 from manytouch.estimation import PerimeterEstimator
-from manytouch.estimation.load.local_motion import LocalMotion, TouchMemory, marker_groups
 
 PITCH_PX = 44.0
 REST_PX = rectangle_px(5, 7, (PITCH_PX, PITCH_PX), (28.0, 32.0))
@@ -86,29 +85,6 @@ def test_a_depth_that_is_not_known_is_empty() -> None:
     assert np.sqrt(surface.covariance_mm2[:, 2, 2]).max() > PITCH_PX
     assert np.isnan(contact.depth_mm)
     assert np.isnan(contact.std("depth"))
-
-
-@pytest.mark.parametrize("count", [5, 9, 35])
-def test_local_motion_is_that_of_most_of_a_group(count: int) -> None:
-    rest = REST_PX[:count]
-    motion = LocalMotion()
-    groups = marker_groups(rest, PITCH_PX)
-    assert np.abs(motion(groups, np.full((count, 2), 3.0), np.ones(count, dtype=bool))).max() < 1e-3
-    one = np.zeros((count, 2))
-    one[0] = 10.0
-    assert np.abs(motion(groups, one, np.ones(count, dtype=bool))).max() < 0.02
-    assert motion(groups, one, np.arange(count) == 1).max() == 0.0
-
-
-def test_a_lower_motion_after_a_press_lowers_what_may_be_left_of_it() -> None:
-    motion = LocalMotion()
-    memory = motion.remember(TouchMemory(), 0.3)
-    assert motion.limits(memory, 0.0) == (motion.floor_pitch, pytest.approx(0.2 * 0.3))
-    memory = motion.remember(memory, 0.01)
-    assert motion.limits(memory, 0.0) == (motion.floor_pitch, pytest.approx(2.0 * 0.01))
-    memory = motion.remember(memory, 0.2)
-    assert motion.limits(memory, 0.0)[1] == pytest.approx(0.2 * 0.3)
-    assert motion.limits(memory, 0.01) == (pytest.approx(0.03), pytest.approx(0.06))
 
 
 @pytest.mark.parametrize("at_px", [(345.0, 120.0), (150.0, 262.0), (350.0, -20.0)])

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Float64
 
 from manytouch.calibration.rest.flatness import PRESSED_START
-from manytouch.estimation.load.local_motion import LocalMotion, marker_groups
+from manytouch.estimation.local_motion import LocalMotion, marker_groups
 from manytouch.estimation.uncalibrated.marker_spacing import marker_spacing
 from manytouch.geometry.neighbours import nearest_neighbours
 from manytouch.pipeline import track_frames

@@ -24,8 +24,8 @@ from manytouch.estimation.load.cosine_series import (
     finest_affordable_wavelength,
     wave_numbers,
 )
+from manytouch.estimation.load.load_estimator import LoadEstimate
 from manytouch.estimation.load.load_map import LoadMap, make_load_map
-from manytouch.estimation.load.load_source import LoadEstimate
 from manytouch.geometry.camera import cam_from_sheet
 from manytouch.values import Sensor, TrackedGrid
 from manytouch.values.arrays import Points2
@@ -182,7 +182,7 @@ class DisplacementLoad:
     def estimate_load(
         self, state: LoadMap, grid: TrackedGrid, displacement_mm: Points2, std_mm: float
     ) -> LoadEstimate:
-        """The load of a frame; see `LoadSource`."""
+        """The load of a frame; see `LoadEstimator`."""
         observed = np.empty((2, len(displacement_mm)), dtype=state.estimate.dtype)
         np.divide(displacement_mm.T, state.pitch_mm, out=observed, casting="same_kind")
         return LoadEstimate(

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.estimation.load.load_source import LoadEstimate
+from manytouch.estimation.load.load_estimator import LoadEstimate
 from manytouch.values.arrays import Mask, Points2, Scalars
 
 

@@ -14,7 +14,7 @@ from jaxtyping import Float64
 
 from manytouch.blas_threads import limit_blas_threads
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
-from manytouch.estimation.load.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
+from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.estimation.outlier_gate import OutlierGate
 from manytouch.estimation.pad.image_error import ImageError
 from manytouch.estimation.pad.pad_contacts import PadContacts, PadShape, pad_shape

@@ -5,7 +5,7 @@ from typing import Any
 
 from manytouch.estimation.assumptions import is_uncalibrated
 from manytouch.estimation.contact_finder import ContactFinder
-from manytouch.estimation.load.contact_finder import LoadContactFinder
+from manytouch.estimation.load.load_contact_finder import LoadContactFinder
 from manytouch.estimation.perimeter.marker_surface import MarkerGeometry, MarkerSurface, unknown_surface
 from manytouch.estimation.uncalibrated.swelling_load import uncalibrated_contact_finder
 from manytouch.values import Contacts, Sensor, Surface, TrackedGrid

@@ -4,12 +4,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from manytouch.estimation.load.contact_finder import LoadContactFinder
 from manytouch.estimation.load.displacement_load import LoadModel
+from manytouch.estimation.load.load_contact_finder import LoadContactFinder
+from manytouch.estimation.load.load_estimator import LoadEstimate
 from manytouch.estimation.load.load_map import LoadMap
 from manytouch.estimation.load.load_peaks import LoadPeakFinder
-from manytouch.estimation.load.load_source import LoadEstimate
-from manytouch.estimation.load.local_motion import LocalMotion
+from manytouch.estimation.local_motion import LocalMotion
 from manytouch.estimation.uncalibrated.dot_area import DotAreaChange
 from manytouch.estimation.uncalibrated.marker_spacing import MarkerSpacing, marker_spacing
 from manytouch.estimation.uncalibrated.swelling import SwellingMap, SwellingModel
@@ -40,7 +40,7 @@ class SwellingLoadState:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class SwellingLoad:
-    """The load where view or sheet were assumed: a `LoadSource`.
+    """The load where view or sheet were assumed: a `LoadEstimator`.
 
     Swelling gives the distribution of the load, displacements its scale: light changes dots, but does not
     move them.
@@ -76,7 +76,7 @@ class SwellingLoad:
     def estimate_load(
         self, state: SwellingLoadState, grid: TrackedGrid, displacement_mm: Points2, std_mm: float
     ) -> LoadEstimate:
-        """The load of a frame; see `LoadSource`."""
+        """The load of a frame; see `LoadEstimator`."""
         by_displacement = state.displacement_map
         coefficients = by_displacement.coefficients(displacement_mm.T.ravel() / by_displacement.pitch_mm)
         largest = float(by_displacement.load_on_grid(coefficients).max())

@@ -1,4 +1,4 @@
-"""What a load map is computed from: the protocol."""
+"""Protocol of what computes the load of each frame: `DisplacementLoad`, `SwellingLoad`."""
 
 from dataclasses import dataclass
 from typing import Any, Protocol, runtime_checkable
@@ -33,7 +33,7 @@ class LoadEstimate:
 
 
 @runtime_checkable
-class LoadSource(Protocol):
+class LoadEstimator(Protocol):
     """Computes the load of each frame. Its state is a value."""
 
     def start(self, sensor: Sensor, rest_mm: Points2) -> Any:

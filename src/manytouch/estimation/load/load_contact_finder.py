@@ -10,10 +10,10 @@ from jaxtyping import Float64, Int64
 from manytouch.estimation.contact_finder import MarkerMotion
 from manytouch.estimation.contact_tracker import ContactTracker, ContactTrackerState
 from manytouch.estimation.load.displacement_load import DisplacementLoad
+from manytouch.estimation.load.load_estimator import LoadEstimate, LoadEstimator
 from manytouch.estimation.load.load_map import LoadMap
 from manytouch.estimation.load.load_peaks import LoadPeakFinder, LoadPeaks, chosen_peaks
-from manytouch.estimation.load.load_source import LoadEstimate, LoadSource
-from manytouch.estimation.load.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
+from manytouch.estimation.local_motion import LocalMotion, MarkerGroups, TouchMemory, marker_groups
 from manytouch.geometry.camera import into_image, is_in_image, onto_plane, project
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.sampling import GridSampling, sampling_on
@@ -32,7 +32,7 @@ class LoadContactState:
         sampling: from markers to the points of the load map.
         bounds_mm: (2, 2) lowest and highest x and y of a contact, by the map and the outline of the sheet.
         centre_std_mm: standard deviation of centres, along each axis, that is added for the assumptions.
-        load: state of the load source.
+        load: state of the `LoadEstimator`.
         rest_mm: (m, 2) mean displacement of the untouched sheet from the layout (creep).
         rest_frames: frames at rest so far.
         recent_load: strongest load of the frames before, fading.
@@ -87,7 +87,7 @@ class LoadContactFinder:
         local_motion: decides whether the sheet is touched at all; None: the load alone decides.
     """
 
-    load: LoadSource = field(default_factory=DisplacementLoad)
+    load: LoadEstimator = field(default_factory=DisplacementLoad)
     peaks: LoadPeakFinder = field(default_factory=LoadPeakFinder)
     tracker: ContactTracker = field(default_factory=ContactTracker)
     drift: float = 0.01

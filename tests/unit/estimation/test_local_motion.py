@@ -1,0 +1,32 @@
+"""How far neighbouring markers have moved together, and what a soft sheet keeps of a press."""
+
+import numpy as np
+import pytest
+
+from flat_sensor import rectangle_px
+from manytouch.estimation.local_motion import LocalMotion, TouchMemory, marker_groups
+
+PITCH_PX = 44.0
+
+
+@pytest.mark.parametrize("count", [5, 9, 35])
+def test_local_motion_is_that_of_most_of_a_group(count: int) -> None:
+    rest = rectangle_px(5, 7, (PITCH_PX, PITCH_PX), (28.0, 32.0))[:count]
+    motion = LocalMotion()
+    groups = marker_groups(rest, PITCH_PX)
+    assert np.abs(motion(groups, np.full((count, 2), 3.0), np.ones(count, dtype=bool))).max() < 1e-3
+    one = np.zeros((count, 2))
+    one[0] = 10.0
+    assert np.abs(motion(groups, one, np.ones(count, dtype=bool))).max() < 0.02
+    assert motion(groups, one, np.arange(count) == 1).max() == 0.0
+
+
+def test_a_lower_motion_after_a_press_lowers_what_may_be_left_of_it() -> None:
+    motion = LocalMotion()
+    memory = motion.remember(TouchMemory(), 0.3)
+    assert motion.limits(memory, 0.0) == (motion.floor_pitch, pytest.approx(0.2 * 0.3))
+    memory = motion.remember(memory, 0.01)
+    assert motion.limits(memory, 0.0) == (motion.floor_pitch, pytest.approx(2.0 * 0.01))
+    memory = motion.remember(memory, 0.2)
+    assert motion.limits(memory, 0.0)[1] == pytest.approx(0.2 * 0.3)
+    assert motion.limits(memory, 0.01) == (pytest.approx(0.03), pytest.approx(0.06))
