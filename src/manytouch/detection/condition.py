@@ -12,7 +12,7 @@ STRIDE_PX = 16
 DARK_LEVEL = 12.0
 """An image is dark if 95 % of its pixels are below, grey levels of 255."""
 SATURATED_LEVEL = 250.0
-"""An image is saturated if half of its pixels are above, grey levels of 255."""
+"""An image as a whole is saturated if half of its pixels are above, grey levels of 255."""
 FEW_DOTS = 0.5
 """An image is dark or saturated only if it shows less than this share of the expected dots."""
 LEAST_DOTS = 0.2
@@ -65,8 +65,8 @@ def find_condition(
 ) -> Status:
     """Status of an image: OK, DARK, SATURATED or BLURRED.
 
-    An image is dark or saturated only if the dots are missing too: a bright sheet may well be overexposed,
-    and a dark one black.
+    An image is dark or saturated only if the dots are not found either: a bright sheet may well be
+    overexposed, and a dark one black.
 
     Args:
         reference: the first good image; None before.

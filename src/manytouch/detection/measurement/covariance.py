@@ -199,7 +199,7 @@ def pixel_noise(statistics: DotStatistics, is_light: bool) -> PixelNoise:
     background = max(background, MODEL.least_variance)
     core = background if core < 0.0 else max(core, MODEL.least_variance)
     if (core < background) == is_light:
-        # noise does not fall with light: one of them is clipped, and means nothing
+        # noise does not fall with light: the pixels of one of them are clipped, and its noise means nothing
         core = background = max(core, background)
     growth = (core - background) / max(core_level - background_level, 1.0)
     return PixelNoise(background, core, background_level, growth)

@@ -24,6 +24,7 @@ from manytouch.values.display.text import count_of
 
 LOW_CONTRAST, SMALL_RADIUS_PX = 20.0, 2.5
 MUCH_SATURATED, DARK_MEAN, UNSTEADY = 0.05, 40.0, 0.1
+SATURATED_LEVEL = 254.5  # the largest one, also of 16 bits that are scaled to 255
 NOISY_PX, MANY_MISSING, PRESSED_PITCHES = 0.15, 0.1, 0.15
 ODD_PITCHES = 0.05
 ODD_DOTS = 0.5  # of the ratio of the pitches, as logarithms: halfway between round and squeezed dots
@@ -113,7 +114,7 @@ def _describe_brightness(frames: Sequence[Frame]) -> str:
         np.asarray(frame.image, dtype=np.float32) * level_scale(np.asarray(frame.image)) for frame in frames
     ]
     means = np.array([level.mean() for level in levels])
-    saturated = float(np.mean(levels[-1] >= 254.5))
+    saturated = float(np.mean(levels[-1] >= SATURATED_LEVEL))
     text = f"exposure: mean grey {means[-1]:.0f} of 255, {saturated:.1%} of the image saturated"
     if saturated > MUCH_SATURATED:
         text += "; too bright: shorten the exposure or dim the light, because dots lose their edges"

@@ -1,4 +1,4 @@
-"""Names and shapes of the features of a LeRobot data set, in one place, since the names of touch are a draft.
+"""Features of touch of a LeRobot data set: their names, shapes and values, in one place, as they are a draft.
 
 Layout v3.0 of huggingface/lerobot. The draft (pull request "Add tactile sensor module with unified point-set
 interface") has point sets of displacements and wrenches below `observation.tactile`.
@@ -24,7 +24,8 @@ CONTACTS_STD = "observation.tactile.contacts_std"
 CONTACTS_STD_IS_KNOWN = "observation.tactile.contacts_std_is_known"
 CONTACT_SLOTS = 8
 ESTIMATED = ("x", "y", "depth", "shear_x", "shear_y", "normal_force", "area")
-"""Estimates of a contact in the order of the numbers of `CONTACTS` after the first."""
+"""Estimates with the standard deviations of the numbers of `CONTACTS` after the first; force_z has that of
+`normal_force`, its negative."""
 CHUNK_FILES = 1000
 DATA_PATH = "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet"
 VIDEO_PATH = "videos/{video_key}/chunk-{chunk_index:03d}/file-{file_index:03d}.mp4"

@@ -11,10 +11,8 @@ from manytouch.values import Reading
 INTERVAL_S = 0.1
 """Between two images whose quality is measured: the numbers are for reading, and each takes a millisecond."""
 _STRIDE = 4
-DARK_LEVEL = 4
-"""A pixel at or below has no detail, grey levels of 255."""
-SATURATED_LEVEL = 251
-"""A pixel at or above has no detail, grey levels of 255."""
+BLACK_LEVEL, WHITE_LEVEL = 4, 251
+"""Pixels at or beyond one of them are clipped: they have no detail. Grey levels of 255."""
 
 
 class ImageQuality:
@@ -37,7 +35,7 @@ class ImageQuality:
         return self._found
 
     def __call__(self, image: np.ndarray) -> dict[str, float]:
-        """Focus 0..1, median level 0..1, and the share of pixels that are black or white without detail."""
+        """Focus 0..1, median level 0..1, and the share of clipped pixels, black or white without detail."""
         grey = image if image.ndim == 2 else image[..., 1]
         if grey.dtype != np.uint8:
             grey = (grey >> 8).astype(np.uint8)
@@ -51,7 +49,7 @@ class ImageQuality:
         few = np.ascontiguousarray(grey[::_STRIDE, ::_STRIDE])
         up_to = cv2.calcHist([few], [0], None, [256], [0, 256]).ravel().cumsum(dtype=np.int64)
         middles = np.searchsorted(up_to, [(few.size - 1) // 2, few.size // 2], side="right")
-        clipped = up_to[DARK_LEVEL] + few.size - up_to[SATURATED_LEVEL - 1]
+        clipped = up_to[BLACK_LEVEL] + few.size - up_to[WHITE_LEVEL - 1]
         return {
             "focus": sharp / self._best if self._best > 0 else 0.0,
             "level": float(middles.mean()) / 255.0,

@@ -5,8 +5,9 @@
     the rest  the parts one after the other, each starting at a multiple of 4
 
 `head["parts"]` names each part: `{"name", "type", "shape", "at", "size"}`, where `type` is a numpy
-letter and byte count (`f4`, `u1`) or `jpeg`, and `at` counts bytes from the end of the head. Missing
-numbers are null in the head and NaN in arrays.
+letter and byte count (`f4`, `u1`) or `jpeg`, and `at` counts bytes from the end of the head. The page
+reads the types in `TYPES` of `page/connection.js`. Unknown numbers are null in the head and NaN in arrays;
+`number` makes those of the head, and those of the other messages to the page, which are JSON.
 """
 
 import json

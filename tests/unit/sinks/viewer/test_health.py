@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from manytouch.sinks.viewer.health import DARK_LEVEL, INTERVAL_S, SATURATED_LEVEL, ImageQuality
+from manytouch.sinks.viewer.health import BLACK_LEVEL, INTERVAL_S, WHITE_LEVEL, ImageQuality
 
 
 def noisy(seed: int, shape: tuple[int, ...] = (90, 131)) -> np.ndarray:
@@ -17,7 +17,7 @@ def test_level_and_clipped_share_are_those_of_every_fourth_pixel(shape: tuple[in
     few = (image if image.ndim == 2 else image[..., 1])[::4, ::4]
     found = ImageQuality()(image)
     assert found["level"] == float(np.median(few)) / 255.0
-    assert found["clipped"] == np.mean((few <= DARK_LEVEL) | (few >= SATURATED_LEVEL))
+    assert found["clipped"] == np.mean((few <= BLACK_LEVEL) | (few >= WHITE_LEVEL))
     assert found["clipped"] > 0.0
 
 
