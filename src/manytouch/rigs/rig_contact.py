@@ -67,12 +67,12 @@ class RigContact:
         ]
 
 
-def in_rig(contact: Contact, sensor: Sensor, rig: RigSensor, frame: Frame) -> RigContact:
+def in_rig(contact: Contact, sensor: Sensor, rig_sensor: RigSensor, frame: Frame) -> RigContact:
     """A contact in rig coordinates; without lengths if the sensor's scale is not known."""
     x, y = (float(value) for value in contact.centre_mm)
     has_scale = sensor.length_unit == "mm"
-    position = rig.rotation @ np.array([x, y, -contact.depth_mm]) + rig.translation_mm
-    position_std = _turned_stds(contact, _POSITION, rig)
+    position = rig_sensor.rotation @ np.array([x, y, -contact.depth_mm]) + rig_sensor.translation_mm
+    position_std = _turned_stds(contact, _POSITION, rig_sensor)
     unknown = np.full(3, np.nan)
     own = contact_row(frame, contact)
     return RigContact(
@@ -82,16 +82,16 @@ def in_rig(contact: Contact, sensor: Sensor, rig: RigSensor, frame: Frame) -> Ri
         sensor_time_s=frame.timestamp_ns * 1e-9,
         position_mm=_three(position if has_scale else unknown),
         position_std_mm=_three(position_std if has_scale else unknown),
-        force_N=_three(rig.rotation @ np.asarray(contact.force_N, dtype=np.float64)),
-        force_std_N=_three(_turned_stds(contact, _FORCE, rig)),
+        force_N=_three(rig_sensor.rotation @ np.asarray(contact.force_N, dtype=np.float64)),
+        force_std_N=_three(_turned_stds(contact, _FORCE, rig_sensor)),
         depth_mm=float(contact.depth_mm) if has_scale else float("nan"),
         own={name: own[name] if has_scale or not name.endswith(("_mm", "_mm2")) else None for name in _OWN},
     )
 
 
-def _turned_stds(contact: Contact, places: list[int], rig: RigSensor) -> np.ndarray:
+def _turned_stds(contact: Contact, places: list[int], rig_sensor: RigSensor) -> np.ndarray:
     """Standard deviations (3,) in rig coordinates of three estimates; the last is along -z of the sheet."""
-    turn = rig.rotation @ _FLIP
+    turn = rig_sensor.rotation @ _FLIP
     covariance = contact.covariance[np.ix_(places, places)]
     return np.asarray(np.sqrt(np.clip(np.diag(turn @ covariance @ turn.T), 0.0, None)))
 

@@ -1,4 +1,7 @@
-"""The process of one sensor: it captures, processes, records and shows; contacts go to the first process."""
+"""The process of one sensor: it captures, processes, records and shows.
+
+Contacts go to the first process, which is that of `run_rig`.
+"""
 
 import contextlib
 import signal
@@ -32,7 +35,12 @@ class ContactsMessage:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HealthMessage:
-    """Counts of a sensor since its process began."""
+    """Counts of a sensor since its process began.
+
+    Attributes:
+        frames, dropped, fps, source: see `manytouch.values.Health`; `source` may also be "starting" or
+            "compiling" before the first frame, and "ended".
+    """
 
     frames: int
     dropped: int
@@ -79,13 +87,13 @@ class ContactStream:
 
     def __init__(
         self,
-        rig: RigSensor,
+        rig_sensor: RigSensor,
         sensor: Callable[[], Sensor],
         health: Callable[[], HealthMessage],
         to: Connection,
         begun_ns: Callable[[], int | None],
     ) -> None:
-        self._rig, self._sensor, self._health, self._to = rig, sensor, health, to
+        self._rig_sensor, self._sensor, self._health, self._to = rig_sensor, sensor, health, to
         self._begun_ns = begun_ns
         self._sent_s = 0.0
 
@@ -96,7 +104,9 @@ class ContactStream:
             begun_ns = self._begun_ns()
             arrived_ns = time.monotonic_ns() if frame.arrived_ns is None else frame.arrived_ns
             at_ns = arrived_ns if begun_ns is None else begun_ns + frame.timestamp_ns
-            found = (in_rig(contact, sensor, self._rig, frame) for contact in reading.contacts.contacts)
+            found = (
+                in_rig(contact, sensor, self._rig_sensor, frame) for contact in reading.contacts.contacts
+            )
             self._to.send(ContactsMessage(at_ns=at_ns, contacts=tuple(found)))
         if time.monotonic() - self._sent_s > HEALTH_EVERY_S:
             self._sent_s = time.monotonic()
@@ -144,14 +154,14 @@ class _Begin:
         return self.at_ns
 
 
-def run_sensor(connection: Connection, rig: RigSensor, options: SensorOptions) -> None:
+def run_sensor(connection: Connection, rig_sensor: RigSensor, options: SensorOptions) -> None:
     """Run one sensor until its source ends or SIGTERM; its failure is a message, and exit status 1."""
     stopped = threading.Event()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the first process decides
     signal.signal(signal.SIGTERM, lambda *_: stopped.set())
     threading.Thread(target=_end_with_the_first, args=(stopped,), daemon=True).start()
     try:
-        _run(connection, rig, options, stopped.is_set)
+        _run(connection, rig_sensor, options, stopped.is_set)
     except Exception as error:  # noqa: BLE001 - the first process reports it
         note = NoteMessage(
             sentence=" ".join(str(error).split()),
@@ -167,24 +177,26 @@ class _OutputsRefusedError(ManytouchError):
     """An output of the sensor cannot be opened."""
 
 
-def _run(connection: Connection, rig: RigSensor, options: SensorOptions, stop: Callable[[], bool]) -> None:
+def _run(
+    connection: Connection, rig_sensor: RigSensor, options: SensorOptions, stop: Callable[[], bool]
+) -> None:
     from manytouch.session import Live, ResultFiles, prepare, run
     from manytouch.sinks.output_process.process import start_outputs
     from manytouch.sources.cameras.capture import CameraRequest
 
     notes = _Notes(connection)
     job = prepare(
-        rig.source,
-        sensor=rig.sensor,
-        method=rig.method,
-        fps=rig.fps,
-        camera=CameraRequest(size_px=rig.size_px, is_mjpg=True),
+        rig_sensor.source,
+        sensor=rig_sensor.sensor,
+        method=rig_sensor.method,
+        fps=rig_sensor.fps,
+        camera=CameraRequest(size_px=rig_sensor.size_px, is_mjpg=True),
         observer=notes,
     )
     begin = _Begin(connection, job.source.capabilities.started_unix_ns, stop)
     live = Live(job, record=options.record, begin=None if job.source.is_live else begin)
     try:
-        outputs = start_outputs(rig.to, live)
+        outputs = start_outputs(rig_sensor.to, live)
     except ManytouchError as error:
         raise _OutputsRefusedError(str(error)) from error
     live.attach(outputs)
@@ -197,7 +209,9 @@ def _run(connection: Connection, rig: RigSensor, options: SensorOptions, stop: C
             frames=found.frames, dropped=found.dropped, fps=found.fps or 0.0, source=found.source
         )
 
-    sinks: list[Sink] = [ContactStream(rig, lambda: live.sensor, health, connection, lambda: begin.at_ns)]
+    sinks: list[Sink] = [
+        ContactStream(rig_sensor, lambda: live.sensor, health, connection, lambda: begin.at_ns)
+    ]
     if options.viewer_host is not None:
         from manytouch.sinks.latest_only import LatestOnly
         from manytouch.sinks.viewer import UPDATE_INTERVAL_S, Viewer
