@@ -16,7 +16,10 @@ from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 
 WEIGHTS_G = (50, 100, 200)
-GRAVITY_M_PER_S2 = 9.81  # also of presses that are typed in grams (`press_parser`)
+COLUMNS = ("input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N")
+"""Of a table of presses."""
+GRAVITY_M_PER_S2 = 9.81
+"""For all masses in the calibration, as the documentation states it; g at sea level is within 0.3 % of it."""
 PLACE_SHARE = 0.25
 """Offset of the four outer places from the centre, as a share of the sheet's size along x and y."""
 TRAVEL_HEIGHT_MM = 15.0
@@ -88,7 +91,7 @@ def weight_table(sensor: Sensor) -> str:
         "# Make one recording of all presses; nothing may touch the sheet in its first two seconds.\n"
     )
     writer = csv.writer(table, lineterminator="\n")
-    writer.writerow(["input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N"])
+    writer.writerow(COLUMNS)
     for number, (x, y) in enumerate(places_mm(sensor).tolist()):
         # the heaviest two in turn at the outer places
         grams = WEIGHTS_G if number == 0 else (WEIGHTS_G[1 + number % 2],)

@@ -12,14 +12,13 @@ import numpy as np
 from manytouch.calibration.marker_tracks import MarkerTracks, track_markers
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.sheet.fit import KnownPress
-from manytouch.calibration.sheet.press_plan import CONTACT_RADIUS_MM
+from manytouch.calibration.sheet.press_plan import COLUMNS, CONTACT_RADIUS_MM, GRAVITY_M_PER_S2
 from manytouch.errors import OutputError, SensorError, SourceError
 from manytouch.geometry.centre_noise import centre_noise_px
 from manytouch.limits import LARGEST_NUMBER, MAX_PRESSES, MAX_TABLE_BYTES
 from manytouch.sources import open_source
 from manytouch.values import Sensor
 
-COLUMNS = ("input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N")
 TILTED = ("weight_N", "tilt_x_deg", "tilt_y_deg")
 """Columns of weights that stand on a tilted sensor, instead of `normal_force_N`."""
 REQUIRED = ("input", "x_mm", "y_mm")
@@ -262,7 +261,7 @@ def _errors_in(row: dict[str, str | None]) -> Iterator[str]:
         yield "both weight_N and normal_force_N are given: leave one of them empty"
     tilts = [known.get(name) for name in TILTED[1:]]
     if known.get("weight_N") is None and any(tilts):
-        yield "a tilt needs weight_N, the mass in kg times 9.81"
+        yield f"a tilt needs weight_N, the mass in kg times {GRAVITY_M_PER_S2:g}"
     if sum(math.sin(math.radians(tilt or 0.0)) ** 2 for tilt in tilts) >= 1.0:
         yield "tilt_x_deg and tilt_y_deg together are steeper than upright"
 

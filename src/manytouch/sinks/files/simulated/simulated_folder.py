@@ -10,7 +10,7 @@ from manytouch.simulation.scene.motion import HeldPress
 from manytouch.sinks.files.atomic_output import output_errors
 from manytouch.sinks.files.regions import RegionTable
 from manytouch.sinks.files.result_folder import ResultFolder
-from manytouch.sinks.files.simulated.press_table import PressTable
+from manytouch.sinks.files.simulated.true_press_table import TruePressTable
 from manytouch.sinks.files.tables import ContactTable, MarkerTable
 from manytouch.values import Detections, Frame, Reading, Sensor, Truth
 from manytouch.values.arrays import read_only
@@ -39,7 +39,7 @@ class SimulatedFolder:
             save_sensor(sensor, partial / "sensor.toml")
             tables = (ContactTable, RegionTable, MarkerTable)
             self._tables = tuple(table(partial / "truth", sensor) for table in tables)
-            self._presses = PressTable(partial / "truth", presses)
+            self._presses = TruePressTable(partial / "truth", presses)
         except BaseException:
             self._folder.close()
             raise

@@ -13,9 +13,10 @@ from manytouch.values import Reading
 IMAGES_PER_S = 30.0
 NAME, INPUT = "presses.csv", "../frames"
 COLUMNS = ("input", "time_s", "x_mm", "y_mm", "radius_mm", "normal_force_N")
+"""Those of `calibration.sheet.press_plan`, which this layer may not import."""
 
 
-class PressTable:
+class TruePressTable:
     """A line per press: the place of the body, the radius of its contact area, and the force on it.
 
     Times are those of the images as a folder of images is read, at 30 frames per second.
