@@ -11,7 +11,7 @@ from manytouch.compilation import REORDER, f32, f64, inlined_kernel, no_type_che
 from manytouch.detection.measurement.plane_fit import fit_plane
 from manytouch.detection.measurement.records import (
     FOUND,
-    MISSING,
+    NO_DOT,
     NO_FIT,
     NOT_PLAIN,
     PLANE_RADIUS,
@@ -142,11 +142,11 @@ def _fit_small(
     """As `fit_plain_brightness`, for a dot too small for a plane of its own."""
     core, number = pattern.core, pattern.core_count
     if _use_near(core, part_x, part_y, max(0.5 * radius, 0.9), number) < 1.0:
-        return MISSING, NO_FIT
+        return NO_DOT, NO_FIT
     level = middle_quantile(core, 0.55, 8)
     background, contrast = _fit_background(pattern, level, noise)
     if not (contrast > 0.0 and level > background.a):
-        return MISSING, NO_FIT
+        return NO_DOT, NO_FIT
     if radius >= 3.0:
         _use_near(core, part_x, part_y, radius - 1.0, number)
         if _count_below(core, level - DARK * contrast) > 0.0:
@@ -172,7 +172,7 @@ def fit_plain_brightness(
 ) -> tuple[int, BrightnessFit]:
     """Planes of background and contrast about the middle pixel of a dot at (part_x, part_y) from it.
 
-    Returns FOUND and the fit, or MISSING or NOT_PLAIN.
+    Returns FOUND and the fit, or NO_DOT or NOT_PLAIN.
     """
     if radius < PLANE_RADIUS:
         return _fit_small(pattern, radius, part_x, part_y, noise)

@@ -17,7 +17,7 @@ from manytouch.detection.measurement.records import (
     GAIN,
     HIGH,
     LOW,
-    MISSING,
+    NO_DOT,
     NO_FIT,
     NO_MOMENTS,
     BrightnessFit,
@@ -150,7 +150,7 @@ def coverage_moments(coverage: Float32[np.ndarray, "h w"], x: float, y: float, r
 def measure_general(
     pixels: Pixels, x: float, y: float, radius: float, noise: float, scratch: GeneralScratch
 ) -> MeasuredDot:
-    """Measures the dot near (x, y); FOUND or MISSING."""
+    """Measures the dot near (x, y); FOUND or NO_DOT."""
     reach = 1.35 * radius + 1.2
     reach2 = reach * reach
     fit, moments = NO_FIT, NO_MOMENTS
@@ -158,17 +158,17 @@ def measure_general(
         x0, x1 = max(0, int(x - reach)), min(pixels.width, int(x + reach) + 2)
         y0, y1 = max(0, int(y - reach)), min(pixels.height, int(y + reach) + 2)
         if x1 - x0 < 3 or y1 - y0 < 3:
-            return MeasuredDot(MISSING, x, y, reach2, NO_FIT, NO_MOMENTS)
+            return MeasuredDot(NO_DOT, x, y, reach2, NO_FIT, NO_MOMENTS)
         is_dot, fit = fit_brightness(pixels, x, y, radius, noise, scratch)
         if not is_dot:
-            return MeasuredDot(MISSING, x, y, reach2, NO_FIT, NO_MOMENTS)
+            return MeasuredDot(NO_DOT, x, y, reach2, NO_FIT, NO_MOMENTS)
         coverage = scratch.coverage[: (y1 - y0) * (x1 - x0)].reshape(y1 - y0, x1 - x0)
         cover(pixels, x, y, x0, y0, fit, coverage)
         if fit.core_spread == 0.0 and radius >= 3.0:
             fill_holes(coverage, scratch.stack)
         moments = coverage_moments(coverage, x - x0, y - y0, reach2)
         if not moments.total > 0.0:
-            return MeasuredDot(MISSING, x, y, reach2, NO_FIT, NO_MOMENTS)
+            return MeasuredDot(NO_DOT, x, y, reach2, NO_FIT, NO_MOMENTS)
         dx, dy = moments.x / moments.total, moments.y / moments.total
         if attempt == 2 or dx * dx + dy * dy < (0.04 * radius + 0.1) ** 2:
             break

@@ -20,7 +20,7 @@ from manytouch.detection.measurement.plain_dots import measure_plain, walk_to_pl
 from manytouch.detection.measurement.records import (
     AT_BORDER,
     FOUND,
-    MISSING,
+    NO_DOT,
     DotStatistics,
     Pixels,
     Samples,
@@ -92,7 +92,7 @@ def _measure_plain_dots(
             reach = patterns.reach[patterns.row[soon]]
             _prefetch_window(pixels, expected.x[soon], expected.y[soon], reach)
         x, y, radius = expected.x[i], expected.y[i], expected.radius[i]
-        status[i] = MISSING
+        status[i] = NO_DOT
         if x >= -0.5 and y >= -0.5 and x <= width - 0.5 and y <= height - 0.5:
             if patterns.row[i] != loaded:
                 loaded = patterns.row[i]
@@ -120,7 +120,7 @@ def _measure_general_dots(
     noise, steps = options
     scratch, chosen_radius = _general_scratch(expected.radius), 0.0
     for i in range(len(expected.x)):
-        if status[i] < MISSING:
+        if status[i] < NO_DOT:
             x, y, radius = out[i, X], out[i, Y], expected.radius[i]
             if radius != chosen_radius:
                 chosen_radius = radius

@@ -11,7 +11,7 @@ from manytouch.compilation import f32, f64, inlined_kernel, no_type_check
 from manytouch.detection.measurement.background_fit_simd import fit_plain_brightness
 from manytouch.detection.measurement.records import (
     FOUND,
-    MISSING,
+    NO_DOT,
     NO_FIT,
     NO_MOMENTS,
     NOT_PLAIN,
@@ -89,7 +89,7 @@ def measure_plain(
     pixels: Pixels, x: float, y: float, radius: float, noise: float, pattern: LoadedPattern,
     grey: Float32[np.ndarray, " k"], work: Float32[np.ndarray, "2 8"],
 ) -> MeasuredDot:  # fmt: skip
-    """Measures the dot near (x, y); FOUND, MISSING or NOT_PLAIN."""
+    """Measures the dot near (x, y); FOUND, NO_DOT or NOT_PLAIN."""
     reach = 1.35 * radius + 1.2
     reach2 = reach * reach
     near_x, near_y, base = 0, 0, 0
@@ -107,7 +107,7 @@ def measure_plain(
             return MeasuredDot(status, x, y, reach2, NO_FIT, NO_MOMENTS)
         moments = _moments_around(pixels, base, pattern, fit, grey, work)
         if not moments.total > 0.0:
-            return MeasuredDot(MISSING, x, y, reach2, NO_FIT, NO_MOMENTS)
+            return MeasuredDot(NO_DOT, x, y, reach2, NO_FIT, NO_MOMENTS)
         dx, dy = moments.x / moments.total, moments.y / moments.total
         is_near = max(abs(dx), abs(dy)) < 0.04 * radius + 0.6
         if radius < PLANE_RADIUS:

@@ -134,8 +134,8 @@ class MeasuredDot(NamedTuple):
     """What the plain or the general measurement of one dot returns.
 
     Attributes:
-        status: FOUND; MISSING, there is no dot; or, of the plain measurement only, NOT_PLAIN: the general one
-            has to measure it.
+        status: FOUND; NO_DOT; or, of the plain measurement only, NOT_PLAIN: the general one has to measure
+            it.
         x, y: origin of the offsets in the image, px.
         reach2: square of the radius of the window, px^2.
         fit, moments: brightness and sums with offsets from that origin.
@@ -149,7 +149,7 @@ class MeasuredDot(NamedTuple):
     moments: Moments
 
 
-FOUND, MISSING, NOT_PLAIN, AT_BORDER = 1, 0, -1, -2
+FOUND, NO_DOT, NOT_PLAIN, AT_BORDER = 1, 0, -1, -2
 # States of a dot. AT_BORDER: its sampling pattern is not inside the image, so that only the general
 # measurement is possible; `measure_dots` sets it before the plain one.
 

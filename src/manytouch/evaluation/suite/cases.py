@@ -62,7 +62,7 @@ class Case:
             pressed together.
         size_mm, thickness_mm, young_MPa, poisson, pretension_N_per_mm: of the clamped sheet.
         pitch_mm: of the dots, whose radius is a quarter of it.
-        missing_share: of the dots that were not printed, which nobody knows.
+        missing_share: of the dots that were not printed, which no method is given.
         noise: standard deviation of a pixel in grey levels of 255.
         friction: Coulomb's coefficient; the balls are dragged along the sheet until they slip.
         perturbation: of the sensor that is given to the methods.

@@ -43,7 +43,10 @@ def true_sensor(case: Case) -> Sensor:
 
 
 def lattice(case: Case) -> Layout:
-    """As many dots as fit on the sheet, without those that were not printed."""
+    """As many dots as fit on the sheet, without those that were not printed.
+
+    `is_missing` of this true layout has the latter; methods are given one `with_all_dots`.
+    """
     columns, rows = (int(size // case.pitch_mm) for size in case.size_mm)
     row, column = (index.ravel() for index in np.indices((rows, columns)))
     rest_mm = np.zeros((rows * columns, 3))
