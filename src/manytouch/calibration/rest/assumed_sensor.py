@@ -16,7 +16,7 @@ from manytouch.calibration.rest.first_frames import (
     find_rest_dots,
     image_size,
 )
-from manytouch.calibration.rest.flatness import PRESSED_START, bulge_in_pitches
+from manytouch.calibration.rest.flatness import PRESSED_PITCHES, PRESSED_START, bulge_in_pitches
 from manytouch.calibration.rest.register_rest import register_rest
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.calibration.rest_dots import RestDots
@@ -30,7 +30,6 @@ from manytouch.values.sensor_file.assumed_sheet import THICKNESS_PITCHES, assume
 __all__ = ["register_rest", "sensor_from_dots", "sensor_from_rest"]
 
 ASSUMED_HFOV_DEG = 60.0
-_PRESSED_PITCHES = 0.15
 _ODD_PITCHES = 0.03
 
 
@@ -244,7 +243,7 @@ def _shape_assumptions(arrangement: Arrangement) -> list[str]:
             f"as missing."
         )
     bulge = bulge_in_pitches(arrangement)
-    if bulge > _PRESSED_PITCHES:
+    if bulge > PRESSED_PITCHES:
         sentences.append(
             f"The markers depart from a regular lattice by {bulge:.2f} pitches at one place at the start: "
             f"{PRESSED_START}."

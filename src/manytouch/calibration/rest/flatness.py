@@ -1,10 +1,14 @@
 """Local deviation of a layout at rest from a smooth lattice; large where the sheet was pressed."""
 
 import numpy as np
+from jaxtyping import Int64
 from scipy.ndimage import median_filter
 
 from manytouch.tracking.lattice.arrange import Arrangement
+from manytouch.values.arrays import Mask, Points2
 
+PRESSED_PITCHES = 0.15
+"""A larger local deviation means that the pattern is uneven there, or the sheet was touched."""
 PRESSED_START = (
     "the pattern is uneven there, or the sheet was touched; the start of the recording is taken as rest"
 )
@@ -22,11 +26,23 @@ def bulge_in_pitches(arrangement: Arrangement) -> float:
     """
     if arrangement.row_column is None:
         return 0.0
-    rows, columns = (int(number) + 1 for number in arrangement.row_column.max(axis=0))
-    if min(rows, columns) < _LEAST_LINES:
+    local_px = local_departure_px(arrangement.row_column, arrangement.centre_px, arrangement.dot >= 0)
+    return float(local_px / np.sqrt(np.prod(arrangement.pitch_px)))
+
+
+def local_departure_px(row_column: Int64[np.ndarray, "m 2"], place_px: Points2, is_known: Mask) -> float:
+    """Largest local deviation of places (m, 2) of a full table of markers; see `bulge_in_pitches`.
+
+    Args:
+        row_column: of each marker, row by row.
+        place_px: positions, or differences from expected ones.
+        is_known: (m,) places that count.
+    """
+    rows, columns = (int(number) + 1 for number in row_column.max(axis=0))
+    if min(rows, columns) < _LEAST_LINES or len(row_column) != rows * columns:
         return 0.0
-    known = (arrangement.dot >= 0).reshape(rows, columns)
-    position = arrangement.centre_px.reshape(rows, columns, 2)
+    known = is_known.reshape(rows, columns)
+    position = place_px.reshape(rows, columns, 2)
     row, column = (
         2.0 * index / (index.max()) - 1.0 for index in np.indices((rows, columns)).astype(np.float64)
     )
@@ -37,7 +53,7 @@ def bulge_in_pitches(arrangement: Arrangement) -> float:
     for axis in (0, 1):
         field -= np.median(field, axis=axis, keepdims=True)
     local = np.stack([median_filter(field[..., axis], size=3, mode="nearest") for axis in (0, 1)], axis=-1)
-    return float(np.linalg.norm(local, axis=-1).max() / np.sqrt(np.prod(arrangement.pitch_px)))
+    return float(np.linalg.norm(local, axis=-1).max())
 
 
 def _robust_residual(design: np.ndarray, value: np.ndarray) -> np.ndarray:

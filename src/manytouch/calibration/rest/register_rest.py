@@ -7,17 +7,24 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from manytouch.calibration.rest.first_frames import MOST_FRAMES, detect_in_frames, image_size
+from manytouch.calibration.rest.flatness import local_departure_px
 from manytouch.calibration.rest.pose import adapt_pose
 from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT, shift_is_undetectable
 from manytouch.calibration.rest_dots import RestDots, merge_rest_dots
 from manytouch.errors import LayoutError, SensorError
+from manytouch.geometry.camera import mm_per_px
 from manytouch.geometry.refraction import rest_px
 from manytouch.geometry.views.view_sensors import view_sensors
 from manytouch.tracking import MarkerTracker
-from manytouch.values import Camera, Detections, Frame, Roi, Sensor
+from manytouch.values import Camera, Detections, Frame, Roi, Sensor, TrackedGrid
 from manytouch.values.arrays import read_only
 from manytouch.values.sensor_file.default_std import camera_std
 
+TOUCHED_PITCHES = 0.08
+"""A larger local distance of markers from where the sensor file has its lattice is by a touch, and not by the
+print."""
+MOVED_PITCHES = 0.05
+"""The same where the file states measured places."""
 _LEAST_SHARE = 0.5
 _UNUSUAL_STDS = 4.0
 _SAME_DOT = 0.3  # distance of a marker from its own dot, over the root of the area of a dot
@@ -154,6 +161,15 @@ def _register_and_count_dots(
             "sheet is untouched at the start, light and focus; or leave the sensor file out"
         )
     frames = "motionless frame" if still_frames == 1 else f"{still_frames} motionless frames"
+    departure = _departure_in_pitches(sensor, grid)
+    if departure > (TOUCHED_PITCHES if layout.rest_px is None else MOVED_PITCHES):
+        sentence = (
+            f"The markers depart from their places in the sensor file by {departure:.2f} pitches at one "
+            f"place in the first {frames}: the sheet was touched, and the places of the sensor file are "
+            "taken as rest; begin a recording untouched for better ones."
+        )
+        at_rest = replace(layout, rest_px=read_only(np.array(rest_px(sensor, layout))))
+        return replace(sensor, layout=at_rest, assumptions=(*sensor.assumptions, sentence)), found
     sentence = f"The sheet is at rest in the first {frames}."
     if found < wanted:
         sentence += (
@@ -171,6 +187,21 @@ def _register_and_count_dots(
         provenance={**sensor.provenance, "rest_frames": still_frames},
     )
     return registered, found
+
+
+def _departure_in_pitches(sensor: Sensor, grid: TrackedGrid) -> float:
+    """Largest local distance of the markers from where the sensor file has them at rest.
+
+    What a wrong pose, lens or print changes is smooth or alike in whole rows, and does not count. 0 for a
+    layout that is no full table, and for a pad, on which a press moves markers by less than the print may.
+    """
+    layout, sheet = sensor.layout, sensor.sheet
+    assert layout is not None
+    if layout.row_column is None or sheet is None or sheet.boundary != "clamped" or sensor.camera.views:
+        return 0.0
+    off_px = np.where(grid.is_seen[:, None], grid.position_px - rest_px(sensor, layout), 0.0)
+    pitch_px = float(np.sqrt(np.prod(layout.pitch_mm))) / mm_per_px(sensor.camera)
+    return local_departure_px(layout.row_column, off_px, grid.is_seen) / pitch_px
 
 
 def _difference(stated: Camera, adapted: Camera) -> str:

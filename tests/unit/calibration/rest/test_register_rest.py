@@ -16,6 +16,7 @@ from manytouch.calibration.rest.shift_check import UNDETECTABLE_SHIFT
 from manytouch.calibration.rest_dots import confirm_rest_dots, merge_rest_dots
 from manytouch.errors import LayoutError, SensorError, SourceError
 from manytouch.geometry.camera import mm_per_px, project
+from manytouch.simulation.demo_sensor import demo_sensor
 from manytouch.tracking import MarkerTracker
 from manytouch.tracking.lattice.arrange import arrange
 from manytouch.values import Frame, Roi, Status
@@ -273,6 +274,39 @@ def test_frames_of_two_sizes_and_no_frames_are_refused():
 def test_a_region_outside_the_image_is_refused():
     with pytest.raises(SourceError, match=r"does not lie inside.* 320 x 200 px"):
         examine(frames_of(np.zeros((200, 320), dtype=np.uint8)), roi_px=Roi(300, 10, 50, 50))
+
+
+def pressed_px(sensor, depth_px):
+    """Markers that move away from a place on the sheet, as under a press, by at most 0.6 times a length."""
+    rest = project(sensor.camera, sensor.layout.rest_mm)
+    away = rest - (rest.mean(axis=0) + np.array([150.0, -80.0]))
+    return rest + depth_px * away / 90.0 * np.exp(-0.5 * (away**2).sum(axis=1, keepdims=True) / 90.0**2)
+
+
+def test_a_sheet_that_is_touched_at_the_start_is_at_rest_where_its_file_has_it():
+    sensor = demo_sensor(1280)
+    touched = register_dots(sensor, pressed_px(sensor, 12.0))
+    np.testing.assert_allclose(touched.layout.rest_px, project(sensor.camera, sensor.layout.rest_mm))
+    assert (
+        "the sheet was touched, and the places of the sensor file are taken as rest"
+        in (touched.assumptions[-1])
+    )
+    measured = replace(sensor, layout=replace(sensor.layout, rest_px=pressed_px(sensor, 0.0) + 0.3))
+    again = register_dots(measured, pressed_px(sensor, 6.0))
+    np.testing.assert_array_equal(again.layout.rest_px, measured.layout.rest_px)
+
+
+def test_pose_lens_and_print_are_not_taken_for_a_touch():
+    sensor = demo_sensor(1280)
+    camera, rest_mm = sensor.camera, sensor.layout.rest_mm
+    turned = replace(camera, rotation_vector=camera.rotation_vector + [0.02, -0.015, 0.01])
+    other = replace(turned, fx_px=1.01 * camera.fx_px, distortion=np.array([-0.06, 0.01, 1e-3, 0.0, 0.0]))
+    uneven = project(other, rest_mm)
+    uneven[sensor.layout.row_column[:, 0] == 7] += np.array([0.0, 4.0])
+    uneven += np.random.default_rng(1).normal(0.0, 1.0, uneven.shape)
+    found = register_dots(sensor, uneven)
+    assert found.assumptions[-1].startswith("The sheet is at rest in the first motionless frame.")
+    assert np.mean(np.abs(found.layout.rest_px - uneven) < 1e-6) > 0.99
 
 
 def test_glints_beyond_the_pattern_and_doubles_are_not_confirmed():
