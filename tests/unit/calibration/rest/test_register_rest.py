@@ -299,7 +299,7 @@ def test_a_sheet_that_is_touched_at_the_start_is_at_rest_where_its_file_has_it()
 def test_pose_lens_and_print_are_not_taken_for_a_touch():
     sensor = demo_sensor(1280)
     camera, rest_mm = sensor.camera, sensor.layout.rest_mm
-    turned = replace(camera, rotation_vector=camera.rotation_vector + [0.02, -0.015, 0.01])
+    turned = replace(camera, rotation_vector=camera.rotation_vector + np.array([0.02, -0.015, 0.01]))
     other = replace(turned, fx_px=1.01 * camera.fx_px, distortion=np.array([-0.06, 0.01, 1e-3, 0.0, 0.0]))
     uneven = project(other, rest_mm)
     uneven[sensor.layout.row_column[:, 0] == 7] += np.array([0.0, 4.0])
