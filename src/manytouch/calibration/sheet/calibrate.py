@@ -1,10 +1,10 @@
-"""Pretension, bending factor, thickness and stiffness of a sheet from presses at known places.
+"""Pretension, thickness, stiffness and clamp of a sheet from presses at known places.
 
 Each press is a smooth patch of load on the shell of `mechanics`. The dots outside the patch determine the
-shape, hence pretension over E, bending factor, thickness and the force over E of every press; readings of a
-force scale determine E. All unknowns are fitted together by Gauss-Newton steps with exact sensitivities.
-Deviations combine the normal matrix, a jackknife over the presses and the known difference between shell and
-solid.
+shape, hence pretension over E, thickness, the place of the clamp and the force over E of every press;
+readings of a force scale determine E. The bending factor of a homogeneous sheet is 1 and hardly changes. All
+unknowns are fitted together by Gauss-Newton steps with exact sensitivities. Deviations combine the normal
+matrix, a jackknife over the presses and the known difference between shell and solid.
 
 On a sheet that hardly stretches, pretension, bending and E can be scaled together without a change of any
 force: forces are then determined much better than each of the three (docs/derivations/calibration.md).
@@ -16,10 +16,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float64
 
-from manytouch.calibration.sheet.fit import FitParameters, KnownPress, PressFit, PressLinearisation
+from manytouch.calibration.sheet.fit import (
+    BENDING,
+    COMMON,
+    OUTLINE,
+    TENSION,
+    THICKNESS,
+    YOUNG,
+    FitParameters,
+    KnownPress,
+    PressFit,
+    PressLinearisation,
+)
 from manytouch.calibration.sheet.modulus_check import modulus_warnings, require_determined
 from manytouch.errors import SensorError
 from manytouch.values import Sensor, Sheet
+from manytouch.values.arrays import read_only
 
 LEAST_PRESSES = 4
 """Fewest presses of a clamped sheet; a force is needed for none of them."""
@@ -35,7 +47,8 @@ MISFIT_RATIO = 3.0
 warning."""
 MISFIT_PX = 0.15
 """RMS residual below which a press gives no warning; several times the noise of a marker."""
-PARAMETERS = ("pretension_over_E_mm", "bending_factor", "thickness_mm")
+TO_DETERMINE = {TENSION: "pretension_over_E_mm", THICKNESS: "thickness_mm"}
+"""Common unknowns that presses are to determine; the bending factor of a homogeneous sheet is known."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -43,10 +56,12 @@ class SheetCalibration:
     """A sheet calibrated by presses.
 
     Attributes:
-        sheet: calibrated; E is that of the sensor file if no force was measured. Poisson's ratio is stated
-            also if it was assumed, since the fitted numbers hold with it only.
+        sheet: calibrated, its outline that of the clamp that the presses show; E is that of the sensor file
+            if no force was measured. Poisson's ratio is stated also if it was assumed, since the fitted
+            numbers hold with it only.
         std: standard deviations by name: pretension_over_E_std_mm, bending_factor_std, thickness_std_mm,
-            pretension_std_N_per_mm, young_std_MPa; without those of parameters that were not fitted.
+            outline_std_mm, pretension_std_N_per_mm, young_std_MPa; without those of parameters that were not
+            fitted.
         undetermined: sentences about parameters that the presses determine no better than the prior.
         warnings: sentences about presses that contradict the table.
         force_over_E_mm2: (k,) of the presses.
@@ -111,21 +126,23 @@ def _result(
     assert sheet is not None
     count = len(presses)
     has_force = [press.force_N is not None for press in presses]
-    young = float(np.exp(best.common[3])) if any(has_force) else sheet.young_MPa
-    spread = np.array([fit.step(best, linear, left_out=number)[:4] for number in range(count)])
+    young = float(np.exp(best.common[YOUNG])) if any(has_force) else sheet.young_MPa
+    spread = np.array([fit.step(best, linear, left_out=number)[:COMMON] for number in range(count)])
     normal, _ = fit.normal(best, linear)
     jackknife = (count - 1) / count * ((spread - spread.mean(axis=0)) ** 2).sum(axis=0)
-    thickness = float(np.exp(best.common[2]))
-    model = np.array([MODEL_STRAIN * thickness, 0.0, MODEL_THICKNESS, 0.0])
-    std = np.sqrt(jackknife + np.diag(np.linalg.inv(normal))[:4] + model**2)
-    bending = float(np.exp(best.common[1]))
+    thickness = float(np.exp(best.common[THICKNESS]))
+    model = np.zeros(COMMON)
+    model[[TENSION, THICKNESS]] = MODEL_STRAIN * thickness, MODEL_THICKNESS
+    std = np.sqrt(jackknife + np.diag(np.linalg.inv(normal))[:COMMON] + model**2)
+    bending, outline_mm = float(np.exp(best.common[BENDING])), float(best.common[OUTLINE])
     deviations = {
-        "pretension_over_E_std_mm": float(std[0]),
-        "bending_factor_std": bending * float(std[1]),
-        "thickness_std_mm": thickness * float(std[2]),
+        "pretension_over_E_std_mm": float(std[TENSION]),
+        "bending_factor_std": bending * float(std[BENDING]),
+        "thickness_std_mm": thickness * float(std[THICKNESS]),
+        "outline_std_mm": float(std[OUTLINE]),
     }
     if young is not None:
-        deviations["pretension_std_N_per_mm"] = young * float(std[0])
+        deviations["pretension_std_N_per_mm"] = young * float(std[TENSION])
     residual_px = np.array([fit.residual_rms_px(best, number) for number in range(count)])
     error = np.full(count, np.nan)
     for number in [number for number in range(count) if has_force[number] and sum(has_force) > 1]:
@@ -133,10 +150,12 @@ def _result(
     if any(has_force) and young is not None:
         predicted = np.log1p(error[np.isfinite(error)])
         least = float(np.sqrt(np.mean(predicted**2))) if len(predicted) else 0.0
-        deviations["young_std_MPa"] = young * max(float(std[3]), least)
+        deviations["young_std_MPa"] = young * max(float(std[YOUNG]), least)
         require_determined(presses, young, deviations["young_std_MPa"], error)
     calibrated = replace(
         sheet,
+        size_mm=read_only(sheet.size_mm + 2.0 * outline_mm),
+        outline_std_mm=deviations["outline_std_mm"],
         thickness_mm=thickness,
         thickness_std_mm=deviations["thickness_std_mm"],
         bending_factor=bending,
@@ -144,7 +163,7 @@ def _result(
         young_MPa=young,
         young_std_MPa=deviations.get("young_std_MPa", sheet.young_std_MPa),
         poisson=fit.poisson,
-        pretension_N_per_mm=None if young is None else float(best.common[0]) * young,
+        pretension_N_per_mm=None if young is None else float(best.common[TENSION]) * young,
         pretension_std_N_per_mm=deviations.get("pretension_std_N_per_mm"),
     )
     return SheetCalibration(
@@ -163,7 +182,7 @@ def _result(
 
 def _undetermined(fit: PressFit, std: np.ndarray, *, any_force: bool) -> list[str]:
     found = []
-    for place, name in enumerate(PARAMETERS):
+    for place, name in TO_DETERMINE.items():
         if std[place] > 0.7 * fit.prior_std[place]:
             found.append(
                 f"the presses do not determine {name} better than the prior: add deeper ones, and, with a "

@@ -13,6 +13,9 @@ def describe(calibration: SheetCalibration) -> Iterator[str]:
     sheet, std = calibration.sheet, calibration.std
     if "thickness_std_mm" in std:
         yield f"thickness {sheet.thickness_mm:.3f} ± {std['thickness_std_mm']:.3f} mm"
+    if "outline_std_mm" in std:
+        width_mm, height_mm = sheet.size_mm.tolist()
+        yield f"outline {width_mm:.2f} x {height_mm:.2f} mm, each side ± {std['outline_std_mm']:.2f} mm"
     if "bending_factor_std" in std:
         yield f"bending factor {sheet.bending_factor:.3f} ± {std['bending_factor_std']:.3f}"
     if sheet.pretension_N_per_mm is not None:

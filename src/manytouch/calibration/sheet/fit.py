@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Bool, Float64
 
+from manytouch.estimation.mechanics.inversion.sheet_parameters import CLAMP_STD_THICKNESSES
 from manytouch.geometry.spline.patch import SplinePatch
 from manytouch.mechanics.markers.images import MarkerImages
 from manytouch.mechanics.shell.equilibrium import equilibrium, tangent_factor
@@ -13,10 +14,16 @@ from manytouch.mechanics.shell.shell import Shell
 from manytouch.values import Sensor
 from manytouch.values.arrays import Points2
 from manytouch.values.sensor_file.assumed_sheet import ASSUMED_POISSON
+from manytouch.values.sensor_file.default_std import sheet_std
 
+TENSION, BENDING, THICKNESS, OUTLINE, YOUNG = range(5)
+"""Places of the common unknowns in `FitParameters.common`."""
+COMMON = 5
 THICKNESS_PRIOR_STD = 0.15
 """Relative standard deviation of the thickness in the sensor file."""
-BENDING_PRIOR_STD = 0.1
+BENDING_PRIOR_STD = 0.03
+"""Relative standard deviation of the bending factor where the sensor file states none: it is 1 for a
+homogeneous sheet."""
 PRETENSION_PRIOR_STRAIN = 0.05
 """Standard deviation of the strain of a mounted sheet."""
 STIFFNESS_PRIOR_STD = 0.3
@@ -26,8 +33,12 @@ PLACE_PRIOR_STD_MM = 1.0
 edge."""
 FORCE_MODEL_STD = 0.03
 """Relative model error between a force reading and the shell, in addition to the deviation of the reading."""
-MODEL_PX = 0.05
-"""Model error of the shell in the position of a dot under a press."""
+MODEL_SHARE = 0.01
+"""Model error of the shell in the displacement of a dot, over the largest displacement by the press; fitted:
+shells that are fitted to 3-D solids have residuals of 0.008."""
+INDEPENDENT_ERRORS = 10.0
+"""Number of independent model errors of a press. Those of neighbouring dots are alike: if each dot counted,
+hundreds of them would outweigh the readings of the scale and what the sensor file states."""
 _CLEAR_RADII = 1.3
 _MAX_STEPS = 25
 _INITIAL_FORCE_STEPS = 20
@@ -66,12 +77,13 @@ class FitParameters:
     """Values of all unknowns; logarithms of those that must be positive.
 
     Attributes:
-        common: pretension over E (mm), ln bending factor, ln thickness, ln E (unused without readings).
+        common: pretension over E (mm), ln bending factor, ln thickness, distance of each side of the clamp
+            outwards from the outline in the sensor file (mm), ln E (unused without readings).
         single: (k, 3) ln force over E, and offset of the press from its stated place, x and y (mm).
         shape_mm: (k, n, 3) of the shell under each press.
     """
 
-    common: Float64[np.ndarray, "4"]
+    common: Float64[np.ndarray, "5"]
     single: Float64[np.ndarray, "k 3"]
     shape_mm: Float64[np.ndarray, "k n 3"]
 
@@ -82,11 +94,11 @@ class PressLinearisation:
 
     Attributes:
         residual: (2 m,) predicted minus measured, in standard deviations.
-        derivative: (2 m, 7) with respect to the four common unknowns and its own three.
+        derivative: (2 m, 8) with respect to the common unknowns and its own three.
     """
 
     residual: Float64[np.ndarray, " n"]
-    derivative: Float64[np.ndarray, "n 7"]
+    derivative: Float64[np.ndarray, "n 8"]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -95,9 +107,9 @@ class PressFit:
 
     Attributes:
         sensor, presses: given.
-        patch: of the sheet.
+        patch: of the sheet with the outline in the sensor file.
         poisson: assumed or from the sensor file.
-        prior, prior_std: (4,) of the common unknowns.
+        prior, prior_std: (5,) of the common unknowns.
         first: start values.
     """
 
@@ -105,8 +117,8 @@ class PressFit:
     presses: tuple[KnownPress, ...]
     patch: SplinePatch
     poisson: float
-    prior: Float64[np.ndarray, "4"]
-    prior_std: Float64[np.ndarray, "4"]
+    prior: Float64[np.ndarray, "5"]
+    prior_std: Float64[np.ndarray, "5"]
     first: FitParameters
 
     @staticmethod
@@ -126,14 +138,20 @@ class PressFit:
                 (sheet.pretension_N_per_mm or 0.0) / young,
                 np.log(sheet.bending_factor or 1.0),
                 np.log(sheet.thickness_mm),
+                0.0,
                 np.log(young),
             ]
         )
+        outline_mm = np.hypot(sheet_std(sheet).outline_mm, CLAMP_STD_THICKNESSES * sheet.thickness_mm)
         prior_std = np.array(
-            [PRETENSION_PRIOR_STRAIN * sheet.thickness_mm, BENDING_PRIOR_STD, THICKNESS_PRIOR_STD, np.inf]
+            [
+                PRETENSION_PRIOR_STRAIN * sheet.thickness_mm,
+                (sheet.bending_factor_std or BENDING_PRIOR_STD) / (sheet.bending_factor or 1.0),
+                THICKNESS_PRIOR_STD,
+                outline_mm,
+                np.inf if sheet.young_MPa is None else STIFFNESS_PRIOR_STD,
+            ]
         )
-        if sheet.young_MPa is not None:
-            prior_std[3] = STIFFNESS_PRIOR_STD
         single = np.zeros((len(presses), 3))
         unit = float(np.sqrt(np.prod(layout.pitch_mm))) * sheet.thickness_mm
         single[:, 0] = np.log(0.01 * unit)
@@ -164,7 +182,7 @@ class PressFit:
     def step(
         self, guess: FitParameters, linear: Sequence[PressLinearisation], left_out: int | None = None
     ) -> np.ndarray:
-        """(4 + 3 k,) the next Gauss-Newton step, with all presses or without one."""
+        """(5 + 3 k,) the next Gauss-Newton step, with all presses or without one."""
         normal, slope = self.normal(guess, linear, left_out)
         return -np.linalg.solve(normal, slope)
 
@@ -184,16 +202,17 @@ class PressFit:
             shapes[number] = shape
         return replace(guess, single=single, shape_mm=shapes)
 
-    def model(self, common: Float64[np.ndarray, "4"]) -> tuple[Shell, MarkerImages]:
+    def model(self, common: Float64[np.ndarray, "5"]) -> tuple[Shell, MarkerImages]:
         """Shell and dots at given common unknowns."""
         layout = self.sensor.layout
         assert layout is not None
+        width_mm, height_mm = (side + 2.0 * float(common[OUTLINE]) for side in self.patch.size_mm)
         shell = Shell(
-            patch=self.patch,
-            thickness_mm=float(np.exp(common[2])),
+            patch=replace(self.patch, size_mm=(width_mm, height_mm)),
+            thickness_mm=float(np.exp(common[THICKNESS])),
             poisson=self.poisson,
-            pretension_over_E_mm=float(common[0]),
-            bending_factor=float(np.exp(common[1])),
+            pretension_over_E_mm=float(common[TENSION]),
+            bending_factor=float(np.exp(common[BENDING])),
         )
         dots = MarkerImages(
             shell=shell,
@@ -207,33 +226,35 @@ class PressFit:
     def normal(
         self, guess: FitParameters, linear: Sequence[PressLinearisation], left_out: int | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Normal matrix and gradient of half the sum of squares; unknowns: four common, then three per
-        press."""
-        count = 4 + 3 * len(self.presses)
+        """Normal matrix and gradient of half the sum of squares; unknowns: the common ones, then three
+        per press."""
+        count = COMMON + 3 * len(self.presses)
         normal, slope = np.zeros((count, count)), np.zeros(count)
-        normal[:4, :4] += np.diag(1.0 / self.prior_std**2)
-        slope[:4] += (guess.common - self.prior) / self.prior_std**2
+        normal[:COMMON, :COMMON] += np.diag(1.0 / self.prior_std**2)
+        slope[:COMMON] += (guess.common - self.prior) / self.prior_std**2
         has_force = False
         for number, (press, part) in enumerate(zip(self.presses, linear, strict=True)):
-            own = slice(4 + 3 * number, 7 + 3 * number)
+            own = slice(COMMON + 3 * number, COMMON + 3 + 3 * number)
             if number == left_out:
                 normal[own, own] += np.eye(3)
                 continue
-            columns = np.r_[0:4, own]
+            columns = np.r_[0:COMMON, own]
             normal[np.ix_(columns, columns)] += part.derivative.T @ part.derivative
             slope[columns] += part.derivative.T @ part.residual
-            at = 5 + 3 * number
-            normal[[at, at + 1], [at, at + 1]] += 1.0 / PLACE_PRIOR_STD_MM**2
-            slope[[at, at + 1]] += guess.single[number, 1:] / PLACE_PRIOR_STD_MM**2
+            x, y = own.start + 1, own.start + 2
+            normal[[x, y], [x, y]] += 1.0 / PLACE_PRIOR_STD_MM**2
+            slope[[x, y]] += guess.single[number, 1:] / PLACE_PRIOR_STD_MM**2
             if press.force_N is not None:
                 has_force = True
                 row = np.zeros(count)
-                row[[3, at - 1]] = 1.0 / FORCE_MODEL_STD
-                off = (guess.common[3] + guess.single[number, 0] - np.log(press.force_N)) / FORCE_MODEL_STD
+                row[[YOUNG, own.start]] = 1.0 / FORCE_MODEL_STD
+                off = (
+                    guess.common[YOUNG] + guess.single[number, 0] - np.log(press.force_N)
+                ) / FORCE_MODEL_STD
                 normal += np.outer(row, row)
                 slope += row * off
-        if not has_force and not np.isfinite(self.prior_std[3]):
-            normal[3, 3] += 1.0  # E is not fitted
+        if not has_force and not np.isfinite(self.prior_std[YOUNG]):
+            normal[YOUNG, YOUNG] += 1.0  # E is not fitted
         return normal, slope
 
     def _linearise(self, guess: FitParameters, number: int) -> PressLinearisation:
@@ -248,7 +269,7 @@ class PressFit:
         load = size * _unit_load(shell.patch, press, guess.single[number], shape)
         loads, seen = [], []
         here_px = dots.displacement_px(shape)
-        for place in range(3):
+        for place in (TENSION, BENDING, THICKNESS, OUTLINE):
             step = 1e-4
             other = guess.common.copy()
             other[place] += step
@@ -265,14 +286,13 @@ class PressFit:
             moved[axis] += 0.05
             loads.append((size * _unit_load(shell.patch, press, moved, shape) - load) / 0.05)
             seen.append(np.zeros_like(here_px))
-        flat = np.array(loads).reshape(7, -1) * self.patch.is_free.ravel()
-        response = factor.solve(flat).reshape(7, *shape.shape)
+        flat = np.array(loads).reshape(len(loads), -1) * self.patch.is_free.ravel()
+        response = factor.solve(flat).reshape(len(loads), *shape.shape)
         # One step towards equilibrium first, since the shape lags behind the unknowns.
         behind = factor.solve(((load - force) * self.patch.is_free).reshape(1, -1)).reshape(shape.shape)
         shape = shape + behind
         here_px = dots.displacement_px(shape)
-        for place in range(7):
-            change = response[place]
+        for place, change in enumerate(response):
             step = 1e-3 / max(float(np.abs(change).max()), 1e-12)
             seen[place] = seen[place] + (dots.displacement_px(shape + step * change) - here_px) / step
         weight = self._weight(press)
@@ -284,18 +304,25 @@ class PressFit:
 
     def _weight(self, press: KnownPress) -> np.ndarray:
         """(m,) one over the standard deviation of a dot; 0 under the contact, where a uniform patch is not
-        valid."""
+        valid.
+
+        The model error is so much larger than that of a dot as makes all dots together count like
+        `INDEPENDENT_ERRORS` of them.
+        """
         layout = self.sensor.layout
         assert layout is not None
         away = np.linalg.norm(layout.rest_mm[:, :2] - press.place_mm, axis=1)
         clear = away > _CLEAR_RADII * press.radius_mm
-        return np.where(press.is_seen & clear, 1.0 / np.hypot(press.noise_px, MODEL_PX), 0.0)
+        is_used = press.is_seen & clear
+        moved_px = np.linalg.norm(press.displacement_px[is_used], axis=1).max(initial=0.0)
+        alike = np.sqrt(max(is_used.sum() / INDEPENDENT_ERRORS, 1.0))
+        return np.where(is_used, 1.0 / np.hypot(press.noise_px, MODEL_SHARE * moved_px * alike), 0.0)
 
     def _apply(self, guess: FitParameters, change: np.ndarray) -> FitParameters:
         """Updated values with the shapes in equilibrium."""
-        common = guess.common + change[:4]
-        common[0] = max(common[0], 0.0)
-        single = guess.single + change[4:].reshape(-1, 3)
+        common = guess.common + change[:COMMON]
+        common[TENSION] = max(common[TENSION], 0.0)
+        single = guess.single + change[COMMON:].reshape(-1, 3)
         single[:, 0] = np.maximum(single[:, 0], np.log(_LEAST_FORCE_MM2))
         shell, _ = self.model(common)
         shapes = guess.shape_mm.copy()
@@ -320,16 +347,16 @@ class PressFit:
         """ln of the force that a press has on the sheet fitted to the others, over its reading.
 
         Args:
-            common: (4,) change of the common unknowns when this press is left out.
+            common: (5,) change of the common unknowns when this press is left out.
         """
         press, part = self.presses[number], linear[number]
         assert press.force_N is not None
-        own = part.derivative[:, 4:]
+        own = part.derivative[:, COMMON:]
         normal = own.T @ own + np.diag([0.0, 1.0, 1.0]) / PLACE_PRIOR_STD_MM**2
-        slope = own.T @ (part.residual + part.derivative[:, :4] @ common)
+        slope = own.T @ (part.residual + part.derivative[:, :COMMON] @ common)
         slope[1:] += guess.single[number, 1:] / PLACE_PRIOR_STD_MM**2
         change = -np.linalg.solve(normal, slope)[0]
-        force = guess.single[number, 0] + change + guess.common[3] + common[3]
+        force = guess.single[number, 0] + change + guess.common[YOUNG] + common[YOUNG]
         return float(force - np.log(press.force_N))
 
 

@@ -17,7 +17,8 @@ from manytouch.errors import OutputError, SensorError, SourceError
 from manytouch.geometry.centre_noise import centre_noise_px
 from manytouch.limits import LARGEST_NUMBER, MAX_PRESSES, MAX_TABLE_BYTES
 from manytouch.sources import open_source
-from manytouch.values import Sensor
+from manytouch.values import Frame, Sensor
+from manytouch.values.arrays import Points2
 
 TILTED = ("weight_N", "tilt_x_deg", "tilt_y_deg")
 """Columns of weights that stand on a tilted sensor, instead of `normal_force_N`."""
@@ -160,21 +161,58 @@ def measure_presses(
         LayoutError: its markers were not found.
     """
     require_rest_calibration(sensor)
-    found: dict[str, tuple[MarkerTracks, np.ndarray, float]] = {}
-    return tuple(_press(sensor, row, folder, fps, found) for row in rows)
+    found: dict[str, PressRecording] = {}
+    presses = []
+    for row in rows:
+        if row.input not in found:
+            text = row.input
+            if not (text.startswith("sim:") or Path(text).is_absolute()):
+                text = str(folder / text)
+            found[row.input] = track_presses(sensor, list(open_source(text, fps=fps)))
+        presses.append(known_press(found[row.input], row))
+    return tuple(presses)
 
 
-def _press(
-    sensor: Sensor,
-    row: PressRow,
-    folder: Path,
-    fps: float | None,
-    found: dict[str, tuple[MarkerTracks, np.ndarray, float]],
-) -> KnownPress:
-    if row.input not in found:
-        found[row.input] = _track_recording(sensor, row.input, folder, fps)
-    seen, rest_px, noise_px = found[row.input]
-    time_s = seen.timestamp_ns * 1e-9
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class PressRecording:
+    """The markers of a recording of presses.
+
+    Attributes:
+        tracks: in all frames.
+        rest_px: (m, 2) at rest.
+        noise_px: standard deviation of a displacement.
+    """
+
+    tracks: MarkerTracks
+    rest_px: Points2
+    noise_px: float
+
+
+def track_presses(sensor: Sensor, frames: Sequence[Frame]) -> PressRecording:
+    """Track the markers of a recording whose first `REST_FRAMES` frames are untouched.
+
+    Raises:
+        LayoutError: the markers were not found.
+    """
+    tracks = track_markers(register_rest(sensor, frames[:REST_FRAMES]), frames)
+    first = np.arange(len(tracks.timestamp_ns)) < REST_FRAMES
+    noise = centre_noise_px(tracks.position_px[first])
+    noise = noise[np.isfinite(noise)]
+    return PressRecording(
+        tracks=tracks,
+        rest_px=tracks.median_px(first),
+        noise_px=float(np.median(noise)) if len(noise) else 0.0,
+    )
+
+
+def known_press(recording: PressRecording, row: PressRow) -> KnownPress:
+    """A press of a recording, by the median over `HELD_S`.
+
+    Raises:
+        SourceError: its time lies outside the recording.
+    """
+    tracks = recording.tracks
+    time_s = tracks.timestamp_ns * 1e-9
     end_s = float(time_s[-1])
     at_s = end_s - HELD_S / 2 if row.time_s is None else row.time_s
     if not time_s[0] <= at_s <= end_s:
@@ -184,7 +222,7 @@ def _press(
         )
     near = np.abs(time_s - at_s) <= HELD_S / 2
     near[np.argmin(np.abs(time_s - at_s))] = True
-    moved = seen.median_px(near) - rest_px
+    moved = tracks.median_px(near) - recording.rest_px
     is_seen = np.isfinite(moved[:, 0])
     return KnownPress(
         name=f"press {row.line} ({row.input})",
@@ -192,25 +230,10 @@ def _press(
         radius_mm=row.radius_mm,
         displacement_px=np.where(is_seen[:, None], moved, 0.0),
         is_seen=is_seen,
-        noise_px=max(noise_px, LEAST_NOISE_PX),
+        noise_px=max(recording.noise_px, LEAST_NOISE_PX),
         force_N=row.force_N,
         shear_N=None if row.shear_N is None else np.array(row.shear_N),
     )
-
-
-def _track_recording(
-    sensor: Sensor, name: str, folder: Path, fps: float | None
-) -> tuple[MarkerTracks, np.ndarray, float]:
-    """Marker tracks of a recording, their rest positions (m, 2) and the noise of a displacement (px)."""
-    text = name if name.startswith("sim:") or Path(name).is_absolute() else str(folder / name)
-    frames = list(open_source(text, fps=fps))
-    register_dots = register_rest(sensor, frames[:REST_FRAMES])
-    seen = track_markers(register_dots, frames)
-    first = np.arange(len(seen.timestamp_ns)) < REST_FRAMES
-    rest_px = seen.median_px(first)
-    noise = centre_noise_px(seen.position_px[first])
-    noise = noise[np.isfinite(noise)]
-    return seen, rest_px, float(np.median(noise)) if len(noise) else 0.0
 
 
 def _row(path: Path, number: int, row: dict[str, str | None]) -> PressRow:

@@ -184,8 +184,8 @@ def test_parameters_that_shallow_presses_do_not_determine_are_listed(fitted):
     assert not any("thickness_mm" in sentence for sentence in fitted.undetermined)
     sensor = small_sensor()
     shallow = calibrate_sheet(sensor, pressed(newtons=0.03)[:4])
-    for name in ("bending_factor", "thickness_mm"):
-        assert any(f"do not determine {name} better than" in sentence for sentence in shallow.undetermined)
+    assert any("do not determine thickness_mm better than" in sentence for sentence in shallow.undetermined)
+    assert not any("bending_factor" in sentence for sentence in shallow.undetermined)
 
 
 def test_dots_under_what_touches_do_not_count(fitted):
@@ -301,3 +301,40 @@ def test_the_plan_is_a_table_that_can_be_read_and_gcode_that_presses(tmp_path, c
     assert "or --plan DIR" in capsys.readouterr().err
     with pytest.raises(SensorError, match="size_mm"):
         places_mm(replace(sensor, sheet=None))
+
+
+def test_a_clamp_that_is_not_where_the_file_has_it_is_found():
+    sensor = small_sensor()
+    wrong_mm = np.array(SIZE_MM) + 0.8
+    found = calibrate_sheet(replace(sensor, sheet=replace(sensor.sheet, size_mm=wrong_mm)), pressed())
+    assert found.sheet.size_mm == pytest.approx(SIZE_MM, abs=0.2)
+    assert found.sheet.young_MPa == pytest.approx(YOUNG_MPA, rel=0.05)
+    off_mm = (found.sheet.size_mm - SIZE_MM) / 2
+    assert (np.abs(off_mm) < 3 * found.sheet.outline_std_mm).all()
+    assert 0.01 < found.sheet.outline_std_mm < 0.3
+
+
+def test_an_outline_that_the_file_states_exactly_hardly_moves():
+    """The rest is the error of the shell next to its clamp."""
+    sensor = small_sensor()
+    wide_mm = np.array(SIZE_MM) + 2.0
+    sheets = [replace(sensor.sheet, size_mm=wide_mm, outline_std_mm=std_mm) for std_mm in (0.0, 0.5)]
+    exact, free = (
+        calibrate_sheet(replace(sensor, sheet=sheet), pressed()).sheet.size_mm - SIZE_MM for sheet in sheets
+    )
+    assert np.abs(free).max() < 0.6
+    assert np.abs(exact).min() > np.abs(free).max()
+
+
+def test_an_error_that_all_dots_share_does_not_outweigh_the_readings():
+    """The displacements near the press are 1 % too small, which neither a shell nor noise explains."""
+    sensor = small_sensor()
+
+    def wrong(press):
+        away_mm = np.linalg.norm(sensor.layout.rest_mm[:, :2] - press.place_mm, axis=1)
+        share = 1.0 - 0.01 * np.exp(-0.5 * (away_mm / 10.0) ** 2)
+        return replace(press, displacement_px=press.displacement_px * share[:, None])
+
+    found = calibrate_sheet(sensor, [wrong(press) for press in pressed()])
+    assert found.sheet.young_MPa == pytest.approx(YOUNG_MPA, rel=0.03)
+    assert found.sheet.bending_factor == pytest.approx(1.0, abs=0.02)
