@@ -1,4 +1,6 @@
-"""Solve the varied cases of the accuracy suite and write their states into the package.
+"""Solve the varied cases of the accuracy suite and the presses of its calibrations.
+
+Their states are written into the package.
 
 .venv/bin/python benchmarks/ship_suite.py [--only TEXT] [--processes 2]
 
@@ -14,8 +16,10 @@ from pathlib import Path
 
 import numpy as np
 
+from manytouch.evaluation.suite.calibrated.sheet_sensor import calibration_presses
 from manytouch.evaluation.suite.solutions import Solutions, shipped_name, state_count
 from manytouch.evaluation.suite.varied.cases import VariedCase, varied
+from manytouch.evaluation.suite.varied.sheets import SHEETS
 from manytouch.evaluation.suite.varied.solving import solve_varied
 from manytouch.evaluation.suite.workers import run_tasks
 from manytouch.simulation.scene.deformation_file import write_deformations
@@ -66,13 +70,14 @@ def main() -> None:
     options.add_argument("--processes", type=int, default=2)
     options.add_argument("--halved", action="store_true", help="state the error of the truth instead")
     chosen = options.parse_args()
-    cases = [case for case in varied("varied") if chosen.only in case.name]
+    every = [*varied("varied"), *(case for sheet in SHEETS for case in calibration_presses(sheet))]
+    cases = [case for case in every if chosen.only in case.name]
     work = compare if chosen.halved else solve
     some = cases[:: 11 if chosen.halved and not chosen.only else 1]
     some.sort(key=lambda case: (not case.is_quick, case.friction > 0.0))  # with friction it takes long
     for number, words in run_tasks(work, some, processes=chosen.processes):
         print(f"{some[number].name}: {words}", flush=True)
-    wanted = {shipped_name(case) for case in varied("varied")}
+    wanted = {shipped_name(case) for case in every}
     for path in sorted(package().glob("varied-*.npz")):
         if path.name not in wanted:
             print(f"{path.name} belongs to no case; remove it")

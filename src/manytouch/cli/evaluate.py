@@ -13,7 +13,17 @@ if TYPE_CHECKING:
     from manytouch.evaluation.suite.cases import Case
     from manytouch.evaluation.suite.runner import Evaluation
 
-Group = Literal["nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal", "pads_calculix"]
+Group = Literal[
+    "nominal",
+    "separation",
+    "stress",
+    "varied",
+    "drawn",
+    "calibrated",
+    "pads",
+    "pads_nominal",
+    "pads_calculix",
+]
 GROUPS: tuple[Group, ...] = get_args(Group)
 
 

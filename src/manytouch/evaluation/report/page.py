@@ -14,7 +14,7 @@ from manytouch.evaluation.metrics.comparison import MethodErrors, uncertainty_ca
 from manytouch.evaluation.metrics.coverage import COVERED
 from manytouch.evaluation.metrics.separation import RATIOS
 from manytouch.evaluation.report import charts, maps
-from manytouch.evaluation.report.goals import GOALS, goal_table
+from manytouch.evaluation.report.goals import CALIBRATED, GOALS, goal_table
 from manytouch.evaluation.report.pad_goals import goal_rows
 from manytouch.evaluation.report.ratings import case_rows, halves_rows, rate_methods, table
 from manytouch.evaluation.report.report_data import contents, main_trials, part, unit_of
@@ -77,6 +77,7 @@ def rendered(evaluation: Evaluation, data: dict[str, Any]) -> str:
         halves=halves_rows(data),
         pads=goal_rows(evaluation),
         goals=GOALS,
+        calibrated=CALIBRATED,
         covered=COVERED,
         sheets=goal_table(evaluation),
         cases=case_rows(data),

@@ -122,6 +122,7 @@ def halves_rows(data: dict[str, Any]) -> list[dict[str, Any]]:
         "stress": "stress",
         "varied": "varied",
         "drawn": "varied, drawn sensor files",
+        "calibrated": "varied, calibrated sensors",
         "looked_at": "half that may be looked at",
         "held_out": "half that is held out",
         "pads": "bonded pads, true sensor file",

@@ -20,7 +20,7 @@ from manytouch.evaluation.suite.cases import PAD_GROUPS
 from manytouch.evaluation.suite.runner import Evaluation, Trial
 
 SCHEMA = 1
-APART = ("drawn", *PAD_GROUPS)
+APART = ("drawn", "calibrated", *PAD_GROUPS)
 """Groups whose figures stand in no other part."""
 PARTS = ("all", "nominal", "separation", "stress", "varied", "looked_at", "held_out", *APART)
 

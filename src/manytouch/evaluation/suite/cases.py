@@ -4,9 +4,13 @@ from dataclasses import dataclass
 from typing import Literal
 
 REST_FRAMES, RAMP_FRAMES, HOLD_FRAMES = 15, 8, 4
-GROUPS = ("nominal", "separation", "stress", "varied", "drawn", "pads", "pads_nominal", "pads_calculix")
-VARIED_GROUPS = ("varied", "drawn")
-"""Other shapes on other sheets: with the true sensor, and with randomly sampled errors of its numbers."""
+GROUPS = (
+    *("nominal", "separation", "stress", "varied", "drawn", "calibrated"),
+    *("pads", "pads_nominal", "pads_calculix"),
+)
+VARIED_GROUPS = ("varied", "drawn", "calibrated")
+"""Other shapes on other sheets: with the true sensor, with randomly sampled errors of its numbers, and with a
+sensor that was calibrated from such errors."""
 OWN_PAD_GROUPS = ("pads", "pads_nominal")
 """Bonded pads solved by our own finite elements: with the true sensor file, and with a nominal one."""
 PAD_GROUPS = (*OWN_PAD_GROUPS, "pads_calculix")
@@ -75,6 +79,7 @@ class Case:
         "stress",
         "varied",
         "drawn",
+        "calibrated",
         "pads",
         "pads_nominal",
         "pads_calculix",

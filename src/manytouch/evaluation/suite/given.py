@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from manytouch.evaluation.suite.calibrated.sheet_sensor import calibrated_sensor
 from manytouch.evaluation.suite.cases import Case, SensorPerturbation
 from manytouch.evaluation.suite.pads.cases import PadCase
 from manytouch.evaluation.suite.pads.pad_sensors import given_pad
@@ -18,7 +19,7 @@ def given_sensor(case: Case) -> Sensor:
     """The sensor as the methods are given it, always with all dots printed.
 
     - A bonded pad: `given_pad`, whose true numbers are stated to be exactly known.
-    - A case of the group `drawn`: `drawn_sensor`.
+    - A case of the group `drawn`: `drawn_sensor`; of `calibrated`: `calibrated_sensor` of its sheet.
     - A case with a perturbation: the true sensor with it.
     - Any other case: the true sensor, whose sheet is stated to be exactly known.
     """
@@ -27,6 +28,8 @@ def given_sensor(case: Case) -> Sensor:
     true = with_all_dots(true_sensor(case))
     if isinstance(case, VariedCase) and case.group == "drawn":
         return drawn_sensor(case, true)
+    if isinstance(case, VariedCase) and case.group == "calibrated":
+        return calibrated_sensor(case.sheet)
     if isinstance(case, VariedCase) or case.perturbation == SensorPerturbation():
         return exact_sensor(true)
     return _perturbed(case, true)

@@ -1,4 +1,4 @@
-"""The varied cases: every shape on every sheet, in the groups `varied` and `drawn`."""
+"""The varied cases: every shape on every sheet, in each of the groups `VARIED_GROUPS`."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -25,6 +25,8 @@ QUICK = (
     "ring-small",
     "fingers-gel",
 )
+QUICK_CALIBRATED = ("line-5-mm",)
+"""Of the group `calibrated`, in which each sheet takes a calibration first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,7 +84,7 @@ def varied(group: str) -> Iterator[VariedCase]:
                 name=f"{shape}-{name}",
                 seed=5000 + number + 1000 * VARIED_GROUPS.index(group),
                 looked_at=shape not in HELD_OUT_SHAPES and name not in HELD_OUT_SHEETS,
-                is_quick=f"{shape}-{name}" in QUICK,
+                is_quick=f"{shape}-{name}" in (QUICK if group != "calibrated" else QUICK_CALIBRATED),
                 touches=(),
                 deepest_mm=deepest_mm,
                 size_mm=sheet.size_mm,

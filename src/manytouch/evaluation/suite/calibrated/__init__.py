@@ -1,0 +1,1 @@
+"""Sensors that are calibrated with simulated presses, as a user does it."""
