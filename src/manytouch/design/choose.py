@@ -104,11 +104,6 @@ def _sheet(
 ) -> tuple[Material, DeflectionCurve]:
     """The softest combination of material and thickness that supports the largest force."""
     materials = [item for item in MATERIALS if requirements.material in (None, item.name)]
-    if not materials:
-        raise DesignError(
-            f"the material {requirements.material!r} is not known; choose one of "
-            f"{', '.join(repr(item.name) for item in MATERIALS)}"
-        )
     thicknesses = THICKNESSES_MM if requirements.thickness_mm is None else (requirements.thickness_mm,)
     found: list[tuple[float, Material, DeflectionCurve]] = []
     stiffest = (math.inf, "")
