@@ -24,6 +24,9 @@ def test_a_batch_prints_what_it_does_and_why(folder: Path) -> None:
     assert "no result yet" not in done.stdout
     assert "c: failed: " in done.stdout
     assert "2 recordings processed, 0 unchanged, 1 failed (failures.csv)" in done.stdout
+    line = done.stderr.splitlines()[-1]  # before it, that functions are compiled
+    assert line.startswith("manytouch: 1 of 3 recordings failed, c: 'c.mp4' cannot be decoded")
+    assert "out/failures.csv" in line
     (folder / "c.mp4").unlink()
     words = ("batch", "a.mp4", "b.mp4", "--out", "out", "--workers", "1")
     again = run_command(*words, folder=folder)
@@ -34,6 +37,17 @@ def test_a_batch_prints_what_it_does_and_why(folder: Path) -> None:
     assert "(again: frames.csv is missing)" in third.stdout
     plan = run_command("batch", "*.mp4", "--out", "out", "--fps", "50", "--dry-run", folder=folder)
     assert "2 of 2 recordings would be processed" in plan.stdout
+
+
+def test_a_shard_that_fails_names_the_first_reason_and_its_own_table(tmp_path: Path) -> None:
+    for name in ("a", "b", "c"):
+        (tmp_path / f"{name}.mp4").write_bytes(b"no video" * 50)
+    done = run_command("batch", ".", "--out", "out/", "--workers", "1", "--shard", "0/2", folder=tmp_path)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert "2 of 2 recordings failed, the first is a: " in line
+    assert "out/failures-0-of-2.csv" in line
+    assert (tmp_path / "out" / "failures-0-of-2.csv").exists()
 
 
 @pytest.mark.slow

@@ -2,11 +2,12 @@
 
 import csv
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from pathlib import Path
 
 from manytouch.batch.storage import Store
 from manytouch.batch.tasks import Outcome
+from manytouch.values.display.text import count_of
 
 COLUMNS = ("input", "sentence", "traceback")
 TRACEBACKS = ".tracebacks"
@@ -37,6 +38,17 @@ def read_failures(store: Store, file: str) -> list[tuple[str, str, str]]:
         return []
     rows = csv.DictReader(content.decode("utf-8").splitlines())
     return [(row["input"], row["sentence"], row["traceback"]) for row in rows]
+
+
+def describe_failures(failed: Collection[Outcome], count: int, table: str) -> str:
+    """One sentence: how many of `count` recordings failed, why the first one did, and the table with all."""
+    first = min(failed, key=lambda each: each.task.name)
+    reason = " ".join(first.reason.split()).rstrip(".")
+    which = f"the first is {first.task.name}: " if len(failed) > 1 else f"{first.task.name}: "
+    return (
+        f"{len(failed)} of {count_of(count, 'recording')} failed, {which}{reason}; {table} lists all of them "
+        "with their reasons, and the same command tries them again"
+    )
 
 
 def merge_failures(store: Store, files: Iterable[str], merged: str) -> None:

@@ -3,12 +3,13 @@
 import os
 import sys
 from collections.abc import Sequence
+from itertools import pairwise
 
 from cyclopts import App, CycloptsError, UnknownCommandError, UnusedCliTokensError
 
 import manytouch
 from manytouch.cli import COMMANDS, OPTIONS, SUMMARY
-from manytouch.cli.terminal.failures import one_line, report
+from manytouch.cli.terminal.failures import one_line, report, usage_error
 from manytouch.cli.terminal.interrupt import TERMINATED, StopOnSignal
 
 DONE, FAILED, WRONG_COMMAND_LINE = 0, 1, 2
@@ -38,6 +39,7 @@ def run(words: list[str]) -> int:
     """
     StopOnSignal.is_terminated = False
     try:
+        _refuse_empty_words(words)
         return _status(
             application(words)(
                 list(words), exit_on_error=False, print_error=False, result_action="return_value"
@@ -54,6 +56,22 @@ def run(words: list[str]) -> int:
     except Exception as error:  # noqa: BLE001 - reported in one line
         report(error)
         return FAILED
+
+
+def _refuse_empty_words(words: Sequence[str]) -> None:
+    """Refuse an empty path, which would be the current folder, and other values without a character.
+
+    Raises:
+        CycloptsError: a word is empty, or the value of an option is.
+    """
+    for before, word in pairwise(["", *words]):
+        option, equals, value = word.partition("=")
+        is_empty_value = option.startswith("--") and equals and not value
+        if not word or is_empty_value:
+            after = option if is_empty_value else before
+            place = f" after {after}" if after.startswith("-") else ""
+            verb = " ".join(each for each in words[:1] if each in COMMANDS)
+            raise usage_error(verb, f"there is an empty word{place}: give a path or a value, or omit it")
 
 
 def _status(result: object) -> int:

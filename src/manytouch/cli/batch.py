@@ -156,9 +156,11 @@ def batch(
     if dry_run:
         return _print_plan(tasks, settings, slurm)
     from manytouch.batch.engines.worker_wait import LONGEST_WAIT_H, WorkerWait
+    from manytouch.batch.failures import describe_failures, shard_file
     from manytouch.batch.run_batch import run_batch
     from manytouch.cli.terminal.batch_progress import BatchProgress
     from manytouch.cli.terminal.interrupt import StopOnSignal
+    from manytouch.errors import ManytouchError
 
     with StopOnSignal() as stop, BatchProgress() as progress:
         wait = WorkerWait(notify=progress.on_message, longest_h=wait_h or LONGEST_WAIT_H)
@@ -173,7 +175,10 @@ def batch(
         ) as engine:
             report = run_batch(tasks, settings, engine, observer=progress, stop=stop, shard=shard)
         progress.finish(report, settings.out)
-    return 1 if report.failed else 0
+    if report.failed:
+        table = f"{settings.out.rstrip('/')}/{shard_file('failures', '.csv', shard)}"
+        raise ManytouchError(describe_failures(report.failed.values(), len(tasks), table))
+    return 0
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from cyclopts import App, Parameter
 
 from manytouch.cli.terminal import options
-from manytouch.cli.terminal.failures import usage_error
+from manytouch.cli.terminal.failures import usage_error, usage_errors
 
 if TYPE_CHECKING:
     from manytouch.calibration.camera.board_views import ViewCollection
@@ -68,7 +68,8 @@ def camera(
     from manytouch.values.sensor_file import save_sensor
 
     console = Console(highlight=False, soft_wrap=True)
-    wanted = parse_board(board, square_mm)
+    with usage_errors("calibrate camera"):
+        wanted = parse_board(board, square_mm)
     check_file_writable(out)
     if report is not None:
         check_writable(report)
@@ -115,14 +116,17 @@ def rest(
         Parameter(
             converter=options.pair("X,Y"),
             n_tokens=1,
+            allow_leading_hyphen=True,
             metavar="X,Y",
             help="Size of the clamped outline, if neither the file nor the image gives it.",
         ),
     ] = None,
     thickness_mm: Annotated[
-        float | None,
+        Any,
         Parameter(
             metavar="MM",
+            converter=options.positive("a thickness in mm"),
+            n_tokens=1,
             help="Thickness of the sheet; without --sheet-mm the outline is measured in the image.",
         ),
     ] = None,

@@ -54,11 +54,11 @@ def demo(
     Example: manytouch demo --seconds 5
     """
     from manytouch.cli.terminal.console import Reporter
+    from manytouch.cli.terminal.outputs import check_urls
     from manytouch.sinks.files.atomic_output import check_writable
-    from manytouch.sinks.publishers.registry import check_addresses
 
+    check_urls("demo", to)
     check_writable(out)
-    check_addresses(to)
     reporter = Reporter(bar=False)
     what = f"scene {scene}" if scene else "pressed by several fingers at once"
     reporter.print(f"simulated sensor, {what}", heading=True)

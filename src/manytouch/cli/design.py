@@ -20,27 +20,31 @@ Pair = Annotated[
 ]
 
 
+def _positive(what: str, words: str, metavar: str = "MM") -> Parameter:
+    return Parameter(metavar=metavar, converter=options.positive(what), n_tokens=1, help=words)
+
+
 def design(
     *,
     out: Annotated[Path, options.folder("Folder for the design.")],
     area_mm: Annotated[Pair, Parameter(help="Size of the area to be touched.")] = (100.0, 60.0),
-    deepest_mm: Annotated[float, Parameter(metavar="MM", help="Depth of the deepest press.")] = 10.0,
+    deepest_mm: Annotated[Any, _positive("a depth in mm", "Depth of the deepest press.")] = 10.0,
     force_N: Annotated[
         Pair, Parameter(name="--force-N", help="Smallest and largest normal force of a fingertip.")
     ] = (0.1, 10.0),
     separation_mm: Annotated[
-        float,
-        Parameter(
-            metavar="MM", help="Two-point resolution: distance at which two contacts are found as two."
+        Any,
+        _positive(
+            "a distance in mm", "Two-point resolution: distance at which two contacts are found as two."
         ),
     ] = 8.0,
     resolution_px: Annotated[Pair, Parameter(help="Image size of the camera.")] = (2560.0, 1440.0),
-    hfov_deg: Annotated[float, Parameter(metavar="A", help="Horizontal field of view of the camera.")] = 63.7,
-    focus_mm: Annotated[
-        float, Parameter(metavar="MM", help="Smallest focus distance of the camera.")
-    ] = 100.0,
-    fps: Annotated[float, Parameter(metavar="F", help="Frame rate of the camera.")] = 30.0,
-    nozzle_mm: Annotated[float, Parameter(metavar="MM", help="Nozzle diameter of the printer.")] = 0.4,
+    hfov_deg: Annotated[
+        Any, _positive("an angle in degrees", "Horizontal field of view of the camera.", "A")
+    ] = 63.7,
+    focus_mm: Annotated[Any, _positive("a distance in mm", "Smallest focus distance of the camera.")] = 100.0,
+    fps: Annotated[Any, _positive("a number of frames per second", "Frame rate of the camera.", "F")] = 30.0,
+    nozzle_mm: Annotated[Any, _positive("a diameter in mm", "Nozzle diameter of the printer.")] = 0.4,
     bed_mm: Annotated[
         Any,
         Parameter(
@@ -61,7 +65,7 @@ def design(
         Parameter(help="Material of the sheet, such as 'TPU, Shore A 60'; chosen if not specified."),
     ] = None,
     thickness_mm: Annotated[
-        float | None, Parameter(metavar="MM", help="Thickness of the sheet; chosen if not specified.")
+        Any, _positive("a thickness in mm", "Thickness of the sheet; chosen if not specified.")
     ] = None,
     parts: Annotated[
         Literal["none", "mesh", "step"], Parameter(help="Parts to write; step: STEP files too.")
@@ -88,34 +92,36 @@ def design(
     if paper:
         return _paper(out, parts)
     from manytouch.cli.terminal.console import Steps
+    from manytouch.cli.terminal.failures import usage_errors
     from manytouch.design.choose import design_sensor
     from manytouch.design.plots import require_plots
     from manytouch.design.requirements import CameraSpecification, Printer, Requirements
     from manytouch.design.write import require_part_packages, write_design, write_prediction, write_sensor
     from manytouch.sinks.files.atomic_output import check_writable
 
+    with usage_errors("design"):
+        requirements = Requirements(
+            area_mm=area_mm,
+            deepest_mm=deepest_mm,
+            force_N=force_N,
+            separation_mm=separation_mm,
+            camera=CameraSpecification(
+                width_px=round(resolution_px[0]),
+                height_px=round(resolution_px[1]),
+                hfov_deg=hfov_deg,
+                least_focus_mm=focus_mm,
+                fps=fps,
+            ),
+            printer=Printer(nozzle_mm=nozzle_mm, bed_mm=bed_mm),
+            marker_height_mm=marker_height_mm,
+            material=material,
+            thickness_mm=thickness_mm,
+        )
     check_writable(out)
     if parts != "none":
         require_part_packages(step=parts == "step")
     if predict:
         require_plots()
-    requirements = Requirements(
-        area_mm=area_mm,
-        deepest_mm=deepest_mm,
-        force_N=force_N,
-        separation_mm=separation_mm,
-        camera=CameraSpecification(
-            width_px=round(resolution_px[0]),
-            height_px=round(resolution_px[1]),
-            hfov_deg=hfov_deg,
-            least_focus_mm=focus_mm,
-            fps=fps,
-        ),
-        printer=Printer(nozzle_mm=nozzle_mm, bed_mm=bed_mm),
-        marker_height_mm=marker_height_mm,
-        material=material,
-        thickness_mm=thickness_mm,
-    )
     with Steps() as steps:
         found = design_sensor(requirements, on_message=steps.step_reporter())
         for reason in found.reasons:

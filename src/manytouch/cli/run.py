@@ -63,8 +63,9 @@ def run(
 
     Example: manytouch run 0 --size 2560x1440 --fps 30 --exposure-ms 8
     """
-    from manytouch.cli.terminal.outputs import check_outputs
+    from manytouch.cli.terminal.outputs import check_outputs, check_urls
 
+    check_urls("run", to)
     check_outputs(out, record)
     if source.lower().endswith(".toml") and "://" not in source and not source.startswith("sim:"):
         from manytouch.cli.terminal.rig_run import run_rig_file
@@ -90,14 +91,12 @@ def run(
     from manytouch.session import Live, Playback, ResultFiles, prepare, result_name
     from manytouch.session import run as run_loop
     from manytouch.session.diagnosis.camera import describe_latency, describe_settings
-    from manytouch.sinks.publishers.registry import check_addresses
     from manytouch.sources.cameras.capture import CameraRequest
     from manytouch.sources.files.frame_timeline import frame_timeline
 
     reporter = Reporter(bar=False)
     address = None if no_view else ViewerAddress(host=host, port=port, token=token, max_clients=max_clients)
     with StopOnSignal() as stop:
-        check_addresses(to)
         if is_playback(source, record, out, method, sensor, pitch_mm, hfov_deg, roi, fps, parameters):
             playback = Playback(Path(source), stays=address is not None)
             return show_playback(playback, to, address, reporter, stop)

@@ -24,8 +24,12 @@ from manytouch.design.reasons import reasons_for
 from manytouch.design.requirements import DesignError, Requirements
 from manytouch.design.spacing import largest_height_mm
 from manytouch.design.stand_off import StandOff, focal_px, stand_off, vfov_rad
+from manytouch.limits import MAX_MARKERS
 from manytouch.values import Camera, Layout, Sensor, Sheet
 from manytouch.values.arrays import read_only
+
+MAX_SHEET_MM2, MAX_SIDE_MM = 1e6, 5e3
+"""Of the sheet with its rim; the deflection of the largest one takes 2 GB."""
 
 
 def design_sensor(requirements: Requirements, *, on_message: Callable[[str], object] | None = None) -> Design:
@@ -104,11 +108,6 @@ def _sheet(
 ) -> tuple[Material, DeflectionCurve]:
     """The softest combination of material and thickness that supports the largest force."""
     materials = [item for item in MATERIALS if requirements.material in (None, item.name)]
-    if not materials:
-        raise DesignError(
-            f"the material {requirements.material!r} is not known; choose one of "
-            f"{', '.join(repr(item.name) for item in MATERIALS)}"
-        )
     thicknesses = THICKNESSES_MM if requirements.thickness_mm is None else (requirements.thickness_mm,)
     found: list[tuple[float, Material, DeflectionCurve]] = []
     stiffest = (math.inf, "")
@@ -117,6 +116,7 @@ def _sheet(
             on_message(f"computing the deflection of a sheet of {thickness:g} mm")
         rim = rim_mm(requirements, thickness)
         size = (requirements.area_mm[0] + 2 * rim, requirements.area_mm[1] + 2 * rim)
+        _check_size(requirements, size)
         curve = deflection_curve(
             size_mm=size, thickness_mm=thickness, poisson=POISSON, deepest_mm=requirements.deepest_mm
         )
@@ -134,6 +134,23 @@ def _sheet(
         )
     _, material, curve = max(found, key=lambda item: item[0])
     return material, curve
+
+
+def _check_size(requirements: Requirements, size: tuple[float, float]) -> None:
+    """Refuse a sheet before memory is allocated for it."""
+    if size[0] * size[1] > MAX_SHEET_MM2 or max(size) > MAX_SIDE_MM:
+        raise DesignError(
+            f"a sheet of {size[0]:g} x {size[1]:g} mm (the area and its rim) is too large: at most "
+            f"{1e-6 * MAX_SHEET_MM2:g} m² and {1e-3 * MAX_SIDE_MM:g} m along a side are designed; reduce the "
+            "area, or use several sensors"
+        )
+    pitch = pitch_mm(requirements)
+    count = math.floor(size[0] / pitch) * math.floor(size[1] / pitch)
+    if count > MAX_MARKERS:
+        raise DesignError(
+            f"a sheet of {size[0]:g} x {size[1]:g} mm with markers every {pitch:.2g} mm has {count} markers: "
+            f"at most {MAX_MARKERS} are allowed; use a larger separation or a smaller area"
+        )
 
 
 def _check_gaps(

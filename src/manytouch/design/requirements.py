@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass, fields
 
+from manytouch.design.materials import MATERIALS
 from manytouch.errors import ManytouchError
 
 
@@ -86,6 +87,11 @@ class Requirements:
             raise DesignError(
                 f"a field of view of {self.camera.hfov_deg:g} degrees is too large for a pinhole model: give "
                 "less than 170"
+            )
+        if self.material is not None and self.material not in [item.name for item in MATERIALS]:
+            raise DesignError(
+                f"the material {self.material!r} is not known; choose one of "
+                f"{', '.join(repr(item.name) for item in MATERIALS)}"
             )
 
 

@@ -16,10 +16,12 @@ class SlipState:
     Attributes:
         ratio: largest ratio of shear to normal force so far, decaying.
         centre_mm: (2,) low-pass filtered centre of each contact.
+        is_slipping: the last flag of each contact.
     """
 
     ratio: Mapping[int, float] = field(default_factory=lambda: MappingProxyType({}))
     centre_mm: Mapping[int, np.ndarray] = field(default_factory=lambda: MappingProxyType({}))
+    is_slipping: Mapping[int, bool] = field(default_factory=lambda: MappingProxyType({}))
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -41,12 +43,15 @@ class SlipDetector:
     filter_share: float = 0.3
 
     def __call__(self, state: SlipState, contacts: Contacts, pitch_mm: float) -> tuple[SlipState, Contacts]:
-        """The contacts with slip flags; None for a contact that ends or whose force is NaN."""
+        """The contacts with slip flags; None where the force is NaN. One that ends keeps its last flag."""
         flagged: list[Contact] = []
-        ratios, centres = {}, {}
+        ratios, centres, flags = {}, {}, {}
         for contact in contacts.contacts:
+            if contact.phase is Phase.END:
+                flagged.append(replace(contact, slip=state.is_slipping.get(contact.id)))
+                continue
             ratio = float(np.hypot(*contact.shear_over_E_mm2)) / contact.normal_force_over_E_mm2
-            if contact.phase is Phase.END or not np.isfinite(ratio):
+            if not np.isfinite(ratio):
                 flagged.append(contact)
                 continue
             largest = max(ratio, self.decay * state.ratio.get(contact.id, 0.0))
@@ -54,7 +59,12 @@ class SlipDetector:
             away_mm = contact.centre_mm - filtered_mm
             is_moving = float(np.hypot(*away_mm)) > self.moving_pitch * pitch_mm
             is_saturated = ratio >= max(self.min_ratio, self.saturated_share * largest)
-            flagged.append(replace(contact, slip=bool(is_moving and is_saturated)))
+            flags[contact.id] = bool(is_moving and is_saturated)
+            flagged.append(replace(contact, slip=flags[contact.id]))
             ratios[contact.id], centres[contact.id] = largest, filtered_mm + self.filter_share * away_mm
-        slip = SlipState(ratio=MappingProxyType(ratios), centre_mm=MappingProxyType(centres))
+        slip = SlipState(
+            ratio=MappingProxyType(ratios),
+            centre_mm=MappingProxyType(centres),
+            is_slipping=MappingProxyType(flags),
+        )
         return slip, replace(contacts, contacts=tuple(flagged))

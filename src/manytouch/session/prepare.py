@@ -40,9 +40,9 @@ REST_FRAMES = 15
 INPUT = "the path of a video or image, the number of a camera, or what manytouch.open_source returns"
 SPREAD_FRAMES = 16
 STILL_TRIES = 8  # times `REST_FRAMES`, for a live source to be still at its start
-NO_PRETENSION = (
-    "The sheet has no pretension, since its file states none. If it has one, forces are too small and "
-    "spurious contacts are possible near the clamp (manytouch calibrate sheet determines it)."
+UNKNOWN_PRETENSION = (
+    "The pretension of the sheet is estimated from what presses it, since its file states none; the standard "
+    "deviations of forces contain that of the estimate (manytouch calibrate sheet measures the pretension)."
 )
 NO_RATE = f"The frame rate is {ASSUMED_FPS:g} frames per second, since the input states none (--fps sets it)."
 
@@ -233,7 +233,7 @@ def prepare(
     except ManytouchError:
         close(source)
         raise
-    assumed = [NO_PRETENSION] if _lacks_pretension(found, chosen) else []
+    assumed = [UNKNOWN_PRETENSION] if _estimates_pretension(found, chosen) else []
     if source.fps is None and not source.is_live and source.frame_count != 1:
         assumed.append(NO_RATE)
     if new := [sentence for sentence in assumed if sentence not in found.assumptions]:
@@ -295,8 +295,8 @@ def _report_delays(source: Source, observer: Observer) -> None:
         observer.on_message(timeline.warning)
 
 
-def _lacks_pretension(sensor: Sensor, method: str) -> bool:
-    """Whether `mechanics` has to assume a sheet without pretension, because its file states none."""
+def _estimates_pretension(sensor: Sensor, method: str) -> bool:
+    """Whether the method is `mechanics` and estimates the pretension, because the sensor file states none."""
     sheet = sensor.sheet
     return (
         method == "mechanics"

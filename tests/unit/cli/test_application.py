@@ -57,15 +57,65 @@ def test_a_folder_of_pictures_keeps_its_whole_name(tmp_path: Path):
         (["run", "sim:", "--sensor", "s.toml", "--hfov-deg", "60"], 2),
         (["run", "sim:", "--record", "press.txt"], 2),
         (["demo", "--seconds", "inf"], 2),
+        (["process", "a.mp4", "--out", "o", "--method", "paper", "--opening-px", "2"], 2),
+        (["process", "a.mp4", "--out", "o", "--method", "paper", "--iterations", "1"], 2),
+        (["process", "a.mp4", "--out", ""], 2),
+        (["process", "a.mp4", "--out="], 2),
+        (["process", "", "--out", "o"], 2),
+        (["view", ""], 2),
+        (["calibrate", "rest", "a.mp4", "--sensor", "", "--out", "o.toml"], 2),
+        (["run", "sim:one", "--to", "bogus://x"], 2),
+        (["run", "sim:one", "--to", "osc://127.0.0.1:notaport"], 2),
+        (["run", "sim:one", "--to", "foxglove://:99999"], 2),
+        (["run", "rig.toml", "--to", "bogus://x"], 2),
+        (["demo", "--to", "bogus://x"], 2),
         (["design", "--out", "o", "--area-mm", "-nan,60"], 2),
+        (["design", "--out", "o", "--area-mm", "-1,2"], 2),
+        (["design", "--out", "o", "--bed-mm", "0,200,200"], 2),
+        (["design", "--out", "o", "--deepest-mm", "nan"], 2),
+        (["design", "--out", "o", "--force-N", "10,0.1"], 2),
+        (["design", "--out", "o", "--fps", "-1"], 2),
+        (["design", "--out", "o", "--material", "wood"], 2),
+        (["calibrate", "camera", "a.png", "--board", "chess:9x6", "--square-mm", "5", "--out", "o.toml"], 2),
+        (
+            [
+                "calibrate",
+                "camera",
+                "a.png",
+                "--board",
+                "circles:9x6",
+                "--square-mm",
+                "-5",
+                "--out",
+                "o.toml",
+            ],
+            2,
+        ),
+        (
+            [
+                "calibrate",
+                "camera",
+                "a.png",
+                "--board",
+                "circles:9x6",
+                "--square-mm",
+                "nan",
+                "--out",
+                "o.toml",
+            ],
+            2,
+        ),
+        (["calibrate", "rest", "a.mp4", "--sensor", "s", "--out", "o.toml", "--thickness-mm", "-1"], 2),
         (["calibrate", "rest", "a.mp4", "--sensor", "s.toml", "--out", "o.toml", "--sheet-mm", "9,9"], 2),
         (["calibrate", "sheet", "--sensor", "s.toml"], 2),
     ],
 )
-def test_exit_status_of_words_alone(words, status, capsys):
+def test_exit_status_of_words_alone(words, status, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     assert main(words) == status
     printed = capsys.readouterr()
     assert (printed.err.count("\n") == 1) == (status == 2)
+    assert not any(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(
@@ -75,6 +125,14 @@ def test_exit_status_of_words_alone(words, status, capsys):
         (["calibrate", "camera"], "see manytouch calibrate camera --help"),
         (["calibrate", "sheet", "--sensor", "s.toml"], "see manytouch calibrate sheet --help"),
         (["evaluate", "a", "--out", "o"], "see manytouch evaluate --help"),
+        (
+            ["process", "a.mp4", "--out", "o", "--method", "paper", "--opening-px", "2"],
+            "--opening-px: expected an odd number of px from 1, found '2'",
+        ),
+        (["process", "a.mp4", "--out", ""], "an empty word after --out: give a path or a value"),
+        (["batch", "a.mp4", "--out="], "an empty word after --out: give a path or a value"),
+        (["view", ""], "there is an empty word: give a path or a value"),
+        (["design", "--out", "o", "--area-mm", "-1,2"], "--area-mm: expected X,Y above 0, found '-1,2'"),
         (
             ["process", "a.mp4", "--out", "o", "b.mp4"],
             "unexpected words: b.mp4 (list all inputs before the options)",

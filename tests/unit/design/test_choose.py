@@ -88,6 +88,11 @@ def test_markers_on_pins_must_not_touch_when_pressed(default):
         ({"camera": CameraSpecification(hfov_deg=150.0, least_focus_mm=5.0)}, "comes too close to a camera"),
         ({"camera": CameraSpecification(hfov_deg=175.0)}, "too large for a pinhole model"),
         ({"printer": Printer(nozzle_mm=3.0)}, "the printer prints"),
+        ({"area_mm": (5000.0, 5000.0)}, "at most 1 m² and 5 m along a side are designed; reduce the area"),
+        ({"area_mm": (9000.0, 20.0)}, "at most 1 m² and 5 m along a side are designed"),
+        ({"thickness_mm": 1e6}, "at most 1 m² and 5 m along a side are designed"),
+        ({"area_mm": (300.0, 300.0), "separation_mm": 1.0}, "markers: at most 100000 are allowed"),
+        ({"separation_mm": 1e-9}, "markers: at most 100000 are allowed"),
         ({"material": "wood"}, "the material 'wood' is not known; choose one of 'silicone, Shore A 20', "),
     ],
 )

@@ -1,6 +1,7 @@
 """A contact slips when it moves and its shear no longer grows."""
 
 import numpy as np
+import pytest
 
 from manytouch.estimation.slip_detector import SlipDetector, SlipState
 from manytouch.values import Contact, Contacts, Phase
@@ -43,7 +44,24 @@ def test_rolling_without_shear_and_easing_off_are_no_slip() -> None:
     assert not any(flags([(0.0, 0.5)] + [(0.6 * k, 0.2) for k in range(1, 6)]))
 
 
-def test_contacts_that_end_or_are_not_known_have_no_flag() -> None:
+@pytest.mark.parametrize(
+    ("course", "last"), [([(0.0, 0.4), (0.6, 0.4)], True), ([(0.0, 0.4)], False), ([(0.0, np.nan)], None)]
+)
+def test_a_contact_that_ends_keeps_its_last_flag(
+    course: list[tuple[float, float]], last: bool | None
+) -> None:
+    state = SlipState()
+    for x_mm, shear in course:
+        state, touching = DETECT(state, Contacts(contacts=(contact(x_mm, shear),)), 4.0)
+    assert touching.contacts[0].slip is last
+    ended = Contacts(contacts=(contact(0.6, 0.4, phase=Phase.END),))
+    state, contacts = DETECT(state, ended, 4.0)
+    assert contacts.contacts[0].slip is last
+    assert not state.ratio
+    assert not state.is_slipping
+
+
+def test_a_contact_that_ends_without_a_flag_before_has_none() -> None:
     ended = Contacts(contacts=(contact(0.0, 0.5, phase=Phase.END),))
     state, contacts = DETECT(SlipState(), ended, 4.0)
     assert contacts.contacts[0].slip is None

@@ -294,12 +294,17 @@ def test_the_default_method_is_mechanics_where_the_sheet_is_known() -> None:
     assert default_method(replace(source.sensor, sheet=bonded)) == "mechanics"
 
 
-def test_a_pretension_that_no_file_states_is_an_assumption() -> None:
+def test_mechanics_states_that_it_estimates_a_pretension_that_no_file_states() -> None:
     source = simulated_source("rest", width_px=160)
     slack = replace(source.sensor, sheet=replace(source.sensor.sheet, pretension_N_per_mm=None))
     slack_source = replace(source, simulator=replace(source.simulator, sensor=slack))
-    stated = prepare(slack_source, method="mechanics").sensor.assumptions
-    assert sum("no pretension" in sentence for sentence in stated) == 1
+    job = prepare(slack_source, method="mechanics")
+    (stated,) = (sentence for sentence in job.sensor.assumptions if "pretension" in sentence)
+    assert "is estimated" in stated
+    assert job.pipeline.estimate.start(job.sensor).pretension.is_estimated
+    assert (
+        not prepare(source, method="mechanics").pipeline.estimate.start(source.sensor).pretension.is_estimated
+    )
     bonded = replace(slack.sheet, boundary="bonded", marker_depth_mm=1.0)
     pad_source = replace(source, simulator=replace(source.simulator, sensor=replace(slack, sheet=bonded)))
     for each, method in ((source, "mechanics"), (slack_source, "perimeter"), (pad_source, "mechanics")):

@@ -2,6 +2,8 @@
 
 import sys
 import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from manytouch.errors import ManytouchError
@@ -24,6 +26,19 @@ def usage_error(verb: str, sentence: str) -> "CycloptsError":
     from cyclopts import CycloptsError
 
     return CycloptsError(msg=sentence, command_chain=tuple(verb.split()))
+
+
+@contextmanager
+def usage_errors(verb: str) -> Iterator[None]:
+    """Report what is wrong with the words of the command line as an error of it.
+
+    Raises:
+        CycloptsError: instead of any ManytouchError inside.
+    """
+    try:
+        yield
+    except ManytouchError as error:
+        raise usage_error(verb, str(error)) from error
 
 
 def one_line(text: str) -> str:

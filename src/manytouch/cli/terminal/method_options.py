@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from cyclopts import Group, Parameter, Token
 
-from manytouch.cli.terminal.failures import usage_error
+from manytouch.cli.terminal.failures import usage_error, usage_errors
 from manytouch.cli.terminal.options import positive
 
 SURFACE, PAPER = Group("Surface between the markers"), Group("Parameters of the method paper")
@@ -62,7 +62,7 @@ class InterpolationOptions:
         """Those that were given, by the names that the pipeline has for them.
 
         Raises:
-            CycloptsError: a parameter of idw is given for a spline.
+            CycloptsError: a parameter of idw is given for a spline, or is outside its limits.
         """
         if self.interpolation == "spline" or (self.interpolation is None and method != "paper"):
             numbers = (self.iterations, self.search_radius_pitch, self.power)
@@ -73,12 +73,14 @@ class InterpolationOptions:
                     "--interpolation idw, or omit them",
                 )
         names = {"interpolation": "kind"}
-        given = {field.name: getattr(self, field.name) for field in fields(self)}
-        return {
-            f"interpolation.{names.get(name, name)}": value
-            for name, value in given.items()
-            if value is not None
-        }
+        options = {field.name: getattr(self, field.name) for field in fields(self)}
+        given = {names.get(name, name): value for name, value in options.items() if value is not None}
+        if given:
+            from manytouch.values import Interpolation
+
+            with usage_errors(verb):
+                Interpolation(**given)
+        return {f"interpolation.{name}": value for name, value in given.items()}
 
 
 def _threshold(_: Any, tokens: Sequence[Token]) -> dict[str, int]:
@@ -90,6 +92,13 @@ def _threshold(_: Any, tokens: Sequence[Token]) -> dict[str, int]:
     if found["level"] is not None:
         return {"detect.threshold": int(found["level"])}
     return {"detect.margin": int(found["margin"] or 0)}
+
+
+def _odd_side(_: Any, tokens: Sequence[Token]) -> int:
+    text = tokens[0].value
+    if not (text.isdecimal() and int(text) % 2):
+        raise ValueError(f"expected an odd number of px from 1, found {text!r}")
+    return int(text)
 
 
 def _paper(name: str, words: str, metavar: str | None = None, converter: Any = None) -> Parameter:
@@ -113,8 +122,10 @@ class PaperOptions:
         ),
     ] = None
     opening_px: Annotated[
-        int | None,
-        _paper("--opening-px", "Side of the opening kernel, odd; 1: no opening. [default: 3]", "N"),
+        Any,
+        _paper(
+            "--opening-px", "Side of the opening kernel, odd; 1: no opening. [default: 3]", "N", _odd_side
+        ),
     ] = None
     opening_padding: Annotated[
         Literal["repeat", "none"] | None,

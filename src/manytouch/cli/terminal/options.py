@@ -32,10 +32,13 @@ def _pitch(_: Any, tokens: Sequence[Token]) -> float | tuple[float, float]:
 
 
 def numbers(count: int, form: str) -> Any:
-    """A converter for numbers separated by commas."""
+    """A converter for positive numbers separated by commas."""
 
     def convert(_: Any, tokens: Sequence[Token]) -> tuple[float, ...]:
-        return tuple(_numbers(tokens, (count,), form))
+        found = _numbers(tokens, (count,), form)
+        if min(found) <= 0:
+            raise ValueError(f"expected {form} above 0, found {tokens[0].value!r}")
+        return tuple(found)
 
     return convert
 
@@ -46,7 +49,7 @@ def as_typed(default: Sequence[float]) -> str:
 
 
 def pair(form: str) -> Any:
-    """A converter for two numbers."""
+    """A converter for two positive numbers."""
     return numbers(2, form)
 
 

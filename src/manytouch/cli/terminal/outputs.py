@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from manytouch.cli.terminal.failures import usage_errors
 from manytouch.values import Health
 from manytouch.values.display.text import count_of
 
@@ -48,6 +49,18 @@ def print_outputs(health: Health, report: Callable[[str], None]) -> None:
         arrival = " (over UDP, which does not report what arrived)" if output.name.startswith(UDP) else ""
         sent = f"{count_of(output.sent, 'reading')} sent{arrival}"
         report(f"{output.name}: {sent}, {output.dropped} dropped{problem}")
+
+
+def check_urls(verb: str, urls: Sequence[str]) -> None:
+    """Check the addresses of --to.
+
+    Raises:
+        CycloptsError: one of them is wrong.
+    """
+    from manytouch.sinks.publishers.registry import check_addresses
+
+    with usage_errors(verb):
+        check_addresses(urls)
 
 
 def check_outputs(folder: Path | None, recording: Path | None) -> None:
