@@ -55,12 +55,17 @@ class SolidScene:
     seed: int = 0
     duration_s: float
     _faces_mm: Float32[np.ndarray, "k a b 3"] = field(init=False, repr=False)
+    _contact_faces_mm: Float32[np.ndarray, "k a b 3"] = field(init=False, repr=False)
     _episodes: tuple[ContactEpisode, ...] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if len(self.states) != len(self.time_s):
             raise ValueError(f"there are {len(self.states)} states for {len(self.time_s)} keyframes")
-        object.__setattr__(self, "_faces_mm", np.stack([state.face_mm for state in self.states]))
+        faces_mm = np.stack([state.face_mm for state in self.states])
+        is_pad = any(state.contact_face_mm is not None for state in self.states)
+        touched_mm = np.stack([state.touched.face_mm for state in self.states]) if is_pad else faces_mm
+        object.__setattr__(self, "_faces_mm", faces_mm)
+        object.__setattr__(self, "_contact_faces_mm", touched_mm)
         object.__setattr__(self, "_episodes", _episodes(self.states))
 
     def with_duration(self, duration_s: float) -> "SolidScene":
@@ -69,9 +74,11 @@ class SolidScene:
 
     def face(self, time_s: float) -> Deformation:
         """The camera-side face at a time, without contacts."""
-        _, local_s = self._local(time_s)
-        face_mm = monotone(self.time_s, self._faces_mm, local_s)
-        return replace(self.states[0], face_mm=read_only(face_mm), contacts=(), status="ok")
+        return self._deformation(self._faces_mm, time_s)
+
+    def contact_face(self, time_s: float) -> Deformation:
+        """The contact face of a pad at a time, without contacts; of a clamped sheet its camera-side face."""
+        return self._deformation(self._contact_faces_mm, time_s)
 
     def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """See `MovingSheet`: points off the face stay on its normal."""
@@ -79,6 +86,15 @@ class SolidScene:
 
         def displacement_mm(time_s: float) -> Points3:
             return self.face(time_s).moved_mm(place_mm, height_mm)
+
+        return displacement_mm
+
+    def contact_face_motion_of(self, place_mm: Points2) -> PointMotion:
+        """See `MovingSheet`."""
+        place_mm = np.ascontiguousarray(place_mm)
+
+        def displacement_mm(time_s: float) -> Points3:
+            return self.contact_face(time_s).displacement_mm(place_mm)
 
         return displacement_mm
 
@@ -98,6 +114,12 @@ class SolidScene:
     def touch_count(self) -> int:
         """Touches of one round."""
         return len(self._episodes)
+
+    def _deformation(self, faces_mm: Float32[np.ndarray, "k a b 3"], time_s: float) -> Deformation:
+        """A face between the keyframes, on the grid of the states."""
+        _, local_s = self._local(time_s)
+        face_mm = read_only(monotone(self.time_s, faces_mm, local_s))
+        return replace(self.states[0], face_mm=face_mm, contact_face_mm=None, contacts=(), status="ok")
 
     def _local(self, time_s: float) -> tuple[int, float]:
         """The round, and the time in it."""
@@ -156,5 +178,5 @@ def _episodes(states: tuple[Deformation, ...]) -> tuple[ContactEpisode, ...]:
 def _fading(row: list[float], state: Deformation) -> list[float]:
     """A contact where it begins or ends: no force, its last place, as deep as the sheet is there."""
     centre_mm = np.array([row[5:7]])
-    depth_mm = -float(state.displacement_mm(centre_mm)[0, 2])
+    depth_mm = -float(state.touched.displacement_mm(centre_mm)[0, 2])
     return [0.0, 0.0, 0.0, 0.0, 0.0, *row[5:7], depth_mm, *row[8:]]

@@ -91,6 +91,23 @@ def test_what_does_not_touch_has_no_force_and_no_place(states: list[SheetState])
     assert np.isnan([punch.depth_mm, *punch.centre_mm]).all()
 
 
+def test_a_file_keeps_the_contact_face_of_a_pad(states: list[SheetState], tmp_path: Path) -> None:
+    sheets = [condense(state, LOADING) for state in states]
+    pads = {f"{n}": replace(one, contact_face_mm=1.5 * one.face_mm) for n, one in enumerate(sheets)}
+    write_deformations(tmp_path / "a.npz", {**pads, "sheet": sheets[0]})
+    found = read_deformations(tmp_path / "a.npz")
+    assert list(found) == [*pads, "sheet"]
+    assert found["sheet"].contact_face_mm is None
+    assert found["sheet"].touched is found["sheet"]
+    for key, pad in pads.items():
+        mine = found[key]
+        assert mine.contact_face_mm is not None
+        np.testing.assert_allclose(mine.face_mm[::2, ::2], pad.face_mm[::2, ::2], atol=0.6 * STEP_MM)
+        wanted_mm = pad.touched.face_mm[::2, ::2]
+        np.testing.assert_allclose(mine.touched.face_mm[::2, ::2], wanted_mm, atol=0.6 * STEP_MM)
+        assert [one.depth_mm for one in mine.touched.contacts] == [one.depth_mm for one in mine.contacts]
+
+
 def test_a_file_gives_back_what_it_was_given(states: list[SheetState], tmp_path: Path) -> None:
     given = {f"{number}": condense(state, LOADING) for number, state in enumerate(states)}
     size = write_deformations(tmp_path / "a.npz", given)

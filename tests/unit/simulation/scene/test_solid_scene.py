@@ -64,6 +64,21 @@ def test_each_touch_has_an_id_of_its_own_and_no_force_at_its_ends() -> None:
     assert 0.0 < seen[0.5][0].normal_force_N < 1.0
 
 
+def test_the_contact_face_of_a_pad_moves_by_itself() -> None:
+    """It sinks twice as far as the plane of the markers; a contact that fades is as deep as it."""
+    states = tuple(replace(state, contact_face_mm=np.float32(2.0) * state.face_mm) for state in SCENE.states)
+    scene, place_mm = replace(SCENE, states=states), np.array([[1.0, 1.0], [3.0, -2.0]])
+    for time_s in (0.3, 1.0, 1.7):
+        markers_mm = scene.motion_of(place_mm)(time_s)
+        np.testing.assert_array_equal(markers_mm, SCENE.motion_of(place_mm)(time_s))
+        np.testing.assert_allclose(
+            scene.contact_face_motion_of(place_mm)(time_s), 2.0 * markers_mm, atol=1e-6
+        )
+        np.testing.assert_array_equal(SCENE.contact_face_motion_of(place_mm)(time_s), markers_mm)
+    assert SCENE.contacts(1.499)[0].depth_mm == pytest.approx(3.3, abs=0.01)  # of the face at (1, 1) mm
+    assert scene.contacts(1.499)[0].depth_mm == pytest.approx(6.6, abs=0.01)
+
+
 def test_it_can_be_repeated() -> None:
     longer = SCENE.with_duration(7.0)
     assert longer.duration_s == 7.0
