@@ -101,6 +101,21 @@ def test_the_contact_face_of_a_pad_moves_with_what_sticks_to_it() -> None:
     assert ball.centre_px == pytest.approx(shown_px, abs=0.1)  # it moved by 4 px
 
 
+def test_contacts_of_a_pad_press_it_and_end() -> None:
+    """The ball stands at the face at 2 s while the punch raises it; the punch leaves at 2.8 s."""
+    lives: dict[int, list[tuple[int, Phase]]] = {}
+    for index in range(PAD.frame_count):
+        for contact in PAD.truth(index).contacts.contacts:
+            lives.setdefault(contact.id, []).append((index, contact.phase))
+            assert -contact.force_N[2] > 0.005
+    ends = {id_: life[-1] for id_, life in lives.items()}
+    assert ends == {0: (60, Phase.END), 1: (84, Phase.END)}
+    for life in lives.values():
+        first, last = life[0][0], life[-1][0]
+        assert [index for index, _ in life] == list(range(first, last + 1))
+        assert [phase for _, phase in life[:-1]] == [Phase.START, *[Phase.MOVE] * (len(life) - 2)]
+
+
 def test_nothing_moves_at_rest() -> None:
     truth = SIMULATOR.truth(30)
     assert truth.contacts.contacts == ()

@@ -22,7 +22,7 @@ from manytouch.simulation.fem.elements.mesh import HexMesh, Nodal, reference_nod
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import FINE_POINTS, patch_shares
 from manytouch.simulation.fem.state import SheetState
-from manytouch.simulation.scene.deformation import Deformation, TrueContact, fill_middles
+from manytouch.simulation.scene.deformation import NO_CONTACT, Deformation, TrueContact, fill_middles
 from manytouch.simulation.scene.pressure_region import region_area, second_moments
 from manytouch.values.arrays import Mask, read_only
 
@@ -39,7 +39,8 @@ def condense(
 ) -> Deformation:
     """The face that carries the markers, and the contacts, of a solved state of a loading.
 
-    A state that did not converge may have fewer contacts than the loading.
+    A state that did not converge may have fewer contacts than the loading. A normal force below what is out
+    of balance in the state is none: a body that leaves the face may keep 1e-17 N by rounding.
 
     Args:
         state: of a loading.
@@ -59,6 +60,9 @@ def condense(
     contacts = []
     covered = _touched(state, loading, face)
     for number, (touched, contact) in enumerate(zip(covered, state.contacts, strict=False)):
+        if number < len(loading.touches) and abs(contact.force_N[2]) <= state.residual_N:
+            contacts.append(NO_CONTACT)
+            continue
         rest_mm = face.rest_mm.reshape(-1, 3)[touched, :2] if touched.any() else contact.centre_mm[None]
         depth_mm = -found.touched.displacement_mm(np.ascontiguousarray(rest_mm))[:, 2]
         contacts.append(
