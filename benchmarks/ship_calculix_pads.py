@@ -10,7 +10,7 @@ A file is only written if the force on the body is that on the bonded face withi
 import argparse
 import tempfile
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -120,7 +120,7 @@ def ship(folder: Path, only: str) -> None:
         begin_s, planes = time.monotonic(), {}
         for number, (markers, face) in enumerate(solved(case, folder / case.name)):
             key = f"{number} {case.press.levels[number]:g}"
-            planes[key], planes[f"{key} face"] = markers, face
+            planes[key] = replace(markers, contact_face_mm=face.face_mm)
         size, seconds = write_deformations(path, planes), time.monotonic() - begin_s
         print(f"{path.name}: {size} bytes, {seconds:.0f} s", flush=True)
 

@@ -4,7 +4,6 @@
 """
 
 from collections.abc import Iterator
-from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 
@@ -32,9 +31,7 @@ def main() -> None:
         for number, (level, state) in enumerate(states(case)):
             if state.status != "ok":
                 raise SystemExit(f"{case.name} at level {level:g} is {state.status}: no file was written")
-            key = f"{number} {level:g}"
-            planes[key] = state.markers
-            planes[f"{key} face"] = replace(state.face, contacts=state.markers.contacts)
+            planes[f"{number} {level:g}"] = state.markers
         print(f"{path.name}: {write_deformations(path, planes)} bytes", flush=True)
 
 

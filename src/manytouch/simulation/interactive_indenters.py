@@ -120,6 +120,10 @@ class InteractiveIndenters:
 
         return displacement_mm
 
+    def contact_face_motion_of(self, place_mm: Points2) -> PointMotion:
+        """See `MovingSheet`; the sheet is clamped."""
+        return self.motion_of(place_mm)
+
     def contacts(self, time_s: float) -> dict[int, TrueContact]:
         """What touches in one of the latest frames; nothing in others."""
         with self._lock:

@@ -9,7 +9,7 @@ A ball of 3 mm, 0.5 mm deep, then 0.1 mm sideways while it sticks::
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +18,7 @@ from manytouch.errors import SensorError
 from manytouch.simulation.fem.cache import StateCache
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.sheet import PadModel
-from manytouch.simulation.scene.condense import condense, plane
+from manytouch.simulation.scene.condense import condense
 from manytouch.simulation.scene.deformation import Deformation, TrueContact
 from manytouch.simulation.scene.pad import markers_mm, pad_solid
 from manytouch.simulation.scene.solid_scene import SolidScene
@@ -33,7 +33,7 @@ class PressedPad:
     """A pressed pad in equilibrium.
 
     Attributes:
-        truth: markers in the image, their displacements, and the contacts, as `Simulator.truth`.
+        truth: markers in the image, the contact face over them, and the contacts, as `Simulator.truth`.
         contacts: one for each touch and patch of the loading, in its order, also those that do not touch.
         markers: how the pad moved in the plane of its markers.
         face: how its touched face moved.
@@ -49,7 +49,9 @@ class PressedPad:
     @property
     def marker_mm(self) -> Points3:
         """(m, 3) displacements of the markers."""
-        return self.truth.surface.displacement_mm
+        layout = self.truth.surface.layout
+        assert layout is not None
+        return self.markers.displacement_mm(np.ascontiguousarray(layout.rest_mm[:, :2]))
 
     @property
     def marker_px(self) -> Points2:
@@ -95,6 +97,6 @@ def solve_pad(
             truth=Simulator(sensor=sensor, scene=scene).truth(0),
             contacts=found.contacts,
             markers=found,
-            face=plane(state, len(state.mesh.lines_mm[2]) - 1),
+            face=replace(found.touched, contacts=()),
             status=state.status,
         )

@@ -38,6 +38,7 @@ class Simulator:
     The centre of a marker, in the truth as for a perfect camera, is the centroid of the image of its
     whole printed disc, bent with the sheet and projected; not the image of the disc's middle, from
     which it differs by some hundredths of a pixel, and not moved by blur, light or a missing half.
+    Of a bonded pad the dots show on their own plane; surface and contacts are those of the contact face.
 
     Attributes:
         sensor: true camera, layout and sheet.
@@ -57,7 +58,7 @@ class Simulator:
     faults: Faults | None = None
     camera_number: int = 0
     _faults: Faults = field(init=False, repr=False)
-    _markers: PointMotion = field(init=False, repr=False)
+    _of_surface: PointMotion = field(init=False, repr=False)
     _outline_mm: Points3 = field(init=False, repr=False)
     _outline: PointMotion = field(init=False, repr=False)
 
@@ -71,7 +72,7 @@ class Simulator:
         rest_mm = np.ascontiguousarray(layout.rest_mm[:, :2])
         corner_mm = np.ascontiguousarray(outline_mm[:, :2])
         object.__setattr__(self, "_faults", faults)
-        object.__setattr__(self, "_markers", self.scene.motion_of(rest_mm, layout.height_mm))
+        object.__setattr__(self, "_of_surface", self._motion_of(rest_mm))
         object.__setattr__(self, "_outline_mm", outline_mm)
         object.__setattr__(self, "_outline", self.scene.motion_of(corner_mm, layout.height_mm))
 
@@ -101,7 +102,7 @@ class Simulator:
     def truth(self, index: int) -> Truth:
         """The ground truth of a frame; its standard deviations are 0."""
         time_s, layout = self._time_s(index), self._layout
-        displacement_mm = self._markers(time_s)
+        displacement_mm = self._of_surface(time_s)
         count = len(displacement_mm)
         surface = Surface(
             position_mm=read_only(layout.rest_mm + displacement_mm),
@@ -116,6 +117,12 @@ class Simulator:
             surface=surface,
             contacts=self._contacts(index),
         )
+
+    def _motion_of(self, place_mm: Points2) -> PointMotion:
+        """How undeformed places move on the face of depth and surface, which of a pad is its contact face."""
+        if self._sheet.boundary == "bonded":
+            return self.scene.contact_face_motion_of(place_mm)
+        return self.scene.motion_of(place_mm, self._layout.height_mm)
 
     @property
     def _layout(self) -> Layout:
@@ -208,8 +215,8 @@ class Simulator:
         )
 
     def _shown_px(self, place_mm: Float64[np.ndarray, "n 2"], time_s: float) -> Points2:
-        """Where undeformed places show at a time; those of a pad's face move as its marker plane does."""
-        moved_mm = self.scene.motion_of(place_mm, self._layout.height_mm)(time_s)
+        """Where undeformed places show at a time; those of a pad lie on its contact face."""
+        moved_mm = self._motion_of(place_mm)(time_s)
         face_mm = np.full(len(place_mm), self._sheet.marker_depth_mm or 0.0)
         return self._project(np.column_stack([place_mm, face_mm]) + moved_mm)
 

@@ -39,7 +39,8 @@ def test_truth_is_where_the_picture_shows_the_dots() -> None:
 
 
 PAD = simulated_source("pad", width_px=640).simulator
-TURNED = 48
+TURNED, DRAGGED = 48, 40
+WAY_MM = np.array([0.2, 0.15])
 
 
 def test_dots_of_a_pad_are_seen_through_its_window() -> None:
@@ -59,21 +60,60 @@ def test_dots_of_a_pad_are_seen_through_its_window() -> None:
             ]
             assert found == pytest.approx(truth.grid.position_px[marker], abs=0.02)
     assert PAD.sensor.sheet is not None
-    seen_px = project_through_window(PAD.sensor.camera, PAD.sensor.sheet, truth.surface.position_mm)
+    assert PAD.sensor.layout is not None
+    rest_mm = PAD.sensor.layout.rest_mm
+    dot_mm = rest_mm + PAD.scene.motion_of(np.ascontiguousarray(rest_mm[:, :2]))(TURNED / 30)
+    seen_px = project_through_window(PAD.sensor.camera, PAD.sensor.sheet, dot_mm)
     np.testing.assert_allclose(seen_px, truth.grid.position_px, atol=0.3)
-    assert np.abs(project(PAD.sensor.camera, truth.surface.position_mm) - seen_px).max() > 15.0
+    assert np.abs(project(PAD.sensor.camera, dot_mm) - seen_px).max() > 15.0
 
 
 def test_truth_of_a_pad_refers_to_its_contact_face() -> None:
     ball, punch = PAD.truth(TURNED).contacts.touching
     assert 0.75 < ball.depth_mm < 0.8  # of the body 0.8, less what the penalty lets it enter
-    assert -PAD.truth(TURNED).surface.displacement_mm[:, 2].min() < 0.95 * ball.depth_mm
+    assert 0.6 * ball.depth_mm < -PAD.truth(TURNED).surface.displacement_mm[:, 2].min() < ball.depth_mm
     assert ball.force_N[0] > 0.1  # dragged along x, and turned
     assert ball.torque_Nmm > 0.05
     assert punch.force_N[2] < 0.0
     assert ball.centre_mm == pytest.approx([-3.0, -1.0], abs=0.2)
     around_px = PAD.truth(TURNED).grid.position_px[[20, 21, 29, 30]]  # at (-4, -2) mm to (-2, 0) mm
     assert ball.centre_px == pytest.approx(around_px.mean(axis=0), abs=8.0)
+
+
+def test_the_contact_face_of_a_pad_moves_with_what_sticks_to_it() -> None:
+    """A ball that goes by (0.2, 0.15) mm takes the face with it; the markers below lag by a third."""
+    truth = PAD.truth(DRAGGED)
+    (ball,) = truth.contacts.touching
+    sensor = PAD.sensor
+    assert sensor.sheet is not None
+    assert sensor.sheet.marker_depth_mm is not None
+    assert sensor.layout is not None
+    rest_mm = sensor.layout.rest_mm
+    under = np.linalg.norm(rest_mm[:, :2] - ball.centre_mm, axis=1) < 1.5
+    assert under.sum() == 4
+    moved_mm = truth.surface.displacement_mm[under]
+    assert moved_mm[:, :2].mean(axis=0) == pytest.approx(WAY_MM, abs=0.005)
+    dot_mm = PAD.scene.motion_of(np.ascontiguousarray(rest_mm[under, :2]))(DRAGGED / 30)
+    assert np.linalg.norm(dot_mm[:, :2].mean(axis=0)) < 0.8 * np.linalg.norm(WAY_MM)
+    np.testing.assert_allclose(truth.surface.position_mm, rest_mm + truth.surface.displacement_mm)
+    there_mm = np.array([*(ball.centre_mm + WAY_MM), sensor.sheet.marker_depth_mm - ball.depth_mm])
+    shown_px = project_through_window(sensor.camera, sensor.sheet, there_mm[None])[0]
+    assert ball.centre_px == pytest.approx(shown_px, abs=0.1)  # it moved by 4 px
+
+
+def test_contacts_of_a_pad_press_it_and_end() -> None:
+    """The ball stands at the face at 2 s while the punch raises it; the punch leaves at 2.8 s."""
+    lives: dict[int, list[tuple[int, Phase]]] = {}
+    for index in range(PAD.frame_count):
+        for contact in PAD.truth(index).contacts.contacts:
+            lives.setdefault(contact.id, []).append((index, contact.phase))
+            assert -contact.force_N[2] > 0.005
+    ends = {id_: life[-1] for id_, life in lives.items()}
+    assert ends == {0: (60, Phase.END), 1: (84, Phase.END)}
+    for life in lives.values():
+        first, last = life[0][0], life[-1][0]
+        assert [index for index, _ in life] == list(range(first, last + 1))
+        assert [phase for _, phase in life[:-1]] == [Phase.START, *[Phase.MOVE] * (len(life) - 2)]
 
 
 def test_nothing_moves_at_rest() -> None:

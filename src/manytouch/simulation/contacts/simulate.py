@@ -25,9 +25,9 @@ from manytouch.simulation.contacts.kinds import (
     require_possible,
 )
 from manytouch.simulation.render.discs import DARK_DOTS
-from manytouch.simulation.scene.deformation import Deformation, TrueContact
+from manytouch.simulation.scene.deformation import NO_CONTACT, Deformation, TrueContact
 from manytouch.simulation.scene.moving_sheet import PointMotion
-from manytouch.simulation.shell.live_sheet import NO_CONTACT, body_contact
+from manytouch.simulation.shell.live_sheet import body_contact
 from manytouch.simulation.simulator import DEMO_LOOK, Simulator
 from manytouch.simulation.views import ViewsSimulator
 from manytouch.values import Detections, Frame, Reading, Sensor, Sheet
@@ -168,6 +168,10 @@ class _StillSheet:
         """See `MovingSheet`."""
         moved_mm: Points3 = self.face.moved_mm(np.ascontiguousarray(place_mm), height_mm)
         return lambda time_s: moved_mm
+
+    def contact_face_motion_of(self, place_mm: Points2) -> PointMotion:
+        """See `MovingSheet`; the sheet is clamped."""
+        return self.motion_of(place_mm)
 
     def contacts(self, time_s: float) -> dict[int, TrueContact]:
         """See `MovingSheet`."""

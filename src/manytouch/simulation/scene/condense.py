@@ -22,7 +22,7 @@ from manytouch.simulation.fem.elements.mesh import HexMesh, Nodal, reference_nod
 from manytouch.simulation.fem.loading import Loading
 from manytouch.simulation.fem.readout import FINE_POINTS, patch_shares
 from manytouch.simulation.fem.state import SheetState
-from manytouch.simulation.scene.deformation import Deformation, TrueContact, fill_middles
+from manytouch.simulation.scene.deformation import NO_CONTACT, Deformation, TrueContact, fill_middles
 from manytouch.simulation.scene.pressure_region import region_area, second_moments
 from manytouch.values.arrays import Mask, read_only
 
@@ -39,26 +39,32 @@ def condense(
 ) -> Deformation:
     """The face that carries the markers, and the contacts, of a solved state of a loading.
 
-    A state that did not converge may have fewer contacts than the loading.
+    A state that did not converge may have fewer contacts than the loading. A normal force below what is out
+    of balance in the state is none: a body that leaves the face may keep 1e-17 N by rounding.
 
     Args:
         state: of a loading.
         loading: the loading.
-        pad_markers_mm: of a pad, from its bonded face to its markers, a grid line of its mesh; the depth of a
-            contact is then that of the touched face. None: a clamped sheet, all of its camera-side face.
+        pad_markers_mm: of a pad, from its bonded face to its markers, a grid line of its mesh; the contact
+            face is then read out too, and the depth of a contact is that of this face. None: a clamped sheet,
+            all of its camera-side face.
         pitch_mm: of the markers, which defines the regions of contacts; None: they are not read out.
     """
     mesh, level = state.mesh, 0
     if pad_markers_mm is not None:
         level = int(np.argmin(np.abs(mesh.lines_mm[2] - pad_markers_mm)))
     found = plane(state, level)
+    if pad_markers_mm is not None:
+        found = replace(found, contact_face_mm=plane(state, len(mesh.lines_mm[2]) - 1).face_mm)
     face = touched_face(mesh, points=FINE_POINTS, rule="middles")
     contacts = []
     covered = _touched(state, loading, face)
     for number, (touched, contact) in enumerate(zip(covered, state.contacts, strict=False)):
+        if number < len(loading.touches) and abs(contact.force_N[2]) <= state.residual_N:
+            contacts.append(NO_CONTACT)
+            continue
         rest_mm = face.rest_mm.reshape(-1, 3)[touched, :2] if touched.any() else contact.centre_mm[None]
-        of_depth = found if pad_markers_mm is None else plane(state, len(mesh.lines_mm[2]) - 1)
-        depth_mm = -of_depth.displacement_mm(np.ascontiguousarray(rest_mm))[:, 2]
+        depth_mm = -found.touched.displacement_mm(np.ascontiguousarray(rest_mm))[:, 2]
         contacts.append(
             TrueContact(
                 force_N=contact.force_N,

@@ -31,7 +31,7 @@ class TrueContact:
         torque_Nmm: about z at the force centroid.
         area_mm2: of the touched face in contact, on undeformed coordinates.
         centre_mm: (2,) centroid of the normal force over undeformed coordinates.
-        depth_mm: largest depth of the camera-side face within that area.
+        depth_mm: largest depth of the camera-side face within that area, of a pad of its contact face.
         region_mm2: area of its region (see `values.Contact.area_mm2`); NaN where it was not read out.
         moment_mm2: (3,) second moments xx, yy, xy of the normal force about the centroid, on undeformed
             coordinates; NaN likewise.
@@ -64,13 +64,24 @@ class TrueContact:
         return 2.0 * math.sqrt(mean + apart), 2.0 * math.sqrt(max(mean - apart, 0.0)), angle_rad
 
 
+NO_CONTACT = TrueContact(
+    force_N=read_only(np.zeros(3)),
+    torque_Nmm=np.nan,
+    area_mm2=0.0,
+    centre_mm=read_only(np.full(2, np.nan)),
+    depth_mm=np.nan,
+)
+"""The contact of a body that does not touch the sheet."""
+
+
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class Deformation:
-    """The camera-side face of a pressed sheet, and its true contacts.
+    """The camera-side face of a pressed sheet, and its true contacts; of a pad the plane of its markers.
 
     Attributes:
         x_mm, y_mm: (a,), (b,) lines of the grid, every second one between two elements.
         face_mm: (a, b, 3) displacement there, sheet frame: a press has z < 0.
+        contact_face_mm: (a, b, 3) the same of the contact face of a pad; None: a clamped sheet.
         contacts: one for each touch, then one for each patch of the loading, in its order.
         status: of the solver, "ok" or "not_converged".
     """
@@ -80,6 +91,17 @@ class Deformation:
     face_mm: FaceGrid
     contacts: tuple[TrueContact, ...]
     status: str
+    contact_face_mm: FaceGrid | None = None
+
+    @property
+    def touched(self) -> "Deformation":
+        """The contact face of a pad as a deformation of its own, with the same contacts.
+
+        Of a clamped sheet this deformation itself: its depths are those of the camera-side face.
+        """
+        if self.contact_face_mm is None:
+            return self
+        return replace(self, face_mm=self.contact_face_mm, contact_face_mm=None)
 
     def displacement_mm(self, place_mm: Points2) -> Points3:
         """Displacement (m, 3) of undeformed places (m, 2); NaN outside the sheet."""
@@ -114,7 +136,9 @@ class Deformation:
 
 def undeformed(like: Deformation) -> Deformation:
     """The same sheet with nothing on it."""
-    return replace(like, face_mm=read_only(np.zeros_like(like.face_mm)), contacts=(), status="ok")
+    still_mm = read_only(np.zeros_like(like.face_mm))
+    contact_face_mm = None if like.contact_face_mm is None else still_mm
+    return replace(like, face_mm=still_mm, contact_face_mm=contact_face_mm, contacts=(), status="ok")
 
 
 def flat(size_mm: tuple[float, float]) -> Deformation:

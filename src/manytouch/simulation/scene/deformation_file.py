@@ -3,13 +3,15 @@
 An `.npz` with the lines of the grid, keys, states and contacts in plain arrays, and the faces in `faces`:
 displacements in whole steps of `step_mm`, edge middles less the mean of their two corners, each array
 less the one before it in the file, then differences along x and y, low bytes before high ones, LZMA.
-The middles of the elements follow from the rest. Only the first rounding loses anything.
+The middles of the elements follow from the rest. Only the first rounding loses anything. The contact face
+of a pad follows the plane of its markers, under the same key with FACE behind it.
 """
 
 import io
 import lzma
 import zipfile
 from collections.abc import Mapping
+from dataclasses import replace
 from importlib.resources.abc import Traversable
 from pathlib import Path
 
@@ -27,6 +29,7 @@ from manytouch.values.arrays import read_only
 STEP_MM = 2e-4
 """Displacements on the grid are kept to within half of this; 0.0002 mm is 0.004 px of the demo sensor."""
 FORMAT = 1
+FACE = " face"
 
 
 def write_deformations(
@@ -40,7 +43,8 @@ def write_deformations(
         ValueError: there are none, or their grids or numbers of contacts differ.
         OutputError: the file cannot be written.
     """
-    states = list(deformations.values())
+    planes = _planes(deformations)
+    states = list(planes.values())
     if len({(state.x_mm.tobytes(), state.y_mm.tobytes(), len(state.contacts)) for state in states}) != 1:
         raise ValueError("a file of deformations contains one sheet, one mesh and one number of contacts")
     whole = np.rint(np.stack([state.face_mm for state in states]) / step_mm).astype(np.int64)
@@ -51,7 +55,7 @@ def write_deformations(
         step_mm=np.array(step_mm),
         x_mm=states[0].x_mm,
         y_mm=states[0].y_mm,
-        keys=np.array(list(deformations)),
+        keys=np.array(list(planes)),
         status=np.array([state.status for state in states]),
         contacts=np.array([[row_from_contact(contact) for contact in state.contacts] for state in states]),
         faces=np.frombuffer(_squeezed(whole), dtype=np.uint8),
@@ -87,7 +91,7 @@ def read_deformations(path: Path | Traversable) -> dict[str, Deformation]:
     fill_middles(whole)
     faces_mm = read_only((whole * float(table["step_mm"])).astype(np.float32))
     x_mm, y_mm = read_only(table["x_mm"]), read_only(table["y_mm"])
-    return {
+    planes = {
         key: Deformation(
             x_mm=x_mm,
             y_mm=y_mm,
@@ -97,6 +101,21 @@ def read_deformations(path: Path | Traversable) -> dict[str, Deformation]:
         )
         for key, face_mm, rows, status in zip(keys, faces_mm, table["contacts"], table["status"], strict=True)
     }
+    faces = {key: planes.pop(key) for key in keys if key.endswith(FACE)}
+    return {
+        key: replace(plane, contact_face_mm=faces[key + FACE].face_mm) if key + FACE in faces else plane
+        for key, plane in planes.items()
+    }
+
+
+def _planes(deformations: Mapping[str, Deformation]) -> dict[str, Deformation]:
+    """Each deformation, and behind that of a pad its contact face."""
+    planes = {}
+    for key, state in deformations.items():
+        planes[key] = state
+        if state.contact_face_mm is not None:
+            planes[key + FACE] = state.touched
+    return planes
 
 
 def _parts(whole: np.ndarray) -> list[np.ndarray]:

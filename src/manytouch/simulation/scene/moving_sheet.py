@@ -32,5 +32,8 @@ class MovingSheet(Protocol):
     def motion_of(self, place_mm: Points2, height_mm: float = 0.0) -> PointMotion:
         """How points move that stand height_mm off the camera-side face above undeformed places (m, 2)."""
 
+    def contact_face_motion_of(self, place_mm: Points2) -> PointMotion:
+        """How undeformed places (m, 2) of a pad's contact face move; of a clamped sheet as `motion_of`."""
+
     def contacts(self, time_s: float) -> dict[int, TrueContact]:
         """Contacts at a time, by an id that is never used again."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from manytouch.simulation.scene.deformation import Deformation, TrueContact
+from manytouch.simulation.scene.deformation import NO_CONTACT, Deformation, TrueContact
 from manytouch.simulation.shell.body_kernels import BodyLoads
 from manytouch.simulation.shell.energy import ContactBodies, PosedIndenter, ShellEnergy
 from manytouch.simulation.shell.minimisation import EnergyMinimiser
@@ -113,13 +113,3 @@ def body_contact(energy: ShellEnergy, loads: BodyLoads, number: int, face: Defor
         centre_mm=read_only(centre_mm),
         depth_mm=-float(face.displacement_mm(place_mm)[:, 2].min()),
     )
-
-
-NO_CONTACT = TrueContact(
-    force_N=read_only(np.zeros(3)),
-    torque_Nmm=np.nan,
-    area_mm2=0.0,
-    centre_mm=read_only(np.full(2, np.nan)),
-    depth_mm=np.nan,
-)
-"""The contact of a body that does not touch the sheet."""

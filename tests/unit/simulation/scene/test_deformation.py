@@ -91,6 +91,36 @@ def test_what_does_not_touch_has_no_force_and_no_place(states: list[SheetState])
     assert np.isnan([punch.depth_mm, *punch.centre_mm]).all()
 
 
+def test_rounding_is_no_contact(states: list[SheetState]) -> None:
+    """A body that has left may keep a force far below what is out of balance."""
+    last = states[-1]
+    ball, *others = last.contacts
+    for force_N, is_touching in ((3e-17, False), (2e-9, True)):
+        left = replace(ball, force_N=np.array([0.0, 0.0, -force_N]))
+        state = replace(last, contacts=(left, *others), residual_N=1e-9)
+        found = condense(state, LOADING).contacts
+        assert found[0].is_touching == is_touching
+        assert np.isnan(found[0].depth_mm) != is_touching
+        assert found[1].is_touching
+
+
+def test_a_file_keeps_the_contact_face_of_a_pad(states: list[SheetState], tmp_path: Path) -> None:
+    sheets = [condense(state, LOADING) for state in states]
+    pads = {f"{n}": replace(one, contact_face_mm=1.5 * one.face_mm) for n, one in enumerate(sheets)}
+    write_deformations(tmp_path / "a.npz", {**pads, "sheet": sheets[0]})
+    found = read_deformations(tmp_path / "a.npz")
+    assert list(found) == [*pads, "sheet"]
+    assert found["sheet"].contact_face_mm is None
+    assert found["sheet"].touched is found["sheet"]
+    for key, pad in pads.items():
+        mine = found[key]
+        assert mine.contact_face_mm is not None
+        np.testing.assert_allclose(mine.face_mm[::2, ::2], pad.face_mm[::2, ::2], atol=0.6 * STEP_MM)
+        wanted_mm = pad.touched.face_mm[::2, ::2]
+        np.testing.assert_allclose(mine.touched.face_mm[::2, ::2], wanted_mm, atol=0.6 * STEP_MM)
+        assert [one.depth_mm for one in mine.touched.contacts] == [one.depth_mm for one in mine.contacts]
+
+
 def test_a_file_gives_back_what_it_was_given(states: list[SheetState], tmp_path: Path) -> None:
     given = {f"{number}": condense(state, LOADING) for number, state in enumerate(states)}
     size = write_deformations(tmp_path / "a.npz", given)

@@ -64,6 +64,41 @@ def test_each_touch_has_an_id_of_its_own_and_no_force_at_its_ends() -> None:
     assert 0.0 < seen[0.5][0].normal_force_N < 1.0
 
 
+def test_a_body_that_only_grazes_a_raised_face_does_not_touch() -> None:
+    """It presses at 1 s and stands at the face until 2 s, while something else raises or lowers it."""
+    rest = flat((8.0, 6.0))
+
+    def states(depth_mm: float, force_N: float) -> tuple[Deformation, ...]:
+        rows = [(0.0, np.nan), (2.0, 0.5), (force_N, depth_mm), (force_N, depth_mm), (0.0, np.nan)]
+        return tuple(
+            replace(rest, contacts=(contact_from_row(np.array([0, 0, -force, 0, 1, 0, 0, depth])),))
+            for force, depth in rows
+        )
+
+    def touches(depth_mm: float, force_N: float) -> list[bool]:
+        scene = replace(SCENE, states=states(depth_mm, force_N))
+        return [bool(scene.contacts(time_s)) for time_s in (0.0, 1.0, 1.5, 1.75, 2.0, 2.5)]
+
+    assert touches(-0.003, 0.002) == [False, True, False, False, False, False]
+    assert touches(0.003, 0.002) == [False, True, True, True, True, True]
+    assert touches(-0.003, 0.1) == [False, True, True, True, True, True]
+
+
+def test_the_contact_face_of_a_pad_moves_by_itself() -> None:
+    """It sinks twice as far as the plane of the markers; a contact that fades is as deep as it."""
+    states = tuple(replace(state, contact_face_mm=np.float32(2.0) * state.face_mm) for state in SCENE.states)
+    scene, place_mm = replace(SCENE, states=states), np.array([[1.0, 1.0], [3.0, -2.0]])
+    for time_s in (0.3, 1.0, 1.7):
+        markers_mm = scene.motion_of(place_mm)(time_s)
+        np.testing.assert_array_equal(markers_mm, SCENE.motion_of(place_mm)(time_s))
+        np.testing.assert_allclose(
+            scene.contact_face_motion_of(place_mm)(time_s), 2.0 * markers_mm, atol=1e-6
+        )
+        np.testing.assert_array_equal(SCENE.contact_face_motion_of(place_mm)(time_s), markers_mm)
+    assert SCENE.contacts(1.499)[0].depth_mm == pytest.approx(3.3, abs=0.01)  # of the face at (1, 1) mm
+    assert scene.contacts(1.499)[0].depth_mm == pytest.approx(6.6, abs=0.01)
+
+
 def test_it_can_be_repeated() -> None:
     longer = SCENE.with_duration(7.0)
     assert longer.duration_s == 7.0

@@ -14,20 +14,18 @@ from manytouch.simulation.scene.deformation_file import read_deformations
 from manytouch.simulation.scene.solid_scene import SolidScene
 from manytouch.simulation.simulator import Simulator
 from manytouch.values import Frame, Sensor, Truth
-from manytouch.values.arrays import read_only
 
 FPS = 30.0
 
 
 def pad_states(case: PadCase) -> tuple[tuple[Deformation, Deformation], ...]:
-    """The plane of the markers and the contact face at each depth.
+    """The plane of the markers, which also has the contact face, and this face, at each depth.
 
     Raises:
         SourceError: the file is missing or damaged.
     """
     found = read_deformations(files("manytouch.evaluation") / "deformations" / case.solution)
-    depths = [key.removesuffix(" face") for key in found if key.endswith(" face")]
-    return tuple((found[depth], found[f"{depth} face"]) for depth in depths)
+    return tuple((state, state.touched) for state in found.values())
 
 
 def simulate_pad(case: PadCase) -> tuple[Sensor, tuple[Frame, ...], tuple[Truth, ...]]:
@@ -46,19 +44,9 @@ def simulate_pad(case: PadCase) -> tuple[Sensor, tuple[Frame, ...], tuple[Truth,
         DARK_DOTS, tilt_x=0.1, tilt_y=-0.05, vignetting=0.2, read_noise=case.noise, shot_noise=0.02
     )
     simulator = Simulator(sensor=sensor, scene=scene, fps=FPS, look=look)
-    assert sensor.layout is not None
-    place_mm = np.ascontiguousarray(sensor.layout.rest_mm[:, :2])
-    truths = []
-    for number in range(case.frame_count):
-        truth, step = simulator.truth(number), (number - REST_FRAMES) // HOLD_FRAMES
-        if step >= 0:
-            moved_mm = read_only(states[step][1].displacement_mm(place_mm))
-            position_mm = read_only(sensor.layout.rest_mm + moved_mm)
-            surface = replace(truth.surface, displacement_mm=moved_mm, position_mm=position_mm)
-            truth = replace(truth, surface=surface)
-        truths.append(truth)
     frames = tuple(simulator.frame(number) for number in range(case.frame_count))
-    return sensor, frames, tuple(truths)
+    truths = tuple(simulator.truth(number) for number in range(case.frame_count))
+    return sensor, frames, truths
 
 
 def _span(step: int) -> tuple[int, int]:
